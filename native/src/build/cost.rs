@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The surface area heuristic (MacDonald and Booth 1990): what a split is expected to cost.
+
+/// The prices of a walk, in arbitrary but common units.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Costs {
+    /// One step through a node with an axis-aligned plane.
+    pub step: f32,
+    /// Entering a leaf that holds triangles.
+    pub leaf: f32,
+    /// Testing one triangle.
+    pub triangle: f32,
+    /// Triangles tested at once: a block is paid for whole.
+    pub block: f32,
+    /// Factor on the cost of a split that leaves one child empty (Wald and Havran 2006, section
+    /// 3.3); 1 for none.
+    pub empty: f32,
+}
+
+impl Costs {
+    /// Fitted to leaves of eight triangles tested at once: a step is a mispredicted branch, a
+    /// block of eight costs as much as two of them.
+    pub const BLOCKS: Self = Self {
+        step: 20.0,
+        leaf: 20.0,
+        triangle: 5.0,
+        block: 8.0,
+        empty: 0.8,
+    };
+
+    /// Those of pbrt's and Hoobergs's kd-trees: a triangle costs 80 steps, emptiness earns nothing.
+    pub const THESIS: Self = Self {
+        step: 1.0,
+        leaf: 0.0,
+        triangle: 80.0,
+        block: 1.0,
+        empty: 1.0,
+    };
+
+    /// The cost of a leaf of `n` triangles.
+    #[inline(always)]
+    pub fn leaf(&self, n: f32) -> f32 {
+        if n == 0.0 {
+            return 0.0;
+        }
+        self.leaf + self.triangle * self.block * (n / self.block).ceil()
+    }
+
+    /// The cost of a split with these shares of the parent's surface and these triangle counts.
+    #[inline(always)]
+    pub fn split(&self, (share_left, share_right): (f32, f32), (left, right): (f32, f32)) -> f32 {
+        let cost = self.step + (share_left * self.leaf(left) + share_right * self.leaf(right));
+        if left == 0.0 || right == 0.0 {
+            cost * self.empty
+        } else {
+            cost
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn blocks_are_paid_for_whole() {
+        let leaf = |n: f32| Costs::BLOCKS.leaf(n);
+        assert_eq!(
+            [leaf(0.0), leaf(1.0), leaf(8.0), leaf(9.0)],
+            [0.0, 60.0, 60.0, 100.0]
+        );
+        assert_eq!(Costs::THESIS.leaf(3.0), 240.0);
+    }
+
+    #[test]
+    fn emptiness_earns_its_bonus() {
+        let cost = Costs::BLOCKS.split((0.5, 0.7), (0.0, 4.0));
+        assert_eq!(cost, (20.0 + 0.7 * 60.0) * 0.8);
+        assert_eq!(
+            Costs::THESIS.split((0.5, 0.7), (1.0, 2.0)),
+            1.0 + 0.5 * 80.0 + 0.7 * 160.0
+        );
+    }
+}

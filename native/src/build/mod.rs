@@ -1,0 +1,14 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The loops that build trees. They name no tree: a structure answers one question of theirs
+//! ("which planes would you try at this node?") and everything else is shared.
+
+pub mod cell;
+pub mod clip;
+pub mod cost;
+pub mod monitor;
+pub mod plane_tree;
+pub mod preorder;
+pub mod space;
+pub mod sweep;
+
+pub use monitor::Monitor;

@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! A plane tree as the builder emits it: nodes in preorder, so that subtrees built by different
+//! threads are joined by appending, and the result does not depend on who built what.
+
+use super::cell::Plane;
+
+/// A node in preorder.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Item {
+    /// An inner node; its two subtrees follow, first the one below the plane.
+    Inner {
+        /// The split plane.
+        plane: Plane,
+        /// The cell's share of the root's surface.
+        share: f32,
+    },
+    /// A leaf.
+    Leaf {
+        /// How many of the triangle numbers are its own; they follow in order.
+        count: u32,
+        /// The cell's share of the root's surface.
+        share: f32,
+    },
+}
+
+/// A tree or subtree in preorder.
+#[derive(Debug, Clone, Default)]
+pub struct Preorder {
+    /// Nodes.
+    pub items: Vec<Item>,
+    /// Triangle numbers of the leaves, one after another.
+    pub ids: Vec<u32>,
+}
+
+impl Preorder {
+    /// Appends a leaf.
+    pub fn leaf(&mut self, ids: impl IntoIterator<Item = u32>, share: f32) {
+        let before = self.ids.len();
+        self.ids.extend(ids);
+        let count = u32::try_from(self.ids.len() - before).expect("bounded by the scene");
+        self.items.push(Item::Leaf { count, share });
+    }
+
+    /// Appends another subtree.
+    pub fn append(&mut self, mut other: Self) {
+        self.items.append(&mut other.items);
+        self.ids.append(&mut other.ids);
+    }
+}

@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Axis-aligned boxes.
+
+/// A closed axis-aligned box; empty when some `min` exceeds its `max`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Aabb {
+    /// Smallest coordinates.
+    pub min: [f32; 3],
+    /// Largest coordinates.
+    pub max: [f32; 3],
+}
+
+impl Aabb {
+    /// The box of no points.
+    pub const EMPTY: Self = Self {
+        min: [f32::INFINITY; 3],
+        max: [f32::NEG_INFINITY; 3],
+    };
+
+    /// Whether no point lies inside.
+    pub fn is_empty(&self) -> bool {
+        (0..3).any(|k| self.min[k] > self.max[k])
+    }
+
+    /// The smallest box around this one and `p`.
+    pub fn grow(&mut self, p: [f32; 3]) {
+        for ((lo, hi), x) in self.min.iter_mut().zip(&mut self.max).zip(p) {
+            // `+ 0.0` turns -0.0 into +0.0, so that stored bounds have one zero.
+            *lo = lo.min(x + 0.0);
+            *hi = hi.max(x + 0.0);
+        }
+    }
+
+    /// The smallest box around three points.
+    pub fn of_triangle(v: [[f32; 3]; 3]) -> Self {
+        let mut bounds = Self::EMPTY;
+        for p in v {
+            bounds.grow(p);
+        }
+        bounds
+    }
+
+    /// The smallest box around both.
+    pub fn union(&self, other: &Self) -> Self {
+        let mut all = *self;
+        all.grow(other.min);
+        all.grow(other.max);
+        all
+    }
+
+    /// Edge length along axis `k`, in f64 so that it never overflows.
+    pub fn extent(&self, k: usize) -> f64 {
+        f64::from(self.max[k]) - f64::from(self.min[k])
+    }
+
+    /// Surface area; 0 for a box that is a line or a point.
+    pub fn area(&self) -> f64 {
+        let [x, y, z] = [self.extent(0), self.extent(1), self.extent(2)];
+        2.0 * (x * y + y * z + z * x)
+    }
+
+    /// Largest coordinate by absolute value, 0 for the empty box.
+    pub fn magnitude(&self) -> f32 {
+        if self.is_empty() {
+            return 0.0;
+        }
+        self.min
+            .iter()
+            .chain(&self.max)
+            .fold(0.0, |m, x| m.max(x.abs()))
+    }
+}

@@ -1,0 +1,204 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The verdict: does this ray hit this triangle, and where?
+//!
+//! Every structure, traversal, instruction set and packet width asks this one function about each
+//! candidate it finds, and so all give the same answer. The verdict is the exact one for the f32
+//! inputs: hit or miss is decided on the closed triangle without error, and `t` is the correctly
+//! rounded distance. f64 decides where its error bound allows (all but about one in a million
+//! candidates); exact arithmetic decides the rest.
+//!
+//! Edge functions after Woop, Benthin and Wald 2013, section 3, without their shear; the bounds
+//! are those of Shewchuk 1997, section 4.3, for a determinant of differences.
+
+use super::exact::{edge_sign, from_origin, intersect};
+use super::vec3::{Vec3, widen};
+
+/// Relative error of a 3x3 determinant whose rows are differences rounded once: 7 roundings, and
+/// one more for the bound itself. Times the permanent it bounds the absolute error.
+const DETERMINANT_ERROR: f64 = 4.0 * f64::EPSILON;
+
+/// f64 computes `t` only where the determinant is at least this many times its own error.
+const WELL_CONDITIONED: f64 = 1_048_576.0;
+
+/// Where a ray meets a triangle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Verdict {
+    /// Distance in units of the ray's direction, correctly rounded to f32; may be negative.
+    pub t: f32,
+    /// Barycentric weight of the second corner.
+    pub u: f32,
+    /// Barycentric weight of the third corner.
+    pub v: f32,
+}
+
+/// A determinant with a bound on its error.
+#[derive(Clone, Copy)]
+struct Bounded {
+    value: f64,
+    error: f64,
+}
+
+/// `row . (p x q)`, and its bound.
+#[inline(always)]
+fn determinant(row: Vec3, p: Vec3, q: Vec3) -> Bounded {
+    let mut value = 0.0;
+    let mut permanent = 0.0;
+    for (i, j, k) in [(0, 1, 2), (1, 2, 0), (2, 0, 1)] {
+        let (plus, minus) = (p[j] * q[k], p[k] * q[j]);
+        value += row[i] * (plus - minus);
+        permanent += row[i].abs() * (plus.abs() + minus.abs());
+    }
+    Bounded {
+        value,
+        error: DETERMINANT_ERROR * permanent,
+    }
+}
+
+/// Decides on the line `o + t d` and the closed triangle `v`. A line in the triangle's plane
+/// misses it, and so does every line a triangle without area. `d` need not be of unit length.
+#[inline]
+pub fn verdict(o: [f32; 3], d: [f32; 3], v: [[f32; 3]; 3]) -> Option<Verdict> {
+    let (o64, d64, v64) = (widen(o), widen(d), v.map(widen));
+    let [a, b, c] = from_origin(o64, v64);
+    let mut w = [
+        determinant(d64, b, c),
+        determinant(d64, c, a),
+        determinant(d64, a, b),
+    ];
+    let positive = w.iter().any(|w| w.value > w.error);
+    let negative = w.iter().any(|w| w.value < -w.error);
+    if positive && negative {
+        return None;
+    }
+    if w.iter().any(|w| w.value.abs() <= w.error) && !settle_signs(o64, d64, v64, &mut w) {
+        return None;
+    }
+
+    // Weights of one sign: their sum is as accurate as they are.
+    let sum = w[0].value + w[1].value + w[2].value;
+    let sum_error = w[0].error + w[1].error + w[2].error + 2.0 * f64::EPSILON * sum.abs();
+    if sum.abs() > WELL_CONDITIONED * sum_error {
+        let distance = determinant(a, b, c);
+        let t = distance.value / sum;
+        let slack = (distance.error + t.abs() * sum_error) / (sum.abs() - sum_error)
+            + 2.0 * f64::EPSILON * t.abs();
+        #[expect(clippy::cast_possible_truncation, reason = "rounding is the point")]
+        let (low, high) = ((t - slack) as f32, (t + slack) as f32);
+        if low == high {
+            #[expect(clippy::cast_possible_truncation, reason = "rounding is the point")]
+            return Some(Verdict {
+                t: low + 0.0, // -0.0 becomes 0.0
+                u: (w[1].value / sum) as f32,
+                v: (w[2].value / sum) as f32,
+            });
+        }
+    }
+    exact_verdict(o, d, v)
+}
+
+/// Replaces each edge function that f64 cannot tell from zero by its exact sign; says whether
+/// the ray still hits.
+#[cold]
+fn settle_signs(o: Vec3, d: Vec3, [a, b, c]: [Vec3; 3], w: &mut [Bounded; 3]) -> bool {
+    let (mut positive, mut negative) = (false, false);
+    for (w, (p, q)) in w.iter_mut().zip([(b, c), (c, a), (a, b)]) {
+        let sign = if w.value.abs() > w.error {
+            if w.value > 0.0 { 1 } else { -1 }
+        } else {
+            let sign = edge_sign(o, d, p, q);
+            // The magnitude below the bound is noise; the sign is now certain.
+            w.value = f64::from(sign) * w.value.abs();
+            sign
+        };
+        positive |= sign > 0;
+        negative |= sign < 0;
+    }
+    positive != negative
+}
+
+#[cold]
+fn exact_verdict(o: [f32; 3], d: [f32; 3], v: [[f32; 3]; 3]) -> Option<Verdict> {
+    let hit = intersect(o, d, v)?;
+    Some(Verdict {
+        t: hit.t() + 0.0,
+        u: hit.weight(1),
+        v: hit.weight(2),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn agrees_with_exact(o: [f32; 3], d: [f32; 3], v: [[f32; 3]; 3]) {
+        let fast = verdict(o, d, v);
+        let slow = exact_verdict(o, d, v);
+        assert_eq!(
+            fast.map(|h| h.t),
+            slow.map(|h| h.t),
+            "o {o:?} d {d:?} v {v:?}"
+        );
+        if let (Some(f), Some(s)) = (fast, slow) {
+            assert!(
+                (f.u - s.u).abs() <= 1e-5 && (f.v - s.v).abs() <= 1e-5,
+                "{f:?} {s:?}"
+            );
+        }
+    }
+
+    /// Coordinates of few bits meet edges, corners and planes exactly; wild ones span exponents.
+    fn coordinate() -> impl Strategy<Value = f32> {
+        prop_oneof![
+            (-8i8..8).prop_map(f32::from),
+            (-8i8..8).prop_map(|x| f32::from(x) / 8.0),
+            -1.0f32..1.0,
+            prop::num::f32::NORMAL | prop::num::f32::SUBNORMAL | prop::num::f32::ZERO,
+        ]
+    }
+
+    fn point() -> impl Strategy<Value = [f32; 3]> {
+        [coordinate(), coordinate(), coordinate()]
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(20_000))]
+        #[test]
+        fn every_verdict_is_the_exact_one(o in point(), d in point(), a in point(), b in point(), c in point()) {
+            agrees_with_exact(o, d, [a, b, c]);
+        }
+
+        #[test]
+        fn rays_through_edges_are_decided_exactly(
+            o in point(), a in point(), b in point(), c in point(), s in 0.0f32..1.0
+        ) {
+            // Aimed at a point of the edge a b, so that f64 often cannot tell the sign.
+            let d = std::array::from_fn(|k| a[k] + s * (b[k] - a[k]) - o[k]);
+            prop_assume!(d.iter().all(|x: &f32| x.is_finite()));
+            agrees_with_exact(o, d, [a, b, c]);
+        }
+    }
+
+    #[test]
+    fn a_shared_edge_lets_no_ray_through() {
+        // Two triangles of one quad; each ray through the diagonal hits one of them or both.
+        let quad = [
+            [0.1_f32, 0.2, 0.3],
+            [1.3, 0.1, 0.2],
+            [1.1, 1.4, 0.5],
+            [-0.2, 1.2, 0.4],
+        ];
+        let (first, second) = ([quad[0], quad[1], quad[2]], [quad[0], quad[2], quad[3]]);
+        for i in 1_u16..2000 {
+            let s = f32::from(i) / 2000.0;
+            let target: [f32; 3] =
+                std::array::from_fn(|k| quad[0][k] + s * (quad[2][k] - quad[0][k]));
+            let o = [0.3, 0.7, 5.0];
+            let d = std::array::from_fn(|k| target[k] - o[k]);
+            assert!(
+                verdict(o, d, first).is_some() || verdict(o, d, second).is_some(),
+                "ray {i}"
+            );
+        }
+    }
+}

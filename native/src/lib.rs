@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Halfspace's native core: acceleration structures for ray tracing, the rays that walk them, and
+//! the renderer on top. One scene, many structures, one identical answer.
+//!
+//! The map, from the ground up; each module depends only on those above it:
+//!
+//! - [`geom`]: vectors, boxes, the ray, and the exact verdict on one ray and one triangle;
+//! - [`scene`]: the triangles that every structure indexes;
+//! - [`spec`]: configuration strings, `id:key=value,...`;
+//! - [`build`]: the loops that build trees, their cost model, the monitor;
+//! - [`traverse`]: how rays walk a built tree; one file per node layout and way of walking;
+//! - [`trees`]: one file per structure: which planes or boxes it proposes, and its paper;
+//! - [`registry`]: the only list of structures;
+//! - [`structure`]: a built tree over a scene, ready to answer rays;
+//! - [`oracle`]: exact arithmetic, what everything else must agree with;
+//! - [`validate`]: the invariants of a built tree; [`polygons`]: its planes, for drawing;
+//! - `python`: the module `halfspace_native` (feature `python`).
+
+pub mod build;
+pub mod error;
+pub mod geom;
+pub mod oracle;
+pub mod polygons;
+#[cfg(feature = "python")]
+mod python;
+pub mod registry;
+pub mod scene;
+pub mod spec;
+pub mod structure;
+pub mod traverse;
+pub mod trees;
+pub mod validate;

@@ -1,0 +1,170 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! numpy arrays in, checked: shapes, types, finiteness. Every message names the argument.
+
+use crate::error::{Error, Result};
+use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyUntypedArray, PyUntypedArrayMethods};
+use pyo3::prelude::*;
+
+/// What an argument is, for messages: type and shape of an array, or the Python type.
+fn describe(value: &Bound<'_, PyAny>) -> String {
+    match value.cast::<PyUntypedArray>() {
+        Ok(array) => {
+            let shape: Vec<_> = array.shape().iter().map(ToString::to_string).collect();
+            let comma = if shape.len() == 1 { "," } else { "" };
+            format!(
+                "{} array of shape ({}{comma})",
+                array.dtype(),
+                shape.join(", ")
+            )
+        }
+        Err(_) => value
+            .get_type()
+            .name()
+            .map_or_else(|_| "?".to_owned(), |n| n.to_string()),
+    }
+}
+
+/// The rows of an (n, 3) array, converted by `convert`.
+fn rows<T: numpy::Element + Copy, U>(
+    array: &PyReadonlyArray2<'_, T>,
+    convert: impl Fn(T) -> U + Copy,
+) -> Option<Vec<[U; 3]>> {
+    if array.shape()[1] != 3 {
+        return None;
+    }
+    Some(match array.as_slice() {
+        Ok(flat) => flat
+            .as_chunks::<3>()
+            .0
+            .iter()
+            .map(|row| row.map(convert))
+            .collect(),
+        Err(_) => array
+            .as_array()
+            .rows()
+            .into_iter()
+            .map(|r| [convert(r[0]), convert(r[1]), convert(r[2])])
+            .collect(),
+    })
+}
+
+/// Points or directions: (n, 3) float32, or float64 rounded to float32.
+pub fn points(name: &str, value: &Bound<'_, PyAny>) -> Result<Vec<[f32; 3]>> {
+    let found = if let Ok(array) = value.extract::<PyReadonlyArray2<'_, f32>>() {
+        rows(&array, |x| x)
+    } else if let Ok(array) = value.extract::<PyReadonlyArray2<'_, f64>>() {
+        #[expect(
+            clippy::cast_possible_truncation,
+            reason = "coordinates are f32 from here on"
+        )]
+        rows(&array, |x| x as f32)
+    } else {
+        None
+    };
+    found.ok_or_else(|| {
+        Error::Shape(format!(
+            "{name}: expected an (n, 3) float32 or float64 array, got {}",
+            describe(value)
+        ))
+    })
+}
+
+/// The same, all finite.
+pub fn finite_points(name: &str, value: &Bound<'_, PyAny>) -> Result<Vec<[f32; 3]>> {
+    let points = points(name, value)?;
+    match points.as_flattened().iter().position(|x| !x.is_finite()) {
+        None => Ok(points),
+        Some(i) => Err(Error::NonFinite(format!(
+            "{name}[{}]: {:?} is not finite",
+            i / 3,
+            points[i / 3]
+        ))),
+    }
+}
+
+/// Vertex indices: (m, 3) int32, uint32 or int64.
+pub fn indices(name: &str, value: &Bound<'_, PyAny>, vertices: usize) -> Result<Vec<[u32; 3]>> {
+    let found = if let Ok(array) = value.extract::<PyReadonlyArray2<'_, i32>>() {
+        rows(&array, i64::from)
+    } else if let Ok(array) = value.extract::<PyReadonlyArray2<'_, u32>>() {
+        rows(&array, i64::from)
+    } else if let Ok(array) = value.extract::<PyReadonlyArray2<'_, i64>>() {
+        rows(&array, |x| x)
+    } else {
+        None
+    };
+    let found = found.ok_or_else(|| {
+        Error::Shape(format!(
+            "{name}: expected an (m, 3) int32, uint32 or int64 array, got {}",
+            describe(value)
+        ))
+    })?;
+    let narrow = |(i, row): (usize, [i64; 3])| {
+        let mut out = [0; 3];
+        for (slot, index) in out.iter_mut().zip(row) {
+            let inside = u32::try_from(index)
+                .ok()
+                .filter(|&v| (v as usize) < vertices);
+            *slot = inside.ok_or_else(|| {
+                Error::Shape(format!(
+                    "{name}[{i}]: index {index} is out of range for {vertices} vertices"
+                ))
+            })?;
+        }
+        Ok(out)
+    };
+    found.into_iter().enumerate().map(narrow).collect()
+}
+
+/// One number for all rays, or one for each.
+pub enum PerRay {
+    /// The same for all.
+    Same(f32),
+    /// One each.
+    Each(Vec<f32>),
+}
+
+impl PerRay {
+    /// The number of ray `i`.
+    #[inline(always)]
+    pub fn get(&self, i: usize) -> f32 {
+        match self {
+            Self::Same(x) => *x,
+            Self::Each(xs) => xs[i],
+        }
+    }
+}
+
+/// A number, or an (n,) array of numbers; infinite is allowed, NaN is not.
+pub fn per_ray(name: &str, value: &Bound<'_, PyAny>, rays: usize) -> Result<PerRay> {
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "distances are f32 from here on"
+    )]
+    let found = if let Ok(array) = value.extract::<PyReadonlyArray1<'_, f32>>() {
+        PerRay::Each(array.as_array().iter().copied().collect())
+    } else if let Ok(array) = value.extract::<PyReadonlyArray1<'_, f64>>() {
+        PerRay::Each(array.as_array().iter().map(|&x| x as f32).collect())
+    } else if let Ok(number) = value.extract::<f64>() {
+        PerRay::Same(number as f32)
+    } else {
+        return Err(Error::Shape(format!(
+            "{name}: expected a number or an ({rays},) float32 array, got {}",
+            describe(value)
+        )));
+    };
+    match &found {
+        PerRay::Same(x) if x.is_nan() => {
+            Err(Error::NonFinite(format!("{name}: NaN is no distance")))
+        }
+        PerRay::Each(xs) if xs.len() != rays => Err(Error::Shape(format!(
+            "{name}: expected a number or {rays} of them, got {}",
+            describe(value)
+        ))),
+        PerRay::Each(xs) => match xs.iter().position(|x| x.is_nan()) {
+            Some(i) => Err(Error::NonFinite(format!("{name}[{i}]: NaN is no distance"))),
+            None => Ok(found),
+        },
+        PerRay::Same(_) => Ok(found),
+    }
+}

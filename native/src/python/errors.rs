@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Errors of the crate as Python exceptions.
+
+use crate::error::Error;
+use pyo3::create_exception;
+use pyo3::exceptions::{PyRuntimeError, PyValueError};
+use pyo3::prelude::*;
+
+create_exception!(
+    halfspace_native,
+    ShapeError,
+    PyValueError,
+    "An array has the wrong shape, type or range."
+);
+create_exception!(
+    halfspace_native,
+    NonFiniteError,
+    PyValueError,
+    "A number is NaN or infinite."
+);
+create_exception!(
+    halfspace_native,
+    SpecError,
+    PyValueError,
+    "A configuration is not understood."
+);
+create_exception!(
+    halfspace_native,
+    Cancelled,
+    PyRuntimeError,
+    "The work was cancelled."
+);
+
+impl From<Error> for PyErr {
+    fn from(error: Error) -> Self {
+        let message = error.to_string();
+        match error {
+            Error::Shape(_) => ShapeError::new_err(message),
+            Error::NonFinite(_) => NonFiniteError::new_err(message),
+            Error::Spec(_) => SpecError::new_err(message),
+            Error::Cancelled => Cancelled::new_err(message),
+            Error::Memory(_) => pyo3::exceptions::PyMemoryError::new_err(message),
+        }
+    }
+}
+
+/// Adds the exceptions to the module.
+pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    let py = module.py();
+    module.add("ShapeError", py.get_type::<ShapeError>())?;
+    module.add("NonFiniteError", py.get_type::<NonFiniteError>())?;
+    module.add("SpecError", py.get_type::<SpecError>())?;
+    module.add("Cancelled", py.get_type::<Cancelled>())
+}

@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The Python module `halfspace_native`: arrays in, arrays out. The only place that names pyo3 or
+//! numpy. `halfspace_native.pyi` says what each function does.
+
+mod arrays;
+mod errors;
+mod registry;
+mod structure;
+mod trace;
+
+use fearless_simd::Level;
+use pyo3::prelude::*;
+
+/// The widest instruction set of this machine that the module uses.
+#[pyfunction]
+fn level() -> &'static str {
+    let level = Level::new();
+    #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+    {
+        if level.as_avx512().is_some() {
+            return "avx512";
+        }
+        if level.as_avx2().is_some() {
+            return "avx2";
+        }
+        if level.as_sse4_2().is_some() {
+            return "sse4.2";
+        }
+    }
+    #[cfg(target_arch = "aarch64")]
+    if level.as_neon().is_some() {
+        return "neon";
+    }
+    let _ = level;
+    "fallback"
+}
+
+#[pymodule]
+fn halfspace_native(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+    module.add_function(wrap_pyfunction!(level, module)?)?;
+    errors::register(module)?;
+    registry::register(module)?;
+    structure::register(module)?;
+    trace::register(module)
+}

@@ -1,0 +1,168 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Building, statistics, validation, split planes.
+
+use super::arrays;
+use super::trace::{self, Hits};
+use crate::build::Monitor as BuildMonitor;
+use crate::polygons;
+use crate::scene::Triangles;
+use crate::spec::Config;
+use crate::structure;
+use crate::validate;
+use numpy::{PyArray1, PyArray2, ToPyArray};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use std::sync::Arc;
+
+/// Progress and cancellation of a build.
+#[pyclass(frozen)]
+pub struct Monitor(Arc<BuildMonitor>);
+
+#[pymethods]
+impl Monitor {
+    #[new]
+    fn new() -> Self {
+        Self(Arc::new(BuildMonitor::new()))
+    }
+
+    #[getter]
+    fn progress(&self) -> f64 {
+        self.0.progress()
+    }
+
+    #[getter]
+    fn cancelled(&self) -> bool {
+        self.0.is_cancelled()
+    }
+
+    fn cancel(&self) {
+        self.0.cancel();
+    }
+}
+
+/// A built structure.
+#[pyclass(frozen)]
+pub struct Structure(pub Arc<structure::Structure>);
+
+#[pymethods]
+impl Structure {
+    #[getter]
+    fn spec(&self) -> String {
+        self.0.config().canonical()
+    }
+
+    #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, order="none", threads=0, counters=false))]
+    #[expect(clippy::too_many_arguments, reason = "Python keywords")]
+    fn closest(
+        &self,
+        py: Python<'_>,
+        origins: &Bound<'_, PyAny>,
+        directions: &Bound<'_, PyAny>,
+        t_min: Option<&Bound<'_, PyAny>>,
+        t_max: Option<&Bound<'_, PyAny>>,
+        order: &str,
+        threads: usize,
+        counters: bool,
+    ) -> PyResult<Hits> {
+        let rays = trace::Rays::new(origins, directions, t_min, t_max, order)?;
+        py.detach(|| trace::closest(&*self.0, &rays, threads, counters))
+            .map_err(Into::into)
+    }
+
+    #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, order="none", threads=0, counters=false))]
+    #[expect(clippy::too_many_arguments, reason = "Python keywords")]
+    fn occluded<'py>(
+        &self,
+        py: Python<'py>,
+        origins: &Bound<'_, PyAny>,
+        directions: &Bound<'_, PyAny>,
+        t_min: Option<&Bound<'_, PyAny>>,
+        t_max: Option<&Bound<'_, PyAny>>,
+        order: &str,
+        threads: usize,
+        counters: bool,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let rays = trace::Rays::new(origins, directions, t_min, t_max, order)?;
+        let (occluded, counts) =
+            py.detach(|| trace::occluded(&*self.0, &rays, threads, counters))?;
+        let occluded = occluded.to_pyarray(py).into_any();
+        match counts {
+            None => Ok(occluded),
+            Some(counts) => Ok((occluded, counts.to_dict(py)?)
+                .into_pyobject(py)?
+                .into_any()),
+        }
+    }
+
+    #[getter]
+    fn statistics<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let dict = PyDict::new(py);
+        let shape = self.0.shape();
+        dict.set_item("build_seconds", self.0.build_seconds())?;
+        dict.set_item("bytes", self.0.bytes())?;
+        dict.set_item("nodes_axis", shape.nodes_axis)?;
+        dict.set_item("nodes_oblique", shape.nodes_oblique)?;
+        dict.set_item("leaves", shape.leaves)?;
+        dict.set_item("leaves_empty", shape.leaves_empty)?;
+        dict.set_item("leaf_max", shape.leaf_max)?;
+        dict.set_item("references", shape.references)?;
+        dict.set_item("depth_max", shape.depth_max)?;
+        dict.set_item("depth_mean", shape.depth_mean)?;
+        dict.set_item("sah_cost", shape.sah_cost)?;
+        dict.set_item("left_out", self.0.left_out())?;
+        dict.set_item("dropped_triangles", self.0.scene().dropped())?;
+        Ok(dict)
+    }
+
+    fn validate(&self, py: Python<'_>) -> Vec<String> {
+        py.detach(|| validate::validate(&self.0))
+    }
+
+    #[pyo3(signature = (max_depth=60, max_count=20_000))]
+    fn split_polygons<'py>(
+        &self,
+        py: Python<'py>,
+        max_depth: usize,
+        max_count: usize,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let polygons = py.detach(|| polygons::split_polygons(&self.0, max_depth, max_count));
+        let dict = PyDict::new(py);
+        let flat = PyArray1::from_slice(py, polygons.vertices.as_flattened());
+        let vertices: Bound<'_, PyArray2<f32>> =
+            numpy::PyArrayMethods::reshape(&flat, [polygons.vertices.len(), 3])?;
+        dict.set_item("vertices", vertices)?;
+        dict.set_item("offsets", polygons.offsets.to_pyarray(py))?;
+        dict.set_item("depth", polygons.depths.to_pyarray(py))?;
+        dict.set_item("kind", polygons.kinds.to_pyarray(py))?;
+        dict.set_item("hidden", polygons.hidden)?;
+        Ok(dict)
+    }
+}
+
+#[pyfunction]
+#[pyo3(signature = (vertices, triangles, spec="kd", *, threads=0, monitor=None))]
+fn build(
+    py: Python<'_>,
+    vertices: &Bound<'_, PyAny>,
+    triangles: &Bound<'_, PyAny>,
+    spec: &str,
+    threads: usize,
+    monitor: Option<&Monitor>,
+) -> PyResult<Structure> {
+    let config = Config::parse(spec)?;
+    let vertices = arrays::points("vertices", vertices)?;
+    let indices = arrays::indices("triangles", triangles, vertices.len())?;
+    let monitor = monitor.map_or_else(|| Arc::new(BuildMonitor::new()), |m| m.0.clone());
+    let built = py.detach(|| {
+        let scene = Arc::new(Triangles::new(vertices, indices)?);
+        structure::Structure::build(scene, config, threads, &monitor)
+    })?;
+    Ok(Structure(Arc::new(built)))
+}
+
+/// Adds building to the module.
+pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add_class::<Monitor>()?;
+    module.add_class::<Structure>()?;
+    module.add_function(wrap_pyfunction!(build, module)?)
+}

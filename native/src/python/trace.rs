@@ -1,0 +1,329 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Rays from arrays, hits to arrays, and the exact oracle.
+
+use super::arrays::{self, PerRay};
+use crate::error::{Error, Result};
+use crate::oracle::exact_closest;
+use crate::scene::Triangles;
+use crate::traverse::{Hit, Ray, RayCounters, Tracer};
+use numpy::{PyReadonlyArray1, ToPyArray};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use std::num::NonZero;
+use std::sync::Mutex;
+
+/// Rays handed to a worker at once: enough to forget the cost of handing them over, few enough to
+/// stay in its cache.
+const CHUNK: usize = 4096;
+
+/// Checked rays of one call.
+pub struct Rays {
+    origins: Vec<[f32; 3]>,
+    directions: Vec<[f32; 3]>,
+    t_min: PerRay,
+    t_max: PerRay,
+}
+
+impl Rays {
+    /// Checks the arguments of `closest` and `occluded`.
+    pub fn new(
+        origins: &Bound<'_, PyAny>,
+        directions: &Bound<'_, PyAny>,
+        t_min: Option<&Bound<'_, PyAny>>,
+        t_max: Option<&Bound<'_, PyAny>>,
+        order: &str,
+    ) -> Result<Self> {
+        let origins = arrays::finite_points("origins", origins)?;
+        let directions = arrays::finite_points("directions", directions)?;
+        if origins.len() != directions.len() {
+            return Err(Error::Shape(format!(
+                "directions: expected one per origin, {}, got {}",
+                origins.len(),
+                directions.len()
+            )));
+        }
+        if !["none", "tile8"].contains(&order) {
+            return Err(Error::Spec(format!(
+                "order: expected none or tile8, got {order}"
+            )));
+        }
+        if order == "tile8" && origins.len() % 64 != 0 {
+            return Err(Error::Shape(format!(
+                "order: tile8 wants a multiple of 64 rays, got {}",
+                origins.len()
+            )));
+        }
+        let limit = |name, value: Option<&Bound<'_, PyAny>>, default| match value {
+            None => Ok(PerRay::Same(default)),
+            Some(value) => arrays::per_ray(name, value, origins.len()),
+        };
+        let t_min = limit("t_min", t_min, 0.0)?;
+        let t_max = limit("t_max", t_max, f32::INFINITY)?;
+        Ok(Self {
+            origins,
+            directions,
+            t_min,
+            t_max,
+        })
+    }
+
+    fn ray(&self, i: usize) -> Ray {
+        Ray {
+            o: self.origins[i],
+            d: self.directions[i],
+            t_min: self.t_min.get(i),
+            t_max: self.t_max.get(i),
+        }
+    }
+}
+
+/// Answers of `closest`.
+#[pyclass(frozen)]
+pub struct Hits {
+    hits: Vec<Hit>,
+    counts: Option<Counts>,
+    on_boundary: Option<Vec<bool>>,
+}
+
+#[pymethods]
+impl Hits {
+    #[getter]
+    fn t<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        self.column(py, |h| h.t)
+    }
+
+    #[getter]
+    fn triangle<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        // The number of a miss, all bits set, reads as -1.
+        self.column(py, |h| h.triangle.cast_signed())
+    }
+
+    #[getter]
+    fn u<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        self.column(py, |h| h.u)
+    }
+
+    #[getter]
+    fn v<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        self.column(py, |h| h.v)
+    }
+
+    #[getter]
+    fn counters<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
+        self.counts
+            .as_ref()
+            .map(|counts| counts.to_dict(py))
+            .transpose()
+    }
+
+    #[getter]
+    fn on_boundary<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyAny>> {
+        self.on_boundary
+            .as_ref()
+            .map(|flags| flags.to_pyarray(py).into_any())
+    }
+
+    fn __len__(&self) -> usize {
+        self.hits.len()
+    }
+}
+
+impl Hits {
+    fn column<'py, T: numpy::Element + Copy>(
+        &self,
+        py: Python<'py>,
+        get: impl Fn(&Hit) -> T,
+    ) -> Bound<'py, PyAny> {
+        self.hits
+            .iter()
+            .map(get)
+            .collect::<Vec<_>>()
+            .to_pyarray(py)
+            .into_any()
+    }
+}
+
+/// What each ray cost.
+pub struct Counts(Vec<RayCounters>);
+
+impl Counts {
+    /// Name to (n,) uint32.
+    pub fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        type Column = (&'static str, fn(&RayCounters) -> u32);
+        const COLUMNS: [Column; 7] = [
+            ("steps", |c| c.steps_axis + c.steps_oblique),
+            ("steps_axis", |c| c.steps_axis),
+            ("steps_oblique", |c| c.steps_oblique),
+            ("leaves", |c| c.leaves),
+            ("leaves_empty", |c| c.leaves_empty),
+            ("tests", |c| c.tests),
+            ("verdicts", |c| c.verdicts),
+        ];
+        let dict = PyDict::new(py);
+        for (name, get) in COLUMNS {
+            dict.set_item(
+                name,
+                self.0.iter().map(get).collect::<Vec<_>>().to_pyarray(py),
+            )?;
+        }
+        Ok(dict)
+    }
+}
+
+/// Runs `work` on chunks of rays, their answers and their counters, on `threads` threads.
+fn in_chunks<T: Clone + Send>(
+    rays: &Rays,
+    threads: usize,
+    counted: bool,
+    blank: T,
+    work: impl Fn(&[Ray], &mut [T], Option<&mut [RayCounters]>) + Sync,
+) -> (Vec<T>, Option<Counts>) {
+    let n = rays.origins.len();
+    let mut answers = vec![blank; n];
+    let mut counts = if counted {
+        vec![RayCounters::default(); n]
+    } else {
+        Vec::new()
+    };
+    let mut counts_left = counts.as_mut_slice();
+    let chunks: Vec<_> = answers
+        .chunks_mut(CHUNK)
+        .enumerate()
+        .map(|(i, answers)| {
+            let own = if counted { answers.len() } else { 0 };
+            let (counts, rest) = std::mem::take(&mut counts_left).split_at_mut(own);
+            counts_left = rest;
+            (i * CHUNK, answers, counts)
+        })
+        .collect();
+    let cores = std::thread::available_parallelism().map_or(1, NonZero::get);
+    let threads = if threads == 0 { cores } else { threads }
+        .min(chunks.len())
+        .max(1);
+    let queue = Mutex::new(chunks.into_iter());
+    let worker = || {
+        let mut buffer = Vec::with_capacity(CHUNK);
+        loop {
+            let next = queue
+                .lock()
+                .unwrap_or_else(std::sync::PoisonError::into_inner)
+                .next();
+            let Some((first, answers, counts)) = next else {
+                return;
+            };
+            buffer.clear();
+            buffer.extend((first..first + answers.len()).map(|i| rays.ray(i)));
+            work(&buffer, answers, counted.then_some(counts));
+        }
+    };
+    std::thread::scope(|scope| {
+        for _ in 1..threads {
+            scope.spawn(worker);
+        }
+        worker();
+    });
+    (answers, counted.then_some(Counts(counts)))
+}
+
+/// Nearest hits.
+pub fn closest(tracer: &impl Tracer, rays: &Rays, threads: usize, counters: bool) -> Result<Hits> {
+    let (hits, counts) = in_chunks(rays, threads, counters, Hit::MISS, |rays, hits, counts| {
+        tracer.closest(rays, hits, counts);
+    });
+    Ok(Hits {
+        hits,
+        counts,
+        on_boundary: None,
+    })
+}
+
+/// Any hits.
+pub fn occluded(
+    tracer: &impl Tracer,
+    rays: &Rays,
+    threads: usize,
+    counters: bool,
+) -> Result<(Vec<bool>, Option<Counts>)> {
+    Ok(in_chunks(
+        rays,
+        threads,
+        counters,
+        false,
+        |rays, answers, counts| {
+            tracer.occluded(rays, answers, counts);
+        },
+    ))
+}
+
+#[pyfunction]
+#[pyo3(name = "exact_closest", signature = (vertices, triangles, origins, directions, t_min=None, t_max=None, *, threads=0))]
+#[expect(clippy::too_many_arguments, reason = "Python keywords")]
+fn exact(
+    py: Python<'_>,
+    vertices: &Bound<'_, PyAny>,
+    triangles: &Bound<'_, PyAny>,
+    origins: &Bound<'_, PyAny>,
+    directions: &Bound<'_, PyAny>,
+    t_min: Option<&Bound<'_, PyAny>>,
+    t_max: Option<&Bound<'_, PyAny>>,
+    threads: usize,
+) -> PyResult<Hits> {
+    let vertices = arrays::points("vertices", vertices)?;
+    let indices = arrays::indices("triangles", triangles, vertices.len())?;
+    let rays = Rays::new(origins, directions, t_min, t_max, "none")?;
+    let (hits, on_boundary) = py.detach(|| {
+        let scene = Triangles::new(vertices, indices)?;
+        let blank = (Hit::MISS, false);
+        let (answers, _) = in_chunks(&rays, threads, false, blank, |rays, answers, _| {
+            for (ray, answer) in rays.iter().zip(answers) {
+                let exact = exact_closest(&scene, ray);
+                *answer = (exact.hit, exact.on_boundary);
+            }
+        });
+        Ok::<_, Error>(answers.into_iter().unzip::<_, _, Vec<_>, Vec<_>>())
+    })?;
+    Ok(Hits {
+        hits,
+        counts: None,
+        on_boundary: Some(on_boundary),
+    })
+}
+
+/// How many floats lie between two of the same sign, counted through zero; NaN is far from all.
+fn ulps(a: f32, b: f32) -> i64 {
+    if a.is_nan() || b.is_nan() {
+        return if a.is_nan() && b.is_nan() {
+            0
+        } else {
+            i64::MAX
+        };
+    }
+    let order = |x: f32| {
+        let bits = i64::from(x.to_bits() & 0x7fff_ffff);
+        if x.is_sign_negative() { -bits } else { bits }
+    };
+    (order(a) - order(b)).abs()
+}
+
+#[pyfunction]
+fn ulp_distance<'py>(
+    py: Python<'py>,
+    a: PyReadonlyArray1<'_, f32>,
+    b: PyReadonlyArray1<'_, f32>,
+) -> PyResult<Bound<'py, PyAny>> {
+    let (a, b) = (a.as_array(), b.as_array());
+    if a.len() != b.len() {
+        return Err(
+            Error::Shape(format!("b: expected {} numbers, got {}", a.len(), b.len())).into(),
+        );
+    }
+    let distances: Vec<_> = a.iter().zip(&b).map(|(&a, &b)| ulps(a, b)).collect();
+    Ok(distances.to_pyarray(py).into_any())
+}
+
+/// Adds hits and the oracle to the module.
+pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add_class::<Hits>()?;
+    module.add_function(wrap_pyfunction!(exact, module)?)?;
+    module.add_function(wrap_pyfunction!(ulp_distance, module)?)
+}

@@ -1,0 +1,268 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The only list of structures. User interface, command line, tests, benchmark and documentation
+//! read these rows; a new structure is one file in `trees` and one row here.
+
+use crate::build::Monitor;
+use crate::build::plane_tree::Shape;
+use crate::error::Result;
+use crate::scene::Triangles;
+use crate::spec::{Config, Value};
+use crate::structure::Layout;
+use crate::traverse::blocks::Blocks;
+use crate::traverse::frame::Frame;
+use crate::trees;
+
+/// All structures, in the order in which lists show them.
+pub const TREES: &[StructureSpec] = &[trees::kd::SPEC, trees::kd_sah::SPEC, trees::brute::SPEC];
+
+/// A structure's row.
+#[derive(Debug)]
+pub struct StructureSpec {
+    /// Stable name: lower case, digits, hyphen.
+    pub id: &'static str,
+    /// Stable number, saved in .blend files; never reused.
+    pub code: i32,
+    /// What people read.
+    pub label: &'static str,
+    /// What is divided: "space", "objects", "octants", or "oracle" for nothing.
+    pub family: &'static str,
+    /// One sentence.
+    pub summary: &'static str,
+    /// Where it comes from.
+    pub paper: &'static str,
+    /// Its parameters.
+    pub params: &'static [ParamSpec],
+    /// Builds it over the live triangles, in the current rayon pool.
+    pub build: fn(&Triangles, &Config, &Monitor) -> Result<Built>,
+}
+
+/// What a build function returns.
+#[derive(Debug)]
+pub struct Built {
+    /// The frame its coordinates are in.
+    pub frame: Frame,
+    /// The triangles of its leaves.
+    pub blocks: Blocks,
+    /// The tree, laid out for one way of walking.
+    pub layout: Layout,
+    /// Its shape.
+    pub shape: Shape,
+    /// What this scene did not need, each with its reason.
+    pub left_out: Vec<String>,
+}
+
+/// A parameter of a structure.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ParamSpec {
+    /// Key in configuration strings.
+    pub name: &'static str,
+    /// What people read.
+    pub label: &'static str,
+    /// What it does, and what more of it costs.
+    pub doc: &'static str,
+    /// Unit, empty for none.
+    pub unit: &'static str,
+    /// Type and range.
+    pub kind: Kind,
+    /// Value where none is given.
+    pub default: Default,
+}
+
+/// Type and range of a parameter.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Kind {
+    /// A whole number in a closed range.
+    Integer {
+        /// Smallest value.
+        min: i64,
+        /// Largest value.
+        max: i64,
+    },
+    /// A real number in a closed range.
+    Float {
+        /// Smallest value.
+        min: f64,
+        /// Largest value.
+        max: f64,
+    },
+    /// One of these names.
+    Choice(&'static [&'static str]),
+}
+
+/// A default value, as a constant.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Default {
+    /// A whole number.
+    Integer(i64),
+    /// A real number.
+    Float(f64),
+    /// A name.
+    Choice(&'static str),
+}
+
+impl Default {
+    /// The value.
+    pub fn value(self) -> Value {
+        match self {
+            Self::Integer(x) => Value::Integer(x),
+            Self::Float(x) => Value::Float(x),
+            Self::Choice(x) => Value::Choice(x),
+        }
+    }
+}
+
+/// The row of a structure.
+pub fn find(id: &str) -> Option<&'static StructureSpec> {
+    TREES.iter().find(|tree| tree.id == id)
+}
+
+impl StructureSpec {
+    /// The ways of walking that it offers, the default first.
+    pub fn traversals(&self) -> &'static [&'static str] {
+        let traversal = self.params.iter().find(|p| p.name == "traversal");
+        match traversal.map(|p| p.kind) {
+            Some(Kind::Choice(options)) => options,
+            _ => &[],
+        }
+    }
+}
+
+/// Parameters that several structures share.
+pub mod params {
+    use super::{Default, Kind, ParamSpec};
+    use crate::build::cost::Costs;
+    use crate::build::plane_tree;
+
+    /// Walks of axis-aligned trees.
+    pub const TRAVERSAL_AXIS: ParamSpec = ParamSpec {
+        name: "traversal",
+        label: "Traversal",
+        doc: "How rays walk the tree: by entry and exit points (TA-B, Havran et al. 1997) or by plane \
+              distances in the order of the direction. The answer is the same",
+        unit: "",
+        kind: Kind::Choice(&["ta-b", "dir"]),
+        default: Default::Choice("ta-b"),
+    };
+
+    /// Whether a walk allows for rounding.
+    pub const ROBUST: ParamSpec = ParamSpec {
+        name: "robust",
+        label: "Robustness",
+        doc: "widen: intervals grow by the rounding error, no hit is ever lost. none: as in textbooks, \
+              for measuring how often that fails; never for pictures",
+        unit: "",
+        kind: Kind::Choice(&["widen", "none"]),
+        default: Default::Choice("widen"),
+    };
+
+    /// Depth limit.
+    pub const MAX_DEPTH: ParamSpec = ParamSpec {
+        name: "max_depth",
+        label: "Depth Limit",
+        doc: "Leaves lie no deeper; 0 chooses by the number of triangles. More costs memory and \
+              build time and rarely pays",
+        unit: "levels",
+        kind: Kind::Integer {
+            min: 0,
+            max: plane_tree::MAX_DEPTH as i64,
+        },
+        default: Default::Integer(0),
+    };
+
+    /// Leaf size.
+    pub const LEAF_SIZE: ParamSpec = ParamSpec {
+        name: "leaf_size",
+        label: "Leaf Size",
+        doc: "Nodes of at most this many triangles are not split. More builds faster and tests more",
+        unit: "triangles",
+        kind: Kind::Integer { min: 0, max: 64 },
+        default: Default::Integer(1),
+    };
+
+    const fn cost(
+        name: &'static str,
+        label: &'static str,
+        doc: &'static str,
+        value: f32,
+    ) -> ParamSpec {
+        ParamSpec {
+            name,
+            label,
+            doc,
+            unit: "",
+            kind: Kind::Float { min: 0.0, max: 1e6 },
+            default: Default::Float(value as f64),
+        }
+    }
+
+    /// Price of a step.
+    pub const fn step_cost(costs: Costs) -> ParamSpec {
+        cost(
+            "step_cost",
+            "Step Cost",
+            "Price of a step through a node. More gives fewer, larger leaves",
+            costs.step,
+        )
+    }
+
+    /// Price of entering a leaf.
+    pub const fn leaf_cost(costs: Costs) -> ParamSpec {
+        cost(
+            "leaf_cost",
+            "Leaf Cost",
+            "Price of entering a leaf with triangles. More gives fewer leaves",
+            costs.leaf,
+        )
+    }
+
+    /// Price of a triangle.
+    pub const fn triangle_cost(costs: Costs) -> ParamSpec {
+        cost(
+            "triangle_cost",
+            "Triangle Cost",
+            "Price of testing a triangle. More gives smaller leaves, a larger tree and a longer build",
+            costs.triangle,
+        )
+    }
+
+    /// Factor for splits that cut off empty space.
+    pub const fn empty_factor(costs: Costs) -> ParamSpec {
+        ParamSpec {
+            name: "empty_factor",
+            label: "Empty Factor",
+            doc: "Factor on the cost of a split that leaves one side empty. Less cuts off more empty \
+                  space, at the price of longer walks",
+            unit: "",
+            kind: Kind::Float { min: 0.1, max: 1.0 },
+            default: Default::Float(costs.empty as f64),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ids_and_codes_are_unique_and_defaults_lie_in_their_ranges() {
+        for (i, tree) in TREES.iter().enumerate() {
+            assert!(
+                TREES[..i]
+                    .iter()
+                    .all(|t| t.id != tree.id && t.code != tree.code),
+                "{}",
+                tree.id
+            );
+            for param in tree.params {
+                let inside = match (param.kind, param.default) {
+                    (Kind::Integer { min, max }, Default::Integer(x)) => (min..=max).contains(&x),
+                    (Kind::Float { min, max }, Default::Float(x)) => (min..=max).contains(&x),
+                    (Kind::Choice(options), Default::Choice(x)) => options[0] == x,
+                    _ => false,
+                };
+                assert!(inside, "{}: {}", tree.id, param.name);
+                assert!(!param.doc.is_empty() && !param.label.is_empty());
+            }
+        }
+    }
+}

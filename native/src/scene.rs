@@ -1,0 +1,131 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The triangles that every structure indexes. Arrays; knows no structure.
+
+use crate::error::{Error, Result};
+use crate::geom::vec3::widen;
+use crate::geom::{Aabb, exact};
+
+/// An indexed triangle soup. A triangle's number is its place in the input, whatever was dropped.
+#[derive(Debug, Clone)]
+pub struct Triangles {
+    vertices: Vec<[f32; 3]>,
+    indices: Vec<[u32; 3]>,
+    live: Vec<u32>,
+    bounds: Aabb,
+}
+
+impl Triangles {
+    /// Checks and takes over the arrays. Triangles with a vertex that is not finite, or without
+    /// any area (decided exactly), can never be hit; they are left out of [`Self::live`].
+    ///
+    /// # Errors
+    /// [`Error::Shape`] when an index names no vertex, or when there are more than 2^29 triangles.
+    pub fn new(vertices: Vec<[f32; 3]>, indices: Vec<[u32; 3]>) -> Result<Self> {
+        if indices.len() > 1 << 29 {
+            return Err(Error::Shape(format!(
+                "triangles: at most {} are possible, got {}",
+                1 << 29,
+                indices.len()
+            )));
+        }
+        for (i, triangle) in indices.iter().enumerate() {
+            if let Some(index) = triangle.iter().find(|&&v| v as usize >= vertices.len()) {
+                return Err(Error::Shape(format!(
+                    "triangles[{i}]: index {index} is out of range for {} vertices",
+                    vertices.len()
+                )));
+            }
+        }
+        let mut scene = Self {
+            vertices,
+            indices,
+            live: Vec::new(),
+            bounds: Aabb::EMPTY,
+        };
+        let count = u32::try_from(scene.indices.len()).expect("checked above");
+        scene.live = (0..count)
+            .filter(|&id| can_be_hit(scene.corners(id)))
+            .collect();
+        for &id in &scene.live {
+            scene.bounds = scene.bounds.union(&Aabb::of_triangle(scene.corners(id)));
+        }
+        Ok(scene)
+    }
+
+    /// Number of triangles in the input, dropped ones included.
+    pub fn len(&self) -> usize {
+        self.indices.len()
+    }
+
+    /// Whether the input held no triangle at all.
+    pub fn is_empty(&self) -> bool {
+        self.indices.is_empty()
+    }
+
+    /// The triangles that can be hit, ascending.
+    pub fn live(&self) -> &[u32] {
+        &self.live
+    }
+
+    /// How many triangles were dropped: without area or not finite.
+    pub fn dropped(&self) -> usize {
+        self.indices.len() - self.live.len()
+    }
+
+    /// The box of all live triangles.
+    pub fn bounds(&self) -> Aabb {
+        self.bounds
+    }
+
+    /// Vertex positions, (n, 3), scene frame.
+    pub fn vertices(&self) -> &[[f32; 3]] {
+        &self.vertices
+    }
+
+    /// Vertex indices of each triangle, (m, 3).
+    pub fn indices(&self) -> &[[u32; 3]] {
+        &self.indices
+    }
+
+    /// The three corners of triangle `id`.
+    #[inline(always)]
+    pub fn corners(&self, id: u32) -> [[f32; 3]; 3] {
+        self.indices[id as usize].map(|v| self.vertices[v as usize])
+    }
+}
+
+fn can_be_hit(v: [[f32; 3]; 3]) -> bool {
+    v.as_flattened().iter().all(|x| x.is_finite()) && !exact::is_degenerate(v.map(widen))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bad_triangles_are_dropped_and_the_rest_keep_their_numbers() {
+        let vertices = vec![
+            [0.0; 3],
+            [1.0, 0.0, 0.0],
+            [0.0, 1.0, 0.0],
+            [f32::NAN, 0.0, 0.0],
+            [2.0, 0.0, 0.0],
+        ];
+        let scene =
+            Triangles::new(vertices, vec![[0, 1, 3], [0, 1, 4], [0, 1, 2], [1, 1, 2]]).unwrap();
+        assert_eq!(
+            (scene.live(), scene.dropped(), scene.len()),
+            (&[2_u32][..], 3, 4)
+        );
+        assert_eq!(scene.bounds().max, [1.0, 1.0, 0.0]);
+    }
+
+    #[test]
+    fn an_index_out_of_range_names_the_triangle() {
+        let error = Triangles::new(vec![[0.0; 3]; 3], vec![[0, 1, 2], [0, 1, 3]]).unwrap_err();
+        assert_eq!(
+            error.to_string(),
+            "triangles[1]: index 3 is out of range for 3 vertices"
+        );
+    }
+}

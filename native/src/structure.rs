@@ -1,0 +1,136 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! A built structure over a scene: rays in, answers out.
+
+use crate::build::Monitor;
+use crate::build::plane_tree::{PlaneTree, Shape};
+use crate::error::{Error, Result};
+use crate::registry::Built;
+use crate::scene::Triangles;
+use crate::spec::Config;
+use crate::traverse::batch::Batch;
+use crate::traverse::query::{Any, Closest, Query};
+use crate::traverse::{Hit, Ray, RayCounters, Tracer, plane_dir, plane_ta_b};
+use std::sync::Arc;
+use std::time::Instant;
+
+/// A tree, laid out for one way of walking: matched once per batch of rays, never per ray.
+#[derive(Debug, Clone)]
+pub enum Layout {
+    /// No tree.
+    Brute,
+    /// Planes, by distances in the order of the direction.
+    PlaneDir(PlaneTree),
+    /// Axis-aligned planes, by entry and exit points.
+    PlaneTaB(PlaneTree),
+}
+
+/// A built structure.
+#[derive(Debug)]
+pub struct Structure {
+    scene: Arc<Triangles>,
+    config: Config,
+    built: Built,
+    build_seconds: f64,
+}
+
+impl Structure {
+    /// Builds `config` over `scene` on `threads` threads, 0 for one per core.
+    ///
+    /// # Errors
+    /// [`Error::Cancelled`] when the monitor says so; [`Error::Memory`] when no threads can start.
+    pub fn build(
+        scene: Arc<Triangles>,
+        config: Config,
+        threads: usize,
+        monitor: &Monitor,
+    ) -> Result<Self> {
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .map_err(|e| Error::Memory(format!("threads: {e}")))?;
+        let start = Instant::now();
+        let built = pool.install(|| (config.structure().build)(&scene, &config, monitor))?;
+        let build_seconds = start.elapsed().as_secs_f64();
+        Ok(Self {
+            scene,
+            config,
+            built,
+            build_seconds,
+        })
+    }
+
+    /// The triangles.
+    pub fn scene(&self) -> &Arc<Triangles> {
+        &self.scene
+    }
+
+    /// Structure and parameters.
+    pub fn config(&self) -> &Config {
+        &self.config
+    }
+
+    /// Seconds that the build took, by the clock.
+    pub fn build_seconds(&self) -> f64 {
+        self.build_seconds
+    }
+
+    /// The tree's shape.
+    pub fn shape(&self) -> &Shape {
+        &self.built.shape
+    }
+
+    /// What the scene did not need, each with its reason.
+    pub fn left_out(&self) -> &[String] {
+        &self.built.left_out
+    }
+
+    /// Everything that was built, for validation and drawing.
+    pub fn built(&self) -> &Built {
+        &self.built
+    }
+
+    /// Bytes of nodes and leaves, without the scene's own arrays.
+    pub fn bytes(&self) -> usize {
+        let nodes = match &self.built.layout {
+            Layout::Brute => 0,
+            Layout::PlaneDir(tree) | Layout::PlaneTaB(tree) => tree.bytes(),
+        };
+        nodes + self.built.blocks.bytes()
+    }
+
+    fn trace<Q: Query, T>(
+        &self,
+        rays: &[Ray],
+        answers: &mut [T],
+        counters: Option<&mut [RayCounters]>,
+        answer: impl Fn(Hit) -> T + Copy,
+    ) {
+        assert_eq!(rays.len(), answers.len(), "one answer per ray");
+        let job = Batch {
+            scene: &self.scene,
+            frame: &self.built.frame,
+            blocks: &self.built.blocks,
+            rays,
+        };
+        let write = |i: usize, hit: Hit| answers[i] = answer(hit);
+        match &self.built.layout {
+            Layout::Brute => job.brute::<Q>(self.built.shape.references, write, counters),
+            Layout::PlaneDir(tree) => job.walk::<_, Q>(&plane_dir::Walk(tree), write, counters),
+            Layout::PlaneTaB(tree) => job.walk::<_, Q>(&plane_ta_b::Walk(tree), write, counters),
+        }
+    }
+}
+
+impl Tracer for Structure {
+    fn triangles(&self) -> &Triangles {
+        &self.scene
+    }
+
+    fn closest(&self, rays: &[Ray], hits: &mut [Hit], counters: Option<&mut [RayCounters]>) {
+        self.trace::<Closest, _>(rays, hits, counters, |hit| hit);
+    }
+
+    fn occluded(&self, rays: &[Ray], occluded: &mut [bool], counters: Option<&mut [RayCounters]>) {
+        self.trace::<Any, _>(rays, occluded, counters, |hit| hit.is_hit());
+    }
+}

@@ -1,0 +1,152 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Batches of rays: the instruction set, the question and the counting are chosen once here, outside
+//! all loops.
+
+use super::blocks::{Blocks, LANES};
+use super::frame::{Frame, FrameRay};
+use super::query::{Best, Count, Counters, NoCount, Query};
+use super::ray::{Hit, Ray, RayCounters};
+use crate::scene::Triangles;
+use fearless_simd::{Level, Simd, dispatch};
+
+/// A way of walking a tree with single rays.
+pub trait Walk: Sync {
+    /// Buffers that rays can share one after another, such as a stack.
+    type Scratch;
+
+    /// New buffers.
+    fn scratch(&self) -> Self::Scratch;
+
+    /// Answers one ray.
+    fn cast<S: Simd, Q: Query, C: Counters>(
+        &self,
+        simd: S,
+        triangles: (&Triangles, &Blocks),
+        ray: (&Ray, &FrameRay),
+        scratch: &mut Self::Scratch,
+        counters: &mut C,
+    ) -> Hit;
+}
+
+/// A batch of rays against one structure.
+pub struct Batch<'a> {
+    /// The triangles.
+    pub scene: &'a Triangles,
+    /// The frame of the structure.
+    pub frame: &'a Frame,
+    /// Its leaves.
+    pub blocks: &'a Blocks,
+    /// The rays.
+    pub rays: &'a [Ray],
+}
+
+impl Batch<'_> {
+    /// Walks the rays one by one and hands each answer to `write` with the ray's place.
+    pub fn walk<W: Walk, Q: Query>(
+        &self,
+        walk: &W,
+        mut write: impl FnMut(usize, Hit),
+        counters: Option<&mut [RayCounters]>,
+    ) {
+        match counters {
+            None => dispatch!(Level::new(), simd => {
+                self.each::<_, _, Q, _>(simd, walk, &mut write, |_| NoCount);
+            }),
+            Some(counters) => {
+                let mut counters = counters.iter_mut();
+                dispatch!(Level::new(), simd => {
+                    self.each::<_, _, Q, _>(simd, walk, &mut write, |_| {
+                        Count(counters.next().expect("one set of counters per ray"))
+                    });
+                });
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn each<S: Simd, W: Walk, Q: Query, C: Counters>(
+        &self,
+        simd: S,
+        walk: &W,
+        write: &mut impl FnMut(usize, Hit),
+        mut counter: impl FnMut(usize) -> C,
+    ) {
+        let mut scratch = walk.scratch();
+        for (i, ray) in self.rays.iter().enumerate() {
+            let mut counters = counter(i);
+            let hit = match self.frame.ray(ray) {
+                Some(framed) => walk.cast::<S, Q, C>(
+                    simd,
+                    (self.scene, self.blocks),
+                    (ray, &framed),
+                    &mut scratch,
+                    &mut counters,
+                ),
+                None => Hit::MISS,
+            };
+            write(i, hit);
+        }
+    }
+
+    /// Tests every ray against all `count` triangles; both are taken in groups that stay in cache.
+    pub fn brute<Q: Query>(
+        &self,
+        count: usize,
+        mut write: impl FnMut(usize, Hit),
+        counters: Option<&mut [RayCounters]>,
+    ) {
+        const RAYS: usize = 64;
+        let mut none = vec![RayCounters::default(); self.rays.len()];
+        let counters = counters.unwrap_or(&mut none);
+        let groups = self.rays.chunks(RAYS).zip(counters.chunks_mut(RAYS));
+        for (group, (rays, counters)) in groups.enumerate() {
+            let mut open: Vec<_> = rays
+                .iter()
+                .zip(counters)
+                .map(|(ray, counters)| {
+                    self.frame
+                        .ray(ray)
+                        .map(|framed| (framed, Best::new(&framed), counters, false))
+                })
+                .collect();
+            dispatch!(Level::new(), simd => self.all_triangles::<_, Q>(simd, count, rays, &mut open));
+            for (i, state) in open.iter().enumerate() {
+                write(
+                    group * RAYS + i,
+                    state.as_ref().map_or(Hit::MISS, |s| s.1.hit()),
+                );
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn all_triangles<S: Simd, Q: Query>(
+        &self,
+        simd: S,
+        count: usize,
+        rays: &[Ray],
+        open: &mut [Option<(FrameRay, Best, &mut RayCounters, bool)>],
+    ) {
+        const TRIANGLES: usize = 32 * LANES;
+        for first in (0..count).step_by(TRIANGLES) {
+            let part = (Blocks::place(first), TRIANGLES.min(count - first));
+            for (ray, state) in rays.iter().zip(open.iter_mut()) {
+                let Some((framed, best, counters, done)) = state else {
+                    continue;
+                };
+                if !*done {
+                    let mut count = Count(counters);
+                    let blocks = self.blocks;
+                    *done = blocks.test::<S, Q, _>(
+                        simd,
+                        part,
+                        self.scene,
+                        (ray, framed),
+                        best,
+                        &mut count,
+                    );
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,256 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Leaves: triangles in blocks of up to eight, tested at once in f32.
+//!
+//! A block of `n` triangles is `1 + 10 n` words: the largest edge component `E` of the block; nine
+//! rows of `n` floats (first corner, edge to the second, edge to the third, each x y z); `n`
+//! triangle numbers. Rows are as long as the block has triangles, without padding: loads run over
+//! the end of a row and the surplus lanes are ignored.
+//!
+//! The test is that of Möller and Trumbore 1997, with an error bound on each of its quantities. It
+//! rejects a triangle only when the bound proves the miss; all others go to the exact verdict.
+
+use super::frame::{Frame, FrameRay, U};
+use super::query::{Best, Counters, Query};
+use super::ray::Ray;
+use crate::scene::Triangles;
+use fearless_simd::{Simd, SimdBase, SimdFloat, SimdMask, f32x8, mask32x8};
+
+/// Triangles per block.
+pub const LANES: usize = 8;
+
+/// Words per triangle.
+const WORDS: usize = 10;
+
+/// Words that loads may run over the end of a block.
+const OVERRUN: usize = LANES;
+
+// With |d| < 2 per component, |e| <= E, |o - v| <= S and all inputs of the test rounded once, the
+// roundings of each quantity add up to less than (per component bounds, worst case of signs):
+//   d x e2: 12 u E      s x e1: 8 u S E
+//   det = e1 . (d x e2): 84 u E^2       u = s . (d x e2): 84 u S E
+//   v = d . (s x e1): 84 u S E          t = e2 . (s x e1): 48 u S E^2
+const DET_ERROR: f32 = 96.0 * U;
+const UV_ERROR: f32 = 96.0 * U;
+const T_ERROR: f32 = 64.0 * U;
+
+/// Absolute part of every bound, where products lost bits below the normal numbers.
+const UNDERFLOW: f32 = 1e-36;
+
+/// All leaf triangles of a structure, in one array.
+#[derive(Debug, Clone, Default)]
+pub struct Blocks {
+    words: Vec<f32>,
+}
+
+impl Blocks {
+    /// No blocks; call [`Self::seal`] when all are in.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Appends the triangles of one leaf, in blocks; returns where they begin.
+    ///
+    /// # Panics
+    /// When the array outgrows 2^32 words, which the builders' budgets exclude.
+    pub fn push_leaf(&mut self, scene: &Triangles, frame: &Frame, ids: &[u32]) -> u32 {
+        let first = u32::try_from(self.words.len()).expect("leaf data is bounded by the budget");
+        for block in ids.chunks(LANES) {
+            self.push_block(scene, frame, block);
+        }
+        first
+    }
+
+    fn push_block(&mut self, scene: &Triangles, frame: &Frame, ids: &[u32]) {
+        let n = ids.len();
+        let at = self.words.len();
+        self.words.resize(at + 1 + WORDS * n, 0.0);
+        let block = &mut self.words[at..];
+        for (lane, &id) in ids.iter().enumerate() {
+            let [a, b, c] = scene.corners(id).map(|p| frame.point(p));
+            for k in 0..3 {
+                let edges = [b[k] - a[k], c[k] - a[k]];
+                block[1 + k * n + lane] = a[k];
+                block[1 + (3 + k) * n + lane] = edges[0];
+                block[1 + (6 + k) * n + lane] = edges[1];
+                block[0] = block[0].max(edges[0].abs()).max(edges[1].abs());
+            }
+            block[1 + 9 * n + lane] = f32::from_bits(id);
+        }
+    }
+
+    /// Adds the words that loads may run over at the end.
+    pub fn seal(&mut self) {
+        self.words.resize(self.words.len() + OVERRUN, 0.0);
+        self.words.shrink_to_fit();
+    }
+
+    /// Where triangle `index` of a leaf that begins at 0 is found; `index` is a multiple of
+    /// [`LANES`], so that it begins a block.
+    #[expect(clippy::cast_possible_truncation, reason = "bounded by the scene")]
+    pub fn place(index: usize) -> u32 {
+        (index / LANES * (1 + WORDS * LANES)) as u32
+    }
+
+    /// Size in bytes.
+    pub fn bytes(&self) -> usize {
+        self.words.len() * size_of::<f32>()
+    }
+
+    /// The triangle numbers of the leaf of `count` triangles that begins at `first`.
+    pub fn ids(&self, first: u32, count: usize) -> Vec<u32> {
+        let mut ids = Vec::with_capacity(count);
+        let mut at = first as usize;
+        while ids.len() < count {
+            let n = (count - ids.len()).min(LANES);
+            let row = at + 1 + 9 * n;
+            ids.extend(self.words[row..row + n].iter().map(|x| x.to_bits()));
+            at += 1 + WORDS * n;
+        }
+        ids
+    }
+
+    /// Tests the leaf of `count` triangles that begins at `first`; says whether the walk may end.
+    #[inline(always)]
+    pub fn test<S: Simd, Q: Query, C: Counters>(
+        &self,
+        simd: S,
+        (first, count): (u32, usize),
+        scene: &Triangles,
+        (ray, frame): (&Ray, &FrameRay),
+        best: &mut Best,
+        counters: &mut C,
+    ) -> bool {
+        let mut at = first as usize;
+        let mut left = count;
+        while left > 0 {
+            let n = left.min(LANES);
+            counters.tests(n);
+            let block = &self.words[at..at + 1 + WORDS * n + OVERRUN];
+            let mut survivors = survivors(simd, block, n, frame, best.reach);
+            while survivors != 0 {
+                let lane = survivors.trailing_zeros() as usize;
+                survivors &= survivors - 1;
+                let id = block[1 + 9 * n + lane].to_bits();
+                if best.offer::<Q, C>(scene, ray, frame, id, counters) {
+                    return true;
+                }
+            }
+            at += 1 + WORDS * n;
+            left -= n;
+        }
+        false
+    }
+}
+
+/// The lanes whose triangles the ray may hit between its start and `reach`.
+#[inline(always)]
+fn survivors<S: Simd>(simd: S, block: &[f32], n: usize, ray: &FrameRay, reach: f32) -> u64 {
+    let splat = |x: f32| f32x8::splat(simd, x);
+    let row = |r: usize| f32x8::from_slice(simd, &block[1 + r * n..1 + r * n + LANES]);
+    let size = block[0];
+    let [dx, dy, dz] = ray.d.map(splat);
+    let [sx, sy, sz] = [
+        splat(ray.o[0]) - row(0),
+        splat(ray.o[1]) - row(1),
+        splat(ray.o[2]) - row(2),
+    ];
+    let [ax, ay, az] = [row(3), row(4), row(5)];
+    let [bx, by, bz] = [row(6), row(7), row(8)];
+
+    // p = d x e2, q = s x e1
+    let px = dy.mul_sub(bz, dz * by);
+    let py = dz.mul_sub(bx, dx * bz);
+    let pz = dx.mul_sub(by, dy * bx);
+    let qx = sy.mul_sub(az, sz * ay);
+    let qy = sz.mul_sub(ax, sx * az);
+    let qz = sx.mul_sub(ay, sy * ax);
+    let det = ax.mul_add(px, ay.mul_add(py, az * pz));
+    let u = sx.mul_add(px, sy.mul_add(py, sz * pz));
+    let v = dx.mul_add(qx, dy.mul_add(qy, dz * qz));
+    let t = bx.mul_add(qx, by.mul_add(qy, bz * qz));
+
+    let det_error = DET_ERROR * size * size + UNDERFLOW;
+    let uv_error = UV_ERROR * ray.span * size + UNDERFLOW;
+    let t_error = T_ERROR * ray.span * size * size + UNDERFLOW;
+
+    // Turn everything so that the determinant is positive.
+    let sign = splat(1.0).copysign(det);
+    let (det, u, v, t) = (det * sign, u * sign, v * sign, t * sign);
+    let outside = u.simd_lt(splat(-uv_error))
+        | v.simd_lt(splat(-uv_error))
+        | (det - u - v).simd_lt(splat(-(2.0 * uv_error + det_error)));
+    let far = t.simd_gt(det.mul_add(splat(reach), splat(t_error + reach.abs() * det_error)));
+    let near_limit = ray.t_min;
+    let near = t.simd_lt(det.mul_sub(
+        splat(near_limit),
+        splat(t_error + near_limit.abs() * det_error),
+    ));
+    // A determinant within its error may have either sign: nothing can be said.
+    let certain = det.simd_gt(splat(det_error));
+    let rejected: mask32x8<S> = certain & (outside | far | near);
+    !rejected.to_bitmask() & ((1 << n) - 1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geom::verdict::verdict;
+    use fearless_simd::{Level, dispatch};
+    use proptest::prelude::*;
+
+    fn coordinate() -> impl Strategy<Value = f32> {
+        prop_oneof![
+            (-8i8..8).prop_map(f32::from),
+            -1.0f32..1.0,
+            -1e-3f32..1e-3,
+            -1e6f32..1e6,
+            prop::num::f32::NORMAL | prop::num::f32::SUBNORMAL | prop::num::f32::ZERO,
+        ]
+    }
+
+    fn point() -> impl Strategy<Value = [f32; 3]> {
+        [coordinate(), coordinate(), coordinate()]
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(20_000))]
+        #[test]
+        fn no_hit_is_ever_rejected(
+            corners in prop::collection::vec(point(), 3..30),
+            o in point(),
+            weights in [0.0f32..1.0, 0.0f32..1.0],
+            pick in any::<prop::sample::Index>(),
+        ) {
+            let count = corners.len() / 3;
+            let indices = (0..u32::try_from(count).unwrap()).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+            let scene = Triangles::new(corners, indices).unwrap();
+            prop_assume!(!scene.live().is_empty());
+            let frame = Frame::new(scene.bounds());
+            let mut blocks = Blocks::new();
+            let first = blocks.push_leaf(&scene, &frame, scene.live());
+            blocks.seal();
+            // Aim at a point in or near one of the triangles.
+            let [a, b, c] = scene.corners(scene.live()[pick.index(scene.live().len())]);
+            let d: [f32; 3] = std::array::from_fn(|k| {
+                a[k] * (1.0 - weights[0]) * (1.0 - weights[1]) + b[k] * weights[0] + c[k] * weights[1] - o[k]
+            });
+            prop_assume!(d.iter().all(|x| x.is_finite()));
+            let ray = Ray { o, d, t_min: 0.0, t_max: f32::INFINITY };
+            let hit = |id: u32| verdict(o, d, scene.corners(id)).is_some_and(|v| v.t >= 0.0 && v.t.is_finite());
+            let Some(framed) = frame.ray(&ray) else {
+                prop_assert!(!scene.live().iter().any(|&id| hit(id)), "the box test lost a hit");
+                return Ok(());
+            };
+            let mut at = first as usize;
+            for ids in scene.live().chunks(LANES) {
+                let n = ids.len();
+                let block = &blocks.words[at..at + 1 + WORDS * n + OVERRUN];
+                let mask = dispatch!(Level::new(), simd => survivors(simd, block, n, &framed, framed.t_max));
+                for (lane, &id) in ids.iter().enumerate() {
+                    prop_assert!(mask >> lane & 1 == 1 || !hit(id), "triangle {id} was rejected");
+                }
+                at += 1 + WORDS * n;
+            }
+        }
+    }
+}

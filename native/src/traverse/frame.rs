@@ -1,0 +1,227 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The frame in which f32 walks run, and the ray in it, with its error bounds.
+//!
+//! A scene whose largest coordinate lies far from 1 is scaled by a power of two, which changes no
+//! bit of a mantissa; a ray's direction is scaled so that its largest component lies in [1, 2).
+//! In this frame products of three coordinates neither overflow nor vanish, and the bounds below
+//! hold. `u` is the unit roundoff of f32, 2^-24.
+
+use super::ray::Ray;
+use crate::geom::Aabb;
+
+/// Unit roundoff of f32.
+pub const U: f32 = 1.0 / 16_777_216.0;
+
+/// Directions below this (in the frame, where the largest is at least 1) count as parallel: over
+/// any distance inside the scene they move by less than the tolerance.
+const PARALLEL: f32 = 1.0 / (1_u128 << 80) as f32;
+
+/// Relative slack for pruning by the best hit: three roundings of `t` and the scale of the frame.
+const PRUNE: f32 = 1.0 + 1.0 / 1_048_576.0;
+
+/// Added where products may have lost a subnormal part.
+const TINY: f32 = 1e-37;
+
+/// A power-of-two scale and the scene's box after it.
+#[derive(Debug, Clone, Copy)]
+pub struct Frame {
+    scale: f32,
+    bounds: Aabb,
+    magnitude: f32,
+    robust: f32,
+}
+
+impl Frame {
+    /// The frame of a scene with these bounds. Scenes between 2^-30 and 2^40 are left alone.
+    pub fn new(bounds: Aabb) -> Self {
+        let magnitude = bounds.magnitude();
+        let ordinary =
+            magnitude == 0.0 || (2.0_f32.powi(-30)..=2.0_f32.powi(40)).contains(&magnitude);
+        let scale = if ordinary {
+            1.0
+        } else {
+            (1.0 / power_of_two(magnitude)).min(2.0_f32.powi(126))
+        };
+        let scaled = |p: [f32; 3]| p.map(|x| x * scale);
+        let bounds = if bounds.is_empty() {
+            bounds
+        } else {
+            Aabb {
+                min: scaled(bounds.min),
+                max: scaled(bounds.max),
+            }
+        };
+        Self {
+            scale,
+            bounds,
+            magnitude: bounds.magnitude(),
+            robust: 1.0,
+        }
+    }
+
+    /// The same frame, with walks that allow for rounding, or, for measuring how often that fails,
+    /// with walks that do not.
+    pub fn with_robust(mut self, robust: bool) -> Self {
+        self.robust = f32::from(u8::from(robust));
+        self
+    }
+
+    /// A point in this frame.
+    #[inline(always)]
+    pub fn point(&self, p: [f32; 3]) -> [f32; 3] {
+        [p[0] * self.scale, p[1] * self.scale, p[2] * self.scale]
+    }
+
+    /// A point of this frame in the scene's own coordinates.
+    pub fn to_scene(&self, p: [f32; 3]) -> [f32; 3] {
+        p.map(|x| x / self.scale)
+    }
+
+    /// The scene's box in this frame.
+    pub fn bounds(&self) -> Aabb {
+        self.bounds
+    }
+
+    /// The ray in this frame, cut to the scene's box; `None` when it certainly misses the box.
+    #[inline(always)]
+    pub fn ray(&self, ray: &Ray) -> Option<FrameRay> {
+        let longest = ray.d[0].abs().max(ray.d[1].abs()).max(ray.d[2].abs());
+        if longest == 0.0 {
+            return None;
+        }
+        let unit = power_of_two(longest);
+        let d = ray.d.map(|x| x / unit);
+        let o = self.point(ray.o);
+        let to_frame = f64::from(unit) * f64::from(self.scale);
+        let far = o[0].abs().max(o[1].abs()).max(o[2].abs());
+        let sum = far + self.magnitude;
+        let mut out = FrameRay {
+            o,
+            d,
+            inv: [0.0; 3],
+            slack: [0.0; 3],
+            pad: [0.0; 3],
+            negative: [0; 3],
+            t_min: 0.0,
+            t_max: 0.0,
+            span: sum,
+            oblique_pad: self.robust * 28.0 * U * sum,
+            to_frame,
+        };
+        let mut near = f32::NEG_INFINITY;
+        let mut exit = f32::INFINITY;
+        for k in 0..3 {
+            let dk = if d[k].abs() < PARALLEL {
+                PARALLEL.copysign(d[k])
+            } else {
+                d[k]
+            };
+            out.inv[k] = 1.0 / dk;
+            // A plane distance (p - o) / d is off by less than 3 u |p - o| / |d|, the point it
+            // stands for by less than 5 u (|o| + |p|); 8 leaves room for the additions.
+            let pad = 8.0 * U * (o[k].abs() + self.magnitude);
+            let slack = pad * out.inv[k].abs();
+            out.pad[k] = self.robust * pad;
+            out.slack[k] = self.robust * slack;
+            out.negative[k] = u32::from(d[k].is_sign_negative());
+            let low = (self.bounds.min[k] - o[k]) * out.inv[k];
+            let high = (self.bounds.max[k] - o[k]) * out.inv[k];
+            let (enter, leave) = if out.negative[k] == 1 {
+                (high, low)
+            } else {
+                (low, high)
+            };
+            near = keep_max(enter - slack, near);
+            exit = keep_min(leave + slack, exit);
+        }
+        out.t_min = keep_max(out.lower(ray.t_min), near);
+        out.t_max = keep_min(out.reach(ray.t_max), exit);
+        if out.t_min > out.t_max || ray.t_min > ray.t_max {
+            None
+        } else {
+            Some(out)
+        }
+    }
+}
+
+/// A ray in the frame of the scene, with what every walk needs of it.
+#[derive(Debug, Clone, Copy)]
+pub struct FrameRay {
+    /// Origin.
+    pub o: [f32; 3],
+    /// Direction, largest component in [1, 2).
+    pub d: [f32; 3],
+    /// Reciprocal direction; finite, its sign that of `d`, a negative zero included.
+    pub inv: [f32; 3],
+    /// Bound on the error of a distance `(p - o) * inv` to a plane of the scene, per axis.
+    pub slack: [f32; 3],
+    /// Bound on the error of a coordinate `o + t d` inside the scene, per axis.
+    pub pad: [f32; 3],
+    /// 1 where the direction's sign bit is set.
+    pub negative: [u32; 3],
+    /// Where the ray enters the scene's box, or where it begins.
+    pub t_min: f32,
+    /// Where the ray leaves the scene's box, or where it ends.
+    pub t_max: f32,
+    /// Largest distance along an axis between the origin and any point of the scene.
+    pub span: f32,
+    /// Bound on the error of a height `n . (o + t d) - c` over an oblique plane that meets the
+    /// scene, for `|n| <= 1`: 8 sqrt(3) 2 u times the span.
+    pub oblique_pad: f32,
+    to_frame: f64,
+}
+
+impl FrameRay {
+    /// A distance in the frame that nothing at `t` or nearer can exceed, rounding included.
+    #[inline(always)]
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "the slack covers the rounding"
+    )]
+    pub fn reach(&self, t: f32) -> f32 {
+        let scaled = (f64::from(t) * self.to_frame) as f32;
+        if scaled >= 0.0 {
+            scaled * PRUNE + TINY
+        } else {
+            scaled * (2.0 - PRUNE) + TINY
+        }
+    }
+
+    /// A distance in the frame that nothing at `t` or farther can fall below.
+    #[inline(always)]
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "the slack covers the rounding"
+    )]
+    fn lower(&self, t: f32) -> f32 {
+        let scaled = (f64::from(t) * self.to_frame) as f32;
+        if scaled >= 0.0 {
+            scaled * (2.0 - PRUNE) - TINY
+        } else {
+            scaled * PRUNE - TINY
+        }
+    }
+}
+
+/// `max` that keeps `b` when `a` is NaN, and compiles to one instruction.
+#[inline(always)]
+pub fn keep_max(a: f32, b: f32) -> f32 {
+    if a > b { a } else { b }
+}
+
+/// `min` that keeps `b` when `a` is NaN, and compiles to one instruction.
+#[inline(always)]
+pub fn keep_min(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
+}
+
+/// The largest power of two not above `x`, which is positive and finite.
+#[inline(always)]
+fn power_of_two(x: f32) -> f32 {
+    if x.is_normal() {
+        f32::from_bits(x.to_bits() & 0x7f80_0000)
+    } else {
+        // Subnormal: the highest set bit.
+        f32::from_bits(1 << (31 - x.to_bits().leading_zeros()))
+    }
+}

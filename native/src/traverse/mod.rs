@@ -1,0 +1,17 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! How rays walk a built tree: one file per way of walking.
+//!
+//! The fast path runs in f32 and only ever *rejects*: a cell, a child or a triangle is skipped
+//! when the error bounds prove that the ray cannot hit anything there. Whatever survives is put
+//! to [`crate::geom::verdict`], which decides exactly. So a walk may be as quick and as inexact
+//! as its bounds allow, and the answer is still the same for all of them.
+
+pub mod batch;
+pub mod blocks;
+pub mod frame;
+pub mod plane_dir;
+pub mod plane_ta_b;
+pub mod query;
+pub mod ray;
+
+pub use ray::{Hit, Ray, RayCounters, Tracer};

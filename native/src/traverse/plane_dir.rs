@@ -1,0 +1,145 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Plane trees walked in the order of the direction, by distances (Keller 1997; Wald 2004).
+//!
+//! At each node the signs of the direction name the near child; comparing the plane's distance
+//! with the interval decides which children to visit. The distance carries an error bound: only
+//! when the whole bound lies beyond an end of the interval is a child skipped, and when both are
+//! visited their intervals overlap by the bound. So a hit is found wherever rounding routes it.
+
+use super::batch;
+use super::blocks::Blocks;
+use super::frame::{FrameRay, keep_max, keep_min};
+use super::query::{Best, Counters, Query};
+use super::ray::{Hit, Ray};
+use crate::build::plane_tree::{MAX_DEPTH, Node, PlaneTree};
+use crate::scene::Triangles;
+use fearless_simd::Simd;
+
+/// A child still to visit, and the interval of the ray inside it.
+#[derive(Clone, Copy, Default)]
+pub struct Pending {
+    node: u32,
+    enter: f32,
+    leave: f32,
+}
+
+/// The walk over one tree.
+pub struct Walk<'a>(pub &'a PlaneTree);
+
+impl batch::Walk for Walk<'_> {
+    type Scratch = [Pending; MAX_DEPTH + 1];
+
+    fn scratch(&self) -> Self::Scratch {
+        [Pending::default(); MAX_DEPTH + 1]
+    }
+
+    #[inline(always)]
+    fn cast<S: Simd, Q: Query, C: Counters>(
+        &self,
+        simd: S,
+        (scene, blocks): (&Triangles, &Blocks),
+        (ray, frame): (&Ray, &FrameRay),
+        stack: &mut Self::Scratch,
+        counters: &mut C,
+    ) -> Hit {
+        let tree = self.0;
+        let mut best = Best::new(frame);
+        let mut waiting = 0;
+        let mut node = tree.root();
+        let (mut enter, mut leave) = (frame.t_min, frame.t_max);
+        loop {
+            match tree.node(node) {
+                Node::Axis {
+                    axis,
+                    split,
+                    children,
+                } => {
+                    counters.step_axis();
+                    let distance = (split - frame.o[axis]) * frame.inv[axis];
+                    let slack = frame.slack[axis];
+                    let near = children ^ frame.negative[axis];
+                    (node, enter, leave) = step(
+                        (near, near ^ 1),
+                        (distance - slack, distance + slack),
+                        (enter, leave),
+                        (stack, &mut waiting),
+                    );
+                    continue;
+                }
+                Node::Oblique {
+                    normal,
+                    offset,
+                    children,
+                } => {
+                    counters.step_oblique();
+                    let speed = dot(normal, frame.d);
+                    let inv = 1.0 / (speed + f32::MIN_POSITIVE.copysign(speed));
+                    let distance = (offset - dot(normal, frame.o)) * inv;
+                    let slack = frame.oblique_pad * inv.abs();
+                    let near = children ^ u32::from(speed.is_sign_negative());
+                    (node, enter, leave) = step(
+                        (near, near ^ 1),
+                        (distance - slack, distance + slack),
+                        (enter, leave),
+                        (stack, &mut waiting),
+                    );
+                    continue;
+                }
+                Node::Leaf { first, count } => {
+                    counters.leaf(count);
+                    if blocks.test::<S, Q, C>(
+                        simd,
+                        (first, count),
+                        scene,
+                        (ray, frame),
+                        &mut best,
+                        counters,
+                    ) {
+                        return best.hit();
+                    }
+                }
+            }
+            loop {
+                if waiting == 0 {
+                    return best.hit();
+                }
+                waiting -= 1;
+                let next = stack[waiting];
+                if next.enter <= best.reach {
+                    (node, enter, leave) =
+                        (next.node, next.enter, keep_min(best.reach, next.leave));
+                    break;
+                }
+            }
+        }
+    }
+}
+
+/// Chooses between the near child, the far child and both (the far one then waits). NaN distances
+/// fail both comparisons, so both children are visited, over the whole interval.
+#[inline(always)]
+fn step(
+    (near, far): (u32, u32),
+    (low, high): (f32, f32),
+    (enter, leave): (f32, f32),
+    (stack, waiting): (&mut [Pending; MAX_DEPTH + 1], &mut usize),
+) -> (u32, f32, f32) {
+    if low > leave {
+        (near, enter, leave)
+    } else if high < enter {
+        (far, enter, leave)
+    } else {
+        stack[*waiting] = Pending {
+            node: far,
+            enter: keep_max(low, enter),
+            leave,
+        };
+        *waiting += 1;
+        (near, enter, keep_min(high, leave))
+    }
+}
+
+#[inline(always)]
+fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}

@@ -1,0 +1,148 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! What a walk is asked and what it counts: compile-time parameters of every walk, so that closest
+//! hit and any hit are one text and an uncounted walk has no trace of counting.
+
+use super::frame::FrameRay;
+use super::ray::{Hit, Ray, RayCounters};
+use crate::geom::verdict::verdict;
+use crate::scene::Triangles;
+
+/// The question put to a walk.
+pub trait Query {
+    /// Whether the first hit found, in any order, ends the walk.
+    const ANY: bool;
+}
+
+/// The nearest hit.
+pub struct Closest;
+
+/// Any hit at all.
+pub struct Any;
+
+impl Query for Closest {
+    const ANY: bool = false;
+}
+
+impl Query for Any {
+    const ANY: bool = true;
+}
+
+/// What happens during a walk, reported when it happens.
+pub trait Counters {
+    /// An inner node with an axis-aligned plane, a box, a slab pair or an octant was visited.
+    fn step_axis(&mut self);
+    /// An inner node with an oblique plane was visited.
+    fn step_oblique(&mut self);
+    /// A leaf with this many triangles was visited.
+    fn leaf(&mut self, triangles: usize);
+    /// This many triangles were tested in f32.
+    fn tests(&mut self, triangles: usize);
+    /// A candidate was put to the exact verdict.
+    fn verdict(&mut self);
+}
+
+/// Counts nothing, costs nothing.
+pub struct NoCount;
+
+impl Counters for NoCount {
+    #[inline(always)]
+    fn step_axis(&mut self) {}
+    #[inline(always)]
+    fn step_oblique(&mut self) {}
+    #[inline(always)]
+    fn leaf(&mut self, _: usize) {}
+    #[inline(always)]
+    fn tests(&mut self, _: usize) {}
+    #[inline(always)]
+    fn verdict(&mut self) {}
+}
+
+/// Counts into the counters of one ray.
+pub struct Count<'a>(pub &'a mut RayCounters);
+
+impl Counters for Count<'_> {
+    #[inline(always)]
+    fn step_axis(&mut self) {
+        self.0.steps_axis += 1;
+    }
+    #[inline(always)]
+    fn step_oblique(&mut self) {
+        self.0.steps_oblique += 1;
+    }
+    #[inline(always)]
+    fn leaf(&mut self, triangles: usize) {
+        if triangles == 0 {
+            self.0.leaves_empty += 1;
+        } else {
+            self.0.leaves += 1;
+        }
+    }
+    #[inline(always)]
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "a leaf holds fewer than 2^29 triangles"
+    )]
+    fn tests(&mut self, triangles: usize) {
+        self.0.tests += triangles as u32;
+    }
+    #[inline(always)]
+    fn verdict(&mut self) {
+        self.0.verdicts += 1;
+    }
+}
+
+/// The best hit of a walk so far, and how far the walk still has to look.
+pub struct Best {
+    hit: Hit,
+    /// Upper bound, in the frame's units, on the distance of anything that could still win.
+    pub reach: f32,
+}
+
+impl Best {
+    /// Nothing found yet.
+    #[inline(always)]
+    pub fn new(ray: &FrameRay) -> Self {
+        Self {
+            hit: Hit::MISS,
+            reach: ray.t_max,
+        }
+    }
+
+    /// Puts one candidate to the verdict; says whether the walk may end.
+    ///
+    /// Distances are compared after rounding, so that equal means equal to the caller too.
+    #[inline(always)]
+    pub fn offer<Q: Query, C: Counters>(
+        &mut self,
+        scene: &Triangles,
+        ray: &Ray,
+        frame: &FrameRay,
+        id: u32,
+        counters: &mut C,
+    ) -> bool {
+        counters.verdict();
+        let Some(found) = verdict(ray.o, ray.d, scene.corners(id)) else {
+            return false;
+        };
+        // An infinite distance is what a miss reports.
+        if !(ray.t_min <= found.t && found.t <= ray.t_max && found.t < f32::INFINITY) {
+            return false;
+        }
+        if found.t < self.hit.t || (found.t == self.hit.t && id < self.hit.triangle) {
+            self.hit = Hit {
+                t: found.t,
+                triangle: id,
+                u: found.u,
+                v: found.v,
+            };
+            self.reach = frame.reach(found.t);
+        }
+        Q::ANY
+    }
+
+    /// The answer.
+    #[inline(always)]
+    pub fn hit(&self) -> Hit {
+        self.hit
+    }
+}

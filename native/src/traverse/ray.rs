@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Rays and their answers, as callers see them.
+
+use crate::scene::Triangles;
+
+/// A ray `o + t d` with `t` in the closed interval `[t_min, t_max]`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Ray {
+    /// Origin, scene frame.
+    pub o: [f32; 3],
+    /// Direction, of any length; a zero direction meets nothing.
+    pub d: [f32; 3],
+    /// Smallest distance that counts, in units of `d`.
+    pub t_min: f32,
+    /// Largest distance that counts, in units of `d`; may be infinite.
+    pub t_max: f32,
+}
+
+/// The nearest triangle a ray meets. Of several at the same `t` the one with the smallest number.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Hit {
+    /// Distance in units of the direction, correctly rounded; infinite for a miss.
+    pub t: f32,
+    /// Number of the triangle; [`Hit::NONE`] for a miss.
+    pub triangle: u32,
+    /// Barycentric weight of the second corner.
+    pub u: f32,
+    /// Barycentric weight of the third corner.
+    pub v: f32,
+}
+
+impl Hit {
+    /// The triangle number of a miss.
+    pub const NONE: u32 = u32::MAX;
+    /// The answer of a ray that meets nothing.
+    pub const MISS: Self = Self {
+        t: f32::INFINITY,
+        triangle: Self::NONE,
+        u: 0.0,
+        v: 0.0,
+    };
+
+    /// Whether some triangle was met.
+    pub fn is_hit(&self) -> bool {
+        self.triangle != Self::NONE
+    }
+}
+
+/// What one ray cost.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct RayCounters {
+    /// Inner nodes with an axis-aligned plane (or a box, a slab pair, an octant).
+    pub steps_axis: u32,
+    /// Inner nodes with an oblique plane.
+    pub steps_oblique: u32,
+    /// Leaves with triangles.
+    pub leaves: u32,
+    /// Leaves without.
+    pub leaves_empty: u32,
+    /// Triangles tested in f32.
+    pub tests: u32,
+    /// Candidates put to the exact verdict.
+    pub verdicts: u32,
+}
+
+/// What a renderer sees of a structure: batches of rays in, answers out.
+pub trait Tracer: Sync {
+    /// The triangles that hits refer to.
+    fn triangles(&self) -> &Triangles;
+    /// The nearest hit of each ray, on the calling thread. All slices have the same length.
+    fn closest(&self, rays: &[Ray], hits: &mut [Hit], counters: Option<&mut [RayCounters]>);
+    /// Whether each ray meets anything at all, on the calling thread.
+    fn occluded(&self, rays: &[Ray], occluded: &mut [bool], counters: Option<&mut [RayCounters]>);
+}

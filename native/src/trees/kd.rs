@@ -1,0 +1,113 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The kd-tree: axis-aligned planes where the surface area heuristic wants them, triangles cut to
+//! their cells (Wald and Havran 2006).
+
+use crate::build::Monitor;
+use crate::build::cell::{BoxCell, Direction};
+use crate::build::cost::Costs;
+use crate::build::plane_tree::{MAX_DEPTH, PlaneTree, Shape};
+use crate::build::space::{self, Candidate, Params, PlanePolicy, Stop};
+use crate::build::sweep::Ties;
+use crate::error::Result;
+use crate::geom::Aabb;
+use crate::registry::{Built, StructureSpec, params};
+use crate::scene::Triangles;
+use crate::spec::Config;
+use crate::structure::Layout;
+use crate::traverse::blocks::Blocks;
+use crate::traverse::frame::Frame;
+
+/// The registry's row.
+pub const SPEC: StructureSpec = StructureSpec {
+    id: "kd",
+    code: 1,
+    label: "kd-tree",
+    family: "space",
+    summary: "Axis-aligned split planes by the surface area heuristic, triangles cut to their cells.",
+    paper: "Wald and Havran 2006, On building fast kd-trees for ray tracing, and on doing that in O(N log N)",
+    params: &[
+        params::TRAVERSAL_AXIS,
+        params::ROBUST,
+        params::step_cost(Costs::BLOCKS),
+        params::leaf_cost(Costs::BLOCKS),
+        params::triangle_cost(Costs::BLOCKS),
+        params::empty_factor(Costs::BLOCKS),
+        params::MAX_DEPTH,
+    ],
+    build,
+};
+
+/// The three axes, everywhere.
+pub struct Axes;
+
+impl PlanePolicy for Axes {
+    type Cell = BoxCell;
+
+    fn root(&self, bounds: Aabb) -> BoxCell {
+        BoxCell(bounds)
+    }
+
+    fn candidates(&self, _: &BoxCell, out: &mut Vec<Candidate>) {
+        out.extend((0..3).map(|k| Candidate::Sweep(Direction::Axis(k))));
+    }
+}
+
+/// The depth limit where the user gives none. Costs end nearly all paths well before.
+fn default_depth(triangles: usize) -> usize {
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "at most 62"
+    )]
+    let depth = (12.0 + 1.7 * (triangles.max(1) as f64).log2()).round() as usize;
+    depth.min(MAX_DEPTH)
+}
+
+fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built> {
+    let params = Params {
+        costs: Costs {
+            step: config.float("step_cost"),
+            leaf: config.float("leaf_cost"),
+            triangle: config.float("triangle_cost"),
+            empty: config.float("empty_factor"),
+            ..Costs::BLOCKS
+        },
+        ties: Ties::Clean,
+        clip: true,
+        leaf_size: 0,
+        max_depth: match config.integer("max_depth") {
+            0 => default_depth(scene.live().len()),
+            depth => depth,
+        },
+        stop: Stop::Cheapest,
+    };
+    plane_tree(scene, config, &Axes, &params, monitor)
+}
+
+/// Builds an axis-aligned tree and lays it out.
+pub fn plane_tree<P: PlanePolicy>(
+    scene: &Triangles,
+    config: &Config,
+    policy: &P,
+    params: &Params,
+    monitor: &Monitor,
+) -> Result<Built> {
+    let frame = Frame::new(scene.bounds());
+    let preorder = space::build(scene, &frame, policy, params, monitor)?;
+    let shape = Shape::new(&preorder);
+    let mut blocks = Blocks::new();
+    let tree = PlaneTree::new(&preorder, scene, &frame, &mut blocks);
+    let layout = match config.choice("traversal") {
+        "dir" => Layout::PlaneDir(tree),
+        _ => Layout::PlaneTaB(tree),
+    };
+    let left_out = vec!["oblique planes: every plane of this structure is axis-aligned".to_owned()];
+    let frame = frame.with_robust(config.choice("robust") != "none");
+    Ok(Built {
+        frame,
+        blocks,
+        layout,
+        shape,
+        left_out,
+    })
+}

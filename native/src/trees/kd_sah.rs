@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The kd-tree of pbrt and of Hoobergs 2019: whole triangles, none cut; one triangle per leaf; a
+//! triangle costs 80 steps. The baseline of that thesis, and so of everything compared with it.
+
+use crate::build::Monitor;
+use crate::build::cost::Costs;
+use crate::build::space::{Params, Stop};
+use crate::build::sweep::Ties;
+use crate::error::Result;
+use crate::registry::{Built, StructureSpec, params};
+use crate::scene::Triangles;
+use crate::spec::Config;
+use crate::trees::kd::{Axes, plane_tree};
+
+/// The registry's row.
+pub const SPEC: StructureSpec = StructureSpec {
+    id: "kd-sah",
+    code: 2,
+    label: "kd-tree (pbrt)",
+    family: "space",
+    summary: "The kd-tree of pbrt and of the thesis on BSP trees: whole triangles, one per leaf.",
+    paper: "Pharr, Jakob and Humphreys, Physically Based Rendering, 3rd ed., section 4.4; Hoobergs 2019",
+    params: &[
+        params::TRAVERSAL_AXIS,
+        params::ROBUST,
+        params::step_cost(Costs::THESIS),
+        params::triangle_cost(Costs::THESIS),
+        params::empty_factor(Costs::THESIS),
+        params::LEAF_SIZE,
+        params::MAX_DEPTH,
+    ],
+    build,
+};
+
+/// The depth limit of the thesis: round(2 + 1.6 floor(log2 n)).
+pub fn thesis_depth(triangles: usize) -> usize {
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "at most 53"
+    )]
+    let depth = (2.0 + 1.6 * f64::from(triangles.max(1).ilog2())).round() as usize;
+    depth
+}
+
+fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built> {
+    let params = Params {
+        costs: Costs {
+            step: config.float("step_cost"),
+            triangle: config.float("triangle_cost"),
+            empty: config.float("empty_factor"),
+            ..Costs::THESIS
+        },
+        ties: Ties::StartsFirst,
+        clip: false,
+        leaf_size: config.integer("leaf_size"),
+        max_depth: match config.integer("max_depth") {
+            0 => thesis_depth(scene.live().len()),
+            depth => depth,
+        },
+        stop: Stop::Tolerant(3),
+    };
+    plane_tree(scene, config, &Axes, &params, monitor)
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn depths_are_those_of_the_thesis() {
+        let depths = [33_264, 123_651, 227_309, 1_462_840].map(super::thesis_depth);
+        assert_eq!(depths, [26, 28, 29, 34]);
+    }
+}
