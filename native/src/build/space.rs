@@ -26,7 +26,7 @@ const PARALLEL_SWEEP: usize = 1 << 16;
 
 /// References per triangle that no tree exceeds. A node's share of this budget goes to its children
 /// in proportion to their references; a node that would overdraw it becomes a leaf.
-const BUDGET: usize = 64;
+const BUDGET: usize = 1024;
 
 /// Something to try at a node.
 #[derive(Debug, Clone, Copy, PartialEq)]
