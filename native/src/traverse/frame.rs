@@ -86,7 +86,13 @@ impl Frame {
             return None;
         }
         let unit = power_of_two(longest);
-        let d = ray.d.map(|x| x / unit);
+        // The reciprocal of a power of two is one, unless it overflows.
+        let d = if unit > f32::MIN_POSITIVE {
+            let inverse = 1.0 / unit;
+            ray.d.map(|x| x * inverse)
+        } else {
+            ray.d.map(|x| x / unit)
+        };
         let o = self.point(ray.o);
         let to_frame = f64::from(unit) * f64::from(self.scale);
         let far = o[0].abs().max(o[1].abs()).max(o[2].abs());
