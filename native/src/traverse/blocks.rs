@@ -21,8 +21,9 @@ pub const LANES: usize = 8;
 /// Words per triangle.
 const WORDS: usize = 10;
 
-/// Words that loads may run over the end of a block.
-const OVERRUN: usize = LANES;
+/// Words that the test may read from the beginning of any block, however few triangles it has: all
+/// loads then lie provably inside, and are checked once per block.
+const SPAN: usize = 1 + WORDS * LANES + LANES;
 
 // With |d| < 2 per component, |e| <= E, |o - v| <= S and all inputs of the test rounded once, the
 // roundings of each quantity add up to less than (per component bounds, worst case of signs):
@@ -83,7 +84,7 @@ impl Blocks {
 
     /// Adds the words that loads may run over at the end.
     pub fn seal(&mut self) {
-        self.words.resize(self.words.len() + OVERRUN, 0.0);
+        self.words.resize(self.words.len() + SPAN, 0.0);
         self.words.shrink_to_fit();
     }
 
@@ -128,7 +129,7 @@ impl Blocks {
         while left > 0 {
             let n = left.min(LANES);
             counters.tests(n);
-            let block = &self.words[at..at + 1 + WORDS * n + OVERRUN];
+            let block = self.words[at..].first_chunk().expect("sealed: no block is the last");
             let mut open = Candidates::new(simd, block, n, frame, best.reach);
             while let Some(lane) = open.next::<Q>() {
                 let id = block[1 + 9 * n + lane].to_bits();
@@ -156,7 +157,7 @@ struct Candidates<S: Simd> {
 impl<S: Simd> Candidates<S> {
     /// Rejects every triangle that the ray certainly misses between its start and `reach`.
     #[inline(always)]
-    fn new(simd: S, block: &[f32], n: usize, ray: &FrameRay, reach: f32) -> Self {
+    fn new(simd: S, block: &[f32; SPAN], n: usize, ray: &FrameRay, reach: f32) -> Self {
         let splat = |x: f32| f32x8::splat(simd, x);
         let row = |r: usize| f32x8::from_slice(simd, &block[1 + r * n..1 + r * n + LANES]);
         let size = block[0];
@@ -311,7 +312,7 @@ mod tests {
             let mut at = first as usize;
             for ids in scene.live().chunks(LANES) {
                 let n = ids.len();
-                let block = &blocks.words[at..at + 1 + WORDS * n + OVERRUN];
+                let block = blocks.words[at..].first_chunk().unwrap();
                 let mask = dispatch!(Level::new(), simd => Candidates::new(simd, block, n, &framed, framed.t_max).lanes);
                 for (lane, &id) in ids.iter().enumerate() {
                     prop_assert!(mask >> lane & 1 == 1 || !hit(id), "triangle {id} was rejected");
