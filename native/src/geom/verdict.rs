@@ -42,7 +42,10 @@ struct Sized {
 impl Sized {
     #[inline(always)]
     fn new(vector: Vec3) -> Self {
-        Self { vector, size: vector[0].abs().max(vector[1].abs()).max(vector[2].abs()) }
+        Self {
+            vector,
+            size: vector[0].abs().max(vector[1].abs()).max(vector[2].abs()),
+        }
     }
 }
 
