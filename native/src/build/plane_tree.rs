@@ -61,7 +61,7 @@ pub enum Node {
 }
 
 /// A tree of split planes over a scene.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct PlaneTree {
     nodes: Vec<[u32; 2]>,
     planes: Vec<[f32; 4]>,
@@ -159,7 +159,7 @@ impl PlaneTree {
                 axis: axis as usize,
                 split: f32::from_bits(word),
                 children: link >> LOW_BITS,
-                empty: link / EMPTY & 3,
+                empty: (link / EMPTY) & 3,
             },
             OBLIQUE => {
                 let [x, y, z, offset] = self.planes[word as usize];
@@ -167,7 +167,7 @@ impl PlaneTree {
                     normal: [x, y, z],
                     offset,
                     children: link >> LOW_BITS,
-                    empty: link / EMPTY & 3,
+                    empty: (link / EMPTY) & 3,
                 }
             }
             _ => Node::Leaf {

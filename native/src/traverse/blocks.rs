@@ -46,6 +46,14 @@ pub struct Blocks {
     words: Vec<f32>,
 }
 
+impl PartialEq for Blocks {
+    /// Bit for bit: triangle numbers are stored as floats and may read as NaN.
+    fn eq(&self, other: &Self) -> bool {
+        let bits = |blocks: &Self| blocks.words.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
+        bits(self) == bits(other)
+    }
+}
+
 impl Blocks {
     /// No blocks; call [`Self::seal`] when all are in.
     pub fn new() -> Self {
@@ -122,8 +130,7 @@ impl Blocks {
         simd: S,
         (first, count): (u32, usize),
         scene: &Triangles,
-        (ray, frame): (&Ray, &FrameRay),
-        leave: f32,
+        (ray, frame, leave): (&Ray, &FrameRay, f32),
         best: &mut Best,
         counters: &mut C,
     ) -> bool {

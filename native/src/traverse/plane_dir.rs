@@ -93,8 +93,7 @@ impl batch::Walk for Walk<'_> {
                         simd,
                         (first, count),
                         scene,
-                        (ray, frame),
-                        leave,
+                        (ray, frame, leave),
                         &mut best,
                         counters,
                     ) {

@@ -139,8 +139,7 @@ impl batch::Walk for Walk<'_> {
                         simd,
                         (first, count),
                         scene,
-                        (ray, frame),
-                        segment.leave,
+                        (ray, frame, segment.leave),
                         &mut best,
                         counters,
                     ) {
