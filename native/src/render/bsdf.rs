@@ -5,10 +5,11 @@
 //! is where the path came from (z > 0), `wo` where it goes. `GLOSSY` and `GLASS` say whether the
 //! scene has such lobes at all: without them their code is not compiled into the path.
 
-use std::f32::consts::{FRAC_1_PI, TAU};
+use std::f32::consts::FRAC_1_PI;
 
 use super::fresnel;
 use super::material::{Coat, Glass, Material, Metal};
+use super::trig::sin_cos_turns;
 use super::vector::{Vec3, vec3};
 
 /// A sampled direction.
@@ -216,7 +217,7 @@ impl<'a, const GLOSSY: bool, const GLASS: bool> Bsdf<'a, GLOSSY, GLASS> {
             return None;
         }
         // Malley's method: a uniform disc lifted onto the hemisphere.
-        let (sin, cos) = (TAU * u[0]).sin_cos();
+        let (sin, cos) = sin_cos_turns(u[0]);
         let r = u[1].sqrt();
         let wo = vec3(r * cos, r * sin, (1.0 - u[1]).max(0.0).sqrt());
         self.finish(wo)
@@ -324,6 +325,8 @@ fn reflect_probability(reflectance: f32, tint: Vec3) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::super::material::MaterialParams;
+    use std::f32::consts::TAU;
+
     use super::super::sampler::PixelSampler;
     use super::*;
 

@@ -3,7 +3,7 @@
 //! a tree type.
 //!
 //! From the ground up:
-//! - [`vector`], [`check`]: f32 vectors and frames; checks that name the key at fault;
+//! - [`vector`], [`trig`], [`check`]: f32 vectors and frames; sines; checks that name the key;
 //! - [`sampler`], [`filter`], [`camera`]: random numbers, the pixel filter, camera rays;
 //! - [`fresnel`], [`ggx`], [`albedo`], [`material`], [`bsdf`]: what surfaces do with light;
 //! - [`light_shapes`], [`lights`]: where light comes from;
@@ -35,6 +35,7 @@ pub mod sampler;
 pub mod scene;
 pub mod settings;
 pub mod surface;
+pub mod trig;
 pub mod vector;
 
 #[cfg(test)]
