@@ -14,9 +14,6 @@
 //! (pixel, seed, dimension, sample), a pixel's samples are added in order, and structures answer
 //! alike bit for bit. So neither the structure nor the number of threads changes any pixel.
 
-// Counts and pixel coordinates become f32 all over; they are far below 2^24 where it matters.
-#![allow(clippy::cast_precision_loss)]
-
 pub mod albedo;
 pub mod bsdf;
 pub mod camera;
