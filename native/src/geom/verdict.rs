@@ -42,7 +42,10 @@ struct Sized {
 impl Sized {
     #[inline(always)]
     fn new(vector: Vec3) -> Self {
-        Self { vector, size: vector[0].abs().max(vector[1].abs()).max(vector[2].abs()) }
+        Self {
+            vector,
+            size: vector[0].abs().max(vector[1].abs()).max(vector[2].abs()),
+        }
     }
 }
 
@@ -64,7 +67,7 @@ fn determinant(row: Sized, p: Sized, q: Sized) -> Bounded {
 
 /// Decides on the line `o + t d` and the closed triangle `v`. A line in the triangle's plane
 /// misses it, and so does every line a triangle without area. `d` need not be of unit length.
-#[inline]
+#[inline(always)]
 pub fn verdict(o: [f32; 3], d: [f32; 3], v: [[f32; 3]; 3]) -> Option<Verdict> {
     let (o64, d64, v64) = (widen(o), widen(d), v.map(widen));
     let [a, b, c] = from_origin(o64, v64).map(Sized::new);

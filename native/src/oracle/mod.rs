@@ -24,7 +24,7 @@ pub fn exact_closest(scene: &Triangles, ray: &Ray) -> ExactAnswer {
         hit: Hit::MISS,
         on_boundary: false,
     };
-    if !(ray.t_min <= ray.t_max) {
+    if ray.t_min > ray.t_max {
         return answer;
     }
     for &id in scene.live() {

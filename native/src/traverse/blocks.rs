@@ -9,7 +9,7 @@
 //! The test is that of Möller and Trumbore 1997, with an error bound on each of its quantities. It
 //! rejects a triangle only when the bound proves the miss; all others go to the exact verdict.
 
-use super::frame::{Frame, FrameRay, U};
+use super::frame::{Frame, FrameRay, U, keep_min};
 use super::query::{Best, Counters, Query};
 use super::ray::Ray;
 use crate::scene::Triangles;
@@ -44,6 +44,14 @@ const UNDERFLOW: f32 = 1e-36;
 #[derive(Debug, Clone, Default)]
 pub struct Blocks {
     words: Vec<f32>,
+}
+
+impl PartialEq for Blocks {
+    /// Bit for bit: triangle numbers are stored as floats and may read as NaN.
+    fn eq(&self, other: &Self) -> bool {
+        let bits = |blocks: &Self| blocks.words.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
+        bits(self) == bits(other)
+    }
 }
 
 impl Blocks {
@@ -113,14 +121,16 @@ impl Blocks {
         ids
     }
 
-    /// Tests the leaf of `count` triangles that begins at `first`; says whether the walk may end.
+    /// Tests the leaf of `count` triangles that begins at `first`, for hits not beyond `leave`, where
+    /// the ray leaves the leaf's cell; says whether the walk may end. A hit farther away lies in
+    /// another leaf too.
     #[inline(always)]
     pub fn test<S: Simd, Q: Query, C: Counters>(
         &self,
         simd: S,
         (first, count): (u32, usize),
         scene: &Triangles,
-        (ray, frame): (&Ray, &FrameRay),
+        (ray, frame, leave): (&Ray, &FrameRay, f32),
         best: &mut Best,
         counters: &mut C,
     ) -> bool {
@@ -129,8 +139,10 @@ impl Blocks {
         while left > 0 {
             let n = left.min(LANES);
             counters.tests(n);
-            let block = self.words[at..].first_chunk().expect("sealed: no block is the last");
-            let mut open = Candidates::new(simd, block, n, frame, best.reach);
+            let block = self.words[at..]
+                .first_chunk()
+                .expect("sealed: no block is the last");
+            let mut open = Candidates::new(simd, block, n, frame, keep_min(leave, best.reach));
             while let Some(lane) = open.next::<Q>() {
                 let id = block[1 + 9 * n + lane].to_bits();
                 if best.offer::<Q, C>(scene, ray, frame, id, counters) {
@@ -189,12 +201,14 @@ impl<S: Simd> Candidates<S> {
         let (det, u, v, t) = (det * sign, u * sign, v * sign, t * sign);
         let least = u.min(v).min(det - u - v);
 
+        // A corner of a triangle that is hit within reach is no farther than that, and its size.
+        let span = keep_min(2.0 * reach + size, ray.span);
         // Zero, or NaN where some product may have overflowed: NaN bounds reject nothing.
-        let overflow = 0.0 * (64.0 * ray.span * size * size.max(1.0));
+        let overflow = 0.0 * (64.0 * span * size * size.max(1.0));
         let floor = UNDERFLOW + overflow;
         let det_error = DET_ERROR * size * size + UNDERFLOW;
-        let t_error = T_ERROR * ray.span * size * size + floor;
-        let uv_error = 2.0 * UV_ERROR * ray.span * size + 3.0 * det_error + floor;
+        let t_error = T_ERROR * span * size * size + floor;
+        let uv_error = 2.0 * UV_ERROR * span * size + 3.0 * det_error + floor;
         let doubt = t_error + 3.0 * reach.abs() * det_error;
         let behind = if ray.t_min >= -1e-30 {
             -doubt
@@ -206,8 +220,7 @@ impl<S: Simd> Candidates<S> {
             | t.simd_lt(splat(behind));
         let mut lanes = !rejected.to_bitmask() & ((1 << n) - 1);
         if lanes != 0 {
-            // The bounds above are those of the largest triangle anywhere in the scene; now each
-            // triangle gets its own.
+            // The bounds above are those of the block's largest triangle; now each gets its own.
             let largest = |v: [f32x8<S>; 3]| v[0].abs().max(v[1].abs()).max(v[2].abs());
             let size = largest(a).max(largest(b));
             let uv_error = size.mul_add(

@@ -78,11 +78,14 @@ impl Frame {
         self.bounds
     }
 
-    /// The ray in this frame, cut to the scene's box; `None` when it certainly misses the box.
+    /// The ray in this frame, cut to the scene's box; `None` when it certainly misses the box, when
+    /// its direction is zero, or when a number of it is not finite.
     #[inline(always)]
     pub fn ray(&self, ray: &Ray) -> Option<FrameRay> {
         let longest = ray.d[0].abs().max(ray.d[1].abs()).max(ray.d[2].abs());
-        if longest == 0.0 {
+        // Infinity and NaN times zero is NaN.
+        let finite = (0..3).map(|k| ray.o[k] * 0.0 + ray.d[k] * 0.0).sum::<f32>() == 0.0;
+        if longest == 0.0 || !finite {
             return None;
         }
         let unit = power_of_two(longest);
