@@ -3,18 +3,28 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..core.notes import Notes
 from ..core.scene import F64, Camera
+
+if TYPE_CHECKING:
+    from ..core.notes import Notes
 
 FALLBACK = "PERSP"
 
 
-def read_camera(item: Any, depsgraph: Any, matrix_world: Any, origin: F64, notes: Notes, *, size: tuple[int, int],
-                pixel_aspect: tuple[float, float] = (1.0, 1.0)) -> Camera:
+def read_camera(
+    item: Any,
+    depsgraph: Any,
+    matrix_world: Any,
+    origin: F64,
+    notes: Notes,
+    *,
+    size: tuple[int, int],
+    pixel_aspect: tuple[float, float] = (1.0, 1.0),
+) -> Camera:
     """An evaluated camera object seen in a frame of `size` pixels.
 
     matrix_world: the camera's place without scale; origin: (3,) float64, where the scene frame lies in the world.
@@ -28,9 +38,7 @@ def read_camera(item: Any, depsgraph: Any, matrix_world: Any, origin: F64, notes
     elif item.data.dof.use_dof:
         notes.add("Depth of field is not supported yet, everything is sharp", item.name)
     projection = np.array(
-        item.calc_matrix_camera(
-            depsgraph, x=size[0], y=size[1], scale_x=pixel_aspect[0], scale_y=pixel_aspect[1]
-        ),
+        item.calc_matrix_camera(depsgraph, x=size[0], y=size[1], scale_x=pixel_aspect[0], scale_y=pixel_aspect[1]),
         np.float64,
     )
     to_world = np.array(matrix_world, np.float64)

@@ -5,18 +5,20 @@ from __future__ import annotations
 
 import logging
 import time
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import bpy
 import numpy as np
 
 from ..core import catalogue, native
 from ..core.notes import Notes
-from ..core.scene import Camera
 from ..core.session import Cancelled, Session, watch
 from ..core.settings import RenderSettings
 from . import camera, extract, passes, properties, reports
 from .viewport import Viewport
+
+if TYPE_CHECKING:
+    from ..core.scene import Camera
 
 ENGINE = "HALFSPACE"
 UPDATE_MILLISECONDS = 400
@@ -27,6 +29,8 @@ log = logging.getLogger(__name__)
 
 
 class HalfspaceEngine(bpy.types.RenderEngine):
+    """What Blender creates for each final render and each 3D view in rendered mode."""
+
     bl_idname = ENGINE
     bl_label = "Halfspace"
     bl_use_preview = False
@@ -122,7 +126,8 @@ class _Picture:
 
         statistics = {**session.structure.statistics, **job.statistics}
         self._say(_summary(label, statistics, job))
-        self.engine.update_memory_stats(memory_used=statistics["bytes"] / 2**20, memory_peak=statistics["bytes"] / 2**20)
+        mebibytes = statistics["bytes"] / 2**20
+        self.engine.update_memory_stats(memory_used=mebibytes, memory_peak=mebibytes)
         left_out = [*session.structure.statistics["left_out"], *session.left_out]
         report = reports.Report(label, count, extract_seconds, statistics, left_out, self.notes.lines())
         reports.keep(self.scene, report)

@@ -4,13 +4,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..core.notes import Notes
 from ..core.scene import Light, Scene
 from . import lights, materials, meshes, world
+
+if TYPE_CHECKING:
+    from ..core.notes import Notes
 
 MESH_TYPES = {"MESH"}
 CONVERTIBLE_TYPES = {"CURVE", "SURFACE", "FONT", "META"}
@@ -128,8 +130,9 @@ class _Reader:
             self.notes.add("Holdout is not supported yet, rendered as usual", name)
         if not all(getattr(item, ray) for ray in RAY_VISIBILITY):
             self.notes.add("Ray visibility is not supported yet, visible to all rays", name)
-        if any(system.settings.type == "HAIR" and system.settings.render_type == "PATH" for system in
-               item.particle_systems):
+        if any(
+            system.settings.type == "HAIR" and system.settings.render_type == "PATH" for system in item.particle_systems
+        ):
             self.notes.add("Skipped, hair strands cannot be rendered yet", name)
 
 

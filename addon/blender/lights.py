@@ -5,13 +5,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..core.notes import Notes
 from ..core.scene import F64, RGB, Light
 from .nodes import Place, Unsupported, color, number, scaled
+
+if TYPE_CHECKING:
+    from ..core.notes import Notes
 
 
 def read_light(item: Any, matrix: F64, notes: Notes) -> Light | None:

@@ -4,12 +4,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from ..core.notes import Notes
 from ..core.scene import RGB, Material
 from .nodes import Place, Unsupported
 from .surfaces import BLACK, Context, surface
+
+if TYPE_CHECKING:
+    from ..core.notes import Notes
 
 DEFAULT = Material("(no material)")
 

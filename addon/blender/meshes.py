@@ -8,12 +8,14 @@ triangle corners) and the property is a plain array; anything else converts item
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..core.scene import F32, F64, I32, Geometry, Source
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 NORMALS_FLAT, NORMALS_VERTEX, NORMALS_CORNER = "FACE", "POINT", "CORNER"
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from ..core.scene import RGB
+if TYPE_CHECKING:
+    from ..core.scene import RGB
 
 MAX_STEPS = 256
 """Longer chains are not followed. Blender forbids cycles, but a file can be broken."""
@@ -65,8 +66,9 @@ def _before(place: Place) -> Place | None:
         case "NodeReroute":
             return Place(node.inputs[0], groups)
         case "ShaderNodeGroup" if node.node_tree is not None:
-            inside = next((n for n in node.node_tree.nodes if n.bl_idname == "NodeGroupOutput" and n.is_active_output),
-                          None)
+            inside = next(
+                (n for n in node.node_tree.nodes if n.bl_idname == "NodeGroupOutput" and n.is_active_output), None
+            )
             return None if inside is None else Place(_twin(inside.inputs, socket), (*groups, node))
         case "NodeGroupInput" if groups:
             return Place(_twin(groups[-1].inputs, socket), groups[:-1])

@@ -11,10 +11,12 @@ from . import showcase
 
 
 class HALFSPACE_OT_showcase(bpy.types.Operator):
+    """Adds the built-in scene."""
+
     bl_idname = "halfspace.showcase"
     bl_label = "New Showcase Scene"
     bl_description = "Add a scene with glass, metal and tilted geometry, lit and framed, ready to render"
-    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012 - Blender reads it from the class
+    bl_options = {"REGISTER", "UNDO"}
 
     def execute(self, context: Any) -> set[str]:
         scene = bpy.data.scenes.new("Showcase")

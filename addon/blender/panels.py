@@ -48,6 +48,8 @@ class _Panel:
 
 
 class HALFSPACE_PT_structure(_Panel, bpy.types.Panel):
+    """The acceleration structure and its parameters, or why there is none."""
+
     bl_label = "Structure"
 
     def draw(self, context: Any) -> None:
@@ -62,6 +64,8 @@ class HALFSPACE_PT_structure(_Panel, bpy.types.Panel):
 
 
 class HALFSPACE_PT_sampling(_Panel, bpy.types.Panel):
+    """How many rays, how long their paths."""
+
     bl_label = "Sampling"
 
     def draw(self, context: Any) -> None:
@@ -74,14 +78,18 @@ class HALFSPACE_PT_sampling(_Panel, bpy.types.Panel):
 
 
 class HALFSPACE_PT_film(_Panel, bpy.types.Panel):
+    """What the background is."""
+
     bl_label = "Film"
-    bl_options = {"DEFAULT_CLOSED"}  # noqa: RUF012 - Blender reads it from the class
+    bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: Any) -> None:
         self._column().prop(context.scene.render, "film_transparent", text="Transparent")
 
 
 class HALFSPACE_PT_statistics(_Panel, bpy.types.Panel):
+    """What the last picture cost, left out and did not understand."""
+
     bl_label = "Statistics"
 
     def draw(self, context: Any) -> None:
@@ -109,6 +117,8 @@ class HALFSPACE_PT_statistics(_Panel, bpy.types.Panel):
 
 
 class HALFSPACE_PT_passes(_Panel, bpy.types.Panel):
+    """The passes of a view layer."""
+
     bl_label = "Passes"
     bl_context = "view_layer"
 
@@ -125,6 +135,8 @@ class HALFSPACE_PT_passes(_Panel, bpy.types.Panel):
 
 
 class HALFSPACE_PT_material(_Panel, bpy.types.Panel):
+    """The object's material slots and the inputs of the active material's shader."""
+
     bl_label = "Surface"
     bl_context = "material"
 
@@ -151,6 +163,8 @@ class HALFSPACE_PT_material(_Panel, bpy.types.Panel):
 
 
 class HALFSPACE_PT_world(_Panel, bpy.types.Panel):
+    """The inputs of the world's shader."""
+
     bl_label = "Surface"
     bl_context = "world"
 
@@ -163,6 +177,8 @@ class HALFSPACE_PT_world(_Panel, bpy.types.Panel):
 
 
 class HALFSPACE_PT_light(_Panel, bpy.types.Panel):
+    """The settings of a light."""
+
     bl_label = "Light"
     bl_context = "data"
 

@@ -4,13 +4,15 @@
 from __future__ import annotations
 
 import zlib
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
 
 from ..core import catalogue, native, settings
-from ..core.catalogue import Catalogue, Parameter
+
+if TYPE_CHECKING:
+    from ..core.catalogue import Catalogue, Parameter
 
 
 def structure_parameters(group: Any) -> tuple[Parameter, ...]:
@@ -21,8 +23,9 @@ def structure_parameters(group: Any) -> tuple[Parameter, ...]:
 def spec(group: Any) -> str:
     """The configuration string of a `scene.halfspace` group. Raises native.NativeError."""
     structure = catalogue.load()[group.structure]
-    return settings.spec(structure, {parameter.name: getattr(group, parameter.name) for parameter in
-                                     structure.parameters})
+    return settings.spec(
+        structure, {parameter.name: getattr(group, parameter.name) for parameter in structure.parameters}
+    )
 
 
 def _follow_structure(group: Any, _context: Any) -> None:
@@ -73,7 +76,10 @@ def _parameter_property(parameter: Parameter) -> Any:
 
 RENDER_PROPERTIES: dict[str, Any] = {
     "samples": IntProperty(
-        name="Samples", description="Rays per pixel; noise halves with four times as many", default=32, min=1,
+        name="Samples",
+        description="Rays per pixel; noise halves with four times as many",
+        default=32,
+        min=1,
         max=1 << 20,
     ),
     "preview_samples": IntProperty(
@@ -90,11 +96,14 @@ RENDER_PROPERTIES: dict[str, Any] = {
 
 
 class HalfspaceViewLayerSettings(bpy.types.PropertyGroup):
+    """The passes that only this engine has."""
+
     use_pass_steps: BoolProperty(  # type: ignore[valid-type]
         name="Traversal Steps", description="How many nodes each pixel's camera rays visit", default=False
     )
     use_pass_tests: BoolProperty(  # type: ignore[valid-type]
-        name="Triangle Tests", description="How many triangles each pixel's camera rays are tested against",
+        name="Triangle Tests",
+        description="How many triangles each pixel's camera rays are tested against",
         default=False,
     )
 
@@ -105,10 +114,8 @@ _registered: list[type] = []
 def register() -> None:
     """Register the property groups; without a native module the scene keeps only what needs no catalogue."""
     properties = dict(RENDER_PROPERTIES)
-    try:
+    if native.problem() is None:  # else said in the panel and by every render; stored values stay in the file
         properties |= _structure_properties(catalogue.load())
-    except native.NativeError:
-        pass  # said in the panel and by every render; stored values stay in the file
     scene_settings = type("HalfspaceSettings", (bpy.types.PropertyGroup,), {"__annotations__": properties})
     for group, owner in ((scene_settings, bpy.types.Scene), (HalfspaceViewLayerSettings, bpy.types.ViewLayer)):
         bpy.utils.register_class(group)

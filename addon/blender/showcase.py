@@ -77,9 +77,7 @@ def _glass(scene: Any) -> None:
         smooth=True,
     )
     ball.location = (1.75, -1.0, 0.78)
-    ball.data.materials.append(
-        _material("Glass", (0.96, 0.99, 0.98), roughness=0.0, transmission=1.0, ior=1.45)
-    )
+    ball.data.materials.append(_material("Glass", (0.96, 0.99, 0.98), roughness=0.0, transmission=1.0, ior=1.45))
 
 
 def _mirror_ball(scene: Any) -> None:
@@ -177,8 +175,16 @@ def _lights(scene: Any) -> None:
     sun.angle = math.radians(1.5)
 
 
-def _light(scene: Any, name: str, kind: str, place: tuple[float, float, float], target: tuple[float, float, float], *,
-           energy: float, color: tuple[float, float, float]) -> Any:
+def _light(
+    scene: Any,
+    name: str,
+    kind: str,
+    place: tuple[float, float, float],
+    target: tuple[float, float, float],
+    *,
+    energy: float,
+    color: tuple[float, float, float],
+) -> Any:
     data = bpy.data.lights.new(name, kind)
     data.energy, data.color = energy, color
     item = bpy.data.objects.new(name, data)
@@ -232,8 +238,15 @@ def _bevel(item: Any, width: float) -> None:
     modifier.limit_method = "NONE"
 
 
-def _material(name: str, color: tuple[float, float, float], *, metallic: float = 0.0, roughness: float = 0.5,
-              transmission: float = 0.0, ior: float = 1.5) -> Any:
+def _material(
+    name: str,
+    color: tuple[float, float, float],
+    *,
+    metallic: float = 0.0,
+    roughness: float = 0.5,
+    transmission: float = 0.0,
+    ior: float = 1.5,
+) -> Any:
     """A Principled BSDF with these values, shown in the same colour in the viewport."""
     material = bpy.data.materials.new(name)
     if material.node_tree is None:

@@ -3,11 +3,13 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from ..core.notes import Notes
 from ..core.scene import World
 from .nodes import Place, Unsupported, color, number, scaled
+
+if TYPE_CHECKING:
+    from ..core.notes import Notes
 
 
 def read_world(world: Any, notes: Notes) -> World:

@@ -6,10 +6,11 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from .scene import Camera, Geometry, Scene
-from .settings import RenderSettings
+if TYPE_CHECKING:
+    from .scene import Camera, Geometry, Scene
+    from .settings import RenderSettings
 
 POLL_SECONDS = 0.05
 """How often long work is looked at; a cancel is noticed after at most this time."""

@@ -5,11 +5,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .catalogue import Structure, Value
+if TYPE_CHECKING:
+    from .catalogue import Structure, Value
 
 
 class SettingsError(ValueError):
@@ -33,7 +34,7 @@ def spec(structure: Structure, values: Mapping[str, Value]) -> str:
 def same(a: Value, b: Value) -> bool:
     """Whether two values are the same number or name, as far as f32 can tell, in which Blender stores numbers."""
     if isinstance(a, float) or isinstance(b, float):
-        return np.float32(a) == np.float32(b)
+        return bool(np.float32(a) == np.float32(b))
     return a == b
 
 

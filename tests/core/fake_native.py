@@ -23,7 +23,11 @@ class Monitor:
 class Structure:
     def __init__(self, triangles: int) -> None:
         self.statistics = {
-            "build_seconds": 0.0, "bytes": 64, "dropped_triangles": 0, "left_out": [], "triangles": triangles
+            "build_seconds": 0.0,
+            "bytes": 64,
+            "dropped_triangles": 0,
+            "left_out": [],
+            "triangles": triangles,
         }
 
 
@@ -37,8 +41,14 @@ class FakeNative:
 
     Monitor = Monitor
 
-    def __init__(self, *, build_seconds: float = 0.0, render_seconds: float = 0.0, error: Exception | None = None,
-                 job_error: str | None = None) -> None:
+    def __init__(
+        self,
+        *,
+        build_seconds: float = 0.0,
+        render_seconds: float = 0.0,
+        error: Exception | None = None,
+        job_error: str | None = None,
+    ) -> None:
         self.build_seconds = build_seconds
         self.render_seconds = render_seconds
         self.error = error
@@ -96,5 +106,6 @@ class Job:
         self.cancelled = True
 
     def copy_into(self, name: str, out: np.ndarray[Any, Any]) -> None:
-        assert out.dtype == np.float32 and out.shape == (self._pixels * self.passes[name],)
+        assert out.dtype == np.float32
+        assert out.shape == (self._pixels * self.passes[name],)
         out[:] = 0.5

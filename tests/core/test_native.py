@@ -6,11 +6,13 @@ import sys
 import tomllib
 import types
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
-from conftest import ROOT
 
 from addon.core import native
+
+ROOT = Path(__file__).resolve().parents[2]
 
 
 @pytest.fixture(autouse=True)
@@ -23,7 +25,9 @@ def _fresh() -> Iterator[None]:
 def test_a_missing_module_is_said_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "halfspace_native", None)
     problem = native.problem()
-    assert problem is not None and "cannot be loaded" in problem and "\n" not in problem
+    assert problem is not None
+    assert "cannot be loaded" in problem
+    assert "\n" not in problem
     with pytest.raises(native.NativeError):
         native.load()
 
@@ -32,11 +36,14 @@ def test_another_version_asks_for_a_restart(monkeypatch: pytest.MonkeyPatch) -> 
     other = types.SimpleNamespace(__version__="9.9.9")
     monkeypatch.setitem(sys.modules, "halfspace_native", other)
     problem = native.problem()
-    assert problem is not None and "9.9.9" in problem and "restart Blender" in problem
+    assert problem is not None
+    assert "9.9.9" in problem
+    assert "restart Blender" in problem
 
 
 def test_all_versions_agree() -> None:
-    for name, keys in (("blender_manifest.toml", ()), ("pyproject.toml", ("project",)), ("native/Cargo.toml", ("package",))):
+    files = {"blender_manifest.toml": [], "pyproject.toml": ["project"], "native/Cargo.toml": ["package"]}
+    for name, keys in files.items():
         table = tomllib.loads((ROOT / name).read_text(encoding="utf-8"))
         for key in keys:
             table = table[key]
@@ -45,7 +52,7 @@ def test_all_versions_agree() -> None:
 
 def test_core_imports_nothing_of_blender() -> None:
     forbidden = {"bpy", "bmesh", "mathutils", "gpu", "gpu_extras", "bpy_extras"}
-    files = sorted((ROOT / "addon" / "core").glob("*.py")) + [ROOT / "addon" / "__init__.py"]
+    files = [*sorted((ROOT / "addon" / "core").glob("*.py")), ROOT / "addon" / "__init__.py"]
     assert len(files) > 5
     for file in files:
         tree = ast.parse(file.read_text(encoding="utf-8"))

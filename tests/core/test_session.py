@@ -17,14 +17,16 @@ SETTINGS = RenderSettings(width=4, height=3)
 
 
 def start(native: FakeNative) -> Session:
-    return Session.start(native, SCENE, "kd", keep_going=lambda progress: True)
+    return Session.start(native, SCENE, "kd", keep_going=lambda _progress: True)
 
 
 def test_materials_and_world_reach_the_native_scene() -> None:
     session = start(FakeNative())
     parts = session.render_scene.parts
-    assert parts["materials"][0]["name"] == "grey" and parts["world"] == {"color": (0.0, 0.0, 0.0)}
-    assert parts["corner_normals"] is None and parts["material_index"].dtype == np.int32
+    assert parts["materials"][0]["name"] == "grey"
+    assert parts["world"] == {"color": (0.0, 0.0, 0.0)}
+    assert parts["corner_normals"] is None
+    assert parts["material_index"].dtype == np.int32
     assert session.left_out == ["shadow rays: no lights"]
 
 
@@ -32,9 +34,10 @@ def test_a_cancelled_build_stops_soon_and_joins_its_thread() -> None:
     native = FakeNative(build_seconds=30.0)
     begin = time.monotonic()
     with pytest.raises(Cancelled):
-        Session.start(native, SCENE, "kd", keep_going=lambda progress: False)
+        Session.start(native, SCENE, "kd", keep_going=lambda _progress: False)
     assert time.monotonic() - begin < 1.0
-    assert native.monitor is not None and native.monitor.cancelled
+    assert native.monitor is not None
+    assert native.monitor.cancelled
 
 
 def test_an_error_of_the_build_reaches_the_caller() -> None:
@@ -45,19 +48,21 @@ def test_an_error_of_the_build_reaches_the_caller() -> None:
 def test_a_render_shows_intermediate_pictures_and_ends() -> None:
     job = start(FakeNative(render_seconds=0.3)).render(CAMERA, SETTINGS)
     shown: list[float] = []
-    watch(job, milliseconds=50, keep_going=lambda progress: True, show=lambda: shown.append(job.progress))
-    assert shown and job.finished
+    watch(job, milliseconds=50, keep_going=lambda _progress: True, show=lambda: shown.append(job.progress))
+    assert shown
+    assert job.finished
 
 
 def test_a_cancelled_render_stops_soon() -> None:
     job = start(FakeNative(render_seconds=30.0)).render(CAMERA, SETTINGS)
     begin = time.monotonic()
     with pytest.raises(Cancelled):
-        watch(job, milliseconds=50, keep_going=lambda progress: False, show=lambda: None)
-    assert job.cancelled and time.monotonic() - begin < 1.0
+        watch(job, milliseconds=50, keep_going=lambda _progress: False, show=lambda: None)
+    assert job.cancelled
+    assert time.monotonic() - begin < 1.0
 
 
 def test_an_error_of_the_render_is_raised_with_its_own_words() -> None:
     job = start(FakeNative(job_error="out of memory")).render(CAMERA, SETTINGS)
     with pytest.raises(RenderError, match="out of memory"):
-        watch(job, milliseconds=50, keep_going=lambda progress: True, show=lambda: None)
+        watch(job, milliseconds=50, keep_going=lambda _progress: True, show=lambda: None)
