@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..core.scene import F64, RGB, Light
-from .nodes import Place, Unsupported, color, number, scaled
+from .nodes import Place, Unsupported, active_tree, color, number, scaled
 
 if TYPE_CHECKING:
     from ..core.notes import Notes
@@ -79,13 +79,14 @@ def _without_scale(matrix: F64) -> tuple[F64, F64]:
 def _node_strength(data: Any, name: str, notes: Notes) -> RGB:
     """What the light's own nodes multiply its power by: an Emission node with constants, or 1."""
     white = (1.0, 1.0, 1.0)
-    if not data.use_nodes or data.node_tree is None:
+    tree = active_tree(data)
+    if tree is None:
         return white
 
     def remark(what: str) -> None:
         notes.add(f"{what} is not supported yet in light", name)
 
-    output = data.node_tree.get_output_node("ALL")
+    output = tree.get_output_node("ALL")
     if output is None:
         return (0.0, 0.0, 0.0)
     try:

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from ..core.scene import RGB, Material
-from .nodes import Place, Unsupported
+from .nodes import Place, Unsupported, active_tree
 from .surfaces import BLACK, Context, surface
 
 if TYPE_CHECKING:
@@ -60,10 +60,11 @@ def read_material(material: Any, notes: Notes) -> Material:
         metallic=material.metallic,
         roughness=material.roughness,
     )
-    if material.node_tree is None:
+    tree = active_tree(material)
+    if tree is None:
         return viewport
     context = Context(viewport, lambda what: notes.add(f"{what} is not supported yet in material", name))
-    output = material.node_tree.get_output_node("ALL")
+    output = tree.get_output_node("ALL")
     if output is None:
         return replace(BLACK, name=name)
     for socket in ("Displacement", "Volume"):

@@ -7,6 +7,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+import bpy
+
 if TYPE_CHECKING:
     from ..core.scene import RGB
 
@@ -51,6 +53,16 @@ class Place:
                 return self if place.node.bl_idname == "NodeReroute" else place
             place = before
         raise Unsupported(f"A chain of more than {MAX_STEPS} nodes")
+
+
+def active_tree(block: Any) -> Any:
+    """The node tree that a material, world or light renders with, or None.
+
+    Since Blender 5.0 that is the tree it has; before, a switch says whether it counts.
+    """
+    if bpy.app.version < (5, 0) and not block.use_nodes:
+        return None
+    return block.node_tree
 
 
 def _before(place: Place) -> Place | None:

@@ -6,7 +6,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from ..core.scene import World
-from .nodes import Place, Unsupported, color, number, scaled
+from .nodes import Place, Unsupported, active_tree, color, number, scaled
 
 if TYPE_CHECKING:
     from ..core.notes import Notes
@@ -17,13 +17,14 @@ def read_world(world: Any, notes: Notes) -> World:
     if world is None:
         return World()
     plain = World(tuple(world.color))
-    if world.node_tree is None:
+    tree = active_tree(world)
+    if tree is None:
         return plain
 
     def remark(what: str) -> None:
         notes.add(f"{what} is not supported yet in world", world.name)
 
-    output = world.node_tree.get_output_node("ALL")
+    output = tree.get_output_node("ALL")
     if output is None:
         return World()
     if output.inputs["Volume"].is_linked:

@@ -24,6 +24,7 @@ def triangle(name: str = "Triangle", *, at: float = 0.0, smooth: bool = False) -
 
 def cube(name: str = "Cube", size: float = 2.0, *, smooth: bool = False) -> Any:
     bm = bmesh.new()
+    bm.loops.layers.uv.new("UVMap")
     bmesh.ops.create_cube(bm, size=size, calc_uvs=True)
     mesh = bpy.data.meshes.new(name)
     bm.to_mesh(mesh)

@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import bmesh
 import bpy
 import numpy as np
 import pytest
@@ -59,8 +60,6 @@ def test_mirrored_objects_face_outwards(add: Any, smooth: bool) -> None:
 
 def test_normals_follow_a_stretched_object_as_blender_says(add: Any) -> None:
     ball = bpy.data.meshes.new("Ball")
-    import bmesh
-
     bm = bmesh.new()
     bmesh.ops.create_uvsphere(bm, u_segments=16, v_segments=8, radius=1.0)
     bm.to_mesh(ball)
@@ -89,12 +88,16 @@ def test_flat_and_smooth_objects_share_one_array_of_normals(add: Any) -> None:
 def test_sharp_edges_give_normals_by_corner(add: Any) -> None:
     mesh = cube(smooth=True)
     for edge in mesh.edges:
-        edge.use_edge_sharp = True
-    add("Sharp", mesh, scale=(-1, 1, 1))
+        edge.use_edge_sharp = all(mesh.vertices[v].co.z > 0 for v in edge.vertices)
+    add("Lid", mesh, scale=(-1, 1, 1))
     geometry = read()[0].geometry
     assert geometry.corner_normals is not None
-    flat = normals(world_corners(geometry))
-    assert np.allclose(geometry.corner_normals, flat[:, None], atol=1e-5)
+    corners = world_corners(geometry)
+    lid = normals(corners)[:, 2] > 0.9
+    assert lid.sum() == 2
+    assert np.allclose(geometry.corner_normals[lid], (0, 0, 1), atol=1e-5)
+    outward = np.einsum("mci,mci->mc", geometry.corner_normals, corners)
+    assert (outward > 0.5).all()
 
 
 def test_flattened_objects_are_dropped_and_named(add: Any) -> None:
