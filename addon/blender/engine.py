@@ -45,11 +45,6 @@ class HalfspaceEngine(bpy.types.RenderEngine):
         super().__init__(*args, **kwargs)
         self._viewport: Viewport | None = None
 
-    def __del__(self) -> None:
-        viewport = getattr(self, "_viewport", None)
-        if viewport is not None:
-            viewport.stop()
-
     def update_render_passes(self, scene: Any = None, renderlayer: Any = None) -> None:
         passes.register_passes(self, scene, renderlayer)
 
@@ -69,12 +64,12 @@ class HalfspaceEngine(bpy.types.RenderEngine):
 
     def view_update(self, context: Any, depsgraph: Any) -> None:
         if self._viewport is None:
-            self._viewport = Viewport(self)
-        self._viewport.update(context, depsgraph)
+            self._viewport = Viewport()
+        self._viewport.update(self, context, depsgraph)
 
     def view_draw(self, context: Any, depsgraph: Any) -> None:
         if self._viewport is not None:
-            self._viewport.draw(context, depsgraph)
+            self._viewport.draw(self, context)
 
 
 class _Picture:

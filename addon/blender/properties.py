@@ -7,7 +7,7 @@ import zlib
 from typing import TYPE_CHECKING, Any
 
 import bpy
-from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty
 
 from ..core import catalogue, native, settings
 
@@ -29,14 +29,13 @@ def spec(group: Any) -> str:
 
 
 def _follow_structure(group: Any, _context: Any) -> None:
-    """Give the chosen structure's defaults to the parameters that the user left at the last structure's defaults."""
+    """Give the chosen structure its own defaults, except where the user set a value that is nobody's default."""
     known = catalogue.load()
-    before = known.get(group.last_structure) or known.default
     for parameter in known[group.structure].parameters:
-        last = before.parameter(parameter.name)
-        if last is None or settings.same(getattr(group, parameter.name), last.default):
+        value = getattr(group, parameter.name)
+        namesakes = (structure.parameter(parameter.name) for structure in known.structures)
+        if any(other is not None and settings.same(value, other.default) for other in namesakes):
             setattr(group, parameter.name, parameter.default)
-    group.last_structure = group.structure
 
 
 def _structure_properties(known: Catalogue) -> dict[str, Any]:
@@ -48,7 +47,6 @@ def _structure_properties(known: Catalogue) -> dict[str, Any]:
             default=known.default.id,
             update=_follow_structure,
         ),
-        "last_structure": StringProperty(options={"HIDDEN"}),
     }
     for parameter in known.parameters().values():
         properties[parameter.name] = _parameter_property(parameter)

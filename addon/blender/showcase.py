@@ -164,15 +164,15 @@ def _beads(scene: Any) -> None:
 
 
 def _lights(scene: Any) -> None:
-    """A large warm key from the left, a cool rim from behind, and a sun that is only just there."""
-    key = _light(scene, "Key", "AREA", (-4.6, -3.4, 5.6), (0.2, 0.2, 0.6), energy=620.0, color=(1.0, 0.90, 0.78))
-    key.shape, key.size = "DISK", 1.7
-    rim = _light(scene, "Rim", "SPOT", (4.8, 3.2, 5.2), (-0.2, 0.2, 0.7), energy=520.0, color=(0.62, 0.78, 1.0))
-    rim.shadow_soft_size, rim.spot_size, rim.spot_blend = 0.25, math.radians(58.0), 0.5
-    lamp = _light(scene, "Lamp", "POINT", (-3.3, 1.7, 2.8), (0.0, 0.0, 0.0), energy=60.0, color=(1.0, 0.72, 0.42))
-    lamp.shadow_soft_size = 0.1
-    sun = _light(scene, "Sun", "SUN", (2.0, -6.0, 6.0), (0.0, 0.0, 0.0), energy=0.35, color=(1.0, 0.97, 0.92))
-    sun.angle = math.radians(1.5)
+    """A low warm sun from the left for the shadows, a large soft fill, a cool rim from behind, and a lamp."""
+    sun = _light(scene, "Sun", "SUN", (-7.0, -3.4, 4.6), (0.0, 0.0, 0.0), energy=2.6, color=(1.0, 0.87, 0.70))
+    sun.angle = math.radians(3.0)
+    fill = _light(scene, "Fill", "AREA", (4.4, -5.6, 5.0), (0.4, 0.0, 0.6), energy=210.0, color=(0.86, 0.92, 1.0))
+    fill.shape, fill.size = "DISK", 3.0
+    rim = _light(scene, "Rim", "SPOT", (4.8, 3.2, 5.2), (-0.2, 0.2, 0.7), energy=480.0, color=(0.62, 0.78, 1.0))
+    rim.shadow_soft_size, rim.spot_size, rim.spot_blend = 0.45, math.radians(58.0), 0.5
+    lamp = _light(scene, "Lamp", "POINT", (-3.5, 1.9, 2.9), (0.0, 0.0, 0.0), energy=55.0, color=(1.0, 0.72, 0.42))
+    lamp.shadow_soft_size = 0.3
 
 
 def _light(

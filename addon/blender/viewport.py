@@ -28,10 +28,12 @@ log = logging.getLogger(__name__)
 
 
 class Viewport:
-    """The state of one 3D view: a session rebuilt on edits, a job restarted on movement."""
+    """The state of one 3D view: a session rebuilt on edits, a job restarted on movement.
 
-    def __init__(self, engine: Any) -> None:
-        self._engine = engine
+    Holds no engine, so that it goes, and stops its work, as soon as Blender lets the engine go.
+    """
+
+    def __init__(self) -> None:
         self._session: Session | None = None
         self._origin = np.zeros(3)
         self._settings = RenderSettings(width=1, height=1)
@@ -41,6 +43,9 @@ class Viewport:
         self._scale = 1
         self._texture: Any = None
 
+    def __del__(self) -> None:
+        self.stop()
+
     def stop(self) -> None:
         """End what runs, within the native module's time limit."""
         if self._job is not None:
@@ -48,7 +53,7 @@ class Viewport:
             self._job.wait(1000)
             self._job = None
 
-    def update(self, context: Any, depsgraph: Any) -> None:
+    def update(self, engine: Any, context: Any, depsgraph: Any) -> None:
         """Take over the scene after an edit."""
         self.stop()
         self._view = None
@@ -65,9 +70,9 @@ class Viewport:
         except Exception as error:
             log.exception("Halfspace could not read the scene for the viewport")
             self._session = None
-            self._engine.update_stats("Halfspace", str(error))
+            engine.update_stats("Halfspace", str(error))
 
-    def draw(self, context: Any, _depsgraph: Any) -> None:
+    def draw(self, engine: Any, context: Any) -> None:
         """Show the newest picture; ask for another redraw while there is more to come."""
         if self._session is None:
             return
@@ -80,17 +85,17 @@ class Viewport:
         job = self._job
         finished = job.wait(WAIT_MILLISECONDS)
         if job.error is not None:
-            self._engine.update_stats("Halfspace", job.error)
+            engine.update_stats("Halfspace", job.error)
             return
         if job.samples_done:
             self._upload(region)
-        self._show(context.scene, region)
+        self._show(engine, context.scene, region)
         if finished and self._scale > 1:
             self._start(region, 1)
             finished = False
-        self._engine.update_stats("Halfspace", f"Sample {job.samples_done} of {self._settings.samples}")
+        engine.update_stats("Halfspace", f"Sample {job.samples_done} of {self._settings.samples}")
         if not finished:
-            self._engine.tag_redraw()
+            engine.tag_redraw()
 
     def _start(self, region: Any, scale: int) -> None:
         self.stop()
@@ -110,13 +115,13 @@ class Viewport:
             (width, height), format="RGBA16F", data=gpu.types.Buffer("FLOAT", len(pixels), pixels)
         )
 
-    def _show(self, scene: Any, region: Any) -> None:
+    def _show(self, engine: Any, scene: Any, region: Any) -> None:
         if self._texture is None:
             return
         gpu.state.blend_set("ALPHA_PREMULT")
-        self._engine.bind_display_space_shader(scene)
+        engine.bind_display_space_shader(scene)
         draw_texture_2d(self._texture, (0, 0), region.width, region.height)
-        self._engine.unbind_display_space_shader()
+        engine.unbind_display_space_shader()
         gpu.state.blend_set("NONE")
 
 

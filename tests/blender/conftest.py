@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import os
 import tempfile
 from collections.abc import Iterator
@@ -12,6 +13,9 @@ import pytest
 
 os.environ.setdefault("BLENDER_USER_RESOURCES", tempfile.mkdtemp(prefix="halfspace-blender-"))
 bpy = pytest.importorskip("bpy", reason="Blender's module bpy is not installed in this environment")
+
+if importlib.util.find_spec("OpenImageIO") is None:
+    bpy.utils.expose_bundled_modules()
 
 import addon  # noqa: E402
 

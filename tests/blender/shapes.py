@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import bmesh
 import bpy
@@ -11,7 +11,9 @@ import numpy as np
 
 from addon.blender import extract
 from addon.core.notes import Notes
-from addon.core.scene import Geometry, Scene
+
+if TYPE_CHECKING:
+    from addon.core.scene import Geometry, Scene
 
 
 def triangle(name: str = "Triangle", *, at: float = 0.0, smooth: bool = False) -> Any:
