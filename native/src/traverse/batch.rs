@@ -142,6 +142,7 @@ impl Batch<'_> {
                         part,
                         self.scene,
                         (ray, framed),
+                        framed.t_max,
                         best,
                         &mut count,
                     );
