@@ -113,6 +113,7 @@ impl Frame {
             slack: [0.0; 3],
             pad: [0.0; 3],
             negative: [0; 3],
+            signs: 0,
             t_min: 0.0,
             t_max: 0.0,
             span: sum,
@@ -150,6 +151,7 @@ impl Frame {
             near = keep_max(enter - slack, near);
             exit = keep_min(leave + slack, exit);
         }
+        out.signs = (out.negative[0] | out.negative[1] << 1 | out.negative[2] << 2) * 0x0101_0101;
         out.t_min = keep_max(out.lower(ray.t_min), near);
         out.t_max = keep_min(out.reach(ray.t_max), exit);
         if out.t_min > out.t_max || ray.t_min > ray.t_max {
@@ -176,6 +178,8 @@ pub struct FrameRay {
     pub pad: [f32; 3],
     /// 1 where the direction's sign bit is set.
     pub negative: [u32; 3],
+    /// The same as bits 0, 1 and 2 of each byte.
+    pub signs: u32,
     /// Where the ray enters the scene's box, or where it begins.
     pub t_min: f32,
     /// Where the ray leaves the scene's box, or where it ends.

@@ -14,7 +14,7 @@ use super::blocks::Blocks;
 use super::frame::{FrameRay, keep_max, keep_min};
 use super::query::{Best, Counters, Query};
 use super::ray::{Hit, Ray};
-use crate::build::plane_tree::{MAX_DEPTH, Node, PlaneTree};
+use crate::build::plane_tree::{MAX_DEPTH, Node, PlaneTree, near_child};
 use crate::scene::Triangles;
 use fearless_simd::Simd;
 
@@ -107,11 +107,12 @@ impl batch::Walk for Walk<'_> {
                 Node::Axis {
                     axis,
                     split,
-                    children,
                     empty,
+                    link,
+                    ..
                 } => {
                     counters.step_axis();
-                    let near = children ^ frame.negative[axis];
+                    let near = near_child(link, frame.signs);
                     let height = f32::from_bits(split.to_bits() ^ ray_up.flip[axis]);
                     if segment.exit[axis] < height {
                         node = near; // N1 N2 N3 P5 and their mirror images: the plane is not reached
