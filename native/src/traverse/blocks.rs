@@ -219,14 +219,8 @@ impl<S: Simd> Candidates<S> {
         let t_error = T_ERROR * span * size * size + floor;
         let uv_error = 2.0 * UV_ERROR * span * size + 3.0 * det_error + floor;
         let doubt = t_error + 3.0 * reach.abs() * det_error;
-        let behind = if ray.t_min >= -1e-30 {
-            -doubt
-        } else {
-            f32::NEG_INFINITY
-        };
-        let rejected = least.simd_lt(splat(-uv_error))
-            | t.simd_gt(det.mul_add(splat(reach), splat(doubt)))
-            | t.simd_lt(splat(behind));
+        let rejected =
+            least.simd_lt(splat(-uv_error)) | t.simd_gt(det.mul_add(splat(reach), splat(doubt)));
         let mut lanes = !rejected.to_bitmask() & ((1 << n) - 1);
         if lanes != 0 {
             // The bounds above are those of the block's largest triangle; now each gets its own.
@@ -236,7 +230,13 @@ impl<S: Simd> Candidates<S> {
                 size * splat(3.0 * DET_ERROR),
                 size.mul_add(largest(s) * splat(2.0 * UV_ERROR), splat(floor)),
             );
-            lanes &= !least.simd_lt(-uv_error).to_bitmask();
+            let behind = if ray.t_min >= -1e-30 {
+                -doubt
+            } else {
+                f32::NEG_INFINITY
+            };
+            let rejected = least.simd_lt(-uv_error) | t.simd_lt(splat(behind));
+            lanes &= !rejected.to_bitmask();
         }
         Self {
             lanes,
