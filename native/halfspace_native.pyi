@@ -1,5 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Halfspace's native core: rendering."""
+"""Halfspace's native core: acceleration structures over triangles, rays through them, rendering.
+
+Usable without Blender. Arrays are NumPy's; what is called F32 accepts float32 and float64, the
+latter rounded once. Every error names the argument, the first bad index and what was expected.
+Long calls release the GIL.
+"""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, Literal, TypedDict
@@ -7,7 +12,211 @@ from typing import Any, Literal, TypedDict
 import numpy as np
 import numpy.typing as npt
 
-class Structure: ...
+__version__: str
+"""The version of the module; the add-on refuses to work with another."""
+
+F32 = npt.NDArray[np.float32] | npt.NDArray[np.float64]
+Indices = npt.NDArray[np.int32] | npt.NDArray[np.uint32] | npt.NDArray[np.int64]
+
+class ShapeError(ValueError):
+    """An array has the wrong shape or type, or an index is out of range."""
+
+class NonFiniteError(ValueError):
+    """A number is NaN, or infinite where a finite one is needed."""
+
+class SpecError(ValueError):
+    """A configuration string or a setting is not understood or out of range."""
+
+class Cancelled(RuntimeError):
+    """The work was cancelled through its monitor."""
+
+class Parameter(TypedDict):
+    """A parameter of a structure: key, label, what more of it costs, unit, type and range.
+
+    kind: "integer" or "float" with min and max, or "choice" with options; the others are None.
+    """
+
+    name: str
+    label: str
+    doc: str
+    unit: str
+    kind: Literal["integer", "float", "choice"]
+    default: int | float | str
+    min: int | float | None
+    max: int | float | None
+    options: list[str] | None
+
+class StructureRow(TypedDict):
+    """A row of the registry. code is saved in .blend files and never reused."""
+
+    id: str
+    code: int
+    label: str
+    family: str
+    summary: str
+    paper: str
+    parameters: list[Parameter]
+    traversals: list[str]
+
+class Statistics(TypedDict):
+    """What a build made.
+
+    build_seconds: by the clock. bytes: nodes and leaves, without the scene's own arrays.
+    references: triangles in all leaves together. depth_max, depth_mean: of the leaves, the root
+    at 0. leaf_max: triangles in the largest leaf. sah_cost: expected cost of a random ray in the
+    thesis's units (80 a triangle, 1 an axis step, 5 an oblique step), the same for all structures.
+    left_out: what the scene did not need, each with its reason. dropped_triangles: those without
+    area or with a vertex that is not finite.
+    """
+
+    build_seconds: float
+    bytes: int
+    nodes_axis: int
+    nodes_oblique: int
+    leaves: int
+    leaves_empty: int
+    leaf_max: int
+    references: int
+    depth_max: int
+    depth_mean: float
+    sah_cost: float
+    left_out: list[str]
+    dropped_triangles: int
+
+class SplitPolygons(TypedDict):
+    """Split planes cut to their cells, breadth first.
+
+    vertices: (v, 3) float32, scene frame. offsets: (p + 1,) uint32, where each polygon begins.
+    depth: (p,) uint32. kind: (p,) uint8, 0 1 2 the plane of an axis, 3 oblique, 4 slab pair,
+    5 octant. hidden: how many more there are within max_depth.
+    """
+
+    vertices: npt.NDArray[np.float32]
+    offsets: npt.NDArray[np.uint32]
+    depth: npt.NDArray[np.uint32]
+    kind: npt.NDArray[np.uint8]
+    hidden: int
+
+def level() -> str:
+    """The instruction set chosen for this machine: avx512, avx2, sse4.2, neon or fallback."""
+
+def structures() -> list[StructureRow]:
+    """The registry: every structure and its parameters, in the order in which lists show them."""
+
+class Monitor:
+    """Progress of a build, 0 to 1, and a way to stop it; usable from any thread."""
+
+    progress: float
+    cancelled: bool
+    def __init__(self) -> None: ...
+    def cancel(self) -> None:
+        """Asks the build to stop; it raises Cancelled within a tenth of a second."""
+
+class Hits:
+    """Answers of closest(), one per ray.
+
+    t: (n,) float32, distance in units of the direction, correctly rounded; inf = miss.
+    triangle: (n,) int32, -1 = miss; of several at the same t the one with the smallest number.
+    u, v: (n,) float32, weights of the second and third corner: the point is
+    (1 - u - v) a + u b + v c. Each access makes a new array.
+    counters: None, or per ray (n,) uint32 under "steps", "steps_axis", "steps_oblique", "leaves",
+    "leaves_empty", "tests", "verdicts".
+    on_boundary: None, or from exact_closest (n,) bool: the ray passes exactly through an edge or
+    a corner of the triangle that it hits.
+    """
+
+    t: npt.NDArray[np.float32]
+    triangle: npt.NDArray[np.int32]
+    u: npt.NDArray[np.float32]
+    v: npt.NDArray[np.float32]
+    counters: dict[str, npt.NDArray[np.uint32]] | None
+    on_boundary: npt.NDArray[np.bool_] | None
+    def __len__(self) -> int: ...
+
+class Structure:
+    """A structure built over triangles. Immutable; any number of threads may ask it."""
+
+    spec: str
+    """The configuration, with only what differs from the defaults."""
+    statistics: Statistics
+
+    def closest(
+        self,
+        origins: F32,
+        directions: F32,
+        t_min: float | F32 | None = None,
+        t_max: float | F32 | None = None,
+        *,
+        order: Literal["none", "tile8"] = "none",
+        threads: int = 0,
+        counters: bool = False,
+    ) -> Hits:
+        """The nearest triangle that each ray meets; the same bits for every structure.
+
+        origins, directions: (n, 3), scene frame; directions of any length, a zero direction meets
+        nothing. t_min, t_max: the closed interval that counts, in units of the direction, one
+        number or (n,); 0 and inf when not given. order: "tile8" promises that every 64 consecutive
+        rays are an 8x8-pixel tile. threads: 0 = one per core.
+        Raises ShapeError, NonFiniteError (NaN or infinite rays, NaN distances), SpecError (order).
+        """
+
+    def occluded(
+        self,
+        origins: F32,
+        directions: F32,
+        t_min: float | F32 | None = None,
+        t_max: float | F32 | None = None,
+        *,
+        order: Literal["none", "tile8"] = "none",
+        threads: int = 0,
+        counters: bool = False,
+    ) -> Any:
+        """Whether each ray meets anything at all: (n,) bool; with counters=True a pair of that
+        and the counters of Hits. Arguments and errors as for closest().
+        """
+
+    def validate(self) -> list[str]:
+        """Broken invariants in words; empty for a sound structure. Takes time, for tests."""
+
+    def split_polygons(self, max_depth: int = 60, max_count: int = 20_000) -> SplitPolygons:
+        """The split planes of nodes down to max_depth, at most max_count of them."""
+
+def build(
+    vertices: F32,
+    triangles: Indices,
+    spec: str = "kd",
+    *,
+    threads: int = 0,
+    monitor: Monitor | None = None,
+) -> Structure:
+    """Builds a structure over triangles.
+
+    vertices: (n, 3). triangles: (m, 3) indices; those without area or not finite are dropped and
+    counted, and all keep their numbers. spec: "id" or "id:key=value,...", see structures(). The
+    result is a function of these alone, on any number of threads; 0 = one per core.
+    Raises SpecError, ShapeError, Cancelled, and MemoryError when the tree cannot be addressed.
+    """
+
+def exact_closest(
+    vertices: F32,
+    triangles: Indices,
+    origins: F32,
+    directions: F32,
+    t_min: float | F32 | None = None,
+    t_max: float | F32 | None = None,
+    *,
+    threads: int = 0,
+) -> Hits:
+    """The nearest triangle by exact integer arithmetic alone, O(n) per ray: for small inputs.
+
+    Arguments and errors as for build() and Structure.closest().
+    """
+
+def ulp_distance(a: npt.NDArray[np.float32], b: npt.NDArray[np.float32]) -> npt.NDArray[np.int64]:
+    """How many float32 steps lie between a and b, (n,) each, counted through zero.
+
+    Two NaN are 0 apart, NaN and a number 2**63 - 1. Raises ShapeError when the lengths differ.
+    """
 
 class RenderStatistics(TypedDict):
     """Numbers of a render so far; final once it has finished.
@@ -69,7 +278,8 @@ class RenderScene:
     @property
     def left_out(self) -> list[str]:
         """What this scene does not need and its paths therefore do not contain, each with its
-        reason, such as "shadow rays: no lights"."""
+        reason, such as "shadow rays: no lights".
+        """
 
 class RenderJob:
     """A render on threads of its own, or its result.
@@ -80,11 +290,13 @@ class RenderJob:
 
     def wait(self, milliseconds: int) -> bool:
         """Waits until the render has ended or the time is over; True when it has ended, be it
-        done, failed or cancelled. Releases the GIL. SpecError for a negative time."""
+        done, failed or cancelled. Releases the GIL. SpecError for a negative time.
+        """
 
     def cancel(self) -> None:
         """Asks the render to stop and returns at once; it stops within 0.1 s. What was finished
-        stays readable."""
+        stays readable.
+        """
 
     @property
     def progress(self) -> float:

@@ -2,12 +2,9 @@
 //! Build and trace times of every structure on one generated scene: first its answers are proved
 //! equal to brute force, then it is timed.
 
-#[path = "../tests/common/mod.rs"]
-mod common;
-
-use common::{Random, aimed, grid, ray, soup};
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use halfspace_native::build::Monitor;
+use halfspace_native::oracle::cases::{Random, aimed, grid, ray, soup};
 use halfspace_native::registry::TREES;
 use halfspace_native::spec::Config;
 use halfspace_native::structure::Structure;

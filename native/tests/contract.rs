@@ -2,11 +2,9 @@
 //! What every structure promises, for every row of the registry and every way of walking it: the
 //! answers of brute force bit for bit, sound trees, the same tree on any number of threads.
 
-mod common;
-
-use common::{Case, Random, aimed, cases, grid, lattice_rays, ray, soup};
 use halfspace_native::build::Monitor;
 use halfspace_native::error::Error;
+use halfspace_native::oracle::cases::{Case, Random, aimed, cases, grid, lattice_rays, ray, soup};
 use halfspace_native::oracle::exact_closest;
 use halfspace_native::registry::{Kind, TREES};
 use halfspace_native::scene::Triangles;

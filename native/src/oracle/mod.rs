@@ -2,6 +2,8 @@
 //! What everything else must agree with: the nearest hit by exact arithmetic alone, without the f32
 //! test and its bounds, without f64, without a tree.
 
+pub mod cases;
+
 use crate::geom::exact::intersect;
 use crate::scene::Triangles;
 use crate::traverse::{Hit, Ray};

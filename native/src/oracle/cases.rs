@@ -1,15 +1,17 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Scenes and rays that every structure has to get right, small enough for every test run.
+//! Generated scenes and rays that are hard to get right, small enough for every test run: for the
+//! contract tests, the benchmarks and whoever wants to see a structure fail.
 
-use halfspace_native::scene::Triangles;
-use halfspace_native::traverse::Ray;
+use crate::scene::Triangles;
+use crate::traverse::Ray;
 use std::sync::Arc;
 
 /// A small generator of well-spread numbers (splitmix64; Steele, Lea and Flood 2014).
 pub struct Random(pub u64);
 
 impl Random {
-    pub fn next(&mut self) -> u64 {
+    /// The next 64 bits.
+    pub fn bits(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.0;
         z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -19,25 +21,32 @@ impl Random {
 
     /// Uniform in [0, 1).
     pub fn unit(&mut self) -> f32 {
-        (self.next() >> 40) as f32 / 16_777_216.0
+        (self.bits() >> 40) as f32 / 16_777_216.0
     }
 
+    /// A point of a cube.
     pub fn point(&mut self, low: f32, high: f32) -> [f32; 3] {
         std::array::from_fn(|_| low + (high - low) * self.unit())
     }
 
+    /// A number below `n`.
+    #[expect(clippy::cast_possible_truncation, reason = "less than n")]
     pub fn below(&mut self, n: usize) -> usize {
-        (self.next() % n as u64) as usize
+        (self.bits() % n as u64) as usize
     }
 }
 
 /// A named scene and its rays.
 pub struct Case {
+    /// What is hard about it.
     pub name: &'static str,
+    /// Its triangles.
     pub scene: Arc<Triangles>,
+    /// Rays that look for trouble.
     pub rays: Vec<Ray>,
 }
 
+/// A ray without limits.
 pub fn ray(o: [f32; 3], d: [f32; 3]) -> Ray {
     Ray {
         o,
@@ -47,6 +56,10 @@ pub fn ray(o: [f32; 3], d: [f32; 3]) -> Ray {
     }
 }
 
+/// Triangles of three corners each, none shared.
+///
+/// # Panics
+/// When there are more than 2^29 of them.
 pub fn soup(corners: Vec<[f32; 3]>) -> Arc<Triangles> {
     let count = u32::try_from(corners.len() / 3).unwrap();
     let indices = (0..count).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
