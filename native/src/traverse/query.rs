@@ -2,9 +2,9 @@
 //! What a walk is asked and what it counts: compile-time parameters of every walk, so that closest
 //! hit and any hit are one text and an uncounted walk has no trace of counting.
 
-use super::frame::FrameRay;
+use super::frame::{FrameRay, keep_min};
 use super::ray::{Hit, Ray, RayCounters};
-use crate::geom::verdict::verdict;
+use crate::geom::verdict::verdict_within;
 
 /// The question put to a walk.
 pub trait Query {
@@ -123,7 +123,8 @@ impl Best {
             return false;
         }
         counters.verdict();
-        let Some(found) = verdict(ray.o, ray.d, corners()) else {
+        let span = [ray.t_min, keep_min(self.hit.t, ray.t_max)];
+        let Some(found) = verdict_within(ray.o, ray.d, corners(), span) else {
             return false;
         };
         // An infinite distance is what a miss reports.
