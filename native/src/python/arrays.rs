@@ -6,7 +6,7 @@ use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyUntypedArray, PyUntypedArrayMe
 use pyo3::prelude::*;
 
 /// What an argument is, for messages: type and shape of an array, or the Python type.
-fn describe(value: &Bound<'_, PyAny>) -> String {
+pub fn describe(value: &Bound<'_, PyAny>) -> String {
     match value.cast::<PyUntypedArray>() {
         Ok(array) => {
             let shape: Vec<_> = array.shape().iter().map(ToString::to_string).collect();
