@@ -17,6 +17,9 @@ COLOURS = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#9
 
 MARKERS = "osD^vPX*"
 
+Styles = dict[str, tuple[str, str]]
+"""Configuration to colour and marker."""
+
 
 def problem() -> str | None:
     """Why there are no plots, or None."""
@@ -30,13 +33,15 @@ def scene_figures(rows: Sequence[Row]) -> list[str]:
     measured = [row for row in rows if row["rays"]]
     if not measured:
         return []
-    figures = [_figure(lambda axes: _speeds(axes, measured), 4.0)]
+    # A configuration keeps its colour and marker in all plots of a scene.
+    styles = {row["spec"]: (COLOURS[i % len(COLOURS)], MARKERS[i % len(MARKERS)]) for i, row in enumerate(measured)}
+    figures = [_figure(lambda axes: _speeds(axes, measured, styles), 4.0)]
     ours = [row for row in measured if row["bytes"]]
     if len(ours) > 1:
-        figures.append(_figure(lambda axes: _build_against_speed(axes, ours), 4.5))
+        figures.append(_figure(lambda axes: _build_against_speed(axes, ours, styles), 4.5))
     curves = [row for row in rows if row["curve"]]
     if curves:
-        figures.append(_figure(lambda axes: _error_against_time(axes, curves), 4.5))
+        figures.append(_figure(lambda axes: _error_against_time(axes, curves, styles), 4.5))
     return figures
 
 
@@ -56,7 +61,7 @@ def _figure(draw: Callable[[Any], None], height: float) -> str:
     return svg[svg.index("<svg") :]
 
 
-def _speeds(axes: Any, rows: Sequence[Row]) -> None:
+def _speeds(axes: Any, rows: Sequence[Row], styles: Styles) -> None:
     """Bars of the medians with whiskers from the slowest to the fastest repeat, on a logarithmic scale."""
     sets = list(dict.fromkeys(name for row in rows for name in row["rays"]))
     width = 0.8 / len(rows)
@@ -69,23 +74,22 @@ def _speeds(axes: Any, rows: Sequence[Row]) -> None:
                 medians.append(speed["med"])
                 below.append(speed["med"] - speed["min"])
                 above.append(speed["max"] - speed["med"])
-        colour = COLOURS[number % len(COLOURS)]
+        colour, _ = styles[row["spec"]]
         axes.bar(places, medians, width * 0.92, yerr=[below, above], color=colour, label=row["spec"], capsize=2)
     axes.set_xticks(range(len(sets)), sets)
     axes.set_yscale("log")
     axes.set_ylabel("million rays per second")
     axes.set_title("Speed of each ray set (more is better)")
-    axes.legend(frameon=False, ncols=min(len(rows), 4))
+    axes.legend(frameon=False, ncols=min(len(rows), 5), loc="upper center", bbox_to_anchor=(0.5, -0.1))
 
 
-def _build_against_speed(axes: Any, rows: Sequence[Row]) -> None:
+def _build_against_speed(axes: Any, rows: Sequence[Row], styles: Styles) -> None:
     """Build seconds against the time that one million rays of each set take together."""
-    for number, row in enumerate(rows):
+    for row in rows:
         speeds = [one["mrays_s"]["med"] for one in row["rays"].values() if one["mrays_s"]]
         if speeds:
             seconds = float(np.sum(1.0 / np.array(speeds)))
-            marker = MARKERS[number % len(MARKERS)]
-            colour = COLOURS[number % len(COLOURS)]
+            colour, marker = styles[row["spec"]]
             axes.plot(row["build_s"]["med"], seconds, marker, color=colour, markersize=9, label=row["spec"])
     axes.set_xscale("log")
     axes.set_yscale("log")
@@ -96,13 +100,13 @@ def _build_against_speed(axes: Any, rows: Sequence[Row]) -> None:
     axes.legend(frameon=False)
 
 
-def _error_against_time(axes: Any, rows: Sequence[Row]) -> None:
+def _error_against_time(axes: Any, rows: Sequence[Row], styles: Styles) -> None:
     """RMSE against seconds, with the slope −1/2 that Monte Carlo noise follows."""
-    for number, row in enumerate(rows):
+    for row in rows:
         seconds = [point["seconds"] for point in row["curve"]]
         errors = [point["rmse"] for point in row["curve"]]
-        marker = MARKERS[number % len(MARKERS)] + "-"
-        axes.plot(seconds, errors, marker, color=COLOURS[number % len(COLOURS)], label=row["spec"])
+        colour, marker = styles[row["spec"]]
+        axes.plot(seconds, errors, marker + "-", color=colour, label=row["spec"])
     first = rows[0]["curve"]
     start, end = first[0]["seconds"], first[-1]["seconds"]
     slope = [first[0]["rmse"] * (x / start) ** -0.5 for x in (start, end)]
