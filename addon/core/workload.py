@@ -112,12 +112,13 @@ def framing_view(vertices: F32, triangles: I32) -> View:
 def load_npz(path: Path) -> Workload:
     """A scene from numpy's format, keys as in the README. Raises WorkloadError."""
     try:
-        with np.load(path, allow_pickle=False) as file:
+        # Opened here, because numpy leaves a broken file open.
+        with path.open("rb") as raw, np.load(raw, allow_pickle=False) as file:
             missing = [key for key in _KEYS if key not in file.files]
             if missing:
                 raise WorkloadError(f"{path}: the key {missing[0]!r} is missing")
             arrays = {key: file[key] for key in _KEYS}
-    except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile, zlib.error) as error:
+    except (OSError, ValueError, EOFError, TypeError, zipfile.BadZipFile, zlib.error) as error:
         if isinstance(error, WorkloadError):
             raise
         raise WorkloadError(f"{path}: cannot be read as .npz: {_first_line(error)}") from error
