@@ -62,7 +62,7 @@ def _extent(light: Light) -> float:
             round_ = light.shape in ("DISK", "ELLIPSE")
             return light.size * light.size_y * (math.pi / 4 if round_ else 1.0)
         case _:
-            return math.pi * light.radius**2 if light.radius > 0 else 1.0
+            return 4.0 * math.pi * light.radius**2 if light.radius > 0 else 1.0
 
 
 def _without_scale(matrix: F64) -> tuple[F64, F64]:

@@ -136,12 +136,12 @@ def _centre(placements: list[Placement]) -> F64:
     """The centre of the box around all placed boxes; positions that are not finite do not count."""
     lows, highs = [], []
     for placement in placements:
-        box = np.stack([placement.mesh.positions.min(axis=0), placement.mesh.positions.max(axis=0)]).astype(np.float64)
+        box = _box(placement.mesh.positions)
         if not np.isfinite(box).all():
             finite = placement.mesh.positions[np.isfinite(placement.mesh.positions).all(axis=1)]
             if not len(finite):
                 continue
-            box = np.stack([finite.min(axis=0), finite.max(axis=0)]).astype(np.float64)
+            box = _box(finite)
         corners = np.stack(np.meshgrid(*box.T, indexing="ij"), axis=-1).reshape(-1, 3)
         world = corners @ placement.matrices[:, :3, :3].transpose(0, 2, 1) + placement.matrices[:, None, :3, 3]
         lows.append(world.min(axis=(0, 1)))
@@ -151,11 +151,46 @@ def _centre(placements: list[Placement]) -> F64:
     return (np.min(lows, axis=0) + np.max(highs, axis=0)) / 2
 
 
+def _box(positions: F32) -> F64:
+    """The lowest and the highest coordinates, (2, 3), not finite if some position is not.
+
+    Numpy reduces rows of three one by one; folded into rows of 64 points they go through vector instructions, ten
+    times faster.
+    """
+    whole = len(positions) // 64 * 64
+    folded = positions[:whole].reshape(-1, 64 * 3)
+    rows = (
+        [positions[whole:], folded.min(axis=0).reshape(-1, 3), folded.max(axis=0).reshape(-1, 3)]
+        if whole
+        else [positions]
+    )
+    extremes = np.concatenate(rows)
+    return np.stack([extremes.min(axis=0), extremes.max(axis=0)]).astype(np.float64)
+
+
 def _transform(positions: F32, matrices: F64, origin: F64, *, out: F32) -> None:
     """Place (n, 3) positions k times in f64, relative to `origin`, and round once into `out` (k, n, 3)."""
     offsets = matrices[:, :3, 3] - origin
     with np.errstate(over="ignore", invalid="ignore"):
-        np.add(positions @ matrices[:, :3, :3].transpose(0, 2, 1), offsets[:, None], out=out, casting="same_kind")
+        np.add(
+            _products(positions, matrices[:, :3, :3].transpose(0, 2, 1)), offsets[:, None], out=out, casting="same_kind"
+        )
+
+
+def _products(vectors: F32, matrices: NDArray[Any]) -> NDArray[Any]:
+    """Row vectors (n, 3) times each of (k, 3, 3) matrices, (k, n, 3), in the matrices' type.
+
+    Written out, because `@` hands thin arrays to a threaded BLAS, which takes 1 to 200 ms for half a million rows
+    depending on what else the machine does; this takes 4.
+    """
+    x, y, z = vectors.T
+    products = np.empty((len(matrices), len(vectors), 3), matrices.dtype)
+    for column in range(3):
+        sums = products[..., column]
+        np.multiply(x, matrices[:, 0, column, None], out=sums)
+        sums += y * matrices[:, 1, column, None]
+        sums += z * matrices[:, 2, column, None]
+    return products
 
 
 def _flip(corners: NDArray[Any], mirrored: NDArray[np.bool_]) -> None:
@@ -178,9 +213,7 @@ def _corner_normals(placement: Placement, placed: F32, corners: I32, *, out: F32
         with np.errstate(over="ignore", invalid="ignore"):
             out[:] = _unit(np.cross(b - a, c - a))[:, :, None]
         return
-    # A normal is a covector: it goes by the inverse transpose, also in mirrored places.
-    inverse = np.linalg.inv(placement.matrices[:, :3, :3])
-    world = _unit(normals.reshape(-1, 3) @ inverse)
+    world = _world_normals(normals.reshape(-1, 3), placement.matrices[:, :3, :3])
     if normals.ndim == 2:
         world.reshape(-1, 3).take(corners.reshape(-1), axis=0, out=out.reshape(-1, 3), mode="clip")
     else:
@@ -188,8 +221,21 @@ def _corner_normals(placement: Placement, placed: F32, corners: I32, *, out: F32
         _flip(out, np.linalg.det(placement.matrices[:, :3, :3]) < 0)
 
 
+def _world_normals(normals: F32, linear: F64) -> F32:
+    """Unit normals (n, 3) of a mesh in each of its places, (k, n, 3).
+
+    A normal is a covector: it goes by the inverse transpose, also in mirrored places.
+    """
+    inverse = np.linalg.inv(linear)
+    inverse /= np.linalg.norm(inverse, axis=1).max(axis=1)[:, None, None]
+    world = _products(normals, inverse.astype(np.float32))
+    # Turned, mirrored and evenly scaled objects, nearly all, keep the lengths.
+    keeps_lengths = np.allclose(inverse @ inverse.transpose(0, 2, 1), np.eye(3), atol=1e-6)
+    return world if keeps_lengths else _unit(world)
+
+
 def _unit(vectors: NDArray[Any]) -> F32:
-    """Vectors of unit length as float32; the zero vector stays."""
+    """Vectors of unit length as float32, computed in their own type; the zero vector stays."""
     squares = np.einsum("...i,...i->...", vectors, vectors)
-    scale = 1.0 / np.sqrt(np.where(squares > 0, squares, 1.0))
-    return (vectors * scale[..., None]).astype(np.float32)
+    squares[squares == 0] = 1
+    return (vectors / np.sqrt(squares)[..., None]).astype(np.float32, copy=False)

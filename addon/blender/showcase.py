@@ -40,8 +40,8 @@ def _floor(scene: Any) -> None:
     """A chessboard of two materials, turned so that its edges follow no axis."""
     board = _object(scene, "Floor", lambda bm: bmesh.ops.create_grid(bm, x_segments=28, y_segments=28, size=14.0))
     board.rotation_euler = (0.0, 0.0, math.radians(31.0))
-    board.data.materials.append(_material("Light stone", (0.62, 0.59, 0.54), roughness=0.35))
-    board.data.materials.append(_material("Dark stone", (0.10, 0.11, 0.13), roughness=0.18))
+    board.data.materials.append(_material("Light stone", (0.66, 0.63, 0.58), roughness=0.35))
+    board.data.materials.append(_material("Dark stone", (0.20, 0.21, 0.24), roughness=0.22))
     row, column = np.divmod(np.arange(len(board.data.polygons)), 28)
     board.data.polygons.foreach_set("material_index", ((row + column) % 2).astype(np.int32))
 
@@ -50,12 +50,12 @@ def _backdrop(scene: Any) -> None:
     """A large mirror that leans behind everything, in a bevelled frame."""
     lean, turn = math.radians(83.0), math.radians(-24.0)
     frame = _object(scene, "Mirror frame", lambda bm: bmesh.ops.create_cube(bm, size=1.0))
-    frame.scale = (5.0, 3.5, 0.16)
-    frame.location, frame.rotation_euler = (2.3, 4.1, 1.75), (lean, 0.0, turn)
+    frame.scale = (5.2, 2.9, 0.16)
+    frame.location, frame.rotation_euler = (2.35, 4.1, 1.46), (lean, 0.0, turn)
     _bevel(frame, 0.04)
     frame.data.materials.append(_material("Dark wood", (0.09, 0.045, 0.025), roughness=0.4))
     glass = _object(scene, "Mirror", lambda bm: bmesh.ops.create_cube(bm, size=1.0))
-    glass.scale = (4.6, 3.1, 0.06)
+    glass.scale = (4.8, 2.5, 0.06)
     normal = Euler(frame.rotation_euler).to_matrix() @ Vector((0.0, 0.0, 1.0))
     glass.location, glass.rotation_euler = Vector(frame.location) + 0.06 * normal, frame.rotation_euler
     glass.data.materials.append(_material("Silver", (0.94, 0.95, 0.96), metallic=1.0, roughness=0.0))
@@ -165,14 +165,14 @@ def _beads(scene: Any) -> None:
 
 def _lights(scene: Any) -> None:
     """A low warm sun from the left for the shadows, a large soft fill, a cool rim from behind, and a lamp."""
-    sun = _light(scene, "Sun", "SUN", (-7.0, -3.4, 4.6), (0.0, 0.0, 0.0), energy=2.6, color=(1.0, 0.87, 0.70))
-    sun.angle = math.radians(3.0)
-    fill = _light(scene, "Fill", "AREA", (4.4, -5.6, 5.0), (0.4, 0.0, 0.6), energy=210.0, color=(0.86, 0.92, 1.0))
+    sun = _light(scene, "Sun", "SUN", (-7.0, -1.6, 3.9), (0.0, 0.0, 0.0), energy=6.5, color=(1.0, 0.87, 0.70))
+    sun.angle = math.radians(5.0)
+    fill = _light(scene, "Fill", "AREA", (4.4, -5.6, 5.0), (0.4, 0.0, 0.6), energy=60.0, color=(0.86, 0.92, 1.0))
     fill.shape, fill.size = "DISK", 3.0
-    rim = _light(scene, "Rim", "SPOT", (4.8, 3.2, 5.2), (-0.2, 0.2, 0.7), energy=480.0, color=(0.62, 0.78, 1.0))
-    rim.shadow_soft_size, rim.spot_size, rim.spot_blend = 0.45, math.radians(58.0), 0.5
+    rim = _light(scene, "Rim", "SPOT", (4.8, 3.2, 5.2), (-0.2, 0.2, 0.7), energy=260.0, color=(0.62, 0.78, 1.0))
+    rim.shadow_soft_size, rim.spot_size, rim.spot_blend = 0.8, math.radians(58.0), 0.5
     lamp = _light(scene, "Lamp", "POINT", (-3.5, 1.9, 2.9), (0.0, 0.0, 0.0), energy=55.0, color=(1.0, 0.72, 0.42))
-    lamp.shadow_soft_size = 0.3
+    lamp.shadow_soft_size = 0.4
 
 
 def _light(
@@ -200,7 +200,7 @@ def _world(scene: Any) -> None:
         world.use_nodes = True
     background = next(node for node in world.node_tree.nodes if node.bl_idname == "ShaderNodeBackground")
     background.inputs["Color"].default_value = (0.20, 0.28, 0.42, 1.0)
-    background.inputs["Strength"].default_value = 0.35
+    background.inputs["Strength"].default_value = 0.3
     scene.world = world
 
 
@@ -208,8 +208,8 @@ def _camera(scene: Any) -> None:
     data = bpy.data.cameras.new("Camera")
     data.lens = 42.0
     item = bpy.data.objects.new("Camera", data)
-    item.location = (0.75, -8.9, 2.75)
-    item.rotation_euler = _towards(item.location, (0.12, 0.0, 1.02))
+    item.location = (0.55, -9.6, 3.75)
+    item.rotation_euler = _towards(item.location, (0.14, 0.1, 1.06))
     scene.collection.objects.link(item)
     scene.camera = item
 

@@ -50,6 +50,7 @@ fn plane_tree(
                 axis,
                 split,
                 children,
+                ..
             } = tree.node(index)
             else {
                 continue;

@@ -158,6 +158,20 @@ def test_what_is_not_understood_is_reported_once(stage: Any, tmp_path: Path) -> 
     assert len([w for w in report.warnings if "without area" in w and "Line" in w]) == 1
 
 
+def test_vertices_that_are_not_finite_cost_only_their_triangles(stage: Any, tmp_path: Path) -> None:
+    whole = render(stage, tmp_path)["Combined.R"]
+    broken = cube("Broken")
+    for vertex, value in zip(broken.vertices, (np.nan, np.inf, -np.inf), strict=False):
+        vertex.co.x = value
+    stage.collection.objects.link(bpy.data.objects.new("Broken", broken))
+    picture = render(stage, tmp_path)["Combined.R"]
+    assert np.isfinite(picture).all()
+    assert np.allclose(picture[0, 0], whole[0, 0])
+    report = reports.last(stage)
+    assert report is not None
+    assert any("not finite" in line and "Broken" in line for line in report.warnings)
+
+
 def test_no_camera_is_refused(stage: Any) -> None:
     stage.camera = None
     with pytest.raises(RuntimeError, match="camera"):

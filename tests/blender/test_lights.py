@@ -54,6 +54,15 @@ def test_areas_scale_with_their_object_and_need_not_be_normalised(add: Any, shap
     assert np.allclose(np.linalg.norm(light.to_world[:3, :3], axis=0), 1)
 
 
+def test_points_and_suns_need_not_be_normalised(add: Any) -> None:
+    """Measured against Cycles: a sphere shines with all its surface, a sun with its disk of directions."""
+    ball = only_light(add, "POINT", energy=2, shadow_soft_size=0.5, normalize=False)
+    assert ball.power[0] == pytest.approx(2 * math.pi)
+    bpy.data.objects.remove(bpy.data.objects["Light"])
+    sun = only_light(add, "SUN", energy=2, angle=0.2, normalize=False)
+    assert sun.power[0] == pytest.approx(2 * math.pi * math.tan(0.1) ** 2)
+
+
 def test_lights_without_power_are_left_out(add: Any) -> None:
     add("Dark", bpy.data.lights.new("Dark", "POINT"))
     bpy.data.lights["Dark"].energy = 0

@@ -21,11 +21,11 @@ impl Costs {
     /// Fitted to leaves of eight triangles tested at once: a step is a mispredicted branch, a
     /// block of eight costs as much as two of them.
     pub const BLOCKS: Self = Self {
-        step: 20.0,
-        leaf: 20.0,
+        step: 10.0,
+        leaf: 5.0,
         triangle: 5.0,
         block: 8.0,
-        empty: 0.8,
+        empty: 0.9,
     };
 
     /// Those of pbrt's and Hoobergs's kd-trees: a triangle costs 80 steps, emptiness earns nothing.
@@ -67,7 +67,7 @@ mod tests {
         let leaf = |n: f32| Costs::BLOCKS.leaf(n);
         assert_eq!(
             [leaf(0.0), leaf(1.0), leaf(8.0), leaf(9.0)],
-            [0.0, 60.0, 60.0, 100.0]
+            [0.0, 45.0, 45.0, 85.0]
         );
         assert_eq!(Costs::THESIS.leaf(3.0), 240.0);
     }
@@ -75,7 +75,7 @@ mod tests {
     #[test]
     fn emptiness_earns_its_bonus() {
         let cost = Costs::BLOCKS.split((0.5, 0.7), (0.0, 4.0));
-        assert_eq!(cost, (20.0 + 0.7 * 60.0) * 0.8);
+        assert_eq!(cost, (10.0 + 0.7 * 45.0) * 0.9);
         assert_eq!(
             Costs::THESIS.split((0.5, 0.7), (1.0, 2.0)),
             1.0 + 0.5 * 80.0 + 0.7 * 160.0

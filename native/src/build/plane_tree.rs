@@ -3,13 +3,15 @@
 //!
 //! Word 0 is the split of an axis node, the place of an oblique node's plane, or the place of a
 //! leaf's triangles. Word 1 holds in its low three bits what the node is (0, 1, 2: an axis; 3: a
-//! leaf; 4: oblique) and above them the first of the two children, which stand side by side at an
-//! even place, or the number of triangles. So the child on the other side is one bit away, a
-//! cache line holds four pairs, and an oblique plane costs its 16 bytes only where there is one.
+//! leaf; 4: oblique), in the next two which children are empty leaves, and above them the first of
+//! the two children, which stand side by side at an even place, or the number of triangles. So the
+//! child on the other side is one bit away, a cache line holds four pairs, an oblique plane costs
+//! its 16 bytes only where there is one, and a ray that would enter an empty child on its way
+//! need not go there to learn it.
 
 use super::cell::Direction;
 use super::preorder::{Item, Preorder};
-use crate::geom::Aabb;
+use crate::error::{Error, Result};
 use crate::scene::Triangles;
 use crate::traverse::blocks::Blocks;
 use crate::traverse::frame::Frame;
@@ -20,7 +22,9 @@ pub const MAX_DEPTH: usize = 60;
 const LEAF: u32 = 3;
 const OBLIQUE: u32 = 4;
 const KIND: u32 = 7;
-const KIND_BITS: u32 = 3;
+/// Set for an inner node whose child below is an empty leaf; shifted by one, above.
+const EMPTY: u32 = 8;
+const LOW_BITS: u32 = 5;
 
 /// A node, decoded.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -33,6 +37,8 @@ pub enum Node {
         split: f32,
         /// The child below; the one above is the next.
         children: u32,
+        /// Bit 0: the child below is an empty leaf; bit 1: the one above is.
+        empty: u32,
     },
     /// Split by `normal . x = offset`.
     Oblique {
@@ -42,6 +48,8 @@ pub enum Node {
         offset: f32,
         /// The child below; the one above is the next.
         children: u32,
+        /// Bit 0: the child below is an empty leaf; bit 1: the one above is.
+        empty: u32,
     },
     /// A leaf.
     Leaf {
@@ -53,7 +61,7 @@ pub enum Node {
 }
 
 /// A tree of split planes over a scene.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct PlaneTree {
     nodes: Vec<[u32; 2]>,
     planes: Vec<[f32; 4]>,
@@ -85,28 +93,47 @@ pub struct Shape {
 
 impl PlaneTree {
     /// Lays out a tree, its leaves' triangles in `blocks`.
-    pub fn new(preorder: &Preorder, scene: &Triangles, frame: &Frame, blocks: &mut Blocks) -> Self {
+    ///
+    /// # Errors
+    /// [`Error::Memory`] when the tree has more nodes or leaf data than its links can name.
+    pub fn new(
+        preorder: &Preorder,
+        scene: &Triangles,
+        frame: &Frame,
+        blocks: &mut Blocks,
+    ) -> Result<Self> {
+        let (nodes, references) = (preorder.items.len(), preorder.ids.len());
+        if nodes >= 1 << 27 || references >= 1 << 28 {
+            return Err(Error::Memory(format!(
+                "the tree would have {nodes} nodes and {references} references; at most 2^27 and 2^28 \
+                 are possible"
+            )));
+        }
         let mut tree = Self {
             nodes: vec![[0; 2]; 2],
             planes: Vec::new(),
         };
         let mut ids = preorder.ids.as_slice();
         // Places still to fill, the next one last: preorder visits below before above.
-        let mut places = vec![0_usize];
+        let mut places = vec![(0_usize, None)];
         for item in &preorder.items {
-            let place = places.pop().expect("preorder: every node has a place");
+            let (place, parent) = places.pop().expect("preorder: every node has a place");
             match *item {
                 Item::Leaf { count, .. } => {
+                    if let (0, Some(parent)) = (count, parent) {
+                        let parent: &mut [u32; 2] = &mut tree.nodes[parent];
+                        parent[1] |= EMPTY << (place & 1);
+                    }
                     let (own, rest) = ids.split_at(count as usize);
                     ids = rest;
                     let first = blocks.push_leaf(scene, frame, own);
-                    tree.nodes[place] = [first, count << KIND_BITS | LEAF];
+                    tree.nodes[place] = [first, count << LOW_BITS | LEAF];
                 }
                 Item::Inner { plane, .. } => {
                     let children = tree.nodes.len();
                     tree.nodes.extend([[0; 2]; 2]);
-                    places.extend([children + 1, children]);
-                    let link = u32::try_from(children).expect("bounded by the budget") << KIND_BITS;
+                    places.extend([(children + 1, Some(place)), (children, Some(place))]);
+                    let link = u32::try_from(children).expect("bounded by the budget") << LOW_BITS;
                     let Direction::Axis(axis) = plane.direction;
                     tree.nodes[place] = [plane.offset.to_bits(), link | axis as u32];
                 }
@@ -114,7 +141,7 @@ impl PlaneTree {
         }
         blocks.seal();
         tree.nodes.shrink_to_fit();
-        tree
+        Ok(tree)
     }
 
     /// The root.
@@ -131,19 +158,21 @@ impl PlaneTree {
             axis @ 0..=2 => Node::Axis {
                 axis: axis as usize,
                 split: f32::from_bits(word),
-                children: link >> KIND_BITS,
+                children: link >> LOW_BITS,
+                empty: (link / EMPTY) & 3,
             },
             OBLIQUE => {
                 let [x, y, z, offset] = self.planes[word as usize];
                 Node::Oblique {
                     normal: [x, y, z],
                     offset,
-                    children: link >> KIND_BITS,
+                    children: link >> LOW_BITS,
+                    empty: (link / EMPTY) & 3,
                 }
             }
             _ => Node::Leaf {
                 first: word,
-                count: (link >> KIND_BITS) as usize,
+                count: (link >> LOW_BITS) as usize,
             },
         }
     }
@@ -196,9 +225,4 @@ impl Shape {
         shape.depth_mean = depth_sum as f64 / shape.leaves.max(1) as f64;
         shape
     }
-}
-
-/// The box of the scene's triangles in the frame, for drawing planes inside it.
-pub fn root_box(frame: &Frame) -> Aabb {
-    frame.bounds()
 }

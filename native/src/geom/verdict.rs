@@ -8,14 +8,15 @@
 //! candidates); exact arithmetic decides the rest.
 //!
 //! Edge functions after Woop, Benthin and Wald 2013, section 3, without their shear; the bounds
-//! are those of Shewchuk 1997, section 4.3, for a determinant of differences.
+//! are in the manner of Shewchuk 1997, section 4.3, coarser and cheaper.
 
 use super::exact::{edge_sign, from_origin, intersect};
-use super::vec3::{Vec3, widen};
+use super::vec3::{Vec3, cross, dot, widen};
 
-/// Relative error of a 3x3 determinant whose rows are differences rounded once: 7 roundings, and
-/// one more for the bound itself. Times the permanent it bounds the absolute error.
-const DETERMINANT_ERROR: f64 = 4.0 * f64::EPSILON;
+/// A 3x3 determinant whose rows are differences rounded once takes 7 more roundings than its exact
+/// value; each of its six products is at most the product of its rows' largest components. So this
+/// times those bounds the error, with one rounding to spare for the bound itself.
+const DETERMINANT_ERROR: f64 = 6.0 * 4.0 * f64::EPSILON;
 
 /// f64 computes `t` only where the determinant is at least this many times its own error.
 const WELL_CONDITIONED: f64 = 1_048_576.0;
@@ -31,6 +32,23 @@ pub struct Verdict {
     pub v: f32,
 }
 
+/// A vector and its largest component by absolute value.
+#[derive(Clone, Copy)]
+struct Sized {
+    vector: Vec3,
+    size: f64,
+}
+
+impl Sized {
+    #[inline(always)]
+    fn new(vector: Vec3) -> Self {
+        Self {
+            vector,
+            size: vector[0].abs().max(vector[1].abs()).max(vector[2].abs()),
+        }
+    }
+}
+
 /// A determinant with a bound on its error.
 #[derive(Clone, Copy)]
 struct Bounded {
@@ -38,32 +56,26 @@ struct Bounded {
     error: f64,
 }
 
-/// `row . (p x q)`, and its bound.
+/// `row . (p x q)`, and its bound. Exchanging `p` and `q` changes the sign and nothing else.
 #[inline(always)]
-fn determinant(row: Vec3, p: Vec3, q: Vec3) -> Bounded {
-    let mut value = 0.0;
-    let mut permanent = 0.0;
-    for (i, j, k) in [(0, 1, 2), (1, 2, 0), (2, 0, 1)] {
-        let (plus, minus) = (p[j] * q[k], p[k] * q[j]);
-        value += row[i] * (plus - minus);
-        permanent += row[i].abs() * (plus.abs() + minus.abs());
-    }
+fn determinant(row: Sized, p: Sized, q: Sized) -> Bounded {
     Bounded {
-        value,
-        error: DETERMINANT_ERROR * permanent,
+        value: dot(row.vector, cross(p.vector, q.vector)),
+        error: DETERMINANT_ERROR * (row.size * (p.size * q.size)),
     }
 }
 
 /// Decides on the line `o + t d` and the closed triangle `v`. A line in the triangle's plane
 /// misses it, and so does every line a triangle without area. `d` need not be of unit length.
-#[inline]
+#[inline(always)]
 pub fn verdict(o: [f32; 3], d: [f32; 3], v: [[f32; 3]; 3]) -> Option<Verdict> {
     let (o64, d64, v64) = (widen(o), widen(d), v.map(widen));
-    let [a, b, c] = from_origin(o64, v64);
+    let [a, b, c] = from_origin(o64, v64).map(Sized::new);
+    let direction = Sized::new(d64);
     let mut w = [
-        determinant(d64, b, c),
-        determinant(d64, c, a),
-        determinant(d64, a, b),
+        determinant(direction, b, c),
+        determinant(direction, c, a),
+        determinant(direction, a, b),
     ];
     let positive = w.iter().any(|w| w.value > w.error);
     let negative = w.iter().any(|w| w.value < -w.error);

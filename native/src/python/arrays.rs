@@ -69,15 +69,48 @@ pub fn points(name: &str, value: &Bound<'_, PyAny>) -> Result<Vec<[f32; 3]>> {
     })
 }
 
-/// The same, all finite.
-pub fn finite_points(name: &str, value: &Bound<'_, PyAny>) -> Result<Vec<[f32; 3]>> {
-    let points = points(name, value)?;
-    match points.as_flattened().iter().position(|x| !x.is_finite()) {
-        None => Ok(points),
+/// Points that a call only reads: borrowed where the array already is what the core wants.
+pub enum Points<'py> {
+    /// C-contiguous float32.
+    Borrowed(PyReadonlyArray2<'py, f32>),
+    /// Anything else.
+    Owned(Vec<[f32; 3]>),
+}
+
+impl<'py> Points<'py> {
+    /// Checks type and shape.
+    pub fn new(name: &str, value: &Bound<'py, PyAny>) -> Result<Self> {
+        if let Ok(array) = value.extract::<PyReadonlyArray2<'py, f32>>()
+            && array.shape()[1] == 3
+            && array.as_slice().is_ok()
+        {
+            return Ok(Self::Borrowed(array));
+        }
+        points(name, value).map(Self::Owned)
+    }
+
+    /// The rows.
+    pub fn rows(&self) -> &[[f32; 3]] {
+        match self {
+            Self::Borrowed(array) => {
+                let flat = array.as_slice().expect("contiguity was checked");
+                flat.as_chunks::<3>().0
+            }
+            Self::Owned(rows) => rows,
+        }
+    }
+}
+
+/// Passes when all rows are finite; names the first that is not.
+pub fn check_finite(name: &str, points: &[[f32; 3]]) -> Result<()> {
+    match points
+        .iter()
+        .position(|row| row.iter().any(|x| !x.is_finite()))
+    {
+        None => Ok(()),
         Some(i) => Err(Error::NonFinite(format!(
-            "{name}[{}]: {:?} is not finite",
-            i / 3,
-            points[i / 3]
+            "{name}[{i}]: {:?} is not finite",
+            points[i]
         ))),
     }
 }

@@ -64,8 +64,9 @@ impl Structure {
         threads: usize,
         counters: bool,
     ) -> PyResult<Hits> {
-        let rays = trace::Rays::new(origins, directions, t_min, t_max, order)?;
-        py.detach(|| trace::closest(&*self.0, &rays, threads, counters))
+        let arguments = trace::RayArrays::new(origins, directions, t_min, t_max, order)?;
+        let rays = arguments.rays();
+        py.detach(|| trace::closest(&*self.0, rays, threads, counters))
             .map_err(Into::into)
     }
 
@@ -82,9 +83,10 @@ impl Structure {
         threads: usize,
         counters: bool,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let rays = trace::Rays::new(origins, directions, t_min, t_max, order)?;
+        let arguments = trace::RayArrays::new(origins, directions, t_min, t_max, order)?;
+        let rays = arguments.rays();
         let (occluded, counts) =
-            py.detach(|| trace::occluded(&*self.0, &rays, threads, counters))?;
+            py.detach(|| trace::occluded(&*self.0, rays, threads, counters))?;
         let occluded = occluded.to_pyarray(py).into_any();
         match counts {
             None => Ok(occluded),

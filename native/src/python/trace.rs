@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Rays from arrays, hits to arrays, and the exact oracle.
 
-use super::arrays::{self, PerRay};
+use super::arrays::{self, PerRay, Points};
 use crate::error::{Error, Result};
 use crate::oracle::exact_closest;
 use crate::scene::Triangles;
@@ -16,25 +16,37 @@ use std::sync::Mutex;
 /// stay in its cache.
 const CHUNK: usize = 4096;
 
-/// Checked rays of one call.
-pub struct Rays {
-    origins: Vec<[f32; 3]>,
-    directions: Vec<[f32; 3]>,
+/// The arguments of `closest` and `occluded`, which own or hold on to the arrays.
+pub struct RayArrays<'py> {
+    origins: Points<'py>,
+    directions: Points<'py>,
     t_min: PerRay,
     t_max: PerRay,
 }
 
-impl Rays {
-    /// Checks the arguments of `closest` and `occluded`.
+/// Checked rays of one call.
+#[derive(Clone, Copy)]
+pub struct Rays<'a> {
+    origins: &'a [[f32; 3]],
+    directions: &'a [[f32; 3]],
+    t_min: &'a PerRay,
+    t_max: &'a PerRay,
+}
+
+impl<'py> RayArrays<'py> {
+    /// Checks types, shapes and numbers.
     pub fn new(
-        origins: &Bound<'_, PyAny>,
-        directions: &Bound<'_, PyAny>,
-        t_min: Option<&Bound<'_, PyAny>>,
-        t_max: Option<&Bound<'_, PyAny>>,
+        origins: &Bound<'py, PyAny>,
+        directions: &Bound<'py, PyAny>,
+        t_min: Option<&Bound<'py, PyAny>>,
+        t_max: Option<&Bound<'py, PyAny>>,
         order: &str,
     ) -> Result<Self> {
-        let origins = arrays::finite_points("origins", origins)?;
-        let directions = arrays::finite_points("directions", directions)?;
+        let origin_points = Points::new("origins", origins)?;
+        let direction_points = Points::new("directions", directions)?;
+        let (origins, directions) = (origin_points.rows(), direction_points.rows());
+        arrays::check_finite("origins", origins)?;
+        arrays::check_finite("directions", directions)?;
         if origins.len() != directions.len() {
             return Err(Error::Shape(format!(
                 "directions: expected one per origin, {}, got {}",
@@ -60,13 +72,25 @@ impl Rays {
         let t_min = limit("t_min", t_min, 0.0)?;
         let t_max = limit("t_max", t_max, f32::INFINITY)?;
         Ok(Self {
-            origins,
-            directions,
+            origins: origin_points,
+            directions: direction_points,
             t_min,
             t_max,
         })
     }
 
+    /// The rays, free of Python.
+    pub fn rays(&self) -> Rays<'_> {
+        Rays {
+            origins: self.origins.rows(),
+            directions: self.directions.rows(),
+            t_min: &self.t_min,
+            t_max: &self.t_max,
+        }
+    }
+}
+
+impl Rays<'_> {
     fn ray(&self, i: usize) -> Ray {
         Ray {
             o: self.origins[i],
@@ -172,7 +196,7 @@ impl Counts {
 
 /// Runs `work` on chunks of rays, their answers and their counters, on `threads` threads.
 fn in_chunks<T: Clone + Send>(
-    rays: &Rays,
+    rays: Rays<'_>,
     threads: usize,
     counted: bool,
     blank: T,
@@ -226,7 +250,12 @@ fn in_chunks<T: Clone + Send>(
 }
 
 /// Nearest hits.
-pub fn closest(tracer: &impl Tracer, rays: &Rays, threads: usize, counters: bool) -> Result<Hits> {
+pub fn closest(
+    tracer: &impl Tracer,
+    rays: Rays<'_>,
+    threads: usize,
+    counters: bool,
+) -> Result<Hits> {
     let (hits, counts) = in_chunks(rays, threads, counters, Hit::MISS, |rays, hits, counts| {
         tracer.closest(rays, hits, counts);
     });
@@ -240,7 +269,7 @@ pub fn closest(tracer: &impl Tracer, rays: &Rays, threads: usize, counters: bool
 /// Any hits.
 pub fn occluded(
     tracer: &impl Tracer,
-    rays: &Rays,
+    rays: Rays<'_>,
     threads: usize,
     counters: bool,
 ) -> Result<(Vec<bool>, Option<Counts>)> {
@@ -270,11 +299,12 @@ fn exact(
 ) -> PyResult<Hits> {
     let vertices = arrays::points("vertices", vertices)?;
     let indices = arrays::indices("triangles", triangles, vertices.len())?;
-    let rays = Rays::new(origins, directions, t_min, t_max, "none")?;
+    let arguments = RayArrays::new(origins, directions, t_min, t_max, "none")?;
+    let rays = arguments.rays();
     let (hits, on_boundary) = py.detach(|| {
         let scene = Triangles::new(vertices, indices)?;
         let blank = (Hit::MISS, false);
-        let (answers, _) = in_chunks(&rays, threads, false, blank, |rays, answers, _| {
+        let (answers, _) = in_chunks(rays, threads, false, blank, |rays, answers, _| {
             for (ray, answer) in rays.iter().zip(answers) {
                 let exact = exact_closest(&scene, ray);
                 *answer = (exact.hit, exact.on_boundary);

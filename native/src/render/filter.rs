@@ -24,7 +24,9 @@ pub struct Filter {
 }
 
 impl Filter {
-    /// `width`: full support in pixels; Blender's default is 1.5. More is smoother and softer.
+    /// `width` in pixels as Blender means it, default 1.5; more is smoother and softer. The box has
+    /// this full width. The Blackman–Harris window reaches over twice as much, because most of it
+    /// lies in the middle half (as in Cycles).
     ///
     /// # Errors
     /// When the width is not finite or not in 0..=20.
@@ -36,7 +38,7 @@ impl Filter {
         }
         let inverse = match kind {
             FilterKind::Box => vec![-0.5 * width, 0.5 * width],
-            FilterKind::BlackmanHarris => invert(blackman_harris, width),
+            FilterKind::BlackmanHarris => invert(blackman_harris, 2.0 * width),
         };
         Ok(Self { inverse })
     }
@@ -97,7 +99,7 @@ mod tests {
             let x = f64::from(filter.offset(u as f32));
             mean += x;
             second += x * x;
-            let p = 1.5 * (u - 0.5);
+            let p = 3.0 * (u - 0.5);
             norm += blackman_harris(u);
             exact += blackman_harris(u) * p * p;
         }

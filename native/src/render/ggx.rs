@@ -2,6 +2,7 @@
 //! The GGX distribution of microfacets with Smith's height-correlated masking, in a frame whose
 //! z axis is the shading normal. Walter et al. 2007; Heitz 2014, eq. 72 and §5.3.
 
+use super::trig::sin_cos_turns;
 use super::vector::{Vec3, vec3};
 
 /// Below this squared width a surface counts as perfectly smooth, as in Cycles.
@@ -55,7 +56,7 @@ impl Ggx {
         let stretched = stretched * (1.0 / stretched.length());
         let z = (1.0 - u[1]) * (1.0 + stretched.z) - stretched.z;
         let r = (1.0 - z * z).max(0.0).sqrt();
-        let (sin, cos) = (std::f32::consts::TAU * u[0]).sin_cos();
+        let (sin, cos) = sin_cos_turns(u[0]);
         let h = vec3(r * cos, r * sin, z) + stretched;
         let h = vec3(self.alpha * h.x, self.alpha * h.y, h.z.max(0.0));
         h.normalized_or(vec3(0.0, 0.0, 1.0))

@@ -4,6 +4,7 @@
 use std::f32::consts::{PI, TAU};
 
 use super::camera::matrix_column;
+use super::trig::{asin, sin_cos_turns};
 use super::vector::{Frame, Vec3, vec3};
 
 /// A ray to a light.
@@ -42,7 +43,7 @@ impl Cone {
             return None;
         }
         let inverse = [y.cross(z), z.cross(x), x.cross(y)].map(|v| v * (1.0 / determinant));
-        let cos_half = (0.5 * size).cos();
+        let cos_half = (0.5 * f64::from(size)).cos() as f32;
         let smooth = 1.0 / ((1.0 - cos_half) * blend.clamp(0.0, 1.0)).max(1e-7);
         Some(Self {
             inverse,
@@ -92,7 +93,7 @@ impl Disc {
         if self.radius > 0.0 {
             let frame = Frame::around(axis.normalized_or(vec3(0.0, 0.0, 1.0)));
             let r = self.radius * u[1].sqrt();
-            let (sin, cos) = (TAU * u[0]).sin_cos();
+            let (sin, cos) = sin_cos_turns(u[0]);
             to += frame.x * (r * cos) + frame.y * (r * sin);
         }
         self.towards(axis, to)
@@ -177,7 +178,8 @@ pub struct Sun {
 impl Sun {
     /// `towards`: unit direction to the sun's centre; `angle`: full angle of its disc.
     pub fn new(towards: Vec3, angle: f32) -> Self {
-        let (sin, sin_half) = ((0.5 * angle).sin(), (0.25 * angle).sin());
+        let half = 0.5 * f64::from(angle);
+        let (sin, sin_half) = (half.sin() as f32, (0.5 * half).sin() as f32);
         let one_minus_cos = 2.0 * sin_half * sin_half;
         Self {
             frame: Frame::around(towards),
@@ -218,7 +220,7 @@ impl Sun {
         }
         let m = u[1] * self.one_minus_cos;
         let r = (m * (2.0 - m)).max(0.0).sqrt();
-        let (sin, cos) = (TAU * u[0]).sin_cos();
+        let (sin, cos) = sin_cos_turns(u[0]);
         let direction = self.frame.to_world(vec3(r * cos, r * sin, 1.0 - m));
         Some(LightRay {
             direction,
@@ -319,7 +321,7 @@ impl Area {
             return self.towards(to, 1.0 / rectangle.solid_angle);
         }
         let [a, b] = if self.round {
-            let (sin, cos) = (TAU * u[0]).sin_cos();
+            let (sin, cos) = sin_cos_turns(u[0]);
             let r = u[1].sqrt();
             [r * cos, r * sin]
         } else {
@@ -426,7 +428,6 @@ impl SphericalRectangle {
         let x = [xc - area.half[0], xc + area.half[0]];
         let y = [yc - area.half[1], yc + area.half[1]];
         let n = [-y[0], x[1], y[1], -x[0]].map(|c| c / (c * c + z * z).sqrt());
-        let asin = |v: f32| v.clamp(-1.0, 1.0).asin();
         let g = [
             asin(-n[0] * n[1]),
             asin(-n[1] * n[2]),
@@ -458,7 +459,7 @@ impl SphericalRectangle {
     #[inline]
     fn sample(&self, area: &Area, u: [f32; 2]) -> Vec3 {
         let au = u[0] * self.solid_angle + self.g;
-        let (sin, cos) = au.sin_cos();
+        let (sin, cos) = sin_cos_turns((au * (1.0 / TAU)).rem_euclid(1.0));
         let fu = if sin == 0.0 {
             0.0
         } else {

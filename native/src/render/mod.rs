@@ -3,7 +3,7 @@
 //! a tree type.
 //!
 //! From the ground up:
-//! - [`vector`], [`check`]: f32 vectors and frames; checks that name the key at fault;
+//! - [`vector`], [`trig`], [`check`]: f32 vectors and frames; sines; checks that name the key;
 //! - [`sampler`], [`filter`], [`camera`]: random numbers, the pixel filter, camera rays;
 //! - [`fresnel`], [`ggx`], [`albedo`], [`material`], [`bsdf`]: what surfaces do with light;
 //! - [`light_shapes`], [`lights`]: where light comes from;
@@ -13,9 +13,6 @@
 //! The image is a pure function of scene, camera and settings: every random number is a hash of
 //! (pixel, seed, dimension, sample), a pixel's samples are added in order, and structures answer
 //! alike bit for bit. So neither the structure nor the number of threads changes any pixel.
-
-// Counts and pixel coordinates become f32 all over; they are far below 2^24 where it matters.
-#![allow(clippy::cast_precision_loss)]
 
 pub mod albedo;
 pub mod bsdf;
@@ -35,6 +32,7 @@ pub mod sampler;
 pub mod scene;
 pub mod settings;
 pub mod surface;
+pub mod trig;
 pub mod vector;
 
 #[cfg(test)]

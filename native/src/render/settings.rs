@@ -97,7 +97,7 @@ pub struct Settings {
     pub step_samples: Option<u32>,
     /// Pixel filter.
     pub filter: FilterKind,
-    /// Its full width in pixels.
+    /// Its width in pixels, as Blender means it.
     pub filter_width: f32,
 }
 

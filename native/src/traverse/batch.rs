@@ -141,7 +141,7 @@ impl Batch<'_> {
                         simd,
                         part,
                         self.scene,
-                        (ray, framed),
+                        (ray, framed, framed.t_max),
                         best,
                         &mut count,
                     );

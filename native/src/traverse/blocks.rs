@@ -9,11 +9,11 @@
 //! The test is that of Möller and Trumbore 1997, with an error bound on each of its quantities. It
 //! rejects a triangle only when the bound proves the miss; all others go to the exact verdict.
 
-use super::frame::{Frame, FrameRay, U};
+use super::frame::{Frame, FrameRay, U, keep_min};
 use super::query::{Best, Counters, Query};
 use super::ray::Ray;
 use crate::scene::Triangles;
-use fearless_simd::{Simd, SimdBase, SimdFloat, SimdMask, f32x8, mask32x8};
+use fearless_simd::{Simd, SimdBase, SimdFloat, SimdMask, f32x8};
 
 /// Triangles per block.
 pub const LANES: usize = 8;
@@ -21,14 +21,18 @@ pub const LANES: usize = 8;
 /// Words per triangle.
 const WORDS: usize = 10;
 
-/// Words that loads may run over the end of a block.
-const OVERRUN: usize = LANES;
+/// Words that the test may read from the beginning of any block, however few triangles it has: all
+/// loads then lie provably inside, and are checked once per block.
+const SPAN: usize = 1 + WORDS * LANES + LANES;
 
 // With |d| < 2 per component, |e| <= E, |o - v| <= S and all inputs of the test rounded once, the
 // roundings of each quantity add up to less than (per component bounds, worst case of signs):
 //   d x e2: 12 u E      s x e1: 8 u S E
 //   det = e1 . (d x e2): 84 u E^2       u = s . (d x e2): 84 u S E
 //   v = d . (s x e1): 84 u S E          t = e2 . (s x e1): 48 u S E^2
+// A determinant within its error may come out with the wrong sign, and then all signs are wrong.
+// But then the true weights of a hit, which add up to it, are as small, and so is t times it. Three
+// times the determinant's error on the other bounds covers that case.
 const DET_ERROR: f32 = 96.0 * U;
 const UV_ERROR: f32 = 96.0 * U;
 const T_ERROR: f32 = 64.0 * U;
@@ -40,6 +44,14 @@ const UNDERFLOW: f32 = 1e-36;
 #[derive(Debug, Clone, Default)]
 pub struct Blocks {
     words: Vec<f32>,
+}
+
+impl PartialEq for Blocks {
+    /// Bit for bit: triangle numbers are stored as floats and may read as NaN.
+    fn eq(&self, other: &Self) -> bool {
+        let bits = |blocks: &Self| blocks.words.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
+        bits(self) == bits(other)
+    }
 }
 
 impl Blocks {
@@ -80,7 +92,7 @@ impl Blocks {
 
     /// Adds the words that loads may run over at the end.
     pub fn seal(&mut self) {
-        self.words.resize(self.words.len() + OVERRUN, 0.0);
+        self.words.resize(self.words.len() + SPAN, 0.0);
         self.words.shrink_to_fit();
     }
 
@@ -109,14 +121,16 @@ impl Blocks {
         ids
     }
 
-    /// Tests the leaf of `count` triangles that begins at `first`; says whether the walk may end.
+    /// Tests the leaf of `count` triangles that begins at `first`, for hits not beyond `leave`, where
+    /// the ray leaves the leaf's cell; says whether the walk may end. A hit farther away lies in
+    /// another leaf too.
     #[inline(always)]
     pub fn test<S: Simd, Q: Query, C: Counters>(
         &self,
         simd: S,
         (first, count): (u32, usize),
         scene: &Triangles,
-        (ray, frame): (&Ray, &FrameRay),
+        (ray, frame, leave): (&Ray, &FrameRay, f32),
         best: &mut Best,
         counters: &mut C,
     ) -> bool {
@@ -125,15 +139,16 @@ impl Blocks {
         while left > 0 {
             let n = left.min(LANES);
             counters.tests(n);
-            let block = &self.words[at..at + 1 + WORDS * n + OVERRUN];
-            let mut survivors = survivors(simd, block, n, frame, best.reach);
-            while survivors != 0 {
-                let lane = survivors.trailing_zeros() as usize;
-                survivors &= survivors - 1;
+            let block = self.words[at..]
+                .first_chunk()
+                .expect("sealed: no block is the last");
+            let mut open = Candidates::new(simd, block, n, frame, keep_min(leave, best.reach));
+            while let Some(lane) = open.next::<Q>() {
                 let id = block[1 + 9 * n + lane].to_bits();
                 if best.offer::<Q, C>(scene, ray, frame, id, counters) {
                     return true;
                 }
+                open.drop_beyond(simd, best.reach);
             }
             at += 1 + WORDS * n;
             left -= n;
@@ -142,53 +157,119 @@ impl Blocks {
     }
 }
 
-/// The lanes whose triangles the ray may hit between its start and `reach`.
-#[inline(always)]
-fn survivors<S: Simd>(simd: S, block: &[f32], n: usize, ray: &FrameRay, reach: f32) -> u64 {
-    let splat = |x: f32| f32x8::splat(simd, x);
-    let row = |r: usize| f32x8::from_slice(simd, &block[1 + r * n..1 + r * n + LANES]);
-    let size = block[0];
-    let [dx, dy, dz] = ray.d.map(splat);
-    let [sx, sy, sz] = [
-        splat(ray.o[0]) - row(0),
-        splat(ray.o[1]) - row(1),
-        splat(ray.o[2]) - row(2),
-    ];
-    let [ax, ay, az] = [row(3), row(4), row(5)];
-    let [bx, by, bz] = [row(6), row(7), row(8)];
+/// The triangles of one block that the ray may hit, the nearest first.
+struct Candidates<S: Simd> {
+    lanes: u64,
+    det: f32x8<S>,
+    t: f32x8<S>,
+    det_error: f32,
+    t_error: f32,
+}
 
-    // p = d x e2, q = s x e1
-    let px = dy.mul_sub(bz, dz * by);
-    let py = dz.mul_sub(bx, dx * bz);
-    let pz = dx.mul_sub(by, dy * bx);
-    let qx = sy.mul_sub(az, sz * ay);
-    let qy = sz.mul_sub(ax, sx * az);
-    let qz = sx.mul_sub(ay, sy * ax);
-    let det = ax.mul_add(px, ay.mul_add(py, az * pz));
-    let u = sx.mul_add(px, sy.mul_add(py, sz * pz));
-    let v = dx.mul_add(qx, dy.mul_add(qy, dz * qz));
-    let t = bx.mul_add(qx, by.mul_add(qy, bz * qz));
+impl<S: Simd> Candidates<S> {
+    /// Rejects every triangle that the ray certainly misses between its start and `reach`.
+    #[inline(always)]
+    fn new(simd: S, block: &[f32; SPAN], n: usize, ray: &FrameRay, reach: f32) -> Self {
+        let splat = |x: f32| f32x8::splat(simd, x);
+        let row = |r: usize| f32x8::from_slice(simd, &block[1 + r * n..1 + r * n + LANES]);
+        let size = block[0];
+        let [dx, dy, dz] = ray.d.map(splat);
+        let s = [
+            splat(ray.o[0]) - row(0),
+            splat(ray.o[1]) - row(1),
+            splat(ray.o[2]) - row(2),
+        ];
+        let [sx, sy, sz] = s;
+        let a = [row(3), row(4), row(5)];
+        let b = [row(6), row(7), row(8)];
+        let ([ax, ay, az], [bx, by, bz]) = (a, b);
 
-    let det_error = DET_ERROR * size * size + UNDERFLOW;
-    let uv_error = UV_ERROR * ray.span * size + UNDERFLOW;
-    let t_error = T_ERROR * ray.span * size * size + UNDERFLOW;
+        // p = d x e2, q = s x e1
+        let px = dy.mul_sub(bz, dz * by);
+        let py = dz.mul_sub(bx, dx * bz);
+        let pz = dx.mul_sub(by, dy * bx);
+        let qx = sy.mul_sub(az, sz * ay);
+        let qy = sz.mul_sub(ax, sx * az);
+        let qz = sx.mul_sub(ay, sy * ax);
+        let det = ax.mul_add(px, ay.mul_add(py, az * pz));
+        let u = sx.mul_add(px, sy.mul_add(py, sz * pz));
+        let v = dx.mul_add(qx, dy.mul_add(qy, dz * qz));
+        let t = bx.mul_add(qx, by.mul_add(qy, bz * qz));
 
-    // Turn everything so that the determinant is positive.
-    let sign = splat(1.0).copysign(det);
-    let (det, u, v, t) = (det * sign, u * sign, v * sign, t * sign);
-    let outside = u.simd_lt(splat(-uv_error))
-        | v.simd_lt(splat(-uv_error))
-        | (det - u - v).simd_lt(splat(-(2.0 * uv_error + det_error)));
-    let far = t.simd_gt(det.mul_add(splat(reach), splat(t_error + reach.abs() * det_error)));
-    let near_limit = ray.t_min;
-    let near = t.simd_lt(det.mul_sub(
-        splat(near_limit),
-        splat(t_error + near_limit.abs() * det_error),
-    ));
-    // A determinant within its error may have either sign: nothing can be said.
-    let certain = det.simd_gt(splat(det_error));
-    let rejected: mask32x8<S> = certain & (outside | far | near);
-    !rejected.to_bitmask() & ((1 << n) - 1)
+        // Turn everything so that the determinant is positive.
+        let sign = splat(1.0).copysign(det);
+        let (det, u, v, t) = (det * sign, u * sign, v * sign, t * sign);
+        let least = u.min(v).min(det - u - v);
+
+        // A corner of a triangle that is hit within reach is no farther than that, and its size.
+        let span = keep_min(2.0 * reach + size, ray.span);
+        // Zero, or NaN where some product may have overflowed: NaN bounds reject nothing.
+        let overflow = 0.0 * (64.0 * span * size * size.max(1.0));
+        let floor = UNDERFLOW + overflow;
+        let det_error = DET_ERROR * size * size + UNDERFLOW;
+        let t_error = T_ERROR * span * size * size + floor;
+        let uv_error = 2.0 * UV_ERROR * span * size + 3.0 * det_error + floor;
+        let doubt = t_error + 3.0 * reach.abs() * det_error;
+        let behind = if ray.t_min >= -1e-30 {
+            -doubt
+        } else {
+            f32::NEG_INFINITY
+        };
+        let rejected = least.simd_lt(splat(-uv_error))
+            | t.simd_gt(det.mul_add(splat(reach), splat(doubt)))
+            | t.simd_lt(splat(behind));
+        let mut lanes = !rejected.to_bitmask() & ((1 << n) - 1);
+        if lanes != 0 {
+            // The bounds above are those of the block's largest triangle; now each gets its own.
+            let largest = |v: [f32x8<S>; 3]| v[0].abs().max(v[1].abs()).max(v[2].abs());
+            let size = largest(a).max(largest(b));
+            let uv_error = size.mul_add(
+                size * splat(3.0 * DET_ERROR),
+                size.mul_add(largest(s) * splat(2.0 * UV_ERROR), splat(floor)),
+            );
+            lanes &= !least.simd_lt(-uv_error).to_bitmask();
+        }
+        Self {
+            lanes,
+            det,
+            t,
+            det_error,
+            t_error,
+        }
+    }
+
+    /// Takes out the lane that seems nearest; any lane, when any hit will do.
+    #[inline(always)]
+    fn next<Q: Query>(&mut self) -> Option<usize> {
+        if self.lanes == 0 {
+            return None;
+        }
+        let mut lane = self.lanes.trailing_zeros() as usize;
+        let mut others = self.lanes & (self.lanes - 1);
+        if !Q::ANY && others != 0 {
+            let mut distances = [0.0; LANES];
+            (self.t / self.det).store_slice(&mut distances);
+            while others != 0 {
+                let other = others.trailing_zeros() as usize;
+                if distances[other] < distances[lane] {
+                    lane = other;
+                }
+                others &= others - 1;
+            }
+        }
+        self.lanes &= !(1 << lane);
+        Some(lane)
+    }
+
+    /// Drops the triangles that lie certainly beyond `reach`.
+    #[inline(always)]
+    fn drop_beyond(&mut self, simd: S, reach: f32) {
+        if self.lanes != 0 {
+            let doubt = f32x8::splat(simd, self.t_error + 3.0 * reach.abs() * self.det_error);
+            let limit = self.det.mul_add(f32x8::splat(simd, reach), doubt);
+            self.lanes &= !self.t.simd_gt(limit).to_bitmask();
+        }
+    }
 }
 
 #[cfg(test)]
@@ -244,8 +325,8 @@ mod tests {
             let mut at = first as usize;
             for ids in scene.live().chunks(LANES) {
                 let n = ids.len();
-                let block = &blocks.words[at..at + 1 + WORDS * n + OVERRUN];
-                let mask = dispatch!(Level::new(), simd => survivors(simd, block, n, &framed, framed.t_max));
+                let block = blocks.words[at..].first_chunk().unwrap();
+                let mask = dispatch!(Level::new(), simd => Candidates::new(simd, block, n, &framed, framed.t_max).lanes);
                 for (lane, &id) in ids.iter().enumerate() {
                     prop_assert!(mask >> lane & 1 == 1 || !hit(id), "triangle {id} was rejected");
                 }

@@ -12,10 +12,6 @@ use crate::geom::Aabb;
 /// Unit roundoff of f32.
 pub const U: f32 = 1.0 / 16_777_216.0;
 
-/// Directions below this (in the frame, where the largest is at least 1) count as parallel: over
-/// any distance inside the scene they move by less than the tolerance.
-const PARALLEL: f32 = 1.0 / (1_u128 << 80) as f32;
-
 /// Relative slack for pruning by the best hit: three roundings of `t` and the scale of the frame.
 const PRUNE: f32 = 1.0 + 1.0 / 1_048_576.0;
 
@@ -82,15 +78,24 @@ impl Frame {
         self.bounds
     }
 
-    /// The ray in this frame, cut to the scene's box; `None` when it certainly misses the box.
+    /// The ray in this frame, cut to the scene's box; `None` when it certainly misses the box, when
+    /// its direction is zero, or when a number of it is not finite.
     #[inline(always)]
     pub fn ray(&self, ray: &Ray) -> Option<FrameRay> {
         let longest = ray.d[0].abs().max(ray.d[1].abs()).max(ray.d[2].abs());
-        if longest == 0.0 {
+        // Infinity and NaN times zero is NaN.
+        let finite = (0..3).map(|k| ray.o[k] * 0.0 + ray.d[k] * 0.0).sum::<f32>() == 0.0;
+        if longest == 0.0 || !finite {
             return None;
         }
         let unit = power_of_two(longest);
-        let d = ray.d.map(|x| x / unit);
+        // The reciprocal of a power of two is one, unless it overflows.
+        let d = if unit > f32::MIN_POSITIVE {
+            let inverse = 1.0 / unit;
+            ray.d.map(|x| x * inverse)
+        } else {
+            ray.d.map(|x| x / unit)
+        };
         let o = self.point(ray.o);
         let to_frame = f64::from(unit) * f64::from(self.scale);
         let far = o[0].abs().max(o[1].abs()).max(o[2].abs());
@@ -110,16 +115,21 @@ impl Frame {
         };
         let mut near = f32::NEG_INFINITY;
         let mut exit = f32::INFINITY;
+        // Over any distance up to `span` a slower direction moves by less than u times the padding: it
+        // counts as parallel. Where this underflows, 1 / 0 makes the distances infinite or NaN, and
+        // the walks then skip nothing.
+        let parallel = U / sum;
         for k in 0..3 {
-            let dk = if d[k].abs() < PARALLEL {
-                PARALLEL.copysign(d[k])
+            // A plane distance (p - o) / d is off by less than 3 u |p - o| / |d|, the point it
+            // stands for by less than 5 u (|o| + |p|); 8 leaves room for the additions.
+            let pad = 8.0 * U * (o[k].abs() + self.magnitude);
+            let slowest = parallel * pad;
+            let dk = if d[k].abs() < slowest {
+                slowest.copysign(d[k])
             } else {
                 d[k]
             };
             out.inv[k] = 1.0 / dk;
-            // A plane distance (p - o) / d is off by less than 3 u |p - o| / |d|, the point it
-            // stands for by less than 5 u (|o| + |p|); 8 leaves room for the additions.
-            let pad = 8.0 * U * (o[k].abs() + self.magnitude);
             let slack = pad * out.inv[k].abs();
             out.pad[k] = self.robust * pad;
             out.slack[k] = self.robust * slack;
@@ -151,7 +161,8 @@ pub struct FrameRay {
     pub o: [f32; 3],
     /// Direction, largest component in [1, 2).
     pub d: [f32; 3],
-    /// Reciprocal direction; finite, its sign that of `d`, a negative zero included.
+    /// Reciprocal direction, its sign that of `d`, a negative zero included; finite but for rays
+    /// from very far away.
     pub inv: [f32; 3],
     /// Bound on the error of a distance `(p - o) * inv` to a plane of the scene, per axis.
     pub slack: [f32; 3],

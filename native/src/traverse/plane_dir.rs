@@ -53,13 +53,14 @@ impl batch::Walk for Walk<'_> {
                     axis,
                     split,
                     children,
+                    empty,
                 } => {
                     counters.step_axis();
                     let distance = (split - frame.o[axis]) * frame.inv[axis];
                     let slack = frame.slack[axis];
                     let near = children ^ frame.negative[axis];
                     (node, enter, leave) = step(
-                        (near, near ^ 1),
+                        (near, empty),
                         (distance - slack, distance + slack),
                         (enter, leave),
                         (stack, &mut waiting),
@@ -70,6 +71,7 @@ impl batch::Walk for Walk<'_> {
                     normal,
                     offset,
                     children,
+                    empty,
                 } => {
                     counters.step_oblique();
                     let speed = dot(normal, frame.d);
@@ -78,7 +80,7 @@ impl batch::Walk for Walk<'_> {
                     let slack = frame.oblique_pad * inv.abs();
                     let near = children ^ u32::from(speed.is_sign_negative());
                     (node, enter, leave) = step(
-                        (near, near ^ 1),
+                        (near, empty),
                         (distance - slack, distance + slack),
                         (enter, leave),
                         (stack, &mut waiting),
@@ -91,7 +93,7 @@ impl batch::Walk for Walk<'_> {
                         simd,
                         (first, count),
                         scene,
-                        (ray, frame),
+                        (ray, frame, leave),
                         &mut best,
                         counters,
                     ) {
@@ -117,24 +119,31 @@ impl batch::Walk for Walk<'_> {
 
 /// Chooses between the near child, the far child and both (the far one then waits). NaN distances
 /// fail both comparisons, so both children are visited, over the whole interval.
+///
+/// Of two children on the way an empty one is not visited: the other gets its part of the interval.
 #[inline(always)]
 fn step(
-    (near, far): (u32, u32),
+    (near, empty): (u32, u32),
     (low, high): (f32, f32),
     (enter, leave): (f32, f32),
     (stack, waiting): (&mut [Pending; MAX_DEPTH + 1], &mut usize),
 ) -> (u32, f32, f32) {
+    let far = near ^ 1;
     if low > leave {
         (near, enter, leave)
     } else if high < enter {
         (far, enter, leave)
+    } else if empty >> (near & 1) & 1 == 1 {
+        (far, keep_max(low, enter), leave)
     } else {
-        stack[*waiting] = Pending {
-            node: far,
-            enter: keep_max(low, enter),
-            leave,
-        };
-        *waiting += 1;
+        if empty == 0 {
+            stack[*waiting] = Pending {
+                node: far,
+                enter: keep_max(low, enter),
+                leave,
+            };
+            *waiting += 1;
+        }
         (near, enter, keep_min(high, leave))
     }
 }

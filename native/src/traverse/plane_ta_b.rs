@@ -103,6 +103,7 @@ impl batch::Walk for Walk<'_> {
                     axis,
                     split,
                     children,
+                    empty,
                 } => {
                     counters.step_axis();
                     if segment.high[axis] < split {
@@ -110,16 +111,24 @@ impl batch::Walk for Walk<'_> {
                     } else if segment.low[axis] > split {
                         node = children + 1; // P1 P2 P3 N5: above all along
                     } else {
-                        // N4 P4, and every Z case: both, the far side waits.
+                        // N4 P4, and every Z case: both, the far side waits; of two children on the
+                        // way an empty one is not visited.
                         let distance = (split - frame.o[axis]) * frame.inv[axis];
                         let slack = frame.slack[axis];
                         let near = children ^ frame.negative[axis];
                         let far_from = keep_max(distance - slack, segment.enter);
                         let near_to = keep_min(distance + slack, segment.leave);
-                        stack[waiting] = (near ^ 1, segment.begin(frame, far_from));
-                        waiting += 1;
-                        segment = segment.end(frame, near_to);
-                        node = near;
+                        if empty >> (near & 1) & 1 == 1 {
+                            segment = segment.begin(frame, far_from);
+                            node = near ^ 1;
+                        } else {
+                            if empty == 0 {
+                                stack[waiting] = (near ^ 1, segment.begin(frame, far_from));
+                                waiting += 1;
+                            }
+                            segment = segment.end(frame, near_to);
+                            node = near;
+                        }
                     }
                     continue;
                 }
@@ -130,7 +139,7 @@ impl batch::Walk for Walk<'_> {
                         simd,
                         (first, count),
                         scene,
-                        (ray, frame),
+                        (ray, frame, segment.leave),
                         &mut best,
                         counters,
                     ) {

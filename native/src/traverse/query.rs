@@ -120,6 +120,10 @@ impl Best {
         id: u32,
         counters: &mut C,
     ) -> bool {
+        // A triangle that reaches into several leaves is met again in each.
+        if id == self.hit.triangle {
+            return false;
+        }
         counters.verdict();
         let Some(found) = verdict(ray.o, ray.d, scene.corners(id)) else {
             return false;

@@ -96,7 +96,7 @@ pub fn plane_tree<P: PlanePolicy>(
     let preorder = space::build(scene, &frame, policy, params, monitor)?;
     let shape = Shape::new(&preorder);
     let mut blocks = Blocks::new();
-    let tree = PlaneTree::new(&preorder, scene, &frame, &mut blocks);
+    let tree = PlaneTree::new(&preorder, scene, &frame, &mut blocks)?;
     let layout = match config.choice("traversal") {
         "dir" => Layout::PlaneDir(tree),
         _ => Layout::PlaneTaB(tree),
