@@ -172,7 +172,8 @@ class Structure:
         counters: bool = False,
     ) -> Any:
         """Whether each ray meets anything at all: (n,) bool; with counters=True a pair of that
-        and the counters of Hits. Arguments and errors as for closest()."""
+        and the counters of Hits. Arguments and errors as for closest().
+        """
 
     def validate(self) -> list[str]:
         """Broken invariants in words; empty for a sound structure. Takes time, for tests."""
@@ -277,7 +278,8 @@ class RenderScene:
     @property
     def left_out(self) -> list[str]:
         """What this scene does not need and its paths therefore do not contain, each with its
-        reason, such as "shadow rays: no lights"."""
+        reason, such as "shadow rays: no lights".
+        """
 
 class RenderJob:
     """A render on threads of its own, or its result.
@@ -288,11 +290,13 @@ class RenderJob:
 
     def wait(self, milliseconds: int) -> bool:
         """Waits until the render has ended or the time is over; True when it has ended, be it
-        done, failed or cancelled. Releases the GIL. SpecError for a negative time."""
+        done, failed or cancelled. Releases the GIL. SpecError for a negative time.
+        """
 
     def cancel(self) -> None:
         """Asks the render to stop and returns at once; it stops within 0.1 s. What was finished
-        stays readable."""
+        stays readable.
+        """
 
     @property
     def progress(self) -> float:

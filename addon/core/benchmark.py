@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from . import accuracy, rays, specs, yardstick
+from . import accuracy, curve, rays, specs, yardstick
 from .accuracy import Answers, Errors
 from .rays import RaySet
 from .workload import Workload
@@ -73,6 +73,8 @@ class _Candidate:
     timed: dict[str, RaySet]
     counted: dict[str, dict[str, float]]
     seconds: dict[str, list[float]]
+    curve: list[dict[str, float]] = field(default_factory=list)
+    differing_pixels: int = 0
 
 
 def measure(
@@ -94,6 +96,11 @@ def measure(
     count = sum(map(len, checked.values()))
     say(f"{workload.name}: {count:,} rays by {options.reference}, the reference")
     expected = _reference(native, workload, checked, options)
+    pictures = None
+    if options.curve:
+        pictures = curve.Curve(native, workload, options.size, options.curve, options.seed)
+        say(f"{workload.name}: rendering the converged picture")
+        pictures.converge(native.build(workload.vertices, workload.triangles, _tracer_spec(native), threads=0))
     for group in _groups(native, workload, chosen, options, say):
         candidates: list[_Candidate] = []
         for item in group:
@@ -106,6 +113,9 @@ def measure(
             _prove(native, candidate, ray_sets, checked, expected, options)
         say(f"{workload.name}: timing {', '.join(c.spec for c in candidates)}")
         _time(candidates, ray_sets, options)
+        if pictures is not None:
+            say(f"{workload.name}: rendering with {', '.join(map(str, options.curve))} samples per pixel")
+            _draw(candidates, pictures, options)
         base = next((c for c in candidates if c.spec == yardstick.SPEC), None)
         for candidate in candidates:
             yield _row(native, workload, candidate, ray_sets, base, options)
@@ -116,7 +126,7 @@ def agrees(row: Row) -> bool:
     errors = row["errors"]
     if errors is None:
         return False
-    wrong = ("false_miss", "false_hit", "wrong_triangle", "wrong_any_hit")
+    wrong = ("false_miss", "false_hit", "wrong_triangle", "wrong_any_hit", "differing_pixels")
     bits = ("wrong_values", "t_ulp_max") if errors["reference"] == "brute" else ()
     return not any(errors[key] for key in wrong + bits)
 
@@ -252,6 +262,18 @@ def _time(candidates: Sequence[_Candidate], ray_sets: Iterable[RaySet], options:
                     candidate.seconds.setdefault(whole.name, []).append(seconds)
 
 
+def _draw(candidates: Sequence[_Candidate], pictures: curve.Curve, options: Options) -> None:
+    """Render pictures with growing numbers of samples, interleaved over the configurations."""
+    ours = [candidate for candidate in candidates if candidate.spec != yardstick.SPEC]
+    for samples in options.curve:
+        for candidate in ours:
+            slowest = min((min(_mrays(candidate, name)) for name in candidate.seconds), default=1.0)
+            if samples in pictures.affordable(slowest):
+                point, differing = pictures.point(candidate.structure, samples, options.threads)
+                candidate.curve.append(point)
+                candidate.differing_pixels += differing
+
+
 def spread(numbers: Sequence[float] | NDArray[np.float64]) -> dict[str, float]:
     """Smallest, median and largest."""
     return {"min": float(min(numbers)), "med": float(np.median(numbers)), "max": float(max(numbers))}
@@ -274,6 +296,14 @@ def _row(
     row["rays"] = {rays_of_set.name: _rates(candidate, rays_of_set, base) for rays_of_set in ray_sets}
     row["errors"] = accuracy.total(candidate.errors.values()).as_row(options.reference)
     row["errors"]["sets"] = {name: errors.as_row(options.reference) for name, errors in candidate.errors.items()}
+    # Pixels in which a picture is not that of the first structure; 0 where nothing was rendered.
+    row["errors"]["differing_pixels"] = candidate.differing_pixels
+    if candidate.curve:
+        row["curve"] = candidate.curve
+        row["render_s"] = candidate.curve[-1]["seconds"]
+    left = [n for n in options.curve if n not in {point["spp"] for point in candidate.curve}]
+    if left and candidate.spec != yardstick.SPEC:
+        row["left_out"].append(f"pictures with {', '.join(map(str, left))} samples per pixel: they would take too long")
     return row
 
 

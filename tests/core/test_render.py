@@ -106,7 +106,10 @@ def test_passes_and_statistics():
     assert statistics["tests"] == image(job, "Triangle Tests").sum() * 4
     uncounted = finish(native.render(scene(), camera(), settings()))
     assert uncounted.statistics["steps"] is None
-    assert job.finished and not job.cancelled and job.progress == 1.0 and job.samples_done == 4
+    assert job.finished
+    assert not job.cancelled
+    assert job.progress == 1.0
+    assert job.samples_done == 4
 
 
 def test_border_and_rows_from_the_bottom():
@@ -114,9 +117,7 @@ def test_border_and_rows_from_the_bottom():
     full = image(finish(native.render(scene(), wide, settings(passes=["Position"]))), "Position")
     assert full[0, 1] < full[-1, 1], "the first row is the bottom one"
     part = finish(native.render(scene(), wide, settings(passes=["Position"], border=(2, 1, 7, 3))))
-    np.testing.assert_array_equal(
-        image(part, "Position", 10).reshape(2, 5, 3), full.reshape(4, 8, 3)[1:3, 2:7]
-    )
+    np.testing.assert_array_equal(image(part, "Position", 10).reshape(2, 5, 3), full.reshape(4, 8, 3)[1:3, 2:7])
 
 
 def test_left_out_says_why():
@@ -134,7 +135,10 @@ def test_cancel_stops_within_a_tenth_of_a_second():
     job.cancel()
     assert job.wait(5000)
     assert time.perf_counter() - begun < 0.1
-    assert job.cancelled and job.finished and job.error is None and 0 < job.progress < 1
+    assert job.cancelled
+    assert job.finished
+    assert job.error is None
+    assert 0 < job.progress < 1
     assert np.isfinite(image(job, pixels=4_000_000)).all()
 
 

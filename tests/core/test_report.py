@@ -45,6 +45,7 @@ ROW: dict[str, Any] = {
         "t_ulp_max": 0,
         "t_ulp_p999": 0,
         "on_boundary": 3,
+        "differing_pixels": 0,
     },
     "curve": None,
     "render_s": None,
