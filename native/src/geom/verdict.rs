@@ -91,8 +91,10 @@ pub fn verdict(o: [f32; 3], d: [f32; 3], v: [[f32; 3]; 3]) -> Option<Verdict> {
     let sum_error = w[0].error + w[1].error + w[2].error + 2.0 * f64::EPSILON * sum.abs();
     if sum.abs() > WELL_CONDITIONED * sum_error {
         let distance = determinant(a, b, c);
-        let t = distance.value / sum;
-        let slack = (distance.error + t.abs() * sum_error) / (sum.abs() - sum_error)
+        let inverse = 1.0 / sum;
+        let t = distance.value * inverse;
+        // 1 / (sum - error) is at most 1 + 2^-19 times as large.
+        let slack = (distance.error + t.abs() * sum_error) * inverse.abs() * (1.0 + 2e-6)
             + 2.0 * f64::EPSILON * t.abs();
         #[expect(clippy::cast_possible_truncation, reason = "rounding is the point")]
         let (low, high) = ((t - slack) as f32, (t + slack) as f32);
@@ -100,8 +102,8 @@ pub fn verdict(o: [f32; 3], d: [f32; 3], v: [[f32; 3]; 3]) -> Option<Verdict> {
             #[expect(clippy::cast_possible_truncation, reason = "rounding is the point")]
             return Some(Verdict {
                 t: low + 0.0, // -0.0 becomes 0.0
-                u: (w[1].value / sum) as f32,
-                v: (w[2].value / sum) as f32,
+                u: (w[1].value * inverse) as f32,
+                v: (w[2].value * inverse) as f32,
             });
         }
     }

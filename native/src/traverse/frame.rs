@@ -68,6 +68,12 @@ impl Frame {
         [p[0] * self.scale, p[1] * self.scale, p[2] * self.scale]
     }
 
+    /// Whether coordinates are the scene's own, bit for bit.
+    #[inline(always)]
+    pub fn is_scene(&self) -> bool {
+        self.scale == 1.0
+    }
+
     /// A point of this frame in the scene's own coordinates.
     pub fn to_scene(&self, p: [f32; 3]) -> [f32; 3] {
         p.map(|x| x / self.scale)

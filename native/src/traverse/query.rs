@@ -5,7 +5,6 @@
 use super::frame::FrameRay;
 use super::ray::{Hit, Ray, RayCounters};
 use crate::geom::verdict::verdict;
-use crate::scene::Triangles;
 
 /// The question put to a walk.
 pub trait Query {
@@ -108,16 +107,15 @@ impl Best {
         }
     }
 
-    /// Puts one candidate to the verdict; says whether the walk may end.
+    /// Puts one candidate, number and corners, to the verdict; says whether the walk may end.
     ///
     /// Distances are compared after rounding, so that equal means equal to the caller too.
     #[inline(always)]
     pub fn offer<Q: Query, C: Counters>(
         &mut self,
-        scene: &Triangles,
-        ray: &Ray,
-        frame: &FrameRay,
+        (ray, frame): (&Ray, &FrameRay),
         id: u32,
+        corners: impl FnOnce() -> [[f32; 3]; 3],
         counters: &mut C,
     ) -> bool {
         // A triangle that reaches into several leaves is met again in each.
@@ -125,7 +123,7 @@ impl Best {
             return false;
         }
         counters.verdict();
-        let Some(found) = verdict(ray.o, ray.d, scene.corners(id)) else {
+        let Some(found) = verdict(ray.o, ray.d, corners()) else {
             return false;
         };
         // An infinite distance is what a miss reports.
