@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -21,12 +22,19 @@ from addon.core import benchmark, grid, native, rays, report, results, specs, wo
 
 SUFFIXES = (".npz", ".blend", ".obj", ".ply", ".stl", ".glb", ".gltf", ".usd", ".usda", ".usdc", ".usdz")
 
-PRESETS = {
-    "yardstick": {"structures": "kd", "rays": "primary,shadow,diffuse,shuffled"},
-    "thesis": {"structures": "kd-sah", "rays": "primary,shadow,diffuse"},
-    "beams": {"structures": "kd", "rays": "primary,shadow"},
+SCENES = Path(__file__).resolve().parents[2] / "shared" / "scenes"
+"""Where the scenes of the presets lie, beside the repository; those that are not there are left out, and told."""
+
+PRESETS: dict[str, dict[str, str]] = {
+    "yardstick": {
+        "scenes": "sponza-dabrovic,conference,killeroo-feet,stanford-dragon,country-kitchen",
+        "structures": "kd",
+        "rays": "primary,shadow,diffuse,shuffled",
+    },
+    "thesis": {"scenes": "conference,killeroo-feet,sponza-dabrovic", "structures": "kd-sah", "rays": "primary,shadow"},
+    "beams": {"scenes": "sponza-dabrovic,conference", "structures": "kd", "rays": "primary,shadow"},
 }
-"""What a preset sets unless the command line says otherwise; scenes are the user's."""
+"""What a preset chooses unless the command line says otherwise."""
 
 BAD_INPUT = 2
 
@@ -57,7 +65,7 @@ def parser() -> argparse.ArgumentParser:
     add("--reference", choices=benchmark.REFERENCES, default="brute", help="what answers are compared with")
     add("--check-rays", type=int, default=20_000, metavar="N", help="rays per set to compare (default: 20000)")
     add("--ray-seed", type=int, default=1, help="seed of the rays (default: 1)")
-    add("--preset", choices=sorted(PRESETS), help="a named choice of structures and ray sets")
+    add("--preset", choices=sorted(PRESETS), help="a named choice of scenes, structures and ray sets")
     add("--out", type=Path, metavar="DIR", help="write bench.json, bench.csv and report.html; an earlier run resumes")
     return made
 
@@ -86,7 +94,7 @@ def run(asked: argparse.Namespace) -> int:
         chosen = [yardstick.SPEC, *chosen]
     else:
         say(f"Embree is left out: {yardstick.problem()}")
-    scenes = asked.scenes or ["showcase" if not _open_file() else "open file"]
+    scenes = asked.scenes or default_scenes(asked.preset)
     loaders = [loader(scene, options.size) for scene in scenes]
     if asked.out is not None:
         results.prepare_folder(asked.out)
@@ -183,7 +191,7 @@ def read_options(asked: argparse.Namespace) -> benchmark.Options:
         size=size,
         sets=sets,
         repeats=asked.repeats,
-        threads=asked.threads,
+        threads=asked.threads or os.cpu_count() or 1,
         reference=asked.reference,
         check_rays=asked.check_rays,
         seed=asked.ray_seed,
@@ -235,6 +243,20 @@ def loader(scene: str, size: tuple[int, int]) -> Callable[[], workload.Workload]
     if scene == "showcase":
         return lambda: workloads.built_in_showcase(size)
     return (lambda: workloads.current(scene, size)) if built_in else (lambda: workloads.load(path, size))
+
+
+def default_scenes(preset: str | None) -> list[str]:
+    """What is measured when no scene is named: the preset's scenes, the file open in Blender, or the showcase."""
+    if preset is None:
+        return ["open file" if _open_file() else "showcase"]
+    names = PRESETS[preset]["scenes"].split(",")
+    found = [name for name in names if (SCENES / f"{name}.npz").is_file()]
+    for name in names:
+        if name not in found:
+            say(f"{name} is left out: it is not in {SCENES}")
+    if not found:
+        raise UsageError(f"--preset {preset}: none of its scenes is in {SCENES}")
+    return [str(SCENES / f"{name}.npz") for name in found]
 
 
 def _open_file() -> bool:

@@ -42,7 +42,7 @@ REFERENCES = ("brute", "exact", "embree")
 class Options:
     """What is measured. size: width and height of the view; check_rays: rays per set compared with the reference.
 
-    threads: for builds and tracing, 0 = one per core. seed: of the rays.
+    threads: for builds and tracing. seed: of the rays.
     """
 
     size: tuple[int, int] = (1024, 1024)

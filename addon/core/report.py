@@ -46,7 +46,7 @@ def heading(scene: str, rows: Sequence[Row]) -> str:
     threads = max(row["threads"] for row in rows)
     return (
         f"{scene}: {rows[0]['triangles']:,} triangles; speeds in million rays per second (median) and times Embree, "
-        f"threads: {threads or 'all'}; errors against {reference} on {checked:,} rays"
+        f"threads: {threads}; errors against {reference} on {checked:,} rays"
     )
 
 

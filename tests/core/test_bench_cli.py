@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import csv
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -163,6 +164,28 @@ def test_of_several_scenes_a_broken_one_does_not_stop_the_others(scene: Path, tm
 def test_a_folder_that_cannot_be_written_is_one_line(scene: Path, tmp_path: Path, capsys: Any) -> None:
     assert bench.main([str(scene), *QUICK, "--out", str(scene / "inside")]) == 2
     assert "cannot be written" in capsys.readouterr().err
+
+
+def test_a_preset_names_scenes_structures_and_rays(
+    scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(bench, "SCENES", tmp_path)
+    scene.rename(tmp_path / "conference.npz")
+    out = tmp_path / "out"
+    assert bench.main(["--preset", "beams", *QUICK[:-2], "--out", str(out)]) == 0
+    row = document(out)["rows"][-1]
+    assert (row["scene"], row["spec"], list(row["rays"])) == ("conference", "kd", ["primary", "shadow"])
+
+
+def test_a_preset_without_its_scenes_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:
+    monkeypatch.setattr(bench, "SCENES", tmp_path)
+    assert bench.main(["--preset", "thesis"]) == 2
+    assert "none of its scenes" in capsys.readouterr().err
+
+
+def test_no_number_of_threads_means_one_per_core(scene: Path, tmp_path: Path) -> None:
+    assert bench.main([str(scene), *QUICK, "--threads", "0", "--out", str(tmp_path / "out")]) == 0
+    assert document(tmp_path / "out")["rows"][-1]["threads"] == os.cpu_count()
 
 
 def test_arguments_follow_two_dashes_as_inside_blender(scene: Path) -> None:
