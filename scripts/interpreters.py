@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import functools
 import os
 import re
 import shutil
@@ -12,23 +11,31 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-PROBE = "import sys, venv, ensurepip; print('%d.%d' % sys.version_info[:2])"
+PROBE = "import sys, venv, ensurepip; print('%d.%d' % sys.version_info[:2]); print(sys.executable)"
 """A Python that cannot run this (Debian ships one without ensurepip) cannot make an environment."""
 
 
 def find(version: str) -> Path | None:
-    """A Python of this version ("3.13") that can make virtual environments, or None."""
-    return next((path for path in _candidates(version) if answers(path, version)), None)
+    """A Python of this version ("3.13") that can make virtual environments, or None.
+
+    What a shim stands for, not the shim: that may stand for another Python tomorrow.
+    """
+    answers_of_all = map(_ask, _candidates(version))
+    return next((Path(lines[1]) for lines in answers_of_all if lines[:1] == (version,)), None)
 
 
-@functools.cache
 def answers(path: Path, version: str) -> bool:
     """Whether the interpreter at `path` starts, has this version and can make virtual environments."""
+    return _ask(path)[:1] == (version,)
+
+
+def _ask(path: Path) -> tuple[str, ...]:
+    """The version and the real place of the interpreter at `path`; empty when it does not answer."""
     try:
         done = subprocess.run([str(path), "-c", PROBE], capture_output=True, text=True, timeout=60, check=False)
     except (OSError, subprocess.TimeoutExpired):
-        return False
-    return done.returncode == 0 and done.stdout.strip() == version
+        return ()
+    return tuple(done.stdout.splitlines()) if done.returncode == 0 else ()
 
 
 def _candidates(version: str) -> Iterator[Path]:

@@ -73,7 +73,9 @@ def build(root: Path, python: Path) -> tuple[Path, bool]:
         check=False,
     )
     if done.returncode != 0:
-        raise BuildError("the native module does not build:\n" + "\n".join(done.stderr.splitlines()[-40:]))
+        raise BuildError(
+            "the native module does not build:\n" + "\n".join((done.stderr or done.stdout).splitlines()[-40:])
+        )
     wheels = sorted(fresh.glob("*.whl"))
     if len(wheels) != 1:
         raise BuildError(f"expected one wheel from maturin, got {len(wheels)}")
