@@ -30,8 +30,9 @@ def main() -> int:
     """Set up, then run all steps. Returns the exit status of the first that fails."""
     start = time.monotonic()
     try:
-        environment.prepare(CURRENT)
-        environment.install_wheel(CURRENT)
+        with environment.alone():
+            environment.prepare(CURRENT)
+            environment.install_wheel(CURRENT)
     except environment.SetupError as error:
         print(f"The set-up failed: {error}", file=sys.stderr)
         return 2

@@ -6,6 +6,7 @@ Whatever is there already is kept, so that a second call costs a moment. Starts 
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import hashlib
 import os
@@ -13,7 +14,7 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -75,6 +76,27 @@ def available(environment: Environment) -> bool:
         interpreters.answers(environment.python, environment.version)
         or interpreters.find(environment.version) is not None
     )
+
+
+@contextlib.contextmanager
+def alone() -> Iterator[None]:
+    """Wait until no other set-up of this clone is running, and keep others waiting meanwhile.
+
+    Two at once would take each other's half-made environments for broken ones. Windows does without the lock.
+    """
+    try:
+        import fcntl
+    except ImportError:
+        yield
+        return
+    (ROOT / "build").mkdir(exist_ok=True)
+    with (ROOT / "build" / "set-up.lock").open("w") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            say("waiting for another set-up of this clone to end")
+            fcntl.flock(file, fcntl.LOCK_EX)
+        yield
 
 
 def prepare(environment: Environment) -> None:

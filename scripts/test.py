@@ -159,7 +159,8 @@ def main(wanted: list[str]) -> int:
         sys.exit(f"test: no check is called {wanted[0]!r}; there are {', '.join(CHECKS)}")
     start = time.monotonic()
     try:
-        lts_problem = set_up(names)
+        with environment.alone():
+            lts_problem = set_up(names)
     except environment.SetupError as error:
         print(f"The set-up failed: {error}\n\n{Counts(failed=1)}", flush=True)
         return 1

@@ -6,6 +6,7 @@ from __future__ import annotations
 import runpy
 import subprocess
 import sys
+import threading
 from pathlib import Path
 from typing import Any
 
@@ -151,6 +152,26 @@ def test_work_is_done_once_and_again_after_a_failure(tmp_path: Path) -> None:
         environment._once(where, "x", "c", fail)
     environment._once(where, "x", "b", lambda: done.append(4))
     assert done == [1, 3, 4]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows does without the lock")
+def test_two_set_ups_take_turns(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:
+    monkeypatch.setattr(environment, "ROOT", tmp_path)
+    order: list[str] = []
+
+    def second() -> None:
+        with environment.alone():
+            order.append("second")
+
+    thread = threading.Thread(target=second)
+    with environment.alone():
+        thread.start()
+        thread.join(0.3)
+        assert thread.is_alive(), "the second set-up waits"
+        order.append("first")
+    thread.join(30)
+    assert order == ["first", "second"]
+    assert "waiting for another set-up" in capsys.readouterr().out
 
 
 def test_the_counts_of_cargo_add_up() -> None:

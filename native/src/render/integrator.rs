@@ -403,11 +403,17 @@ fn shade<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
             wave.work.lights_asked += 1;
             let span = [path.passed, path.passed + hit.t];
             let light = scene.lights.met(path.receiver, d, span, path.pdf);
-            add_color(out, path.throughput * light);
+            add_color(
+                out,
+                settings.clamped(path.throughput * light, path.bounce > 1),
+            );
         }
         if !hit.is_hit() {
             if !(path.camera && settings.film_transparent) {
-                add_color(out, path.throughput * scene.world);
+                add_color(
+                    out,
+                    settings.clamped(path.throughput * scene.world, path.bounce > 1),
+                );
                 out.alpha = 1.0;
             }
             continue;
@@ -448,7 +454,8 @@ fn shade<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
             out.position = surface.point.array();
         }
         if features.emission {
-            add_color(out, path.throughput * material.emission);
+            let emission = path.throughput * material.emission;
+            add_color(out, settings.clamped(emission, path.bounce > 1));
         }
         if u32::from(path.bounce) > settings.max_bounces {
             continue;
@@ -494,6 +501,7 @@ fn shade<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
             };
             let value = path.throughput * f * light.radiance * weight;
             if value.max_component() > 0.0 && value.is_finite() {
+                let value = settings.clamped(value, path.bounce > 0);
                 if light.casts_shadow {
                     let o = surface.leave_to_light::<SMOOTH>(scene, light.direction);
                     let (d, t_max) = if light.distance.is_finite() {
