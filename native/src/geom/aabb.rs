@@ -53,8 +53,11 @@ impl Aabb {
         f64::from(self.max[k]) - f64::from(self.min[k])
     }
 
-    /// Surface area; 0 for a box that is a line or a point.
+    /// Surface area; 0 for a box that is empty, a line or a point.
     pub fn area(&self) -> f64 {
+        if self.is_empty() {
+            return 0.0;
+        }
         let [x, y, z] = [self.extent(0), self.extent(1), self.extent(2)];
         2.0 * (x * y + y * z + z * x)
     }
