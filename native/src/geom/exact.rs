@@ -95,6 +95,7 @@ fn sign<T: Number>(x: &T) -> i32 {
     i32::from(*x > zero) - i32::from(*x < zero)
 }
 
+#[inline(always)]
 fn weights<T: Number>(d: &[T; 3], [a, b, c]: &[[T; 3]; 3]) -> [T; 3]
 where
     for<'a> &'a T: Mul<&'a T, Output = T>,
@@ -106,6 +107,7 @@ where
     ]
 }
 
+#[inline(always)]
 fn determinant<T: Number>(a: &[T; 3], b: &[T; 3], c: &[T; 3]) -> T
 where
     for<'a> &'a T: Mul<&'a T, Output = T>,
@@ -132,15 +134,19 @@ enum Scaled {
 }
 
 impl Scaled {
+    #[inline(always)]
     fn new(o: [f32; 3], d: [f32; 3], [a, b, c]: [[f32; 3]; 3]) -> Self {
         let (point_places, direction_places) =
             (Places::of([o, a, b, c].as_flattened()), Places::of(&d));
         let unit = point_places.low - direction_places.low;
         if point_places.count() <= PLACES && direction_places.count() <= PLACES {
-            let o = o.map(|x| point_places.small(x));
-            let seen = |p: [f32; 3]| std::array::from_fn(|k| point_places.small(p[k]) - o[k]);
+            let o = point_places.small(o);
+            let seen = |p: [f32; 3]| {
+                let p = point_places.small(p);
+                [p[0] - o[0], p[1] - o[1], p[2] - o[2]].map(i128::from)
+            };
             Self::Small {
-                d: d.map(|x| direction_places.small(x)),
+                d: direction_places.small(d).map(i128::from),
                 corners: [seen(a), seen(b), seen(c)],
                 unit,
             }
@@ -163,19 +169,20 @@ struct Places {
 }
 
 impl Places {
+    #[inline(always)]
     fn of(numbers: &[f32]) -> Self {
         let mut places = Self {
             low: i32::MAX,
             high: i32::MIN,
         };
-        for (mantissa, exponent) in numbers.iter().map(|&x| parts(x)).filter(|p| p.0 != 0) {
-            let size = mantissa.unsigned_abs();
-            places.low = places
-                .low
-                .min(exponent + size.trailing_zeros().cast_signed());
-            places.high = places
-                .high
-                .max(exponent + 32 - size.leading_zeros().cast_signed());
+        for (mantissa, exponent) in numbers.iter().map(|&x| parts(x)) {
+            if mantissa != 0 {
+                let size = mantissa.unsigned_abs();
+                let zeros = size.trailing_zeros().cast_signed();
+                let bits = 32 - size.leading_zeros().cast_signed();
+                places.low = places.low.min(exponent + zeros);
+                places.high = places.high.max(exponent + bits);
+            }
         }
         if places.high < places.low {
             places = Self { low: 0, high: 0 }; // all are zero
@@ -187,16 +194,16 @@ impl Places {
         self.high - self.low
     }
 
-    /// `x / 2^low`, for at most [`PLACES`] places. The limits on shifts matter for zeros only.
-    fn small(&self, x: f32) -> i128 {
-        let (mantissa, exponent) = parts(x);
-        let mantissa = i64::from(mantissa);
-        let shift = exponent - self.low;
-        i128::from(if shift >= 0 {
-            mantissa << shift.min(63)
-        } else {
-            mantissa >> (-shift).min(63)
-        })
+    /// `numbers / 2^low`, for at most [`PLACES`] places: f64 holds the power and the quotients.
+    #[inline(always)]
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "a whole number of few places"
+    )]
+    fn small(&self, numbers: [f32; 3]) -> [i64; 3] {
+        let unit = f64::from_bits(u64::from((1023 - self.low).cast_unsigned()) << 52);
+        let scaled = |x: f32| (f64::from(x) * unit) as i64;
+        [scaled(numbers[0]), scaled(numbers[1]), scaled(numbers[2])]
     }
 
     /// `x / 2^low`.
@@ -212,6 +219,7 @@ impl Places {
 }
 
 /// Mantissa and exponent of a finite number: `x = m 2^e`.
+#[inline(always)]
 fn parts(x: f32) -> (i32, i32) {
     let bits = x.to_bits();
     let exponent = ((bits >> 23) & 0xff).cast_signed();
