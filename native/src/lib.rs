@@ -14,6 +14,7 @@
 //! - [`structure`]: a built tree over a scene, ready to answer rays;
 //! - [`oracle`]: exact arithmetic, what everything else must agree with;
 //! - [`validate`]: the invariants of a built tree; [`polygons`]: its planes, for drawing;
+//! - [`render`]: camera, sampler, materials, lights, integrator, film;
 //! - `python`: the module `halfspace_native` (feature `python`).
 
 pub mod build;
@@ -24,6 +25,7 @@ pub mod polygons;
 #[cfg(feature = "python")]
 mod python;
 pub mod registry;
+pub mod render;
 pub mod scene;
 pub mod spec;
 pub mod structure;

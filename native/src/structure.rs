@@ -15,7 +15,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 /// A tree, laid out for one way of walking: matched once per batch of rays, never per ray.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub enum Layout {
     /// No tree.
     Brute,

@@ -69,6 +69,19 @@ fn determinant(row: Sized, p: Sized, q: Sized) -> Bounded {
 /// misses it, and so does every line a triangle without area. `d` need not be of unit length.
 #[inline(always)]
 pub fn verdict(o: [f32; 3], d: [f32; 3], v: [[f32; 3]; 3]) -> Option<Verdict> {
+    verdict_within(o, d, v, [f32::NEG_INFINITY, f32::INFINITY])
+}
+
+/// The same for callers whom only a `t` in the closed interval `span` interests: where f64 proves
+/// that `t` lies outside it, its last bits are not worked out and the answer is a miss. This is
+/// what happens to the triangle that a scattered ray starts from, whose `t` is all rounding error.
+#[inline(always)]
+pub fn verdict_within(
+    o: [f32; 3],
+    d: [f32; 3],
+    v: [[f32; 3]; 3],
+    span: [f32; 2],
+) -> Option<Verdict> {
     let (o64, d64, v64) = (widen(o), widen(d), v.map(widen));
     let [a, b, c] = from_origin(o64, v64).map(Sized::new);
     let direction = Sized::new(d64);
@@ -91,17 +104,22 @@ pub fn verdict(o: [f32; 3], d: [f32; 3], v: [[f32; 3]; 3]) -> Option<Verdict> {
     let sum_error = w[0].error + w[1].error + w[2].error + 2.0 * f64::EPSILON * sum.abs();
     if sum.abs() > WELL_CONDITIONED * sum_error {
         let distance = determinant(a, b, c);
-        let t = distance.value / sum;
-        let slack = (distance.error + t.abs() * sum_error) / (sum.abs() - sum_error)
+        let inverse = 1.0 / sum;
+        let t = distance.value * inverse;
+        // 1 / (sum - error) is at most 1 + 2^-19 times as large.
+        let slack = (distance.error + t.abs() * sum_error) * inverse.abs() * (1.0 + 2e-6)
             + 2.0 * f64::EPSILON * t.abs();
         #[expect(clippy::cast_possible_truncation, reason = "rounding is the point")]
         let (low, high) = ((t - slack) as f32, (t + slack) as f32);
+        if high < span[0] || low > span[1] {
+            return None;
+        }
         if low == high {
             #[expect(clippy::cast_possible_truncation, reason = "rounding is the point")]
             return Some(Verdict {
                 t: low + 0.0, // -0.0 becomes 0.0
-                u: (w[1].value / sum) as f32,
-                v: (w[2].value / sum) as f32,
+                u: (w[1].value * inverse) as f32,
+                v: (w[2].value * inverse) as f32,
             });
         }
     }
@@ -189,6 +207,31 @@ mod tests {
             prop_assume!(d.iter().all(|x: &f32| x.is_finite()));
             agrees_with_exact(o, d, [a, b, c]);
         }
+    }
+
+    #[test]
+    fn a_span_leaves_out_what_it_excludes_and_nothing_else() {
+        // A ray that starts a hair above the triangle: t is tiny and hard to round.
+        let v = [[0.1, 0.2, 0.3], [1.7, 0.4, 0.9], [0.6, 1.9, 0.5]];
+        let mut decided = 0;
+        for i in 0..2000_i16 {
+            let lift = f32::from(i - 1000) * 1e-9;
+            let o = [0.7 + lift, 0.7, 0.48 + lift];
+            let d = [0.3, f32::from(i % 7) * 0.1 - 0.2, 0.9];
+            let free = verdict(o, d, v);
+            for span in [
+                [0.0, f32::INFINITY],
+                [f32::NEG_INFINITY, 0.0],
+                [-0.01, 0.01],
+            ] {
+                let inside = free.filter(|f| span[0] <= f.t && f.t <= span[1]);
+                let kept =
+                    verdict_within(o, d, v, span).filter(|f| span[0] <= f.t && f.t <= span[1]);
+                assert_eq!(kept, inside, "{o:?} {d:?} {span:?}");
+                decided += usize::from(inside.is_some());
+            }
+        }
+        assert!(decided > 100, "{decided}");
     }
 
     #[test]

@@ -2,6 +2,8 @@
 //! What everything else must agree with: the nearest hit by exact arithmetic alone, without the f32
 //! test and its bounds, without f64, without a tree.
 
+pub mod cases;
+
 use crate::geom::exact::intersect;
 use crate::scene::Triangles;
 use crate::traverse::{Hit, Ray};
@@ -24,7 +26,7 @@ pub fn exact_closest(scene: &Triangles, ray: &Ray) -> ExactAnswer {
         hit: Hit::MISS,
         on_boundary: false,
     };
-    if !(ray.t_min <= ray.t_max) {
+    if ray.t_min > ray.t_max {
         return answer;
     }
     for &id in scene.live() {

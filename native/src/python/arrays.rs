@@ -6,7 +6,7 @@ use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyUntypedArray, PyUntypedArrayMe
 use pyo3::prelude::*;
 
 /// What an argument is, for messages: type and shape of an array, or the Python type.
-fn describe(value: &Bound<'_, PyAny>) -> String {
+pub fn describe(value: &Bound<'_, PyAny>) -> String {
     match value.cast::<PyUntypedArray>() {
         Ok(array) => {
             let shape: Vec<_> = array.shape().iter().map(ToString::to_string).collect();
@@ -80,10 +80,11 @@ pub enum Points<'py> {
 impl<'py> Points<'py> {
     /// Checks type and shape.
     pub fn new(name: &str, value: &Bound<'py, PyAny>) -> Result<Self> {
-        if let Ok(array) = value.extract::<PyReadonlyArray2<'py, f32>>() {
-            if array.shape()[1] == 3 && array.as_slice().is_ok() {
-                return Ok(Self::Borrowed(array));
-            }
+        if let Ok(array) = value.extract::<PyReadonlyArray2<'py, f32>>()
+            && array.shape()[1] == 3
+            && array.as_slice().is_ok()
+        {
+            return Ok(Self::Borrowed(array));
         }
         points(name, value).map(Self::Owned)
     }

@@ -5,6 +5,8 @@
 mod arrays;
 mod errors;
 mod registry;
+mod render;
+mod render_args;
 mod structure;
 mod trace;
 
@@ -41,6 +43,7 @@ fn halfspace_native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(level, module)?)?;
     errors::register(module)?;
     registry::register(module)?;
+    render::register(module)?;
     structure::register(module)?;
     trace::register(module)
 }

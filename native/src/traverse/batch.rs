@@ -141,8 +141,7 @@ impl Batch<'_> {
                         simd,
                         part,
                         self.scene,
-                        (ray, framed),
-                        framed.t_max,
+                        (ray, framed, framed.t_max),
                         best,
                         &mut count,
                     );

@@ -2,8 +2,7 @@
 //! Leaves: triangles in blocks of up to eight, tested at once in f32.
 //!
 //! A block of `n` triangles is `1 + 10 n` words: the largest edge component `E` of the block; nine
-//! rows of `n` floats (first corner, edge to the second, edge to the third, each x y z); `n`
-//! triangle numbers. Rows are as long as the block has triangles, without padding: loads run over
+//! rows of `n` floats (the three corners, each x y z); `n` triangle numbers. Rows are as long as the block has triangles, without padding: loads run over
 //! the end of a row and the surplus lanes are ignored.
 //!
 //! The test is that of Möller and Trumbore 1997, with an error bound on each of its quantities. It
@@ -44,6 +43,16 @@ const UNDERFLOW: f32 = 1e-36;
 #[derive(Debug, Clone, Default)]
 pub struct Blocks {
     words: Vec<f32>,
+    /// Whether corners are in another frame than the scene's.
+    scaled: bool,
+}
+
+impl PartialEq for Blocks {
+    /// Bit for bit: triangle numbers are stored as floats and may read as NaN.
+    fn eq(&self, other: &Self) -> bool {
+        let bits = |blocks: &Self| blocks.words.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
+        bits(self) == bits(other)
+    }
 }
 
 impl Blocks {
@@ -65,6 +74,7 @@ impl Blocks {
     }
 
     fn push_block(&mut self, scene: &Triangles, frame: &Frame, ids: &[u32]) {
+        self.scaled = !frame.is_scene();
         let n = ids.len();
         let at = self.words.len();
         self.words.resize(at + 1 + WORDS * n, 0.0);
@@ -72,11 +82,10 @@ impl Blocks {
         for (lane, &id) in ids.iter().enumerate() {
             let [a, b, c] = scene.corners(id).map(|p| frame.point(p));
             for k in 0..3 {
-                let edges = [b[k] - a[k], c[k] - a[k]];
                 block[1 + k * n + lane] = a[k];
-                block[1 + (3 + k) * n + lane] = edges[0];
-                block[1 + (6 + k) * n + lane] = edges[1];
-                block[0] = block[0].max(edges[0].abs()).max(edges[1].abs());
+                block[1 + (3 + k) * n + lane] = b[k];
+                block[1 + (6 + k) * n + lane] = c[k];
+                block[0] = block[0].max((b[k] - a[k]).abs()).max((c[k] - a[k]).abs());
             }
             block[1 + 9 * n + lane] = f32::from_bits(id);
         }
@@ -122,8 +131,7 @@ impl Blocks {
         simd: S,
         (first, count): (u32, usize),
         scene: &Triangles,
-        (ray, frame): (&Ray, &FrameRay),
-        leave: f32,
+        (ray, frame, leave): (&Ray, &FrameRay, f32),
         best: &mut Best,
         counters: &mut C,
     ) -> bool {
@@ -138,7 +146,14 @@ impl Blocks {
             let mut open = Candidates::new(simd, block, n, frame, keep_min(leave, best.reach));
             while let Some(lane) = open.next::<Q>() {
                 let id = block[1 + 9 * n + lane].to_bits();
-                if best.offer::<Q, C>(scene, ray, frame, id, counters) {
+                // The corners are at hand, unless the frame had to scale them.
+                let corners = || {
+                    if self.scaled {
+                        return scene.corners(id);
+                    }
+                    [0, 3, 6].map(|r| [r, r + 1, r + 2].map(|r| block[1 + r * n + lane]))
+                };
+                if best.offer::<Q, C>((ray, frame), id, corners, counters) {
                     return true;
                 }
                 open.drop_beyond(simd, best.reach);
@@ -173,8 +188,9 @@ impl<S: Simd> Candidates<S> {
             splat(ray.o[2]) - row(2),
         ];
         let [sx, sy, sz] = s;
-        let a = [row(3), row(4), row(5)];
-        let b = [row(6), row(7), row(8)];
+        let v = [row(0), row(1), row(2)];
+        let a = [row(3) - v[0], row(4) - v[1], row(5) - v[2]];
+        let b = [row(6) - v[0], row(7) - v[1], row(8) - v[2]];
         let ([ax, ay, az], [bx, by, bz]) = (a, b);
 
         // p = d x e2, q = s x e1
@@ -203,14 +219,8 @@ impl<S: Simd> Candidates<S> {
         let t_error = T_ERROR * span * size * size + floor;
         let uv_error = 2.0 * UV_ERROR * span * size + 3.0 * det_error + floor;
         let doubt = t_error + 3.0 * reach.abs() * det_error;
-        let behind = if ray.t_min >= -1e-30 {
-            -doubt
-        } else {
-            f32::NEG_INFINITY
-        };
-        let rejected = least.simd_lt(splat(-uv_error))
-            | t.simd_gt(det.mul_add(splat(reach), splat(doubt)))
-            | t.simd_lt(splat(behind));
+        let rejected =
+            least.simd_lt(splat(-uv_error)) | t.simd_gt(det.mul_add(splat(reach), splat(doubt)));
         let mut lanes = !rejected.to_bitmask() & ((1 << n) - 1);
         if lanes != 0 {
             // The bounds above are those of the block's largest triangle; now each gets its own.
@@ -220,7 +230,13 @@ impl<S: Simd> Candidates<S> {
                 size * splat(3.0 * DET_ERROR),
                 size.mul_add(largest(s) * splat(2.0 * UV_ERROR), splat(floor)),
             );
-            lanes &= !least.simd_lt(-uv_error).to_bitmask();
+            let behind = if ray.t_min >= -1e-30 {
+                -doubt
+            } else {
+                f32::NEG_INFINITY
+            };
+            let rejected = least.simd_lt(-uv_error) | t.simd_lt(splat(behind));
+            lanes &= !rejected.to_bitmask();
         }
         Self {
             lanes,

@@ -68,6 +68,12 @@ impl Frame {
         [p[0] * self.scale, p[1] * self.scale, p[2] * self.scale]
     }
 
+    /// Whether coordinates are the scene's own, bit for bit.
+    #[inline(always)]
+    pub fn is_scene(&self) -> bool {
+        self.scale == 1.0
+    }
+
     /// A point of this frame in the scene's own coordinates.
     pub fn to_scene(&self, p: [f32; 3]) -> [f32; 3] {
         p.map(|x| x / self.scale)
@@ -78,11 +84,14 @@ impl Frame {
         self.bounds
     }
 
-    /// The ray in this frame, cut to the scene's box; `None` when it certainly misses the box.
+    /// The ray in this frame, cut to the scene's box; `None` when it certainly misses the box, when
+    /// its direction is zero, or when a number of it is not finite.
     #[inline(always)]
     pub fn ray(&self, ray: &Ray) -> Option<FrameRay> {
         let longest = ray.d[0].abs().max(ray.d[1].abs()).max(ray.d[2].abs());
-        if longest == 0.0 {
+        // Infinity and NaN times zero is NaN.
+        let finite = (0..3).map(|k| ray.o[k] * 0.0 + ray.d[k] * 0.0).sum::<f32>() == 0.0;
+        if longest == 0.0 || !finite {
             return None;
         }
         let unit = power_of_two(longest);
@@ -104,6 +113,7 @@ impl Frame {
             slack: [0.0; 3],
             pad: [0.0; 3],
             negative: [0; 3],
+            signs: 0,
             t_min: 0.0,
             t_max: 0.0,
             span: sum,
@@ -141,6 +151,7 @@ impl Frame {
             near = keep_max(enter - slack, near);
             exit = keep_min(leave + slack, exit);
         }
+        out.signs = (out.negative[0] | out.negative[1] << 1 | out.negative[2] << 2) * 0x0101_0101;
         out.t_min = keep_max(out.lower(ray.t_min), near);
         out.t_max = keep_min(out.reach(ray.t_max), exit);
         if out.t_min > out.t_max || ray.t_min > ray.t_max {
@@ -167,6 +178,8 @@ pub struct FrameRay {
     pub pad: [f32; 3],
     /// 1 where the direction's sign bit is set.
     pub negative: [u32; 3],
+    /// The same as bits 0, 1 and 2 of each byte.
+    pub signs: u32,
     /// Where the ray enters the scene's box, or where it begins.
     pub t_min: f32,
     /// Where the ray leaves the scene's box, or where it ends.

@@ -11,7 +11,7 @@ use super::blocks::Blocks;
 use super::frame::{FrameRay, keep_max, keep_min};
 use super::query::{Best, Counters, Query};
 use super::ray::{Hit, Ray};
-use crate::build::plane_tree::{MAX_DEPTH, Node, PlaneTree};
+use crate::build::plane_tree::{MAX_DEPTH, Node, PlaneTree, near_child};
 use crate::scene::Triangles;
 use fearless_simd::Simd;
 
@@ -52,13 +52,14 @@ impl batch::Walk for Walk<'_> {
                 Node::Axis {
                     axis,
                     split,
-                    children,
                     empty,
+                    link,
+                    ..
                 } => {
                     counters.step_axis();
                     let distance = (split - frame.o[axis]) * frame.inv[axis];
                     let slack = frame.slack[axis];
-                    let near = children ^ frame.negative[axis];
+                    let near = near_child(link, frame.signs);
                     (node, enter, leave) = step(
                         (near, empty),
                         (distance - slack, distance + slack),
@@ -93,8 +94,7 @@ impl batch::Walk for Walk<'_> {
                         simd,
                         (first, count),
                         scene,
-                        (ray, frame),
-                        leave,
+                        (ray, frame, leave),
                         &mut best,
                         counters,
                     ) {

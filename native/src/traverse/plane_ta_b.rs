@@ -5,68 +5,67 @@
 //! current cell. Comparing one coordinate of each with the split plane tells all cases apart in
 //! two comparisons; a distance is computed only when both children are visited.
 //!
-//! Our form keeps the box around the two points instead of the points: which of them has the
-//! smaller coordinate on an axis is a matter of the direction's sign, so nothing is lost, and the
-//! comparisons no longer ask for the sign. The box is padded by the error of a computed point, so
-//! that a child is skipped only when the ray certainly does not enter it.
+//! Our form mirrors every axis along which the ray runs downwards, so that the entry always has
+//! the smaller coordinate, and moves the two points apart by the error of a computed point. So a
+//! child is skipped only when the ray certainly does not enter it, in two comparisons as before.
 
 use super::batch;
 use super::blocks::Blocks;
 use super::frame::{FrameRay, keep_max, keep_min};
 use super::query::{Best, Counters, Query};
 use super::ray::{Hit, Ray};
-use crate::build::plane_tree::{MAX_DEPTH, Node, PlaneTree};
+use crate::build::plane_tree::{MAX_DEPTH, Node, PlaneTree, near_child};
 use crate::scene::Triangles;
 use fearless_simd::Simd;
 
-/// A part of the ray: its interval, and the padded box around its two end points.
+/// A part of the ray: its interval, and its two end points in mirrored coordinates, moved outwards.
+/// The fourth coordinate only fills the register.
 #[derive(Clone, Copy, Default)]
 pub struct Segment {
-    low: [f32; 3],
-    high: [f32; 3],
+    entry: [f32; 4],
+    exit: [f32; 4],
     enter: f32,
     leave: f32,
 }
 
-impl Segment {
+/// The ray in mirrored coordinates: all its speeds are positive.
+struct Mirrored {
+    speed: [f32; 4],
+    before: [f32; 4],
+    after: [f32; 4],
+    /// The sign bits of the mirrored axes.
+    flip: [u32; 3],
+}
+
+impl Mirrored {
+    #[inline(always)]
     fn new(ray: &FrameRay) -> Self {
-        let whole = Self {
-            low: [f32::NEG_INFINITY; 3],
-            high: [f32::INFINITY; 3],
-            enter: ray.t_min,
-            leave: ray.t_max,
+        let mut out = Self {
+            speed: [0.0; 4],
+            before: [0.0; 4],
+            after: [0.0; 4],
+            flip: [0; 3],
         };
-        whole.begin(ray, ray.t_min).end(ray, ray.t_max)
+        for k in 0..3 {
+            out.flip[k] = ray.negative[k] << 31;
+            let origin = f32::from_bits(ray.o[k].to_bits() ^ out.flip[k]);
+            out.speed[k] = ray.d[k].abs();
+            out.before[k] = origin - ray.pad[k];
+            out.after[k] = origin + ray.pad[k];
+        }
+        out
     }
 
-    /// The same segment from `t` on.
+    /// The entry point of a segment that begins at `t`. Later is farther, rounding included.
     #[inline(always)]
-    fn begin(mut self, ray: &FrameRay, t: f32) -> Self {
-        self.enter = t;
-        for k in 0..3 {
-            let point = ray.o[k] + t * ray.d[k];
-            if ray.negative[k] == 1 {
-                self.high[k] = keep_min(point + ray.pad[k], self.high[k]);
-            } else {
-                self.low[k] = keep_max(point - ray.pad[k], self.low[k]);
-            }
-        }
-        self
+    fn entry(&self, t: f32) -> [f32; 4] {
+        std::array::from_fn(|k| self.before[k] + t * self.speed[k])
     }
 
-    /// The same segment up to `t`.
+    /// The exit point of a segment that ends at `t`.
     #[inline(always)]
-    fn end(mut self, ray: &FrameRay, t: f32) -> Self {
-        self.leave = t;
-        for k in 0..3 {
-            let point = ray.o[k] + t * ray.d[k];
-            if ray.negative[k] == 1 {
-                self.low[k] = keep_max(point - ray.pad[k], self.low[k]);
-            } else {
-                self.high[k] = keep_min(point + ray.pad[k], self.high[k]);
-            }
-        }
-        self
+    fn exit(&self, t: f32) -> [f32; 4] {
+        std::array::from_fn(|k| self.after[k] + t * self.speed[k])
     }
 }
 
@@ -94,7 +93,13 @@ impl batch::Walk for Walk<'_> {
     ) -> Hit {
         let tree = self.0;
         let mut best = Best::new(frame);
-        let mut segment = Segment::new(frame);
+        let ray_up = Mirrored::new(frame);
+        let mut segment = Segment {
+            entry: ray_up.entry(frame.t_min),
+            exit: ray_up.exit(frame.t_max),
+            enter: frame.t_min,
+            leave: frame.t_max,
+        };
         let mut waiting = 0;
         let mut node = tree.root();
         loop {
@@ -102,31 +107,38 @@ impl batch::Walk for Walk<'_> {
                 Node::Axis {
                     axis,
                     split,
-                    children,
                     empty,
+                    link,
+                    ..
                 } => {
                     counters.step_axis();
-                    if segment.high[axis] < split {
-                        node = children; // N1 N2 N3 P5: below all along
-                    } else if segment.low[axis] > split {
-                        node = children + 1; // P1 P2 P3 N5: above all along
+                    let near = near_child(link, frame.signs);
+                    let height = f32::from_bits(split.to_bits() ^ ray_up.flip[axis]);
+                    if segment.exit[axis] < height {
+                        node = near; // N1 N2 N3 P5 and their mirror images: the plane is not reached
+                    } else if segment.entry[axis] > height {
+                        node = near ^ 1; // P1 P2 P3 N5: the plane is behind
                     } else {
                         // N4 P4, and every Z case: both, the far side waits; of two children on the
                         // way an empty one is not visited.
                         let distance = (split - frame.o[axis]) * frame.inv[axis];
                         let slack = frame.slack[axis];
-                        let near = children ^ frame.negative[axis];
                         let far_from = keep_max(distance - slack, segment.enter);
                         let near_to = keep_min(distance + slack, segment.leave);
-                        if empty >> (near & 1) & 1 == 1 {
-                            segment = segment.begin(frame, far_from);
-                            node = near ^ 1;
+                        let far = Segment {
+                            entry: ray_up.entry(far_from),
+                            enter: far_from,
+                            ..segment
+                        };
+                        if (empty >> (near & 1)) & 1 == 1 {
+                            (node, segment) = (near ^ 1, far);
                         } else {
                             if empty == 0 {
-                                stack[waiting] = (near ^ 1, segment.begin(frame, far_from));
+                                stack[waiting] = (near ^ 1, far);
                                 waiting += 1;
                             }
-                            segment = segment.end(frame, near_to);
+                            segment.exit = ray_up.exit(near_to);
+                            segment.leave = near_to;
                             node = near;
                         }
                     }
@@ -139,8 +151,7 @@ impl batch::Walk for Walk<'_> {
                         simd,
                         (first, count),
                         scene,
-                        (ray, frame),
-                        segment.leave,
+                        (ray, frame, segment.leave),
                         &mut best,
                         counters,
                     ) {

@@ -2,10 +2,9 @@
 //! What a walk is asked and what it counts: compile-time parameters of every walk, so that closest
 //! hit and any hit are one text and an uncounted walk has no trace of counting.
 
-use super::frame::FrameRay;
+use super::frame::{FrameRay, keep_min};
 use super::ray::{Hit, Ray, RayCounters};
-use crate::geom::verdict::verdict;
-use crate::scene::Triangles;
+use crate::geom::verdict::verdict_within;
 
 /// The question put to a walk.
 pub trait Query {
@@ -108,16 +107,15 @@ impl Best {
         }
     }
 
-    /// Puts one candidate to the verdict; says whether the walk may end.
+    /// Puts one candidate, number and corners, to the verdict; says whether the walk may end.
     ///
     /// Distances are compared after rounding, so that equal means equal to the caller too.
     #[inline(always)]
     pub fn offer<Q: Query, C: Counters>(
         &mut self,
-        scene: &Triangles,
-        ray: &Ray,
-        frame: &FrameRay,
+        (ray, frame): (&Ray, &FrameRay),
         id: u32,
+        corners: impl FnOnce() -> [[f32; 3]; 3],
         counters: &mut C,
     ) -> bool {
         // A triangle that reaches into several leaves is met again in each.
@@ -125,7 +123,8 @@ impl Best {
             return false;
         }
         counters.verdict();
-        let Some(found) = verdict(ray.o, ray.d, scene.corners(id)) else {
+        let span = [ray.t_min, keep_min(self.hit.t, ray.t_max)];
+        let Some(found) = verdict_within(ray.o, ray.d, corners(), span) else {
             return false;
         };
         // An infinite distance is what a miss reports.

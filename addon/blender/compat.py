@@ -1,0 +1,47 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Blender's own panels for the engine: their classes list the engines that they appear for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import bpy
+
+MODEL = "BLENDER_RENDER"
+"""Panels that appear for the most general engine suit ours too, except those that set what we do not have."""
+
+EXCLUDED = {
+    "DATA_PT_camera_dof",
+    "DATA_PT_camera_dof_aperture",
+    "DATA_PT_light",
+    "RENDER_PT_freestyle",
+    "RENDER_PT_gpencil",
+    "RENDER_PT_simplify_greasepencil",
+    "RENDER_PT_stereoscopy",
+    "VIEWLAYER_PT_filter",
+    "VIEWLAYER_PT_layer_passes",
+    "VIEWLAYER_PT_override",
+    "WORLD_PT_mist",
+}
+
+
+def _panels() -> Iterator[Any]:
+    for panel in bpy.types.Panel.__subclasses__():
+        engines = getattr(panel, "COMPAT_ENGINES", ())
+        if MODEL in engines and panel.__name__ not in EXCLUDED:
+            yield panel
+
+
+def register(engine: str) -> None:
+    """Let Blender's panels appear for `engine`."""
+    for panel in _panels():
+        panel.COMPAT_ENGINES.add(engine)
+
+
+def unregister(engine: str) -> None:
+    """Take `engine` out of every panel that lists it."""
+    for panel in bpy.types.Panel.__subclasses__():
+        engines = getattr(panel, "COMPAT_ENGINES", None)
+        if isinstance(engines, set):
+            engines.discard(engine)

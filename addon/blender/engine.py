@@ -1,0 +1,224 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The render engine that Blender calls."""
+
+from __future__ import annotations
+
+import logging
+import time
+from typing import TYPE_CHECKING, Any
+
+import bpy
+import numpy as np
+
+from ..core import catalogue, native
+from ..core.notes import Notes
+from ..core.session import Cancelled, Session, watch
+from ..core.settings import RenderSettings
+from . import camera, extract, passes, properties, reports
+from .viewport import Viewport
+
+if TYPE_CHECKING:
+    from ..core.scene import Camera
+
+ENGINE = "HALFSPACE"
+UPDATE_MILLISECONDS = 400
+BUILD_SHARE = 0.1
+"""The part of the progress bar that is the build's."""
+
+log = logging.getLogger(__name__)
+
+
+class HalfspaceEngine(bpy.types.RenderEngine):
+    """What Blender creates for each final render and each 3D view in rendered mode."""
+
+    bl_idname = ENGINE
+    bl_label = "Halfspace"
+    bl_use_preview = False
+    bl_use_postprocess = True
+    bl_use_shading_nodes_custom = False
+    bl_use_eevee_viewport = True
+    bl_use_spherical_stereo = False
+    bl_use_stereo_viewport = False
+    bl_use_custom_freestyle = False
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self._viewport: Viewport | None = None
+
+    def update_render_passes(self, scene: Any = None, renderlayer: Any = None) -> None:
+        passes.register_passes(self, scene, renderlayer)
+
+    def render(self, depsgraph: Any) -> None:
+        """One view layer of one frame. Whatever goes wrong is said once, and nothing half-finished is kept."""
+        picture = _Picture(self, depsgraph)
+        try:
+            picture.render()
+        except Cancelled:
+            picture.discard()
+        except Exception as error:
+            log.exception("Halfspace could not render")
+            picture.discard()
+            message = " ".join(str(error).split()) or type(error).__name__
+            self.error_set(message)
+            self.report({"ERROR"}, message)
+
+    def view_update(self, context: Any, depsgraph: Any) -> None:
+        if self._viewport is None:
+            self._viewport = Viewport()
+        self._viewport.update(self, context, depsgraph)
+
+    def view_draw(self, context: Any, depsgraph: Any) -> None:
+        if self._viewport is not None:
+            self._viewport.draw(self, context)
+
+
+class _Picture:
+    """One call of `render`, with the result that is open in Blender while it runs."""
+
+    def __init__(self, engine: HalfspaceEngine, depsgraph: Any) -> None:
+        self.engine = engine
+        self.depsgraph = depsgraph
+        self.scene = depsgraph.scene_eval
+        self.group = self.scene.halfspace
+        self.notes = Notes()
+        self.result: Any = None
+
+    def render(self) -> None:
+        """Extract, build, render, report."""
+        module = native.load()
+        spec = properties.spec(self.group)
+        label = catalogue.load()[self.group.structure].label
+        settings = render_settings(self.engine, self.depsgraph)
+
+        self._say("Reading the scene")
+        start = time.perf_counter()
+        scene = extract.extract(self.depsgraph, self.notes)
+        origin = scene.geometry.origin
+        view = self._camera(origin)
+        extract_seconds = time.perf_counter() - start
+
+        count = len(scene.geometry.triangles)
+        self._say(f"{label}: building over {count:,} triangles")
+        session = Session.start(module, scene, spec, threads=settings.threads, keep_going=self._building)
+        self._note_dropped(scene.geometry, session.structure.statistics)
+
+        job = session.render(view, settings)
+        width, height = settings.size
+        buffers = {name: np.empty(width * height * channels, np.float32) for name, channels in job.passes.items()}
+        self.result = self.engine.begin_result(
+            0, 0, width, height, layer=self.depsgraph.view_layer.name, view=self.engine.active_view_get()
+        )
+
+        def show() -> None:
+            self._fill(job, buffers, origin)
+            self.engine.update_result(self.result)
+            self._say(_summary(label, session.structure.statistics, job))
+
+        watch(job, milliseconds=UPDATE_MILLISECONDS, keep_going=self._tracing, show=show)
+        self._fill(job, buffers, origin)
+        self.engine.end_result(self.result)
+        self.result = None
+
+        statistics = {**session.structure.statistics, **job.statistics}
+        self._say(_summary(label, statistics, job))
+        mebibytes = statistics["bytes"] / 2**20
+        self.engine.update_memory_stats(memory_used=mebibytes, memory_peak=mebibytes)
+        left_out = [*session.structure.statistics["left_out"], *session.left_out]
+        report = reports.Report(label, count, extract_seconds, statistics, left_out, self.notes.lines())
+        reports.keep(self.scene, report)
+        self._warn()
+
+    def discard(self) -> None:
+        """Close an open result without keeping its pixels."""
+        if self.result is not None:
+            self.engine.end_result(self.result, cancel=True)
+            self.result = None
+
+    def _camera(self, origin: np.ndarray[Any, Any]) -> Camera:
+        item = self.engine.camera_override or self.scene.camera
+        if item is None:
+            raise RuntimeError("Cannot render, no camera")
+        item = item.evaluated_get(self.depsgraph)
+        render = self.scene.render
+        return camera.read_camera(
+            item,
+            self.depsgraph,
+            self.engine.camera_model_matrix(item),
+            origin,
+            self.notes,
+            size=(self.engine.resolution_x, self.engine.resolution_y),
+            pixel_aspect=(render.pixel_aspect_x, render.pixel_aspect_y),
+        )
+
+    def _building(self, progress: float) -> bool:
+        self.engine.update_progress(BUILD_SHARE * progress)
+        return not self.engine.test_break()
+
+    def _tracing(self, progress: float) -> bool:
+        self.engine.update_progress(BUILD_SHARE + (1 - BUILD_SHARE) * progress)
+        return not self.engine.test_break()
+
+    def _fill(self, job: Any, buffers: dict[str, np.ndarray[Any, Any]], origin: np.ndarray[Any, Any]) -> None:
+        """Copy the picture so far into Blender's open result."""
+        for render_pass in self.result.layers[0].passes:
+            buffer = buffers.get(render_pass.name)
+            if buffer is None:
+                continue
+            job.copy_into(render_pass.name, buffer)
+            if render_pass.name == "Position":
+                to_world(buffer, origin)
+            if len(render_pass.rect) * render_pass.channels != len(buffer):
+                raise RuntimeError(f"Pass {render_pass.name}: Blender expects another size of picture")
+            render_pass.rect.foreach_set(buffer)
+
+    def _note_dropped(self, geometry: Any, statistics: dict[str, Any]) -> None:
+        if statistics["dropped_triangles"]:
+            for name, count in geometry.faulty_triangles().items():
+                self.notes.add("Dropped triangles without area or with coordinates that are not finite", name, count)
+
+    def _say(self, text: str) -> None:
+        self.engine.update_stats("", text)
+
+    def _warn(self) -> None:
+        for line in self.notes.lines():
+            log.warning(line)
+            self.engine.report({"WARNING"}, line)
+
+
+def to_world(positions: np.ndarray[Any, Any], origin: np.ndarray[Any, Any]) -> None:
+    """Move flat (n * 3,) positions from the scene frame to the world, in place; the background (0, 0, 0) stays."""
+    points = positions.reshape(-1, 3)
+    points[points.any(axis=1)] += origin.astype(np.float32)
+
+
+def render_settings(engine: Any, depsgraph: Any) -> RenderSettings:
+    """The picture that Blender asks for."""
+    scene = depsgraph.scene_eval
+    render, group = scene.render, scene.halfspace
+    width, height = engine.resolution_x, engine.resolution_y
+    return RenderSettings(
+        width=width,
+        height=height,
+        border=border_pixels(render, width, height) if render.use_border else None,
+        samples=group.samples,
+        max_bounces=group.max_bounces,
+        seed=group.render_seed,
+        film_transparent=render.film_transparent,
+        passes=tuple(render_pass.name for render_pass in passes.wanted_passes(depsgraph.view_layer_eval)),
+        threads=render.threads if render.threads_mode == "FIXED" else 0,
+    )
+
+
+def border_pixels(render: Any, width: int, height: int) -> tuple[int, int, int, int]:
+    """The render border in pixels, rounded as Blender rounds: the product in f32, then towards zero."""
+    size = np.array([width, height, width, height], np.float32)
+    edges = np.array([render.border_min_x, render.border_min_y, render.border_max_x, render.border_max_y], np.float32)
+    x0, y0, x1, y1 = (int(edge) for edge in edges * size)
+    return x0, y0, x1, y1
+
+
+def _summary(label: str, statistics: dict[str, Any], job: Any) -> str:
+    return (
+        f"{label} | Build {statistics['build_seconds']:.2f} s | {job.statistics['mrays_s']:.2f} Mray/s | "
+        f"Tree {statistics['bytes'] / 2**20:.1f} MiB | Sample {job.samples_done}"
+    )

@@ -1,0 +1,143 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""From Blender's dependency graph to the arrays of `core.scene`. The only way in; nothing of Blender stays behind."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..core.scene import Light, Scene
+from . import lights, materials, meshes, world
+
+if TYPE_CHECKING:
+    from ..core.notes import Notes
+
+MESH_TYPES = {"MESH"}
+CONVERTIBLE_TYPES = {"CURVE", "SURFACE", "FONT", "META"}
+SKIPPED_TYPES = {
+    "CURVES": "hair curves",
+    "POINTCLOUD": "point cloud",
+    "VOLUME": "volume",
+    "GREASEPENCIL": "grease pencil",
+    "GPENCIL": "grease pencil",
+}
+RAY_VISIBILITY = ("visible_camera", "visible_diffuse", "visible_glossy", "visible_transmission", "visible_shadow")
+
+
+@dataclass
+class _Group:
+    """A mesh and the places found for it so far."""
+
+    mesh: meshes.MeshArrays
+    materials: np.ndarray[Any, Any]
+    matrices: list[np.ndarray[Any, Any]] = field(default_factory=list)
+    names: list[str] = field(default_factory=list)
+
+
+def extract(depsgraph: Any, notes: Notes, *, uvs: bool = False) -> Scene:
+    """The scene as the depsgraph's mode (viewport or render) shows it, in arrays.
+
+    Reads meshes, whatever has a mesh (curves, surfaces, text, metaballs) and lights, with every instance of them;
+    what cannot be rendered goes into `notes` by name. Geometry is in the frame of `Scene.geometry.origin`.
+    """
+    reader = _Reader(notes, uvs)
+    # Take everything from an item at once: Blender reuses its memory for the next one.
+    for instance in depsgraph.object_instances:
+        if instance.show_self:
+            reader.visit(instance.object, instance.matrix_world)
+    geometry = meshes.assemble(reader.placements(), uvs=uvs)
+    return Scene(
+        geometry=geometry,
+        materials=reader.palette.materials(),
+        lights=tuple(lights.moved(light, geometry.origin) for light in reader.lights),
+        world=world.read_world(depsgraph.scene_eval.world, notes),
+    )
+
+
+class _Reader:
+    def __init__(self, notes: Notes, uvs: bool) -> None:
+        self.notes = notes
+        self.uvs = uvs
+        self.palette = materials.Palette(notes)
+        self.lights: list[Light] = []
+        self._meshes: dict[tuple[str, int], meshes.MeshArrays] = {}
+        self._groups: dict[tuple[tuple[str, int], tuple[int, ...]], _Group] = {}
+        self._checked: set[str] = set()
+
+    def visit(self, item: Any, matrix_world: Any) -> None:
+        """Take over one object at one place."""
+        kind = item.type
+        if kind in MESH_TYPES or kind in CONVERTIBLE_TYPES:
+            self._place(item, np.array(matrix_world, np.float64))
+        elif kind == "LIGHT":
+            light = lights.read_light(item, np.array(matrix_world, np.float64), self.notes)
+            if light is not None:
+                self.lights.append(light)
+        elif kind in SKIPPED_TYPES:
+            self.notes.add(f"Skipped, {SKIPPED_TYPES[kind]} cannot be rendered yet", item.name)
+
+    def placements(self) -> list[meshes.Placement]:
+        """What was found, in order of appearance."""
+        return [
+            meshes.Placement(group.mesh, np.stack(group.matrices), tuple(group.names), group.materials)
+            for group in self._groups.values()
+        ]
+
+    def _place(self, item: Any, matrix: np.ndarray[Any, Any]) -> None:
+        name = item.name
+        self._check_once(item, name)
+        if not np.isfinite(matrix).all():
+            self.notes.add("Dropped, the transform is not finite", name)
+            return
+        if not _is_regular(matrix):
+            self.notes.add("Dropped, the transform flattens the object (scale 0)", name)
+            return
+        mesh_key, mesh, used = self._mesh(item)
+        if mesh is None or not len(mesh.triangles):
+            return
+        group_key = (mesh_key, used)
+        if (group := self._groups.get(group_key)) is None:
+            group = self._groups[group_key] = _Group(mesh, np.array(used, np.int32))
+        group.matrices.append(matrix)
+        group.names.append(name)
+
+    def _mesh(self, item: Any) -> tuple[tuple[str, int], meshes.MeshArrays | None, tuple[int, ...]]:
+        """The object's mesh, read once however often it is placed, and its materials."""
+        if item.type in MESH_TYPES:
+            data = item.data
+            key = ("mesh", data.as_pointer())
+            if key not in self._meshes:
+                self._meshes[key] = meshes.read_mesh(data, uvs=self.uvs)
+            return key, self._meshes[key], self.palette.indices(item, data)
+        key = ("object", item.original.as_pointer())
+        if key not in self._meshes:
+            # Other kinds of objects lend a mesh, which dies with `to_mesh_clear`.
+            data = item.to_mesh()
+            if data is None:
+                return key, None, ()
+            self._meshes[key] = meshes.read_mesh(data, uvs=self.uvs)
+            item.to_mesh_clear()
+        return key, self._meshes[key], self.palette.indices(item, item.data)
+
+    def _check_once(self, item: Any, name: str) -> None:
+        """Remark on settings of an object that are not obeyed."""
+        if name in self._checked:
+            return
+        self._checked.add(name)
+        if item.is_holdout:
+            self.notes.add("Holdout is not supported yet, rendered as usual", name)
+        if not all(getattr(item, ray) for ray in RAY_VISIBILITY):
+            self.notes.add("Ray visibility is not supported yet, visible to all rays", name)
+        if any(
+            system.settings.type == "HAIR" and system.settings.render_type == "PATH" for system in item.particle_systems
+        ):
+            self.notes.add("Skipped, hair strands cannot be rendered yet", name)
+
+
+def _is_regular(matrix: np.ndarray[Any, Any]) -> bool:
+    """Whether a transform keeps volumes apart from zero, judged relative to the lengths of its columns."""
+    linear = matrix[:3, :3]
+    lengths = np.linalg.norm(linear, axis=0)
+    return bool(lengths.all()) and abs(np.linalg.det(linear / lengths)) > 1e-12

@@ -1,0 +1,135 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Walking a shader node tree towards constants: links are followed through reroutes, groups and muted nodes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import bpy
+
+if TYPE_CHECKING:
+    from ..core.scene import RGB
+
+MAX_STEPS = 256
+"""Longer chains are not followed. Blender forbids cycles, but a file can be broken."""
+
+Remark = Callable[[str], None]
+"""Told the name of each node or setting that is not understood."""
+
+
+class Unsupported(Exception):
+    """A node that has no meaning here. The message is its name for the user."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """A socket together with the group nodes that lead to its tree, outermost first."""
+
+    socket: Any
+    groups: tuple[Any, ...] = ()
+
+    @property
+    def node(self) -> Any:
+        """The node that has the socket."""
+        return self.socket.node
+
+    def input(self, name: str) -> Place | None:
+        """An input of this place's node by name; None where this version of Blender has no such input."""
+        socket = self.node.inputs.get(name)
+        return None if socket is None else Place(socket, self.groups)
+
+    def source(self) -> Place:
+        """Where the value of this input comes from: an output of a node that computes it, or an unlinked input.
+
+        Raises Unsupported when the chain does not end.
+        """
+        place = self
+        for _ in range(MAX_STEPS):
+            before = _before(place)
+            if before is None:
+                # A reroute that hangs in the air is as good as no link.
+                return self if place.node.bl_idname == "NodeReroute" else place
+            place = before
+        raise Unsupported(f"A chain of more than {MAX_STEPS} nodes")
+
+
+def active_tree(block: Any) -> Any:
+    """The node tree that a material, world or light renders with, or None.
+
+    Since Blender 5.0 that is the tree it has; before, a switch says whether it counts.
+    """
+    if bpy.app.version < (5, 0) and not block.use_nodes:
+        return None
+    return block.node_tree
+
+
+def _before(place: Place) -> Place | None:
+    """One step towards the source, or None when the value is made here."""
+    socket, groups, node = place.socket, place.groups, place.node
+    if not socket.is_output:
+        link = next((link for link in socket.links if link.is_valid and not link.is_muted), None)
+        return None if link is None else Place(link.from_socket, groups)
+    if node.mute:
+        link = next((link for link in node.internal_links if link.to_socket == socket), None)
+        return None if link is None else Place(link.from_socket, groups)
+    match node.bl_idname:
+        case "NodeReroute":
+            return Place(node.inputs[0], groups)
+        case "ShaderNodeGroup" if node.node_tree is not None:
+            inside = next(
+                (n for n in node.node_tree.nodes if n.bl_idname == "NodeGroupOutput" and n.is_active_output), None
+            )
+            return None if inside is None else Place(_twin(inside.inputs, socket), (*groups, node))
+        case "NodeGroupInput" if groups:
+            return Place(_twin(groups[-1].inputs, socket), groups[:-1])
+    return None
+
+
+def _twin(sockets: Any, socket: Any) -> Any:
+    """The socket on the other side of a group's wall."""
+    return next(other for other in sockets if other.identifier == socket.identifier)
+
+
+def constant(place: Place, remark: Remark, fallback: Any = None) -> Any:
+    """The value of an input if it is constant, else `fallback` (None: the input's own default) and a remark."""
+    try:
+        source = place.source()
+    except Unsupported as unsupported:
+        remark(str(unsupported))
+    else:
+        if not source.socket.is_output or source.node.bl_idname in ("ShaderNodeRGB", "ShaderNodeValue"):
+            return source.socket.default_value
+        remark(f"{source.node.bl_label} for {place.socket.name}")
+    return place.socket.default_value if fallback is None else fallback
+
+
+def number(place: Place | None, remark: Remark, absent: float = 0.0) -> float:
+    """A constant number; `absent` where the input does not exist."""
+    if place is None:
+        return absent
+    value = constant(place, remark)
+    try:
+        return float(value)
+    except TypeError:
+        # A colour plugged into a number: Blender takes its luminance.
+        r, g, b = value[:3]
+        return float(0.2126 * r + 0.7152 * g + 0.0722 * b)
+
+
+def color(place: Place | None, remark: Remark, fallback: RGB | None = None) -> RGB:
+    """A constant linear colour; black where the input does not exist."""
+    if place is None:
+        return (0.0, 0.0, 0.0)
+    value = constant(place, remark, fallback)
+    try:
+        r, g, b = value[:3]
+    except TypeError:
+        r = g = b = value
+    return (float(r), float(g), float(b))
+
+
+def scaled(rgb: RGB, factor: float) -> RGB:
+    """A colour times a number."""
+    return (rgb[0] * factor, rgb[1] * factor, rgb[2] * factor)

@@ -1,0 +1,36 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Operators of the add-on."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+
+from . import showcase
+
+
+class HALFSPACE_OT_showcase(bpy.types.Operator):
+    """Adds the built-in scene."""
+
+    bl_idname = "halfspace.showcase"
+    bl_label = "New Showcase Scene"
+    bl_description = "Add a scene with glass, metal and tilted geometry, lit and framed, ready to render"
+    bl_options = {"REGISTER", "UNDO"}
+
+    def execute(self, context: Any) -> set[str]:
+        scene = bpy.data.scenes.new("Showcase")
+        showcase.build(scene)
+        if context.window is not None:
+            context.window.scene = scene
+        return {"FINISHED"}
+
+
+def register() -> None:
+    """Register the operators."""
+    bpy.utils.register_class(HALFSPACE_OT_showcase)
+
+
+def unregister() -> None:
+    """The reverse of `register`."""
+    bpy.utils.unregister_class(HALFSPACE_OT_showcase)

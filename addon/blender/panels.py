@@ -1,0 +1,259 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Panels in the Render, View Layer, Material, Light and World properties. Drawing only reads; it builds nothing."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+
+from ..core import native
+from . import properties, reports
+from .engine import ENGINE
+
+STATISTICS = (
+    ("Extraction", "extract_seconds", "{:.2f} s"),
+    ("Build", "build_seconds", "{:.2f} s"),
+    ("Render", "seconds", "{:.2f} s"),
+    ("Rays", "mrays_s", "{:.2f} M/s"),
+    ("Memory", "bytes", "{:,} bytes"),
+    ("Nodes, axis", "nodes_axis", "{:,}"),
+    ("Nodes, oblique", "nodes_oblique", "{:,}"),
+    ("Leaves", "leaves", "{:,}"),
+    ("Empty leaves", "leaves_empty", "{:,}"),
+    ("References", "references", "{:,}"),
+    ("Depth, largest", "depth_max", "{:,}"),
+    ("Depth, mean", "depth_mean", "{:.1f}"),
+    ("Expected cost", "sah_cost", "{:.2f}"),
+)
+"""What the statistics panel shows: label, key, format."""
+
+
+class _Panel:
+    """A panel that appears only for our engine."""
+
+    bl_space_type = "PROPERTIES"
+    bl_region_type = "WINDOW"
+    bl_context = "render"
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return context.engine == ENGINE
+
+    def _column(self) -> Any:
+        layout = self.layout  # type: ignore[attr-defined]
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        return layout.column()
+
+
+class HALFSPACE_PT_structure(_Panel, bpy.types.Panel):
+    """The acceleration structure and its parameters, or why there is none."""
+
+    bl_label = "Structure"
+
+    def draw(self, context: Any) -> None:
+        column = self._column()
+        if problem := native.problem():
+            _lines(column, problem, icon="ERROR")
+            return
+        group = context.scene.halfspace
+        column.prop(group, "structure")
+        for parameter in properties.structure_parameters(group):
+            column.prop(group, parameter.name)
+
+
+class HALFSPACE_PT_sampling(_Panel, bpy.types.Panel):
+    """How many rays, how long their paths."""
+
+    bl_label = "Sampling"
+
+    def draw(self, context: Any) -> None:
+        column = self._column()
+        group = context.scene.halfspace
+        column.prop(group, "samples")
+        column.prop(group, "preview_samples")
+        column.prop(group, "max_bounces")
+        column.prop(group, "render_seed")
+
+
+class HALFSPACE_PT_film(_Panel, bpy.types.Panel):
+    """What the background is."""
+
+    bl_label = "Film"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: Any) -> None:
+        self._column().prop(context.scene.render, "film_transparent", text="Transparent")
+
+
+class HALFSPACE_PT_statistics(_Panel, bpy.types.Panel):
+    """What the last picture cost, left out and did not understand."""
+
+    bl_label = "Statistics"
+
+    def draw(self, context: Any) -> None:
+        layout = self.layout
+        report = reports.last(context.scene)
+        if report is None:
+            layout.label(text="Nothing rendered yet")
+            return
+        layout.label(text=f"{report.label}, {report.triangles:,} triangles")
+        values = {**report.statistics, "extract_seconds": report.extract_seconds}
+        grid = layout.grid_flow(row_major=True, columns=2, even_columns=True)
+        for label, key, form in STATISTICS:
+            if key in values:
+                grid.label(text=label)
+                grid.label(text=form.format(values[key]))
+        for title, lines, icon in (
+            ("Not understood", report.warnings, "ERROR"),
+            ("Left out, at no cost", report.left_out, "INFO"),
+        ):
+            if lines:
+                box = layout.box()
+                box.label(text=title, icon=icon)
+                for line in lines:
+                    _lines(box, line)
+
+
+class HALFSPACE_PT_passes(_Panel, bpy.types.Panel):
+    """The passes of a view layer."""
+
+    bl_label = "Passes"
+    bl_context = "view_layer"
+
+    def draw(self, context: Any) -> None:
+        column = self._column()
+        layer = context.view_layer
+        column.prop(layer, "use_pass_combined")
+        column.prop(layer, "use_pass_z")
+        column.prop(layer, "use_pass_normal")
+        column.prop(layer, "use_pass_position")
+        column.separator()
+        column.prop(layer.halfspace, "use_pass_steps")
+        column.prop(layer.halfspace, "use_pass_tests")
+
+
+class HALFSPACE_PT_material(_Panel, bpy.types.Panel):
+    """The object's material slots and the inputs of the active material's shader."""
+
+    bl_label = "Surface"
+    bl_context = "material"
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return super().poll(context) and context.object is not None and context.object.type not in ("CAMERA", "LIGHT")
+
+    def draw(self, context: Any) -> None:
+        layout = self.layout
+        item = context.object
+        row = layout.row()
+        row.template_list("MATERIAL_UL_matslots", "", item, "material_slots", item, "active_material_index")
+        buttons = row.column(align=True)
+        buttons.operator("object.material_slot_add", icon="ADD", text="")
+        buttons.operator("object.material_slot_remove", icon="REMOVE", text="")
+        layout.template_ID(item, "active_material", new="material.new")
+        if item.mode == "EDIT":
+            row = layout.row(align=True)
+            row.operator("object.material_slot_assign", text="Assign")
+            row.operator("object.material_slot_select", text="Select")
+            row.operator("object.material_slot_deselect", text="Deselect")
+        if item.active_material is not None:
+            _surface(layout, item.active_material, "diffuse_color")
+
+
+class HALFSPACE_PT_world(_Panel, bpy.types.Panel):
+    """The inputs of the world's shader."""
+
+    bl_label = "Surface"
+    bl_context = "world"
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return super().poll(context) and context.world is not None
+
+    def draw(self, context: Any) -> None:
+        _surface(self.layout, context.world, "color")
+
+
+class HALFSPACE_PT_light(_Panel, bpy.types.Panel):
+    """The settings of a light."""
+
+    bl_label = "Light"
+    bl_context = "data"
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return super().poll(context) and context.light is not None
+
+    def draw(self, context: Any) -> None:
+        light = context.light
+        self.layout.row().prop(light, "type", expand=True)
+        column = self._column()
+        column.prop(light, "use_temperature")
+        if light.use_temperature:
+            column.prop(light, "temperature")
+        for name in ("color", "energy", "exposure", "normalize"):
+            column.prop(light, name)
+        column.separator()
+        for name in _shape_properties(light):
+            column.prop(light, name)
+        column.prop(light, "use_shadow")
+
+
+def _shape_properties(light: Any) -> tuple[str, ...]:
+    match light.type:
+        case "POINT":
+            return ("shadow_soft_size",)
+        case "SPOT":
+            return ("shadow_soft_size", "spot_size", "spot_blend")
+        case "SUN":
+            return ("angle",)
+    two_sizes = light.shape in ("RECTANGLE", "ELLIPSE")
+    return ("shape", "size", "size_y") if two_sizes else ("shape", "size")
+
+
+def _surface(layout: Any, block: Any, plain: str) -> None:
+    """The inputs of the shader that feeds a material's or a world's output, or the plain colour without nodes."""
+    layout.use_property_split = True
+    output = block.node_tree.get_output_node("ALL") if block.node_tree is not None else None
+    if output is None:
+        layout.prop(block, plain)
+    else:
+        layout.template_node_view(block.node_tree, output, output.inputs["Surface"])
+
+
+def _lines(layout: Any, text: str, *, icon: str = "NONE", width: int = 60) -> None:
+    """A text as labels of at most `width` characters, since a label cannot wrap."""
+    line = ""
+    for word in text.split():
+        if line and len(line) + 1 + len(word) > width:
+            layout.label(text=line, icon=icon)
+            line, icon = word, "BLANK1" if icon != "NONE" else "NONE"
+        else:
+            line = f"{line} {word}".strip()
+    layout.label(text=line, icon=icon)
+
+
+CLASSES = (
+    HALFSPACE_PT_structure,
+    HALFSPACE_PT_sampling,
+    HALFSPACE_PT_film,
+    HALFSPACE_PT_statistics,
+    HALFSPACE_PT_passes,
+    HALFSPACE_PT_material,
+    HALFSPACE_PT_world,
+    HALFSPACE_PT_light,
+)
+
+
+def register() -> None:
+    """Register the panels."""
+    for panel in CLASSES:
+        bpy.utils.register_class(panel)
+
+
+def unregister() -> None:
+    """The reverse of `register`."""
+    for panel in reversed(CLASSES):
+        bpy.utils.unregister_class(panel)

@@ -1,0 +1,129 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""`scene.halfspace` and `view_layer.halfspace`; what concerns structures is generated from the catalogue."""
+
+from __future__ import annotations
+
+import zlib
+from typing import TYPE_CHECKING, Any
+
+import bpy
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty
+
+from ..core import catalogue, native, settings
+
+if TYPE_CHECKING:
+    from ..core.catalogue import Catalogue, Parameter
+
+
+def structure_parameters(group: Any) -> tuple[Parameter, ...]:
+    """The parameters of the structure chosen in a `scene.halfspace` group."""
+    return catalogue.load()[group.structure].parameters
+
+
+def spec(group: Any) -> str:
+    """The configuration string of a `scene.halfspace` group. Raises native.NativeError."""
+    structure = catalogue.load()[group.structure]
+    return settings.spec(
+        structure, {parameter.name: getattr(group, parameter.name) for parameter in structure.parameters}
+    )
+
+
+def _follow_structure(group: Any, _context: Any) -> None:
+    """Give the chosen structure its own defaults, except where the user set a value that is nobody's default."""
+    known = catalogue.load()
+    for parameter in known[group.structure].parameters:
+        value = getattr(group, parameter.name)
+        namesakes = (structure.parameter(parameter.name) for structure in known.structures)
+        if any(other is not None and settings.same(value, other.default) for other in namesakes):
+            setattr(group, parameter.name, parameter.default)
+
+
+def _structure_properties(known: Catalogue) -> dict[str, Any]:
+    properties: dict[str, Any] = {
+        "structure": EnumProperty(
+            name="Structure",
+            description="How the triangles are organised for finding what a ray hits. The picture is always the same",
+            items=[(s.id, s.label, f"{s.summary}. {s.paper}", s.code) for s in known.structures],
+            default=known.default.id,
+            update=_follow_structure,
+        ),
+    }
+    for parameter in known.parameters().values():
+        properties[parameter.name] = _parameter_property(parameter)
+    return properties
+
+
+def _parameter_property(parameter: Parameter) -> Any:
+    common = {
+        "name": parameter.label,
+        "description": parameter.doc + (f" ({parameter.unit})" if parameter.unit else ""),
+        "default": parameter.default,
+    }
+    if parameter.kind == "choice":
+        # A number made from the name stays the same in saved files when the list of options changes.
+        items = [(o, o, "", zlib.crc32(o.encode()) & 0x7FFF_FFFF) for o in parameter.options]
+        return EnumProperty(items=items, **common)
+    bounds = {
+        key: value for key, value in (("min", parameter.minimum), ("max", parameter.maximum)) if value is not None
+    }
+    if parameter.kind == "integer":
+        limit = 2**31 - 1
+        return IntProperty(**common, **{key: min(max(int(v), -limit), limit) for key, v in bounds.items()})
+    return FloatProperty(**common, **bounds, precision=3)
+
+
+RENDER_PROPERTIES: dict[str, Any] = {
+    "samples": IntProperty(
+        name="Samples",
+        description="Rays per pixel; noise halves with four times as many",
+        default=32,
+        min=1,
+        max=1 << 20,
+    ),
+    "preview_samples": IntProperty(
+        name="Viewport Samples", description="Rays per pixel in the viewport", default=16, min=1, max=1 << 20
+    ),
+    "max_bounces": IntProperty(
+        name="Bounces", description="How often light is followed after the first surface", default=6, min=0, max=64
+    ),
+    "render_seed": IntProperty(
+        name="Noise Seed", description="Another number gives other noise in the same picture", default=0, min=0
+    ),
+    "settings_version": IntProperty(options={"HIDDEN"}, default=1),
+}
+
+
+class HalfspaceViewLayerSettings(bpy.types.PropertyGroup):
+    """The passes that only this engine has."""
+
+    use_pass_steps: BoolProperty(  # type: ignore[valid-type]
+        name="Traversal Steps", description="How many nodes each pixel's camera rays visit", default=False
+    )
+    use_pass_tests: BoolProperty(  # type: ignore[valid-type]
+        name="Triangle Tests",
+        description="How many triangles each pixel's camera rays are tested against",
+        default=False,
+    )
+
+
+_registered: list[type] = []
+
+
+def register() -> None:
+    """Register the property groups; without a native module the scene keeps only what needs no catalogue."""
+    properties = dict(RENDER_PROPERTIES)
+    if native.problem() is None:  # else said in the panel and by every render; stored values stay in the file
+        properties |= _structure_properties(catalogue.load())
+    scene_settings = type("HalfspaceSettings", (bpy.types.PropertyGroup,), {"__annotations__": properties})
+    for group, owner in ((scene_settings, bpy.types.Scene), (HalfspaceViewLayerSettings, bpy.types.ViewLayer)):
+        bpy.utils.register_class(group)
+        _registered.append(group)
+        owner.halfspace = PointerProperty(type=group)
+
+
+def unregister() -> None:
+    """The reverse of `register`."""
+    del bpy.types.ViewLayer.halfspace
+    del bpy.types.Scene.halfspace
+    while _registered:
+        bpy.utils.unregister_class(_registered.pop())

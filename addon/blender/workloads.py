@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Scenes for the benchmark that need Blender: .blend files, what Blender imports, and the built-in showcase."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ..core.notes import Notes
+from ..core.scene import Camera
+from ..core.workload import View, Workload, WorkloadError, framing_view
+from . import showcase
+from .camera import read_camera
+from .extract import extract
+
+IMPORTERS = {
+    ".obj": lambda path: bpy.ops.wm.obj_import(filepath=path),
+    ".ply": lambda path: bpy.ops.wm.ply_import(filepath=path),
+    ".stl": lambda path: bpy.ops.wm.stl_import(filepath=path),
+    ".glb": lambda path: bpy.ops.import_scene.gltf(filepath=path),
+    ".gltf": lambda path: bpy.ops.import_scene.gltf(filepath=path),
+    ".usd": lambda path: bpy.ops.wm.usd_import(filepath=path),
+    ".usda": lambda path: bpy.ops.wm.usd_import(filepath=path),
+    ".usdc": lambda path: bpy.ops.wm.usd_import(filepath=path),
+    ".usdz": lambda path: bpy.ops.wm.usd_import(filepath=path),
+}
+"""Suffix to operator."""
+
+
+def load(path: Path, size: tuple[int, int]) -> Workload:
+    """The scene of a file, seen by its camera in a frame of `size` pixels. Raises WorkloadError."""
+    suffix = path.suffix.lower()
+    try:
+        if suffix == ".blend":
+            bpy.ops.wm.open_mainfile(filepath=str(path))
+        else:
+            bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+            IMPORTERS[suffix](str(path))
+    except Exception as error:
+        # Operators report in several lines, importers written in Python raise anything.
+        raise WorkloadError(f"{path}: Blender cannot read it: {_first_line(error)}") from error
+    return current(path.stem, size)
+
+
+def built_in_showcase(size: tuple[int, int]) -> Workload:
+    """The showcase, in an otherwise empty file."""
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    showcase.build(bpy.context.scene)
+    return current("showcase", size)
+
+
+def current(name: str, size: tuple[int, int]) -> Workload:
+    """The open file's scene, as the viewport shows it. Raises WorkloadError."""
+    bpy.context.view_layer.update()
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    notes = Notes()
+    scene = extract(depsgraph, notes)
+    geometry = scene.geometry
+    if not len(geometry.triangles):
+        raise WorkloadError(f"{name}: the scene has no triangles")
+    camera = _camera(depsgraph, geometry.origin, notes, size)
+    view = None if camera is None else _view(camera)
+    if view is None:
+        notes.add("Seen whole, from the front and above, for want of a perspective camera", name)
+        view = framing_view(geometry.vertices, geometry.triangles)
+    return Workload(
+        name,
+        geometry.vertices,
+        geometry.triangles,
+        view,
+        render_scene=scene,
+        render_camera=camera,
+        notes=tuple(notes.lines()),
+    )
+
+
+def _camera(depsgraph: Any, origin: Any, notes: Notes, size: tuple[int, int]) -> Camera | None:
+    item = depsgraph.scene_eval.camera
+    if item is None:
+        return None
+    item = item.evaluated_get(depsgraph)
+    return read_camera(item, depsgraph, item.matrix_world, origin, notes, size=size)
+
+
+def _view(camera: Camera) -> View | None:
+    """The pinhole view nearest to a camera; shift is left out."""
+    if camera.kind != "perspective":
+        return None
+    eye, up, back = (np.array(camera.to_world[:3, column], np.float64) for column in (3, 1, 2))
+    _, _, bottom, top = camera.window
+    return View(eye, eye - back, up, float(np.degrees(2 * np.arctan((top - bottom) / 2))))
+
+
+def _first_line(error: BaseException) -> str:
+    lines = [line.removeprefix("Error: ").strip() for line in str(error).splitlines() if line.strip()]
+    return lines[0] if lines else type(error).__name__

@@ -1,0 +1,150 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""How wrong answers are: hits of a structure compared with those of a reference, ray by ray."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Mask = NDArray[np.bool_]
+
+BOUNDARY = 2.0**-20
+"""A hit counts as on the boundary when a barycentric coordinate is at most this, unless the reference itself says."""
+
+TIE = 2.0**-20
+"""For a reference that is not exact, hits this close (relative) on different triangles are a tie, not an error."""
+
+
+@dataclass(frozen=True, eq=False)
+class Answers:
+    """Hits as arrays. t: (n,) float32, inf = miss; triangle: (n,) int32, -1 = miss; u, v: (n,) float32.
+
+    on_boundary: (n,) bool, hits on an edge or a vertex of their triangle, or None where nobody determined it.
+    """
+
+    t: NDArray[np.float32]
+    triangle: NDArray[np.int32]
+    u: NDArray[np.float32]
+    v: NDArray[np.float32]
+    on_boundary: Mask | None = None
+
+    @classmethod
+    def of(cls, hits: Any) -> Answers:
+        """The arrays of native `Hits`, each fetched once."""
+        return cls(hits.t, hits.triangle, hits.u, hits.v, getattr(hits, "on_boundary", None))
+
+    def take(self, indices: NDArray[np.int64]) -> Answers:
+        """The answers to these rays only."""
+        boundary = None if self.on_boundary is None else self.on_boundary[indices]
+        return Answers(self.t[indices], self.triangle[indices], self.u[indices], self.v[indices], boundary)
+
+    @property
+    def hit(self) -> Mask:
+        """(n,) bool: which rays hit something."""
+        return self.triangle >= 0
+
+    def boundary(self) -> Mask:
+        """(n,) bool: hits on an edge or vertex, as determined, or by their barycentric coordinates."""
+        if self.on_boundary is not None:
+            return self.on_boundary
+        smallest = np.minimum(np.minimum(self.u, self.v), 1.0 - self.u.astype(np.float64) - self.v)
+        return self.hit & (smallest <= BOUNDARY)
+
+
+@dataclass(frozen=True, eq=False)
+class Errors:
+    """Counts over some rays. `ulps`: distances of t where both hit, in units in the last place of f32.
+
+    wrong_values: same triangle but other u or v. wrong_any_hit: `occluded` says other than the reference; these
+    rays are among false_miss and false_hit too.
+    """
+
+    rays: int = 0
+    false_miss: int = 0
+    false_hit: int = 0
+    wrong_triangle: int = 0
+    wrong_values: int = 0
+    wrong_any_hit: int = 0
+    on_boundary: int = 0
+    ulps: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
+
+    def agrees(self, *, bitwise: bool) -> bool:
+        """Whether no answer differs; with `bitwise` t, u and v count to the last bit."""
+        if self.false_miss or self.false_hit or self.wrong_triangle or self.wrong_any_hit:
+            return False
+        return not bitwise or (not self.wrong_values and not self.ulps.any())
+
+    def as_row(self, reference: str) -> dict[str, Any]:
+        """The columns of a benchmark row."""
+        return {
+            "reference": reference,
+            "rays": self.rays,
+            "false_miss": self.false_miss,
+            "false_hit": self.false_hit,
+            "wrong_triangle": self.wrong_triangle,
+            "wrong_values": self.wrong_values,
+            "wrong_any_hit": self.wrong_any_hit,
+            "t_ulp_max": int(self.ulps.max()) if len(self.ulps) else 0,
+            # The sorted value itself, not one between two distances.
+            "t_ulp_p999": int(np.quantile(self.ulps, 0.999, method="higher")) if len(self.ulps) else 0,
+            "on_boundary": self.on_boundary,
+        }
+
+
+def total(parts: Iterable[Errors]) -> Errors:
+    """The errors of several ray sets together."""
+    found = list(parts)
+    counts = ("rays", "false_miss", "false_hit", "wrong_triangle", "wrong_values", "wrong_any_hit", "on_boundary")
+    ulps = np.concatenate([part.ulps for part in found]) if found else np.zeros(0, np.int64)
+    return Errors(**{name: sum(getattr(part, name) for part in found) for name in counts}, ulps=ulps)
+
+
+def compare(
+    reference: Answers,
+    answers: Answers | None,
+    occluded: Mask | None,
+    ulp_distance: Callable[[Any, Any], NDArray[np.int64]],
+    *,
+    bitwise: bool,
+) -> Errors:
+    """Errors of `answers` (closest hits) and `occluded` (any hits), either of which may be left out.
+
+    bitwise: every difference counts. Otherwise equal distances on two triangles are a tie and no error.
+    """
+    expected = reference.hit
+    missed = np.zeros(len(expected), bool)
+    invented, any_hit_wrong = missed.copy(), missed.copy()
+    wrong_triangle = wrong_values = 0
+    ulps = np.zeros(0, np.int64)
+    if answers is not None:
+        missed |= expected & ~answers.hit
+        invented |= ~expected & answers.hit
+        both = expected & answers.hit
+        other = both & (answers.triangle != reference.triangle)
+        if not bitwise:
+            near = np.abs(answers.t[both] - reference.t[both]) <= TIE * np.abs(reference.t[both])
+            other[np.flatnonzero(both)[near]] = False
+        same = both & ~other
+        wrong_triangle = int(other.sum())
+        bits = [getattr(answers, name)[same].view(np.uint32) for name in "uv"]
+        expected_bits = [getattr(reference, name)[same].view(np.uint32) for name in "uv"]
+        wrong_values = int(((bits[0] != expected_bits[0]) | (bits[1] != expected_bits[1])).sum())
+        ulps = np.asarray(ulp_distance(reference.t[both], answers.t[both]), np.int64)
+    if occluded is not None:
+        any_hit_wrong = occluded != expected
+        missed |= expected & ~occluded
+        invented |= ~expected & occluded
+    return Errors(
+        rays=len(expected),
+        false_miss=int(missed.sum()),
+        false_hit=int(invented.sum()),
+        wrong_triangle=wrong_triangle,
+        wrong_values=wrong_values,
+        wrong_any_hit=int(any_hit_wrong.sum()),
+        on_boundary=int(reference.boundary().sum()),
+        ulps=ulps,
+    )

@@ -1,0 +1,150 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Error against run time: pictures with growing numbers of samples, compared with a converged one.
+
+For one sampler and seed every structure must give the same picture, so the error belongs to the samples and only the
+time to the structure; that the pictures are the same is checked.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .rays import TILE
+from .workload import View, Workload
+
+SIZE = 128
+"""Pixels along the shorter side of the pictures."""
+
+CONVERGED = 16
+"""The reference has this many times the largest number of samples, and another seed."""
+
+RELATIVE_FLOOR = 1e-2
+"""Added to the squared reference in relMSE, so that black pixels do not decide it (Rousselle et al. 2011)."""
+
+TRIMMED = 0.001
+"""The share of the largest relative errors that relMSE leaves out: fireflies."""
+
+POINT_SECONDS = 30.0
+"""A picture that would take longer than about this is left out."""
+
+RAYS_PER_SAMPLE = 8
+"""For the estimate of that time; measured: 4 to 9 on the test scenes."""
+
+Image = NDArray[np.float32]
+
+
+class Curve:
+    """The pictures of one scene. size: width and height of its view."""
+
+    def __init__(self, native: Any, workload: Workload, size: tuple[int, int], samples: tuple[int, ...], seed: int):
+        self._native = native
+        self._workload = workload
+        self.samples = samples
+        scale = SIZE / min(size)
+        self._width, self._height = (max(TILE, round(side * scale)) for side in size)
+        self._camera = workload.render_camera or _camera(workload.view, self._width / self._height, workload.diagonal())
+        self._seed = seed
+        self._converged: Image | None = None
+        self._pictures: dict[int, Image] = {}
+
+    def converge(self, structure: Any) -> None:
+        """Render the picture that all are compared with, on all cores."""
+        job = self._render(structure, self.samples[-1] * CONVERGED, self._seed + 1, 0)
+        self._converged = self._image(job)
+
+    def affordable(self, mrays_s: float) -> list[int]:
+        """The numbers of samples that a structure of this speed renders in reasonable time."""
+        rays_of_one = self._width * self._height * RAYS_PER_SAMPLE
+        return [n for n in self.samples if n * rays_of_one / (mrays_s * 1e6) <= POINT_SECONDS]
+
+    def point(self, structure: Any, samples: int, threads: int) -> tuple[dict[str, float], int]:
+        """The error and the seconds of one picture, and how many pixels differ from other structures' pictures."""
+        assert self._converged is not None, "the reference comes first"
+        job = self._render(structure, samples, self._seed, threads)
+        picture = self._image(job)
+        first = self._pictures.setdefault(samples, picture)
+        differing = int((picture.view(np.uint32) != first.view(np.uint32)).any(axis=1).sum())
+        seconds = float(job.statistics["seconds"])
+        return {"spp": samples, "seconds": seconds, **errors(picture, self._converged)}, differing
+
+    def _render(self, structure: Any, samples: int, seed: int, threads: int) -> Any:
+        scene = self._workload.render_scene
+        if scene is None:
+            render_scene = self._native.RenderScene(structure, **_plain_scene())
+        else:
+            render_scene = self._native.RenderScene(
+                structure,
+                material_index=scene.geometry.material_index,
+                materials=[asdict(material) for material in scene.materials],
+                corner_normals=scene.geometry.corner_normals,
+                lights=[asdict(light) for light in scene.lights],
+                world=asdict(scene.world),
+            )
+        settings = {"width": self._width, "height": self._height, "samples": samples, "max_bounces": 4, "seed": seed}
+        camera = self._camera if isinstance(self._camera, dict) else asdict(self._camera)
+        job = self._native.render(render_scene, camera, settings, threads=threads)
+        while not job.wait(100):
+            pass
+        if job.error is not None:
+            raise RuntimeError(job.error)
+        return job
+
+    def _image(self, job: Any) -> Image:
+        """(pixels, 3) linear RGB."""
+        out = np.zeros(self._width * self._height * job.passes["Combined"], np.float32)
+        job.copy_into("Combined", out)
+        return np.ascontiguousarray(out.reshape(self._width * self._height, -1)[:, :3])
+
+
+def errors(picture: Image, reference: Image) -> dict[str, float]:
+    """RMSE and trimmed relMSE of linear RGB, and the number of pixels that are not finite, which count nowhere else."""
+    finite = np.isfinite(picture).all(axis=1)
+    difference = (picture[finite].astype(np.float64) - reference[finite]) ** 2
+    relative = np.sort((difference / (reference[finite].astype(np.float64) ** 2 + RELATIVE_FLOOR)).ravel())
+    kept = relative[: max(1, int(len(relative) * (1 - TRIMMED)))]
+    return {
+        "rmse": float(np.sqrt(difference.mean())) if difference.size else 0.0,
+        "relmse": float(kept.mean()) if kept.size else 0.0,
+        "not_finite": int((~finite).sum()),
+    }
+
+
+def _camera(view: View, aspect: float, diagonal: float) -> dict[str, Any]:
+    forward = view.target - view.eye
+    forward = forward / np.linalg.norm(forward)
+    right = np.cross(forward, view.up)
+    right /= np.linalg.norm(right)
+    to_world = np.eye(4)
+    to_world[:3, :4] = np.stack([right, np.cross(right, forward), -forward, view.eye], axis=1)
+    tangent = float(np.tan(np.radians(view.vertical_fov) / 2))
+    window = (-tangent * aspect, tangent * aspect, -tangent, tangent)
+    return {
+        "kind": "perspective",
+        "to_world": to_world,
+        "window": window,
+        "clip_start": 1e-6 * diagonal,
+        "clip_end": 1e3 * diagonal,
+    }
+
+
+def _plain_scene() -> dict[str, Any]:
+    """Light grey, matt, under a bright sky: for files that hold no materials."""
+    return {
+        "materials": [{"name": "Matt", "base_color": (0.7, 0.7, 0.7), "specular": 0.0}],
+        "lights": [{"kind": "sun", "to_world": _tilted(), "power": (2.0, 2.0, 2.0), "angle": 0.1}],
+        "world": {"color": (0.6, 0.7, 0.8)},
+    }
+
+
+def _tilted() -> NDArray[np.float64]:
+    """A sun that shines down and aside."""
+    a, b = np.radians(35.0), np.radians(25.0)
+    about_x = np.array([[1, 0, 0], [0, np.cos(a), -np.sin(a)], [0, np.sin(a), np.cos(a)]])
+    about_y = np.array([[np.cos(b), 0, np.sin(b)], [0, 1, 0], [-np.sin(b), 0, np.cos(b)]])
+    matrix = np.eye(4)
+    matrix[:3, :3] = about_y @ about_x
+    return matrix

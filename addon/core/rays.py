@@ -1,0 +1,204 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The ray sets of a benchmark, made from one view and one seed.
+
+*primary*: one ray per pixel centre of a pinhole view, in 8×8-pixel tiles; *shadow*: any-hit rays from the primary hits
+to one point light; *diffuse*: one cosine-weighted bounce per primary hit, in scanline order; *shuffled*: the same in
+random order. Origins of the last three are moved off the surface.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from .workload import View, Workload
+
+F32 = NDArray[np.float32]
+F64 = NDArray[np.float64]
+
+NAMES = ("primary", "shadow", "diffuse", "shuffled")
+"""The sets in the order in which they are reported."""
+
+TILE = 8
+"""Pixels along the side of a tile."""
+
+OFFSET = 2e-5
+"""How far origins are moved off the surface, as a share of the scene's diagonal."""
+
+SHORT_OF_LIGHT = 1e-4
+"""Shadow rays end this share of their length before the light, which itself blocks nothing."""
+
+
+@dataclass(frozen=True, eq=False)
+class RaySet:
+    """Rays that are traced together.
+
+    origins, directions: (n, 3) float32, directions of unit length unless the set says otherwise. t_max: (n,) float32,
+    inf where the ray does not end. any_hit: asked with `occluded`. order: what `closest` is told of their order.
+    """
+
+    name: str
+    origins: F32
+    directions: F32
+    t_max: F32
+    any_hit: bool = False
+    order: str = "none"
+
+    def __len__(self) -> int:
+        return len(self.origins)
+
+    def take(self, indices: NDArray[np.int64]) -> RaySet:
+        """These rays only; for tiles the indices must keep every 64 rays together."""
+        return RaySet(
+            self.name,
+            self.origins[indices],
+            self.directions[indices],
+            self.t_max[indices],
+            self.any_hit,
+            self.order,
+        )
+
+
+def make(workload: Workload, tracer: Any, *, size: tuple[int, int], seed: int, names: Sequence[str]) -> list[RaySet]:
+    """The named sets, in the order of NAMES, then the scene's own.
+
+    tracer: a native structure over the workload's triangles; it finds the primary hits. size: width and height in
+    pixels, multiples of 8. Sets that need hits are empty when nothing is seen.
+    """
+    width, height = size
+    if width % TILE or height % TILE or width <= 0 or height <= 0:
+        raise ValueError(f"size: expected multiples of {TILE}, got {width}x{height}")
+    directions, eye, forward = _pinhole(workload.view, width, height)
+    primary = _finish("primary", np.broadcast_to(eye, directions.shape), directions)
+    tiles = tile_order(width, height)
+    sets = {"primary": _ordered(primary, tiles)}
+    if set(names) - {"primary"}:
+        sets |= _secondary(workload, tracer, primary, directions, forward, tiles, seed)
+    return [sets[name] for name in NAMES if name in names] + list(workload.extra)
+
+
+def tile_order(width: int, height: int) -> NDArray[np.int64]:
+    """Scanline indices of all pixels, tile by tile from the top left, and row by row inside a tile."""
+    y, x = np.mgrid[0:height, 0:width]
+    keys = (x.ravel() % TILE, y.ravel() % TILE, x.ravel() // TILE, y.ravel() // TILE)
+    return np.lexsort(keys)
+
+
+def blocks(count: int, wanted: int, seed: int) -> NDArray[np.int64]:
+    """Ascending indices of about `wanted` of `count` rays, chosen at random in whole blocks of 64 neighbours."""
+    side = TILE * TILE
+    if wanted >= count:
+        return np.arange(count, dtype=np.int64)
+    whole = max(count // side, 1)
+    rng = np.random.default_rng(seed)
+    chosen = np.sort(rng.choice(whole, size=min(max(-(-wanted // side), 1), whole), replace=False))
+    indices = (chosen[:, None] * side + np.arange(side)).ravel()
+    return indices[indices < count].astype(np.int64)
+
+
+def frames(normals: F64) -> tuple[F64, F64]:
+    """Two unit vectors across each unit normal (Duff et al. 2017, "Building an Orthonormal Basis, Revisited")."""
+    sign = np.copysign(1.0, normals[:, 2])
+    a = -1.0 / (sign + normals[:, 2])
+    b = normals[:, 0] * normals[:, 1] * a
+    first = np.stack([1 + sign * normals[:, 0] ** 2 * a, sign * b, -sign * normals[:, 0]], axis=1)
+    second = np.stack([b, sign + normals[:, 1] ** 2 * a, -normals[:, 1]], axis=1)
+    return first, second
+
+
+def _pinhole(view: View, width: int, height: int) -> tuple[F64, F64, F64]:
+    """Unit directions through all pixel centres in scanline order from the top left, the eye, and the view axis."""
+    forward = _unit(view.target - view.eye)
+    right = _unit(np.cross(forward, view.up))
+    up = np.cross(right, forward)
+    tangent = np.tan(np.radians(view.vertical_fov) / 2)
+    x = ((np.arange(width) + 0.5) / width * 2 - 1) * tangent * (width / height)
+    y = (1 - (np.arange(height) + 0.5) / height * 2) * tangent
+    directions = forward + x[None, :, None] * right + y[:, None, None] * up
+    return _unit(directions.reshape(-1, 3)), view.eye, forward
+
+
+def _secondary(
+    workload: Workload,
+    tracer: Any,
+    primary: RaySet,
+    directions: F64,
+    forward: F64,
+    tiles: NDArray[np.int64],
+    seed: int,
+) -> dict[str, RaySet]:
+    """Shadow, diffuse and shuffled rays. Hit points come from barycentric coordinates in f64."""
+    found = tracer.closest(primary.origins, primary.directions)
+    corners = workload.vertices.astype(np.float64)[workload.triangles[np.maximum(found.triangle, 0)]]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    lengths = np.linalg.norm(normals, axis=1)
+    hit = (found.triangle >= 0) & (lengths > 0)
+    normals /= np.where(lengths > 0, lengths, 1.0)[:, None]
+    normals *= np.where((normals * directions).sum(axis=1) > 0, -1.0, 1.0)[:, None]
+    u, v = found.u.astype(np.float64)[:, None], found.v.astype(np.float64)[:, None]
+    diagonal = workload.diagonal()
+    points = corners[:, 0] * (1 - u - v) + corners[:, 1] * u + corners[:, 2] * v + OFFSET * diagonal * normals
+
+    light = _light(workload.view, tracer, forward, diagonal)
+    seen = tiles[hit[tiles]]
+    origins = points[seen].astype(np.float32)
+    towards = light - origins.astype(np.float64)
+    distance = np.linalg.norm(towards, axis=1)
+    shadow = RaySet(
+        "shadow",
+        origins,
+        (towards / np.maximum(distance, np.finfo(np.float64).tiny)[:, None]).astype(np.float32),
+        (distance * (1 - SHORT_OF_LIGHT)).astype(np.float32),
+        any_hit=True,
+    )
+
+    rng = np.random.default_rng(seed)
+    # One pair per pixel, seen or not, so that a pixel's bounce does not depend on its neighbours.
+    xi = rng.random((len(hit), 2))[hit]
+    radius, angle = np.sqrt(xi[:, 0]), 2 * np.pi * xi[:, 1]
+    first, second = frames(normals[hit])
+    bounce = (
+        first * (radius * np.cos(angle))[:, None]
+        + second * (radius * np.sin(angle))[:, None]
+        + normals[hit] * np.sqrt(1 - xi[:, 0])[:, None]
+    )
+    diffuse = _finish("diffuse", points[hit], _unit(bounce))
+    shuffled = _ordered(diffuse, rng.permutation(len(diffuse)), name="shuffled", order="none")
+    return {"shadow": shadow, "diffuse": diffuse, "shuffled": shuffled}
+
+
+def _light(view: View, tracer: Any, forward: F64, diagonal: float) -> F64:
+    """A place in open space: half way along the free part of the view axis, then upwards by most of the free way."""
+
+    def free(origin: F64, direction: F64) -> float:
+        found = tracer.closest(origin.astype(np.float32)[None], direction.astype(np.float32)[None])
+        return float(found.t[0])
+
+    reach = free(view.eye, forward)
+    if not np.isfinite(reach):
+        reach = float(np.linalg.norm(view.target - view.eye))
+    middle = view.eye + 0.5 * reach * forward
+    up = _unit(view.up)
+    place: F64 = middle + min(0.9 * free(middle, up), 0.5 * diagonal) * up
+    return place
+
+
+def _finish(name: str, origins: F64, directions: F64) -> RaySet:
+    endless = np.full(len(origins), np.inf, np.float32)
+    return RaySet(
+        name, np.ascontiguousarray(origins, np.float32), np.ascontiguousarray(directions, np.float32), endless
+    )
+
+
+def _ordered(rays: RaySet, indices: NDArray[np.int64], *, name: str = "primary", order: str = "tile8") -> RaySet:
+    return RaySet(name, rays.origins[indices], rays.directions[indices], rays.t_max[indices], order=order)
+
+
+def _unit(vectors: F64) -> F64:
+    unit: F64 = vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return unit

@@ -1,0 +1,194 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The scene as checked, frozen arrays: what the native core is given, and what survives Blender's own data.
+
+Everything is in the *scene frame*: Blender's world moved by `-Geometry.origin` (f64), so that scenes far from the
+world's origin keep their precision when positions are rounded to f32.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+F32 = NDArray[np.float32]
+F64 = NDArray[np.float64]
+I32 = NDArray[np.int32]
+
+RGB = tuple[float, float, float]
+
+
+class SceneError(ValueError):
+    """An array of the scene has the wrong shape, type or range. The message names it."""
+
+
+def check(name: str, array: Any, dtype: Any, shape: tuple[int | None, ...]) -> None:
+    """Raise SceneError unless `array` has this dtype and shape (None: any length) and lies in one C-ordered piece."""
+    if not isinstance(array, np.ndarray) or array.dtype != dtype:
+        found = getattr(array, "dtype", type(array).__name__)
+        raise SceneError(f"{name}: expected {np.dtype(dtype)}, got {found}")
+    if array.ndim != len(shape) or any(want not in (None, have) for want, have in zip(shape, array.shape, strict=True)):
+        wanted = ", ".join("n" if size is None else str(size) for size in shape)
+        raise SceneError(f"{name}: expected shape ({wanted}), got {array.shape}")
+    if not array.flags.c_contiguous:
+        raise SceneError(f"{name}: expected a C-contiguous array")
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where a run of triangles comes from: the same mesh, placed once for each name.
+
+    Triangles `start` to `start + count * len(names)`; the i-th `count` of them belong to the object `names[i]`.
+    """
+
+    start: int
+    count: int
+    names: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Geometry:
+    """The triangles of a scene.
+
+    vertices: (n, 3) float32, scene frame. triangles: (m, 3) int32. material_index: (m,) int32 into the scene's
+    materials. corner_normals: (m, 3, 3) float32 unit vectors, or None when every triangle is flat. uvs: (m, 3, 2)
+    float32, or None when nobody asked. origin: (3,) float64, the world position of the scene frame's origin.
+    sources: ascending, without gaps. Raises SceneError.
+    """
+
+    vertices: F32
+    triangles: I32
+    material_index: I32
+    corner_normals: F32 | None = None
+    uvs: F32 | None = None
+    origin: F64 = field(default_factory=lambda: np.zeros(3))
+    sources: tuple[Source, ...] = ()
+
+    def __post_init__(self) -> None:
+        count = len(self.triangles)
+        check("vertices", self.vertices, np.float32, (None, 3))
+        check("triangles", self.triangles, np.int32, (None, 3))
+        check("material_index", self.material_index, np.int32, (count,))
+        check("origin", self.origin, np.float64, (3,))
+        if self.corner_normals is not None:
+            check("corner_normals", self.corner_normals, np.float32, (count, 3, 3))
+        if self.uvs is not None:
+            check("uvs", self.uvs, np.float32, (count, 3, 2))
+        if count and not 0 <= int(self.triangles.min()) <= int(self.triangles.max()) < len(self.vertices):
+            raise SceneError(f"triangles: an index is out of range for {len(self.vertices)} vertices")
+        if not np.isfinite(self.origin).all():
+            raise SceneError("origin: expected finite numbers")
+        for array in (self.vertices, self.triangles, self.material_index, self.corner_normals, self.uvs, self.origin):
+            if array is not None:
+                array.flags.writeable = False
+
+    def faulty_triangles(self) -> dict[str, int]:
+        """How many triangles of each object can never be hit: without area, or with a vertex that is not finite."""
+        edges = self.vertices.astype(np.float64)[self.triangles]
+        with np.errstate(invalid="ignore", over="ignore"):
+            normals = np.cross(edges[:, 1] - edges[:, 0], edges[:, 2] - edges[:, 0])
+        finite = np.isfinite(edges).all(axis=(1, 2))
+        return self.count_by_object(~finite | ~normals.any(axis=1))
+
+    def count_by_object(self, mask: NDArray[np.bool_]) -> dict[str, int]:
+        """The number of marked triangles of each object that has some. mask: (m,) bool."""
+        counts: dict[str, int] = {}
+        for source in self.sources:
+            marked = mask[source.start : source.start + source.count * len(source.names)]
+            if marked.any():
+                for name, number in zip(source.names, marked.reshape(-1, source.count).sum(axis=1), strict=True):
+                    if number:
+                        counts[name] = counts.get(name, 0) + int(number)
+        return counts
+
+    @staticmethod
+    def empty() -> Geometry:
+        """A scene without a triangle, which shows its background."""
+        return Geometry(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32), np.zeros(0, np.int32))
+
+
+@dataclass(frozen=True, eq=False)
+class Camera:
+    """A pinhole or parallel camera that looks along its -Z with +Y up.
+
+    to_world: (4, 4) float64 without scale, camera to scene frame. window: left, right, bottom, top of the full frame,
+    at distance 1 (perspective) or in scene units (orthographic); shift, sensor fit and pixel aspect are in it.
+    """
+
+    kind: str
+    to_world: F64
+    window: tuple[float, float, float, float]
+    clip_start: float
+    clip_end: float
+
+    def __post_init__(self) -> None:
+        check("camera.to_world", self.to_world, np.float64, (4, 4))
+        if self.kind not in ("perspective", "orthographic"):
+            raise SceneError(f"camera.kind: expected perspective or orthographic, got {self.kind!r}")
+        if not np.isfinite(self.to_world).all() or not np.isfinite(self.window).all():
+            raise SceneError("camera: its transform, lens or shift is not finite")
+
+
+@dataclass(frozen=True)
+class Material:
+    """A surface with constant values, in the terms of the Principled BSDF; `emission` includes its strength."""
+
+    name: str
+    base_color: RGB = (0.8, 0.8, 0.8)
+    metallic: float = 0.0
+    roughness: float = 0.5
+    ior: float = 1.5
+    transmission: float = 0.0
+    specular: float = 0.5
+    emission: RGB = (0.0, 0.0, 0.0)
+    alpha: float = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Light:
+    """A lamp that shines along its -Z.
+
+    power: linear RGB in W (sun: W/m²) as Blender means energy × colour. radius, size, size_y in scene units; angle,
+    spot_size (full cone) in radians; shape as in Blender: SQUARE, RECTANGLE, DISK, ELLIPSE.
+    """
+
+    kind: str
+    to_world: F64
+    power: RGB
+    radius: float = 0.0
+    angle: float = 0.0
+    spot_size: float = 0.0
+    spot_blend: float = 0.0
+    shape: str = "SQUARE"
+    size: float = 0.0
+    size_y: float = 0.0
+    casts_shadow: bool = True
+
+    def __post_init__(self) -> None:
+        check("light.to_world", self.to_world, np.float64, (4, 4))
+        if not np.isfinite(self.to_world).all() or not np.isfinite(self.power).all():
+            raise SceneError("light: its transform or power is not finite")
+
+
+@dataclass(frozen=True)
+class World:
+    """The background; `color` is linear RGB and includes its strength."""
+
+    color: RGB = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """Everything that a picture needs except the structure and the settings."""
+
+    geometry: Geometry
+    materials: tuple[Material, ...]
+    lights: tuple[Light, ...]
+    world: World
+
+    def __post_init__(self) -> None:
+        indices = self.geometry.material_index
+        if len(indices) and not 0 <= int(indices.min()) <= int(indices.max()) < len(self.materials):
+            raise SceneError(f"material_index: an index is out of range for {len(self.materials)} materials")

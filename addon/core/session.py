@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Building a structure and rendering with it: long native work, watched from Python and stopped on demand."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from .scene import Camera, Geometry, Scene
+    from .settings import RenderSettings
+
+POLL_SECONDS = 0.05
+"""How often long work is looked at; a cancel is noticed after at most this time."""
+
+KeepGoing = Callable[[float], bool]
+"""Called with the progress 0..1; returns False to stop the work."""
+
+
+class Cancelled(Exception):
+    """The user stopped the work."""
+
+
+class RenderError(RuntimeError):
+    """The native renderer failed. The message is its own."""
+
+
+def build(native: Any, geometry: Geometry, spec: str, *, threads: int = 0, keep_going: KeepGoing) -> Any:
+    """The native structure `spec` over these triangles.
+
+    The build runs on a thread of its own, so that the caller's thread can ask `keep_going` meanwhile. Raises
+    Cancelled, or whatever the native module raises.
+    """
+    monitor = native.Monitor()
+    outcome: dict[str, Any] = {}
+
+    def work() -> None:
+        try:
+            outcome["structure"] = native.build(
+                geometry.vertices, geometry.triangles, spec, threads=threads, monitor=monitor
+            )
+        except BaseException as error:
+            outcome["error"] = error
+
+    thread = threading.Thread(target=work, name="halfspace-build", daemon=True)
+    thread.start()
+    while thread.is_alive():
+        thread.join(POLL_SECONDS)
+        if not keep_going(monitor.progress):
+            monitor.cancel()
+            thread.join()
+            raise Cancelled
+    if isinstance(error := outcome.get("error"), BaseException):
+        raise error
+    return outcome["structure"]
+
+
+@dataclass(frozen=True)
+class Session:
+    """A structure, and the scene around it in the form that the native renderer walks."""
+
+    native: Any
+    structure: Any
+    render_scene: Any
+
+    @classmethod
+    def start(cls, native: Any, scene: Scene, spec: str, *, threads: int = 0, keep_going: KeepGoing) -> Session:
+        """Build the structure and hand over materials, lights and world. Raises as `build` does."""
+        geometry = scene.geometry
+        structure = build(native, geometry, spec, threads=threads, keep_going=keep_going)
+        render_scene = native.RenderScene(
+            structure,
+            material_index=geometry.material_index,
+            materials=[asdict(material) for material in scene.materials],
+            corner_normals=geometry.corner_normals,
+            lights=[asdict(light) for light in scene.lights],
+            world=asdict(scene.world),
+        )
+        return cls(native, structure, render_scene)
+
+    @property
+    def left_out(self) -> list[str]:
+        """What this scene lacks and therefore does not pay for, one reason per line."""
+        return list(self.render_scene.left_out)
+
+    def render(self, camera: Camera, settings: RenderSettings) -> Any:
+        """The running native job for one picture. Returns at once."""
+        return self.native.render(self.render_scene, asdict(camera), settings.as_dict(), threads=settings.threads)
+
+
+def watch(job: Any, *, milliseconds: int, keep_going: KeepGoing, show: Callable[[], None]) -> None:
+    """Wait for a job, calling `show` about every `milliseconds` while it works.
+
+    `keep_going` is asked more often, so that a cancel never waits for a picture. Raises Cancelled or RenderError.
+    """
+    step = max(1, round(POLL_SECONDS * 1000))
+    elapsed = 0
+    while not job.wait(step):
+        if not keep_going(job.progress):
+            job.cancel()
+            job.wait(1000)
+            raise Cancelled
+        elapsed += step
+        if elapsed >= milliseconds:
+            elapsed = 0
+            show()
+    if job.error is not None:
+        raise RenderError(job.error)
+    if job.cancelled:
+        raise Cancelled

@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the user asks for: a structure with its parameters, and a picture with its size and quality."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from .catalogue import Structure, Value
+
+
+class SettingsError(ValueError):
+    """A setting is out of range. The message names it."""
+
+
+def spec(structure: Structure, values: Mapping[str, Value]) -> str:
+    """The configuration string `id:key=value,...` of a structure.
+
+    Only keys that this structure has, whose value differs from its default, are written; values are brought into
+    range.
+    """
+    keys: dict[str, Value] = {}
+    for parameter in structure.parameters:
+        value = parameter.clamp(values.get(parameter.name, parameter.default))
+        if not same(value, parameter.default):
+            keys[parameter.name] = value
+    return structure.id + ":" * bool(keys) + ",".join(f"{key}={_text(value)}" for key, value in keys.items())
+
+
+def same(a: Value, b: Value) -> bool:
+    """Whether two values are the same number or name, as far as f32 can tell, in which Blender stores numbers."""
+    if isinstance(a, float) or isinstance(b, float):
+        return bool(np.float32(a) == np.float32(b))
+    return a == b
+
+
+def _text(value: Value) -> str:
+    if isinstance(value, float):
+        # The shortest decimal that is this f32: what the user typed, not 0.10000000149.
+        return np.format_float_positional(np.float32(value), trim="-")
+    return str(value)
+
+
+@dataclass(frozen=True)
+class RenderSettings:
+    """One picture. border: (x0, y0, x1, y1) pixels of the full frame, half open, y from the bottom; None: all of it.
+
+    passes: names of the arrays wanted. threads: 0 means one per core. Raises SettingsError.
+    """
+
+    width: int
+    height: int
+    border: tuple[int, int, int, int] | None = None
+    samples: int = 32
+    max_bounces: int = 6
+    seed: int = 0
+    film_transparent: bool = False
+    passes: tuple[str, ...] = field(default=("Combined",))
+    threads: int = 0
+
+    def __post_init__(self) -> None:
+        for name, least in (("width", 1), ("height", 1), ("samples", 1), ("max_bounces", 0), ("threads", 0)):
+            if getattr(self, name) < least:
+                raise SettingsError(f"{name}: expected at least {least}, got {getattr(self, name)}")
+        if self.border is not None:
+            x0, y0, x1, y1 = self.border
+            if not (0 <= x0 < x1 <= self.width and 0 <= y0 < y1 <= self.height):
+                raise SettingsError(f"border: {self.border} is not inside {self.width} × {self.height} pixels")
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height of the picture that comes out, in pixels."""
+        if self.border is None:
+            return self.width, self.height
+        x0, y0, x1, y1 = self.border
+        return x1 - x0, y1 - y0
+
+    def as_dict(self) -> dict[str, Any]:
+        """What the native `render` takes."""
+        return {
+            "width": self.width,
+            "height": self.height,
+            "border": self.border,
+            "samples": self.samples,
+            "max_bounces": self.max_bounces,
+            "seed": self.seed,
+            "film_transparent": self.film_transparent,
+            "passes": list(self.passes),
+        }

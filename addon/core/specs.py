@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Lists of configurations: from what a user writes to one configuration string per measurement."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+
+class SpecError(ValueError):
+    """A structure, family, parameter or range is unknown or wrong. The message says what there is, in one line."""
+
+
+def split(text: str) -> list[str]:
+    """The configurations in a comma-separated list; a comma inside `id:key=value,key=value` does not separate."""
+    specs: list[str] = []
+    for part in (part.strip() for part in text.split(",")):
+        # Only a further key=value of the configuration before has a '=' and no ':' ahead of it.
+        if specs and "=" in part and ":" not in part.partition("=")[0]:
+            specs[-1] += "," + part
+        elif part:
+            specs.append(part)
+    return specs
+
+
+def numbers(text: str) -> list[str]:
+    """The values in a list with ranges of whole numbers: "2-4,8" is 2, 3, 4, 8. Raises SpecError."""
+    values: list[str] = []
+    for part in (part.strip() for part in text.split(",")):
+        low, dash, high = part.partition("-")
+        if dash and low.isdigit() and high.isdigit():
+            if int(low) > int(high):
+                raise SpecError(f"the range {part!r} runs backwards")
+            values += [str(n) for n in range(int(low), int(high) + 1)]
+            continue
+        try:
+            float(part)
+        except ValueError:
+            raise SpecError(f"expected a number or a range such as 2-10, got {part!r}") from None
+        values.append(part)
+    return values
+
+
+def expand(text: str, structures: Sequence[Mapping[str, Any]], ranges: Mapping[str, Sequence[str]]) -> list[str]:
+    """The configurations that `--structures` and ranges of parameters ask for, each once, in order.
+
+    text: configurations, names of families, or "all". structures: the native registry. ranges: parameter to values;
+    a structure that lacks the parameter, or whose configuration sets it, is taken as it is. Raises SpecError.
+    """
+    rows = {row["id"]: row for row in structures}
+    chosen: list[str] = []
+    for part in split(text):
+        name = part.partition(":")[0]
+        family = [row["id"] for row in structures if part in (row["family"], f"family:{row['family']}", "all")]
+        if name in rows:
+            chosen.append(part)
+        elif family:
+            chosen += family
+        else:
+            families = dict.fromkeys(row["family"] for row in structures)
+            raise SpecError(
+                f"unknown structure {part!r}; there are {', '.join(rows)}; families: {', '.join(families)}, all"
+            )
+    if not chosen:
+        raise SpecError("no structure is named")
+    unused = set(ranges) - {p["name"] for spec in chosen for p in rows[spec.partition(":")[0]]["parameters"]}
+    if unused:
+        raise SpecError(f"none of the structures {', '.join(chosen)} has the parameter {min(unused)!r}")
+    return list(dict.fromkeys(made for spec in chosen for made in _with_ranges(spec, rows, ranges)))
+
+
+def values(spec: str, structures: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """All parameters of a valid configuration by name, defaults included, numbers as numbers."""
+    structure_id, _, rest = spec.partition(":")
+    row = next(row for row in structures if row["id"] == structure_id)
+    found = {parameter["name"]: parameter["default"] for parameter in row["parameters"]}
+    for pair in filter(None, rest.split(",")):
+        key, _, value = (part.strip() for part in pair.partition("="))
+        default = found.get(key)
+        number = isinstance(default, (int, float)) and not isinstance(default, bool)
+        found[key] = (float(value) if isinstance(default, float) else int(value)) if number else value
+    return found
+
+
+def _with_ranges(spec: str, rows: Mapping[str, Any], ranges: Mapping[str, Sequence[str]]) -> list[str]:
+    structure_id, _, rest = spec.partition(":")
+    given = {pair.partition("=")[0].strip() for pair in rest.split(",")}
+    known = {parameter["name"] for parameter in rows[structure_id]["parameters"]}
+    keys = [key for key in ranges if key in known and key not in given]
+    made = []
+    for combination in itertools.product(*(ranges[key] for key in keys)):
+        pairs = [rest] * bool(rest) + [f"{key}={value}" for key, value in zip(keys, combination, strict=True)]
+        made.append(structure_id + (":" + ",".join(pairs) if pairs else ""))
+    return made

@@ -1,0 +1,140 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a benchmark runs on: triangles and a view of them, from a file or built in."""
+
+from __future__ import annotations
+
+import hashlib
+import zipfile
+import zlib
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .rays import RaySet
+
+F32 = NDArray[np.float32]
+F64 = NDArray[np.float64]
+I32 = NDArray[np.int32]
+
+
+class WorkloadError(ValueError):
+    """A scene cannot be used. The message names the file and what is wrong, in one line."""
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """A pinhole view. eye, target, up: (3,) float64, scene frame; vertical_fov: degrees, 0 to 180 exclusive."""
+
+    eye: F64
+    target: F64
+    up: F64
+    vertical_fov: float
+
+    def __post_init__(self) -> None:
+        for name in ("eye", "target", "up"):
+            value = getattr(self, name)
+            if value.shape != (3,) or not np.isfinite(value).all():
+                raise WorkloadError(f"camera_{name}: expected three finite numbers, got {value.tolist()}")
+        if not 0 < self.vertical_fov < 180:
+            raise WorkloadError(f"camera_vfov_deg: expected an angle between 0 and 180, got {self.vertical_fov}")
+        if not np.cross(self.target - self.eye, self.up).any():
+            raise WorkloadError("camera: it looks along its own up direction, or at its own place")
+
+
+@dataclass(frozen=True, eq=False)
+class Workload:
+    """A scene for measuring.
+
+    vertices: (n, 3) float32. triangles: (m, 3) int32. extra: ray sets of the scene's own, beside those of the view.
+    render_scene: the scene with materials and lights (`core.scene.Scene`) and its camera, where the file has them.
+    """
+
+    name: str
+    vertices: F32
+    triangles: I32
+    view: View
+    extra: tuple[RaySet, ...] = ()
+    render_scene: Any = None
+    render_camera: Any = None
+    notes: tuple[str, ...] = field(default=())
+
+    def __post_init__(self) -> None:
+        vertices, triangles = self.vertices, self.triangles
+        if vertices.ndim != 2 or vertices.shape[1] != 3:
+            raise WorkloadError(f"{self.name}: vertices: expected shape (n, 3), got {vertices.shape}")
+        if triangles.ndim != 2 or triangles.shape[1] != 3:
+            raise WorkloadError(f"{self.name}: triangles: expected shape (m, 3), got {triangles.shape}")
+        if not len(triangles):
+            raise WorkloadError(f"{self.name}: the scene has no triangles")
+        if not 0 <= int(triangles.min()) <= int(triangles.max()) < len(vertices):
+            raise WorkloadError(f"{self.name}: triangles: an index is out of range for {len(vertices)} vertices")
+        if not np.isfinite(vertices[triangles.ravel()]).all(axis=1).any():
+            raise WorkloadError(f"{self.name}: vertices: none is finite")
+
+    def fingerprint(self) -> str:
+        """A hash of everything that is measured: equal for equal triangles, view and extra rays."""
+        digest = hashlib.sha256()
+        view = self.view
+        arrays = [self.vertices, self.triangles, view.eye, view.target, view.up, np.float64(view.vertical_fov)]
+        for rays in self.extra:
+            arrays += [rays.origins, rays.directions]
+        for array in arrays:
+            digest.update(np.ascontiguousarray(array).tobytes())
+            digest.update(b"|")
+        return digest.hexdigest()
+
+    def diagonal(self) -> float:
+        """The length of the box around all finite vertices that a triangle uses."""
+        low, high = bounds(self.vertices, self.triangles)
+        return float(np.linalg.norm(high - low))
+
+
+def bounds(vertices: F32, triangles: I32) -> tuple[F64, F64]:
+    """The box around all finite vertices that a triangle uses: two (3,) float64."""
+    used = vertices[triangles.ravel()].astype(np.float64)
+    used = used[np.isfinite(used).all(axis=1)]
+    return used.min(axis=0), used.max(axis=0)
+
+
+def framing_view(vertices: F32, triangles: I32) -> View:
+    """A view of the whole scene from the front, the right and above, for files without a camera."""
+    low, high = bounds(vertices, triangles)
+    centre, radius = (low + high) / 2, max(float(np.linalg.norm(high - low)) / 2, 1e-6)
+    direction = np.array([0.6, -1.0, 0.5])
+    distance = radius / np.sin(np.radians(40.0) / 2)
+    eye = centre + direction / np.linalg.norm(direction) * distance
+    return View(eye, centre, np.array([0.0, 0.0, 1.0]), 40.0)
+
+
+def load_npz(path: Path) -> Workload:
+    """A scene from numpy's format, keys as in the README. Raises WorkloadError."""
+    try:
+        # Opened here, because numpy leaves a broken file open.
+        with path.open("rb") as raw, np.load(raw, allow_pickle=False) as file:
+            missing = [key for key in _KEYS if key not in file.files]
+            if missing:
+                raise WorkloadError(f"{path}: the key {missing[0]!r} is missing")
+            arrays = {key: file[key] for key in _KEYS}
+    except (OSError, ValueError, EOFError, TypeError, zipfile.BadZipFile, zlib.error) as error:
+        if isinstance(error, WorkloadError):
+            raise
+        raise WorkloadError(f"{path}: cannot be read as .npz: {_first_line(error)}") from error
+    try:
+        eye, target, up = (np.asarray(arrays[f"camera_{k}"], np.float64).reshape(-1) for k in ("eye", "target", "up"))
+        view = View(eye, target, up, float(np.asarray(arrays["camera_vfov_deg"], np.float64).reshape(())))
+        vertices = np.ascontiguousarray(arrays["vertices"], np.float32)
+        if arrays["triangles"].dtype.kind not in "iu":
+            raise WorkloadError(f"triangles: expected whole numbers, got {arrays['triangles'].dtype}")
+        return Workload(path.stem, vertices, np.ascontiguousarray(arrays["triangles"], np.int32), view)
+    except ValueError as error:
+        raise WorkloadError(f"{path}: {_first_line(error)}") from error
+
+
+_KEYS = ("vertices", "triangles", "camera_eye", "camera_target", "camera_up", "camera_vfov_deg")
+
+
+def _first_line(error: BaseException) -> str:
+    return (str(error).splitlines() or [type(error).__name__])[0]

@@ -1,0 +1,370 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Halfspace's native core: acceleration structures over triangles, rays through them, rendering.
+
+Usable without Blender. Arrays are NumPy's; what is called F32 accepts float32 and float64, the
+latter rounded once. Every error names the argument, the first bad index and what was expected.
+Long calls release the GIL.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Literal, TypedDict
+
+import numpy as np
+import numpy.typing as npt
+
+__version__: str
+"""The version of the module; the add-on refuses to work with another."""
+
+F32 = npt.NDArray[np.float32] | npt.NDArray[np.float64]
+Indices = npt.NDArray[np.int32] | npt.NDArray[np.uint32] | npt.NDArray[np.int64]
+
+class ShapeError(ValueError):
+    """An array has the wrong shape or type, or an index is out of range."""
+
+class NonFiniteError(ValueError):
+    """A number is NaN, or infinite where a finite one is needed."""
+
+class SpecError(ValueError):
+    """A configuration string or a setting is not understood or out of range."""
+
+class Cancelled(RuntimeError):
+    """The work was cancelled through its monitor."""
+
+class Parameter(TypedDict):
+    """A parameter of a structure: key, label, what more of it costs, unit, type and range.
+
+    kind: "integer" or "float" with min and max, or "choice" with options; the others are None.
+    """
+
+    name: str
+    label: str
+    doc: str
+    unit: str
+    kind: Literal["integer", "float", "choice"]
+    default: int | float | str
+    min: int | float | None
+    max: int | float | None
+    options: list[str] | None
+
+class StructureRow(TypedDict):
+    """A row of the registry. code is saved in .blend files and never reused."""
+
+    id: str
+    code: int
+    label: str
+    family: str
+    summary: str
+    paper: str
+    parameters: list[Parameter]
+    traversals: list[str]
+
+class Statistics(TypedDict):
+    """What a build made.
+
+    build_seconds: by the clock. bytes: nodes and leaves, without the scene's own arrays.
+    references: triangles in all leaves together. depth_max, depth_mean: of the leaves, the root
+    at 0. leaf_max: triangles in the largest leaf. sah_cost: expected cost of a random ray in the
+    thesis's units (80 a triangle, 1 an axis step, 5 an oblique step), the same for all structures.
+    left_out: what the scene did not need, each with its reason. dropped_triangles: those without
+    area or with a vertex that is not finite.
+    """
+
+    build_seconds: float
+    bytes: int
+    nodes_axis: int
+    nodes_oblique: int
+    leaves: int
+    leaves_empty: int
+    leaf_max: int
+    references: int
+    depth_max: int
+    depth_mean: float
+    sah_cost: float
+    left_out: list[str]
+    dropped_triangles: int
+
+class SplitPolygons(TypedDict):
+    """Split planes cut to their cells, breadth first.
+
+    vertices: (v, 3) float32, scene frame. offsets: (p + 1,) uint32, where each polygon begins.
+    depth: (p,) uint32. kind: (p,) uint8, 0 1 2 the plane of an axis, 3 oblique, 4 slab pair,
+    5 octant. hidden: how many more there are within max_depth.
+    """
+
+    vertices: npt.NDArray[np.float32]
+    offsets: npt.NDArray[np.uint32]
+    depth: npt.NDArray[np.uint32]
+    kind: npt.NDArray[np.uint8]
+    hidden: int
+
+def level() -> str:
+    """The instruction set chosen for this machine: avx512, avx2, sse4.2, neon or fallback."""
+
+def structures() -> list[StructureRow]:
+    """The registry: every structure and its parameters, in the order in which lists show them."""
+
+class Monitor:
+    """Progress of a build, 0 to 1, and a way to stop it; usable from any thread."""
+
+    progress: float
+    cancelled: bool
+    def __init__(self) -> None: ...
+    def cancel(self) -> None:
+        """Asks the build to stop; it raises Cancelled within a tenth of a second."""
+
+class Hits:
+    """Answers of closest(), one per ray.
+
+    t: (n,) float32, distance in units of the direction, correctly rounded; inf = miss.
+    triangle: (n,) int32, -1 = miss; of several at the same t the one with the smallest number.
+    u, v: (n,) float32, weights of the second and third corner: the point is
+    (1 - u - v) a + u b + v c. Each access makes a new array.
+    counters: None, or per ray (n,) uint32 under "steps", "steps_axis", "steps_oblique", "leaves",
+    "leaves_empty", "tests", "verdicts".
+    on_boundary: None, or from exact_closest (n,) bool: the ray passes exactly through an edge or
+    a corner of the triangle that it hits.
+    """
+
+    t: npt.NDArray[np.float32]
+    triangle: npt.NDArray[np.int32]
+    u: npt.NDArray[np.float32]
+    v: npt.NDArray[np.float32]
+    counters: dict[str, npt.NDArray[np.uint32]] | None
+    on_boundary: npt.NDArray[np.bool_] | None
+    def __len__(self) -> int: ...
+
+class Structure:
+    """A structure built over triangles. Immutable; any number of threads may ask it."""
+
+    spec: str
+    """The configuration, with only what differs from the defaults."""
+    statistics: Statistics
+
+    def closest(
+        self,
+        origins: F32,
+        directions: F32,
+        t_min: float | F32 | None = None,
+        t_max: float | F32 | None = None,
+        *,
+        order: Literal["none", "tile8"] = "none",
+        threads: int = 0,
+        counters: bool = False,
+    ) -> Hits:
+        """The nearest triangle that each ray meets; the same bits for every structure.
+
+        origins, directions: (n, 3), scene frame; directions of any length, a zero direction meets
+        nothing. t_min, t_max: the closed interval that counts, in units of the direction, one
+        number or (n,); 0 and inf when not given. order: "tile8" promises that every 64 consecutive
+        rays are an 8x8-pixel tile. threads: 0 = one per core.
+        Raises ShapeError, NonFiniteError (NaN or infinite rays, NaN distances), SpecError (order).
+        """
+
+    def occluded(
+        self,
+        origins: F32,
+        directions: F32,
+        t_min: float | F32 | None = None,
+        t_max: float | F32 | None = None,
+        *,
+        order: Literal["none", "tile8"] = "none",
+        threads: int = 0,
+        counters: bool = False,
+    ) -> Any:
+        """Whether each ray meets anything at all: (n,) bool; with counters=True a pair of that
+        and the counters of Hits. Arguments and errors as for closest().
+        """
+
+    def validate(self) -> list[str]:
+        """Broken invariants in words; empty for a sound structure. Takes time, for tests."""
+
+    def split_polygons(self, max_depth: int = 60, max_count: int = 20_000) -> SplitPolygons:
+        """The split planes of nodes down to max_depth, at most max_count of them."""
+
+def build(
+    vertices: F32,
+    triangles: Indices,
+    spec: str = "kd",
+    *,
+    threads: int = 0,
+    monitor: Monitor | None = None,
+) -> Structure:
+    """Builds a structure over triangles.
+
+    vertices: (n, 3). triangles: (m, 3) indices; those without area or not finite are dropped and
+    counted, and all keep their numbers. spec: "id" or "id:key=value,...", see structures(). The
+    result is a function of these alone, on any number of threads; 0 = one per core.
+    Raises SpecError, ShapeError, Cancelled, and MemoryError when the tree cannot be addressed.
+    """
+
+def exact_closest(
+    vertices: F32,
+    triangles: Indices,
+    origins: F32,
+    directions: F32,
+    t_min: float | F32 | None = None,
+    t_max: float | F32 | None = None,
+    *,
+    threads: int = 0,
+) -> Hits:
+    """The nearest triangle by exact integer arithmetic alone, O(n) per ray: for small inputs.
+
+    Arguments and errors as for build() and Structure.closest().
+    """
+
+def ulp_distance(a: npt.NDArray[np.float32], b: npt.NDArray[np.float32]) -> npt.NDArray[np.int64]:
+    """How many float32 steps lie between a and b, (n,) each, counted through zero.
+
+    Two NaN are 0 apart, NaN and a number 2**63 - 1. Raises ShapeError when the lengths differ.
+    """
+
+class RenderStatistics(TypedDict):
+    """Numbers of a render so far; final once it has finished.
+
+    seconds: wall clock. rays_primary: camera rays; rays_shadow: rays to lights, those continued
+    through transparent surfaces counted again; rays_secondary: rays after a bounce or through a
+    transparent surface. mrays_s: all rays per second, in millions. steps, tests: inner nodes
+    visited and triangles tested by camera rays; None unless "Traversal Steps" or "Triangle Tests"
+    is among the passes, because an uncounted traversal is faster.
+    """
+
+    seconds: float
+    rays_primary: int
+    rays_shadow: int
+    rays_secondary: int
+    mrays_s: float
+    steps: int | None
+    tests: int | None
+
+class RenderScene:
+    """A structure with materials, lights and world: everything but the camera.
+
+    All lengths and positions are in the structure's frame, all colours linear RGB. Unknown keys
+    are refused, so that a misspelt one is not silently ignored.
+
+    structure: what rays ask; shared, not copied.
+    material_index: (m,) int32, the material of each of the structure's m triangles, dropped ones
+        included; None = all use the first.
+    materials: dictionaries, all keys optional, the defaults being Blender's Principled BSDF:
+        "name" (for messages), "base_color" (3,), "metallic" 0..1, "roughness" 0..1, "ior" > 0,
+        "transmission" 0..1, "specular" (0.5 = as the ior says, 0 = no coat), "emission" (3,)
+        radiance on both sides, "alpha" (0 = invisible). An empty list is one default material.
+    corner_normals: (m, 3, 3) float32, shading normals of each triangle's corners, any length;
+        None = flat.
+    lights: dictionaries with "kind" ("point", "sun", "spot", "area"), "to_world" (4, 4), "power"
+        (3,), and, as the kind needs, "radius", "angle", "spot_size", "spot_blend", "shape"
+        ("SQUARE", "RECTANGLE", "DISK", "ELLIPSE"), "size", "size_y"; "casts_shadow" (True).
+        A light shines along its -Z. Angles are full angles in radians. Brightness is that of
+        Cycles: power P gives a point or spot light the radiant intensity P / 4π W/sr, an area
+        light the radiance P / (π area) on one side, a sun the irradiance P in W/m². A light with a
+        size is seen by every scattered ray, never by the camera. Lights without power are left out.
+    world: {"color": (3,)}, radiance of the background; None = black.
+
+    Raises ShapeError (array of the wrong shape or type, index out of range), NonFiniteError,
+    SpecError (a number out of range, a missing or unknown key); each names the key and its index.
+    Releases the GIL while it compiles the scene.
+    """
+
+    def __init__(
+        self,
+        structure: Structure,
+        *,
+        material_index: npt.NDArray[np.int32] | None = None,
+        materials: Sequence[Mapping[str, Any]] | None = None,
+        corner_normals: npt.NDArray[np.float32] | None = None,
+        lights: Sequence[Mapping[str, Any]] | None = None,
+        world: Mapping[str, Any] | None = None,
+    ) -> None: ...
+    @property
+    def left_out(self) -> list[str]:
+        """What this scene does not need and its paths therefore do not contain, each with its
+        reason, such as "shadow rays: no lights".
+        """
+
+class RenderJob:
+    """A render on threads of its own, or its result.
+
+    Deleting it cancels the render and waits for its threads. All methods may be called from any
+    Python thread.
+    """
+
+    def wait(self, milliseconds: int) -> bool:
+        """Waits until the render has ended or the time is over; True when it has ended, be it
+        done, failed or cancelled. Releases the GIL. SpecError for a negative time.
+        """
+
+    def cancel(self) -> None:
+        """Asks the render to stop and returns at once; it stops within 0.1 s. What was finished
+        stays readable.
+        """
+
+    @property
+    def progress(self) -> float:
+        """Share of all pixel samples that are done, 0..1."""
+
+    @property
+    def finished(self) -> bool:
+        """Whether the render has ended: done, failed or cancelled."""
+
+    @property
+    def cancelled(self) -> bool:
+        """Whether it ended early because it was cancelled. False while it is still stopping."""
+
+    @property
+    def samples_done(self) -> int:
+        """Samples that every pixel has."""
+
+    @property
+    def error(self) -> str | None:
+        """What went wrong, None if nothing did."""
+
+    @property
+    def passes(self) -> dict[str, int]:
+        """The passes that are filled, and their numbers of channels."""
+
+    @property
+    def statistics(self) -> RenderStatistics:
+        """Numbers so far."""
+
+    def copy_into(self, name: str, out: npt.NDArray[np.float32]) -> None:
+        """Writes a pass as it is now: rows from the bottom up, channels innermost.
+
+        out: float32, one-dimensional, C-contiguous, width * height * channels elements, where
+            width and height are those of the border. Pixels without a sample yet are zero.
+        "Combined" is the mean so far, premultiplied RGBA, scene linear. "Depth" (along the view
+        axis, 1e10 = nothing seen) and "Position" are those of the first sample, because a mean
+        across an edge is a place where nothing is; "Normal" is a mean, not renormalised.
+        "Traversal Steps" and "Triangle Tests" are means per camera ray.
+
+        Raises SpecError (unknown pass, or one that was not asked for), ShapeError (type, size,
+        contiguity or a read-only array). Releases the GIL.
+        """
+
+def render(
+    scene: RenderScene,
+    camera: Mapping[str, Any],
+    settings: Mapping[str, Any],
+    *,
+    threads: int = 0,
+) -> RenderJob:
+    """Starts a render and returns at once.
+
+    camera: "kind" ("perspective", "orthographic"), "to_world" (4, 4) (the camera looks along its
+        -Z, +Y is up; scale is ignored), "window" (left, right, bottom, top) of the full frame at
+        distance 1 (perspective) or in scene units (orthographic), "clip_start" and "clip_end" as
+        depths along -Z.
+    settings: "width" and "height" of the full frame in pixels; "border" (x0, y0, x1, y1) in pixels
+        from the lower left, half open, or None; "samples" per pixel: cost in proportion;
+        "max_bounces" (4): 0 = direct light only, as in Cycles; "seed" (0); "film_transparent"
+        (False); "passes" (["Combined"]), names as in RenderJob.passes; "step_samples" (None):
+        samples between two updates of a tile, None = 1, 1, 2, 4, then 8 at a time; "filter"
+        ("blackman_harris", or "box") and "filter_width" (1.5), as in Cycles.
+    threads: 0 = one per core.
+
+    The image depends on scene, camera and settings alone, bit for bit: not on the structure, not
+    on the number of threads, not on step_samples; and a border shows the same pixels as the full
+    frame.
+
+    Raises SpecError, ShapeError or NonFiniteError naming the key. An error while rendering does
+    not raise: see RenderJob.error.
+    """

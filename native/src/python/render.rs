@@ -1,0 +1,171 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Scenes to render and renders in progress.
+
+use super::arrays::describe;
+use super::render_args as args;
+use super::structure::Structure;
+use crate::error::{Error, Result};
+use crate::render::job::Job;
+use crate::render::scene::{self, SceneParams};
+use crate::render::settings::Pass;
+use numpy::{PyArray1, PyArrayMethods};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use std::sync::Arc;
+use std::time::Duration;
+
+/// A structure with materials, lights and world.
+#[pyclass(frozen)]
+pub struct RenderScene(Arc<scene::RenderScene>);
+
+#[pymethods]
+impl RenderScene {
+    #[new]
+    #[pyo3(signature = (structure, *, material_index=None, materials=None, corner_normals=None, lights=None, world=None))]
+    fn new(
+        py: Python<'_>,
+        structure: &Structure,
+        material_index: Option<&Bound<'_, PyAny>>,
+        materials: Option<&Bound<'_, PyAny>>,
+        corner_normals: Option<&Bound<'_, PyAny>>,
+        lights: Option<&Bound<'_, PyAny>>,
+        world: Option<&Bound<'_, PyDict>>,
+    ) -> PyResult<Self> {
+        let params = SceneParams {
+            material_index: material_index.map(args::material_index).transpose()?,
+            materials: args::materials(materials)?,
+            corner_normals: corner_normals.map(args::corner_normals).transpose()?,
+            lights: args::lights(lights)?,
+            world: args::world(world)?,
+        };
+        let tracer = Arc::clone(&structure.0);
+        let scene = py.detach(|| scene::RenderScene::new(tracer, params))?;
+        Ok(Self(Arc::new(scene)))
+    }
+
+    #[getter]
+    fn left_out(&self) -> Vec<String> {
+        self.0.features().left_out()
+    }
+}
+
+/// A render in progress, or its result.
+#[pyclass(frozen)]
+pub struct RenderJob(Job);
+
+#[pymethods]
+impl RenderJob {
+    fn wait(&self, py: Python<'_>, milliseconds: i64) -> PyResult<bool> {
+        let time = u64::try_from(milliseconds).map_err(|_| {
+            Error::Spec(format!(
+                "milliseconds must be at least 0, got {milliseconds}"
+            ))
+        })?;
+        Ok(py.detach(|| self.0.wait(Duration::from_millis(time))))
+    }
+
+    fn cancel(&self) {
+        self.0.cancel();
+    }
+
+    #[getter]
+    fn progress(&self) -> f64 {
+        self.0.progress()
+    }
+
+    #[getter]
+    fn finished(&self) -> bool {
+        self.0.is_finished()
+    }
+
+    #[getter]
+    fn cancelled(&self) -> bool {
+        self.0.is_cancelled()
+    }
+
+    #[getter]
+    fn samples_done(&self) -> u32 {
+        self.0.samples_done()
+    }
+
+    #[getter]
+    fn error(&self) -> Option<String> {
+        self.0.error()
+    }
+
+    #[getter]
+    fn passes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let dict = PyDict::new(py);
+        for pass in self.0.passes() {
+            dict.set_item(pass.name(), pass.channels())?;
+        }
+        Ok(dict)
+    }
+
+    #[getter]
+    fn statistics<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let statistics = self.0.statistics();
+        let work = statistics.work;
+        let counted = |n: u64| self.0.counts().then_some(n);
+        #[expect(clippy::cast_precision_loss, reason = "a rate")]
+        let rate = work.rays() as f64 / 1e6 / statistics.seconds.max(1e-9);
+        let dict = PyDict::new(py);
+        dict.set_item("seconds", statistics.seconds)?;
+        dict.set_item("rays_primary", work.rays_primary)?;
+        dict.set_item("rays_shadow", work.rays_shadow)?;
+        dict.set_item("rays_secondary", work.rays_secondary)?;
+        dict.set_item("mrays_s", rate)?;
+        dict.set_item("steps", counted(work.steps))?;
+        dict.set_item("tests", counted(work.tests))?;
+        Ok(dict)
+    }
+
+    fn copy_into(&self, py: Python<'_>, name: &str, out: &Bound<'_, PyAny>) -> PyResult<()> {
+        let pass = pass(name)?;
+        let wrong = |what: &str| {
+            Error::Shape(format!(
+                "out: expected a {what} float32 array, got {}",
+                describe(out)
+            ))
+        };
+        let array = out
+            .cast::<PyArray1<f32>>()
+            .map_err(|_| wrong("one-dimensional"))?;
+        let mut array = array.try_readwrite().map_err(|_| wrong("writable"))?;
+        let slice = array.as_slice_mut().map_err(|_| wrong("C-contiguous"))?;
+        // The film's locks are never held by anyone who waits for the interpreter.
+        py.detach(|| self.0.copy_into(pass, slice))?;
+        Ok(())
+    }
+}
+
+fn pass(name: &str) -> Result<Pass> {
+    Pass::named(name).map_err(|error| {
+        let text = error.to_string();
+        Error::Spec(text.replacen("settings['passes']", "name", 1))
+    })
+}
+
+#[pyfunction]
+#[pyo3(signature = (scene, camera, settings, *, threads=0))]
+fn render(
+    py: Python<'_>,
+    scene: &RenderScene,
+    camera: &Bound<'_, PyDict>,
+    settings: &Bound<'_, PyDict>,
+    threads: i64,
+) -> PyResult<RenderJob> {
+    let threads = usize::try_from(threads)
+        .map_err(|_| Error::Spec(format!("threads must be at least 0, got {threads}")))?;
+    let (camera, settings) = (args::camera(camera)?, args::settings(settings)?);
+    let scene = Arc::clone(&scene.0);
+    let job = py.detach(|| Job::start(scene, &camera, settings, threads))?;
+    Ok(RenderJob(job))
+}
+
+/// Adds rendering to the module.
+pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add_class::<RenderScene>()?;
+    module.add_class::<RenderJob>()?;
+    module.add_function(wrap_pyfunction!(render, module)?)
+}

@@ -1,0 +1,413 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Dictionaries that describe a scene and a render, checked. Every message names the key.
+
+use super::arrays::describe;
+use crate::error::{Error, Result};
+use crate::render::camera::{CameraParams, Projection};
+use crate::render::filter::FilterKind;
+use crate::render::lights::{AreaShape, LightKind, LightParams};
+use crate::render::material::MaterialParams;
+use crate::render::settings::{Pass, Settings};
+use numpy::{PyReadonlyArray1, PyReadonlyArray3, PyReadonlyArrayDyn, PyUntypedArrayMethods};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+/// A dictionary argument and its name.
+struct Keys<'a, 'py> {
+    dict: &'a Bound<'py, PyDict>,
+    name: String,
+}
+
+impl<'a, 'py> Keys<'a, 'py> {
+    /// Refuses keys that are not among `known`, which are misspellings.
+    fn new(dict: &'a Bound<'py, PyDict>, name: String, known: &[&str]) -> Result<Self> {
+        for (key, _) in dict.iter() {
+            let key = key.to_string();
+            if !known.contains(&key.as_str()) {
+                return Err(Error::Spec(format!(
+                    "{name}['{key}'] is not a key; known are {}",
+                    known.join(", ")
+                )));
+            }
+        }
+        Ok(Self { dict, name })
+    }
+
+    fn wrong(&self, key: &str, expected: &str, value: &Bound<'_, PyAny>) -> Error {
+        Error::Spec(format!(
+            "{}['{key}']: expected {expected}, got {}",
+            self.name,
+            describe(value)
+        ))
+    }
+
+    fn find(&self, key: &str) -> Option<Bound<'py, PyAny>> {
+        let value = self.dict.get_item(key).ok().flatten();
+        value.filter(|v| !v.is_none())
+    }
+
+    fn need(&self, key: &str) -> Result<Bound<'py, PyAny>> {
+        self.find(key)
+            .ok_or_else(|| Error::Spec(format!("{}['{key}'] is missing", self.name)))
+    }
+
+    fn number(&self, key: &str) -> Result<f64> {
+        let value = self.need(key)?;
+        value
+            .extract()
+            .map_err(|_| self.wrong(key, "a number", &value))
+    }
+
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "beyond f32 becomes infinite, which is refused"
+    )]
+    fn number_or(&self, key: &str, default: f32) -> Result<f32> {
+        match self.find(key) {
+            None => Ok(default),
+            Some(_) => self.number(key).map(|x| x as f32),
+        }
+    }
+
+    fn count(&self, key: &str) -> Result<u32> {
+        let value = self.need(key)?;
+        let number: i64 = value
+            .extract()
+            .map_err(|_| self.wrong(key, "a whole number", &value))?;
+        u32::try_from(number).map_err(|_| {
+            Error::Spec(format!(
+                "{}['{key}'] must lie in 0..4294967295, got {number}",
+                self.name
+            ))
+        })
+    }
+
+    fn flag_or(&self, key: &str, default: bool) -> Result<bool> {
+        match self.find(key) {
+            None => Ok(default),
+            Some(v) => v
+                .extract()
+                .map_err(|_| self.wrong(key, "True or False", &v)),
+        }
+    }
+
+    fn text(&self, key: &str) -> Result<String> {
+        let value = self.need(key)?;
+        value
+            .extract()
+            .map_err(|_| self.wrong(key, "a string", &value))
+    }
+
+    /// Numbers in an array or a sequence of exactly this shape, row by row.
+    fn numbers(&self, key: &str, shape: &[usize]) -> Result<Vec<f64>> {
+        let value = self.need(key)?;
+        let dims: Vec<_> = shape.iter().map(ToString::to_string).collect();
+        let expected = format!("numbers of shape ({})", dims.join(", "));
+        let array = value
+            .py()
+            .import("numpy")
+            .and_then(|np| np.call_method1("asarray", (&value, "float64")))
+            .map_err(|_| self.wrong(key, &expected, &value))?;
+        let array: PyReadonlyArrayDyn<'_, f64> = array
+            .extract()
+            .map_err(|_| self.wrong(key, &expected, &value))?;
+        if array.shape() != shape {
+            let got = describe(array.as_any());
+            return Err(Error::Shape(format!(
+                "{}['{key}']: expected {expected}, got {got}",
+                self.name
+            )));
+        }
+        Ok(array.as_array().iter().copied().collect())
+    }
+
+    fn matrix(&self, key: &str) -> Result<[[f64; 4]; 4]> {
+        let flat = self.numbers(key, &[4, 4])?;
+        let mut out = [[0.0; 4]; 4];
+        for (value, slot) in flat.iter().zip(out.as_flattened_mut()) {
+            *slot = *value;
+        }
+        Ok(out)
+    }
+
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "beyond f32 becomes infinite, which is refused"
+    )]
+    fn color(&self, key: &str) -> Result<[f32; 3]> {
+        let c = self.numbers(key, &[3])?;
+        Ok([c[0] as f32, c[1] as f32, c[2] as f32])
+    }
+
+    fn choice<T>(&self, key: &str, options: &[(&str, T)]) -> Result<T>
+    where
+        T: Copy,
+    {
+        let text = self.text(key)?;
+        options
+            .iter()
+            .find(|(name, _)| *name == text)
+            .map(|(_, value)| *value)
+            .ok_or_else(|| {
+                let known: Vec<_> = options.iter().map(|(name, _)| *name).collect();
+                Error::Spec(format!(
+                    "{}['{key}']: expected one of {}, got '{text}'",
+                    self.name,
+                    known.join(", ")
+                ))
+            })
+    }
+}
+
+/// The dictionaries of a list argument.
+fn list<'py, T>(
+    name: &str,
+    value: Option<&Bound<'py, PyAny>>,
+    read: impl Fn(&Bound<'py, PyDict>, usize) -> Result<T>,
+) -> Result<Vec<T>> {
+    let Some(value) = value.filter(|v| !v.is_none()) else {
+        return Ok(Vec::new());
+    };
+    let wrong = || {
+        Error::Spec(format!(
+            "{name}: expected a list of dictionaries, got {}",
+            describe(value)
+        ))
+    };
+    let mut out = Vec::new();
+    for (index, item) in value.try_iter().map_err(|_| wrong())?.enumerate() {
+        let item = item.map_err(|_| wrong())?;
+        let dict = item.cast::<PyDict>().map_err(|_| {
+            Error::Spec(format!(
+                "{name}[{index}]: expected a dictionary, got {}",
+                describe(&item)
+            ))
+        })?;
+        out.push(read(dict, index)?);
+    }
+    Ok(out)
+}
+
+/// The camera.
+pub fn camera(dict: &Bound<'_, PyDict>) -> Result<CameraParams> {
+    let known = ["kind", "to_world", "window", "clip_start", "clip_end"];
+    let keys = Keys::new(dict, "camera".into(), &known)?;
+    let kinds = [
+        ("perspective", Projection::Perspective),
+        ("orthographic", Projection::Orthographic),
+    ];
+    let window = keys.numbers("window", &[4])?;
+    Ok(CameraParams {
+        projection: keys.choice("kind", &kinds)?,
+        to_world: keys.matrix("to_world")?,
+        window: [window[0], window[1], window[2], window[3]],
+        clip_start: keys.number("clip_start")?,
+        clip_end: keys.number("clip_end")?,
+    })
+}
+
+/// The settings of a render.
+pub fn settings(dict: &Bound<'_, PyDict>) -> Result<Settings> {
+    let known = [
+        "width",
+        "height",
+        "border",
+        "samples",
+        "max_bounces",
+        "seed",
+        "film_transparent",
+        "passes",
+        "step_samples",
+        "filter",
+        "filter_width",
+    ];
+    let keys = Keys::new(dict, "settings".into(), &known)?;
+    let default = Settings::default();
+    let border = match keys.find("border") {
+        None => None,
+        Some(value) => {
+            let wrong = || keys.wrong("border", "four whole numbers of at least 0", &value);
+            let corners: Vec<i64> = value
+                .try_iter()
+                .and_then(|items| items.map(|i| i.and_then(|i| i.extract())).collect())
+                .map_err(|_| wrong())?;
+            let corners: Vec<u32> = corners
+                .iter()
+                .map(|&c| u32::try_from(c).map_err(|_| wrong()))
+                .collect::<Result<_>>()?;
+            Some(<[u32; 4]>::try_from(corners).map_err(|_| wrong())?)
+        }
+    };
+    let passes = match keys.find("passes") {
+        None => default.passes,
+        Some(value) => {
+            let names: Vec<String> = value
+                .extract()
+                .map_err(|_| keys.wrong("passes", "a list of names", &value))?;
+            names
+                .iter()
+                .map(|n| Pass::named(n))
+                .collect::<Result<_>>()?
+        }
+    };
+    let filters = [
+        ("blackman_harris", FilterKind::BlackmanHarris),
+        ("box", FilterKind::Box),
+    ];
+    let optional = |key: &str| keys.find(key).map(|_| keys.count(key)).transpose();
+    Ok(Settings {
+        width: keys.count("width")?,
+        height: keys.count("height")?,
+        border,
+        samples: keys.count("samples")?,
+        max_bounces: optional("max_bounces")?.unwrap_or(default.max_bounces),
+        seed: optional("seed")?.unwrap_or(default.seed),
+        film_transparent: keys.flag_or("film_transparent", false)?,
+        passes,
+        step_samples: optional("step_samples")?,
+        filter: match keys.find("filter") {
+            None => default.filter,
+            Some(_) => keys.choice("filter", &filters)?,
+        },
+        filter_width: keys.number_or("filter_width", default.filter_width)?,
+    })
+}
+
+/// The materials.
+pub fn materials(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<MaterialParams>> {
+    let known = [
+        "name",
+        "base_color",
+        "metallic",
+        "roughness",
+        "ior",
+        "transmission",
+        "specular",
+        "emission",
+        "alpha",
+    ];
+    list("materials", value, |dict, index| {
+        let keys = Keys::new(dict, format!("materials[{index}]"), &known)?;
+        let default = MaterialParams::default();
+        let color = |key: &str, default| match keys.find(key) {
+            None => Ok(default),
+            Some(_) => keys.color(key),
+        };
+        Ok(MaterialParams {
+            name: keys
+                .find("name")
+                .map_or(Ok(String::new()), |_| keys.text("name"))?,
+            base_color: color("base_color", default.base_color)?,
+            metallic: keys.number_or("metallic", default.metallic)?,
+            roughness: keys.number_or("roughness", default.roughness)?,
+            ior: keys.number_or("ior", default.ior)?,
+            transmission: keys.number_or("transmission", default.transmission)?,
+            specular: keys.number_or("specular", default.specular)?,
+            emission: color("emission", default.emission)?,
+            alpha: keys.number_or("alpha", default.alpha)?,
+        })
+    })
+}
+
+/// The lights.
+pub fn lights(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<LightParams>> {
+    #[derive(Clone, Copy)]
+    enum Kind {
+        Point,
+        Spot,
+        Sun,
+        Area,
+    }
+    let known = [
+        "name",
+        "kind",
+        "to_world",
+        "power",
+        "radius",
+        "angle",
+        "spot_size",
+        "spot_blend",
+        "shape",
+        "size",
+        "size_y",
+        "casts_shadow",
+    ];
+    let kinds = [
+        ("point", Kind::Point),
+        ("sun", Kind::Sun),
+        ("spot", Kind::Spot),
+        ("area", Kind::Area),
+    ];
+    let shapes = [
+        ("SQUARE", AreaShape::Square),
+        ("RECTANGLE", AreaShape::Rectangle),
+        ("DISK", AreaShape::Disk),
+        ("ELLIPSE", AreaShape::Ellipse),
+    ];
+    list("lights", value, |dict, index| {
+        let keys = Keys::new(dict, format!("lights[{index}]"), &known)?;
+        let radius = || keys.number_or("radius", 0.0);
+        let kind = match keys.choice("kind", &kinds)? {
+            Kind::Point => LightKind::Point { radius: radius()? },
+            Kind::Spot => LightKind::Spot {
+                radius: radius()?,
+                size: keys.number_or("spot_size", std::f32::consts::FRAC_PI_4)?,
+                blend: keys.number_or("spot_blend", 0.15)?,
+            },
+            Kind::Sun => LightKind::Sun {
+                angle: keys.number_or("angle", 0.0)?,
+            },
+            Kind::Area => {
+                let size = keys.number_or("size", 1.0)?;
+                LightKind::Area {
+                    shape: keys.choice("shape", &shapes)?,
+                    size,
+                    size_y: keys.number_or("size_y", size)?,
+                }
+            }
+        };
+        Ok(LightParams {
+            kind,
+            to_world: keys.matrix("to_world")?,
+            power: keys.color("power")?,
+            casts_shadow: keys.flag_or("casts_shadow", true)?,
+        })
+    })
+}
+
+/// The world's colour.
+pub fn world(dict: Option<&Bound<'_, PyDict>>) -> Result<[f32; 3]> {
+    match dict {
+        None => Ok([0.0; 3]),
+        Some(dict) => Keys::new(dict, "world".into(), &["color"])?.color("color"),
+    }
+}
+
+/// The material of each triangle: (m,) int32.
+pub fn material_index(value: &Bound<'_, PyAny>) -> Result<Vec<i32>> {
+    let array: PyReadonlyArray1<'_, i32> = value.extract().map_err(|_| {
+        Error::Shape(format!(
+            "material_index: expected an (m,) int32 array, got {}",
+            describe(value)
+        ))
+    })?;
+    Ok(array.as_array().iter().copied().collect())
+}
+
+/// Shading normals: (m, 3, 3) float32.
+pub fn corner_normals(value: &Bound<'_, PyAny>) -> Result<Vec<[[f32; 3]; 3]>> {
+    let wrong = || {
+        Error::Shape(format!(
+            "corner_normals: expected an (m, 3, 3) float32 array, got {}",
+            describe(value)
+        ))
+    };
+    let array: PyReadonlyArray3<'_, f32> = value.extract().map_err(|_| wrong())?;
+    if array.shape()[1..] != [3, 3] {
+        return Err(wrong());
+    }
+    let triangle = |t: numpy::ndarray::ArrayView2<'_, f32>| {
+        [0, 1, 2].map(|corner| [0, 1, 2].map(|axis| t[[corner, axis]]))
+    };
+    Ok(array.as_array().outer_iter().map(triangle).collect())
+}

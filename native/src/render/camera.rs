@@ -1,0 +1,216 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Camera rays: perspective and orthographic.
+
+use super::check::{Error, Result, finite};
+use super::vector::{Vec3, vec3};
+use crate::traverse::Ray;
+
+/// How the film is projected.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Projection {
+    /// All rays from one point; the window lies at distance 1 along -Z.
+    Perspective,
+    /// Parallel rays; the window is in scene units.
+    Orthographic,
+}
+
+/// A camera as its user describes it. It looks along its own -Z, +Y is up.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CameraParams {
+    /// Kind of projection.
+    pub projection: Projection,
+    /// Camera to scene frame; rows, column vectors.
+    pub to_world: [[f64; 4]; 4],
+    /// Left, right, bottom, top of the full frame, before any border.
+    pub window: [f64; 4],
+    /// Depth along -Z before which nothing is seen.
+    pub clip_start: f64,
+    /// Depth along -Z behind which nothing is seen.
+    pub clip_end: f64,
+}
+
+/// A camera ready to make rays.
+#[derive(Debug, Clone)]
+pub struct Camera {
+    perspective: bool,
+    origin: Vec3,
+    /// Direction of the view; unit length.
+    forward: Vec3,
+    /// The window's corner (left, bottom), relative to the origin: for perspective at depth 1.
+    corner: Vec3,
+    /// One pixel to the right and one up.
+    right: Vec3,
+    up: Vec3,
+    clip: [f32; 2],
+}
+
+impl Camera {
+    /// The camera of a film of `width` × `height` pixels.
+    ///
+    /// # Errors
+    /// When a number is not finite, the window is empty, the matrix flattens the view, or the clip
+    /// range is empty.
+    pub fn new(params: &CameraParams, width: u32, height: u32) -> Result<Self> {
+        for (i, row) in params.to_world.iter().enumerate() {
+            finite(row, || format!("camera['to_world'][{i}]"))?;
+        }
+        finite(&params.window, || "camera['window']".into())?;
+        let [left, right, bottom, top] = params.window;
+        if left == right || bottom == top {
+            return Err(Error::Spec(format!(
+                "camera['window'] is empty: left {left}, right {right}, bottom {bottom}, top {top}"
+            )));
+        }
+        let (start, end) = (params.clip_start, params.clip_end);
+        if start.is_nan() || end.is_nan() || start >= end {
+            return Err(Error::Spec(format!(
+                "camera['clip_start'] must be below camera['clip_end'], got {start} and {end}"
+            )));
+        }
+        let column = |k: usize| [0, 1, 2].map(|row| params.to_world[row][k]);
+        let axes = [column(0), column(1), column(2)].map(unit);
+        let [Some(x), Some(y), Some(z)] = axes else {
+            return Err(Error::Spec(
+                "camera['to_world'] has an axis of length zero".into(),
+            ));
+        };
+        let perspective = params.projection == Projection::Perspective;
+        let at = |sx: f64, sy: f64, depth: f64| {
+            let v = [0, 1, 2].map(|k| (sx * x[k] + sy * y[k] - depth * z[k]) as f32);
+            Vec3::from(v)
+        };
+        Ok(Self {
+            perspective,
+            origin: Vec3::from(column(3).map(|v| v as f32)),
+            forward: at(0.0, 0.0, 1.0).normalized(),
+            corner: at(left, bottom, f64::from(u8::from(perspective))),
+            right: at((right - left) / f64::from(width), 0.0, 0.0),
+            up: at(0.0, (top - bottom) / f64::from(height), 0.0),
+            clip: [
+                if perspective { start.max(0.0) } else { start } as f32,
+                end as f32,
+            ],
+        })
+    }
+
+    /// The ray through the raster position (x, y) in pixels, (0, 0) = the frame's lower left
+    /// corner. The direction has unit length; the clip range bounds the depth along -Z.
+    #[inline]
+    pub fn ray(&self, x: f32, y: f32) -> Ray {
+        let film = self.corner + self.right * x + self.up * y;
+        if self.perspective {
+            let length = film.length();
+            let d = film * (1.0 / length);
+            let [t_min, t_max] = self.clip.map(|depth| depth * length);
+            Ray {
+                o: self.origin.array(),
+                d: d.array(),
+                t_min,
+                t_max,
+            }
+        } else {
+            let o = self.origin + film;
+            Ray {
+                o: o.array(),
+                d: self.forward.array(),
+                t_min: self.clip[0],
+                t_max: self.clip[1],
+            }
+        }
+    }
+
+    /// Depth of a point: its distance from the camera's plane along -Z.
+    #[inline]
+    pub fn depth(&self, point: Vec3) -> f32 {
+        (point - self.origin).dot(self.forward)
+    }
+}
+
+fn unit(v: [f64; 3]) -> Option<[f64; 3]> {
+    let length = v.iter().map(|x| x * x).sum::<f64>().sqrt();
+    (length > 0.0).then(|| v.map(|x| x / length))
+}
+
+impl Default for CameraParams {
+    /// At the origin, 90 degrees wide, square.
+    fn default() -> Self {
+        let mut to_world = [[0.0; 4]; 4];
+        for (k, row) in to_world.iter_mut().enumerate() {
+            row[k] = 1.0;
+        }
+        Self {
+            projection: Projection::Perspective,
+            to_world,
+            window: [-1.0, 1.0, -1.0, 1.0],
+            clip_start: 0.1,
+            clip_end: 1000.0,
+        }
+    }
+}
+
+/// The direction of a column of a matrix in f32, for lights.
+pub(crate) fn matrix_column(matrix: &[[f64; 4]; 4], k: usize) -> Vec3 {
+    vec3(
+        matrix[0][k] as f32,
+        matrix[1][k] as f32,
+        matrix[2][k] as f32,
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn perspective_rays_meet_the_window_and_clip_by_depth() {
+        let params = CameraParams {
+            window: [-1.0, 3.0, -2.0, 2.0],
+            ..Default::default()
+        };
+        let camera = Camera::new(&params, 40, 20).unwrap();
+        let ray = camera.ray(40.0, 0.0);
+        let d = Vec3::from(ray.d) * (1.0 / -ray.d[2]);
+        assert!((d - vec3(3.0, -2.0, -1.0)).length() < 1e-6);
+        assert!(
+            (ray.t_min * -ray.d[2] - 0.1).abs() < 1e-6,
+            "the clip distance is a depth"
+        );
+        assert!((camera.depth(vec3(5.0, 5.0, -7.0)) - 7.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn orthographic_rays_are_parallel_and_start_on_the_camera_plane() {
+        let mut params = CameraParams {
+            projection: Projection::Orthographic,
+            ..Default::default()
+        };
+        params.to_world[2][3] = 8.0;
+        let camera = Camera::new(&params, 10, 10).unwrap();
+        let (a, b) = (camera.ray(0.0, 0.0), camera.ray(10.0, 5.0));
+        assert_eq!((a.d, b.d), ([0.0, 0.0, -1.0], [0.0, 0.0, -1.0]));
+        assert!((Vec3::from(b.o) - vec3(1.0, 0.0, 8.0)).length() < 1e-6);
+        assert!((a.t_min - 0.1).abs() < 1e-7);
+    }
+
+    #[test]
+    fn nonsense_is_refused_by_name() {
+        let mut nan = CameraParams::default();
+        nan.to_world[1][2] = f64::NAN;
+        let flat = CameraParams {
+            window: [1.0, 1.0, 0.0, 1.0],
+            ..Default::default()
+        };
+        let clip = CameraParams {
+            clip_end: 0.01,
+            ..Default::default()
+        };
+        for (params, name) in [(nan, "to_world"), (flat, "window"), (clip, "clip_start")] {
+            assert!(
+                Camera::new(&params, 4, 4)
+                    .unwrap_err()
+                    .to_string()
+                    .contains(name)
+            );
+        }
+    }
+}

@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! What a scene needs, resolved once: everything else is left out of the path, and said so.
+
+use super::lights::Lights;
+use super::material::Material;
+
+/// What the scene's triangles and lights can make a path do.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Features {
+    /// Some light shines: sample it and trace shadow rays.
+    pub lights: bool,
+    /// Some light has a size and casts shadows: rays can meet it.
+    pub lights_met: bool,
+    /// Some material has a metal or coat lobe.
+    pub glossy: bool,
+    /// Some material has a glass lobe.
+    pub glass: bool,
+    /// Some material is not fully opaque: rays pass on, shadow rays gather opacity.
+    pub transparency: bool,
+    /// Some material emits.
+    pub emission: bool,
+    /// Corner normals are given.
+    pub smooth_normals: bool,
+    /// Some material is there at all, that is, some triangle is.
+    pub surfaces: bool,
+}
+
+impl Features {
+    /// Looks at the materials that some triangle uses, and at the lights.
+    pub fn resolve<'a>(
+        used: impl Iterator<Item = &'a Material> + Clone,
+        lights: &Lights,
+        smooth_normals: bool,
+    ) -> Self {
+        let any = |f: fn(&Material) -> bool| used.clone().any(f);
+        Self {
+            lights: !lights.is_empty(),
+            lights_met: lights.any_met(),
+            glossy: any(|m| m.metal.is_some() || m.coat.is_some()),
+            glass: any(|m| m.glass.is_some()),
+            transparency: any(|m| m.alpha < 1.0),
+            emission: any(|m| m.emission.max_component() > 0.0),
+            smooth_normals,
+            surfaces: any(|_| true),
+        }
+    }
+
+    /// What is left out of the path, each with its reason.
+    pub fn left_out(&self) -> Vec<String> {
+        let rows = [
+            (self.surfaces, "shading: no triangles"),
+            (self.lights, "shadow rays: no lights"),
+            (
+                self.lights_met,
+                "rays that meet lights: no light has a size",
+            ),
+            (
+                self.glossy,
+                "mirror rays: no material is metallic or specular",
+            ),
+            (self.glass, "refraction: no material transmits"),
+            (
+                self.transparency,
+                "transparent shadows: every material is opaque",
+            ),
+            (self.emission, "emission: no material emits"),
+            (self.smooth_normals, "smooth normals: none given"),
+        ];
+        rows.iter()
+            .filter(|(present, _)| !present)
+            .map(|(_, text)| (*text).to_owned())
+            .collect()
+    }
+}

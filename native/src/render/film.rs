@@ -1,0 +1,331 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The film: sums of samples, tile by tile, readable at any moment.
+
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use super::check::{Error, Result};
+use super::settings::{Pass, Settings};
+
+/// Side of a film tile in pixels; a multiple of 8, so that camera rays come in 8×8 blocks.
+pub const TILE: u32 = 32;
+
+/// What one sample of one pixel gathers.
+#[derive(Debug, Clone, Copy)]
+pub struct PixelSample {
+    /// Radiance.
+    pub color: [f32; 3],
+    /// Opacity.
+    pub alpha: f32,
+    /// Depth of the first surface.
+    pub depth: f32,
+    /// Its shading normal.
+    pub normal: [f32; 3],
+    /// Its position.
+    pub position: [f32; 3],
+    /// Inner nodes visited by the camera ray.
+    pub steps: u32,
+    /// Triangles tested by the camera ray.
+    pub tests: u32,
+}
+
+impl PixelSample {
+    /// Nothing seen.
+    pub const EMPTY: Self = Self {
+        color: [0.0; 3],
+        alpha: 0.0,
+        depth: BACKGROUND_DEPTH,
+        normal: [0.0; 3],
+        position: [0.0; 3],
+        steps: 0,
+        tests: 0,
+    };
+}
+
+/// Depth where nothing is seen, as in Blender's own engines.
+pub const BACKGROUND_DEPTH: f32 = 1e10;
+
+/// The pixels of a tile.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct TileArea {
+    /// Lower left corner in the full frame.
+    pub x: u32,
+    /// Lower left corner in the full frame.
+    pub y: u32,
+    /// Pixels per row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+}
+
+impl TileArea {
+    /// Its number of pixels.
+    pub fn len(&self) -> usize {
+        self.width as usize * self.height as usize
+    }
+
+    /// Whether it has no pixels.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The tile's pixels in the order of 8×8 blocks.
+    pub fn in_blocks(&self) -> impl Iterator<Item = (u32, u32)> + '_ {
+        let blocks = |n: u32| (0..n.div_ceil(8)).map(move |b| (b * 8, (b * 8 + 8).min(n)));
+        blocks(self.height).flat_map(move |(y0, y1)| {
+            blocks(self.width)
+                .flat_map(move |(x0, x1)| (y0..y1).flat_map(move |y| (x0..x1).map(move |x| (x, y))))
+        })
+    }
+}
+
+struct Tile {
+    area: TileArea,
+    sums: Mutex<Sums>,
+}
+
+struct Sums {
+    samples: u32,
+    /// Per pixel, all channels of all passes one after the other. f64, so that the mean of any
+    /// number of samples keeps f32's digits.
+    values: Vec<f64>,
+}
+
+/// The film of one render.
+pub struct Film {
+    region: [u32; 4],
+    passes: Vec<Pass>,
+    stride: usize,
+    tiles: Vec<Tile>,
+}
+
+impl Film {
+    /// An empty film.
+    pub fn new(settings: &Settings) -> Self {
+        let region @ [x0, y0, x1, y1] = settings.region();
+        let mut passes = Vec::new();
+        for &pass in &settings.passes {
+            if !passes.contains(&pass) {
+                passes.push(pass);
+            }
+        }
+        let stride = passes.iter().map(|p| p.channels()).sum();
+        let mut tiles = Vec::new();
+        for y in (y0..y1).step_by(TILE as usize) {
+            for x in (x0..x1).step_by(TILE as usize) {
+                let area = TileArea {
+                    x,
+                    y,
+                    width: TILE.min(x1 - x),
+                    height: TILE.min(y1 - y),
+                };
+                let values = vec![0.0; area.len() * stride];
+                tiles.push(Tile {
+                    area,
+                    sums: Mutex::new(Sums { samples: 0, values }),
+                });
+            }
+        }
+        Self {
+            region,
+            passes,
+            stride,
+            tiles,
+        }
+    }
+
+    /// Number of tiles.
+    pub fn tiles(&self) -> usize {
+        self.tiles.len()
+    }
+
+    /// The pixels of a tile.
+    pub fn area(&self, tile: usize) -> TileArea {
+        self.tiles[tile].area
+    }
+
+    /// The passes that are filled.
+    pub fn passes(&self) -> &[Pass] {
+        &self.passes
+    }
+
+    /// Whether some pass needs counted traversal.
+    pub fn counts(&self) -> bool {
+        self.passes
+            .iter()
+            .any(|p| matches!(p, Pass::TraversalSteps | Pass::TriangleTests))
+    }
+
+    fn sums(&self, tile: usize) -> MutexGuard<'_, Sums> {
+        self.tiles[tile]
+            .sums
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Adds samples: for each of `count` samples all pixels of the tile, row by row. The caller
+    /// adds the samples of a tile in order.
+    pub fn add(&self, tile: usize, samples: &[PixelSample], count: u32) {
+        let pixels = self.tiles[tile].area.len();
+        let mut sums = self.sums(tile);
+        let sums = &mut *sums;
+        for (index, chunk) in samples.chunks_exact(pixels).enumerate() {
+            let first = sums.samples == 0 && index == 0;
+            for (out, sample) in sums.values.chunks_exact_mut(self.stride.max(1)).zip(chunk) {
+                add_pixel(&self.passes, out, sample, first);
+            }
+        }
+        sums.samples += count;
+    }
+
+    /// Samples per pixel that all tiles have.
+    pub fn samples_done(&self) -> u32 {
+        (0..self.tiles.len())
+            .map(|t| self.sums(t).samples)
+            .min()
+            .unwrap_or(0)
+    }
+
+    /// Writes the mean so far, rows from the bottom up; zero where nothing was sampled yet.
+    ///
+    /// # Errors
+    /// When the pass is not filled, or `out` has not width × height × channels elements.
+    pub fn copy_into(&self, pass: Pass, out: &mut [f32]) -> Result<()> {
+        let Some(at) = self.passes.iter().position(|&p| p == pass) else {
+            let wanted: Vec<_> = self.passes.iter().map(|p| p.name()).collect();
+            return Err(Error::Spec(format!(
+                "name: pass '{}' was not asked for; this render fills {}",
+                pass.name(),
+                wanted.join(", ")
+            )));
+        };
+        let offset: usize = self.passes[..at].iter().map(|p| p.channels()).sum();
+        let channels = pass.channels();
+        let [x0, y0, x1, y1] = self.region;
+        let (width, height) = ((x1 - x0) as usize, (y1 - y0) as usize);
+        if out.len() != width * height * channels {
+            return Err(Error::Shape(format!(
+                "out: '{}' needs {width} x {height} x {channels} = {} elements, got {}",
+                pass.name(),
+                width * height * channels,
+                out.len()
+            )));
+        }
+        for (index, tile) in self.tiles.iter().enumerate() {
+            let sums = self.sums(index);
+            let scale = match pass {
+                Pass::Depth | Pass::Position | Pass::SampleCount => 1.0,
+                _ => 1.0 / f64::from(sums.samples.max(1)),
+            };
+            let TileArea { x, y, width: w, .. } = tile.area;
+            let mut pixels = sums.values.chunks_exact(self.stride);
+            for row in 0..tile.area.height {
+                let start = (((y - y0 + row) as usize) * width + (x - x0) as usize) * channels;
+                for pixel in out[start..start + w as usize * channels].chunks_exact_mut(channels) {
+                    let Some(values) = pixels.next() else { break };
+                    for (o, v) in pixel.iter_mut().zip(&values[offset..]) {
+                        *o = (v * scale) as f32;
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+fn add_pixel(passes: &[Pass], out: &mut [f64], sample: &PixelSample, first: bool) {
+    let mut out = out.iter_mut();
+    let mut sum = |values: &[f32]| {
+        for (&v, o) in values.iter().zip(&mut out) {
+            *o += f64::from(v);
+        }
+    };
+    for pass in passes {
+        match pass {
+            Pass::Combined => {
+                sum(&sample.color);
+                sum(&[sample.alpha]);
+            }
+            Pass::Normal => sum(&sample.normal),
+            Pass::Depth => sum(&[if first { sample.depth } else { 0.0 }]),
+            Pass::Position => sum(if first { &sample.position } else { &[0.0; 3] }),
+            Pass::TraversalSteps => sum(&[sample.steps as f32]),
+            Pass::TriangleTests => sum(&[sample.tests as f32]),
+            Pass::SampleCount => sum(&[1.0]),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn settings() -> Settings {
+        Settings {
+            width: 50,
+            height: 40,
+            border: Some([5, 3, 45, 40]),
+            samples: 2,
+            passes: vec![Pass::Combined, Pass::Depth, Pass::SampleCount],
+            ..Default::default()
+        }
+    }
+
+    #[test]
+    fn every_pixel_of_the_border_lands_where_it_belongs() {
+        let film = Film::new(&settings());
+        for tile in 0..film.tiles() {
+            let area = film.area(tile);
+            for second in [0.0, 2.0] {
+                let samples: Vec<_> = (0..area.height)
+                    .flat_map(|y| (0..area.width).map(move |x| (area.x + x, area.y + y)))
+                    .map(|(x, y)| PixelSample {
+                        color: [x as f32 + second, y as f32, 0.0],
+                        depth: 7.0 + second,
+                        ..PixelSample::EMPTY
+                    })
+                    .collect();
+                film.add(tile, &samples, 1);
+            }
+        }
+        assert_eq!(film.samples_done(), 2);
+        let mut out = vec![0.0; 40 * 37 * 4];
+        film.copy_into(Pass::Combined, &mut out).unwrap();
+        for (i, p) in out.chunks_exact(4).enumerate() {
+            assert_eq!(p[..2], [(i % 40 + 5) as f32 + 1.0, (i / 40 + 3) as f32]);
+        }
+        let mut depth = vec![0.0; 40 * 37];
+        film.copy_into(Pass::Depth, &mut depth).unwrap();
+        assert!(
+            depth.iter().all(|&d| d == 7.0),
+            "depth is the first sample's, not a mean"
+        );
+        let wrong = film
+            .copy_into(Pass::Depth, &mut out)
+            .unwrap_err()
+            .to_string();
+        assert!(
+            wrong.contains("40 x 37 x 1 = 1480 elements, got 5920"),
+            "{wrong}"
+        );
+        assert!(
+            film.copy_into(Pass::Normal, &mut out)
+                .unwrap_err()
+                .to_string()
+                .contains("Depth")
+        );
+    }
+
+    #[test]
+    fn blocks_visit_every_pixel_once_and_64_at_a_time() {
+        let area = TileArea {
+            x: 0,
+            y: 0,
+            width: 20,
+            height: 11,
+        };
+        let order: Vec<_> = area.in_blocks().collect();
+        let unique: std::collections::HashSet<_> = order.iter().collect();
+        assert_eq!((order.len(), unique.len()), (220, 220));
+        assert!(order[..64].iter().all(|&(x, y)| x < 8 && y < 8));
+    }
+}

@@ -1,0 +1,99 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Fresnel reflectance: exact for dielectrics, Schlick's form for metals.
+
+use super::vector::Vec3;
+
+/// Unpolarised reflectance of a smooth dielectric boundary, and the cosine of the refracted ray
+/// (0 under total internal reflection). `eta`: index of the far side over that of the near side.
+#[inline(always)]
+pub fn dielectric(cos_i: f32, eta: f32) -> (f32, f32) {
+    let c = cos_i.abs().min(1.0);
+    let cos2_t = 1.0 - (1.0 - c * c) / (eta * eta);
+    if cos2_t <= 0.0 {
+        return (1.0, 0.0);
+    }
+    let cos_t = cos2_t.sqrt();
+    let s = (c - eta * cos_t) / (c + eta * cos_t);
+    let p = (eta * c - cos_t) / (eta * c + cos_t);
+    (0.5 * (s * s + p * p), cos_t)
+}
+
+/// Reflectance of a dielectric at normal incidence.
+pub fn f0_from_ior(eta: f32) -> f32 {
+    let r = (eta - 1.0) / (eta + 1.0);
+    r * r
+}
+
+/// The index of refraction (at least 1) with this reflectance at normal incidence.
+pub fn ior_from_f0(f0: f32) -> f32 {
+    let r = f0.clamp(0.0, 0.99).sqrt();
+    (1.0 + r) / (1.0 - r)
+}
+
+/// Schlick 1994: reflectance of a metal with reflectance `f0` at normal incidence. This is
+/// Principled's "F82 tint" model with a white tint (Kutz, Hašan and Edmondson 2021).
+#[inline(always)]
+pub fn schlick(f0: Vec3, cos_i: f32) -> Vec3 {
+    let m = (1.0 - cos_i).clamp(0.0, 1.0);
+    let m2 = m * m;
+    f0 + (Vec3::ONE - f0) * (m2 * m2 * m)
+}
+
+/// Cosine-weighted mean of [`schlick`] over the hemisphere: the integral of 2 c (1 - c)^5 is 1/21.
+pub fn schlick_mean(f0: Vec3) -> Vec3 {
+    f0 + (Vec3::ONE - f0) * (1.0 / 21.0)
+}
+
+/// Cosine-weighted mean of [`dielectric`] over the hemisphere, by the midpoint rule.
+pub fn dielectric_mean(eta: f32) -> f32 {
+    let n = 1024;
+    let sum: f64 = (0..n)
+        .map(|i| {
+            let c = (f64::from(i) + 0.5) / f64::from(n);
+            2.0 * c * f64::from(dielectric(c as f32, eta).0)
+        })
+        .sum();
+    (sum / f64::from(n)) as f32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn closed_forms_hold() {
+        assert!((dielectric(1.0, 1.5).0 - 0.04).abs() < 1e-6);
+        assert_eq!(dielectric(0.0, 1.5).0, 1.0);
+        // Brewster's angle: only the s wave is reflected, ((eta² - 1)/(eta² + 1))² / 2.
+        let brewster = 1.5_f32.atan().cos();
+        let s = (1.25_f32 / 3.25).powi(2) * 0.5;
+        assert!((dielectric(brewster, 1.5).0 - s).abs() < 1e-6);
+        // Beyond the critical angle everything is reflected.
+        assert_eq!(dielectric(0.5, 1.0 / 1.5), (1.0, 0.0));
+        assert!((ior_from_f0(f0_from_ior(1.45)) - 1.45).abs() < 1e-5);
+        // Both sides of a boundary reflect alike.
+        let (f, cos_t) = dielectric(0.6, 1.5);
+        assert!((dielectric(cos_t, 1.0 / 1.5).0 - f).abs() < 1e-6);
+    }
+
+    #[test]
+    fn the_mean_of_a_dielectric_agrees_with_the_closed_form_of_walsh_1926() {
+        for eta in [1.1_f32, 1.3, 1.5, 2.0] {
+            let n = f64::from(eta);
+            let (n2, n4) = (n * n, n.powi(4));
+            let walsh = 0.5
+                + (n - 1.0) * (3.0 * n + 1.0) / (6.0 * (n + 1.0).powi(2))
+                + n2 * (n2 - 1.0).powi(2) / (n2 + 1.0).powi(3) * ((n - 1.0) / (n + 1.0)).ln()
+                - 2.0 * n.powi(3) * (n2 + 2.0 * n - 1.0) / ((n2 + 1.0) * (n4 - 1.0))
+                + 8.0 * n4 * (n4 + 1.0) / ((n2 + 1.0) * (n4 - 1.0).powi(2)) * n.ln();
+            let mean = f64::from(dielectric_mean(eta));
+            assert!((mean - walsh).abs() < 1e-5, "{eta}: {mean} {walsh}");
+            // What stays inside is the rest, seen through the smaller cone: n² (1 - F) is shared.
+            let inside = f64::from(dielectric_mean(1.0 / eta));
+            assert!(
+                (inside - (1.0 - (1.0 - walsh) / n2)).abs() < 1e-3,
+                "{eta}: {inside}"
+            );
+        }
+    }
+}

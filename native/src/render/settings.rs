@@ -1,0 +1,265 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! What to render: size, samples, bounces, passes.
+
+use super::check::{Error, Result};
+use super::filter::FilterKind;
+
+/// A pass of the film.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Pass {
+    /// Premultiplied RGBA, scene linear.
+    Combined,
+    /// Depth along the view axis of the first sample, 1e10 where it saw nothing.
+    Depth,
+    /// Mean shading normal of the first surface, scene frame.
+    Normal,
+    /// Position of the first surface, of the first sample, scene frame.
+    Position,
+    /// Inner nodes visited by camera rays, mean per sample.
+    TraversalSteps,
+    /// Triangles tested by camera rays, mean per sample.
+    TriangleTests,
+    /// Samples so far.
+    SampleCount,
+}
+
+impl Pass {
+    /// All passes.
+    pub const ALL: [Self; 7] = [
+        Self::Combined,
+        Self::Depth,
+        Self::Normal,
+        Self::Position,
+        Self::TraversalSteps,
+        Self::TriangleTests,
+        Self::SampleCount,
+    ];
+
+    /// Its name in Blender.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Combined => "Combined",
+            Self::Depth => "Depth",
+            Self::Normal => "Normal",
+            Self::Position => "Position",
+            Self::TraversalSteps => "Traversal Steps",
+            Self::TriangleTests => "Triangle Tests",
+            Self::SampleCount => "Sample Count",
+        }
+    }
+
+    /// Its number of channels.
+    pub fn channels(self) -> usize {
+        match self {
+            Self::Combined => 4,
+            Self::Normal | Self::Position => 3,
+            _ => 1,
+        }
+    }
+
+    /// The pass of this name.
+    ///
+    /// # Errors
+    /// [`Error::Spec`] with the names that are known.
+    pub fn named(name: &str) -> Result<Self> {
+        Self::ALL
+            .into_iter()
+            .find(|p| p.name() == name)
+            .ok_or_else(|| {
+                let known = Self::ALL.map(Self::name).join(", ");
+                Error::Spec(format!(
+                    "settings['passes']: no pass is called '{name}'; known: {known}"
+                ))
+            })
+    }
+}
+
+/// Settings of a render.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Settings {
+    /// Full frame, pixels.
+    pub width: u32,
+    /// Full frame, pixels.
+    pub height: u32,
+    /// x0, y0, x1, y1 in pixels from the lower left, half open; `None` = all.
+    pub border: Option<[u32; 4]>,
+    /// Samples per pixel; cost is in proportion, noise falls with the root or faster.
+    pub samples: u32,
+    /// How often a path may scatter after its first surface; 0 = direct light only. As in Cycles.
+    pub max_bounces: u32,
+    /// Seed of all random numbers.
+    pub seed: u32,
+    /// Background alpha 0, and black to the camera.
+    pub film_transparent: bool,
+    /// Passes to fill.
+    pub passes: Vec<Pass>,
+    /// Samples between two updates; `None` = 1, 1, 2, 4, then 8 at a time.
+    pub step_samples: Option<u32>,
+    /// Pixel filter.
+    pub filter: FilterKind,
+    /// Its width in pixels, as Blender means it.
+    pub filter_width: f32,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            width: 1,
+            height: 1,
+            border: None,
+            samples: 1,
+            max_bounces: 4,
+            seed: 0,
+            film_transparent: false,
+            passes: vec![Pass::Combined],
+            step_samples: None,
+            filter: FilterKind::BlackmanHarris,
+            filter_width: 1.5,
+        }
+    }
+}
+
+/// Most pixels of a film; what is beyond is a slip of the keyboard.
+const MOST_PIXELS: u64 = 1 << 30;
+
+impl Settings {
+    /// Checks the numbers.
+    ///
+    /// # Errors
+    /// [`Error::Spec`] naming the key.
+    pub fn check(&self) -> Result<()> {
+        let spec = |text: String| Err(Error::Spec(text));
+        for (key, value) in [("width", self.width), ("height", self.height)] {
+            if value == 0 || value > 1 << 20 {
+                return spec(format!(
+                    "settings['{key}'] must lie in 1..1048576, got {value}"
+                ));
+            }
+        }
+        if self.samples == 0 || self.samples > 1 << 24 {
+            let got = self.samples;
+            return spec(format!(
+                "settings['samples'] must lie in 1..16777216, got {got}"
+            ));
+        }
+        if self.max_bounces > 1024 {
+            let got = self.max_bounces;
+            return spec(format!(
+                "settings['max_bounces'] must lie in 0..1024, got {got}"
+            ));
+        }
+        if self.step_samples == Some(0) {
+            return spec("settings['step_samples'] must be at least 1, got 0".into());
+        }
+        let [x0, y0, x1, y1] = self.region();
+        if x0 >= x1 || y0 >= y1 || x1 > self.width || y1 > self.height {
+            return spec(format!(
+                "settings['border'] ({x0}, {y0}, {x1}, {y1}) is empty or outside {} x {} pixels",
+                self.width, self.height
+            ));
+        }
+        if u64::from(x1 - x0) * u64::from(y1 - y0) > MOST_PIXELS {
+            return spec(format!("settings: more than {MOST_PIXELS} pixels"));
+        }
+        Ok(())
+    }
+
+    /// The pixels to render: the border, or the full frame.
+    pub fn region(&self) -> [u32; 4] {
+        self.border.unwrap_or([0, 0, self.width, self.height])
+    }
+
+    /// How many samples come after the first `done`, up to the next update.
+    pub fn step_after(&self, done: u32) -> u32 {
+        let step = self.step_samples.unwrap_or(match done {
+            0 | 1 => 1,
+            2 | 3 => 2,
+            4..8 => 4,
+            _ => 8,
+        });
+        step.min(self.samples - done)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn steps_add_up_to_the_samples() {
+        for step_samples in [None, Some(1), Some(5), Some(100)] {
+            let settings = Settings {
+                samples: 37,
+                step_samples,
+                ..Default::default()
+            };
+            let mut done = 0;
+            while done < settings.samples {
+                done += settings.step_after(done);
+            }
+            assert_eq!(done, 37);
+        }
+    }
+
+    #[test]
+    fn nonsense_is_refused_by_name() {
+        let base = Settings {
+            width: 8,
+            height: 8,
+            ..Default::default()
+        };
+        let cases = [
+            (
+                "width",
+                Settings {
+                    width: 0,
+                    ..base.clone()
+                },
+            ),
+            (
+                "samples",
+                Settings {
+                    samples: 0,
+                    ..base.clone()
+                },
+            ),
+            (
+                "max_bounces",
+                Settings {
+                    max_bounces: 5000,
+                    ..base.clone()
+                },
+            ),
+            (
+                "step_samples",
+                Settings {
+                    step_samples: Some(0),
+                    ..base.clone()
+                },
+            ),
+            (
+                "border",
+                Settings {
+                    border: Some([0, 0, 9, 8]),
+                    ..base.clone()
+                },
+            ),
+            (
+                "border",
+                Settings {
+                    border: Some([3, 0, 3, 8]),
+                    ..base.clone()
+                },
+            ),
+        ];
+        for (name, settings) in cases {
+            assert!(settings.check().unwrap_err().to_string().contains(name));
+        }
+        assert!(
+            Pass::named("Depht")
+                .unwrap_err()
+                .to_string()
+                .contains("Depth")
+        );
+    }
+}

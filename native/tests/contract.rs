@@ -1,0 +1,250 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! What every structure promises, for every row of the registry and every way of walking it: the
+//! answers of brute force bit for bit, sound trees, the same tree on any number of threads.
+
+use halfspace_native::build::Monitor;
+use halfspace_native::error::Error;
+use halfspace_native::oracle::cases::{Case, Random, aimed, cases, grid, lattice_rays, ray, soup};
+use halfspace_native::oracle::exact_closest;
+use halfspace_native::registry::{Kind, TREES};
+use halfspace_native::scene::Triangles;
+use halfspace_native::spec::Config;
+use halfspace_native::structure::Structure;
+use halfspace_native::traverse::{Hit, Ray, RayCounters, Tracer};
+use halfspace_native::validate::validate;
+use std::sync::Arc;
+
+fn build(scene: &Arc<Triangles>, spec: &str, threads: usize) -> Structure {
+    let config = Config::parse(spec).unwrap();
+    Structure::build(scene.clone(), config, threads, &Monitor::new()).unwrap()
+}
+
+fn closest(structure: &Structure, rays: &[Ray]) -> Vec<Hit> {
+    let mut hits = vec![Hit::MISS; rays.len()];
+    structure.closest(rays, &mut hits, None);
+    hits
+}
+
+/// Every structure with every traversal it offers.
+fn specs() -> Vec<String> {
+    let mut specs = Vec::new();
+    for tree in TREES {
+        specs.push(tree.id.to_owned());
+        specs.extend(
+            tree.traversals()
+                .iter()
+                .skip(1)
+                .map(|t| format!("{}:traversal={t}", tree.id)),
+        );
+    }
+    specs
+}
+
+fn same(a: &Hit, b: &Hit) -> bool {
+    a.triangle == b.triangle
+        && [(a.t, b.t), (a.u, b.u), (a.v, b.v)]
+            .iter()
+            .all(|(x, y)| x.to_bits() == y.to_bits())
+}
+
+/// The rays on which a structure differs from the reference, closest or any hit.
+fn differences(structure: &Structure, rays: &[Ray], reference: &[Hit]) -> usize {
+    let hits = closest(structure, rays);
+    let mut occluded = vec![false; rays.len()];
+    structure.occluded(rays, &mut occluded, None);
+    hits.iter()
+        .zip(reference)
+        .zip(&occluded)
+        .filter(|((hit, expected), occluded)| {
+            !same(hit, expected) || **occluded != expected.is_hit()
+        })
+        .count()
+}
+
+#[test]
+fn every_structure_answers_like_brute_force() {
+    for Case { name, scene, rays } in cases() {
+        let reference = closest(&build(&scene, "brute", 1), &rays);
+        for spec in specs() {
+            let structure = build(&scene, &spec, 2);
+            assert_eq!(validate(&structure), Vec::<String>::new(), "{name}, {spec}");
+            let wrong = differences(&structure, &rays, &reference);
+            assert_eq!(wrong, 0, "{name}, {spec}: of {} rays", rays.len());
+        }
+    }
+}
+
+#[test]
+fn brute_force_answers_like_exact_arithmetic() {
+    for Case { name, scene, rays } in cases() {
+        let step = (rays.len() / 250).max(1);
+        let rays: Vec<_> = rays.into_iter().step_by(step).collect();
+        let hits = closest(&build(&scene, "brute", 1), &rays);
+        for (ray, hit) in rays.iter().zip(&hits) {
+            let exact = exact_closest(&scene, ray).hit;
+            assert_eq!(
+                (hit.t, hit.triangle),
+                (exact.t, exact.triangle),
+                "{name}: {ray:?}"
+            );
+        }
+    }
+}
+
+#[test]
+fn the_ends_of_the_interval_count_and_nothing_beyond() {
+    let scene = soup(grid(3, 0.2));
+    let mut rays = aimed(&scene, 400, &mut Random(3));
+    let hits = closest(&build(&scene, "brute", 1), &rays);
+    for spec in specs() {
+        let structure = build(&scene, &spec, 1);
+        for (ray, hit) in rays.iter_mut().zip(&hits).filter(|(_, hit)| hit.is_hit()) {
+            let mut ask = |t_min: f32, t_max: f32| {
+                (ray.t_min, ray.t_max) = (t_min, t_max);
+                closest(&structure, std::slice::from_ref(ray))[0]
+            };
+            assert!(same(&ask(hit.t, hit.t), hit), "{spec}: t_min = t_max = t");
+            assert!(same(&ask(0.0, hit.t), hit), "{spec}: t_max = t");
+            assert!(
+                !ask(0.0, hit.t.next_down()).is_hit() || hit.t == 0.0,
+                "{spec}: t_max below t"
+            );
+            assert!(
+                ask(hit.t.next_up(), f32::INFINITY).t > hit.t,
+                "{spec}: t_min above t"
+            );
+            assert!(
+                !ask(hit.t.next_up(), hit.t).is_hit(),
+                "{spec}: t_min above t_max"
+            );
+        }
+    }
+}
+
+#[test]
+fn a_longer_direction_meets_the_same_triangle() {
+    let scene = soup(grid(3, 0.4));
+    let rays = aimed(&scene, 300, &mut Random(5));
+    for spec in specs() {
+        let structure = build(&scene, &spec, 1);
+        let hits = closest(&structure, &rays);
+        for power in [-60, -20, 20, 60] {
+            let scale = 2.0_f32.powi(power);
+            let scaled: Vec<_> = rays
+                .iter()
+                .map(|r| Ray {
+                    d: r.d.map(|x| x * scale),
+                    ..*r
+                })
+                .collect();
+            for (hit, expected) in closest(&structure, &scaled).iter().zip(&hits) {
+                assert_eq!(hit.triangle, expected.triangle, "{spec}: 2^{power}");
+                assert_eq!(hit.t * scale, expected.t, "{spec}: 2^{power}");
+            }
+        }
+    }
+}
+
+#[test]
+fn trees_do_not_depend_on_the_number_of_threads() {
+    // Large enough for several tasks.
+    let scene = soup(grid(12, 0.3));
+    for spec in specs() {
+        let (one, two, again) = (
+            build(&scene, &spec, 1),
+            build(&scene, &spec, 2),
+            build(&scene, &spec, 2),
+        );
+        for other in [&two, &again] {
+            assert!(one.built().layout == other.built().layout, "{spec}: nodes");
+            assert!(one.built().blocks == other.built().blocks, "{spec}: leaves");
+        }
+    }
+}
+
+#[test]
+fn counting_changes_no_answer() {
+    let scene = soup(grid(4, 0.0));
+    let rays = lattice_rays(4, &mut Random(9), 500);
+    for spec in specs() {
+        let structure = build(&scene, &spec, 1);
+        let plain = closest(&structure, &rays);
+        let mut hits = vec![Hit::MISS; rays.len()];
+        let mut counters = vec![RayCounters::default(); rays.len()];
+        structure.closest(&rays, &mut hits, Some(&mut counters));
+        assert!(hits.iter().zip(&plain).all(|(a, b)| same(a, b)), "{spec}");
+        let verdicts: u32 = counters.iter().map(|c| c.verdicts).sum();
+        let found = hits.iter().filter(|h| h.is_hit()).count();
+        assert!(
+            verdicts as usize >= found,
+            "{spec}: every hit had its verdict"
+        );
+    }
+}
+
+#[test]
+fn zero_and_nan_directions_meet_nothing() {
+    let scene = soup(grid(2, 0.0));
+    for spec in specs() {
+        let structure = build(&scene, &spec, 1);
+        for d in [[0.0; 3], [-0.0, 0.0, -0.0], [f32::NAN, 1.0, 0.0]] {
+            assert!(
+                !closest(&structure, &[ray([0.5, 0.5, 0.5], d)])[0].is_hit(),
+                "{spec}: {d:?}"
+            );
+        }
+        assert!(
+            !closest(&structure, &[ray([f32::NAN; 3], [1.0; 3])])[0].is_hit(),
+            "{spec}"
+        );
+    }
+}
+
+#[test]
+fn a_cancelled_build_ends_with_an_error() {
+    let scene = soup(grid(6, 0.0));
+    for spec in specs() {
+        let monitor = Monitor::new();
+        monitor.cancel();
+        let result = Structure::build(scene.clone(), Config::parse(&spec).unwrap(), 1, &monitor);
+        assert_eq!(result.err(), Some(Error::Cancelled), "{spec}");
+    }
+}
+
+#[test]
+fn extreme_parameters_build_right_trees() {
+    let scene = soup(grid(3, 0.3));
+    let rays = aimed(&scene, 300, &mut Random(11));
+    let reference = closest(&build(&scene, "brute", 1), &rays);
+    for tree in TREES {
+        for param in tree.params {
+            let ends = match param.kind {
+                Kind::Integer { min, max } => vec![min.to_string(), max.to_string()],
+                Kind::Float { min, max } => vec![min.to_string(), max.to_string()],
+                Kind::Choice(options) => options.iter().map(ToString::to_string).collect(),
+            };
+            for end in ends.iter().filter(|_| param.name != "robust") {
+                let spec = format!("{}:{}={end}", tree.id, param.name);
+                let structure = build(&scene, &spec, 1);
+                assert_eq!(validate(&structure), Vec::<String>::new(), "{spec}");
+                assert_eq!(differences(&structure, &rays, &reference), 0, "{spec}");
+            }
+        }
+    }
+}
+
+/// The comparison above can fail: textbook walks, without allowance for rounding, are wrong here.
+#[test]
+fn walks_without_bounds_are_caught() {
+    let scene = soup(grid(5, 0.0));
+    let mut random = Random(7);
+    let mut rays = lattice_rays(5, &mut random, 4000);
+    rays.extend(aimed(&scene, 4000, &mut random));
+    let reference = closest(&build(&scene, "brute", 1), &rays);
+    for spec in ["kd:robust=none", "kd:robust=none,traversal=dir"] {
+        assert!(
+            differences(&build(&scene, spec, 1), &rays, &reference) > 0,
+            "{spec}"
+        );
+    }
+}

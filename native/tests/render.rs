@@ -1,0 +1,148 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! One scene, many structures, one identical image.
+
+use halfspace_native::build::Monitor;
+use halfspace_native::registry::TREES;
+use halfspace_native::render::camera::CameraParams;
+use halfspace_native::render::job::Job;
+use halfspace_native::render::lights::{LightKind, LightParams};
+use halfspace_native::render::material::MaterialParams;
+use halfspace_native::render::scene::{RenderScene, SceneParams};
+use halfspace_native::render::settings::{Pass, Settings};
+use halfspace_native::scene::Triangles;
+use halfspace_native::spec::Config;
+use halfspace_native::structure::Structure;
+use std::sync::Arc;
+use std::time::Duration;
+
+/// A grid of touching boxes on a floor, where planes and edges coincide: the hard case for trees.
+fn boxes() -> Triangles {
+    let mut vertices = Vec::new();
+    let mut triangles = Vec::new();
+    for i in 0..4 {
+        for j in 0..4 {
+            for k in 0..=((i * 7 + j * 3) % 3) {
+                let n = u32::try_from(vertices.len()).unwrap();
+                for c in 0..8_u8 {
+                    let bit = |b: u8| f32::from(c >> b & 1);
+                    let [x, y, z] = [i, j, k].map(|v| v as f32);
+                    vertices.push([x - 2.0 + bit(0), y - 2.0 + bit(1), z + bit(2)]);
+                }
+                let faces: [[u32; 4]; 6] = [
+                    [0, 2, 3, 1],
+                    [4, 5, 7, 6],
+                    [0, 1, 5, 4],
+                    [2, 6, 7, 3],
+                    [0, 4, 6, 2],
+                    [1, 3, 7, 5],
+                ];
+                for [a, b, c, d] in faces {
+                    triangles.push([n + a, n + b, n + c]);
+                    triangles.push([n + a, n + c, n + d]);
+                }
+            }
+        }
+    }
+    Triangles::new(vertices, triangles).unwrap()
+}
+
+fn scene_params(triangles: usize) -> SceneParams {
+    let mut to_world = [[0.0; 4]; 4];
+    for (k, row) in to_world.iter_mut().enumerate() {
+        row[k] = 1.0;
+    }
+    // Right above a shared edge of the grid.
+    to_world[2][3] = 6.0;
+    SceneParams {
+        material_index: Some(
+            (0..triangles)
+                .map(|i| i32::try_from(i / 12 % 3).unwrap())
+                .collect(),
+        ),
+        materials: vec![
+            MaterialParams::default(),
+            MaterialParams {
+                metallic: 1.0,
+                roughness: 0.1,
+                ..Default::default()
+            },
+            MaterialParams {
+                transmission: 1.0,
+                roughness: 0.0,
+                alpha: 0.8,
+                ..Default::default()
+            },
+        ],
+        lights: vec![LightParams {
+            kind: LightKind::Point { radius: 0.0 },
+            to_world,
+            power: [300.0; 3],
+            casts_shadow: true,
+        }],
+        world: [0.2, 0.3, 0.5],
+        ..Default::default()
+    }
+}
+
+#[test]
+fn every_structure_renders_the_same_image() {
+    let triangles = Arc::new(boxes());
+    // Straight down, so that many rays run inside walls of cells and along edges.
+    let mut camera = CameraParams {
+        window: [-0.5, 0.5, -0.5, 0.5],
+        ..Default::default()
+    };
+    camera.to_world[2][3] = 9.0;
+    let settings = Settings {
+        width: 96,
+        height: 96,
+        samples: 2,
+        max_bounces: 5,
+        passes: vec![Pass::Combined, Pass::Depth, Pass::Normal, Pass::Position],
+        filter_width: 0.0,
+        ..Default::default()
+    };
+    let render = |spec: &str, threads: usize| {
+        let config = Config::parse(spec).unwrap();
+        let structure =
+            Structure::build(Arc::clone(&triangles), config, 1, &Monitor::new()).unwrap();
+        let params = scene_params(triangles.len());
+        let scene = Arc::new(RenderScene::new(Arc::new(structure), params).unwrap());
+        let job = Job::start(scene, &camera, settings.clone(), threads).unwrap();
+        assert!(job.wait(Duration::from_secs(600)));
+        assert_eq!(job.error(), None);
+        settings
+            .passes
+            .iter()
+            .map(|&pass| {
+                let mut out = vec![0.0_f32; 96 * 96 * pass.channels()];
+                job.copy_into(pass, &mut out).unwrap();
+                out
+            })
+            .collect::<Vec<_>>()
+    };
+    let reference = render("brute", 1);
+    assert!(
+        reference[0].iter().any(|&v| v > 0.1),
+        "the picture is not black"
+    );
+    for tree in TREES {
+        for threads in [1, 2] {
+            let image = render(tree.id, threads);
+            for ((pass, a), b) in settings.passes.iter().zip(&image).zip(&reference) {
+                let different = a
+                    .iter()
+                    .zip(b)
+                    .filter(|(a, b)| a.to_bits() != b.to_bits())
+                    .count();
+                assert_eq!(
+                    different,
+                    0,
+                    "{} on {threads} threads, {}",
+                    tree.id,
+                    pass.name()
+                );
+            }
+        }
+    }
+}

@@ -1,0 +1,142 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The extension zip: `python scripts/package.py [--wheel WHEEL ...] [--out DIR]`.
+
+Stages the add-on, the manifest with its wheels, the licence and the wheels into build/extension, builds the zip with
+Blender's own tool, and validates it. Without --wheel the wheel for this machine is built.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import wheel
+
+ROOT = Path(__file__).resolve().parents[1]
+
+IGNORED = ("__pycache__", "*.pyc", ".*")
+"""What is never part of the extension."""
+
+PLATFORMS = {
+    r"(manylinux|linux).*_x86_64": "linux-x64",
+    r"(manylinux|linux).*_aarch64": "linux-arm64",
+    r"win_amd64": "windows-x64",
+    r"win_arm64": "windows-arm64",
+    r"macosx_.*_arm64": "macos-arm64",
+    r"macosx_.*_x86_64": "macos-x64",
+}
+"""A wheel's platform tag to the name that Blender gives the platform."""
+
+
+class PackageError(RuntimeError):
+    """The extension cannot be packaged. The message says why."""
+
+
+def platform_of(wheel_name: str) -> str:
+    """Blender's name for the platform of a wheel. Raises PackageError."""
+    tag = wheel_name.removesuffix(".whl").split("-")[-1]
+    for pattern, name in PLATFORMS.items():
+        if any(re.fullmatch(pattern, one) for one in tag.split(".")):
+            return name
+    raise PackageError(f"{wheel_name}: Blender knows no platform {tag!r}")
+
+
+def filled_manifest(text: str, wheels: Sequence[str]) -> str:
+    """The manifest with the platforms and the paths of these wheels, which stand before its first table.
+
+    Raises PackageError when a wheel's version is not the manifest's: Blender would load a mismatched pair.
+    """
+    import tomllib
+
+    manifest = tomllib.loads(text)
+    for key in ("wheels", "platforms"):
+        if key in manifest:
+            raise PackageError(f"blender_manifest.toml: {key} is filled in here and must not be in the file")
+    for name in wheels:
+        if name.split("-")[1] != manifest["version"]:
+            raise PackageError(f"{name}: its version is not {manifest['version']}, the manifest's")
+    platforms = sorted({platform_of(name) for name in wheels})
+    lines = ["platforms = [" + ", ".join(f'"{name}"' for name in platforms) + "]", "wheels = ["]
+    lines += [f'  "./wheels/{name}",' for name in sorted(wheels)] + ["]", "", ""]
+    # Top-level keys after a table would belong to the table.
+    table = re.search(r"^\[", text, re.MULTILINE)
+    place = table.start() if table else len(text)
+    return text[:place] + "\n".join(lines) + text[place:]
+
+
+def stage(wheels: Sequence[Path], folder: Path) -> None:
+    """Fill an empty folder with everything that goes into the zip."""
+    shutil.rmtree(folder, ignore_errors=True)
+    shutil.copytree(ROOT / "addon", folder, ignore=shutil.ignore_patterns(*IGNORED))
+    shutil.copy2(ROOT / "LICENSE", folder)
+    (folder / "wheels").mkdir()
+    for path in wheels:
+        shutil.copy2(path, folder / "wheels")
+    manifest = (ROOT / "blender_manifest.toml").read_text(encoding="utf-8")
+    text = filled_manifest(manifest, [path.name for path in wheels])
+    (folder / "blender_manifest.toml").write_text(text, encoding="utf-8")
+
+
+def blender_tool() -> Path:
+    """Blender's own packaging program out of the installed bpy. Raises PackageError."""
+    found = importlib.util.find_spec("bpy")
+    places = list(found.submodule_search_locations or []) if found else []
+    programs = [p for place in places for p in Path(place).glob("*/scripts/addons_core/bl_pkg/cli/blender_ext.py")]
+    if not programs:
+        raise PackageError("Blender's packaging tool was not found: this Python has no bpy module")
+    return programs[0]
+
+
+def run_tool(*arguments: str) -> None:
+    """Run Blender's packaging program. Raises PackageError with what it printed."""
+    command = [sys.executable, str(blender_tool()), *arguments]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    # The tool reports some failures in words only.
+    if done.returncode != 0 or "error:" in (done.stdout + done.stderr).lower():
+        raise PackageError(f"blender_ext {arguments[0]}: {(done.stdout + done.stderr).strip()}")
+
+
+def package(wheels: Sequence[Path], out: Path) -> Path:
+    """Build and validate the zip in the folder `out`. Raises PackageError or wheel.BuildError."""
+    import tomllib
+
+    chosen = list(wheels) or [wheel.build(ROOT, Path(sys.executable))[0]]
+    for path in chosen:
+        if not path.is_file():
+            raise PackageError(f"{path}: there is no such wheel")
+    manifest = tomllib.loads((ROOT / "blender_manifest.toml").read_text(encoding="utf-8"))
+    staged = ROOT / "build" / "extension"
+    stage(chosen, staged)
+    out.mkdir(parents=True, exist_ok=True)
+    target = out / f"{manifest['id']}-{manifest['version']}.zip"
+    fresh = target.with_suffix(".new.zip")
+    fresh.unlink(missing_ok=True)
+    run_tool("validate", str(staged))
+    run_tool("build", "--source-dir", str(staged), "--output-filepath", str(fresh))
+    run_tool("validate", str(fresh))
+    return fresh.replace(target)
+
+
+def main(arguments: Sequence[str]) -> int:
+    """The command line. Returns the exit status."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--wheel", type=Path, action="append", default=[], help="a wheel to bundle; may be repeated")
+    parser.add_argument("--out", type=Path, default=ROOT / "build", help="where the zip goes (default: build)")
+    asked = parser.parse_args(arguments)
+    try:
+        target = package(asked.wheel, asked.out)
+    except (PackageError, wheel.BuildError, OSError) as error:
+        print(f"package: {error}", file=sys.stderr)
+        return 2
+    print(f"{target} ({target.stat().st_size / 1e6:.1f} MB)")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

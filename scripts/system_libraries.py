@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The shared libraries that Blender's module takes from the system: which are missing, and how to get them."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+DEBIAN_PACKAGES = {
+    "libX11.so": "libx11-6",
+    "libXrender.so": "libxrender1",
+    "libXfixes.so": "libxfixes3",
+    "libXi.so": "libxi6",
+    "libXext.so": "libxext6",
+    "libXxf86vm.so": "libxxf86vm1",
+    "libxcb.so": "libxcb1",
+    "libxkbcommon.so": "libxkbcommon0",
+    "libSM.so": "libsm6",
+    "libICE.so": "libice6",
+    "libGL.so": "libgl1",
+    "libEGL.so": "libegl1",
+    "libgomp.so": "libgomp1",
+    "libstdc++.so": "libstdc++6",
+    "libuuid.so": "libuuid1",
+}
+"""Library to Debian package. Names as in Debian 12 and Ubuntu 22.04 and later."""
+
+LOADED_AT_RUN_TIME = ("libEGL.so.1",)
+"""Not linked by the module, but opened by it for drawing without a window."""
+
+
+class MissingLibrariesError(RuntimeError):
+    """Libraries are missing and could not be installed here. The message says what to install."""
+
+
+def missing(folder: Path) -> list[str]:
+    """The libraries that the Blender module in `folder` (the installed package `bpy`) needs and the system lacks.
+
+    Only Linux takes libraries from the system; elsewhere the list is empty.
+    """
+    if not sys.platform.startswith("linux") or shutil.which("ldd") is None:
+        return []
+    done = subprocess.run(["ldd", *map(str, folder.glob("__init__*.so"))], capture_output=True, text=True, check=False)
+    return sorted({*parse_ldd(done.stdout), *(name for name in LOADED_AT_RUN_TIME if not _can_open(name))})
+
+
+def parse_ldd(text: str) -> list[str]:
+    """The names that `ldd` reports as not found."""
+    return sorted(set(re.findall(r"^\s*(\S+) => not found", text, re.MULTILINE)))
+
+
+def _can_open(name: str) -> bool:
+    # In a process of its own: a library once opened stays, and drivers may print or crash.
+    code = f"import ctypes; ctypes.CDLL({name!r})"
+    return subprocess.run([sys.executable, "-c", code], capture_output=True, check=False).returncode == 0
+
+
+def packages(libraries: list[str]) -> list[str]:
+    """The Debian packages that bring these libraries; a library that we do not know stands for itself."""
+    return sorted({DEBIAN_PACKAGES.get(re.sub(r"\.so.*", ".so", name), name) for name in libraries})
+
+
+def provide(folder: Path) -> list[str]:
+    """Install what the Blender module in `folder` lacks, if we may. Returns the packages that were installed.
+
+    As root with apt-get the packages are installed. Otherwise raises MissingLibrariesError with the command to run.
+    """
+    libraries = missing(folder)
+    if not libraries:
+        return []
+    wanted = packages(libraries)
+    command = ["apt-get", "install", "--yes", "--no-install-recommends", *wanted]
+    advice = "Blender needs system libraries that are missing: {}. On Debian or Ubuntu run: sudo {}".format(
+        ", ".join(libraries), " ".join(command)
+    )
+    if not may_install():
+        raise MissingLibrariesError(advice)
+    quiet = {**os.environ, "DEBIAN_FRONTEND": "noninteractive"}
+    for arguments in (["apt-get", "update"], command):
+        done = subprocess.run(arguments, env=quiet, capture_output=True, text=True, check=False)
+        if done.returncode != 0:
+            reason = (done.stderr.strip().splitlines() or ["no reason given"])[-1]
+            raise MissingLibrariesError(f"{advice} (tried here: {reason})")
+    still = missing(folder)
+    if still:
+        raise MissingLibrariesError(f"Blender still lacks {', '.join(still)} after installing {', '.join(wanted)}")
+    return wanted
+
+
+def may_install() -> bool:
+    """Whether packages can be installed without asking: root on a system with apt-get."""
+    return hasattr(os, "geteuid") and os.geteuid() == 0 and shutil.which("apt-get") is not None

@@ -1,0 +1,184 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Every check of the project: `python3 scripts/test.py [CHECK ...]`.
+
+Sets up what it needs, then runs formatters, linters, type checks and all tests. The last line is the count; the exit
+status is 0 only if nothing failed. With arguments only the checks whose names begin so are run: `test.py core`.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import environment
+from environment import CURRENT, LTS, ROOT
+
+MANIFEST = ["--manifest-path", "native/Cargo.toml"]
+TIME_LIMIT = 900
+"""Seconds after which a check is ended and counts as failed."""
+
+
+@dataclass(frozen=True)
+class Counts:
+    """How many tests passed, failed and were skipped."""
+
+    passed: int = 0
+    failed: int = 0
+    skipped: int = 0
+
+    def __add__(self, other: Counts) -> Counts:
+        """Both together."""
+        return Counts(self.passed + other.passed, self.failed + other.failed, self.skipped + other.skipped)
+
+    def __str__(self) -> str:
+        """In the words that other programs look for."""
+        return f"{self.passed} passed, {self.failed} failed, {self.skipped} skipped"
+
+
+def run(command: list[str]) -> tuple[int, str]:
+    """Run a command, showing its output as it comes. Returns its exit status and what it printed."""
+    process = subprocess.Popen(
+        command,
+        cwd=ROOT,
+        env={**os.environ, "PYO3_PYTHON": str(CURRENT.python), "CARGO_TERM_COLOR": "never"},
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        errors="replace",
+    )
+    assert process.stdout is not None
+    # A timer, because a hanging process prints nothing that could wake a loop over its lines.
+    timer = threading.Timer(TIME_LIMIT, process.kill)
+    timer.start()
+    lines = []
+    for line in process.stdout:
+        print(line, end="", flush=True)
+        lines.append(line)
+    status = process.wait()
+    overdue = not timer.is_alive()
+    timer.cancel()
+    if overdue:
+        print(f"ended after {TIME_LIMIT} s", flush=True)
+    return status, "".join(lines)
+
+
+def gate(*command: str) -> Callable[[], Counts]:
+    """A check that is one test: its exit status decides."""
+    return lambda: Counts(passed=1) if run(list(command))[0] == 0 else Counts(failed=1)
+
+
+def python_tool(module: str, *arguments: str) -> Callable[[], Counts]:
+    """A gate that is a Python module in the current environment."""
+    return gate(str(CURRENT.python), "-m", module, *arguments)
+
+
+def rust_tests() -> Counts:
+    """`cargo test`: the sum over all its test programs."""
+    status, text = run(["cargo", "test", *MANIFEST])
+    counts = cargo_counts(text)
+    # Not compiling fails no test, and so must count by itself.
+    return counts + Counts(failed=1) if status != 0 and counts.failed == 0 else counts
+
+
+def cargo_counts(text: str) -> Counts:
+    """Adds up the closing lines of `cargo test`."""
+    found = re.findall(r"^test result: .*? (\d+) passed; (\d+) failed; (\d+) ignored;", text, re.MULTILINE)
+    return sum((Counts(*map(int, numbers)) for numbers in found), Counts())
+
+
+def pytest_tier(where: environment.Environment, folder: str) -> Callable[[], Counts]:
+    """pytest over one folder in one environment. A tier without tests has failed."""
+
+    def check() -> Counts:
+        with tempfile.TemporaryDirectory(prefix="halfspace-counts-") as temporary:
+            file = Path(temporary) / "counts.json"
+            arguments = ["tests/run.py", "--counts", str(file), folder]
+            status, _ = run([str(where.python), *arguments])
+            counts = Counts(**json.loads(file.read_text(encoding="utf-8"))) if file.is_file() else Counts()
+        return counts + Counts(failed=1) if status != 0 and counts.failed == 0 else counts
+
+    return check
+
+
+CHECKS: dict[str, Callable[[], Counts]] = {
+    "rustfmt": gate("cargo", "fmt", *MANIFEST, "--check"),
+    "clippy": gate("cargo", "clippy", *MANIFEST, "--all-targets", "--", "-D", "warnings"),
+    "clippy-python": gate(
+        "cargo", "clippy", *MANIFEST, "--all-targets", "--features", "python", "--", "-D", "warnings"
+    ),
+    "ruff": python_tool("ruff", "check", "."),
+    "ruff-format": python_tool("ruff", "format", "--check", "."),
+    "mypy": python_tool("mypy"),
+    "rust": rust_tests,
+    "core": pytest_tier(CURRENT, "tests/core"),
+    "blender": pytest_tier(CURRENT, "tests/blender"),
+    "blender-lts": pytest_tier(LTS, "tests/blender"),
+}
+"""Name to check, in the order in which they run: the quick ones first."""
+
+
+def why_not(name: str, lts_problem: str | None) -> str | None:
+    """Why a check cannot be run on this machine, or None."""
+    if name == "blender-lts":
+        return lts_problem
+    component = {"rustfmt": "rustfmt", "clippy": "cargo-clippy", "clippy-python": "cargo-clippy"}.get(name)
+    if component and shutil.which(component) is None:
+        return f"{component} is not installed"
+    return None
+
+
+def set_up(names: list[str]) -> str | None:
+    """Make the environments ready. Returns why the one for Blender LTS is missing, or None. Raises SetupError."""
+    environment.prepare(CURRENT)
+    ready, problem = [CURRENT], None
+    if "blender-lts" in names:
+        if environment.available(LTS):
+            environment.prepare(LTS)
+            ready.append(LTS)
+        else:
+            problem = f"Python {LTS.version}, which Blender {LTS.blender} needs, was not found"
+    environment.install_wheel(*ready)
+    return problem
+
+
+def main(wanted: list[str]) -> int:
+    """Run the checks whose names begin with one of `wanted` (all, if none). Returns the exit status."""
+    names = [name for name in CHECKS if not wanted or name.startswith(tuple(wanted))]
+    if not names:
+        sys.exit(f"test: no check is called {wanted[0]!r}; there are {', '.join(CHECKS)}")
+    start = time.monotonic()
+    try:
+        with environment.alone():
+            lts_problem = set_up(names)
+    except environment.SetupError as error:
+        print(f"The set-up failed: {error}\n\n{Counts(failed=1)}", flush=True)
+        return 1
+    results: dict[str, tuple[Counts, str]] = {}
+    for name in names:
+        reason = why_not(name, lts_problem)
+        print(f"\n==== {name}" + (f": skipped, {reason}" if reason else ""), flush=True)
+        began = time.monotonic()
+        counts = Counts(skipped=1) if reason else CHECKS[name]()
+        results[name] = counts, reason or f"{time.monotonic() - began:.0f} s"
+    print(f"\n==== Summary after {time.monotonic() - start:.0f} s", flush=True)
+    for name, (counts, remark) in results.items():
+        print(f"{'FAILED ' if counts.failed else '':>7}{name:<14} {counts} ({remark})")
+    total = sum((counts for counts, _ in results.values()), Counts())
+    print(f"\n{total}", flush=True)
+    return 1 if total.failed or not total.passed else 0
+
+
+if __name__ == "__main__":
+    environment.continue_in(CURRENT.version)
+    sys.exit(main(sys.argv[1:]))

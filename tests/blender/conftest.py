@@ -1,0 +1,48 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Blender as a module is one per process: the add-on is registered once, and each test starts from an empty file."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import tempfile
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+os.environ.setdefault("BLENDER_USER_RESOURCES", tempfile.mkdtemp(prefix="halfspace-blender-"))
+bpy = pytest.importorskip("bpy", reason="Blender's module bpy is not installed in this environment")
+
+if importlib.util.find_spec("OpenImageIO") is None:
+    bpy.utils.expose_bundled_modules()
+
+import addon  # noqa: E402
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _addon() -> Iterator[None]:
+    addon.register()
+    yield
+    addon.unregister()
+
+
+@pytest.fixture(autouse=True)
+def scene(_addon: None) -> Any:
+    """The scene of an empty file."""
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    return bpy.context.scene
+
+
+@pytest.fixture
+def add(scene: Any) -> Any:
+    """Adds an object with this data to the scene: add(name, data, location=..., ...)."""
+
+    def add(name: str, data: Any, **properties: Any) -> Any:
+        item = bpy.data.objects.new(name, data)
+        scene.collection.objects.link(item)
+        for key, value in properties.items():
+            setattr(item, key, value)
+        return item
+
+    return add

@@ -1,0 +1,215 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The engine renders through `bpy.ops.render.render`, and what it writes is what was asked for."""
+
+from __future__ import annotations
+
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+import OpenImageIO
+import pytest
+from shapes import cube, grid, material, node, with_nodes
+
+from addon.blender import engine, reports
+from addon.core.session import Cancelled
+
+WIDTH, HEIGHT = 48, 32
+
+
+@pytest.fixture
+def stage(add: Any, scene: Any) -> Any:
+    """A grey cube under a sun before a blue background, seen from the front."""
+    scene.render.engine = engine.ENGINE
+    scene.render.resolution_x, scene.render.resolution_y = WIDTH, HEIGHT
+    scene.render.resolution_percentage = 100
+    scene.halfspace.samples = 4
+    add("Cube", cube())
+    add("Sun", bpy.data.lights.new("Sun", "SUN"), rotation_euler=(0.5, 0.3, 0))
+    scene.camera = add("Camera", bpy.data.cameras.new("Camera"), location=(0, -8, 0), rotation_euler=(np.pi / 2, 0, 0))
+    scene.world = bpy.data.worlds.new("World")
+    with_nodes(scene.world)
+    background = node(scene.world.node_tree, "ShaderNodeBackground")
+    background.inputs["Color"].default_value = (0.25, 0.5, 1.0, 1.0)
+    return scene
+
+
+def render(scene: Any, folder: Path) -> dict[str, np.ndarray[Any, Any]]:
+    """Render to a multilayer EXR; every channel as (h, w), rows from the bottom, by its name without the layer."""
+    image = scene.render.image_settings
+    if hasattr(image, "media_type"):
+        image.media_type = "MULTI_LAYER_IMAGE"
+    image.file_format, image.color_depth = "OPEN_EXR_MULTILAYER", "32"
+    scene.render.filepath = str(folder / "picture.exr")
+    bpy.ops.render.render(write_still=True)
+    channels = {}
+    part = 0
+    file = OpenImageIO.ImageInput.open(scene.render.filepath)
+    while file.seek_subimage(part, 0):
+        pixels = file.read_image(part, 0, 0, file.spec().nchannels, "float")
+        for i, name in enumerate(file.spec().channelnames):
+            channels[name.split(".", 1)[-1]] = np.flipud(pixels[..., i])
+        part += 1
+    file.close()
+    return channels
+
+
+def test_the_picture_shows_cube_and_background(stage: Any, tmp_path: Path) -> None:
+    picture = render(stage, tmp_path)
+    blue = [picture[f"Combined.{c}"] for c in "RGB"]
+    assert np.allclose([c[0, 0] for c in blue], (0.25, 0.5, 1.0), rtol=1e-3)
+    assert abs(blue[0][HEIGHT // 2, WIDTH // 2] - 0.25) > 0.02
+    assert (picture["Combined.A"] == 1).all()
+    report = reports.last(stage)
+    assert report is not None
+    assert report.triangles == 12
+    assert any("smooth" in line for line in report.left_out)
+
+
+def test_passes_hold_depth_normal_position_and_counts(stage: Any, tmp_path: Path) -> None:
+    stage.objects["Cube"].location = (100, 0, 0)
+    stage.objects["Camera"].location = (100, -8, 0)
+    facets = stage.objects["Cube"].modifiers.new("Facets", "SUBSURF")
+    facets.subdivision_type, facets.render_levels = "SIMPLE", 3
+    layer = stage.view_layers[0]
+    layer.use_pass_z = layer.use_pass_normal = layer.use_pass_position = True
+    layer.halfspace.use_pass_steps = layer.halfspace.use_pass_tests = True
+    picture = render(stage, tmp_path)
+    middle, corner = (HEIGHT // 2, WIDTH // 2), (0, 0)
+    assert picture["Depth.Z"][middle] == pytest.approx(7, abs=1e-3)
+    assert picture["Depth.Z"][corner] > 1e9
+    assert [picture[f"Normal.{c}"][middle] for c in "XYZ"] == pytest.approx([0, -1, 0], abs=1e-4)
+    x, y, z = (picture[f"Position.{c}"][middle] for c in "XYZ")
+    assert (x, y, z) == pytest.approx((100, -1, 0), abs=0.2)
+    assert picture["Position.X"][corner] == 0
+    assert picture["Traversal Steps.X"][middle] > 0
+    assert picture["Triangle Tests.X"][middle] >= 1
+
+
+def test_an_empty_scene_is_all_background(stage: Any, tmp_path: Path) -> None:
+    bpy.data.objects.remove(stage.objects["Cube"])
+    picture = render(stage, tmp_path)
+    assert np.allclose(picture["Combined.B"], 1.0, rtol=1e-3)
+
+
+def test_a_transparent_film_has_no_background(stage: Any, tmp_path: Path) -> None:
+    stage.render.film_transparent = True
+    picture = render(stage, tmp_path)
+    assert picture["Combined.A"][0, 0] == picture["Combined.B"][0, 0] == 0
+    assert picture["Combined.A"][HEIGHT // 2, WIDTH // 2] == 1
+
+
+@pytest.mark.parametrize("crop", [False, True])
+def test_a_border_is_the_same_picture_in_part(stage: Any, tmp_path: Path, crop: bool) -> None:
+    whole = render(stage, tmp_path)["Combined.G"]
+    r = stage.render
+    r.use_border, r.use_crop_to_border = True, crop
+    r.border_min_x, r.border_max_x, r.border_min_y, r.border_max_y = 0.25, 0.7, 0.3, 0.9
+    part = render(stage, tmp_path)["Combined.G"]
+    x0, y0, x1, y1 = engine.border_pixels(r, WIDTH, HEIGHT)
+    if crop:
+        assert part.shape == (y1 - y0, x1 - x0)
+    else:
+        assert part[0, 0] == 0
+        part = part[y0:y1, x0:x1]
+    inside = whole[y0:y1, x0:x1]
+    assert np.abs(part - inside)[2:-2, 2:-2].max() < 0.25
+    assert np.abs(part - inside).mean() < 0.02
+
+
+def test_percentage_scales_the_picture(stage: Any, tmp_path: Path) -> None:
+    stage.render.resolution_percentage = 50
+    assert render(stage, tmp_path)["Combined.G"].shape == (HEIGHT // 2, WIDTH // 2)
+
+
+def test_hidden_objects_are_not_rendered(stage: Any, tmp_path: Path) -> None:
+    stage.objects["Cube"].hide_render = True
+    assert np.allclose(render(stage, tmp_path)["Combined.B"], 1.0, rtol=1e-3)
+
+
+def test_every_structure_gives_the_same_picture(stage: Any, tmp_path: Path) -> None:
+    ball = stage.objects["Cube"].modifiers.new("Round", "SUBSURF")
+    ball.render_levels = 2
+    pictures = []
+    for structure in ("brute", "kd", "kd-sah"):
+        stage.halfspace.structure = structure
+        pictures.append(render(stage, tmp_path)["Combined.R"])
+    assert all(np.array_equal(pictures[0], other) for other in pictures[1:])
+
+
+def test_what_is_not_understood_is_reported_once(stage: Any, tmp_path: Path) -> None:
+    odd = material("Odd")
+    shader = node(odd.node_tree, "ShaderNodeBsdfPrincipled")
+    odd.node_tree.links.new(odd.node_tree.nodes.new("ShaderNodeTexNoise").outputs[0], shader.inputs["Roughness"])
+    for name in ("Cube", "Other"):
+        mesh = cube(name)
+        mesh.materials.append(odd)
+        stage.collection.objects.link(bpy.data.objects.new(name, mesh))
+    line = bpy.data.meshes.new("Line")
+    line.from_pydata([(0, 0, 0), (1, 0, 0), (2, 0, 0)], [], [(0, 1, 2)])
+    stage.collection.objects.link(bpy.data.objects.new("Line", line))
+    render(stage, tmp_path)
+    report = reports.last(stage)
+    assert report is not None
+    assert len([w for w in report.warnings if "Odd" in w]) == 1
+    assert len([w for w in report.warnings if "without area" in w and "Line" in w]) == 1
+
+
+def test_vertices_that_are_not_finite_cost_only_their_triangles(stage: Any, tmp_path: Path) -> None:
+    whole = render(stage, tmp_path)["Combined.R"]
+    broken = cube("Broken")
+    for vertex, value in zip(broken.vertices, (np.nan, np.inf, -np.inf), strict=False):
+        vertex.co.x = value
+    stage.collection.objects.link(bpy.data.objects.new("Broken", broken))
+    picture = render(stage, tmp_path)["Combined.R"]
+    assert np.isfinite(picture).all()
+    assert np.allclose(picture[0, 0], whole[0, 0])
+    report = reports.last(stage)
+    assert report is not None
+    assert any("not finite" in line and "Broken" in line for line in report.warnings)
+
+
+def test_no_camera_is_refused(stage: Any) -> None:
+    stage.camera = None
+    with pytest.raises(RuntimeError, match="camera"):
+        bpy.ops.render.render()
+
+
+def test_an_error_while_rendering_is_one_readable_line(stage: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_args: Any, **_kwargs: Any) -> None:
+        raise ValueError("the scene\nis odd")
+
+    monkeypatch.setattr(engine.extract, "extract", fail)
+    with pytest.raises(RuntimeError, match="the scene is odd"):
+        bpy.ops.render.render()
+
+
+@pytest.mark.parametrize("during", ["build", "trace"])
+def test_a_cancelled_render_ends_soon_without_an_error(
+    stage: Any, monkeypatch: pytest.MonkeyPatch, during: str
+) -> None:
+    """`test_break` cannot be triggered in background, so the question is answered in its place."""
+    if during == "build":
+        stage.collection.objects.link(bpy.data.objects.new("Grid", grid(700)))
+    stage.halfspace.samples = 1 << 16
+    asked = []
+
+    def break_after_a_while(picture: Any, progress: float) -> bool:
+        asked.append(progress)
+        return len(asked) < 3
+
+    method = "_building" if during == "build" else "_tracing"
+    monkeypatch.setattr(engine._Picture, method, break_after_a_while)
+    begin = time.monotonic()
+    bpy.ops.render.render()
+    assert len(asked) == 3
+    assert time.monotonic() - begin < 5.0
+    assert reports.last(stage) is None
+    assert not [thread for thread in threading.enumerate() if thread.name == "halfspace-build"]
+
+
+def test_cancelled_is_not_an_error() -> None:
+    assert not issubclass(Cancelled, RuntimeError)

@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The zip that users install: built, installed by Blender itself into an empty user folder, rendered, and removed."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import package
+import pytest
+
+SESSION = Path(__file__).with_name("extension_session.py")
+
+
+@pytest.fixture(scope="module")
+def archive(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The zip with the wheel that the environment was set up with."""
+    wheels = sorted((package.ROOT / "build" / "wheel").glob("*.whl"))
+    assert len(wheels) == 1, "scripts/test.py builds the wheel first"
+    return package.package(wheels, tmp_path_factory.mktemp("zip"))
+
+
+@pytest.fixture(scope="module")
+def found(archive: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    """What a user's Blender found on the way."""
+    user = tmp_path_factory.mktemp("user")
+    # Nothing of this environment but bpy: no PYTHONPATH, no current folder, no user site.
+    clean = {key: value for key, value in os.environ.items() if not key.startswith(("PYTHON", "BLENDER_"))}
+    done = subprocess.run(
+        [sys.executable, "-I", str(SESSION), str(archive)],
+        env={**clean, "BLENDER_USER_RESOURCES": str(user)},
+        cwd=user,
+        capture_output=True,
+        text=True,
+        timeout=240,
+        check=False,
+    )
+    lines = [line for line in done.stdout.splitlines() if line.startswith("FOUND ")]
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert lines, done.stdout + done.stderr
+    return {**json.loads(lines[0].removeprefix("FOUND ")), "user": str(user), "log": done.stdout + done.stderr}
+
+
+def test_the_zip_holds_the_addon_at_its_top_and_nothing_foreign(archive: Path) -> None:
+    names = set(zipfile.ZipFile(archive).namelist())
+    assert {"__init__.py", "blender_manifest.toml", "LICENSE"} <= names
+    assert len([name for name in names if name.startswith("wheels/") and name.endswith(".whl")]) == 1
+    assert not [name for name in names if "__pycache__" in name or name.endswith((".pyc", ".so", ".rs"))]
+
+
+def test_the_zip_installs_and_enables(found: dict[str, Any]) -> None:
+    assert found["enabled"] == [True, True], found["log"]
+
+
+def test_the_native_module_is_the_one_from_the_zip(found: dict[str, Any]) -> None:
+    native = Path(found["native"]).resolve()
+    assert native.is_relative_to(Path(found["user"]).resolve())
+
+
+def test_the_installed_engine_renders(found: dict[str, Any]) -> None:
+    for picture in (found["first"], found["second"]):
+        assert 0.01 < picture["mean"] < 0.99, found["log"]
+        assert picture["deviation"] > 0.01, "the picture is of one colour"
+
+
+def test_enabling_adds_what_disabling_takes_away(found: dict[str, Any]) -> None:
+    assert found["with"]["properties"], "the probe sees what an enabled extension adds"
+    assert found["with"]["types"]
+    assert found["disabled"] == [False, False]
+    assert found["after"] == found["before"]
+
+
+def test_a_second_enabling_is_as_the_first(found: dict[str, Any]) -> None:
+    assert found["again"] == [True, True]
+    assert found["with_again"] == found["with"]

@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Lights keep their power, size and colour."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import bpy
+import numpy as np
+import pytest
+from shapes import node, read, with_nodes
+
+if TYPE_CHECKING:
+    from addon.core.scene import Light
+
+
+def only_light(add: Any, kind: str, *, scale: tuple[float, float, float] = (1, 1, 1), **settings: Any) -> Light:
+    data = bpy.data.lights.new("Light", kind)
+    for name, value in settings.items():
+        setattr(data, name, value)
+    add("Light", data, scale=scale, rotation_euler=(0.1, 0.2, 0.3))
+    lights = read()[0].lights
+    assert len(lights) == 1
+    return lights[0]
+
+
+def test_power_is_energy_times_colour_times_exposure(add: Any) -> None:
+    light = only_light(add, "POINT", energy=10, color=(1, 0.5, 0.25), exposure=2, shadow_soft_size=0.5)
+    assert light.power == pytest.approx((40, 20, 10))
+    assert (light.kind, light.radius) == ("point", 0.5)
+
+
+def test_temperature_tints(add: Any) -> None:
+    light = only_light(add, "SUN", energy=1, use_temperature=True, temperature=3000, angle=0.1)
+    r, g, b = light.power
+    assert r > g > b > 0
+    assert light.angle == pytest.approx(0.1)
+
+
+def test_spots_have_a_cone(add: Any) -> None:
+    light = only_light(add, "SPOT", energy=5, spot_size=1.0, spot_blend=0.25, use_shadow=False)
+    assert (light.spot_size, light.spot_blend, light.casts_shadow) == (1.0, 0.25, False)
+
+
+@pytest.mark.parametrize(
+    ("shape", "area"), [("SQUARE", 4), ("RECTANGLE", 6), ("DISK", math.pi), ("ELLIPSE", 1.5 * math.pi)]
+)
+def test_areas_scale_with_their_object_and_need_not_be_normalised(add: Any, shape: str, area: float) -> None:
+    light = only_light(add, "AREA", energy=1, shape=shape, size=1, size_y=1.5, normalize=False, scale=(2, 2, 2))
+    assert light.size == pytest.approx(2)
+    assert light.size_y == pytest.approx(3 if shape in ("RECTANGLE", "ELLIPSE") else 2)
+    assert light.power[0] == pytest.approx(area)
+    assert np.allclose(np.linalg.norm(light.to_world[:3, :3], axis=0), 1)
+
+
+def test_points_and_suns_need_not_be_normalised(add: Any) -> None:
+    """Measured against Cycles: a sphere shines with all its surface, a sun with its disk of directions."""
+    ball = only_light(add, "POINT", energy=2, shadow_soft_size=0.5, normalize=False)
+    assert ball.power[0] == pytest.approx(2 * math.pi)
+    bpy.data.objects.remove(bpy.data.objects["Light"])
+    sun = only_light(add, "SUN", energy=2, angle=0.2, normalize=False)
+    assert sun.power[0] == pytest.approx(2 * math.pi * math.tan(0.1) ** 2)
+
+
+def test_lights_without_power_are_left_out(add: Any) -> None:
+    add("Dark", bpy.data.lights.new("Dark", "POINT"))
+    bpy.data.lights["Dark"].energy = 0
+    assert read()[0].lights == ()
+
+
+def test_emission_nodes_of_a_light_multiply(add: Any) -> None:
+    data = bpy.data.lights.new("Noded", "POINT")
+    data.energy = 10
+    with_nodes(data)
+    emission = node(data.node_tree, "ShaderNodeEmission")
+    emission.inputs["Color"].default_value, emission.inputs["Strength"].default_value = (1, 0.5, 0, 1), 2
+    add("Noded", data)
+    assert read()[0].lights[0].power == pytest.approx((20, 10, 0))
+    blackbody = data.node_tree.nodes.new("ShaderNodeBlackbody")
+    data.node_tree.links.new(blackbody.outputs[0], emission.inputs["Color"])
+    bpy.context.view_layer.update()
+    assert any("Blackbody" in line and "Noded" in line for line in read()[1])

@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Scene settings come from the registry and follow the chosen structure."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import bpy
+import halfspace_native
+import numpy as np
+import pytest
+
+from addon.blender import panels, properties
+from addon.core import catalogue, native
+
+
+def test_enum_numbers_are_the_registrys_codes(scene: Any) -> None:
+    items = scene.halfspace.bl_rna.properties["structure"].enum_items
+    assert {item.identifier: item.value for item in items} == {
+        row["id"]: row["code"] for row in halfspace_native.structures()
+    }
+    assert scene.halfspace.structure == "kd"
+
+
+def test_every_structure_has_a_property_for_each_parameter_with_its_default(scene: Any) -> None:
+    for row in halfspace_native.structures():
+        scene.halfspace.structure = row["id"]
+        for parameter in row["parameters"]:
+            value = getattr(scene.halfspace, parameter["name"])
+            assert value == (
+                pytest.approx(parameter["default"]) if parameter["kind"] == "float" else parameter["default"]
+            )
+        assert properties.spec(scene.halfspace) == row["id"]
+        names = [parameter.name for parameter in properties.structure_parameters(scene.halfspace)]
+        assert names == [parameter["name"] for parameter in row["parameters"]]
+
+
+def test_a_value_that_the_user_set_survives_a_change_of_structure(scene: Any) -> None:
+    scene.halfspace.traversal = "dir"
+    scene.halfspace.structure = "kd-sah"
+    assert properties.spec(scene.halfspace) == "kd-sah:traversal=dir"
+    scene.halfspace.structure = "brute"
+    scene.halfspace.structure = "kd"
+    assert properties.spec(scene.halfspace) == "kd:traversal=dir"
+
+
+def test_the_native_module_understands_what_the_properties_say(scene: Any) -> None:
+    scene.halfspace.max_depth = 20
+    scene.halfspace.step_cost = 0.7
+    text = properties.spec(scene.halfspace)
+    nothing = np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32)
+    assert halfspace_native.build(*nothing, text).spec == text
+
+
+def test_settings_survive_saving_and_loading(tmp_path: Path, scene: Any) -> None:
+    scene.halfspace.structure = "kd-sah"
+    scene.halfspace.samples = 7
+    scene.view_layers[0].halfspace.use_pass_steps = True
+    file = str(tmp_path / "settings.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=file)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    bpy.ops.wm.open_mainfile(filepath=file)
+    loaded = bpy.context.scene
+    assert (loaded.halfspace.structure, loaded.halfspace.samples) == ("kd-sah", 7)
+    assert loaded.view_layers[0].halfspace.use_pass_steps
+
+
+class Layout:
+    """Records what a panel draws; stands for `bpy.types.UILayout`."""
+
+    def __init__(self, log: list[str] | None = None) -> None:
+        self.log: list[str] = [] if log is None else log
+
+    def __getattr__(self, name: str) -> Any:
+        def call(*args: Any, **kwargs: Any) -> Layout:
+            if name == "prop":
+                assert args[1] in args[0].bl_rna.properties, args[1]
+                self.log.append(args[1])
+            elif name == "label":
+                self.log.append(kwargs["text"])
+            return Layout(self.log)
+
+        return call
+
+
+def draw(panel: type, **context: Any) -> list[str]:
+    stand_in = type("Panel", (), {"layout": Layout(), "_column": panel._column})()
+    panel.draw(stand_in, type("Context", (), context)())
+    return stand_in.layout.log
+
+
+def test_the_structure_panel_shows_only_what_the_structure_has(scene: Any) -> None:
+    scene.halfspace.structure = "brute"
+    assert draw(panels.HALFSPACE_PT_structure, scene=scene) == ["structure"]
+    scene.halfspace.structure = "kd"
+    expected = [p.name for p in catalogue.load()["kd"].parameters]
+    assert draw(panels.HALFSPACE_PT_structure, scene=scene) == ["structure", *expected]
+
+
+def test_the_structure_panel_says_why_there_is_no_native_module(scene: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(native, "problem", lambda: "The native module of Halfspace cannot be loaded: gone " * 3)
+    lines = draw(panels.HALFSPACE_PT_structure, scene=scene)
+    assert len(lines) > 1
+    assert "cannot be loaded" in " ".join(lines)
+
+
+@pytest.mark.parametrize("kind", ["POINT", "SUN", "SPOT", "AREA"])
+def test_light_panels_draw_properties_that_exist(kind: str) -> None:
+    light = bpy.data.lights.new("Light", kind)
+    assert "energy" in draw(panels.HALFSPACE_PT_light, light=light)
+    if kind == "AREA":
+        light.shape = "ELLIPSE"
+        assert "size_y" in draw(panels.HALFSPACE_PT_light, light=light)
+
+
+def test_the_other_panels_draw(scene: Any) -> None:
+    assert "samples" in draw(panels.HALFSPACE_PT_sampling, scene=scene)
+    assert draw(panels.HALFSPACE_PT_film, scene=scene) == ["film_transparent"]
+    assert draw(panels.HALFSPACE_PT_statistics, scene=scene) == ["Nothing rendered yet"]
+    assert "use_pass_steps" in draw(panels.HALFSPACE_PT_passes, view_layer=scene.view_layers[0])

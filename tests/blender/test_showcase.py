@@ -1,0 +1,35 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The built-in scene: enough geometry, all of it understood, and everything in the picture."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+import numpy as np
+from shapes import read
+
+from addon.blender import showcase
+
+
+def test_the_showcase_is_understood_and_has_what_it_shows(scene: Any) -> None:
+    showcase.build(scene)
+    bpy.context.view_layer.update()
+    arrays, notes = read()
+    assert notes == []
+    assert 100_000 <= len(arrays.geometry.triangles) <= 200_000
+    assert arrays.geometry.faulty_triangles() == {}
+    assert {light.kind for light in arrays.lights} == {"area", "spot", "point", "sun"}
+    assert any(m.transmission == 1 for m in arrays.materials)
+    assert any(m.metallic == 1 and m.roughness == 0 for m in arrays.materials)
+    # The floor is a chessboard: both halves have equally many squares.
+    numbers = [i for i, m in enumerate(arrays.materials) if "stone" in m.name]
+    counts = [np.count_nonzero(arrays.geometry.material_index == i) for i in numbers]
+    assert counts == [784, 784]
+
+
+def test_the_operator_adds_a_scene_of_its_own() -> None:
+    before = set(bpy.data.scenes)
+    assert bpy.ops.halfspace.showcase() == {"FINISHED"}
+    (new,) = set(bpy.data.scenes) - before
+    assert new.camera is not None

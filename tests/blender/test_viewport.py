@@ -1,0 +1,140 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The rendered viewport, drawn into an offscreen buffer: a coarse picture at once, then the full one."""
+
+from __future__ import annotations
+
+import gc
+import time
+import weakref
+from types import SimpleNamespace
+from typing import Any
+
+import bpy
+import gpu
+import numpy as np
+import pytest
+from mathutils import Matrix
+from shapes import cube, node, with_nodes
+
+from addon.blender import viewport
+from addon.blender.viewport import Viewport, view_camera
+
+WIDTH, HEIGHT = 64, 48
+
+
+class Engine:
+    """What the viewport needs of `bpy.types.RenderEngine`, which cannot be made outside a window."""
+
+    def __init__(self) -> None:
+        self.redraws = 0
+        self.said = ""
+
+    def update_stats(self, _left: str, right: str) -> None:
+        self.said = right
+
+    def tag_redraw(self) -> None:
+        self.redraws += 1
+
+    def bind_display_space_shader(self, scene: Any) -> None:
+        pass
+
+    def unbind_display_space_shader(self) -> None:
+        pass
+
+
+@pytest.fixture
+def canvas() -> Any:
+    if not hasattr(gpu, "init"):
+        pytest.skip("this Blender cannot draw without a window (gpu.init came with 5.2)")
+    try:
+        gpu.init()
+    except Exception as error:
+        pytest.skip(f"no drawing here: {error}")
+    return gpu.types.GPUOffScreen(WIDTH, HEIGHT, format="RGBA16F")
+
+
+@pytest.fixture
+def context(add: Any, scene: Any) -> Any:
+    """A view of a dark cube before a white background, through the scene's camera."""
+    cube_mesh = cube()
+    add("Cube", cube_mesh)
+    scene.camera = add("Camera", bpy.data.cameras.new("Camera"), location=(0, -8, 0), rotation_euler=(np.pi / 2, 0, 0))
+    scene.world = bpy.data.worlds.new("World")
+    with_nodes(scene.world)
+    node(scene.world.node_tree, "ShaderNodeBackground").inputs["Color"].default_value = (1, 1, 1, 1)
+    scene.halfspace.preview_samples = 4
+    bpy.context.view_layer.update()
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    window_matrix = scene.camera.calc_matrix_camera(depsgraph, x=WIDTH, y=HEIGHT)
+    view_matrix = scene.camera.matrix_world.inverted()
+    return SimpleNamespace(
+        scene=scene,
+        region=SimpleNamespace(width=WIDTH, height=HEIGHT),
+        region_data=SimpleNamespace(
+            view_matrix=view_matrix, window_matrix=window_matrix, perspective_matrix=window_matrix @ view_matrix
+        ),
+        space_data=SimpleNamespace(clip_start=0.1, clip_end=100.0),
+    )
+
+
+def draw_until_done(view: Viewport, engine: Engine, context: Any, canvas: Any) -> np.ndarray[Any, Any]:
+    deadline = time.monotonic() + 20
+    with canvas.bind():
+        gpu.matrix.load_matrix(Matrix.Identity(4))
+        gpu.matrix.load_projection_matrix(
+            Matrix(((2 / WIDTH, 0, 0, -1), (0, 2 / HEIGHT, 0, -1), (0, 0, 1, 0), (0, 0, 0, 1)))
+        )
+        while True:
+            before = engine.redraws
+            view.draw(engine, context)
+            if engine.redraws == before:
+                break
+            assert time.monotonic() < deadline
+        pixels = gpu.state.active_framebuffer_get().read_color(0, 0, WIDTH, HEIGHT, 4, 0, "FLOAT")
+    return np.array(pixels.to_list(), np.float32).reshape(HEIGHT, WIDTH, 4)
+
+
+def test_the_picture_converges_and_follows_the_view(context: Any, canvas: Any) -> None:
+    engine, view = Engine(), Viewport()
+    view.update(engine, context, bpy.context.evaluated_depsgraph_get())
+    picture = draw_until_done(view, engine, context, canvas)
+    assert engine.said == "Sample 4 of 4"
+    assert np.allclose(picture[0, 0, :3], 1, atol=1e-2)
+    assert picture[HEIGHT // 2, WIDTH // 2, 0] < 0.95
+    context.region_data.view_matrix = Matrix.Translation((50, 0, 0)) @ context.region_data.view_matrix
+    context.region_data.perspective_matrix = context.region_data.window_matrix @ context.region_data.view_matrix
+    assert np.allclose(draw_until_done(view, engine, context, canvas)[..., :3], 1, atol=1e-2)
+
+
+def test_a_scene_that_cannot_be_read_is_said_and_drawing_goes_on(context: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_args: Any, **_kwargs: Any) -> None:
+        raise ValueError("the scene is odd")
+
+    monkeypatch.setattr(viewport.extract, "extract", fail)
+    engine, view = Engine(), Viewport()
+    view.update(engine, context, bpy.context.evaluated_depsgraph_get())
+    view.draw(engine, context)
+    assert engine.said == "the scene is odd"
+
+
+def test_a_viewport_that_goes_stops_its_work(context: Any) -> None:
+    view = Viewport()
+    context.scene.halfspace.preview_samples = 1 << 16
+    view.update(Engine(), context, bpy.context.evaluated_depsgraph_get())
+    view._camera = view_camera(context.region_data, view._origin, context.space_data)
+    view._start(context.region, 1)
+    job, gone = view._job, weakref.ref(view)
+    del view
+    gc.collect()
+    assert gone() is None
+    assert job.wait(1000)
+    assert job.cancelled
+
+
+def test_the_view_of_a_camera_is_the_camera(context: Any) -> None:
+    seen = view_camera(context.region_data, np.zeros(3), context.space_data)
+    assert seen.kind == "perspective"
+    assert np.allclose(seen.to_world, np.array(context.scene.camera.matrix_world), atol=1e-6)
+    left, right, bottom, top = seen.window
+    assert (left, bottom) == pytest.approx((-right, -top))
+    assert right / top == pytest.approx(WIDTH / HEIGHT)

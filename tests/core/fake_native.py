@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A stand-in for the compiled module: the same names, no geometry. For the logic of sessions and of the engine."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import numpy as np
+
+CHANNELS = {"Combined": 4, "Depth": 1, "Normal": 3, "Position": 3, "Traversal Steps": 1, "Triangle Tests": 1}
+
+
+class Monitor:
+    def __init__(self) -> None:
+        self.progress = 0.0
+        self.cancelled = False
+
+    def cancel(self) -> None:
+        self.cancelled = True
+
+
+class Structure:
+    def __init__(self, triangles: int) -> None:
+        self.statistics = {
+            "build_seconds": 0.0,
+            "bytes": 64,
+            "dropped_triangles": 0,
+            "left_out": [],
+            "triangles": triangles,
+        }
+
+
+class Cancelled(RuntimeError):
+    pass
+
+
+class FakeNative:
+    """build_seconds and render_seconds: how long the work lasts unless it is cancelled. error: what a build raises,
+    job_error: what a render reports."""
+
+    Monitor = Monitor
+
+    def __init__(
+        self,
+        *,
+        build_seconds: float = 0.0,
+        render_seconds: float = 0.0,
+        error: Exception | None = None,
+        job_error: str | None = None,
+    ) -> None:
+        self.build_seconds = build_seconds
+        self.render_seconds = render_seconds
+        self.error = error
+        self.job_error = job_error
+        self.monitor: Monitor | None = None
+        self.jobs: list[Job] = []
+
+    def build(self, vertices: Any, triangles: Any, spec: str, *, threads: int, monitor: Monitor) -> Structure:
+        self.monitor = monitor
+        if self.error is not None:
+            raise self.error
+        end = time.monotonic() + self.build_seconds
+        while time.monotonic() < end:
+            if monitor.cancelled:
+                raise Cancelled("cancelled")
+            monitor.progress = 0.5
+            time.sleep(0.005)
+        return Structure(len(triangles))
+
+    def RenderScene(self, structure: Structure, **parts: Any) -> Any:
+        return type("RenderScene", (), {"left_out": ["shadow rays: no lights"], "parts": parts})()
+
+    def render(self, scene: Any, camera: dict[str, Any], settings: dict[str, Any], *, threads: int) -> Job:
+        job = Job(settings, self.render_seconds, self.job_error)
+        self.jobs.append(job)
+        return job
+
+
+class Job:
+    def __init__(self, settings: dict[str, Any], seconds: float, error: str | None) -> None:
+        x0, y0, x1, y1 = settings["border"] or (0, 0, settings["width"], settings["height"])
+        self._pixels = (x1 - x0) * (y1 - y0)
+        self._start = time.monotonic()
+        self._end = self._start + seconds
+        self.passes = {name: CHANNELS[name] for name in settings["passes"]}
+        self.cancelled = False
+        self.error = error
+        self.samples_done = 1
+        self.statistics = {"mrays_s": 1.0, "seconds": seconds}
+
+    @property
+    def finished(self) -> bool:
+        return self.cancelled or time.monotonic() >= self._end
+
+    @property
+    def progress(self) -> float:
+        return 1.0 if self.finished else 0.5
+
+    def wait(self, milliseconds: int) -> bool:
+        if not self.finished:
+            time.sleep(min(milliseconds / 1000, max(self._end - time.monotonic(), 0.0)))
+        return self.finished
+
+    def cancel(self) -> None:
+        self.cancelled = True
+
+    def copy_into(self, name: str, out: np.ndarray[Any, Any]) -> None:
+        assert out.dtype == np.float32
+        assert out.shape == (self._pixels * self.passes[name],)
+        out[:] = 0.5

@@ -1,0 +1,195 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The benchmark's command line: what it writes, how it resumes, and one line for whatever is wrong."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import bench
+import numpy as np
+import pytest
+from lying_native import LyingNative
+
+from addon.core import benchmark, native
+
+BENCH = Path(bench.__file__)
+QUICK = ["--size", "32x32", "--repeats", "1", "--check-rays", "128", "--structures", "kd"]
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Path:
+    """A small file: a hundred triangles around the origin, seen from outside."""
+    rng = np.random.default_rng(1)
+    corners = rng.normal(size=(100, 1, 3)) + 0.4 * rng.normal(size=(100, 3, 3))
+    path = tmp_path / "soup.npz"
+    np.savez(
+        path,
+        vertices=corners.reshape(-1, 3).astype(np.float32),
+        triangles=np.arange(300, dtype=np.int32).reshape(-1, 3),
+        camera_eye=np.array([0.0, -5.0, 1.0]),
+        camera_target=np.zeros(3),
+        camera_up=np.array([0.0, 0.0, 1.0]),
+        camera_vfov_deg=np.float64(45.0),
+    )
+    return path
+
+
+def document(folder: Path) -> Any:
+    return json.loads((folder / "bench.json").read_text(encoding="utf-8"))
+
+
+def test_it_writes_all_three_files_and_ends_well(scene: Path, tmp_path: Path, capsys: Any) -> None:
+    out = tmp_path / "deep" / "out"
+    assert bench.main([str(scene), *QUICK, "--out", str(out)]) == 0
+    found = document(out)
+    assert found["schema"] == 1
+    assert found["project_version"] == native.VERSION
+    specs = [row["spec"] for row in found["rows"]]
+    assert specs[-1] == "kd"
+    assert len(list(csv.DictReader((out / "bench.csv").read_text(encoding="utf-8").splitlines()))) == len(specs)
+    assert "soup" in (out / "report.html").read_text(encoding="utf-8")
+    assert sorted(p.name for p in out.iterdir()) == ["bench.csv", "bench.json", "report.html", "rows.jsonl"]
+    assert "false miss" in capsys.readouterr().out
+
+
+def test_an_answer_that_differs_is_status_1(scene: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(native, "load", lambda: LyingNative("wrong_triangle"))
+    assert bench.main([str(scene), *QUICK]) == 1
+
+
+def test_a_second_run_measures_nothing_again(scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    out = tmp_path / "out"
+    assert bench.main([str(scene), *QUICK, "--out", str(out)]) == 0
+    before = document(out)["rows"]
+
+    def never(*_: Any) -> Any:
+        raise AssertionError("a finished row was measured again")
+
+    monkeypatch.setattr(benchmark, "measure", never)
+    assert bench.main([str(scene), *QUICK, "--out", str(out)]) == 0
+    assert document(out)["rows"] == before
+
+
+def test_a_stopped_run_goes_on_where_it_was(scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    out = tmp_path / "out"
+    both = [*QUICK[:-1], "kd,kd-sah"]
+    real = benchmark.measure
+
+    def stopped(*arguments: Any) -> Any:
+        for row in real(*arguments):
+            yield row
+            if row["spec"] == "kd":
+                raise KeyboardInterrupt
+
+    monkeypatch.setattr(benchmark, "measure", stopped)
+    with pytest.raises(KeyboardInterrupt):
+        bench.main([str(scene), *both, "--out", str(out)])
+    asked: list[str] = []
+
+    def counted(module: Any, loaded: Any, chosen: list[str], *rest: Any) -> Any:
+        asked.extend(chosen)
+        return real(module, loaded, chosen, *rest)
+
+    monkeypatch.setattr(benchmark, "measure", counted)
+    assert bench.main([str(scene), *both, "--out", str(out)]) == 0
+    assert [spec for spec in asked if spec != "embree"] == ["kd-sah"]
+    assert [row["spec"] for row in document(out)["rows"] if row["spec"] != "embree"] == ["kd", "kd-sah"]
+
+
+def test_other_options_are_other_rows(scene: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    for seed in ("1", "2"):
+        assert bench.main([str(scene), *QUICK, "--ray-seed", seed, "--out", str(out)]) == 0
+    journal = [json.loads(line) for line in (out / "rows.jsonl").read_text(encoding="utf-8").splitlines()]
+    assert len({entry["key"] for entry in journal if entry["row"]["spec"] == "kd"}) == 2
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--structures", "octopus"], "unknown structure 'octopus'; there are kd"),
+        (["--structures", "kd:colour=3"], "has no key 'colour'"),
+        (["--structures", "kd:max_depth=999"], "max_depth"),
+        (["--k", "9-2"], "runs backwards"),
+        (["--k", "3"], "parameter 'k'"),
+        (["--rays", "primary,sideways"], "unknown set 'sideways'"),
+        (["--size", "100x100"], "multiples of 8"),
+        (["--size", "0x8"], "multiples of 8"),
+        (["--size", "big"], "WIDTHxHEIGHT"),
+        (["--repeats", "0"], "at least 1"),
+        (["--threads", "-1"], "at least 0"),
+        (["--check-rays", "many"], "invalid int value"),
+        (["--curve", "0,2"], "numbers of samples"),
+        (["--reference", "hearsay"], "invalid choice"),
+        (["--wrong"], "unrecognized arguments"),
+        (["missing.npz"], "missing.npz: cannot be read: No such file"),
+        (["scene.xyz"], "expected grid, showcase or a file ending in"),
+    ],
+)
+def test_bad_usage_is_one_line_and_status_2(
+    scene: Path, tmp_path: Path, capsys: Any, arguments: list[str], message: str
+) -> None:
+    out = tmp_path / "out"
+    asked = arguments if not arguments[0].startswith("-") else [str(scene), *arguments]
+    assert bench.main([*asked, "--out", str(out)]) == 2
+    lines = [line for line in capsys.readouterr().err.splitlines() if line]
+    assert len(lines) == 1
+    assert message in lines[0]
+    assert not out.exists(), "nothing is written before everything is known to be right"
+
+
+def test_a_truncated_scene_is_one_line(scene: Path, tmp_path: Path, capsys: Any) -> None:
+    scene.write_bytes(scene.read_bytes()[:300])
+    assert bench.main([str(scene), *QUICK, "--out", str(tmp_path / "out")]) == 2
+    error = capsys.readouterr().err.strip()
+    assert "\n" not in error
+    assert "soup.npz: cannot be read as .npz" in error
+    assert not (tmp_path / "out" / "bench.json").exists()
+
+
+def test_of_several_scenes_a_broken_one_does_not_stop_the_others(scene: Path, tmp_path: Path) -> None:
+    broken = tmp_path / "broken.npz"
+    broken.write_bytes(b"PK")
+    out = tmp_path / "out"
+    assert bench.main([str(broken), str(scene), *QUICK, "--out", str(out)]) == 2
+    assert {row["scene"] for row in document(out)["rows"]} == {"soup"}
+
+
+def test_a_folder_that_cannot_be_written_is_one_line(scene: Path, tmp_path: Path, capsys: Any) -> None:
+    assert bench.main([str(scene), *QUICK, "--out", str(scene / "inside")]) == 2
+    assert "cannot be written" in capsys.readouterr().err
+
+
+def test_a_preset_names_scenes_structures_and_rays(
+    scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(bench, "SCENES", tmp_path)
+    scene.rename(tmp_path / "conference.npz")
+    out = tmp_path / "out"
+    assert bench.main(["--preset", "beams", *QUICK[:-2], "--out", str(out)]) == 0
+    row = document(out)["rows"][-1]
+    assert (row["scene"], row["spec"], list(row["rays"])) == ("conference", "kd", ["primary", "shadow"])
+
+
+def test_a_preset_without_its_scenes_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:
+    monkeypatch.setattr(bench, "SCENES", tmp_path)
+    assert bench.main(["--preset", "thesis"]) == 2
+    assert "none of its scenes" in capsys.readouterr().err
+
+
+def test_no_number_of_threads_means_one_per_core(scene: Path, tmp_path: Path) -> None:
+    assert bench.main([str(scene), *QUICK, "--threads", "0", "--out", str(tmp_path / "out")]) == 0
+    assert document(tmp_path / "out")["rows"][-1]["threads"] == os.cpu_count()
+
+
+def test_arguments_follow_two_dashes_as_inside_blender(scene: Path) -> None:
+    command = [sys.executable, str(BENCH), "--background", "--python", "bench.py", "--", str(scene), *QUICK]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "soup: 100 triangles" in done.stdout

@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The benchmark proves answers before it times them, and says no to a structure that lies."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import halfspace_native
+import numpy as np
+import pytest
+from lying_native import LIES, LyingNative
+
+from addon.core import benchmark, grid, rays, workload, yardstick
+from addon.core.benchmark import Options, Row
+
+QUICK = Options(size=(64, 64), repeats=2, check_rays=512)
+SCENES = Path(__file__).resolve().parents[3] / "shared" / "scenes"
+
+KEYS = {
+    *("scene", "triangles", "spec", "structure", "k", "alpha", "seed", "threads", "build_s", "bytes", "statistics"),
+    *("rays", "errors", "curve", "render_s", "left_out"),
+}
+RAY_KEYS = {"n", "mrays_s", "steps", "tests", "hits"}
+ERROR_KEYS = {
+    *("reference", "rays", "false_miss", "false_hit", "wrong_triangle", "t_ulp_max", "t_ulp_p999", "on_boundary"),
+}
+
+
+def measure(chosen: list[str], options: Options = QUICK, native: Any = halfspace_native) -> dict[str, Row]:
+    small = grid.workload(boxes=3, rays=2048)
+    return {row["spec"]: row for row in benchmark.measure(native, small, chosen, options, lambda _: None)}
+
+
+def test_a_row_has_every_key_and_counts_what_it_claims() -> None:
+    row = measure(["kd"])["kd"]
+    assert row.keys() >= KEYS
+    assert list(row["rays"]) == [*rays.NAMES, "walls"]
+    for one in row["rays"].values():
+        assert one.keys() >= RAY_KEYS
+        assert 0 < one["mrays_s"]["min"] <= one["mrays_s"]["med"] <= one["mrays_s"]["max"]
+        assert one["steps"] > 0
+    assert row["errors"].keys() >= ERROR_KEYS
+    assert row["rays"]["primary"]["n"] == 64 * 64
+    assert row["errors"]["rays"] == 4 * 512 + 2048, "the scene's own rays are all checked"
+    assert row["errors"]["sets"]["walls"]["on_boundary"] > 100
+    assert benchmark.agrees(row)
+    assert row["statistics"]["references"] > 0
+
+
+@pytest.mark.parametrize("lie", LIES)
+def test_a_lie_is_seen(lie: str) -> None:
+    row = measure(["kd"], native=LyingNative(lie))["kd"]
+    assert not benchmark.agrees(row)
+    column = "t_ulp_max" if lie == "late" else lie
+    assert row["errors"][column] >= 1
+    # The miss of a closest hit leaves `occluded` right, so that the kinds are told apart.
+    assert (row["errors"]["wrong_any_hit"] > 0) == (lie == "wrong_any_hit")
+
+
+@pytest.mark.skipif(yardstick.problem() is not None, reason=str(yardstick.problem()))
+def test_the_yardstick_is_measured_beside_and_relates_all() -> None:
+    rows = measure(["embree", "kd"])
+    for name in rays.NAMES:
+        ratio = rows["kd"]["rays"][name]["times_embree"]
+        rates = [rows[spec]["rays"][name]["mrays_s"]["med"] for spec in ("kd", "embree")]
+        assert ratio == pytest.approx(rates[0] / rates[1])
+    assert rows["embree"]["errors"]["sets"]["primary"]["false_miss"] == 0
+
+
+@pytest.mark.skipif(yardstick.problem() is not None, reason=str(yardstick.problem()))
+def test_embree_hits_the_same_triangles_on_a_scene_without_ties() -> None:
+    rng = np.random.default_rng(5)
+    corners = rng.normal(size=(300, 1, 3)) + 0.3 * rng.normal(size=(300, 3, 3))
+    vertices = corners.reshape(-1, 3).astype(np.float32)
+    triangles = np.arange(900, dtype=np.int32).reshape(-1, 3)
+    view = workload.framing_view(vertices, triangles)
+    soup = workload.Workload("soup", vertices, triangles, view)
+    options = Options(size=(64, 64), repeats=1, check_rays=4096, reference="embree")
+    (row,) = benchmark.measure(halfspace_native, soup, ["kd"], options, lambda _: None)
+    assert row["errors"]["reference"] == "embree"
+    assert (row["errors"]["false_miss"], row["errors"]["false_hit"], row["errors"]["wrong_triangle"]) == (0, 0, 0)
+
+
+def test_exact_arithmetic_agrees() -> None:
+    options = Options(size=(16, 16), sets=("primary", "shadow"), repeats=1, check_rays=64, reference="exact")
+    small = grid.workload(boxes=2, rays=256)
+    (row,) = benchmark.measure(halfspace_native, small, ["kd"], options, lambda _: None)
+    assert (row["errors"]["false_miss"], row["errors"]["false_hit"], row["errors"]["wrong_triangle"]) == (0, 0, 0)
+
+
+def test_a_configuration_that_cannot_be_built_is_a_row_and_the_others_go_on() -> None:
+    class Failing:
+        def __getattr__(self, name: str) -> Any:
+            return getattr(halfspace_native, name)
+
+        def build(self, vertices: Any, triangles: Any, spec: str, *, threads: int = 0) -> Any:
+            if spec == "kd-sah":
+                raise RuntimeError("too many references\nsecond line")
+            return halfspace_native.build(vertices, triangles, spec, threads=threads)
+
+    rows = measure(["kd-sah", "kd"], native=Failing())
+    assert rows["kd-sah"]["error"] == "too many references"
+    assert rows["kd-sah"]["errors"] is None
+    assert not benchmark.agrees(rows["kd-sah"])
+    assert benchmark.agrees(rows["kd"])
+
+
+def test_a_slow_structure_is_timed_on_fewer_rays(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(benchmark, "PASS_SECONDS", 1e-7)
+    row = measure(["kd"])["kd"]
+    assert row["rays"]["primary"]["n"] == 64
+    assert row["errors"]["rays"] == 4 * 512 + 2048
+
+
+def test_structures_too_large_to_live_together_are_measured_in_turn(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(benchmark, "LIVE_BYTES", 1)
+    assert list(measure(["kd", "kd-sah", "kd:traversal=dir"])) == ["kd", "kd-sah", "kd:traversal=dir"]
+
+
+@pytest.mark.parametrize("name", ["killeroo-feet", "sponza-dabrovic"])
+def test_real_scenes_agree(name: str) -> None:
+    path = SCENES / f"{name}.npz"
+    if not path.is_file():
+        pytest.skip(f"the scene {name} is not beside the repository")
+    options = Options(size=(64, 64), repeats=1, check_rays=1024)
+    rows = list(benchmark.measure(halfspace_native, workload.load_npz(path), ["kd"], options, lambda _: None))
+    assert all(benchmark.agrees(row) for row in rows)

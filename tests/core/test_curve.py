@@ -1,0 +1,69 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Error against run time: the measures, and that more samples bring less error in the same picture."""
+
+from __future__ import annotations
+
+import halfspace_native
+import numpy as np
+import pytest
+
+from addon.core import benchmark, curve, grid
+from addon.core.benchmark import Options
+
+
+def test_rmse_and_relmse_follow_their_definitions() -> None:
+    reference = np.full((1000, 3), 2.0, np.float32)
+    picture = reference + np.float32(0.5)
+    found = curve.errors(picture, reference)
+    assert found["rmse"] == pytest.approx(0.5)
+    assert found["relmse"] == pytest.approx(0.25 / 4.01)
+    assert found["not_finite"] == 0
+
+
+def test_one_firefly_in_a_thousand_does_not_decide_relmse_but_rmse() -> None:
+    reference = np.ones((1000, 3), np.float32)
+    picture = reference.copy()
+    picture[7] = 1000.0
+    found = curve.errors(picture, reference)
+    assert found["relmse"] == 0.0
+    assert found["rmse"] > 30.0
+
+
+def test_pixels_that_are_not_finite_are_counted_and_nothing_else() -> None:
+    reference = np.ones((4, 3), np.float32)
+    picture = reference.copy()
+    picture[0, 1], picture[2, 0] = np.nan, np.inf
+    assert curve.errors(picture, reference) == {"rmse": 0.0, "relmse": 0.0, "not_finite": 2}
+
+
+def test_error_falls_with_samples_and_is_the_same_for_every_structure(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(curve, "SIZE", 32)
+    options = Options(size=(64, 64), repeats=1, check_rays=64, curve=(1, 16))
+    small = grid.workload(boxes=2, rays=64)
+    outside = curve.View(np.array([-3.0, -4.0, 4.0]), np.ones(3), np.array([0.0, 0.0, 1.0]), 40.0)
+    workload = type(small)(small.name, small.vertices, small.triangles, outside)
+    rows = list(benchmark.measure(halfspace_native, workload, ["kd", "kd-sah"], options, lambda _: None))
+    first, second = ([point["rmse"] for point in row["curve"]] for row in rows)
+    assert first == second
+    assert [row["errors"]["differing_pixels"] for row in rows] == [0, 0]
+    # Sixteen times the samples give a quarter of the noise, or less where the samples are well spread.
+    assert 0.0 < first[1] / first[0] < 0.35
+    assert all(row["render_s"] == row["curve"][-1]["seconds"] for row in rows)
+
+
+def test_what_would_take_too_long_is_left_out_and_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(curve, "SIZE", 8)
+    monkeypatch.setattr(curve, "POINT_SECONDS", 0.0)
+    options = Options(size=(8, 8), repeats=1, check_rays=64, curve=(1,))
+    (row,) = benchmark.measure(halfspace_native, grid.workload(2, 64), ["kd"], options, lambda _: None)
+    assert row["curve"] is None
+    assert any("take too long" in reason for reason in row["left_out"])
+
+
+def test_a_picture_that_differs_is_an_error() -> None:
+    row = {"errors": {"reference": "brute", "differing_pixels": 1}}
+    keys = ("false_miss", "false_hit", "wrong_triangle", "wrong_any_hit", "wrong_values", "t_ulp_max")
+    row["errors"] |= dict.fromkeys(keys, 0)
+    assert not benchmark.agrees(row)
+    row["errors"]["differing_pixels"] = 0
+    assert benchmark.agrees(row)

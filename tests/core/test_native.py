@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The native module's absence or age is one readable line; core stays free of Blender."""
+
+import ast
+import sys
+import tomllib
+import types
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from addon.core import native
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@pytest.fixture(autouse=True)
+def _fresh() -> Iterator[None]:
+    native.load.cache_clear()
+    yield
+    native.load.cache_clear()
+
+
+def test_a_missing_module_is_said_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "halfspace_native", None)
+    problem = native.problem()
+    assert problem is not None
+    assert "cannot be loaded" in problem
+    assert "\n" not in problem
+    with pytest.raises(native.NativeError):
+        native.load()
+
+
+def test_another_version_asks_for_a_restart(monkeypatch: pytest.MonkeyPatch) -> None:
+    other = types.SimpleNamespace(__version__="9.9.9")
+    monkeypatch.setitem(sys.modules, "halfspace_native", other)
+    problem = native.problem()
+    assert problem is not None
+    assert "9.9.9" in problem
+    assert "restart Blender" in problem
+
+
+def test_all_versions_agree() -> None:
+    files = {"blender_manifest.toml": [], "pyproject.toml": ["project"], "native/Cargo.toml": ["package"]}
+    for name, keys in files.items():
+        table = tomllib.loads((ROOT / name).read_text(encoding="utf-8"))
+        for key in keys:
+            table = table[key]
+        assert table["version"] == native.VERSION, name
+
+
+def test_core_imports_nothing_of_blender() -> None:
+    forbidden = {"bpy", "bmesh", "mathutils", "gpu", "gpu_extras", "bpy_extras"}
+    files = [*sorted((ROOT / "addon" / "core").glob("*.py")), ROOT / "addon" / "__init__.py"]
+    assert len(files) > 5
+    for file in files:
+        tree = ast.parse(file.read_text(encoding="utf-8"))
+        for node in ast.walk(tree):
+            names = [a.name for a in node.names] if isinstance(node, ast.Import) else []
+            if isinstance(node, ast.ImportFrom) and node.level == 0:
+                names = [node.module or ""]
+            assert not forbidden & {name.split(".")[0] for name in names}, file

@@ -1,0 +1,290 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The renderer through its Python face: images against closed forms, jobs, bad input."""
+
+import gc
+import math
+import threading
+import time
+
+import halfspace_native as native
+import numpy as np
+import pytest
+
+
+def placed(x=0.0, y=0.0, z=0.0):
+    matrix = np.eye(4)
+    matrix[:3, 3] = x, y, z
+    return matrix
+
+
+FLOOR = (
+    np.array([[-9, -9, 0], [9, -9, 0], [9, 9, 0], [-9, 9, 0]], np.float32),
+    np.array([[0, 1, 2], [0, 2, 3]], np.int32),
+)
+MATTE = {"name": "Matte", "base_color": (0.8, 0.8, 0.8), "specular": 0.0}
+POINT = {"kind": "point", "to_world": placed(z=2), "power": (100.0, 50.0, 0.0), "radius": 0.0}
+
+
+def camera(**changes):
+    base = {
+        "kind": "orthographic",
+        "to_world": placed(z=8),
+        "window": (-0.01, 0.01, -0.01, 0.01),
+        "clip_start": 0.1,
+        "clip_end": 100.0,
+    }
+    return base | changes
+
+
+def settings(**changes):
+    return {"width": 8, "height": 4, "samples": 4, "max_bounces": 0} | changes
+
+
+def scene(spec="kd", **changes):
+    parts = {"materials": [MATTE], "lights": [POINT]} | changes
+    return native.RenderScene(native.build(*FLOOR, spec), **parts)
+
+
+def finish(job):
+    assert job.wait(60_000)
+    assert job.error is None
+    return job
+
+
+def image(job, name="Combined", pixels=32):
+    out = np.full(pixels * job.passes[name], np.nan, np.float32)
+    job.copy_into(name, out)
+    return out.reshape(pixels, -1)
+
+
+def test_point_light_has_cycles_brightness():
+    job = finish(native.render(scene(), camera(), settings()))
+    expected = 0.8 / math.pi * np.array([100.0, 50.0, 0.0]) / (4 * math.pi) / 4
+    rgba = image(job).mean(axis=0)
+    np.testing.assert_allclose(rgba[:3], expected, rtol=1e-4, atol=1e-7)
+    assert rgba[3] == 1.0
+
+
+def test_structures_and_threads_agree_bit_for_bit():
+    def render(spec, threads):
+        passes = ["Combined", "Depth", "Normal", "Position"]
+        wide = camera(window=(-10, 10, -5, 5))
+        job = native.render(
+            scene(spec, world={"color": (0.1, 0.2, 0.3)}),
+            wide,
+            settings(width=80, height=40, passes=passes, max_bounces=3),
+            threads=threads,
+        )
+        finish(job)
+        return b"".join(image(job, name, 3200).tobytes() for name in passes)
+
+    reference = render("brute", 1)
+    for row in native.structures():
+        for threads in (1, 2, 3):
+            assert render(row["id"], threads) == reference, (row["id"], threads)
+
+
+def test_passes_and_statistics():
+    names = [
+        "Combined",
+        "Depth",
+        "Normal",
+        "Position",
+        "Traversal Steps",
+        "Triangle Tests",
+        "Sample Count",
+    ]
+    job = finish(native.render(scene(), camera(), settings(passes=names)))
+    assert job.passes == dict(zip(names, (4, 1, 3, 3, 1, 1, 1), strict=True))
+    assert np.all(np.abs(image(job, "Depth") - 8) < 1e-5)
+    assert np.all(image(job, "Normal") == [0, 0, 1])
+    assert np.all(image(job, "Sample Count") == 4)
+    assert image(job, "Triangle Tests").mean() >= 1
+    statistics = job.statistics
+    assert statistics["rays_primary"] == 8 * 4 * 4 == statistics["rays_shadow"]
+    assert statistics["rays_secondary"] == 0, "no ray after the last bounce could find light"
+    assert statistics["tests"] == image(job, "Triangle Tests").sum() * 4
+    uncounted = finish(native.render(scene(), camera(), settings()))
+    assert uncounted.statistics["steps"] is None
+    assert job.finished
+    assert not job.cancelled
+    assert job.progress == 1.0
+    assert job.samples_done == 4
+
+
+def test_border_and_rows_from_the_bottom():
+    wide = camera(window=(-4, 4, -2, 2))
+    full = image(finish(native.render(scene(), wide, settings(passes=["Position"]))), "Position")
+    assert full[0, 1] < full[-1, 1], "the first row is the bottom one"
+    part = finish(native.render(scene(), wide, settings(passes=["Position"], border=(2, 1, 7, 3))))
+    np.testing.assert_array_equal(image(part, "Position", 10).reshape(2, 5, 3), full.reshape(4, 8, 3)[1:3, 2:7])
+
+
+def test_left_out_says_why():
+    lines = scene(lights=[]).left_out
+    assert "shadow rays: no lights" in lines
+    assert "refraction: no material transmits" in lines
+    glass = scene(materials=[MATTE | {"transmission": 1.0}]).left_out
+    assert not any("refraction" in line or "shadow rays" in line for line in glass)
+
+
+def test_cancel_stops_a_render_that_would_take_hours():
+    job = native.render(scene(), camera(), settings(width=2000, height=2000, samples=100_000))
+    assert not job.wait(100)
+    job.cancel()
+    assert job.wait(5000)
+    assert job.cancelled
+    assert job.finished
+    assert job.error is None
+    assert 0 < job.progress < 1
+    assert np.isfinite(image(job, pixels=4_000_000)).all()
+
+
+def test_waiting_lets_other_python_threads_run():
+    job = native.render(scene(), camera(), settings(width=2000, height=2000, samples=100_000))
+    ticks = []
+    ticker = threading.Thread(target=lambda: [ticks.append(time.sleep(0.01)) for _ in range(20)])
+    ticker.start()
+    job.wait(400)
+    assert len(ticks) >= 15
+    ticker.join()
+    begun = time.perf_counter()
+    del job
+    gc.collect()
+    assert time.perf_counter() - begun < 0.2, "deleting a running job stops it"
+
+
+def test_copying_while_rendering_gives_means_at_any_time():
+    job = native.render(scene(), camera(), settings(width=400, height=400, samples=60))
+    expected = 0.8 / math.pi * 100 / (4 * math.pi) / 4
+    while not job.wait(5):
+        red = image(job, pixels=160_000)[:, 0]
+        done = red[red != 0]
+        np.testing.assert_allclose(done, expected, rtol=1e-4)
+    assert job.samples_done == 60
+
+
+@pytest.mark.parametrize(
+    ("error", "words", "change"),
+    [
+        ("SpecError", r"settings\['width'\]", {"settings": {"width": 0}}),
+        ("SpecError", r"settings\['samples'\].*-3", {"settings": {"samples": -3}}),
+        (
+            "SpecError",
+            r"settings\['samples'\]: expected a whole number, got float",
+            {"settings": {"samples": 2.5}},
+        ),
+        ("SpecError", r"settings\['sampels'\] is not a key", {"settings": {"sampels": 2}}),
+        ("SpecError", r"settings\['passes'\].*'Depht'", {"settings": {"passes": ["Depht"]}}),
+        ("SpecError", r"settings\['border'\]", {"settings": {"border": (0, 0, 9, 4)}}),
+        ("SpecError", r"settings\['border'\]", {"settings": {"border": (0, 0, 9)}}),
+        (
+            "NonFiniteError",
+            r"camera\['to_world'\]\[1\]\[3\]",
+            {"camera": {"to_world": placed(y=math.nan)}},
+        ),
+        ("ShapeError", r"camera\['to_world'\].*\(3, 3\)", {"camera": {"to_world": np.eye(3)}}),
+        ("SpecError", r"camera\['kind'\].*fisheye", {"camera": {"kind": "fisheye"}}),
+        ("SpecError", r"camera\['window'\] is empty", {"camera": {"window": (0, 0, 0, 1)}}),
+        ("SpecError", "threads must be at least 0", {"threads": -1}),
+    ],
+)
+def test_bad_settings_are_refused_in_one_line(error, words, change):
+    arguments = (
+        scene(),
+        camera(**change.get("camera", {})),
+        settings(**change.get("settings", {})),
+    )
+    with pytest.raises(getattr(native, error), match=words) as caught:
+        native.render(*arguments, threads=change.get("threads", 0))
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("error", "words", "change"),
+    [
+        (
+            "ShapeError",
+            r"material_index\[1\]: 5 is out of range",
+            {"material_index": np.array([0, 5], np.int32)},
+        ),
+        (
+            "ShapeError",
+            "material_index: expected an .* int32 array, got float64",
+            {"material_index": np.zeros(2)},
+        ),
+        (
+            "ShapeError",
+            "material_index must have one entry per triangle: 2, got 3",
+            {"material_index": np.zeros(3, np.int32)},
+        ),
+        (
+            "ShapeError",
+            r"corner_normals.*\(2, 3\)",
+            {"corner_normals": np.zeros((2, 3), np.float32)},
+        ),
+        (
+            "NonFiniteError",
+            r"corner_normals\[0\]",
+            {"corner_normals": np.full((2, 3, 3), np.inf, np.float32)},
+        ),
+        ("SpecError", r"materials\[0\]\['ior'\].*'Matte'", {"materials": [MATTE | {"ior": 0.0}]}),
+        (
+            "SpecError",
+            r"materials\[0\]\['rough'\] is not a key",
+            {"materials": [MATTE | {"rough": 1}]},
+        ),
+        ("SpecError", r"materials\[0\]: expected a dictionary", {"materials": ["red"]}),
+        (
+            "ShapeError",
+            r"materials\[0\]\['base_color'\].*\(4,\)",
+            {"materials": [{"base_color": (1, 1, 1, 1)}]},
+        ),
+        (
+            "NonFiniteError",
+            r"lights\[0\]\['power'\]",
+            {"lights": [POINT | {"power": (math.nan, 0, 0)}]},
+        ),
+        ("SpecError", r"lights\[0\]\['kind'\].*laser", {"lights": [POINT | {"kind": "laser"}]}),
+        ("SpecError", r"lights\[0\]\['shape'\] is missing", {"lights": [POINT | {"kind": "area"}]}),
+        ("SpecError", r"lights\[0\]\['radius'\]", {"lights": [POINT | {"radius": -1}]}),
+        ("NonFiniteError", r"world\['color'\]", {"world": {"color": (math.inf, 0, 0)}}),
+    ],
+)
+def test_bad_scenes_are_refused_in_one_line(error, words, change):
+    with pytest.raises(getattr(native, error), match=words) as caught:
+        scene(**change)
+    assert "\n" not in str(caught.value)
+
+
+def test_bad_buffers_are_refused():
+    job = finish(native.render(scene(), camera(), settings()))
+    right = np.zeros(8 * 4 * 4, np.float32)
+    frozen = right.copy()
+    frozen.flags.writeable = False
+    cases = [
+        (right.astype(np.float64), "float64"),
+        (right.reshape(4, -1), "one-dimensional"),
+        (right[:-1], "128 elements, got 127"),
+        (np.zeros(256, np.float32)[::2], "C-contiguous"),
+        (frozen, "writable"),
+        ([0.0] * 128, "got list"),
+    ]
+    for out, words in cases:
+        with pytest.raises(native.ShapeError, match=words):
+            job.copy_into("Combined", out)
+    for name in ("Depth", "Depht"):
+        with pytest.raises(native.SpecError, match=f"'{name}'"):
+            job.copy_into(name, right)
+    with pytest.raises(native.SpecError, match="milliseconds"):
+        job.wait(-1)
+
+
+def test_an_empty_scene_is_its_background():
+    empty = native.build(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32))
+    world = {"color": (0.25, 0.5, 1.0)}
+    nothing = native.RenderScene(empty, materials=[], lights=[], world=world)
+    opaque = image(finish(native.render(nothing, camera(), settings())))
+    assert np.all(opaque == [0.25, 0.5, 1.0, 1.0])
+    clear = image(finish(native.render(nothing, camera(), settings(film_transparent=True))))
+    assert np.all(clear == 0)

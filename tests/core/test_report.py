@@ -1,0 +1,129 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What is shown: a time never without its error, and no ranking that noise cannot carry."""
+
+from __future__ import annotations
+
+import copy
+import csv
+import io
+import xml.etree.ElementTree as ET
+from typing import Any
+
+import pytest
+
+from addon.core import plots, report
+
+RATE = {
+    "n": 64,
+    "mrays_s": {"min": 1.9, "med": 2.0, "max": 2.1},
+    "times_embree": 0.5,
+    "steps": 3.0,
+    "tests": 4.0,
+    "hits": 1.0,
+}
+ROW: dict[str, Any] = {
+    "scene": "room <1>",
+    "triangles": 1234,
+    "spec": "kd",
+    "structure": "kd",
+    "k": None,
+    "alpha": None,
+    "seed": None,
+    "threads": 1,
+    "build_s": {"min": 0.1, "med": 0.2, "max": 0.3},
+    "bytes": 2_000_000,
+    "statistics": {"leaves": 5},
+    "rays": {"primary": RATE, "shadow": {**RATE, "mrays_s": None, "times_embree": None, "n": 0}},
+    "errors": {
+        "reference": "brute",
+        "rays": 100,
+        "false_miss": 0,
+        "false_hit": 0,
+        "wrong_triangle": 0,
+        "wrong_values": 0,
+        "wrong_any_hit": 0,
+        "t_ulp_max": 0,
+        "t_ulp_p999": 0,
+        "on_boundary": 3,
+        "differing_pixels": 0,
+    },
+    "curve": None,
+    "render_s": None,
+    "left_out": ["oblique planes: <none>"],
+    "error": None,
+}
+
+
+def row(spec: str, speed: float = 2.0, spread: float = 0.1, **errors: int) -> dict[str, Any]:
+    made = copy.deepcopy(ROW)
+    made["spec"] = spec
+    made["rays"]["primary"]["mrays_s"] = {"min": speed - spread, "med": speed, "max": speed + spread}
+    made["errors"].update(errors)
+    return made
+
+
+def document(rows: list[dict[str, Any]]) -> dict[str, Any]:
+    machine = {"processor": "P & Q", "cores": 2, "system": "S", "level": "avx2"}
+    return {"schema": 1, "project_version": "0.1.0", "machine": machine, "rows": rows}
+
+
+def test_the_table_aligns_and_has_errors_beside_times() -> None:
+    text = report.table([row("kd"), row("kd-sah:leaf_size=4", false_miss=7)])
+    _, titles, rule, first, second = text.splitlines()
+    assert len({len(line) for line in (titles, rule, first, second)}) == 1
+    assert "false miss" in titles
+    assert second.split()[-5:] == ["7", "0", "0", "0", "100"]
+
+
+def test_a_failed_row_shows_its_error() -> None:
+    failed = {**copy.deepcopy(ROW), "rays": None, "errors": None, "build_s": None, "bytes": None, "error": "too large"}
+    assert "kd: too large" in report.table([failed, row("brute")])
+    assert "too large" in report.as_html(document([failed, row("brute")]))
+
+
+def test_csv_has_one_column_per_number() -> None:
+    (line,) = csv.DictReader(io.StringIO(report.as_csv([row("kd")])))
+    assert line["rays.primary.mrays_s.med"] == "2.0"
+    assert line["errors.on_boundary"] == "3"
+    assert line["left_out"] == "oblique planes: <none>"
+
+
+def test_what_overlaps_is_not_ranked() -> None:
+    apart = " ".join(report.findings([row("a", 4.0), row("b", 2.0)]))
+    assert "a is the fastest, 2.00 times b" in apart
+    close = " ".join(report.findings([row("a", 2.1), row("b", 2.0)]))
+    assert "cannot be told apart" in close
+
+
+def test_wrong_answers_are_said_first() -> None:
+    sentences = report.findings([row("a"), row("b", wrong_triangle=1)])
+    assert sentences[0] == "Answers that differ from the reference: b."
+    page = report.as_html(document([row("a"), row("b", wrong_triangle=1)]))
+    assert page.count('<tr class="wrong"') == 1
+
+
+def test_the_page_is_one_file_and_escapes_what_it_shows() -> None:
+    page = report.as_html(document([row("kd"), row("kd-sah")]))
+    assert "room &lt;1&gt;" in page
+    assert "P &amp; Q" in page
+    assert "room <1>" not in page
+    for outside in ("src=", "<link", "@import", "url(http"):
+        assert outside not in page
+
+
+@pytest.mark.skipif(plots.problem() is not None, reason=str(plots.problem()))
+def test_the_plots_are_svg_with_a_mark_for_each_structure() -> None:
+    curve = [{"spp": n, "seconds": n / 10, "rmse": n**-0.5, "relmse": 1 / n} for n in (1, 4, 16)]
+    figures = plots.scene_figures([{**row("kd"), "curve": curve}, {**row("kd-sah"), "curve": curve}])
+    assert len(figures) == 3
+    for figure in figures:
+        texts = " ".join(ET.fromstring(figure).itertext())
+        assert "kd" in texts
+        assert "kd-sah" in texts
+
+
+def test_without_matplotlib_the_page_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(plots, "problem", lambda: "matplotlib is not installed")
+    page = report.as_html(document([row("kd")]))
+    assert "<svg" not in page
+    assert "Plots are left out: matplotlib is not installed." in page

@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Scene arrays refuse what is wrong, by name, and know whose triangles are faulty."""
+
+import numpy as np
+import pytest
+
+from addon.core.scene import Camera, Geometry, Material, Scene, SceneError, Source, World
+
+VERTICES = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [np.nan, 0, 0], [2, 0, 0]], np.float32)
+
+
+def geometry(rows: list[list[int]], **changes: object) -> Geometry:
+    array = np.array(rows, np.int32).reshape(-1, 3)
+    parts = {"vertices": VERTICES.copy(), "triangles": array, "material_index": np.zeros(len(array), np.int32)}
+    return Geometry(**{**parts, **changes})  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("vertices", np.zeros((4, 3))),
+        ("vertices", np.zeros((4, 2), np.float32)),
+        ("vertices", np.zeros((3, 8), np.float32).T[:, ::-1][:, :3]),
+        ("triangles", np.zeros((1, 3), np.int64)),
+        ("triangles", np.full((1, 3), 5, np.int32)),
+        ("triangles", np.full((1, 3), -1, np.int32)),
+        ("material_index", np.zeros(2, np.int32)),
+        ("corner_normals", np.zeros((1, 9), np.float32)),
+        ("uvs", np.zeros((1, 3, 3), np.float32)),
+        ("origin", np.array([0.0, 0.0, np.inf])),
+    ],
+)
+def test_a_wrong_array_is_named(name: str, value: object) -> None:
+    with pytest.raises(SceneError, match=name):
+        geometry([[0, 1, 2]], **{name: value})
+
+
+def test_arrays_are_frozen() -> None:
+    with pytest.raises(ValueError, match="read-only"):
+        geometry([[0, 1, 2]]).vertices[0, 0] = 1.0
+
+
+def test_a_material_out_of_range_is_refused() -> None:
+    one = geometry([[0, 1, 2]], material_index=np.ones(1, np.int32))
+    with pytest.raises(SceneError, match="material_index"):
+        Scene(one, (Material("only"),), (), World())
+
+
+def test_faulty_triangles_are_counted_by_object() -> None:
+    sources = (Source(0, 2, ("A", "B")), Source(4, 1, ("C",)))
+    flat, broken, good = [0, 1, 4], [0, 1, 3], [0, 1, 2]
+    assert geometry([good, flat, broken, flat, good], sources=sources).faulty_triangles() == {"A": 1, "B": 2}
+    assert geometry([good] * 5, sources=sources).faulty_triangles() == {}
+
+
+def test_a_camera_that_is_not_finite_is_refused() -> None:
+    with pytest.raises(SceneError, match="camera"):
+        Camera("perspective", np.eye(4), (-1.0, np.nan, -1.0, 1.0), 0.1, 100.0)
+    with pytest.raises(SceneError, match="kind"):
+        Camera("panoramic", np.eye(4), (-1.0, 1.0, -1.0, 1.0), 0.1, 100.0)

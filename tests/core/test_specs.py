@@ -1,0 +1,69 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""From the words of a command line to configurations."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from addon.core import specs
+
+
+def structure(name: str, family: str, **defaults: Any) -> dict[str, Any]:
+    parameters = [{"name": key, "default": value} for key, value in defaults.items()]
+    return {"id": name, "family": family, "parameters": parameters}
+
+
+REGISTRY = [
+    structure("kd", "space", traversal="ta-b"),
+    structure("bsp-random", "sweep", k=10, alpha=0.1, seed=0),
+    structure("bsp-wn", "sweep", k=6, seed=0),
+    structure("brute", "oracle"),
+]
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("kd,brute", ["kd", "brute"]),
+        ("kd:traversal=dir,robust=none,brute", ["kd:traversal=dir,robust=none", "brute"]),
+        (" kd , bsp-wn:k=3,seed=1 ,kd:traversal=dir", ["kd", "bsp-wn:k=3,seed=1", "kd:traversal=dir"]),
+        ("", []),
+    ],
+)
+def test_commas_inside_a_configuration_do_not_separate(text: str, expected: list[str]) -> None:
+    assert specs.split(text) == expected
+
+
+def test_ranges_of_numbers() -> None:
+    assert specs.numbers("2-4,8,0.5") == ["2", "3", "4", "8", "0.5"]
+    for wrong in ("4-2", "x", "1,,2", ""):
+        with pytest.raises(specs.SpecError):
+            specs.numbers(wrong)
+
+
+def test_all_and_families() -> None:
+    assert specs.expand("all", REGISTRY, {}) == ["kd", "bsp-random", "bsp-wn", "brute"]
+    assert specs.expand("sweep,kd", REGISTRY, {}) == ["bsp-random", "bsp-wn", "kd"]
+    assert specs.expand("kd,kd,all", REGISTRY, {})[0] == "kd"
+    assert len(specs.expand("kd,kd,all", REGISTRY, {})) == 4
+
+
+def test_ranges_apply_where_the_parameter_exists_and_is_not_given() -> None:
+    made = specs.expand("kd,bsp-wn,bsp-random:k=3", REGISTRY, {"k": ["2", "4"], "seed": ["1"]})
+    assert made == ["kd", "bsp-wn:k=2,seed=1", "bsp-wn:k=4,seed=1", "bsp-random:k=3,seed=1"]
+
+
+def test_unknown_names_are_told_with_what_there_is() -> None:
+    with pytest.raises(specs.SpecError, match="unknown structure 'octopus'; there are kd, bsp-random"):
+        specs.expand("kd,octopus", REGISTRY, {})
+    with pytest.raises(specs.SpecError, match="parameter 'k'"):
+        specs.expand("kd,brute", REGISTRY, {"k": ["2"]})
+    with pytest.raises(specs.SpecError, match="no structure"):
+        specs.expand(",", REGISTRY, {})
+
+
+def test_values_are_typed_and_include_defaults() -> None:
+    assert specs.values("bsp-random:k=3,alpha=1", REGISTRY) == {"k": 3, "alpha": 1.0, "seed": 0}
+    assert specs.values("kd:traversal=dir", REGISTRY) == {"traversal": "dir"}

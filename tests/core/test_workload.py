@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Scene files: what is read, and what is refused in one line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from addon.core import workload
+from addon.core.workload import WorkloadError
+
+GOOD: dict[str, Any] = {
+    "vertices": np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float64),
+    "triangles": np.array([[0, 1, 2]], np.int64),
+    "camera_eye": np.array([0.0, 0.0, 3.0]),
+    "camera_target": np.zeros(3),
+    "camera_up": np.array([0.0, 1.0, 0.0]),
+    "camera_vfov_deg": np.float64(40.0),
+}
+
+
+def save(folder: Path, **changes: Any) -> Path:
+    path = folder / "scene.npz"
+    np.savez(path, **{key: value for key, value in {**GOOD, **changes}.items() if value is not None})
+    return path
+
+
+def test_a_file_is_read(tmp_path: Path) -> None:
+    found = workload.load_npz(save(tmp_path))
+    assert (found.name, found.vertices.dtype, found.triangles.dtype) == ("scene", np.float32, np.int32)
+    assert found.view.vertical_fov == 40.0
+    assert found.diagonal() == pytest.approx(2**0.5)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"triangles": None}, "the key 'triangles' is missing"),
+        ({"camera_up": None}, "the key 'camera_up' is missing"),
+        ({"triangles": np.array([[0, 1, 3]])}, "out of range for 3 vertices"),
+        ({"triangles": np.array([[0, 1, -1]])}, "out of range"),
+        ({"triangles": np.array([[0.0, 1.0, 2.0]])}, "whole numbers"),
+        ({"triangles": np.zeros((0, 3), np.int32)}, "no triangles"),
+        ({"triangles": np.array([0, 1, 2])}, r"expected shape \(m, 3\)"),
+        ({"vertices": np.zeros((3, 2))}, r"expected shape \(n, 3\)"),
+        ({"vertices": np.full((3, 3), np.nan)}, "none is finite"),
+        ({"camera_vfov_deg": np.float64(180.0)}, "between 0 and 180"),
+        ({"camera_eye": np.array([0.0, np.nan, 0.0])}, "three finite numbers"),
+        ({"camera_eye": np.zeros(3)}, "its own place"),
+        ({"camera_up": np.array([0.0, 0.0, 1.0])}, "up direction"),
+    ],
+)
+def test_what_is_wrong_is_told_in_one_line(tmp_path: Path, changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(WorkloadError, match=message) as caught:
+        workload.load_npz(save(tmp_path, **changes))
+    assert "scene.npz" in str(caught.value) or "scene:" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3, 0.9])
+def test_a_truncated_file_is_refused(tmp_path: Path, share: float) -> None:
+    path = save(tmp_path)
+    whole = path.read_bytes()
+    path.write_bytes(whole[: int(len(whole) * share)])
+    with pytest.raises(WorkloadError, match=r"cannot be read as \.npz"):
+        workload.load_npz(path)
+
+
+def test_objects_in_a_file_are_never_loaded(tmp_path: Path) -> None:
+    path = save(tmp_path, vertices=np.array([{"a": 1}], dtype=object))
+    with pytest.raises(WorkloadError, match="cannot be read"):
+        workload.load_npz(path)
+
+
+def test_a_single_array_is_no_scene(tmp_path: Path) -> None:
+    path = tmp_path / "array.npz"
+    with path.open("wb") as file:
+        np.save(file, np.zeros(3))
+    with pytest.raises(WorkloadError, match="cannot be read"):
+        workload.load_npz(path)
+
+
+def test_the_framing_view_sees_everything() -> None:
+    rng = np.random.default_rng(0)
+    vertices = (rng.normal(size=(50, 3)) * [10, 1, 3] + 100).astype(np.float32)
+    view = workload.framing_view(vertices, np.arange(48, dtype=np.int32).reshape(-1, 3))
+    forward = (view.target - view.eye) / np.linalg.norm(view.target - view.eye)
+    to = vertices - view.eye
+    angles = np.degrees(np.arccos((to @ forward) / np.linalg.norm(to, axis=1)))
+    assert angles.max() <= view.vertical_fov / 2
+
+
+def test_the_fingerprint_changes_with_every_array(tmp_path: Path) -> None:
+    base = workload.load_npz(save(tmp_path)).fingerprint()
+    assert workload.load_npz(save(tmp_path)).fingerprint() == base
+    for change in ({"vertices": GOOD["vertices"] + 1}, {"camera_eye": np.array([0.0, 0.0, 4.0])}):
+        assert workload.load_npz(save(tmp_path, **change)).fingerprint() != base

@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Run pytest and end the process at once: `python tests/run.py [--counts FILE] PYTEST-ARGUMENTS...`.
+
+Blender 4.5 as a module hangs when Python ends after a render with a Python engine; leaving by `os._exit` avoids it.
+With --counts the numbers of passed, failed and skipped tests are written to FILE as JSON.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import tempfile
+from pathlib import Path
+
+
+class Counts:
+    """A pytest plugin that counts tests, not phases: a failing fixture and a failing test count once each."""
+
+    def __init__(self) -> None:
+        self.outcomes: dict[str, str] = {}
+
+    def pytest_runtest_logreport(self, report) -> None:
+        worse = {"passed": 0, "skipped": 1, "failed": 2}
+        known = self.outcomes.get(report.nodeid, "passed")
+        self.outcomes[report.nodeid] = max(known, report.outcome, key=worse.__getitem__)
+
+    def pytest_collectreport(self, report) -> None:
+        # A module that is skipped or broken as a whole has no tests to report.
+        if report.outcome != "passed":
+            self.outcomes[report.nodeid] = report.outcome
+
+    def as_dict(self) -> dict[str, int]:
+        found = list(self.outcomes.values())
+        return {name: found.count(name) for name in ("passed", "failed", "skipped")}
+
+
+def main(arguments: list[str]) -> int:
+    counts_file = None
+    if arguments[:1] == ["--counts"]:
+        counts_file, arguments = Path(arguments[1]), arguments[2:]
+    # Before bpy is imported: tests must neither read nor write the settings of the user's own Blender.
+    with tempfile.TemporaryDirectory(prefix="halfspace-blender-") as resources:
+        os.environ["BLENDER_USER_RESOURCES"] = resources
+        import pytest
+
+        counts = Counts()
+        status = int(pytest.main(arguments, plugins=[counts]))
+    if counts_file is not None:
+        counts_file.write_text(json.dumps(counts.as_dict()), encoding="utf-8")
+    return status
+
+
+if __name__ == "__main__":
+    result = main(sys.argv[1:])
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(result)
