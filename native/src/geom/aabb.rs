@@ -40,12 +40,12 @@ impl Aabb {
         bounds
     }
 
-    /// The smallest box around both.
+    /// The smallest box around both; either may be empty.
     pub fn union(&self, other: &Self) -> Self {
-        let mut all = *self;
-        all.grow(other.min);
-        all.grow(other.max);
-        all
+        Self {
+            min: std::array::from_fn(|k| self.min[k].min(other.min[k])),
+            max: std::array::from_fn(|k| self.max[k].max(other.max[k])),
+        }
     }
 
     /// Edge length along axis `k`, in f64 so that it never overflows.

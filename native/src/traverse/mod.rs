@@ -8,7 +8,9 @@
 
 pub mod batch;
 pub mod blocks;
+pub mod box_tree;
 pub mod frame;
+pub mod nested;
 pub mod plane_dir;
 pub mod plane_ta_b;
 pub mod query;
