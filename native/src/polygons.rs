@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The split planes of a tree as polygons, each cut to its cell: what the overlay draws.
 
+use crate::build::octree_nodes::Octree;
 use crate::build::plane_tree::{Node, PlaneTree};
 use crate::geom::Aabb;
 use crate::structure::{Layout, Structure};
@@ -28,6 +29,12 @@ pub fn split_polygons(structure: &Structure, max_depth: usize, max_count: usize)
     };
     match &structure.built().layout {
         Layout::Brute => {}
+        Layout::OctreeParam(tree)
+        | Layout::OctreeNet(tree)
+        | Layout::OctreeSamet(tree)
+        | Layout::OctreeGlassner(tree) => {
+            octree(structure, tree, (max_depth, max_count), &mut polygons);
+        }
         Layout::PlaneDir(tree) | Layout::PlaneTaB(tree) => {
             plane_tree(structure, tree, (max_depth, max_count), &mut polygons);
         }
@@ -74,6 +81,40 @@ fn plane_tree(
             next.extend([(children, below), (children + 1, above)]);
         }
         level = next;
+    }
+}
+
+/// The three mid planes of every inner octant.
+fn octree(
+    structure: &Structure,
+    tree: &Octree,
+    (max_depth, max_count): (usize, usize),
+    out: &mut Polygons,
+) {
+    let frame = &structure.built().frame;
+    let mut inner = Vec::new();
+    tree.visit(|_, node, place| {
+        if node.is_inner() && node.level() as usize <= max_depth {
+            inner.push((node.level(), tree.cell(node, place)));
+        }
+    });
+    // Breadth first; the sort is stable.
+    inner.sort_by_key(|(level, _)| *level);
+    for (level, cell) in inner {
+        for axis in 0..3 {
+            if out.kinds.len() == max_count {
+                out.hidden += 1;
+                continue;
+            }
+            let at = cell.min[axis] + 0.5 * (cell.max[axis] - cell.min[axis]);
+            for corner in rectangle(&cell, axis, at) {
+                out.vertices.push(frame.to_scene(corner));
+            }
+            #[expect(clippy::cast_possible_truncation, reason = "bounded by max_count")]
+            out.offsets.push(out.vertices.len() as u32);
+            out.depths.push(level);
+            out.kinds.push(5);
+        }
     }
 }
 

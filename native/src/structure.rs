@@ -2,6 +2,7 @@
 //! A built structure over a scene: rays in, answers out.
 
 use crate::build::Monitor;
+use crate::build::octree_nodes::Octree;
 use crate::build::plane_tree::{PlaneTree, Shape};
 use crate::error::{Error, Result};
 use crate::registry::Built;
@@ -10,6 +11,7 @@ use crate::spec::Config;
 use crate::traverse::batch::Batch;
 use crate::traverse::query::{Any, Closest, Query};
 use crate::traverse::{Hit, Ray, RayCounters, Tracer, plane_dir, plane_ta_b};
+use crate::traverse::{octree_glassner, octree_net, octree_param, octree_samet, octree_step};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -22,6 +24,14 @@ pub enum Layout {
     PlaneDir(PlaneTree),
     /// Axis-aligned planes, by entry and exit points.
     PlaneTaB(PlaneTree),
+    /// Octants, from the top.
+    OctreeParam(Octree),
+    /// Octants, from leaf to leaf by links.
+    OctreeNet(Octree),
+    /// Octants, from leaf to leaf by the common ancestor.
+    OctreeSamet(Octree),
+    /// Octants, from leaf to leaf by the root.
+    OctreeGlassner(Octree),
 }
 
 /// A built structure.
@@ -94,6 +104,10 @@ impl Structure {
         let nodes = match &self.built.layout {
             Layout::Brute => 0,
             Layout::PlaneDir(tree) | Layout::PlaneTaB(tree) => tree.bytes(),
+            Layout::OctreeParam(tree)
+            | Layout::OctreeNet(tree)
+            | Layout::OctreeSamet(tree)
+            | Layout::OctreeGlassner(tree) => tree.bytes(),
         };
         nodes + self.built.blocks.bytes()
     }
@@ -117,6 +131,21 @@ impl Structure {
             Layout::Brute => job.brute::<Q>(self.built.shape.references, write, counters),
             Layout::PlaneDir(tree) => job.walk::<_, Q>(&plane_dir::Walk(tree), write, counters),
             Layout::PlaneTaB(tree) => job.walk::<_, Q>(&plane_ta_b::Walk(tree), write, counters),
+            Layout::OctreeParam(tree) => {
+                job.walk::<_, Q>(&octree_param::Walk(tree), write, counters);
+            }
+            Layout::OctreeNet(tree) => {
+                let walk = octree_step::Walk(tree, octree_net::Links);
+                job.walk::<_, Q>(&walk, write, counters);
+            }
+            Layout::OctreeSamet(tree) => {
+                let walk = octree_step::Walk(tree, octree_samet::Ascent);
+                job.walk::<_, Q>(&walk, write, counters);
+            }
+            Layout::OctreeGlassner(tree) => {
+                let walk = octree_step::Walk(tree, octree_glassner::Location);
+                job.walk::<_, Q>(&walk, write, counters);
+            }
         }
     }
 }

@@ -6,12 +6,18 @@ use crate::geom::Aabb;
 use crate::structure::{Layout, Structure};
 use std::collections::BTreeSet;
 
+mod octree;
+
 /// Broken invariants, in words; empty for a sound structure.
 pub fn validate(structure: &Structure) -> Vec<String> {
     let mut broken = Vec::new();
     match &structure.built().layout {
         Layout::Brute => {}
         Layout::PlaneDir(tree) | Layout::PlaneTaB(tree) => plane_tree(structure, tree, &mut broken),
+        Layout::OctreeParam(tree)
+        | Layout::OctreeNet(tree)
+        | Layout::OctreeSamet(tree)
+        | Layout::OctreeGlassner(tree) => octree::octree(structure, tree, &mut broken),
     }
     let count = structure.built().layout.leaves(structure).len();
     if count != structure.scene().live().len() {
@@ -32,6 +38,10 @@ impl Layout {
                 .ids(0, structure.shape().references)
                 .into_iter()
                 .collect(),
+            Self::OctreeParam(tree)
+            | Self::OctreeNet(tree)
+            | Self::OctreeSamet(tree)
+            | Self::OctreeGlassner(tree) => octree::leaves(structure, tree),
             Self::PlaneDir(tree) | Self::PlaneTaB(tree) => {
                 let mut ids = BTreeSet::new();
                 tree.visit(|_, node, _| {

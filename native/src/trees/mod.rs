@@ -4,3 +4,9 @@
 pub mod brute;
 pub mod kd;
 pub mod kd_sah;
+pub mod octree;
+pub mod octree_arvo;
+pub mod octree_glassner;
+pub mod octree_net;
+pub mod octree_param;
+pub mod octree_samet;
