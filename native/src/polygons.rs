@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The split planes of a tree as polygons, each cut to its cell: what the overlay draws.
 
+use crate::build::octree_nodes::Octree;
 use crate::build::plane_tree::{Node, PlaneTree};
 use crate::geom::Aabb;
 use crate::structure::{Layout, Structure};
@@ -8,6 +9,8 @@ use crate::traverse::nested::{Look, Nested};
 
 /// Kind of a plane that bounds a child of an interval hierarchy.
 const SLAB: u8 = 4;
+/// Kind of a mid plane of an octant.
+const OCTANT: u8 = 5;
 /// Kind of a face of a box.
 const BOX: u8 = 6;
 
@@ -41,6 +44,12 @@ pub fn split_polygons(structure: &Structure, max_depth: usize, max_count: usize)
         Layout::Box2(tree) => object_tree(structure, tree, (max_depth, max_count), &mut polygons),
         Layout::Box4(tree) => object_tree(structure, tree, (max_depth, max_count), &mut polygons),
         Layout::Box8(tree) => object_tree(structure, tree, (max_depth, max_count), &mut polygons),
+        Layout::OctreeParam(tree)
+        | Layout::OctreeNet(tree)
+        | Layout::OctreeSamet(tree)
+        | Layout::OctreeGlassner(tree) => {
+            octree(structure, tree, (max_depth, max_count), &mut polygons);
+        }
     }
     polygons
 }
@@ -75,6 +84,31 @@ fn plane_tree(
             next.extend([(children, below), (children + 1, above)]);
         }
         level = next;
+    }
+}
+
+/// The three mid planes of every inner octant.
+fn octree(
+    structure: &Structure,
+    tree: &Octree,
+    (max_depth, max_count): (usize, usize),
+    out: &mut Polygons,
+) {
+    let frame = &structure.built().frame;
+    let mut inner = Vec::new();
+    tree.visit(|_, node, place| {
+        if node.is_inner() && node.level() as usize <= max_depth {
+            inner.push((node.level(), tree.cell(node, place)));
+        }
+    });
+    // Breadth first; the sort is stable.
+    inner.sort_by_key(|(level, _)| *level);
+    for (level, cell) in inner {
+        for axis in 0..3 {
+            let at = cell.min[axis] + 0.5 * (cell.max[axis] - cell.min[axis]);
+            let corners = rectangle(&cell, axis, at).map(|p| frame.to_scene(p));
+            out.push(corners, (level as usize, OCTANT), max_count);
+        }
     }
 }
 

@@ -17,6 +17,11 @@ pub const TREES: &[StructureSpec] = &[
     trees::kd::SPEC,
     trees::kd_sah::SPEC,
     trees::bvh_sah::SPEC,
+    trees::octree_param::SPEC,
+    trees::octree_arvo::SPEC,
+    trees::octree_net::SPEC,
+    trees::octree_samet::SPEC,
+    trees::octree_glassner::SPEC,
     trees::brute::SPEC,
 ];
 

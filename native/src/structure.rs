@@ -2,6 +2,7 @@
 //! A built structure over a scene: rays in, answers out.
 
 use crate::build::Monitor;
+use crate::build::octree_nodes::Octree;
 use crate::build::plane_tree::{PlaneTree, Shape};
 use crate::error::{Error, Result};
 use crate::registry::Built;
@@ -11,6 +12,7 @@ use crate::traverse::batch::Batch;
 use crate::traverse::box_tree::{self, BoxTree};
 use crate::traverse::query::{Any, Closest, Query};
 use crate::traverse::{Hit, Ray, RayCounters, Tracer, plane_dir, plane_ta_b};
+use crate::traverse::{octree_glassner, octree_net, octree_param, octree_samet, octree_step};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -29,6 +31,14 @@ pub enum Layout {
     Box4(BoxTree<4>),
     /// Boxes, eight to a node.
     Box8(BoxTree<8>),
+    /// Octants, from the top.
+    OctreeParam(Octree),
+    /// Octants, from leaf to leaf by links.
+    OctreeNet(Octree),
+    /// Octants, from leaf to leaf by the common ancestor.
+    OctreeSamet(Octree),
+    /// Octants, from leaf to leaf by the root.
+    OctreeGlassner(Octree),
 }
 
 /// A built structure.
@@ -104,6 +114,10 @@ impl Structure {
             Layout::Box2(tree) => tree.bytes(),
             Layout::Box4(tree) => tree.bytes(),
             Layout::Box8(tree) => tree.bytes(),
+            Layout::OctreeParam(tree)
+            | Layout::OctreeNet(tree)
+            | Layout::OctreeSamet(tree)
+            | Layout::OctreeGlassner(tree) => tree.bytes(),
         };
         nodes + self.built.blocks.bytes()
     }
@@ -130,6 +144,21 @@ impl Structure {
             Layout::Box2(tree) => job.walk::<_, Q>(&box_tree::Walk(tree), write, counters),
             Layout::Box4(tree) => job.walk::<_, Q>(&box_tree::Walk(tree), write, counters),
             Layout::Box8(tree) => job.walk::<_, Q>(&box_tree::Walk(tree), write, counters),
+            Layout::OctreeParam(tree) => {
+                job.walk::<_, Q>(&octree_param::Walk(tree), write, counters);
+            }
+            Layout::OctreeNet(tree) => {
+                let walk = octree_step::Walk(tree, octree_net::Links);
+                job.walk::<_, Q>(&walk, write, counters);
+            }
+            Layout::OctreeSamet(tree) => {
+                let walk = octree_step::Walk(tree, octree_samet::Ascent);
+                job.walk::<_, Q>(&walk, write, counters);
+            }
+            Layout::OctreeGlassner(tree) => {
+                let walk = octree_step::Walk(tree, octree_glassner::Location);
+                job.walk::<_, Q>(&walk, write, counters);
+            }
         }
     }
 }

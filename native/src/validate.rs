@@ -7,6 +7,8 @@ use crate::structure::{Layout, Structure};
 use crate::traverse::nested::{Look, Nested, visit};
 use std::collections::BTreeSet;
 
+mod octree;
+
 /// Broken invariants, in words; empty for a sound structure.
 pub fn validate(structure: &Structure) -> Vec<String> {
     let mut broken = Vec::new();
@@ -16,6 +18,10 @@ pub fn validate(structure: &Structure) -> Vec<String> {
         Layout::Box2(tree) => object_tree(structure, tree, &mut broken),
         Layout::Box4(tree) => object_tree(structure, tree, &mut broken),
         Layout::Box8(tree) => object_tree(structure, tree, &mut broken),
+        Layout::OctreeParam(tree)
+        | Layout::OctreeNet(tree)
+        | Layout::OctreeSamet(tree)
+        | Layout::OctreeGlassner(tree) => octree::octree(structure, tree, &mut broken),
     }
     let count = structure.built().layout.leaves(structure).len();
     if count != structure.scene().live().len() {
@@ -36,6 +42,10 @@ impl Layout {
                 .ids(0, structure.shape().references)
                 .into_iter()
                 .collect(),
+            Self::OctreeParam(tree)
+            | Self::OctreeNet(tree)
+            | Self::OctreeSamet(tree)
+            | Self::OctreeGlassner(tree) => octree::leaves(structure, tree),
             Self::PlaneDir(tree) | Self::PlaneTaB(tree) => {
                 let mut ids = BTreeSet::new();
                 tree.visit(|_, node, _| {

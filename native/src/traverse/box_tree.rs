@@ -27,7 +27,7 @@ const WIDEST: usize = 8;
 const INNER: u32 = u32::MAX;
 
 /// A node: 32 bytes a child.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 #[repr(align(64))]
 struct Wide<const W: usize> {
     /// Rows: lowest x, y, z, highest x, y, z of each child's box.
@@ -39,7 +39,7 @@ struct Wide<const W: usize> {
 }
 
 /// A tree of boxes over a scene.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct BoxTree<const W: usize> {
     nodes: Vec<Wide<W>>,
 }
@@ -351,8 +351,7 @@ impl<const W: usize> batch::Walk for Walk<'_, W> {
                     simd,
                     (next.link, count),
                     scene,
-                    (ray, frame),
-                    frame.t_max,
+                    (ray, frame, frame.t_max),
                     &mut best,
                     counters,
                 ) {
