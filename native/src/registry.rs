@@ -13,7 +13,17 @@ use crate::traverse::frame::Frame;
 use crate::trees;
 
 /// All structures, in the order in which lists show them.
-pub const TREES: &[StructureSpec] = &[trees::kd::SPEC, trees::kd_sah::SPEC, trees::brute::SPEC];
+pub const TREES: &[StructureSpec] = &[
+    trees::kd::SPEC,
+    trees::kd_sah::SPEC,
+    trees::bvh_sah::SPEC,
+    trees::octree_param::SPEC,
+    trees::octree_arvo::SPEC,
+    trees::octree_net::SPEC,
+    trees::octree_samet::SPEC,
+    trees::octree_glassner::SPEC,
+    trees::brute::SPEC,
+];
 
 /// A structure's row.
 #[derive(Debug)]

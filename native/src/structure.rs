@@ -2,14 +2,17 @@
 //! A built structure over a scene: rays in, answers out.
 
 use crate::build::Monitor;
+use crate::build::octree_nodes::Octree;
 use crate::build::plane_tree::{PlaneTree, Shape};
 use crate::error::{Error, Result};
 use crate::registry::Built;
 use crate::scene::Triangles;
 use crate::spec::Config;
 use crate::traverse::batch::Batch;
+use crate::traverse::box_tree::{self, BoxTree};
 use crate::traverse::query::{Any, Closest, Query};
 use crate::traverse::{Hit, Ray, RayCounters, Tracer, plane_dir, plane_ta_b};
+use crate::traverse::{octree_glassner, octree_net, octree_param, octree_samet, octree_step};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -22,6 +25,20 @@ pub enum Layout {
     PlaneDir(PlaneTree),
     /// Axis-aligned planes, by entry and exit points.
     PlaneTaB(PlaneTree),
+    /// Boxes, two to a node.
+    Box2(BoxTree<2>),
+    /// Boxes, four to a node.
+    Box4(BoxTree<4>),
+    /// Boxes, eight to a node.
+    Box8(BoxTree<8>),
+    /// Octants, from the top.
+    OctreeParam(Octree),
+    /// Octants, from leaf to leaf by links.
+    OctreeNet(Octree),
+    /// Octants, from leaf to leaf by the common ancestor.
+    OctreeSamet(Octree),
+    /// Octants, from leaf to leaf by the root.
+    OctreeGlassner(Octree),
 }
 
 /// A built structure.
@@ -94,6 +111,13 @@ impl Structure {
         let nodes = match &self.built.layout {
             Layout::Brute => 0,
             Layout::PlaneDir(tree) | Layout::PlaneTaB(tree) => tree.bytes(),
+            Layout::Box2(tree) => tree.bytes(),
+            Layout::Box4(tree) => tree.bytes(),
+            Layout::Box8(tree) => tree.bytes(),
+            Layout::OctreeParam(tree)
+            | Layout::OctreeNet(tree)
+            | Layout::OctreeSamet(tree)
+            | Layout::OctreeGlassner(tree) => tree.bytes(),
         };
         nodes + self.built.blocks.bytes()
     }
@@ -117,6 +141,24 @@ impl Structure {
             Layout::Brute => job.brute::<Q>(self.built.shape.references, write, counters),
             Layout::PlaneDir(tree) => job.walk::<_, Q>(&plane_dir::Walk(tree), write, counters),
             Layout::PlaneTaB(tree) => job.walk::<_, Q>(&plane_ta_b::Walk(tree), write, counters),
+            Layout::Box2(tree) => job.walk::<_, Q>(&box_tree::Walk(tree), write, counters),
+            Layout::Box4(tree) => job.walk::<_, Q>(&box_tree::Walk(tree), write, counters),
+            Layout::Box8(tree) => job.walk::<_, Q>(&box_tree::Walk(tree), write, counters),
+            Layout::OctreeParam(tree) => {
+                job.walk::<_, Q>(&octree_param::Walk(tree), write, counters);
+            }
+            Layout::OctreeNet(tree) => {
+                let walk = octree_step::Walk(tree, octree_net::Links);
+                job.walk::<_, Q>(&walk, write, counters);
+            }
+            Layout::OctreeSamet(tree) => {
+                let walk = octree_step::Walk(tree, octree_samet::Ascent);
+                job.walk::<_, Q>(&walk, write, counters);
+            }
+            Layout::OctreeGlassner(tree) => {
+                let walk = octree_step::Walk(tree, octree_glassner::Location);
+                job.walk::<_, Q>(&walk, write, counters);
+            }
         }
     }
 }

@@ -206,7 +206,7 @@ def test_copying_while_rendering_gives_means_at_any_time():
         ("ShapeError", r"camera\['to_world'\].*\(3, 3\)", {"camera": {"to_world": np.eye(3)}}),
         ("SpecError", r"camera\['kind'\].*fisheye", {"camera": {"kind": "fisheye"}}),
         ("SpecError", r"camera\['window'\] is empty", {"camera": {"window": (0, 0, 0, 1)}}),
-        ("SpecError", "threads must be at least 0", {"threads": -1}),
+        ("SpecError", "threads: expected a whole number from 0 to 1024", {"threads": -1}),
     ],
 )
 def test_bad_settings_are_refused_in_one_line(error, words, change):

@@ -112,6 +112,7 @@ impl Frame {
             inv: [0.0; 3],
             slack: [0.0; 3],
             pad: [0.0; 3],
+            still: [1.0; 3],
             negative: [0; 3],
             signs: 0,
             t_min: 0.0,
@@ -119,7 +120,9 @@ impl Frame {
             span: sum,
             oblique_pad: self.robust * 28.0 * U * sum,
             to_frame,
+            last_place: 0.0,
         };
+        out.last_place = out.scaled(f32::from_bits(1)) + TINY;
         let mut near = f32::NEG_INFINITY;
         let mut exit = f32::INFINITY;
         // Over any distance up to `span` a slower direction moves by less than u times the padding: it
@@ -141,6 +144,7 @@ impl Frame {
             out.pad[k] = self.robust * pad;
             out.slack[k] = self.robust * slack;
             out.negative[k] = u32::from(d[k].is_sign_negative());
+            out.still[k] = f32::from(u8::from(ray.d[k] != 0.0 || !self.is_scene()));
             let low = (self.bounds.min[k] - o[k]) * out.inv[k];
             let high = (self.bounds.max[k] - o[k]) * out.inv[k];
             let (enter, leave) = if out.negative[k] == 1 {
@@ -176,6 +180,9 @@ pub struct FrameRay {
     pub slack: [f32; 3],
     /// Bound on the error of a coordinate `o + t d` inside the scene, per axis.
     pub pad: [f32; 3],
+    /// 0 where the direction is zero and coordinates are the scene's own, so that a triangle whose
+    /// corners have the origin's coordinate certainly lies in one plane with the ray; 1 elsewhere.
+    pub still: [f32; 3],
     /// 1 where the direction's sign bit is set.
     pub negative: [u32; 3],
     /// The same as bits 0, 1 and 2 of each byte.
@@ -190,36 +197,40 @@ pub struct FrameRay {
     /// scene, for `|n| <= 1`: 8 sqrt(3) 2 u times the span.
     pub oblique_pad: f32,
     to_frame: f64,
+    /// Bound on the rounding of a subnormal `t`, and of the frame, in the frame's units. A distance of
+    /// a millionth of the scene may be all rounding when the direction is long enough.
+    last_place: f32,
 }
 
 impl FrameRay {
-    /// A distance in the frame that nothing at `t` or nearer can exceed, rounding included.
     #[inline(always)]
     #[expect(
         clippy::cast_possible_truncation,
         reason = "the slack covers the rounding"
     )]
+    fn scaled(&self, t: f32) -> f32 {
+        (f64::from(t) * self.to_frame) as f32
+    }
+
+    /// A distance in the frame that nothing at `t` or nearer can exceed, rounding included.
+    #[inline(always)]
     pub fn reach(&self, t: f32) -> f32 {
-        let scaled = (f64::from(t) * self.to_frame) as f32;
+        let scaled = self.scaled(t);
         if scaled >= 0.0 {
-            scaled * PRUNE + TINY
+            scaled * PRUNE + self.last_place
         } else {
-            scaled * (2.0 - PRUNE) + TINY
+            scaled * (2.0 - PRUNE) + self.last_place
         }
     }
 
     /// A distance in the frame that nothing at `t` or farther can fall below.
     #[inline(always)]
-    #[expect(
-        clippy::cast_possible_truncation,
-        reason = "the slack covers the rounding"
-    )]
     fn lower(&self, t: f32) -> f32 {
-        let scaled = (f64::from(t) * self.to_frame) as f32;
+        let scaled = self.scaled(t);
         if scaled >= 0.0 {
-            scaled * (2.0 - PRUNE) - TINY
+            scaled * (2.0 - PRUNE) - self.last_place
         } else {
-            scaled * PRUNE - TINY
+            scaled * PRUNE - self.last_place
         }
     }
 }

@@ -8,7 +8,14 @@
 
 pub mod batch;
 pub mod blocks;
+pub mod box_tree;
 pub mod frame;
+pub mod nested;
+pub mod octree_glassner;
+pub mod octree_net;
+pub mod octree_param;
+pub mod octree_samet;
+pub mod octree_step;
 pub mod plane_dir;
 pub mod plane_ta_b;
 pub mod query;

@@ -1,0 +1,288 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Octrees as rays see them: 16 bytes a node, the eight children side by side.
+//!
+//! Word 0 is the first child of an inner node, or where a leaf's blocks begin. Word 1 is the parent.
+//! Word 2 holds the level in its low five bits, the octant in the parent in the next three, and
+//! the number of triangles, all bits set for an inner node, above. Word 3 tells for an inner node
+//! which octants are empty leaves, and is for a leaf its place among the leaves, by which its links
+//! are found.
+
+use super::octree::{Cube, FAR, Item, Octants};
+use super::plane_tree::Shape;
+use crate::error::{Error, Result};
+use crate::geom::Aabb;
+use crate::scene::Triangles;
+use crate::traverse::blocks::Blocks;
+use crate::traverse::frame::{Frame, FrameRay};
+
+/// A link out of the root.
+pub const OUTSIDE: u32 = u32::MAX;
+
+const LEVEL_BITS: u32 = 5;
+const COUNT_SHIFT: u32 = 8;
+/// The count of an inner node.
+const INNER: u32 = (1 << 24) - 1;
+
+/// A node.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Node([u32; 4]);
+
+impl Node {
+    /// Whether it has children.
+    #[inline(always)]
+    pub fn is_inner(self) -> bool {
+        self.0[2] >> COUNT_SHIFT == INNER
+    }
+
+    /// The first of an inner node's children.
+    #[inline(always)]
+    pub fn children(self) -> u32 {
+        self.0[0]
+    }
+
+    /// Which of an inner node's octants are empty leaves.
+    #[inline(always)]
+    pub fn empty_octants(self) -> u32 {
+        self.0[3]
+    }
+
+    /// A leaf's blocks: where they begin, and how many triangles they hold.
+    #[inline(always)]
+    pub fn blocks(self) -> (u32, usize) {
+        (self.0[0], (self.0[2] >> COUNT_SHIFT) as usize)
+    }
+
+    /// A leaf's place among the leaves.
+    #[inline(always)]
+    pub fn place(self) -> usize {
+        self.0[3] as usize
+    }
+
+    /// The parent; the root is its own.
+    #[inline(always)]
+    pub fn parent(self) -> u32 {
+        self.0[1]
+    }
+
+    /// 0 for the root.
+    #[inline(always)]
+    pub fn level(self) -> u32 {
+        self.0[2] & ((1 << LEVEL_BITS) - 1)
+    }
+
+    /// Which of its parent's octants it is.
+    #[inline(always)]
+    pub fn octant(self) -> u32 {
+        self.0[2] >> LEVEL_BITS & 7
+    }
+}
+
+/// An octree over a scene.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Octree {
+    nodes: Vec<Node>,
+    links: Vec<[u32; 6]>,
+    cube: Cube,
+    far: f32,
+}
+
+impl Octree {
+    /// Lays out a tree, its leaves' triangles in `blocks`.
+    ///
+    /// # Errors
+    /// [`Error::Memory`] when the tree has more leaf data than its links can name.
+    pub fn new(
+        octants: &Octants,
+        cube: Cube,
+        (scene, frame): (&Triangles, &Frame),
+        blocks: &mut Blocks,
+    ) -> Result<Self> {
+        let (nodes, references) = (octants.items.len(), octants.ids.len());
+        let most = octants.items.iter().map(|item| match item {
+            Item::Inner => 0,
+            Item::Leaf(count) => *count,
+        });
+        if nodes >= 1 << 30 || references >= 1 << 28 || most.max().unwrap_or(0) >= INNER {
+            return Err(Error::Memory(format!(
+                "the tree would have {nodes} nodes and {references} references; at most 2^30 and 2^28 \
+                 are possible, and 2^24 in a leaf"
+            )));
+        }
+        let mut tree = Self {
+            nodes: Vec::with_capacity(nodes),
+            links: Vec::new(),
+            cube,
+            far: FAR * frame.bounds().magnitude(),
+        };
+        tree.nodes.push(Node::default());
+        let mut ids = octants.ids.as_slice();
+        let mut leaves = 0;
+        // Places still to fill, the next one last.
+        let mut waiting = vec![(0_usize, 0_usize, 0_u32)];
+        for item in &octants.items {
+            let (place, parent, level) = waiting.pop().expect("preorder: every node has a place");
+            #[expect(clippy::cast_possible_truncation, reason = "checked above")]
+            let (octant, up) = if place == 0 {
+                (0, 0)
+            } else {
+                ((place as u32 - 1) & 7, parent as u32)
+            };
+            let head = level | octant << LEVEL_BITS;
+            tree.nodes[place] = Node(match *item {
+                Item::Leaf(count) => {
+                    if count == 0 && place != 0 {
+                        tree.nodes[parent].0[3] |= 1 << octant;
+                    }
+                    let (own, rest) = ids.split_at(count as usize);
+                    ids = rest;
+                    leaves += 1;
+                    let first = blocks.push_leaf(scene, frame, own);
+                    [first, up, head | count << COUNT_SHIFT, leaves - 1]
+                }
+                Item::Inner => {
+                    let first = tree.nodes.len();
+                    tree.nodes.resize(first + 8, Node::default());
+                    waiting.extend((0..8).rev().map(|o| (first + o, place, level + 1)));
+                    #[expect(clippy::cast_possible_truncation, reason = "checked above")]
+                    let first = first as u32;
+                    [first, up, head | INNER << COUNT_SHIFT, 0]
+                }
+            });
+        }
+        blocks.seal();
+        Ok(tree)
+    }
+
+    /// The same tree with six links per leaf, each to the neighbour across a face: the leaf that
+    /// covers the face, or else the inner node of the leaf's size (Endl and Sommer 1994). The link
+    /// across the face on side `s` of axis `k` is number `2 k + s`.
+    ///
+    /// From the root down: a neighbour in the same parent is a sibling, any other one is a child of
+    /// the parent's neighbour, or that neighbour itself, when it has no children.
+    pub fn with_links(mut self) -> Self {
+        let mut all = vec![[OUTSIDE; 6]; self.nodes.len()];
+        let mut leaves = vec![[OUTSIDE; 6]; self.nodes.iter().filter(|n| !n.is_inner()).count()];
+        // Children stand behind their parents.
+        for (index, node) in self.nodes.iter().enumerate() {
+            if index != 0 {
+                for (face, link) in (0_u32..).zip(0..6) {
+                    let bit = 1 << (face >> 1);
+                    let across = node.octant() ^ bit;
+                    let leaves_parent = u32::from(node.octant() & bit != 0) == face & 1;
+                    all[index][link] = if leaves_parent {
+                        match all[node.parent() as usize][link] {
+                            OUTSIDE => OUTSIDE,
+                            wide if self.node(wide).is_inner() => {
+                                self.node(wide).children() + across
+                            }
+                            wide => wide,
+                        }
+                    } else {
+                        self.node(node.parent()).children() + across
+                    };
+                }
+            }
+            if !node.is_inner() {
+                leaves[node.place()] = all[index];
+            }
+        }
+        self.links = leaves;
+        self
+    }
+
+    /// A node; 0 is the root.
+    #[inline(always)]
+    pub fn node(&self, index: u32) -> Node {
+        self.nodes[index as usize]
+    }
+
+    /// The links of the leaf at a place; see [`Self::with_links`].
+    #[inline(always)]
+    pub fn links(&self, place: usize) -> &[u32; 6] {
+        &self.links[place]
+    }
+
+    /// Whether leaves have links.
+    pub fn has_links(&self) -> bool {
+        !self.links.is_empty()
+    }
+
+    /// The root cell and the grid.
+    #[inline(always)]
+    pub fn cube(&self) -> &Cube {
+        &self.cube
+    }
+
+    /// Whether walks from cell to cell are right for a ray; see [`Cube::step_margin`].
+    #[inline(always)]
+    pub fn is_near(&self, ray: &FrameRay) -> bool {
+        ray.o[0].abs().max(ray.o[1].abs()).max(ray.o[2].abs()) <= self.far
+    }
+
+    /// Size in bytes.
+    pub fn bytes(&self) -> usize {
+        self.nodes.len() * size_of::<Node>() + self.links.len() * size_of::<[u32; 6]>()
+    }
+
+    /// All nodes, parents before children, each with its number and the place of its lowest corner
+    /// on the grid of the smallest cells.
+    pub fn visit(&self, mut see: impl FnMut(u32, Node, [u32; 3])) {
+        let mut waiting = vec![(0, [0; 3])];
+        while let Some((index, place)) = waiting.pop() {
+            let node = self.node(index);
+            see(index, node, place);
+            if node.is_inner() {
+                let half = 1 << (self.cube.depth - node.level() - 1);
+                waiting.extend((0..8).rev().map(|octant| {
+                    let place = std::array::from_fn(|k| place[k] + half * (octant >> k & 1));
+                    (node.children() + octant, place)
+                }));
+            }
+        }
+    }
+
+    /// The cell of a node that begins at `place`.
+    pub fn cell(&self, node: Node, place: [u32; 3]) -> Aabb {
+        let min = self.cube.low(place);
+        let edge = self.cube.edge(node.level());
+        Aabb {
+            min,
+            max: min.map(|x| x + edge),
+        }
+    }
+
+    /// Measures the tree. An inner node counts as three axis steps in the cost.
+    pub fn shape(&self, frame: &Frame) -> Shape {
+        let bounds = frame.bounds();
+        let whole = bounds.area().max(f64::MIN_POSITIVE);
+        let mut shape = Shape::default();
+        let mut depth_sum = 0;
+        self.visit(|_, node, place| {
+            let mut cell = self.cell(node, place);
+            for k in 0..3 {
+                cell.min[k] = cell.min[k].max(bounds.min[k]);
+                cell.max[k] = cell.max[k].min(bounds.max[k]);
+            }
+            let share = if cell.is_empty() {
+                0.0
+            } else {
+                cell.area() / whole
+            };
+            if node.is_inner() {
+                shape.nodes_axis += 1;
+                shape.sah_cost += 3.0 * share;
+                return;
+            }
+            let (count, depth) = (node.blocks().1, node.level() as usize);
+            shape.leaves += 1;
+            shape.leaves_empty += usize::from(count == 0);
+            shape.references += count;
+            shape.leaf_max = shape.leaf_max.max(count);
+            shape.depth_max = shape.depth_max.max(depth);
+            shape.sah_cost += 80.0 * share * count as f64;
+            depth_sum += depth;
+        });
+        shape.depth_mean = depth_sum as f64 / shape.leaves.max(1) as f64;
+        shape
+    }
+}

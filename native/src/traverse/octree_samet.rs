@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Neighbours by ascent and descent (Samet 1989): up to the first ancestor that also holds the
+//! neighbour, then down along the mirrored path. Nothing is stored.
+
+use super::octree_step::Neighbours;
+use super::query::Counters;
+use crate::build::octree::MAX_DEPTH;
+use crate::build::octree_nodes::{Node, OUTSIDE, Octree};
+
+/// Up and down again.
+pub struct Ascent;
+
+impl Neighbours for Ascent {
+    #[inline(always)]
+    fn across<C: Counters>(
+        tree: &Octree,
+        (_, leaf): (u32, Node),
+        axis: usize,
+        side: u32,
+        counters: &mut C,
+    ) -> u32 {
+        let bit = 1 << axis;
+        let mut path = [0; MAX_DEPTH as usize];
+        let mut length = 0;
+        let mut node = leaf;
+        // ADJ: an octant on the face's own side has no sibling there, so go up.
+        loop {
+            if node.level() == 0 {
+                return OUTSIDE;
+            }
+            path[length] = node.octant() ^ bit;
+            length += 1;
+            let parent = tree.node(node.parent());
+            counters.step_axis();
+            let adjacent = u32::from(node.octant() & bit != 0) == side;
+            node = parent;
+            if !adjacent {
+                break;
+            }
+        }
+        // REFLECT: down the path again, mirrored; it may end early, in a larger neighbour.
+        let mut index = OUTSIDE;
+        while node.is_inner() && length != 0 {
+            length -= 1;
+            index = node.children() + path[length];
+            node = tree.node(index);
+            counters.step_axis();
+        }
+        index
+    }
+}

@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Octrees: one build, and one row for each way from a cell to the next.
+
+use crate::build::Monitor;
+use crate::build::octree::{self, Cube, MAX_DEPTH, Params};
+use crate::build::octree_nodes::Octree;
+use crate::error::Result;
+use crate::registry::{Built, Default, Kind, ParamSpec};
+use crate::scene::Triangles;
+use crate::spec::Config;
+use crate::structure::Layout;
+use crate::traverse::blocks::Blocks;
+use crate::traverse::frame::Frame;
+
+/// Depth limit.
+pub const MAX_DEPTH_PARAM: ParamSpec = ParamSpec {
+    name: "max_depth",
+    label: "Depth Limit",
+    doc: "Leaves lie no deeper; 0 chooses by the number of triangles. Each level more may cost four \
+          times the memory, and splits what small leaves could not",
+    unit: "levels",
+    kind: Kind::Integer {
+        min: 0,
+        max: MAX_DEPTH as i64,
+    },
+    default: Default::Integer(0),
+};
+
+/// Leaf size.
+pub const LEAF_SIZE: ParamSpec = ParamSpec {
+    name: "leaf_size",
+    label: "Leaf Size",
+    doc: "Cells of at most this many triangles are not halved. Around a corner that more triangles \
+          share, cells go down to the depth limit",
+    unit: "triangles",
+    kind: Kind::Integer { min: 0, max: 64 },
+    default: Default::Integer(2),
+};
+
+/// The depth limit where the user gives none: on a surface, cells about the size of its triangles.
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "small"
+)]
+fn default_depth(triangles: usize) -> u32 {
+    (2.0 + 0.5 * (triangles.max(1) as f64).log2()).round() as u32
+}
+
+/// Builds an octree and lays it out. With `steps` its leaves allow for the rounding of walks from
+/// cell to cell.
+pub fn build(
+    scene: &Triangles,
+    config: &Config,
+    monitor: &Monitor,
+    steps: bool,
+    layout: impl FnOnce(Octree) -> Layout,
+) -> Result<Built> {
+    let frame = Frame::new(scene.bounds());
+    let depth = match config.integer("max_depth") {
+        0 => default_depth(scene.live().len()),
+        depth => u32::try_from(depth).expect("in range"),
+    };
+    let cube = Cube::new(&frame, depth, steps);
+    let params = Params {
+        cube,
+        leaf_size: config.integer("leaf_size"),
+        margin: if steps { cube.step_margin(&frame) } else { 0.0 },
+    };
+    let octants = octree::build(scene, &frame, &params, monitor)?;
+    let mut blocks = Blocks::new();
+    let tree = Octree::new(&octants, cube, (scene, &frame), &mut blocks)?;
+    let shape = tree.shape(&frame);
+    Ok(Built {
+        frame,
+        blocks,
+        layout: layout(tree),
+        shape,
+        left_out: vec!["oblique planes: an octree halves along the axes".to_owned()],
+    })
+}
