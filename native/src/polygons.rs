@@ -31,6 +31,7 @@ pub fn split_polygons(structure: &Structure, max_depth: usize, max_count: usize)
         Layout::Brute => {}
         Layout::OctreeParam(tree)
         | Layout::OctreeNet(tree)
+        | Layout::OctreeBeam(tree, _)
         | Layout::OctreeSamet(tree)
         | Layout::OctreeGlassner(tree) => {
             octree(structure, tree, (max_depth, max_count), &mut polygons);

@@ -193,6 +193,22 @@ pub struct FrameRay {
 }
 
 impl FrameRay {
+    /// A ray that is over before it begins.
+    pub const NOTHING: Self = Self {
+        o: [0.0; 3],
+        d: [1.0; 3],
+        inv: [1.0; 3],
+        slack: [0.0; 3],
+        pad: [0.0; 3],
+        negative: [0; 3],
+        signs: 0,
+        t_min: 1.0,
+        t_max: 0.0,
+        span: 0.0,
+        oblique_pad: 0.0,
+        to_frame: 1.0,
+    };
+
     /// A distance in the frame that nothing at `t` or nearer can exceed, rounding included.
     #[inline(always)]
     #[expect(

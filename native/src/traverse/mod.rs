@@ -9,6 +9,8 @@
 pub mod batch;
 pub mod blocks;
 pub mod frame;
+pub mod lanes;
+pub mod octree_beam;
 pub mod octree_glassner;
 pub mod octree_net;
 pub mod octree_param;
@@ -19,4 +21,5 @@ pub mod plane_ta_b;
 pub mod query;
 pub mod ray;
 
+pub use ray::Order;
 pub use ray::{Hit, Ray, RayCounters, Tracer};
