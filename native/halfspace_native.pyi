@@ -355,8 +355,9 @@ def render(
         depths along -Z.
     settings: "width" and "height" of the full frame in pixels; "border" (x0, y0, x1, y1) in pixels
         from the lower left, half open, or None; "samples" per pixel: cost in proportion;
-        "max_bounces" (4): 0 = direct light only, as in Cycles; "seed" (0); "film_transparent"
-        (False); "passes" (["Combined"]), names as in RenderJob.passes; "step_samples" (None):
+        "max_bounces" (4): 0 = direct light only, as in Cycles; "clamp_indirect" (0): most that a sample adds
+        after its first bounce, as the mean of its channels, 0 = no limit; "seed" (0);
+        "film_transparent" (False); "passes" (["Combined"]), names as in RenderJob.passes; "step_samples" (None):
         samples between two updates of a tile, None = 1, 1, 2, 4, then 8 at a time; "filter"
         ("blackman_harris", or "box") and "filter_width" (1.5), as in Cycles.
     threads: 0 = one per core.

@@ -202,6 +202,7 @@ def render_settings(engine: Any, depsgraph: Any) -> RenderSettings:
         border=border_pixels(render, width, height) if render.use_border else None,
         samples=group.samples,
         max_bounces=group.max_bounces,
+        clamp_indirect=group.clamp_indirect,
         seed=group.render_seed,
         film_transparent=render.film_transparent,
         passes=tuple(render_pass.name for render_pass in passes.wanted_passes(depsgraph.view_layer_eval)),

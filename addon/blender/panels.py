@@ -74,6 +74,7 @@ class HALFSPACE_PT_sampling(_Panel, bpy.types.Panel):
         column.prop(group, "samples")
         column.prop(group, "preview_samples")
         column.prop(group, "max_bounces")
+        column.prop(group, "clamp_indirect")
         column.prop(group, "render_seed")
 
 

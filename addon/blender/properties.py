@@ -86,6 +86,14 @@ RENDER_PROPERTIES: dict[str, Any] = {
     "max_bounces": IntProperty(
         name="Bounces", description="How often light is followed after the first surface", default=6, min=0, max=64
     ),
+    "clamp_indirect": FloatProperty(
+        name="Clamp Indirect",
+        description="Most that one sample may add after its first bounce. Less hides fireflies and loses light; "
+        "0 is no limit, and exact",
+        default=10.0,
+        min=0.0,
+        soft_max=100.0,
+    ),
     "render_seed": IntProperty(
         name="Noise Seed", description="Another number gives other noise in the same picture", default=0, min=0
     ),

@@ -65,7 +65,12 @@ class Viewport:
             )
             self._origin = scene.geometry.origin
             self._settings = RenderSettings(
-                width=1, height=1, samples=group.preview_samples, max_bounces=group.max_bounces, seed=group.render_seed
+                width=1,
+                height=1,
+                samples=group.preview_samples,
+                max_bounces=group.max_bounces,
+                clamp_indirect=group.clamp_indirect,
+                seed=group.render_seed,
             )
         except Exception as error:
             log.exception("Halfspace could not read the scene for the viewport")

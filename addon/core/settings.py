@@ -49,7 +49,8 @@ def _text(value: Value) -> str:
 class RenderSettings:
     """One picture. border: (x0, y0, x1, y1) pixels of the full frame, half open, y from the bottom; None: all of it.
 
-    passes: names of the arrays wanted. threads: 0 means one per core. Raises SettingsError.
+    clamp_indirect: most that a sample may add after its first bounce, 0 = no limit. passes: names of the arrays wanted.
+    threads: 0 means one per core. Raises SettingsError.
     """
 
     width: int
@@ -57,6 +58,7 @@ class RenderSettings:
     border: tuple[int, int, int, int] | None = None
     samples: int = 32
     max_bounces: int = 6
+    clamp_indirect: float = 0.0
     seed: int = 0
     film_transparent: bool = False
     passes: tuple[str, ...] = field(default=("Combined",))
@@ -87,6 +89,7 @@ class RenderSettings:
             "border": self.border,
             "samples": self.samples,
             "max_bounces": self.max_bounces,
+            "clamp_indirect": self.clamp_indirect,
             "seed": self.seed,
             "film_transparent": self.film_transparent,
             "passes": list(self.passes),

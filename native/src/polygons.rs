@@ -5,6 +5,14 @@ use crate::build::octree_nodes::Octree;
 use crate::build::plane_tree::{Node, PlaneTree};
 use crate::geom::Aabb;
 use crate::structure::{Layout, Structure};
+use crate::traverse::nested::{Look, Nested};
+
+/// Kind of a plane that bounds a child of an interval hierarchy.
+const SLAB: u8 = 4;
+/// Kind of a mid plane of an octant.
+const OCTANT: u8 = 5;
+/// Kind of a face of a box.
+const BOX: u8 = 6;
 
 /// Convex polygons in the scene's frame.
 #[derive(Debug, Clone, Default)]
@@ -15,7 +23,8 @@ pub struct Polygons {
     pub offsets: Vec<u32>,
     /// Depth of each polygon's node; the root has depth 0.
     pub depths: Vec<u32>,
-    /// What each polygon is: 0, 1, 2 the plane of an axis; 3 oblique; 4 slab pair; 5 octant.
+    /// What each polygon is: 0, 1, 2 the plane of an axis; 3 oblique; 4 one of the planes
+    /// between which a child lies; 5 octant; 6 a face of a box.
     pub kinds: Vec<u8>,
     /// How many polygons within `max_depth` were left out because of `max_count`.
     pub hidden: usize,
@@ -29,15 +38,18 @@ pub fn split_polygons(structure: &Structure, max_depth: usize, max_count: usize)
     };
     match &structure.built().layout {
         Layout::Brute => {}
+        Layout::PlaneDir(tree) | Layout::PlaneTaB(tree) => {
+            plane_tree(structure, tree, (max_depth, max_count), &mut polygons);
+        }
+        Layout::Box2(tree) => object_tree(structure, tree, (max_depth, max_count), &mut polygons),
+        Layout::Box4(tree) => object_tree(structure, tree, (max_depth, max_count), &mut polygons),
+        Layout::Box8(tree) => object_tree(structure, tree, (max_depth, max_count), &mut polygons),
         Layout::OctreeParam(tree)
         | Layout::OctreeNet(tree)
         | Layout::OctreeBeam(tree, _)
         | Layout::OctreeSamet(tree)
         | Layout::OctreeGlassner(tree) => {
             octree(structure, tree, (max_depth, max_count), &mut polygons);
-        }
-        Layout::PlaneDir(tree) | Layout::PlaneTaB(tree) => {
-            plane_tree(structure, tree, (max_depth, max_count), &mut polygons);
         }
     }
     polygons
@@ -63,19 +75,10 @@ fn plane_tree(
             else {
                 continue;
             };
-            if out.kinds.len() < max_count {
-                for corner in rectangle(&cell, axis, split) {
-                    out.vertices.push(frame.to_scene(corner));
-                }
-                #[expect(clippy::cast_possible_truncation, reason = "bounded by max_count")]
-                out.offsets.push(out.vertices.len() as u32);
-                #[expect(clippy::cast_possible_truncation, reason = "at most 60")]
-                out.depths.push(depth as u32);
-                #[expect(clippy::cast_possible_truncation, reason = "an axis")]
-                out.kinds.push(axis as u8);
-            } else {
-                out.hidden += 1;
-            }
+            #[expect(clippy::cast_possible_truncation, reason = "an axis")]
+            let kind = axis as u8;
+            let corners = rectangle(&cell, axis, split).map(|p| frame.to_scene(p));
+            out.push(corners, (depth, kind), max_count);
             let (mut below, mut above) = (cell, cell);
             below.max[axis] = split;
             above.min[axis] = split;
@@ -103,19 +106,72 @@ fn octree(
     inner.sort_by_key(|(level, _)| *level);
     for (level, cell) in inner {
         for axis in 0..3 {
-            if out.kinds.len() == max_count {
-                out.hidden += 1;
-                continue;
-            }
             let at = cell.min[axis] + 0.5 * (cell.max[axis] - cell.min[axis]);
-            for corner in rectangle(&cell, axis, at) {
-                out.vertices.push(frame.to_scene(corner));
-            }
-            #[expect(clippy::cast_possible_truncation, reason = "bounded by max_count")]
-            out.offsets.push(out.vertices.len() as u32);
-            out.depths.push(level);
-            out.kinds.push(5);
+            let corners = rectangle(&cell, axis, at).map(|p| frame.to_scene(p));
+            out.push(corners, (level as usize, OCTANT), max_count);
         }
+    }
+}
+
+/// Boxes as six rectangles each, with the depth of the box's own node; slabs as the planes that cut
+/// something off the node's region, each cut to that region.
+fn object_tree<N: Nested>(
+    structure: &Structure,
+    tree: &N,
+    (max_depth, max_count): (usize, usize),
+    out: &mut Polygons,
+) {
+    let frame = &structure.built().frame;
+    let mut level = vec![(tree.top(), frame.bounds())];
+    let mut children = Vec::new();
+    for depth in 0..=max_depth {
+        let mut next = Vec::new();
+        for (place, region) in level {
+            children.clear();
+            let look = tree.look(place, &region, &mut children);
+            let mut draw = |within: &Aabb, axis: usize, at: f32, kind: (usize, u8)| {
+                let corners = rectangle(within, axis, at).map(|p| frame.to_scene(p));
+                out.push(corners, kind, max_count);
+            };
+            for (_, child) in &children {
+                match look {
+                    Look::Boxes if depth < max_depth => {
+                        for axis in 0..3 {
+                            draw(child, axis, child.min[axis], (depth + 1, BOX));
+                            draw(child, axis, child.max[axis], (depth + 1, BOX));
+                        }
+                    }
+                    Look::Slabs { axis } => {
+                        let pairs = [
+                            (region.min[axis], child.min[axis]),
+                            (region.max[axis], child.max[axis]),
+                        ];
+                        for (_, at) in pairs.into_iter().filter(|(old, new)| old != new) {
+                            draw(&region, axis, at, (depth, SLAB));
+                        }
+                    }
+                    _ => {}
+                }
+            }
+            next.append(&mut children);
+        }
+        level = next;
+    }
+}
+
+impl Polygons {
+    /// Appends a rectangle, unless there are enough.
+    fn push(&mut self, corners: [[f32; 3]; 4], (depth, kind): (usize, u8), max_count: usize) {
+        if self.kinds.len() >= max_count {
+            self.hidden += 1;
+            return;
+        }
+        self.vertices.extend(corners);
+        #[expect(clippy::cast_possible_truncation, reason = "bounded by max_count")]
+        self.offsets.push(self.vertices.len() as u32);
+        #[expect(clippy::cast_possible_truncation, reason = "at most 60")]
+        self.depths.push(depth as u32);
+        self.kinds.push(kind);
     }
 }
 

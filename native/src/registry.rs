@@ -16,6 +16,7 @@ use crate::trees;
 pub const TREES: &[StructureSpec] = &[
     trees::kd::SPEC,
     trees::kd_sah::SPEC,
+    trees::bvh_sah::SPEC,
     trees::octree_param::SPEC,
     trees::octree_arvo::SPEC,
     trees::octree_net::SPEC,

@@ -4,6 +4,7 @@
 use crate::build::plane_tree::{MAX_DEPTH, Node, PlaneTree};
 use crate::geom::Aabb;
 use crate::structure::{Layout, Structure};
+use crate::traverse::nested::{Look, Nested, visit};
 use std::collections::BTreeSet;
 
 mod octree;
@@ -14,6 +15,9 @@ pub fn validate(structure: &Structure) -> Vec<String> {
     match &structure.built().layout {
         Layout::Brute => {}
         Layout::PlaneDir(tree) | Layout::PlaneTaB(tree) => plane_tree(structure, tree, &mut broken),
+        Layout::Box2(tree) => object_tree(structure, tree, &mut broken),
+        Layout::Box4(tree) => object_tree(structure, tree, &mut broken),
+        Layout::Box8(tree) => object_tree(structure, tree, &mut broken),
         Layout::OctreeParam(tree)
         | Layout::OctreeNet(tree)
         | Layout::OctreeBeam(tree, _)
@@ -53,8 +57,75 @@ impl Layout {
                 });
                 ids
             }
+            Self::Box2(tree) => nested_ids(structure, tree),
+            Self::Box4(tree) => nested_ids(structure, tree),
+            Self::Box8(tree) => nested_ids(structure, tree),
         }
     }
+}
+
+/// All triangles that some leaf of an object tree holds.
+fn nested_ids(structure: &Structure, tree: &impl Nested) -> BTreeSet<u32> {
+    let mut ids = BTreeSet::new();
+    visit(tree, structure.built().frame.bounds(), |_, _, look, _| {
+        if let Look::Leaf { first, count } = look {
+            ids.extend(structure.built().blocks.ids(first, count));
+        }
+    });
+    ids
+}
+
+/// Object trees hold each triangle once, inside every box and between all planes on its path.
+fn object_tree(structure: &Structure, tree: &impl Nested, broken: &mut Vec<String>) {
+    let (built, scene) = (structure.built(), structure.scene());
+    let mut seen = BTreeSet::new();
+    let (mut inner, mut leaves, mut references) = (0, 0, 0);
+    visit(
+        tree,
+        built.frame.bounds(),
+        |region, depth, look, children| {
+            if depth > MAX_DEPTH {
+                broken.push(format!("a node lies at depth {depth}, beyond {MAX_DEPTH}"));
+            }
+            let Look::Leaf { first, count } = look else {
+                inner += 1;
+                for (_, child) in children {
+                    if !contains(region, child) {
+                        broken.push(format!(
+                            "the region {child:?} leaves its parent's {region:?}"
+                        ));
+                    }
+                }
+                return;
+            };
+            leaves += 1;
+            references += count;
+            for id in built.blocks.ids(first, count) {
+                if !seen.insert(id) {
+                    broken.push(format!("triangle {id} lies in two leaves"));
+                }
+                let corners = scene.corners(id).map(|p| built.frame.point(p));
+                if !contains(region, &Aabb::of_triangle(corners)) {
+                    broken.push(format!(
+                        "triangle {id} lies partly outside its leaf's region"
+                    ));
+                }
+            }
+        },
+    );
+    let shape = structure.shape();
+    let counted = (inner, leaves, references);
+    let stated = (shape.nodes_axis, shape.leaves, shape.references);
+    if counted != stated {
+        broken.push(format!(
+            "inner nodes, leaves and references are {counted:?}, the statistics say {stated:?}"
+        ));
+    }
+}
+
+/// Whether the second box lies inside the first.
+fn contains(outer: &Aabb, inner: &Aabb) -> bool {
+    inner.is_empty() || (0..3).all(|k| outer.min[k] <= inner.min[k] && inner.max[k] <= outer.max[k])
 }
 
 fn plane_tree(structure: &Structure, tree: &PlaneTree, broken: &mut Vec<String>) {

@@ -2,10 +2,12 @@
 //! Tiles of rays, walked as beams: every pixel is the single ray's, whatever the camera.
 
 use halfspace_native::build::Monitor;
-use halfspace_native::oracle::cases::{Random, box_triangles, cases, grid, ray, soup};
+use halfspace_native::oracle::cases::{
+    Random, box_triangles, cases, grid, lattice_rays, ray, soup,
+};
 use halfspace_native::scene::Triangles;
 use halfspace_native::spec::Config;
-use halfspace_native::structure::Structure;
+use halfspace_native::structure::{Layout, Structure};
 use halfspace_native::traverse::{Hit, Order, Ray, RayCounters, Tracer};
 use std::sync::Arc;
 
@@ -162,6 +164,33 @@ fn hard_scenes_look_the_same() {
             image((72, 40), pinhole(bounds.min, 1.0)),
         ];
         compare(case.name, &case.scene, &images);
+    }
+}
+
+#[test]
+fn every_walk_ends_after_as_many_cells_as_the_grid_has_planes() {
+    let scene = soup(grid(4, 0.0));
+    let mut rays = lattice_rays(4, &mut Random(5), 3000);
+    // The main diagonal through all corners, and edges of cells in all directions.
+    for signs in 0..8 {
+        let side = |k: usize| if signs >> k & 1 == 1 { -1.0 } else { 1.0 };
+        let o = std::array::from_fn(|k| 2.0 - 4.0 * side(k));
+        rays.push(ray(o, [side(0), side(1), side(2)]));
+        rays.push(ray(o, [side(0), side(1), 0.0_f32.copysign(side(2))]));
+    }
+    for spec in ["octree-net", "octree-samet", "octree-glassner"] {
+        let structure = build(&scene, &format!("{spec}:leaf_size=0"));
+        let (Layout::OctreeNet(tree) | Layout::OctreeSamet(tree) | Layout::OctreeGlassner(tree)) =
+            &structure.built().layout
+        else {
+            panic!("{spec} is walked from leaf to leaf");
+        };
+        let mut hits = vec![Hit::MISS; rays.len()];
+        let mut counters = vec![RayCounters::default(); rays.len()];
+        structure.closest(&rays, &mut hits, Some(&mut counters));
+        let most = counters.iter().map(|c| c.leaves + c.leaves_empty).max();
+        let bound = 3 << tree.cube().depth;
+        assert!(most.unwrap() <= bound, "{spec}: {most:?} of {bound}");
     }
 }
 

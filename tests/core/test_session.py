@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Sessions against a fake native module: what is passed on, and how work is stopped."""
 
-import time
+import math
+import threading
 
 import numpy as np
 import pytest
@@ -30,14 +31,13 @@ def test_materials_and_world_reach_the_native_scene() -> None:
     assert session.left_out == ["shadow rays: no lights"]
 
 
-def test_a_cancelled_build_stops_soon_and_joins_its_thread() -> None:
-    native = FakeNative(build_seconds=30.0)
-    begin = time.monotonic()
+def test_a_cancelled_build_stops_and_joins_its_thread() -> None:
+    native = FakeNative(build_seconds=math.inf)
     with pytest.raises(Cancelled):
         Session.start(native, SCENE, "kd", keep_going=lambda _progress: False)
-    assert time.monotonic() - begin < 1.0
     assert native.monitor is not None
     assert native.monitor.cancelled
+    assert not [thread for thread in threading.enumerate() if thread.name == "halfspace-build"]
 
 
 def test_an_error_of_the_build_reaches_the_caller() -> None:
@@ -53,13 +53,11 @@ def test_a_render_shows_intermediate_pictures_and_ends() -> None:
     assert job.finished
 
 
-def test_a_cancelled_render_stops_soon() -> None:
-    job = start(FakeNative(render_seconds=30.0)).render(CAMERA, SETTINGS)
-    begin = time.monotonic()
+def test_a_cancelled_render_stops() -> None:
+    job = start(FakeNative(render_seconds=math.inf)).render(CAMERA, SETTINGS)
     with pytest.raises(Cancelled):
         watch(job, milliseconds=50, keep_going=lambda _progress: False, show=lambda: None)
     assert job.cancelled
-    assert time.monotonic() - begin < 1.0
 
 
 def test_an_error_of_the_render_is_raised_with_its_own_words() -> None:

@@ -2,10 +2,13 @@
 //! The loops that build trees. They name no tree: a structure answers one question of theirs
 //! ("which planes would you try at this node?") and everything else is shared.
 
+pub mod binned;
 pub mod cell;
 pub mod clip;
 pub mod cost;
 pub mod monitor;
+pub mod object;
+pub mod object_tree;
 pub mod octree;
 pub mod octree_nodes;
 pub mod overlap;

@@ -40,12 +40,12 @@ impl Aabb {
         bounds
     }
 
-    /// The smallest box around both.
+    /// The smallest box around both; either may be empty.
     pub fn union(&self, other: &Self) -> Self {
-        let mut all = *self;
-        all.grow(other.min);
-        all.grow(other.max);
-        all
+        Self {
+            min: std::array::from_fn(|k| self.min[k].min(other.min[k])),
+            max: std::array::from_fn(|k| self.max[k].max(other.max[k])),
+        }
     }
 
     /// Edge length along axis `k`, in f64 so that it never overflows.
@@ -53,8 +53,11 @@ impl Aabb {
         f64::from(self.max[k]) - f64::from(self.min[k])
     }
 
-    /// Surface area; 0 for a box that is a line or a point.
+    /// Surface area; 0 for a box that is empty, a line or a point.
     pub fn area(&self) -> f64 {
+        if self.is_empty() {
+            return 0.0;
+        }
         let [x, y, z] = [self.extent(0), self.extent(1), self.extent(2)];
         2.0 * (x * y + y * z + z * x)
     }

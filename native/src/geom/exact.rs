@@ -4,33 +4,17 @@
 //! A ray `o + t d` and a triangle `a b c`, seen from the origin `o`: with `A = a - o` and so on,
 //! the three edge functions are `w_a = det[d, B, C]`, `w_b = det[d, C, A]`, `w_c = det[d, A, B]`,
 //! and `t = det[A, B, C] / (w_a + w_b + w_c)`. All of them are polynomials in the fifteen f32
-//! inputs, so they have exact values.
+//! inputs, so they have exact values: as integers, once points and direction are each brought to a
+//! common exponent. 128 bits hold them when neither spans more than 40 binary places, which is
+//! nearly always; integers of any size take over beyond.
 
 use super::vec3::{Vec3, sub};
 use num_bigint::{BigInt, Sign};
-use robust::Coord3D;
+use std::ops::{Add, Mul, Sub};
 
-/// The sign (-1, 0, 1) of `det[d, p - o, q - o]`, exact.
-pub fn edge_sign(o: Vec3, d: Vec3, p: Vec3, q: Vec3) -> i32 {
-    // The predicate wants four points; `o + d` is one whenever the sum is exact in f64.
-    let tip = [o[0] + d[0], o[1] + d[1], o[2] + d[2]];
-    let exact = (0..3).all(|k| tip[k] - o[k] == d[k] && tip[k] - d[k] == o[k]);
-    if exact {
-        let coord = |v: Vec3| Coord3D {
-            x: v[0],
-            y: v[1],
-            z: v[2],
-        };
-        let det = robust::orient3d(coord(tip), coord(p), coord(q), coord(o));
-        return if det > 0.0 { 1 } else { -i32::from(det < 0.0) };
-    }
-    let (o, d) = (integers(o), integers(d));
-    sign(&determinant(
-        &d,
-        &difference(&integers(p), &o),
-        &difference(&integers(q), &o),
-    ))
-}
+/// Most binary places of a coordinate for which 128 bits hold all sums below: the largest is the sum
+/// of eighteen products of a direction (40 bits) and two differences (41 bits each).
+const PLACES: i32 = 40;
 
 /// Whether the triangle has no area at all: its corners lie exactly on one line.
 pub fn is_degenerate(v: [Vec3; 3]) -> bool {
@@ -41,111 +25,238 @@ pub fn is_degenerate(v: [Vec3; 3]) -> bool {
     shadow(0, 1) && shadow(1, 2) && shadow(2, 0)
 }
 
-/// The exact intersection of a ray's line with a closed triangle.
-#[derive(Debug, Clone, PartialEq)]
+/// The exact intersection of a ray's line with a closed triangle, rounded once at the end.
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ExactHit {
-    /// Weights of the three corners times `sum`, all of one sign (or zero).
-    pub weights: [BigInt; 3],
-    /// Their sum, not zero.
-    pub sum: BigInt,
-    /// Distance times `sum`.
-    pub distance: BigInt,
+    /// Distance, correctly rounded to f32 (ties to even).
+    pub t: f32,
+    /// Weights of the second and the third corner, correctly rounded to f32.
+    pub weights: [f32; 2],
+    /// How many of the three edge functions vanish: 0 inside, 1 on an edge, 2 at a corner.
+    pub zeros: usize,
 }
 
-impl ExactHit {
-    /// The distance, correctly rounded to f32 (ties to even).
-    pub fn t(&self) -> f32 {
-        round_to_f32(&self.distance, &self.sum)
+/// The signs (-1, 0, 1) of the three edge functions.
+pub fn edge_signs(o: [f32; 3], d: [f32; 3], v: [[f32; 3]; 3]) -> [i32; 3] {
+    // A ray inside an axis-parallel wall, the commonest case of all, takes comparisons only.
+    if (0..3).any(|k| d[k] == 0.0 && v.iter().all(|p| p[k] == o[k])) {
+        return [0; 3];
     }
-
-    /// The weight of corner `k`, correctly rounded to f32.
-    pub fn weight(&self, k: usize) -> f32 {
-        round_to_f32(&self.weights[k], &self.sum)
-    }
-
-    /// How many of the three edge functions vanish: 0 inside, 1 on an edge, 2 at a corner.
-    pub fn zeros(&self) -> usize {
-        self.weights
-            .iter()
-            .filter(|w| w.sign() == Sign::NoSign)
-            .count()
+    match Scaled::new(o, d, v) {
+        Scaled::Small { d, corners, .. } => weights(&d, &corners).map(|w| sign(&w)),
+        Scaled::Large { d, corners, .. } => weights(&d, &corners).map(|w| sign(&w)),
     }
 }
 
 /// Intersects a ray's line with a closed triangle in exact arithmetic. A line in the triangle's
 /// plane meets nothing. The distance may be negative.
 pub fn intersect(o: [f32; 3], d: [f32; 3], v: [[f32; 3]; 3]) -> Option<ExactHit> {
-    let (origin, d) = (integers32(o), integers32(d));
-    let [a, b, c] = v.map(|p| difference(&integers32(p), &origin));
-    let weights = [
-        determinant(&d, &b, &c),
-        determinant(&d, &c, &a),
-        determinant(&d, &a, &b),
-    ];
-    let signs = [sign(&weights[0]), sign(&weights[1]), sign(&weights[2])];
+    match Scaled::new(o, d, v) {
+        Scaled::Small { d, corners, unit } => hit(&d, &corners, |n, d, scaled| {
+            quotient(*n, *d, if scaled { unit } else { 0 })
+        }),
+        Scaled::Large { d, corners, unit } => hit(&d, &corners, |n, d, scaled| {
+            round_to_f32(n, d, if scaled { unit } else { 0 })
+        }),
+    }
+}
+
+/// The signs decide; `round(n, d, scaled)` is `n / d`, times the unit of distance where `scaled`.
+fn hit<T: Number>(
+    d: &[T; 3],
+    corners: &[[T; 3]; 3],
+    round: impl Fn(&T, &T, bool) -> f32,
+) -> Option<ExactHit>
+where
+    for<'a> &'a T: Mul<&'a T, Output = T>,
+{
+    let [wa, wb, wc] = weights(d, corners);
+    let signs = [sign(&wa), sign(&wb), sign(&wc)];
     if signs.contains(&1) == signs.contains(&-1) {
         return None; // mixed signs: outside; all zero: the line lies in the plane
     }
-    let sum = &weights[0] + &weights[1] + &weights[2];
-    let distance = determinant(&a, &b, &c);
+    let [a, b, c] = corners;
+    let sum = wa + wb.clone() + wc.clone();
     Some(ExactHit {
-        weights,
-        sum,
-        distance,
+        t: round(&determinant(a, b, c), &sum, true),
+        weights: [round(&wb, &sum, false), round(&wc, &sum, false)],
+        zeros: signs.iter().filter(|&&s| s == 0).count(),
     })
 }
 
-/// Three coordinates as integers in units of 2^-149, the smallest f32.
-type Int3 = [BigInt; 3];
+/// What the determinants need of an integer.
+trait Number: Clone + Default + PartialOrd + Add<Output = Self> + Sub<Output = Self> {}
 
-fn integers32(v: [f32; 3]) -> Int3 {
-    v.map(|x| {
-        let bits = x.to_bits();
-        let exponent = (bits >> 23) & 0xff;
-        let fraction = i64::from(bits & 0x7f_ffff);
-        let mantissa = if exponent == 0 {
-            fraction
+impl Number for i128 {}
+impl Number for BigInt {}
+
+fn sign<T: Number>(x: &T) -> i32 {
+    let zero = T::default();
+    i32::from(*x > zero) - i32::from(*x < zero)
+}
+
+#[inline(always)]
+fn weights<T: Number>(d: &[T; 3], [a, b, c]: &[[T; 3]; 3]) -> [T; 3]
+where
+    for<'a> &'a T: Mul<&'a T, Output = T>,
+{
+    [
+        determinant(d, b, c),
+        determinant(d, c, a),
+        determinant(d, a, b),
+    ]
+}
+
+#[inline(always)]
+fn determinant<T: Number>(a: &[T; 3], b: &[T; 3], c: &[T; 3]) -> T
+where
+    for<'a> &'a T: Mul<&'a T, Output = T>,
+{
+    let minor = |i: usize, j: usize| &b[i] * &c[j] - &b[j] * &c[i];
+    &a[0] * &minor(1, 2) + &a[1] * &minor(2, 0) + &a[2] * &minor(0, 1)
+}
+
+/// A ray's direction and a triangle's corners seen from its origin, as integers. `unit` is the
+/// binary exponent of `det[A, B, C] / (w_a + w_b + w_c)`, the distance.
+enum Scaled {
+    /// Within [`PLACES`].
+    Small {
+        d: [i128; 3],
+        corners: [[i128; 3]; 3],
+        unit: i32,
+    },
+    /// Beyond.
+    Large {
+        d: [BigInt; 3],
+        corners: [[BigInt; 3]; 3],
+        unit: i32,
+    },
+}
+
+impl Scaled {
+    #[inline(always)]
+    fn new(o: [f32; 3], d: [f32; 3], [a, b, c]: [[f32; 3]; 3]) -> Self {
+        let (point_places, direction_places) =
+            (Places::of([o, a, b, c].as_flattened()), Places::of(&d));
+        let unit = point_places.low - direction_places.low;
+        if point_places.count() <= PLACES && direction_places.count() <= PLACES {
+            let o = point_places.small(o);
+            let seen = |p: [f32; 3]| {
+                let p = point_places.small(p);
+                [p[0] - o[0], p[1] - o[1], p[2] - o[2]].map(i128::from)
+            };
+            Self::Small {
+                d: direction_places.small(d).map(i128::from),
+                corners: [seen(a), seen(b), seen(c)],
+                unit,
+            }
         } else {
-            fraction | 0x80_0000
-        };
-        let signed = if x.is_sign_negative() {
-            -mantissa
-        } else {
-            mantissa
-        };
-        BigInt::from(signed) << exponent.saturating_sub(1)
-    })
-}
-
-fn integers(v: Vec3) -> Int3 {
-    // Every f64 that reaches this point was widened from f32.
-    #[expect(clippy::cast_possible_truncation, reason = "exact: widened from f32")]
-    integers32(v.map(|x| x as f32))
-}
-
-fn difference(a: &Int3, b: &Int3) -> Int3 {
-    [&a[0] - &b[0], &a[1] - &b[1], &a[2] - &b[2]]
-}
-
-fn determinant(a: &Int3, b: &Int3, c: &Int3) -> BigInt {
-    &a[0] * (&b[1] * &c[2] - &b[2] * &c[1])
-        + &a[1] * (&b[2] * &c[0] - &b[0] * &c[2])
-        + &a[2] * (&b[0] * &c[1] - &b[1] * &c[0])
-}
-
-fn sign(x: &BigInt) -> i32 {
-    match x.sign() {
-        Sign::Minus => -1,
-        Sign::NoSign => 0,
-        Sign::Plus => 1,
+            let o = o.map(|x| point_places.large(x));
+            let seen = |p: [f32; 3]| std::array::from_fn(|k| point_places.large(p[k]) - &o[k]);
+            Self::Large {
+                d: d.map(|x| direction_places.large(x)),
+                corners: [seen(a), seen(b), seen(c)],
+                unit,
+            }
+        }
     }
 }
 
-/// `numerator / denominator` rounded once, to nearest even, to f32.
+/// The binary places that some numbers need, from 2^low to below 2^high.
+struct Places {
+    low: i32,
+    high: i32,
+}
+
+impl Places {
+    #[inline(always)]
+    fn of(numbers: &[f32]) -> Self {
+        let mut places = Self {
+            low: i32::MAX,
+            high: i32::MIN,
+        };
+        for (mantissa, exponent) in numbers.iter().map(|&x| parts(x)) {
+            if mantissa != 0 {
+                let size = mantissa.unsigned_abs();
+                let zeros = size.trailing_zeros().cast_signed();
+                let bits = 32 - size.leading_zeros().cast_signed();
+                places.low = places.low.min(exponent + zeros);
+                places.high = places.high.max(exponent + bits);
+            }
+        }
+        if places.high < places.low {
+            places = Self { low: 0, high: 0 }; // all are zero
+        }
+        places
+    }
+
+    fn count(&self) -> i32 {
+        self.high - self.low
+    }
+
+    /// `numbers / 2^low`, for at most [`PLACES`] places: f64 holds the power and the quotients.
+    #[inline(always)]
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "a whole number of few places"
+    )]
+    fn small(&self, numbers: [f32; 3]) -> [i64; 3] {
+        let unit = f64::from_bits(u64::from((1023 - self.low).cast_unsigned()) << 52);
+        let scaled = |x: f32| (f64::from(x) * unit) as i64;
+        [scaled(numbers[0]), scaled(numbers[1]), scaled(numbers[2])]
+    }
+
+    /// `x / 2^low`.
+    fn large(&self, x: f32) -> BigInt {
+        let (mantissa, exponent) = parts(x);
+        let shift = exponent - self.low;
+        if shift >= 0 {
+            BigInt::from(mantissa) << shift
+        } else {
+            BigInt::from(mantissa >> (-shift).min(31))
+        }
+    }
+}
+
+/// Mantissa and exponent of a finite number: `x = m 2^e`.
+#[inline(always)]
+fn parts(x: f32) -> (i32, i32) {
+    let bits = x.to_bits();
+    let exponent = ((bits >> 23) & 0xff).cast_signed();
+    let fraction = (bits & 0x7f_ffff).cast_signed();
+    let mantissa = if exponent == 0 {
+        fraction
+    } else {
+        fraction | 0x80_0000
+    };
+    let signed = if x.is_sign_negative() {
+        -mantissa
+    } else {
+        mantissa
+    };
+    (signed, exponent.max(1) - 150)
+}
+
+/// `numerator / denominator 2^unit` rounded once, to nearest even, to f32. f64 decides unless its
+/// error, three roundings, leaves two answers possible.
+fn quotient(numerator: i128, denominator: i128, unit: i32) -> f32 {
+    let value = numerator as f64 / denominator as f64 * 2.0_f64.powi(unit);
+    #[expect(clippy::cast_possible_truncation, reason = "rounding is the point")]
+    let (one, other) = (
+        (value * (1.0 - 4.0 * f64::EPSILON)) as f32,
+        (value * (1.0 + 4.0 * f64::EPSILON)) as f32,
+    );
+    if one == other {
+        return one;
+    }
+    round_to_f32(&BigInt::from(numerator), &BigInt::from(denominator), unit)
+}
+
+/// `numerator / denominator 2^unit` rounded once, to nearest even, to f32.
 ///
 /// The quotient is first cut to about 40 bits with its last bit forced odd when something was cut
 /// off (rounding to odd), so that the second rounding cannot go wrong (Boldo and Melquiond 2008).
-fn round_to_f32(numerator: &BigInt, denominator: &BigInt) -> f32 {
+fn round_to_f32(numerator: &BigInt, denominator: &BigInt, unit: i32) -> f32 {
     if numerator.sign() == Sign::NoSign {
         return 0.0;
     }
@@ -160,7 +271,7 @@ fn round_to_f32(numerator: &BigInt, denominator: &BigInt) -> f32 {
     let quotient = &n / &d;
     let odd = u64::from(&quotient * &d != n);
     let head = u64::try_from(&quotient).expect("the quotient has at most 42 bits") | odd;
-    let scale = 2.0_f64.powi(-i32::try_from(shift).expect("exponents are small"));
+    let scale = 2.0_f64.powi(unit - i32::try_from(shift).expect("exponents are small"));
     let negative = (numerator.sign() == Sign::Minus) != (denominator.sign() == Sign::Minus);
     #[expect(clippy::cast_precision_loss, reason = "42 bits fit an f64 exactly")]
     let value = head as f64 * scale;
@@ -178,45 +289,88 @@ pub fn from_origin(o: Vec3, v: [Vec3; 3]) -> [Vec3; 3] {
 mod tests {
     use super::*;
     use crate::geom::vec3::widen;
+    use proptest::prelude::*;
 
     const TRIANGLE: [[f32; 3]; 3] = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
 
     #[test]
     fn edges_corners_and_planes_are_told_apart() {
         let down = |x: f32, y: f32| intersect([x, y, 1.0], [0.0, 0.0, -1.0], TRIANGLE);
-        assert_eq!(down(0.25, 0.25).map(|h| (h.t(), h.zeros())), Some((1.0, 0)));
-        assert_eq!(down(0.25, 0.0).map(|h| (h.t(), h.zeros())), Some((1.0, 1)));
-        assert_eq!(down(0.0, 0.0).map(|h| (h.t(), h.zeros())), Some((1.0, 2)));
+        assert_eq!(down(0.25, 0.25).map(|h| (h.t, h.zeros)), Some((1.0, 0)));
+        assert_eq!(down(0.25, 0.0).map(|h| (h.t, h.zeros)), Some((1.0, 1)));
+        assert_eq!(down(0.0, 0.0).map(|h| (h.t, h.zeros)), Some((1.0, 2)));
         assert_eq!(down(-1e-30, 0.25), None);
         assert_eq!(intersect([-1.0, 0.2, 0.0], [1.0, 0.0, 0.0], TRIANGLE), None);
     }
 
     #[test]
-    fn signs_agree_between_expansions_and_integers() {
-        // o + d is not exact here, so the integers decide.
-        let (o, d) = ([1e20_f32, 0.0, 1.0], [1.0_f32, 1e-20, -1.0]);
-        let [a, b, _] = TRIANGLE.map(widen);
-        let hit = |o: [f32; 3], d: [f32; 3]| edge_sign(widen(o), widen(d), a, b);
-        assert_eq!(hit(o, d), -1);
-        assert_eq!(hit([0.5, 0.0, 1.0], [0.0, 0.0, -1.0]), 0);
-        assert_eq!(hit([0.5, 1e-38, 1.0], [0.0, 0.0, -1.0]).abs(), 1);
+    fn signs_are_exact_over_all_exponents() {
+        let third = |o, d| edge_signs(o, d, TRIANGLE)[2];
+        assert_eq!(third([1e20, 0.0, 1.0], [1.0, 1e-20, -1.0]), -1);
+        assert_eq!(third([0.5, 0.0, 1.0], [0.0, 0.0, -1.0]), 0);
+        assert_eq!(third([0.5, 1e-38, 1.0], [0.0, 0.0, -1.0]).abs(), 1);
+        assert_eq!(
+            edge_signs([0.1, 0.2, 0.0], [0.3, -0.7, 0.0], TRIANGLE),
+            [0; 3]
+        );
+    }
+
+    /// The same intersection by integers of any size in units of the smallest f32, and no shortcut.
+    fn plainly(o: [f32; 3], d: [f32; 3], v: [[f32; 3]; 3]) -> Option<ExactHit> {
+        let all = Places { low: -149, high: 0 };
+        let o = o.map(|x| all.large(x));
+        let corners = v.map(|p| std::array::from_fn(|k| all.large(p[k]) - &o[k]));
+        hit(&d.map(|x| all.large(x)), &corners, |n, d, _| {
+            round_to_f32(n, d, 0)
+        })
+    }
+
+    fn coordinate() -> impl Strategy<Value = f32> {
+        prop_oneof![
+            (-8i8..8).prop_map(f32::from),
+            -1.0f32..1.0,
+            (-4i16..4, -20i32..20).prop_map(|(m, e)| f32::from(m) * 2.0_f32.powi(e)),
+            prop::num::f32::NORMAL | prop::num::f32::SUBNORMAL | prop::num::f32::ZERO,
+        ]
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(20_000))]
+        #[test]
+        fn short_and_long_integers_agree(
+            o in [coordinate(), coordinate(), coordinate()],
+            d in [coordinate(), coordinate(), coordinate()],
+            corners in prop::array::uniform3([coordinate(), coordinate(), coordinate()]),
+            aim in 0usize..4,
+        ) {
+            // Three in four are aimed at a corner or an edge.
+            let d = match aim {
+                3 => d,
+                k => std::array::from_fn(|i| corners[k][i] + corners[aim / 2][i] - 2.0 * o[i]),
+            };
+            prop_assume!(d.iter().all(|x| x.is_finite()));
+            let plain = plainly(o, d, corners);
+            prop_assert_eq!(intersect(o, d, corners), plain);
+            let signs = edge_signs(o, d, corners);
+            prop_assert_eq!(signs.contains(&1) != signs.contains(&-1), plain.is_some());
+        }
     }
 
     #[test]
     fn rounding_is_to_nearest_even() {
-        let ratio = |n: i64, d: i64| round_to_f32(&BigInt::from(n), &BigInt::from(d));
+        let ratio = |n: i128, d: i128| {
+            let long = round_to_f32(&BigInt::from(n), &BigInt::from(d), 0);
+            assert_eq!(quotient(n, d, 0), long, "{n} / {d}");
+            long
+        };
         assert_eq!(ratio(1, 3), 1.0 / 3.0);
         assert_eq!(ratio(-2, 3), -2.0 / 3.0);
         assert_eq!(ratio((1 << 24) + 1, 1), 16_777_216.0); // a tie goes to the even neighbour
         assert_eq!(ratio(((1 << 24) + 1) * 1000 + 1, 1000), 16_777_218.0);
-        assert_eq!(
-            round_to_f32(&BigInt::from(3), &(BigInt::from(1) << 150)),
-            f32::from_bits(2)
-        );
-        assert_eq!(
-            round_to_f32(&(BigInt::from(1) << 200), &BigInt::from(1)),
-            f32::INFINITY
-        );
+        assert_eq!(ratio((1 << 100) + (1 << 76), 1 << 76), 16_777_216.0);
+        assert_eq!(ratio((1 << 100) + (1 << 76) + 1, 1 << 76), 16_777_218.0);
+        assert_eq!(quotient(3, 1, -150), f32::from_bits(2));
+        assert_eq!(quotient(1, 1, 200), f32::INFINITY);
     }
 
     #[test]

@@ -10,13 +10,14 @@
 //! Edge functions after Woop, Benthin and Wald 2013, section 3, without their shear; the bounds
 //! are in the manner of Shewchuk 1997, section 4.3, coarser and cheaper.
 
-use super::exact::{edge_sign, from_origin, intersect};
+use super::exact::{edge_signs, from_origin, intersect};
 use super::vec3::{Vec3, cross, dot, widen};
 
-/// A 3x3 determinant whose rows are differences rounded once takes 7 more roundings than its exact
-/// value; each of its six products is at most the product of its rows' largest components. So this
-/// times those bounds the error, with one rounding to spare for the bound itself.
-const DETERMINANT_ERROR: f64 = 6.0 * 4.0 * f64::EPSILON;
+/// A 3x3 determinant whose rows are differences rounded once takes 8 more roundings than its exact
+/// value (three differences, two products, three sums), each of half an epsilon; each of its six
+/// products is at most the product of its rows' largest components. Ten roundings leave room for the
+/// second order and for the bound itself.
+const DETERMINANT_ERROR: f64 = 6.0 * 5.0 * f64::EPSILON;
 
 /// f64 computes `t` only where the determinant is at least this many times its own error.
 const WELL_CONDITIONED: f64 = 1_048_576.0;
@@ -95,7 +96,7 @@ pub fn verdict_within(
     if positive && negative {
         return None;
     }
-    if w.iter().any(|w| w.value.abs() <= w.error) && !settle_signs(o64, d64, v64, &mut w) {
+    if w.iter().any(|w| w.value.abs() <= w.error) && !settle_signs(o, d, v, &mut w) {
         return None;
     }
 
@@ -129,30 +130,24 @@ pub fn verdict_within(
 /// Replaces each edge function that f64 cannot tell from zero by its exact sign; says whether
 /// the ray still hits.
 #[cold]
-fn settle_signs(o: Vec3, d: Vec3, [a, b, c]: [Vec3; 3], w: &mut [Bounded; 3]) -> bool {
-    let (mut positive, mut negative) = (false, false);
-    for (w, (p, q)) in w.iter_mut().zip([(b, c), (c, a), (a, b)]) {
-        let sign = if w.value.abs() > w.error {
-            if w.value > 0.0 { 1 } else { -1 }
-        } else {
-            let sign = edge_sign(o, d, p, q);
+fn settle_signs(o: [f32; 3], d: [f32; 3], v: [[f32; 3]; 3], w: &mut [Bounded; 3]) -> bool {
+    let signs = edge_signs(o, d, v);
+    for (w, sign) in w.iter_mut().zip(signs) {
+        if w.value.abs() <= w.error {
             // The magnitude below the bound is noise; the sign is now certain.
             w.value = f64::from(sign) * w.value.abs();
-            sign
-        };
-        positive |= sign > 0;
-        negative |= sign < 0;
+        }
     }
-    positive != negative
+    signs.contains(&1) != signs.contains(&-1)
 }
 
 #[cold]
 fn exact_verdict(o: [f32; 3], d: [f32; 3], v: [[f32; 3]; 3]) -> Option<Verdict> {
     let hit = intersect(o, d, v)?;
     Some(Verdict {
-        t: hit.t() + 0.0,
-        u: hit.weight(1),
-        v: hit.weight(2),
+        t: hit.t + 0.0,
+        u: hit.weights[0],
+        v: hit.weights[1],
     })
 }
 

@@ -37,15 +37,15 @@ pub fn exact_closest(scene: &Triangles, ray: &Ray) -> ExactAnswer {
         let Some(exact) = intersect(ray.o, ray.d, corners) else {
             continue;
         };
-        let t = exact.t() + 0.0;
+        let t = exact.t + 0.0;
         if ray.t_min <= t && t <= ray.t_max && t < answer.hit.t {
             answer.hit = Hit {
                 t,
                 triangle: id,
-                u: exact.weight(1),
-                v: exact.weight(2),
+                u: exact.weights[0],
+                v: exact.weights[1],
             };
-            answer.on_boundary = exact.zeros() > 0;
+            answer.on_boundary = exact.zeros > 0;
         }
     }
     answer

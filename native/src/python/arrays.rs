@@ -32,14 +32,15 @@ fn rows<T: numpy::Element + Copy, U>(
     if array.shape()[1] != 3 {
         return None;
     }
+    // A Fortran-ordered array is one slice too, of columns.
     Some(match array.as_slice() {
-        Ok(flat) => flat
+        Ok(flat) if array.is_c_contiguous() => flat
             .as_chunks::<3>()
             .0
             .iter()
             .map(|row| row.map(convert))
             .collect(),
-        Err(_) => array
+        _ => array
             .as_array()
             .rows()
             .into_iter()
@@ -69,6 +70,33 @@ pub fn points(name: &str, value: &Bound<'_, PyAny>) -> Result<Vec<[f32; 3]>> {
     })
 }
 
+/// A number of threads; 0 is one per core.
+#[derive(Clone, Copy)]
+pub struct Threads(pub usize);
+
+impl Threads {
+    /// One per core.
+    pub const ALL: Self = Self(0);
+    /// More than this is a slip of the keyboard, and starting them can take minutes.
+    const MOST: i64 = 1024;
+}
+
+impl<'py> FromPyObject<'_, 'py> for Threads {
+    type Error = PyErr;
+
+    fn extract(value: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
+        let count: i64 = value.extract()?;
+        match usize::try_from(count) {
+            Ok(threads) if count <= Self::MOST => Ok(Self(threads)),
+            _ => Err(Error::Spec(format!(
+                "threads: expected a whole number from 0 to {}, got {count}",
+                Self::MOST
+            ))
+            .into()),
+        }
+    }
+}
+
 /// Points that a call only reads: borrowed where the array already is what the core wants.
 pub enum Points<'py> {
     /// C-contiguous float32.
@@ -82,7 +110,7 @@ impl<'py> Points<'py> {
     pub fn new(name: &str, value: &Bound<'py, PyAny>) -> Result<Self> {
         if let Ok(array) = value.extract::<PyReadonlyArray2<'py, f32>>()
             && array.shape()[1] == 3
-            && array.as_slice().is_ok()
+            && array.is_c_contiguous()
         {
             return Ok(Self::Borrowed(array));
         }

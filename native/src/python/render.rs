@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Scenes to render and renders in progress.
 
-use super::arrays::describe;
+use super::arrays::{Threads, describe};
 use super::render_args as args;
 use super::structure::Structure;
 use crate::error::{Error, Result};
@@ -147,19 +147,17 @@ fn pass(name: &str) -> Result<Pass> {
 }
 
 #[pyfunction]
-#[pyo3(signature = (scene, camera, settings, *, threads=0))]
+#[pyo3(signature = (scene, camera, settings, *, threads=Threads::ALL))]
 fn render(
     py: Python<'_>,
     scene: &RenderScene,
     camera: &Bound<'_, PyDict>,
     settings: &Bound<'_, PyDict>,
-    threads: i64,
+    threads: Threads,
 ) -> PyResult<RenderJob> {
-    let threads = usize::try_from(threads)
-        .map_err(|_| Error::Spec(format!("threads must be at least 0, got {threads}")))?;
     let (camera, settings) = (args::camera(camera)?, args::settings(settings)?);
     let scene = Arc::clone(&scene.0);
-    let job = py.detach(|| Job::start(scene, &camera, settings, threads))?;
+    let job = py.detach(|| Job::start(scene, &camera, settings, threads.0))?;
     Ok(RenderJob(job))
 }
 

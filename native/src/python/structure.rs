@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Building, statistics, validation, split planes.
 
-use super::arrays;
+use super::arrays::{self, Threads};
 use super::trace::{self, Hits};
 use crate::build::Monitor as BuildMonitor;
 use crate::polygons;
@@ -51,7 +51,7 @@ impl Structure {
         self.0.config().canonical()
     }
 
-    #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, order="none", threads=0, counters=false))]
+    #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, order="none", threads=Threads::ALL, counters=false))]
     #[expect(clippy::too_many_arguments, reason = "Python keywords")]
     fn closest(
         &self,
@@ -61,16 +61,16 @@ impl Structure {
         t_min: Option<&Bound<'_, PyAny>>,
         t_max: Option<&Bound<'_, PyAny>>,
         order: &str,
-        threads: usize,
+        threads: Threads,
         counters: bool,
     ) -> PyResult<Hits> {
         let arguments = trace::RayArrays::new(origins, directions, t_min, t_max, order)?;
         let rays = arguments.rays();
-        py.detach(|| trace::closest(&*self.0, rays, threads, counters))
+        py.detach(|| trace::closest(&*self.0, rays, threads.0, counters))
             .map_err(Into::into)
     }
 
-    #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, order="none", threads=0, counters=false))]
+    #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, order="none", threads=Threads::ALL, counters=false))]
     #[expect(clippy::too_many_arguments, reason = "Python keywords")]
     fn occluded<'py>(
         &self,
@@ -80,13 +80,13 @@ impl Structure {
         t_min: Option<&Bound<'_, PyAny>>,
         t_max: Option<&Bound<'_, PyAny>>,
         order: &str,
-        threads: usize,
+        threads: Threads,
         counters: bool,
     ) -> PyResult<Bound<'py, PyAny>> {
         let arguments = trace::RayArrays::new(origins, directions, t_min, t_max, order)?;
         let rays = arguments.rays();
         let (occluded, counts) =
-            py.detach(|| trace::occluded(&*self.0, rays, threads, counters))?;
+            py.detach(|| trace::occluded(&*self.0, rays, threads.0, counters))?;
         let occluded = occluded.to_pyarray(py).into_any();
         match counts {
             None => Ok(occluded),
@@ -142,13 +142,13 @@ impl Structure {
 }
 
 #[pyfunction]
-#[pyo3(signature = (vertices, triangles, spec="kd", *, threads=0, monitor=None))]
+#[pyo3(signature = (vertices, triangles, spec="kd", *, threads=Threads::ALL, monitor=None))]
 fn build(
     py: Python<'_>,
     vertices: &Bound<'_, PyAny>,
     triangles: &Bound<'_, PyAny>,
     spec: &str,
-    threads: usize,
+    threads: Threads,
     monitor: Option<&Monitor>,
 ) -> PyResult<Structure> {
     let config = Config::parse(spec)?;
@@ -157,7 +157,7 @@ fn build(
     let monitor = monitor.map_or_else(|| Arc::new(BuildMonitor::new()), |m| m.0.clone());
     let built = py.detach(|| {
         let scene = Arc::new(Triangles::new(vertices, indices)?);
-        structure::Structure::build(scene, config, threads, &monitor)
+        structure::Structure::build(scene, config, threads.0, &monitor)
     })?;
     Ok(Structure(Arc::new(built)))
 }

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Rays from arrays, hits to arrays, and the exact oracle.
 
-use super::arrays::{self, PerRay, Points};
+use super::arrays::{self, PerRay, Points, Threads};
 use crate::error::{Error, Result};
 use crate::oracle::exact_closest;
 use crate::scene::Triangles;
@@ -294,7 +294,7 @@ pub fn occluded(
 }
 
 #[pyfunction]
-#[pyo3(name = "exact_closest", signature = (vertices, triangles, origins, directions, t_min=None, t_max=None, *, threads=0))]
+#[pyo3(name = "exact_closest", signature = (vertices, triangles, origins, directions, t_min=None, t_max=None, *, threads=Threads::ALL))]
 #[expect(clippy::too_many_arguments, reason = "Python keywords")]
 fn exact(
     py: Python<'_>,
@@ -304,7 +304,7 @@ fn exact(
     directions: &Bound<'_, PyAny>,
     t_min: Option<&Bound<'_, PyAny>>,
     t_max: Option<&Bound<'_, PyAny>>,
-    threads: usize,
+    threads: Threads,
 ) -> PyResult<Hits> {
     let vertices = arrays::points("vertices", vertices)?;
     let indices = arrays::indices("triangles", triangles, vertices.len())?;
@@ -313,7 +313,7 @@ fn exact(
     let (hits, on_boundary) = py.detach(|| {
         let scene = Triangles::new(vertices, indices)?;
         let blank = (Hit::MISS, false);
-        let (answers, _) = in_chunks(rays, threads, false, blank, |rays, answers, _| {
+        let (answers, _) = in_chunks(rays, threads.0, false, blank, |rays, answers, _| {
             for (ray, answer) in rays.iter().zip(answers) {
                 let exact = exact_closest(&scene, ray);
                 *answer = (exact.hit, exact.on_boundary);

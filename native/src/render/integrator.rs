@@ -20,7 +20,7 @@ use super::scene::RenderScene;
 use super::settings::Settings;
 use super::surface::Surface;
 use super::vector::{Vec3, offset_origin};
-use crate::traverse::{Hit, Ray, RayCounters};
+use crate::traverse::{Hit, Order as RayOrder, Ray, RayCounters};
 
 /// What happened during a render. Also the proof of what was left out.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -237,9 +237,21 @@ impl Wavefront {
             self.counters.clear();
             self.counters.resize(n, RayCounters::default());
         }
+        // Camera rays come in blocks of 8 x 8. What a beam does for all its rays cannot be told
+        // apart by pixel, so where pixels are counted each ray goes singly.
+        let order = if primary && !counts {
+            RayOrder::Tiles
+        } else {
+            RayOrder::None
+        };
         in_calls(n, &mut self.call, context.stop, |range| {
             let counters = counts.then(|| &mut self.counters[range.clone()]);
-            tracer.closest(&self.rays[range.clone()], &mut self.hits[range], counters);
+            tracer.closest_ordered(
+                &self.rays[range.clone()],
+                &mut self.hits[range],
+                counters,
+                order,
+            );
         })?;
         if counts {
             for (path, c) in self.paths.iter().zip(&self.counters) {
@@ -403,11 +415,17 @@ fn shade<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
             wave.work.lights_asked += 1;
             let span = [path.passed, path.passed + hit.t];
             let light = scene.lights.met(path.receiver, d, span, path.pdf);
-            add_color(out, path.throughput * light);
+            add_color(
+                out,
+                settings.clamped(path.throughput * light, path.bounce > 1),
+            );
         }
         if !hit.is_hit() {
             if !(path.camera && settings.film_transparent) {
-                add_color(out, path.throughput * scene.world);
+                add_color(
+                    out,
+                    settings.clamped(path.throughput * scene.world, path.bounce > 1),
+                );
                 out.alpha = 1.0;
             }
             continue;
@@ -448,7 +466,8 @@ fn shade<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
             out.position = surface.point.array();
         }
         if features.emission {
-            add_color(out, path.throughput * material.emission);
+            let emission = path.throughput * material.emission;
+            add_color(out, settings.clamped(emission, path.bounce > 1));
         }
         if u32::from(path.bounce) > settings.max_bounces {
             continue;
@@ -494,6 +513,7 @@ fn shade<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
             };
             let value = path.throughput * f * light.radiance * weight;
             if value.max_component() > 0.0 && value.is_finite() {
+                let value = settings.clamped(value, path.bounce > 0);
                 if light.casts_shadow {
                     let o = surface.leave_to_light::<SMOOTH>(scene, light.direction);
                     let (d, t_max) = if light.distance.is_finite() {

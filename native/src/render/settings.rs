@@ -3,6 +3,7 @@
 
 use super::check::{Error, Result};
 use super::filter::FilterKind;
+use super::vector::Vec3;
 
 /// A pass of the film.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -87,6 +88,9 @@ pub struct Settings {
     pub samples: u32,
     /// How often a path may scatter after its first surface; 0 = direct light only. As in Cycles.
     pub max_bounces: u32,
+    /// Most that one sample may add after its first bounce, as the mean of its channels; 0 = no limit,
+    /// unbiased. Less hides fireflies and loses light. As in Cycles.
+    pub clamp_indirect: f32,
     /// Seed of all random numbers.
     pub seed: u32,
     /// Background alpha 0, and black to the camera.
@@ -109,6 +113,7 @@ impl Default for Settings {
             border: None,
             samples: 1,
             max_bounces: 4,
+            clamp_indirect: 0.0,
             seed: 0,
             film_transparent: false,
             passes: vec![Pass::Combined],
@@ -116,6 +121,19 @@ impl Default for Settings {
             filter: FilterKind::BlackmanHarris,
             filter_width: 1.5,
         }
+    }
+}
+
+impl Settings {
+    /// What a sample adds to its pixel. `indirect`: the light was reflected more than once on its way,
+    /// so that the limit applies.
+    #[inline]
+    pub fn clamped(&self, value: Vec3, indirect: bool) -> Vec3 {
+        let mean = (value.x + value.y + value.z) / 3.0;
+        if indirect && self.clamp_indirect > 0.0 && mean > self.clamp_indirect {
+            return value * (self.clamp_indirect / mean);
+        }
+        value
     }
 }
 
@@ -146,6 +164,12 @@ impl Settings {
             let got = self.max_bounces;
             return spec(format!(
                 "settings['max_bounces'] must lie in 0..1024, got {got}"
+            ));
+        }
+        if self.clamp_indirect.is_nan() || self.clamp_indirect < 0.0 {
+            let got = self.clamp_indirect;
+            return spec(format!(
+                "settings['clamp_indirect'] must be at least 0, got {got}"
             ));
         }
         if self.step_samples == Some(0) {
@@ -184,6 +208,20 @@ impl Settings {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn clamping_keeps_the_hue_and_spares_direct_light() {
+        let settings = Settings {
+            clamp_indirect: 2.0,
+            ..Settings::default()
+        };
+        let bright = Vec3::from([30.0, 20.0, 10.0]);
+        assert_eq!(settings.clamped(bright, false), bright);
+        assert_eq!(settings.clamped(bright, true), Vec3::from([3.0, 2.0, 1.0]));
+        let dim = Vec3::from([3.0, 1.0, 1.0]);
+        assert_eq!(settings.clamped(dim, true), dim);
+        assert_eq!(Settings::default().clamped(bright, true), bright);
+    }
 
     #[test]
     fn steps_add_up_to_the_samples() {

@@ -269,7 +269,15 @@ impl<S: Simd> Candidates<S> {
             } else {
                 f32::NEG_INFINITY
             };
-            let rejected = least.simd_lt(-uv_error) | t.simd_lt(splat(behind));
+            // Rays inside an axis-parallel wall: the verdict would say at length what equality of
+            // coordinates says at once, that they miss it. Differences of floats vanish only then.
+            let apart = |k: usize| {
+                let offset = s[k].abs().max(a[k].abs()).max(b[k].abs());
+                offset.max(splat(ray.still[k]))
+            };
+            let nearest = apart(0).min(apart(1)).min(apart(2));
+            let in_wall = nearest.simd_eq(splat(0.0));
+            let rejected = least.simd_lt(-uv_error) | t.simd_lt(splat(behind)) | in_wall;
             lanes &= !rejected.to_bitmask();
         }
         Self {

@@ -112,6 +112,7 @@ impl Frame {
             inv: [0.0; 3],
             slack: [0.0; 3],
             pad: [0.0; 3],
+            still: [1.0; 3],
             negative: [0; 3],
             signs: 0,
             t_min: 0.0,
@@ -141,6 +142,7 @@ impl Frame {
             out.pad[k] = self.robust * pad;
             out.slack[k] = self.robust * slack;
             out.negative[k] = u32::from(d[k].is_sign_negative());
+            out.still[k] = f32::from(u8::from(ray.d[k] != 0.0 || !self.is_scene()));
             let low = (self.bounds.min[k] - o[k]) * out.inv[k];
             let high = (self.bounds.max[k] - o[k]) * out.inv[k];
             let (enter, leave) = if out.negative[k] == 1 {
@@ -176,6 +178,9 @@ pub struct FrameRay {
     pub slack: [f32; 3],
     /// Bound on the error of a coordinate `o + t d` inside the scene, per axis.
     pub pad: [f32; 3],
+    /// 0 where the direction is zero and coordinates are the scene's own, so that a triangle whose
+    /// corners have the origin's coordinate certainly lies in one plane with the ray; 1 elsewhere.
+    pub still: [f32; 3],
     /// 1 where the direction's sign bit is set.
     pub negative: [u32; 3],
     /// The same as bits 0, 1 and 2 of each byte.
@@ -200,6 +205,7 @@ impl FrameRay {
         inv: [1.0; 3],
         slack: [0.0; 3],
         pad: [0.0; 3],
+        still: [1.0; 3],
         negative: [0; 3],
         signs: 0,
         t_min: 1.0,

@@ -47,9 +47,11 @@ impl Seen {
     #[inline(always)]
     pub fn candidates<S: Simd>(&self, simd: S, d: [f32x8<S>; 3], reach: f32x8<S>) -> u64 {
         let splat = |x: f32| f32x8::splat(simd, x);
-        let dot =
-            |n: [f32; 3]| d[0].mul_add(splat(n[0]), d[1].mul_add(splat(n[1]), d[2] * splat(n[2])));
-        let (det, u, v) = (dot(self.det), dot(self.u), dot(self.v));
+        let (det, u, v) = (
+            dot(simd, self.det, d),
+            dot(simd, self.u, d),
+            dot(simd, self.v, d),
+        );
         let sign = splat(1.0).copysign(det);
         let (det, u, v, t) = (det * sign, u * sign, v * sign, splat(self.t) * sign);
         let least = u.min(v).min(det - u - v);
@@ -59,6 +61,16 @@ impl Seen {
         let rejected = least.simd_lt(splat(-self.uv_error)) | t.simd_gt(det.mul_add(reach, doubt));
         !rejected.to_bitmask() & 0xff
     }
+}
+
+#[inline(always)]
+fn dot<S: Simd>(simd: S, n: [f32; 3], d: [f32x8<S>; 3]) -> f32x8<S> {
+    let [x, y, z] = [
+        f32x8::splat(simd, n[0]),
+        f32x8::splat(simd, n[1]),
+        f32x8::splat(simd, n[2]),
+    ];
+    d[0].mul_add(x, d[1].mul_add(y, d[2] * z))
 }
 
 #[inline(always)]

@@ -8,8 +8,10 @@
 
 pub mod batch;
 pub mod blocks;
+pub mod box_tree;
 pub mod frame;
 pub mod lanes;
+pub mod nested;
 pub mod octree_beam;
 pub mod octree_glassner;
 pub mod octree_net;

@@ -154,15 +154,6 @@ fn lanes(mut mask: u64) -> impl Iterator<Item = usize> {
     })
 }
 
-/// The first places of the rows of eight that have a bit in a mask, each with its eight bits.
-#[inline(always)]
-fn rows(mask: u64) -> impl Iterator<Item = (usize, u64)> {
-    (0..RAYS)
-        .step_by(LANES)
-        .map(move |row| (row, mask >> row & 0xff))
-        .filter(|(_, bits)| *bits != 0)
-}
-
 impl Walk<'_> {
     /// Walks a beam to its end.
     #[inline(always)]
@@ -256,6 +247,12 @@ fn whole(x: f32) -> u32 {
     x as u32
 }
 
+/// Eight places of a row.
+#[inline(always)]
+fn load<S: Simd>(simd: S, from: &Row, row: usize) -> f32x8<S> {
+    f32x8::from_slice(simd, &from[row..row + LANES])
+}
+
 /// Parts a beam in an inner node by the octants where its rays are.
 #[inline(always)]
 fn part<S: Simd>(
@@ -266,9 +263,12 @@ fn part<S: Simd>(
     waiting: &mut Vec<(u32, u64)>,
 ) {
     let mut beyond = [0_u64; 3];
-    for (row, _) in rows(mask) {
+    for row in (0..RAYS).step_by(LANES) {
+        if mask >> row & 0xff == 0 {
+            continue;
+        }
         for k in 0..3 {
-            let at = f32x8::from_slice(simd, &beam.at[k][row..row + LANES]);
+            let at = load(simd, &beam.at[k], row);
             let bits = at.simd_ge(f32x8::splat(simd, mid[k] as f32)).to_bitmask();
             beyond[k] |= (bits & 0xff) << row;
         }
@@ -298,14 +298,22 @@ fn leave<S: Simd>(
 ) -> [u64; 3] {
     let ahead: [f32; 3] = std::array::from_fn(|k| grid.plane(k, next[k]) - o[k]);
     let mut by_axis = [0_u64; 3];
-    for (row, bits) in rows(mask) {
-        let load = |from: &Row| f32x8::from_slice(simd, &from[row..row + LANES]);
-        let times: [f32x8<S>; 3] =
-            std::array::from_fn(|k| f32x8::splat(simd, ahead[k]) * load(&beam.inv[k]));
+    for row in (0..RAYS).step_by(LANES) {
+        let bits = mask >> row & 0xff;
+        if bits == 0 {
+            continue;
+        }
+        let times = [
+            f32x8::splat(simd, ahead[0]) * load(simd, &beam.inv[0], row),
+            f32x8::splat(simd, ahead[1]) * load(simd, &beam.inv[1], row),
+            f32x8::splat(simd, ahead[2]) * load(simd, &beam.inv[2], row),
+        ];
         let second = times[1].simd_lt(times[0]);
         let nearer = second.select(times[1], times[0]);
         let third = times[2].simd_lt(nearer);
-        let leave = third.select(times[2], nearer).max(load(&beam.enter));
+        let leave = third
+            .select(times[2], nearer)
+            .max(load(simd, &beam.enter, row));
         leave.store_slice(&mut beam.leave[row..row + LANES]);
         let third = third.to_bitmask() & bits;
         let second = second.to_bitmask() & bits & !third;
@@ -325,28 +333,34 @@ fn advance<S: Simd>(
     (beam, mask): (&mut Beam, u64),
     by_axis: [u64; 3],
 ) -> u64 {
-    let splat = |x: f32| f32x8::splat(simd, x);
     let mut open = 0;
-    for (row, bits) in rows(mask) {
-        let leave = f32x8::from_slice(simd, &beam.leave[row..row + LANES]);
-        let reach = f32x8::from_slice(simd, &beam.reach[row..row + LANES]);
+    for row in (0..RAYS).step_by(LANES) {
+        let bits = mask >> row & 0xff;
+        if bits == 0 {
+            continue;
+        }
+        let leave = load(simd, &beam.leave, row);
+        let reach = load(simd, &beam.reach, row);
         let done = leave.simd_gt(reach).to_bitmask();
         open |= (bits & !done) << row;
         // Lanes of other beams stay as they are.
         let own = mask32x8::from_bitmask(simd, bits);
-        let enter = f32x8::from_slice(simd, &beam.enter[row..row + LANES]);
+        let enter = load(simd, &beam.enter, row);
         let enter: f32x8<S> = own.select(leave, enter);
         enter.store_slice(&mut beam.enter[row..row + LANES]);
         for k in 0..3 {
-            let d = f32x8::from_slice(simd, &beam.d[k][row..row + LANES]);
-            let at = f32x8::from_slice(simd, &beam.at[k][row..row + LANES]);
+            let d = load(simd, &beam.d[k], row);
+            let at = load(simd, &beam.at[k], row);
             // Products and sums round one by one, as for single rays.
             let moved = leave * d;
-            let x = splat(o[k]) + moved;
-            let number = grid.numbers(k, x, splat);
-            let inside = number.max(at).min(splat((next[k] - 1) as f32)).floor();
+            let x = f32x8::splat(simd, o[k]) + moved;
+            let number = grid.numbers(simd, k, x);
+            let inside = number
+                .max(at)
+                .min(f32x8::splat(simd, (next[k] - 1) as f32))
+                .floor();
             let across = mask32x8::from_bitmask(simd, by_axis[k] >> row & 0xff);
-            let moved: f32x8<S> = across.select(splat(next[k] as f32), inside);
+            let moved: f32x8<S> = across.select(f32x8::splat(simd, next[k] as f32), inside);
             let at: f32x8<S> = own.select(moved, at);
             at.store_slice(&mut beam.at[k][row..row + LANES]);
         }
@@ -370,10 +384,17 @@ fn test<S: Simd, C: Counters>(
     }
     blocks.each(leaf, |id, corners| {
         let seen = Seen::new(o, corners);
-        for (row, bits) in rows(mask) {
-            let load = |from: &Row| f32x8::from_slice(simd, &from[row..row + LANES]);
-            let d = [load(&beam.d[0]), load(&beam.d[1]), load(&beam.d[2])];
-            let reach = load(&beam.leave).min(load(&beam.reach));
+        for row in (0..RAYS).step_by(LANES) {
+            let bits = mask >> row & 0xff;
+            if bits == 0 {
+                continue;
+            }
+            let d = [
+                load(simd, &beam.d[0], row),
+                load(simd, &beam.d[1], row),
+                load(simd, &beam.d[2], row),
+            ];
+            let reach = load(simd, &beam.leave, row).min(load(simd, &beam.reach, row));
             for lane in lanes(seen.candidates(simd, d, reach) & bits) {
                 let i = row + lane;
                 let ray = (&tile.rays[i], &tile.framed[i]);

@@ -24,7 +24,7 @@ use super::query::{Best, Counters, Query};
 use super::ray::{Hit, Ray};
 use crate::build::octree_nodes::{Node, OUTSIDE, Octree};
 use crate::scene::Triangles;
-use fearless_simd::{Simd, f32x8};
+use fearless_simd::{Simd, SimdBase, f32x8};
 
 /// How to find the node across a face.
 pub trait Neighbours: Sync {
@@ -103,13 +103,8 @@ impl Grid {
 
     /// The numbers of eight coordinates' smallest cells, before they are cut to whole numbers.
     #[inline(always)]
-    pub fn numbers<S: Simd>(
-        &self,
-        axis: usize,
-        x: f32x8<S>,
-        splat: impl Fn(f32) -> f32x8<S>,
-    ) -> f32x8<S> {
-        (x - splat(self.base[axis])) * splat(self.per_step[axis])
+    pub fn numbers<S: Simd>(&self, simd: S, axis: usize, x: f32x8<S>) -> f32x8<S> {
+        (x - f32x8::splat(simd, self.base[axis])) * f32x8::splat(simd, self.per_step[axis])
     }
 
     /// The edge of a node in smallest cells.
@@ -184,7 +179,6 @@ impl<N: Neighbours> batch::Walk for Walk<'_, N> {
 
 /// Walks on from a leaf in which the ray is at the smallest cell `at`, at the time `enter`.
 #[inline(always)]
-#[expect(clippy::too_many_arguments, reason = "the walk's whole state")]
 pub fn go_on<S: Simd, Q: Query, C: Counters, N: Neighbours>(
     simd: S,
     tree: &Octree,

@@ -101,13 +101,12 @@ pub fn plane_tree<P: PlanePolicy>(
         "dir" => Layout::PlaneDir(tree),
         _ => Layout::PlaneTaB(tree),
     };
-    let left_out = vec!["oblique planes: every plane of this structure is axis-aligned".to_owned()];
     let frame = frame.with_robust(config.choice("robust") != "none");
     Ok(Built {
         frame,
         blocks,
         layout,
         shape,
-        left_out,
+        left_out: Vec::new(),
     })
 }

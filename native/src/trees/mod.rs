@@ -2,6 +2,7 @@
 //! One file per structure: its row for the registry, which candidates it proposes, its paper.
 
 pub mod brute;
+pub mod bvh_sah;
 pub mod kd;
 pub mod kd_sah;
 pub mod octree;

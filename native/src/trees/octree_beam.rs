@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! T.Haces: the octree whose camera rays go as beams.
 
-use super::octree::{self, LEAF_SIZE, MAX_DEPTH_PARAM};
+use super::octree::{self, LEAF_SIZE, MAX_DEPTH_PARAM, REFERENCES};
 use crate::build::Monitor;
 use crate::error::Result;
 use crate::registry::{Built, StructureSpec};
@@ -29,7 +29,7 @@ pub const SPEC: StructureSpec = StructureSpec {
     family: "octants",
     summary: "The octree with links, on which 64 camera rays of a tile go as one beam until they part.",
     paper: "Gonzalez Lopez and Gisbert Canto, Trazado de haces de rayos en escenas estructuradas espacialmente mediante arboles octales",
-    params: &[LEAF_SIZE, MAX_DEPTH_PARAM, BEAM_LEAST],
+    params: &[LEAF_SIZE, REFERENCES, MAX_DEPTH_PARAM, BEAM_LEAST],
     build,
 };
 

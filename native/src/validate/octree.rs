@@ -39,8 +39,8 @@ pub fn octree(structure: &Structure, tree: &Octree, broken: &mut Vec<String>) {
         let cell = tree.cell(node, place);
         let unit = f64::from(cube.side) / f64::from(1_u32 << cube.depth);
         let edge = f64::from(1_u32 << (cube.depth - node.level())) * unit;
-        for k in 0..3 {
-            let low = f64::from(cube.corner[k]) + f64::from(place[k]) * unit;
+        for (k, steps) in place.into_iter().enumerate() {
+            let low = f64::from(cube.corner[k]) + f64::from(steps) * unit;
             if f64::from(cell.min[k]) != low || f64::from(cell.max[k]) != low + edge {
                 broken.push(format!("node {index}: its walls are not floats"));
             }

@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Pictures as arrays: rendered with any engine, shown through the scene's view transform."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ..core.scene import F32
+
+
+def render(scene: Any) -> F32:
+    """Render the scene with its engine: (height, width, 4) float32, scene linear, rows from the bottom.
+
+    Blender shows the result of a render only in a window, so that the way to it goes through a file. Raises
+    RuntimeError with the engine's words.
+    """
+    image_settings = scene.render.image_settings
+    with tempfile.TemporaryDirectory(prefix="halfspace-picture-") as folder:
+        path = Path(folder) / "picture.exr"
+        _as_file(image_settings, "OPEN_EXR")
+        image_settings.color_mode, image_settings.color_depth = "RGBA", "32"
+        scene.render.filepath = str(path)
+        bpy.ops.render.render(write_still=True, scene=scene.name)
+        if not path.is_file():
+            raise RuntimeError("nothing was rendered")
+        return load(path)
+
+
+def load(path: Path) -> F32:
+    """A picture file's values as they are stored, (height, width, 4) float32, rows from the bottom."""
+    image = bpy.data.images.load(str(path))
+    try:
+        image.colorspace_settings.name = "Non-Color"
+        width, height = image.size
+        values = np.empty(width * height * 4, np.float32)
+        image.pixels.foreach_get(values)
+    finally:
+        bpy.data.images.remove(image)
+    return values.reshape(height, width, 4)
+
+
+def save_displayed(path: Path, picture: F32, scene: Any) -> F32:
+    """Write (height, width, 3 or 4) scene linear values as PNG as the scene's view transform shows them.
+
+    Returns the (height, width, 3) values in the file, 0 to 1.
+    """
+    image = _image(picture, float_buffer=True)
+    try:
+        _as_file(scene.render.image_settings, "PNG")
+        scene.render.image_settings.color_mode = "RGB"
+        image.save_render(str(path), scene=scene)
+    finally:
+        bpy.data.images.remove(image)
+    return load(path)[..., :3]
+
+
+def save(path: Path, picture: F32) -> None:
+    """Write (height, width, 3) display values, 0 to 1, as PNG as they are."""
+    image = _image(picture, float_buffer=False)
+    try:
+        image.file_format = "PNG"
+        image.save(filepath=str(path))
+    finally:
+        bpy.data.images.remove(image)
+
+
+def _image(picture: F32, *, float_buffer: bool) -> Any:
+    height, width = picture.shape[:2]
+    image = bpy.data.images.new("picture", width, height, alpha=False, float_buffer=float_buffer)
+    values = np.ones((height, width, 4), np.float32)
+    values[..., :3] = picture[..., :3]
+    image.pixels.foreach_set(values.reshape(-1))
+    image.update()
+    return image
+
+
+def _as_file(image_settings: Any, file_format: str) -> None:
+    """Choose a file format; since 5.0 the kind of medium comes first."""
+    if hasattr(image_settings, "media_type"):
+        image_settings.media_type = "IMAGE"
+    image_settings.file_format = file_format

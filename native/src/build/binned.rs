@@ -1,0 +1,226 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Partitions of objects by the surface area heuristic: every one along an axis for few objects, 32
+//! bins of centres for many (Wald 2007, On fast construction of SAH-based bounding volume
+//! hierarchies).
+
+use super::cost::Costs;
+use super::object::{Node, Object, ObjectPolicy, Parting};
+use crate::geom::Aabb;
+use rayon::prelude::*;
+
+/// Nodes of at most this many objects try every partition along each axis.
+const SWEEP: usize = 96;
+
+/// Bins per axis.
+const BINS: usize = 32;
+
+/// Nodes of at least this many objects fill their bins in parallel.
+const PARALLEL: usize = 1 << 15;
+
+/// Parts objects where the surface area heuristic is lowest.
+pub struct SurfaceArea {
+    /// Prices.
+    pub costs: Costs,
+    /// Leaves hold at most this many triangles, unless all centres coincide.
+    pub leaf_max: usize,
+}
+
+/// A partition and what it costs, in areas times triangles.
+#[derive(Clone, Copy)]
+struct Best {
+    cost: f64,
+    axis: usize,
+    at: f32,
+}
+
+impl ObjectPolicy for SurfaceArea {
+    type Region = ();
+
+    fn root(&self, _: Aabb) {}
+
+    fn part(&self, node: &Node<'_, ()>) -> Parting<()> {
+        let n = node.objects.len();
+        let best = if n <= SWEEP {
+            self.sweep(node)
+        } else {
+            self.bins(node)
+        };
+        let Some(best) = best else {
+            return Parting::Leaf; // all centres coincide
+        };
+        let area = node.bounds.area();
+        let split = f64::from(self.costs.step) * area + best.cost;
+        if n <= self.leaf_max && split >= self.leaf(n) * area {
+            return Parting::Leaf;
+        }
+        Parting::Centre {
+            axis: best.axis,
+            at: best.at,
+            regions: [(); 2],
+        }
+    }
+}
+
+impl SurfaceArea {
+    #[expect(clippy::cast_precision_loss, reason = "a price")]
+    fn leaf(&self, n: usize) -> f64 {
+        f64::from(self.costs.leaf(n as f32))
+    }
+
+    /// Tries all partitions between different centres.
+    fn sweep(&self, node: &Node<'_, ()>) -> Option<Best> {
+        let n = node.objects.len();
+        let mut best: Option<Best> = None;
+        let mut order: [u8; SWEEP] = std::array::from_fn(|i| u8::try_from(i).expect("few"));
+        let mut areas = [0.0; SWEEP];
+        for axis in 0..3 {
+            if node.centres.min[axis] >= node.centres.max[axis] {
+                continue;
+            }
+            let object = |i: u8| &node.objects[usize::from(i)];
+            let order = &mut order[..n];
+            order.sort_unstable_by(|&a, &b| {
+                let centres = (object(a).centre(axis), object(b).centre(axis));
+                centres
+                    .0
+                    .total_cmp(&centres.1)
+                    .then(object(a).id.cmp(&object(b).id))
+            });
+            let mut above = Aabb::EMPTY;
+            for i in (1..n).rev() {
+                above = above.union(&object(order[i]).bounds);
+                areas[i] = above.area();
+            }
+            let mut below = Aabb::EMPTY;
+            for i in 1..n {
+                let last = object(order[i - 1]);
+                below = below.union(&last.bounds);
+                let at = last.centre(axis);
+                if at == object(order[i]).centre(axis) {
+                    continue;
+                }
+                let cost = below.area() * self.leaf(i) + areas[i] * self.leaf(n - i);
+                if best.is_none_or(|b| cost < b.cost) {
+                    best = Some(Best { cost, axis, at });
+                }
+            }
+        }
+        best
+    }
+
+    /// Tries the partitions between bins of centres.
+    fn bins(&self, node: &Node<'_, ()>) -> Option<Best> {
+        let grid = Grid::new(node.centres);
+        let bins = if node.objects.len() < PARALLEL {
+            grid.fill(node.objects)
+        } else {
+            node.objects
+                .par_chunks(PARALLEL / 4)
+                .map(|objects| grid.fill(objects))
+                .reduce(|| [[Bin::EMPTY; BINS]; 3], join)
+        };
+        let mut best: Option<Best> = None;
+        for (axis, bins) in bins.iter().enumerate() {
+            if node.centres.min[axis] >= node.centres.max[axis] {
+                continue;
+            }
+            let mut costs = [0.0; BINS];
+            let mut above = Bin::EMPTY;
+            for i in (1..BINS).rev() {
+                above = above.union(&bins[i]);
+                costs[i] = above.cost(self);
+            }
+            let mut below = Bin::EMPTY;
+            for i in 1..BINS {
+                let parts = bins[i - 1].count > 0;
+                below = below.union(&bins[i - 1]);
+                let cost = below.cost(self) + costs[i];
+                if parts && below.count < node.objects.len() && best.is_none_or(|b| cost < b.cost) {
+                    let at = below.last;
+                    best = Some(Best { cost, axis, at });
+                }
+            }
+        }
+        best
+    }
+}
+
+/// The objects whose centres fall between two heights.
+#[derive(Clone, Copy)]
+struct Bin {
+    bounds: Aabb,
+    /// Their largest centre: parting at it agrees with the bins without computing them again.
+    last: f32,
+    count: usize,
+}
+
+impl Bin {
+    const EMPTY: Self = Self {
+        bounds: Aabb::EMPTY,
+        last: f32::NEG_INFINITY,
+        count: 0,
+    };
+
+    fn union(&self, other: &Self) -> Self {
+        Self {
+            bounds: self.bounds.union(&other.bounds),
+            last: self.last.max(other.last),
+            count: self.count + other.count,
+        }
+    }
+
+    fn cost(&self, prices: &SurfaceArea) -> f64 {
+        if self.count == 0 {
+            0.0
+        } else {
+            self.bounds.area() * prices.leaf(self.count)
+        }
+    }
+}
+
+fn join(mut a: [[Bin; BINS]; 3], b: [[Bin; BINS]; 3]) -> [[Bin; BINS]; 3] {
+    for (a, b) in a.as_flattened_mut().iter_mut().zip(b.as_flattened()) {
+        *a = a.union(b);
+    }
+    a
+}
+
+/// Where bins begin.
+struct Grid {
+    low: [f32; 3],
+    scale: [f32; 3],
+}
+
+impl Grid {
+    #[expect(clippy::cast_precision_loss, reason = "a small number")]
+    fn new(centres: Aabb) -> Self {
+        let scale = |k: usize| {
+            let scale = BINS as f32 / (centres.max[k] - centres.min[k]);
+            if scale.is_finite() { scale } else { 0.0 }
+        };
+        Self {
+            low: centres.min,
+            scale: [scale(0), scale(1), scale(2)],
+        }
+    }
+
+    fn fill(&self, objects: &[Object]) -> [[Bin; BINS]; 3] {
+        let mut bins = [[Bin::EMPTY; BINS]; 3];
+        for object in objects {
+            for (k, bins) in bins.iter_mut().enumerate() {
+                let centre = object.centre(k);
+                #[expect(
+                    clippy::cast_possible_truncation,
+                    clippy::cast_sign_loss,
+                    reason = "saturates, and is clamped"
+                )]
+                let i = ((centre - self.low[k]) * self.scale[k]) as usize;
+                let bin = &mut bins[i.min(BINS - 1)];
+                bin.bounds = bin.bounds.union(&object.bounds);
+                bin.last = bin.last.max(centre);
+                bin.count += 1;
+            }
+        }
+        bins
+    }
+}

@@ -1,0 +1,311 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The object-partition loop: builds every tree in which each triangle lies in exactly one leaf.
+//!
+//! A tree answers one question, "how would you part these objects?" ([`ObjectPolicy`]); bounds,
+//! parting in place, bounded depth and going on in parallel happen here, once. The result is a pure
+//! function of the triangles and the policy, for any number of threads.
+
+use super::Monitor;
+use super::object_tree::{Item, ObjectTree};
+use super::plane_tree::MAX_DEPTH;
+use crate::error::Result;
+use crate::geom::Aabb;
+use crate::scene::Triangles;
+use crate::traverse::frame::Frame;
+use rayon::prelude::*;
+
+/// Subtrees of at least this many objects become tasks of their own.
+const TASK: usize = 4096;
+
+/// Nodes of at least this many objects are measured in parallel.
+const PARALLEL: usize = 1 << 15;
+
+/// A triangle, as the builder moves it about.
+#[derive(Debug, Clone, Copy)]
+pub struct Object {
+    /// Its box, in the frame of the walk.
+    pub bounds: Aabb,
+    /// Its number.
+    pub id: u32,
+}
+
+impl Object {
+    /// The middle of its box along axis `k`, rounded; the same number wherever it is asked for.
+    #[inline(always)]
+    pub fn centre(&self, k: usize) -> f32 {
+        0.5 * self.bounds.min[k] + 0.5 * self.bounds.max[k]
+    }
+}
+
+/// A node that is about to be parted.
+pub struct Node<'a, R> {
+    /// Its objects.
+    pub objects: &'a [Object],
+    /// The box around them.
+    pub bounds: Aabb,
+    /// The box around their centres.
+    pub centres: Aabb,
+    /// What the policy said of it when it parted the parent.
+    pub region: &'a R,
+}
+
+/// How a node's objects are parted.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Parting<R> {
+    /// Not at all.
+    Leaf,
+    /// Those with their centre at `at` or below go below, the others above.
+    Centre {
+        /// The axis.
+        axis: usize,
+        /// The largest centre below.
+        at: f32,
+        /// What the policy wants to know when it meets the two children.
+        regions: [R; 2],
+    },
+    /// The half with the smaller centres goes below: possible wherever there are two objects.
+    Median {
+        /// The axis.
+        axis: usize,
+        /// What the policy wants to know when it meets the two children.
+        regions: [R; 2],
+    },
+}
+
+/// The one thing that tells object trees apart.
+pub trait ObjectPolicy: Sync {
+    /// What a node hands down to its children.
+    type Region: Clone + Send;
+    /// What the root is told; `bounds` is the scene's box.
+    fn root(&self, bounds: Aabb) -> Self::Region;
+    /// Parts a node of at least two objects. Where the proposal leaves a side empty, or the depth
+    /// runs out, the loop takes the median along the same axis.
+    fn part(&self, node: &Node<'_, Self::Region>) -> Parting<Self::Region>;
+}
+
+struct Builder<'a, P> {
+    policy: &'a P,
+    monitor: &'a Monitor,
+}
+
+/// Builds a tree over the live triangles of `scene`, in the frame `frame`, in the current rayon pool.
+///
+/// # Errors
+/// [`crate::error::Error::Cancelled`] when the monitor says so.
+pub fn build<P: ObjectPolicy>(
+    scene: &Triangles,
+    frame: &Frame,
+    policy: &P,
+    monitor: &Monitor,
+) -> Result<ObjectTree> {
+    let mut objects: Vec<_> = scene
+        .live()
+        .par_iter()
+        .map(|&id| Object {
+            bounds: Aabb::of_triangle(scene.corners(id).map(|p| frame.point(p))),
+            id,
+        })
+        .collect();
+    let builder = Builder { policy, monitor };
+    let region = policy.root(frame.bounds());
+    let items = builder.subtree(&mut objects, (region, 0), 1.0)?;
+    let ids = objects.iter().map(|object| object.id).collect();
+    Ok(ObjectTree { items, ids })
+}
+
+impl<P: ObjectPolicy> Builder<'_, P> {
+    /// Builds a subtree as a task of its own, worth `work` of the whole.
+    fn subtree(
+        &self,
+        objects: &mut [Object],
+        at: (P::Region, usize),
+        work: f64,
+    ) -> Result<Vec<Item>> {
+        let mut items = Vec::new();
+        if objects.len() < TASK {
+            items.reserve(objects.len() / 2);
+            self.node(objects, at, &mut items)?;
+            self.monitor.advance(work);
+            return Ok(items);
+        }
+        let Some((split, regions, item)) = self.split(objects, &at)? else {
+            self.monitor.advance(work);
+            return Ok(vec![item_leaf(objects)]);
+        };
+        items.push(item);
+        let depth = at.1 + 1;
+        let share = split as f64 / objects.len() as f64;
+        let (below, above) = objects.split_at_mut(split);
+        let [first, second] = regions;
+        let (first, second) = rayon::join(
+            || self.subtree(below, (first, depth), work * share),
+            || self.subtree(above, (second, depth), work * (1.0 - share)),
+        );
+        items.append(&mut first?);
+        let distance = items.len();
+        items[0].link_above(distance);
+        items.append(&mut second?);
+        Ok(items)
+    }
+
+    /// Appends a subtree. The depth of the recursion is that of the tree.
+    fn node(
+        &self,
+        objects: &mut [Object],
+        at: (P::Region, usize),
+        items: &mut Vec<Item>,
+    ) -> Result<()> {
+        let Some((split, regions, item)) = self.split(objects, &at)? else {
+            items.push(item_leaf(objects));
+            return Ok(());
+        };
+        let place = items.len();
+        items.push(item);
+        let depth = at.1 + 1;
+        let (below, above) = objects.split_at_mut(split);
+        let [first, second] = regions;
+        self.node(below, (first, depth), items)?;
+        let distance = items.len() - place;
+        items[place].link_above(distance);
+        self.node(above, (second, depth), items)
+    }
+
+    /// Parts a node in place, or says that it is a leaf: how many objects are below, what the
+    /// children are told, and the node's own item.
+    #[expect(
+        clippy::type_complexity,
+        reason = "three results, named in the sentence above"
+    )]
+    fn split(
+        &self,
+        objects: &mut [Object],
+        (region, depth): &(P::Region, usize),
+    ) -> Result<Option<(usize, [P::Region; 2], Item)>> {
+        self.monitor.check()?;
+        if objects.len() < 2 {
+            return Ok(None);
+        }
+        let (bounds, centres) = measure(objects);
+        let parting = self.policy.part(&Node {
+            objects,
+            bounds,
+            centres,
+            region,
+        });
+        // Halving reaches single objects in this many levels; from here on nothing else may be done.
+        let last_resort = MAX_DEPTH - depth <= objects.len().next_power_of_two().ilog2() as usize;
+        let (axis, regions, split) = match parting {
+            Parting::Leaf => return Ok(None),
+            Parting::Centre { axis, at, regions } if !last_resort => {
+                (axis, regions, part(objects, |o| o.centre(axis) <= at))
+            }
+            Parting::Centre { axis, regions, .. } | Parting::Median { axis, regions } => {
+                (axis, regions, 0)
+            }
+        };
+        let split = if split == 0 || split == objects.len() {
+            median(objects, axis)
+        } else {
+            split
+        };
+        Ok(Some((split, regions, Item::inner(bounds, axis))))
+    }
+}
+
+fn item_leaf(objects: &[Object]) -> Item {
+    let bounds = objects
+        .iter()
+        .fold(Aabb::EMPTY, |all, o| all.union(&o.bounds));
+    Item::leaf(bounds, objects.len())
+}
+
+/// The boxes around the objects and around their centres.
+fn measure(objects: &[Object]) -> (Aabb, Aabb) {
+    let of = |objects: &[Object]| {
+        let mut both = (Aabb::EMPTY, Aabb::EMPTY);
+        for object in objects {
+            both.0 = both.0.union(&object.bounds);
+            both.1.grow([0, 1, 2].map(|k| object.centre(k)));
+        }
+        both
+    };
+    if objects.len() < PARALLEL {
+        return of(objects);
+    }
+    let join = |a: (Aabb, Aabb), b: (Aabb, Aabb)| (a.0.union(&b.0), a.1.union(&b.1));
+    objects
+        .par_chunks(PARALLEL / 4)
+        .map(of)
+        .reduce(|| (Aabb::EMPTY, Aabb::EMPTY), join)
+}
+
+/// Moves the objects of which `below` holds to the front; returns how many they are.
+fn part(objects: &mut [Object], below: impl Fn(&Object) -> bool) -> usize {
+    let (mut first, mut end) = (0, objects.len());
+    loop {
+        while first < end && below(&objects[first]) {
+            first += 1;
+        }
+        while first < end && !below(&objects[end - 1]) {
+            end -= 1;
+        }
+        if first == end {
+            return first;
+        }
+        objects.swap(first, end - 1);
+    }
+}
+
+/// Moves the half with the smaller centres to the front, equal ones by number.
+fn median(objects: &mut [Object], axis: usize) -> usize {
+    let half = objects.len() / 2;
+    objects.select_nth_unstable_by(half, |a, b| {
+        a.centre(axis)
+            .total_cmp(&b.centre(axis))
+            .then(a.id.cmp(&b.id))
+    });
+    half
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::traverse::blocks::Blocks;
+    use crate::traverse::box_tree::BoxTree;
+    use crate::traverse::nested;
+
+    /// Cuts one object off at a time, as long as the loop lets it.
+    struct Chain;
+
+    impl ObjectPolicy for Chain {
+        type Region = ();
+        fn root(&self, _: Aabb) {}
+        fn part(&self, node: &Node<'_, ()>) -> Parting<()> {
+            Parting::Centre {
+                axis: 0,
+                at: node.centres.min[0],
+                regions: [(); 2],
+            }
+        }
+    }
+
+    #[test]
+    fn depth_is_bounded_whatever_the_policy_wants() {
+        let mut vertices = Vec::new();
+        for i in 0..1000 {
+            let x = f32::from(i16::try_from(i).unwrap());
+            vertices.extend([[x, 0.0, 0.0], [x + 0.5, 1.0, 0.0], [x + 0.5, 0.0, 1.0]]);
+        }
+        let indices = (0..1000).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+        let scene = Triangles::new(vertices, indices).unwrap();
+        let frame = Frame::new(scene.bounds());
+        let tree = build(&scene, &frame, &Chain, &Monitor::new()).unwrap();
+        let mut blocks = Blocks::new();
+        let boxes = BoxTree::<2>::new(&tree, &scene, &frame, &mut blocks).unwrap();
+        let shape = nested::shape(&boxes, frame.bounds());
+        assert_eq!((shape.leaves, shape.depth_max), (1000, MAX_DEPTH));
+        let mut ids = tree.ids.clone();
+        ids.sort_unstable();
+        assert_eq!(ids, scene.live());
+    }
+}

@@ -1,0 +1,363 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Trees of boxes, laid out `W` children to a node: the boxes of all children come with one fetch and
+//! are tested at once (Wald, Benthin and Boulos 2008; Dammertz, Hanika and Keller 2008).
+//!
+//! The walk visits the nearest box first and keeps the others on a stack, farthest deepest.
+//! Distances are `bound * inv - o * inv`, moved outwards by the frame's `slack`: that covers the
+//! roundings of the products, of their difference and of the reciprocal, so a box is passed by
+//! only when the ray certainly misses it or certainly reaches it too late.
+
+use super::batch;
+use super::blocks::Blocks;
+use super::frame::{Frame, FrameRay, keep_max, keep_min};
+use super::nested::{Look, Nested};
+use super::query::{Best, Counters, Query};
+use super::ray::{Hit, Ray};
+use crate::build::object_tree::{Kind, ObjectTree};
+use crate::build::plane_tree::MAX_DEPTH;
+use crate::error::{Error, Result};
+use crate::geom::Aabb;
+use crate::scene::Triangles;
+use fearless_simd::{Simd, SimdFloat, SimdMask, f32x4, f32x8};
+
+/// More children than this no node has.
+const WIDEST: usize = 8;
+
+/// Instead of a count: the link leads to an inner node.
+const INNER: u32 = u32::MAX;
+
+/// A node: 32 bytes a child.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[repr(align(64))]
+struct Wide<const W: usize> {
+    /// Rows: lowest x, y, z, highest x, y, z of each child's box.
+    bounds: [[f32; W]; 6],
+    /// An inner child's place, or where a leaf's blocks begin.
+    link: [u32; W],
+    /// A leaf's number of triangles, or [`INNER`].
+    count: [u32; W],
+}
+
+/// A tree of boxes over a scene.
+#[derive(Debug, Clone, PartialEq)]
+pub struct BoxTree<const W: usize> {
+    nodes: Vec<Wide<W>>,
+}
+
+impl<const W: usize> BoxTree<W> {
+    const BLANK: Wide<W> = Wide {
+        bounds: [
+            [f32::MAX; W],
+            [f32::MAX; W],
+            [f32::MAX; W],
+            [f32::MIN; W],
+            [f32::MIN; W],
+            [f32::MIN; W],
+        ],
+        link: [0; W],
+        count: [0; W],
+    };
+
+    /// Lays out a binary tree, its leaves' triangles in `blocks`. A node takes the place of up to
+    /// `W - 1` binary ones: while it has room, its largest inner child is replaced by that child's own
+    /// children.
+    ///
+    /// # Errors
+    /// [`Error::Memory`] when the leaf data is more than links can name.
+    pub fn new(
+        binary: &ObjectTree,
+        scene: &Triangles,
+        frame: &Frame,
+        blocks: &mut Blocks,
+    ) -> Result<Self> {
+        check_size(binary)?;
+        let firsts = binary.firsts();
+        let mut nodes = vec![Self::BLANK];
+        // Nodes to fill, the next one last: their own place and their children's places in `binary`.
+        let mut open = vec![(0, Self::children(binary, 0))];
+        while let Some((place, children)) = open.pop() {
+            let mut node = Self::BLANK;
+            let mut inner = Vec::with_capacity(W);
+            for (lane, &child) in children.iter().enumerate() {
+                let bounds = binary.items[child].bounds;
+                for k in 0..3 {
+                    node.bounds[k][lane] = bounds.min[k];
+                    node.bounds[3 + k][lane] = bounds.max[k];
+                }
+                match binary.kind(child) {
+                    Kind::Leaf { count } => {
+                        let first = firsts[child] as usize;
+                        let ids = &binary.ids[first..first + count];
+                        node.link[lane] = blocks.push_leaf(scene, frame, ids);
+                        node.count[lane] = u32::try_from(count).expect("bounded by the scene");
+                    }
+                    Kind::Inner { .. } => {
+                        node.link[lane] = u32::try_from(nodes.len()).expect("bounded by the scene");
+                        node.count[lane] = INNER;
+                        inner.push((nodes.len(), Self::children(binary, child)));
+                        nodes.push(Self::BLANK);
+                    }
+                }
+            }
+            nodes[place] = node;
+            open.extend(inner.into_iter().rev());
+        }
+        blocks.seal();
+        nodes.shrink_to_fit();
+        Ok(Self { nodes })
+    }
+
+    /// The up to `W` descendants that become the children of the node at `place`.
+    fn children(binary: &ObjectTree, place: usize) -> Vec<usize> {
+        let mut children = vec![place];
+        while children.len() < W {
+            let area = |place: usize| binary.items[place].bounds.area();
+            let inner =
+                children
+                    .iter()
+                    .enumerate()
+                    .filter_map(|(i, &child)| match binary.kind(child) {
+                        Kind::Inner { children, .. } => Some((i, children, area(child))),
+                        Kind::Leaf { .. } => None,
+                    });
+            let Some((i, [below, above], _)) = inner.reduce(|a, b| if b.2 > a.2 { b } else { a })
+            else {
+                break;
+            };
+            children[i] = below;
+            children.insert(i + 1, above);
+        }
+        children
+    }
+
+    /// Size in bytes.
+    pub fn bytes(&self) -> usize {
+        size_of_val(&*self.nodes)
+    }
+}
+
+impl<const W: usize> Nested for BoxTree<W> {
+    /// Link and count, as nodes state them.
+    type Place = (u32, u32);
+
+    fn top(&self) -> (u32, u32) {
+        (0, INNER)
+    }
+
+    fn look(
+        &self,
+        (link, count): (u32, u32),
+        _: &Aabb,
+        children: &mut Vec<((u32, u32), Aabb)>,
+    ) -> Look {
+        if count != INNER {
+            let count = count as usize;
+            return Look::Leaf { first: link, count };
+        }
+        let node = &self.nodes[link as usize];
+        for lane in 0..W {
+            let bounds = Aabb {
+                min: [0, 1, 2].map(|k| node.bounds[k][lane]),
+                max: [3, 4, 5].map(|k| node.bounds[k][lane]),
+            };
+            if !bounds.is_empty() {
+                children.push(((node.link[lane], node.count[lane]), bounds));
+            }
+        }
+        Look::Boxes
+    }
+}
+
+/// Passes trees whose leaf data 32-bit links can name: blocks cost at most 11 words a triangle.
+///
+/// # Errors
+/// [`Error::Memory`].
+pub fn check_size(binary: &ObjectTree) -> Result<()> {
+    if binary.ids.len() >= 1 << 28 {
+        return Err(Error::Memory(format!(
+            "the tree would hold {} triangles; at most 2^28 are possible",
+            binary.ids.len()
+        )));
+    }
+    Ok(())
+}
+
+/// What slab tests need of a ray: a plane `x_k = p` lies at `p * inv + near` or a little later, and at
+/// `p * inv + far` or a little sooner.
+#[derive(Debug, Clone, Copy)]
+pub struct Slabs {
+    /// Reciprocal direction.
+    pub inv: [f32; 3],
+    /// To add for a plane through which the ray enters.
+    pub near: [f32; 3],
+    /// To add for a plane through which it leaves.
+    pub far: [f32; 3],
+    /// Which row of a node's bounds holds the planes of entry; the other one is 3 away.
+    entry: [usize; 3],
+}
+
+impl Slabs {
+    /// Of a ray.
+    #[inline(always)]
+    pub fn new(ray: &FrameRay) -> Self {
+        let mut slabs = Self {
+            inv: ray.inv,
+            near: [0.0; 3],
+            far: [0.0; 3],
+            entry: [0; 3],
+        };
+        for k in 0..3 {
+            let shift = ray.o[k] * ray.inv[k];
+            // Where a product with any coordinate might overflow, the axis decides nothing.
+            if (ray.span * ray.inv[k]).is_finite() && (ray.slack[k] + shift.abs()).is_finite() {
+                slabs.near[k] = -shift - ray.slack[k];
+                slabs.far[k] = -shift + ray.slack[k];
+            } else {
+                slabs.inv[k] = 0.0;
+                slabs.near[k] = f32::NEG_INFINITY;
+                slabs.far[k] = f32::INFINITY;
+            }
+            slabs.entry[k] = if ray.negative[k] == 1 { 3 + k } else { k };
+        }
+        slabs
+    }
+
+    /// Where the ray enters the boxes of the lanes of `V`, and a bit for each that it may hit before
+    /// `reach`.
+    #[inline(always)]
+    fn test<S: Simd, V: SimdFloat<S, Element = f32>, const W: usize>(
+        &self,
+        simd: S,
+        bounds: &[[f32; W]; 6],
+        (start, reach): (f32, f32),
+        enters: &mut [f32; W],
+    ) -> u64 {
+        let splat = |x: f32| V::splat(simd, x);
+        let mut enter = splat(start);
+        let mut leave = splat(reach);
+        for k in 0..3 {
+            let row = self.entry[k];
+            let near = V::from_slice(simd, &bounds[row]);
+            let far = V::from_slice(simd, &bounds[(row + 3) % 6]);
+            let inv = splat(self.inv[k]);
+            enter = near.mul_add(inv, splat(self.near[k])).max(enter);
+            leave = far.mul_add(inv, splat(self.far[k])).min(leave);
+        }
+        enter.store_slice(enters);
+        enter.simd_le(leave).to_bitmask()
+    }
+
+    /// The same for two boxes, for which no vector is that short.
+    #[inline(always)]
+    fn test_few<const W: usize>(
+        &self,
+        bounds: &[[f32; W]; 6],
+        (start, reach): (f32, f32),
+        enters: &mut [f32; W],
+    ) -> u64 {
+        *enters = [start; W];
+        let mut leaves = [reach; W];
+        for k in 0..3 {
+            let (near, far) = (&bounds[self.entry[k]], &bounds[(self.entry[k] + 3) % 6]);
+            for lane in 0..W {
+                let enter = near[lane] * self.inv[k] + self.near[k];
+                let leave = far[lane] * self.inv[k] + self.far[k];
+                enters[lane] = keep_max(enter, enters[lane]);
+                leaves[lane] = keep_min(leave, leaves[lane]);
+            }
+        }
+        (0..W).fold(0, |mask, lane| {
+            mask | u64::from(enters[lane] <= leaves[lane]) << lane
+        })
+    }
+}
+
+/// A box still to visit.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Pending {
+    enter: f32,
+    link: u32,
+    count: u32,
+}
+
+/// The walk over one tree.
+pub struct Walk<'a, const W: usize>(pub &'a BoxTree<W>);
+
+impl<const W: usize> batch::Walk for Walk<'_, W> {
+    type Scratch = Vec<Pending>;
+
+    fn scratch(&self) -> Self::Scratch {
+        // Each level leaves at most all children but one behind, and the lowest all of them.
+        vec![Pending::default(); (MAX_DEPTH + 1) * (W - 1) + 2 * WIDEST]
+    }
+
+    #[inline(always)]
+    fn cast<S: Simd, Q: Query, C: Counters>(
+        &self,
+        simd: S,
+        (scene, blocks): (&Triangles, &Blocks),
+        (ray, frame): (&Ray, &FrameRay),
+        stack: &mut Self::Scratch,
+        counters: &mut C,
+    ) -> Hit {
+        let slabs = Slabs::new(frame);
+        let mut best = Best::new(frame);
+        let mut waiting = 0;
+        let mut node = &self.0.nodes[0];
+        loop {
+            // Test all children, and put those that may be hit on the stack, the nearest on top.
+            counters.step_axis();
+            let mut enters = [0.0; W];
+            let range = (frame.t_min, best.reach);
+            let mut hits = match W {
+                8 => slabs.test::<S, f32x8<S>, W>(simd, &node.bounds, range, &mut enters),
+                4 => slabs.test::<S, f32x4<S>, W>(simd, &node.bounds, range, &mut enters),
+                _ => slabs.test_few(&node.bounds, range, &mut enters),
+            };
+            let base = waiting;
+            while hits != 0 {
+                let lane = hits.trailing_zeros() as usize % W;
+                hits &= hits - 1;
+                let enter = enters[lane];
+                let mut at = waiting;
+                while at > base && stack[at - 1].enter < enter {
+                    stack[at] = stack[at - 1];
+                    at -= 1;
+                }
+                stack[at] = Pending {
+                    enter,
+                    link: node.link[lane],
+                    count: node.count[lane],
+                };
+                waiting += 1;
+            }
+
+            // Go on with the nearest box; leaves are tested until an inner node comes up.
+            node = loop {
+                if waiting == 0 {
+                    return best.hit();
+                }
+                waiting -= 1;
+                let next = stack[waiting];
+                if next.enter > best.reach {
+                    continue;
+                }
+                if next.count == INNER {
+                    break &self.0.nodes[next.link as usize];
+                }
+                let count = next.count as usize;
+                counters.leaf(count);
+                if blocks.test::<S, Q, C>(
+                    simd,
+                    (next.link, count),
+                    scene,
+                    (ray, frame, frame.t_max),
+                    &mut best,
+                    counters,
+                ) {
+                    return best.hit();
+                }
+            };
+        }
+    }
+}

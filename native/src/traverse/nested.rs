@@ -1,0 +1,93 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Object trees seen from outside, whatever their layout: for their shape, for validation and for
+//! drawing. Walks do not come here.
+
+use crate::build::plane_tree::Shape;
+use crate::geom::Aabb;
+
+/// What is found at a node.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Look {
+    /// A leaf, by where its triangles begin and their number.
+    Leaf {
+        /// Where its triangles begin.
+        first: u32,
+        /// How many they are.
+        count: usize,
+    },
+    /// An inner node that states the box of each child.
+    Boxes,
+    /// An inner node that states, along one axis, between which planes each child lies.
+    Slabs {
+        /// 0, 1 or 2.
+        axis: usize,
+    },
+}
+
+/// A layout of an object tree.
+pub trait Nested {
+    /// Where a node is found.
+    type Place: Copy;
+
+    /// Where the root is found.
+    fn top(&self) -> Self::Place;
+
+    /// What is found at `place`. The children of an inner node are appended, each with the region that
+    /// the nodes on its path leave it; `region` is that of the node itself.
+    fn look(
+        &self,
+        place: Self::Place,
+        region: &Aabb,
+        children: &mut Vec<(Self::Place, Aabb)>,
+    ) -> Look;
+}
+
+/// Visits all nodes below `bounds`, parents before children: region, depth, what is there, and the
+/// regions of the children.
+pub fn visit<N: Nested>(
+    tree: &N,
+    bounds: Aabb,
+    mut see: impl FnMut(&Aabb, usize, Look, &[(N::Place, Aabb)]),
+) {
+    let mut waiting = vec![(tree.top(), bounds, 0)];
+    let mut children = Vec::new();
+    while let Some((place, region, depth)) = waiting.pop() {
+        children.clear();
+        let look = tree.look(place, &region, &mut children);
+        see(&region, depth, look, &children);
+        waiting.extend(
+            children
+                .iter()
+                .rev()
+                .map(|&(place, region)| (place, region, depth + 1)),
+        );
+    }
+}
+
+/// Measures a tree over a scene of these bounds.
+pub fn shape<N: Nested>(tree: &N, bounds: Aabb) -> Shape {
+    let mut shape = Shape::default();
+    let root_area = bounds.area();
+    let mut depth_sum = 0;
+    visit(tree, bounds, |region, depth, look, _| {
+        let share = if root_area > 0.0 && !region.is_empty() {
+            region.area() / root_area
+        } else {
+            0.0
+        };
+        if let Look::Leaf { count, .. } = look {
+            shape.leaves += 1;
+            shape.leaves_empty += usize::from(count == 0);
+            shape.references += count;
+            shape.leaf_max = shape.leaf_max.max(count);
+            shape.depth_max = shape.depth_max.max(depth);
+            shape.sah_cost += 80.0 * share * count as f64;
+            depth_sum += depth;
+        } else {
+            shape.nodes_axis += 1;
+            shape.sah_cost += share;
+        }
+    });
+    shape.depth_mean = depth_sum as f64 / shape.leaves.max(1) as f64;
+    shape
+}

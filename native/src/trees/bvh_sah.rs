@@ -1,0 +1,101 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The bounding volume hierarchy of today's renderers: binned surface area heuristic, wide nodes,
+//! ordered walk. The yardstick that all other structures are held against.
+
+use crate::build::Monitor;
+use crate::build::binned::SurfaceArea;
+use crate::build::cost::Costs;
+use crate::build::object;
+use crate::error::Result;
+use crate::registry::{Built, Default, Kind, ParamSpec, StructureSpec, params};
+use crate::scene::Triangles;
+use crate::spec::Config;
+use crate::structure::Layout;
+use crate::traverse::blocks::Blocks;
+use crate::traverse::box_tree::BoxTree;
+use crate::traverse::frame::Frame;
+use crate::traverse::nested;
+
+/// Fitted to nodes of eight boxes: a step shares its price with up to six others of the binary tree.
+const COSTS: Costs = Costs {
+    step: 8.0,
+    ..Costs::BLOCKS
+};
+
+/// The registry's row.
+pub const SPEC: StructureSpec = StructureSpec {
+    id: "bvh-sah",
+    code: 30,
+    label: "Bounding volume hierarchy",
+    family: "objects",
+    summary: "Boxes around boxes by the surface area heuristic: what most renderers use today.",
+    paper: "Wald 2007, On fast construction of SAH-based bounding volume hierarchies; Wald, Benthin and \
+            Boulos 2008, Getting rid of packets",
+    params: &[
+        WIDTH,
+        params::ROBUST,
+        params::step_cost(COSTS),
+        params::leaf_cost(COSTS),
+        params::triangle_cost(COSTS),
+        LEAF_MAX,
+    ],
+    build,
+};
+
+const WIDTH: ParamSpec = ParamSpec {
+    name: "width",
+    label: "Width",
+    doc: "Boxes per node, all tested at once. More makes fewer, dearer steps; 2 is the textbook's tree",
+    unit: "boxes",
+    kind: Kind::Choice(&["8", "4", "2"]),
+    default: Default::Choice("8"),
+};
+
+const LEAF_MAX: ParamSpec = ParamSpec {
+    name: "leaf_max",
+    label: "Largest Leaf",
+    doc: "Nodes of more triangles are always parted. More saves memory where triangles crowd",
+    unit: "triangles",
+    kind: Kind::Integer { min: 1, max: 4096 },
+    default: Default::Integer(64),
+};
+
+fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built> {
+    let frame = Frame::new(scene.bounds());
+    let policy = SurfaceArea {
+        costs: Costs {
+            step: config.float("step_cost"),
+            leaf: config.float("leaf_cost"),
+            triangle: config.float("triangle_cost"),
+            ..COSTS
+        },
+        leaf_max: config.integer("leaf_max"),
+    };
+    let binary = object::build(scene, &frame, &policy, monitor)?;
+    let mut blocks = Blocks::new();
+    let bounds = frame.bounds();
+    let (layout, shape) = match config.choice("width") {
+        "2" => {
+            let tree = BoxTree::<2>::new(&binary, scene, &frame, &mut blocks)?;
+            let shape = nested::shape(&tree, bounds);
+            (Layout::Box2(tree), shape)
+        }
+        "4" => {
+            let tree = BoxTree::<4>::new(&binary, scene, &frame, &mut blocks)?;
+            let shape = nested::shape(&tree, bounds);
+            (Layout::Box4(tree), shape)
+        }
+        _ => {
+            let tree = BoxTree::<8>::new(&binary, scene, &frame, &mut blocks)?;
+            let shape = nested::shape(&tree, bounds);
+            (Layout::Box8(tree), shape)
+        }
+    };
+    Ok(Built {
+        frame: frame.with_robust(config.choice("robust") != "none"),
+        blocks,
+        layout,
+        shape,
+        left_out: vec!["split planes: this structure parts triangles, not space".to_owned()],
+    })
+}

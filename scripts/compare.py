@@ -1,0 +1,186 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Halfspace beside Cycles on one scene: `python scripts/compare.py FILE [options]`.
+
+FILE: a .blend, or an .npz with the keys of the README, which gets a matte surface, a sun, a lamp and a sky; without
+FILE the built-in showcase. Both engines render the same file several times with different random numbers, so that
+their difference can be judged beside their noise. Writes NAME-halfspace.png, NAME-cycles.png and NAME-compared.png
+(both, and their difference × 8), prints the numbers, and names what each engine left out. Exit status: 0 compared;
+2 bad usage or input, said in one line.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
+
+BAD_INPUT = 2
+
+EXACT = {
+    "use_denoising": False,
+    "use_adaptive_sampling": False,
+    "use_light_tree": False,
+    "light_sampling_threshold": 0.0,
+    "sample_clamp_direct": 0.0,
+    "sample_clamp_indirect": 0.0,
+    "blur_glossy": 0.0,
+}
+"""What Cycles is told so that only noise stands between its picture and the exact one."""
+
+
+class InputError(ValueError):
+    """The command line or the file cannot be used. The message is one line."""
+
+
+def parser() -> argparse.ArgumentParser:
+    """The command line."""
+    made = argparse.ArgumentParser(prog="compare", description=(__doc__ or "").splitlines()[0])
+    made.add_argument("file", nargs="?", type=Path, help=".blend or .npz (default: the built-in showcase)")
+    made.add_argument("--size", default="960x540", metavar="WxH", help="pixels (default: 960x540)")
+    made.add_argument("--samples", type=int, default=64, help="samples per pixel, all runs together (default: 64)")
+    made.add_argument("--runs", type=int, default=4, help="independent pictures per engine (default: 4)")
+    made.add_argument("--bounces", type=int, default=4, help="bounces of light in both engines (default: 4)")
+    made.add_argument("--structure", default="kd", metavar="ID", help="Halfspace's acceleration structure")
+    made.add_argument("--out", type=Path, default=ROOT / "out" / "compare", metavar="DIR", help="where to write")
+    return made
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Compare. Returns the exit status."""
+    try:
+        run(parser().parse_args(arguments))
+    except (InputError, OSError, RuntimeError, ValueError) as error:
+        print("compare: " + " ".join(str(error).removeprefix("Error:").split()), file=sys.stderr)
+        return BAD_INPUT
+    return 0
+
+
+def run(asked: argparse.Namespace) -> None:
+    """Render with both engines, write the pictures, print the numbers."""
+    width, height = _size(asked.size)
+    if asked.runs < 2 or asked.samples < asked.runs or asked.bounces < 0:
+        raise InputError("expected at least 2 runs, one sample for each, and no negative bounces")
+    asked.out.mkdir(parents=True, exist_ok=True)
+
+    import bpy
+
+    import addon
+    from addon.blender import pictures, reports
+    from addon.core import comparison, native
+
+    native.load()
+    if not hasattr(bpy.types.Scene, "halfspace"):
+        addon.register()
+    name = _open(bpy, asked.file)
+    scene: Any = bpy.context.scene
+    if scene.camera is None:
+        raise InputError(f"{name}: the scene has no camera")
+    render = scene.render
+    render.resolution_x, render.resolution_y, render.resolution_percentage = width, height, 100
+    render.use_border, render.film_transparent, render.use_compositing = False, False, False
+    samples = -(-asked.samples // asked.runs)
+    _configure_halfspace(scene, asked.structure, samples, asked.bounces)
+    _configure_cycles(scene, samples, asked.bounces)
+
+    found = {}
+    shown = {}
+    for engine in ("HALFSPACE", "CYCLES"):
+        render.engine = engine
+        begun = time.perf_counter()
+        linear = [_run(pictures, scene, seed) for seed in range(asked.runs)]
+        print(f"{engine}: {asked.runs} × {samples} samples in {time.perf_counter() - begun:.1f} s", flush=True)
+        found[engine] = comparison.Runs(engine, comparison.stack(linear))
+        path = asked.out / f"{name}-{engine.lower()}.png"
+        shown[engine] = pictures.save_displayed(path, found[engine].mean.astype("float32"), scene)
+    ours, theirs = found["HALFSPACE"], found["CYCLES"]
+    pictures.save(asked.out / f"{name}-compared.png", comparison.side_by_side(shown[ours.name], shown[theirs.name]))
+    print(f"\n{name}, {width} × {height}, Halfspace beside Cycles")
+    for line in comparison.compare(ours, theirs).lines():
+        print(f"  {line}")
+    report = reports.last(scene)
+    print("Left out by Halfspace, because it does not know it:")
+    for line in (report.warnings if report else []) or ["nothing"]:
+        print(f"  {line}")
+    print("Left out by Halfspace, because the scene has none of it:")
+    for line in report.left_out if report else []:
+        print(f"  {line}")
+    print("Left out by Cycles, so that its picture is exact up to noise:")
+    print(f"  {', '.join(key.removeprefix('use_').replace('_', ' ') for key in EXACT)}")
+    print(f"Pictures: {asked.out / name}-{{halfspace,cycles,compared}}.png")
+
+
+def _run(pictures: Any, scene: Any, seed: int) -> Any:
+    scene.halfspace.render_seed = scene.cycles.seed = seed
+    return pictures.render(scene)
+
+
+def _size(text: str) -> tuple[int, int]:
+    width, _, height = text.partition("x")
+    if not (width.isdecimal() and height.isdecimal() and int(width) >= 8 and int(height) >= 8):
+        raise InputError(f"--size: expected WIDTHxHEIGHT of at least 8x8, got {text!r}")
+    return int(width), int(height)
+
+
+def _open(bpy: Any, file: Path | None) -> str:
+    """Open the scene, always from a .blend of its own. Returns its name."""
+    from addon.blender import showcase, stage
+    from addon.core import workload
+
+    if file is not None and not file.is_file():
+        raise InputError(f"{file}: there is no such file")
+    if file is not None and file.suffix.lower() == ".blend":
+        bpy.ops.wm.open_mainfile(filepath=str(file))
+        return file.stem
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    if file is None:
+        name = "showcase"
+        showcase.build(bpy.context.scene)
+    elif file.suffix.lower() == ".npz":
+        name = file.stem
+        stage.build(bpy.context.scene, workload.load_npz(file))
+    else:
+        raise InputError(f"{file}: expected a .blend or an .npz")
+    with tempfile.TemporaryDirectory(prefix="halfspace-compare-") as folder:
+        path = str(Path(folder) / "scene.blend")
+        bpy.ops.wm.save_as_mainfile(filepath=path)
+        bpy.ops.wm.open_mainfile(filepath=path)
+    return name
+
+
+def _configure_halfspace(scene: Any, structure: str, samples: int, bounces: int) -> None:
+    try:
+        scene.halfspace.structure = structure
+    except TypeError:
+        raise InputError(f"--structure: unknown structure {structure!r}") from None
+    scene.halfspace.samples, scene.halfspace.max_bounces = samples, bounces
+
+
+def _configure_cycles(scene: Any, samples: int, bounces: int) -> None:
+    import addon_utils
+
+    if not hasattr(scene, "cycles"):
+        addon_utils.enable("cycles")
+    if not hasattr(scene, "cycles"):
+        raise InputError("this Blender has no Cycles")
+    cycles = scene.cycles
+    cycles.device, cycles.samples = "CPU", samples
+    for key in ("max", "diffuse", "glossy", "transmission"):
+        setattr(cycles, f"{key}_bounces", bounces)
+    for key, value in EXACT.items():
+        setattr(cycles, key, value)
+
+
+if __name__ == "__main__":
+    result = main(sys.argv[1:])
+    sys.stdout.flush()
+    sys.stderr.flush()
+    # Blender 4.5 as a module hangs at the interpreter's end after a render.
+    os._exit(result)

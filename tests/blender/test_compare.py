@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Halfspace beside Cycles through the command, on a scene file small enough for a test."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+import compare
+import numpy as np
+import pytest
+from shapes import read, world_corners
+
+from addon.blender import pictures, stage
+from addon.core.workload import load_npz
+
+
+@pytest.fixture
+def court(tmp_path: Path) -> Path:
+    """A floor, a wall and a roof of one box each over a camera, in y-up coordinates."""
+    corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], np.float32)
+    faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    box = np.array([t for a, b, c, d in faces for t in ((a, b, c), (a, c, d))], np.int32)
+    scales = np.array([[6, 0.1, 6], [0.1, 2, 4], [2, 0.1, 2]])
+    places = np.array([[0, -0.1, 0], [2, 2, 0], [-1, 3, -2]])
+    path = tmp_path / "court.npz"
+    np.savez(
+        path,
+        vertices=np.concatenate([corners * s + p for s, p in zip(scales, places, strict=True)]).astype(np.float32),
+        triangles=np.concatenate([box + 8 * i for i in range(3)]),
+        camera_eye=np.array([-2.0, 2.0, 7.0]),
+        camera_target=np.array([0.0, 1.0, 0.0]),
+        camera_up=np.array([0.0, 1.0, 0.0]),
+        camera_vfov_deg=np.float64(50.0),
+    )
+    return path
+
+
+def test_a_bare_geometry_becomes_a_scene_with_the_same_triangles_and_view(court: Path) -> None:
+    workload = load_npz(court)
+    bpy.context.scene.render.resolution_x, bpy.context.scene.render.resolution_y = 100, 60
+    stage.build(bpy.context.scene, workload)
+    bpy.context.view_layer.update()
+    arrays, notes = read()
+    assert notes == []
+    assert np.allclose(world_corners(arrays.geometry), workload.vertices[workload.triangles], atol=1e-6)
+    assert sorted(light.kind for light in arrays.lights) == ["point", "sun"]
+    assert min(arrays.world.color) > 0
+    camera = bpy.context.scene.camera
+    assert np.allclose(camera.matrix_world.translation, workload.view.eye)
+    ahead = np.array(camera.matrix_world)[:3, :3] @ [0, 0, -1]
+    wanted = workload.view.target - workload.view.eye
+    assert np.allclose(ahead, wanted / np.linalg.norm(wanted), atol=1e-6)
+    projection = np.array(
+        camera.calc_matrix_camera(bpy.context.evaluated_depsgraph_get(), x=100, y=60, scale_x=1, scale_y=1)
+    )
+    assert 1 / projection[1, 1] == pytest.approx(np.tan(np.radians(25)), rel=1e-5)
+
+
+def test_halfspace_and_cycles_agree(court: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "out"
+    arguments = [str(court), "--size", "96x64", "--samples", "64", "--runs", "4", "--out", str(out)]
+    assert compare.main(arguments) == 0
+    text = capsys.readouterr().out
+    assert "0.000 % of 96" in text
+    ratios = [float(word) for word in text.split("red green blue: ")[1].split(";")[0].split()]
+    assert ratios == pytest.approx([1, 1, 1], abs=0.02)
+    assert sorted(file.name for file in out.iterdir()) == [
+        "court-compared.png",
+        "court-cycles.png",
+        "court-halfspace.png",
+    ]
+    assert pictures.load(out / "court-compared.png").shape == (64, 288, 4)
+
+
+def test_bad_input_is_said_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "broken.npz").write_bytes(b"PK\x03\x04")
+    (tmp_path / "scene.txt").write_text("no scene")
+    for arguments, words in (
+        ([str(tmp_path / "none.blend")], "there is no such file"),
+        ([str(tmp_path / "broken.npz")], "cannot be read as .npz"),
+        ([str(tmp_path / "scene.txt")], "expected a .blend or an .npz"),
+        (["--size", "4x4"], "--size"),
+        (["--runs", "1"], "at least 2 runs"),
+        (["--structure", "oak"], "unknown structure 'oak'"),
+    ):
+        assert compare.main([*arguments, "--out", str(tmp_path)]) == 2
+        said = capsys.readouterr().err
+        assert words in said
+        assert said.count("\n") == 1
+
+
+def test_a_picture_comes_back_as_it_was_saved(tmp_path: Path) -> None:
+    values = np.random.default_rng(1).integers(0, 256, (5, 7, 3)).astype(np.float32) / 255
+    pictures.save(tmp_path / "values.png", values)
+    assert np.abs(pictures.load(tmp_path / "values.png")[..., :3] - values).max() < 0.5 / 255

@@ -1,0 +1,253 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The native module as Python sees it: arrays in, arrays out, and what bad arguments get."""
+
+from __future__ import annotations
+
+import threading
+from fractions import Fraction
+from typing import Any
+
+import halfspace_native as native
+import numpy as np
+import pytest
+
+SPECS = [row["id"] for row in native.structures()]
+VERTICES = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], np.float32)
+TRIANGLES = np.array([[0, 1, 2], [0, 1, 3]], np.int32)
+DOWN = np.array([[0.25, 0.25, 1.0]], np.float32), np.array([[0.0, 0.0, -2.0]], np.float32)
+
+
+def soup(count: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    """Random triangles in a unit cube: vertices (3n, 3) float32, triangles (n, 3) int32."""
+    random = np.random.default_rng(seed)
+    corners = random.random((count, 1, 3)) + 0.1 * random.standard_normal((count, 3, 3))
+    return corners.reshape(-1, 3).astype(np.float32), np.arange(3 * count, dtype=np.int32).reshape(-1, 3)
+
+
+def random_rays(count: int, seed: int = 1) -> tuple[np.ndarray, np.ndarray]:
+    """Rays through the unit cube."""
+    random = np.random.default_rng(seed)
+    origins = random.random((count, 3)) * 3 - 1
+    return origins.astype(np.float32), (random.random((count, 3)) - origins).astype(np.float32)
+
+
+def test_a_hit_is_where_it_should_be() -> None:
+    hits = native.build(VERTICES, TRIANGLES).closest(*DOWN)
+    assert (hits.t.tolist(), hits.triangle.tolist(), hits.u.tolist(), hits.v.tolist()) == ([0.5], [0], [0.25], [0.25])
+    assert [column.dtype for column in (hits.t, hits.triangle, hits.u, hits.v)] == [
+        np.dtype(name) for name in ("f4", "i4", "f4", "f4")
+    ]
+    assert len(hits) == 1
+    assert hits.counters is None
+    assert hits.on_boundary is None
+
+
+def test_a_miss_is_infinite_and_minus_one() -> None:
+    hits = native.build(VERTICES, TRIANGLES).closest(DOWN[0], -DOWN[1])
+    assert (hits.t.tolist(), hits.triangle.tolist()) == ([np.inf], [-1])
+
+
+@pytest.mark.parametrize("spec", SPECS)
+def test_any_layout_of_the_arrays_gives_the_same_answer(spec: str) -> None:
+    vertices, triangles = soup(200)
+    origins, directions = random_rays(500)
+    expected = native.build(vertices, triangles, spec).closest(origins, directions)
+    wide = np.zeros((500, 6), np.float32)
+    wide[:, ::2] = origins
+    for change in (np.float64, np.asfortranarray, lambda a: a[::-1][::-1]):
+        tree = native.build(change(vertices), triangles.astype(np.int64), spec)
+        hits = tree.closest(wide[:, ::2], change(directions))
+        np.testing.assert_array_equal(hits.t, expected.t)
+        np.testing.assert_array_equal(hits.triangle, expected.triangle)
+    unsigned = native.build(vertices, triangles.astype(np.uint32), spec).closest(origins, directions)
+    np.testing.assert_array_equal(unsigned.triangle, expected.triangle)
+
+
+@pytest.mark.parametrize("spec", SPECS)
+def test_threads_and_counting_change_nothing(spec: str) -> None:
+    vertices, triangles = soup(300)
+    rays = random_rays(10_000)
+    tree = native.build(vertices, triangles, spec)
+    one, many = tree.closest(*rays, threads=1), tree.closest(*rays, threads=3, counters=True)
+    for name in ("t", "triangle", "u", "v"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(many, name))
+    counters = many.counters
+    np.testing.assert_array_equal(counters["steps"], counters["steps_axis"] + counters["steps_oblique"])
+    assert (counters["tests"] >= counters["verdicts"]).all()
+    occluded, counted = tree.occluded(*rays, counters=True)
+    np.testing.assert_array_equal(occluded, one.triangle >= 0)
+    assert counted["steps"].shape == (10_000,)
+
+
+def test_the_interval_may_differ_from_ray_to_ray() -> None:
+    tree = native.build(VERTICES, TRIANGLES)
+    origins, directions = (np.repeat(a, 4, axis=0) for a in DOWN)
+    hits = tree.closest(origins, directions, np.array([0, 0.5, 0.6, 0]), np.array([np.inf, 0.5, 9, 0.4]))
+    assert hits.triangle.tolist() == [0, 0, -1, -1]
+
+
+def test_what_cannot_be_hit_is_dropped_and_the_rest_keep_their_numbers() -> None:
+    vertices = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [np.nan, 0, 0], [2, 0, 0]], np.float32)
+    tree = native.build(vertices, np.array([[0, 1, 3], [0, 1, 4], [0, 1, 2]]))
+    assert tree.statistics["dropped_triangles"] == 2
+    assert tree.closest(*DOWN).triangle.tolist() == [2]
+
+
+@pytest.mark.parametrize("spec", SPECS)
+def test_nothing_is_a_scene_too(spec: str) -> None:
+    tree = native.build(VERTICES[:0], TRIANGLES[:0], spec)
+    assert tree.closest(*DOWN).triangle.tolist() == [-1]
+    assert tree.closest(DOWN[0][:0], DOWN[1][:0]).t.shape == (0,)
+    assert tree.validate() == []
+    assert np.isfinite(tree.statistics["sah_cost"])
+    assert len(tree.split_polygons()["kind"]) == 0
+
+
+def test_split_polygons_lie_in_their_planes_and_in_the_scene() -> None:
+    vertices, triangles = soup(400)
+    tree = native.build(vertices, triangles, "kd")
+    polygons = tree.split_polygons(max_depth=6, max_count=40)
+    assert polygons["vertices"].shape == (polygons["offsets"][-1], 3)
+    everything = tree.split_polygons(max_depth=6)
+    assert len(polygons["kind"]) + polygons["hidden"] == len(everything["kind"])
+    used = vertices[triangles]
+    low, high = used.min((0, 1)), used.max((0, 1))
+    for i, kind in enumerate(polygons["kind"]):
+        corners = polygons["vertices"][polygons["offsets"][i] : polygons["offsets"][i + 1]]
+        assert np.ptp(corners[:, kind]) == 0
+        assert (corners >= low).all()
+        assert (corners <= high).all()
+    assert (np.diff(polygons["depth"].astype(int)) >= 0).all(), "breadth first"
+
+
+@pytest.mark.parametrize(
+    ("error", "message", "change"),
+    [
+        ("ShapeError", r"vertices: expected an \(n, 3\) .* of shape \(4, 2\)", {"vertices": VERTICES[:, :2]}),
+        ("ShapeError", "vertices: .* got list", {"vertices": VERTICES.tolist()}),
+        ("ShapeError", r"triangles\[1\]: index 4 is out of range for 4", {"triangles": [[0, 1, 2], [0, 1, 4]]}),
+        ("ShapeError", r"triangles\[0\]: index -1 is out of range", {"triangles": [[-1, 1, 2]]}),
+        ("ShapeError", "triangles: .* got float64 array", {"triangles": [[0.0, 1.0, 2.0]]}),
+        ("SpecError", "unknown structure 'oak'", {"spec": "oak"}),
+        ("SpecError", "'kd' has no key 'k'", {"spec": "kd:k=3"}),
+        ("SpecError", "threads: expected a whole number from 0 to 1024, got 5000", {"threads": 5000}),
+    ],
+)  # fmt: skip
+def test_a_build_names_what_is_wrong(error: str, message: str, change: dict[str, Any]) -> None:
+    arguments = {"vertices": VERTICES, "triangles": TRIANGLES, "spec": "kd"} | change
+    if isinstance(change.get("triangles"), list):
+        arguments["triangles"] = np.array(change["triangles"])
+    with pytest.raises(getattr(native, error), match=message):
+        native.build(**arguments)
+
+
+@pytest.mark.parametrize("method", ["closest", "occluded"])
+@pytest.mark.parametrize(
+    ("error", "message", "arguments"),
+    [
+        ("ShapeError", "directions: expected one per origin, 1, got 2", (DOWN[0], np.ones((2, 3), np.float32))),
+        ("NonFiniteError", r"directions\[0\]: .*NaN.* is not finite", (DOWN[0], np.array([[0, np.nan, 1]]))),
+        ("NonFiniteError", r"origins\[0\]: .*inf.* is not finite", (np.array([[0, np.inf, 1]]), DOWN[1])),
+        ("NonFiniteError", "t_min: NaN is no distance", (*DOWN, np.nan)),
+        ("NonFiniteError", r"t_max\[0\]: NaN is no distance", (*DOWN, 0, np.array([np.nan]))),
+        ("ShapeError", "t_max: expected a number or 1 of them", (*DOWN, 0, np.zeros(2))),
+    ],
+)
+def test_rays_that_are_wrong_are_named(method: str, error: str, message: str, arguments: tuple[Any, ...]) -> None:
+    ask = getattr(native.build(VERTICES, TRIANGLES), method)
+    with pytest.raises(getattr(native, error), match=message):
+        ask(*arguments)
+
+
+def test_tiles_have_64_rays() -> None:
+    tree = native.build(VERTICES, TRIANGLES)
+    with pytest.raises(native.ShapeError, match="a multiple of 64 rays, got 1"):
+        tree.closest(*DOWN, order="tile8")
+    with pytest.raises(native.SpecError, match="order: expected none or tile8, got spiral"):
+        tree.closest(*DOWN, order="spiral")
+
+
+def test_errors_are_what_python_programmers_catch() -> None:
+    for name in ("ShapeError", "NonFiniteError", "SpecError"):
+        assert issubclass(getattr(native, name), ValueError)
+    assert issubclass(native.Cancelled, RuntimeError)
+
+
+def test_a_build_can_be_cancelled_from_another_thread() -> None:
+    vertices, triangles = soup(200_000)
+    monitor = native.Monitor()
+    timer = threading.Timer(0.02, monitor.cancel)
+    timer.start()
+    with pytest.raises(native.Cancelled):
+        native.build(vertices, triangles, "kd-sah", threads=1, monitor=monitor)
+    timer.join()
+    assert monitor.cancelled
+    assert monitor.progress < 1
+
+
+def test_progress_ends_at_one() -> None:
+    monitor = native.Monitor()
+    native.build(*soup(1000), "kd", monitor=monitor)
+    assert monitor.progress == pytest.approx(1, abs=1e-6)
+
+
+def exact(vertices: np.ndarray, triangles: np.ndarray, origin: np.ndarray, direction: np.ndarray) -> tuple[Any, int]:
+    """The nearest hit in rational arithmetic, written for reading: the third opinion."""
+    o, d = ([Fraction(float(x)) for x in p] for p in (origin, direction))
+
+    def minus(a: list[Fraction], b: list[Fraction]) -> list[Fraction]:
+        return [x - y for x, y in zip(a, b, strict=True)]
+
+    def det(a: list[Fraction], b: list[Fraction], c: list[Fraction]) -> Fraction:
+        return (
+            a[0] * (b[1] * c[2] - b[2] * c[1]) + a[1] * (b[2] * c[0] - b[0] * c[2]) + a[2] * (b[0] * c[1] - b[1] * c[0])
+        )
+
+    best: tuple[Any, int] = (None, -1)
+    for number, triangle in enumerate(triangles):
+        a, b, c = ([Fraction(float(x)) for x in vertices[i]] for i in triangle)
+        e, f, s = minus(b, a), minus(c, a), minus(o, a)
+        area = det(e, f, d)
+        if area == 0:
+            continue
+        # Cramer's rule for o + t d = a + u (b - a) + v (c - a)
+        u, v, t = det(s, f, d) / area, det(e, s, d) / area, -det(e, f, s) / area
+        if u >= 0 and v >= 0 and u + v <= 1 and t >= 0 and (best[0] is None or t < best[0]):
+            best = (t, number)
+    return best
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_exact_arithmetic_agrees_with_rational_arithmetic(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    # Coordinates of few bits, so that rays often meet edges, corners and planes exactly.
+    vertices = (random.integers(-4, 5, (30, 3)) / 2).astype(np.float32)
+    triangles = random.integers(0, 30, (25, 3)).astype(np.int32)
+    origins = (random.integers(-8, 9, (150, 3)) / 2).astype(np.float32)
+    directions = random.integers(-2, 3, (150, 3)).astype(np.float32)
+    hits = native.exact_closest(vertices, triangles, origins, directions)
+    brute = native.build(vertices, triangles, "brute").closest(origins, directions)
+    np.testing.assert_array_equal(hits.t, brute.t)
+    np.testing.assert_array_equal(hits.triangle, brute.triangle)
+    found = 0
+    for i in range(150):
+        t, triangle = exact(vertices, triangles, origins[i], directions[i])
+        assert hits.triangle[i] == triangle
+        if t is not None:
+            # Correct rounding: no other float32 is nearer.
+            got = Fraction(float(hits.t[i]))
+            error = abs(got - t)
+            for other in (np.nextafter(hits.t[i], np.float32(-1)), np.nextafter(hits.t[i], np.float32(np.inf))):
+                assert error <= abs(Fraction(float(other)) - t)
+            found += 1
+    assert found > 5
+    assert hits.on_boundary.any()
+
+
+def test_ulps_are_counted_through_zero() -> None:
+    tiny = np.float32(1e-45)
+    a = np.array([1, 0, tiny, np.nan, np.inf], np.float32)
+    b = np.array([np.nextafter(np.float32(1), np.float32(2)), -0.0, -tiny, np.nan, 3.4028235e38], np.float32)
+    assert native.ulp_distance(a, b).tolist() == [1, 0, 2, 0, 1]
+    with pytest.raises(native.ShapeError, match="b: expected 5 numbers, got 1"):
+        native.ulp_distance(a, b[:1])
