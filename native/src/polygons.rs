@@ -46,6 +46,7 @@ pub fn split_polygons(structure: &Structure, max_depth: usize, max_count: usize)
         Layout::Box8(tree) => object_tree(structure, tree, (max_depth, max_count), &mut polygons),
         Layout::OctreeParam(tree)
         | Layout::OctreeNet(tree)
+        | Layout::OctreeBeam(tree, _)
         | Layout::OctreeSamet(tree)
         | Layout::OctreeGlassner(tree) => {
             octree(structure, tree, (max_depth, max_count), &mut polygons);

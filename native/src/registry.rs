@@ -20,6 +20,7 @@ pub const TREES: &[StructureSpec] = &[
     trees::octree_param::SPEC,
     trees::octree_arvo::SPEC,
     trees::octree_net::SPEC,
+    trees::octree_beam::SPEC,
     trees::octree_samet::SPEC,
     trees::octree_glassner::SPEC,
     trees::brute::SPEC,

@@ -12,7 +12,9 @@ use crate::traverse::batch::Batch;
 use crate::traverse::box_tree::{self, BoxTree};
 use crate::traverse::query::{Any, Closest, Query};
 use crate::traverse::{Hit, Ray, RayCounters, Tracer, plane_dir, plane_ta_b};
-use crate::traverse::{octree_glassner, octree_net, octree_param, octree_samet, octree_step};
+use crate::traverse::{
+    Order, octree_beam, octree_glassner, octree_net, octree_param, octree_samet, octree_step,
+};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -35,6 +37,8 @@ pub enum Layout {
     OctreeParam(Octree),
     /// Octants, from leaf to leaf by links.
     OctreeNet(Octree),
+    /// The same, and tiles of rays as beams, down to this many rays.
+    OctreeBeam(Octree, u32),
     /// Octants, from leaf to leaf by the common ancestor.
     OctreeSamet(Octree),
     /// Octants, from leaf to leaf by the root.
@@ -116,10 +120,20 @@ impl Structure {
             Layout::Box8(tree) => tree.bytes(),
             Layout::OctreeParam(tree)
             | Layout::OctreeNet(tree)
+            | Layout::OctreeBeam(tree, _)
             | Layout::OctreeSamet(tree)
             | Layout::OctreeGlassner(tree) => tree.bytes(),
         };
         nodes + self.built.blocks.bytes()
+    }
+
+    fn batch<'a>(&'a self, rays: &'a [Ray]) -> Batch<'a> {
+        Batch {
+            scene: &self.scene,
+            frame: &self.built.frame,
+            blocks: &self.built.blocks,
+            rays,
+        }
     }
 
     fn trace<Q: Query, T>(
@@ -130,12 +144,7 @@ impl Structure {
         answer: impl Fn(Hit) -> T + Copy,
     ) {
         assert_eq!(rays.len(), answers.len(), "one answer per ray");
-        let job = Batch {
-            scene: &self.scene,
-            frame: &self.built.frame,
-            blocks: &self.built.blocks,
-            rays,
-        };
+        let job = self.batch(rays);
         let write = |i: usize, hit: Hit| answers[i] = answer(hit);
         match &self.built.layout {
             Layout::Brute => job.brute::<Q>(self.built.shape.references, write, counters),
@@ -147,7 +156,7 @@ impl Structure {
             Layout::OctreeParam(tree) => {
                 job.walk::<_, Q>(&octree_param::Walk(tree), write, counters);
             }
-            Layout::OctreeNet(tree) => {
+            Layout::OctreeNet(tree) | Layout::OctreeBeam(tree, _) => {
                 let walk = octree_step::Walk(tree, octree_net::Links);
                 job.walk::<_, Q>(&walk, write, counters);
             }
@@ -170,6 +179,24 @@ impl Tracer for Structure {
 
     fn closest(&self, rays: &[Ray], hits: &mut [Hit], counters: Option<&mut [RayCounters]>) {
         self.trace::<Closest, _>(rays, hits, counters, |hit| hit);
+    }
+
+    fn closest_ordered(
+        &self,
+        rays: &[Ray],
+        hits: &mut [Hit],
+        counters: Option<&mut [RayCounters]>,
+        order: Order,
+    ) {
+        match (&self.built.layout, order) {
+            (Layout::OctreeBeam(tree, least), Order::Tiles) => {
+                assert_eq!(rays.len(), hits.len(), "one answer per ray");
+                let walk = octree_beam::Walk(tree, *least);
+                self.batch(rays)
+                    .tiles(&walk, |i, hit| hits[i] = hit, counters);
+            }
+            _ => self.closest(rays, hits, counters),
+        }
     }
 
     fn occluded(&self, rays: &[Ray], occluded: &mut [bool], counters: Option<&mut [RayCounters]>) {

@@ -20,6 +20,7 @@ pub fn validate(structure: &Structure) -> Vec<String> {
         Layout::Box8(tree) => object_tree(structure, tree, &mut broken),
         Layout::OctreeParam(tree)
         | Layout::OctreeNet(tree)
+        | Layout::OctreeBeam(tree, _)
         | Layout::OctreeSamet(tree)
         | Layout::OctreeGlassner(tree) => octree::octree(structure, tree, &mut broken),
     }
@@ -44,6 +45,7 @@ impl Layout {
                 .collect(),
             Self::OctreeParam(tree)
             | Self::OctreeNet(tree)
+            | Self::OctreeBeam(tree, _)
             | Self::OctreeSamet(tree)
             | Self::OctreeGlassner(tree) => octree::leaves(structure, tree),
             Self::PlaneDir(tree) | Self::PlaneTaB(tree) => {

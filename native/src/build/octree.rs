@@ -20,9 +20,8 @@ pub const MAX_DEPTH: u32 = 20;
 /// coordinate; see [`Cube::step_margin`]. Others walk from the top.
 pub const FAR: f32 = 4.0;
 
-/// References per triangle that no tree exceeds. A node's share of this budget goes to its children
-/// in proportion to their references; a node that would overdraw it becomes a leaf.
-const BUDGET: usize = 64;
+/// References that any tree may hold, so that small scenes are divided to the end.
+const FREE: usize = 1 << 13;
 
 /// Nodes of at least this many references build their children in parallel.
 const TASK: usize = 4096;
@@ -125,6 +124,11 @@ pub struct Params {
     pub cube: Cube,
     /// Nodes of at most this many triangles are leaves.
     pub leaf_size: usize,
+    /// References per triangle that the tree may hold, on average. A node's share of this budget goes
+    /// to its children in proportion to their references; a node that would overdraw it becomes a
+    /// leaf. So cells are halved farther where that parts triangles, and not around the corners
+    /// that they share.
+    pub budget: usize,
     /// Leaves also hold what lies outside their cell by at most this much, per axis.
     pub margin: f32,
 }
@@ -195,7 +199,7 @@ pub fn build(
     let root = Pending {
         place: [0; 3],
         level: 0,
-        budget: references.len().saturating_mul(BUDGET),
+        budget: references.len().saturating_mul(params.budget) + FREE,
         work: 1.0,
     };
     let builder = Builder {

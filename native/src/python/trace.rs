@@ -5,7 +5,7 @@ use super::arrays::{self, PerRay, Points, Threads};
 use crate::error::{Error, Result};
 use crate::oracle::exact_closest;
 use crate::scene::Triangles;
-use crate::traverse::{Hit, Ray, RayCounters, Tracer};
+use crate::traverse::{Hit, Order, Ray, RayCounters, Tracer};
 use numpy::{PyReadonlyArray1, ToPyArray};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -22,6 +22,7 @@ pub struct RayArrays<'py> {
     directions: Points<'py>,
     t_min: PerRay,
     t_max: PerRay,
+    order: Order,
 }
 
 /// Checked rays of one call.
@@ -31,6 +32,7 @@ pub struct Rays<'a> {
     directions: &'a [[f32; 3]],
     t_min: &'a PerRay,
     t_max: &'a PerRay,
+    order: Order,
 }
 
 impl<'py> RayArrays<'py> {
@@ -54,12 +56,16 @@ impl<'py> RayArrays<'py> {
                 directions.len()
             )));
         }
-        if !["none", "tile8"].contains(&order) {
-            return Err(Error::Spec(format!(
-                "order: expected none or tile8, got {order}"
-            )));
-        }
-        if order == "tile8" && origins.len() % 64 != 0 {
+        let order = match order {
+            "none" => Order::None,
+            "tile8" => Order::Tiles,
+            other => {
+                return Err(Error::Spec(format!(
+                    "order: expected none or tile8, got {other}"
+                )));
+            }
+        };
+        if order == Order::Tiles && origins.len() % 64 != 0 {
             return Err(Error::Shape(format!(
                 "order: tile8 wants a multiple of 64 rays, got {}",
                 origins.len()
@@ -76,6 +82,7 @@ impl<'py> RayArrays<'py> {
             directions: direction_points,
             t_min,
             t_max,
+            order,
         })
     }
 
@@ -86,6 +93,7 @@ impl<'py> RayArrays<'py> {
             directions: self.directions.rows(),
             t_min: &self.t_min,
             t_max: &self.t_max,
+            order: self.order,
         }
     }
 }
@@ -256,8 +264,9 @@ pub fn closest(
     threads: usize,
     counters: bool,
 ) -> Result<Hits> {
+    let order = rays.order;
     let (hits, counts) = in_chunks(rays, threads, counters, Hit::MISS, |rays, hits, counts| {
-        tracer.closest(rays, hits, counts);
+        tracer.closest_ordered(rays, hits, counts, order);
     });
     Ok(Hits {
         hits,

@@ -20,7 +20,7 @@ use super::scene::RenderScene;
 use super::settings::Settings;
 use super::surface::Surface;
 use super::vector::{Vec3, offset_origin};
-use crate::traverse::{Hit, Ray, RayCounters};
+use crate::traverse::{Hit, Order as RayOrder, Ray, RayCounters};
 
 /// What happened during a render. Also the proof of what was left out.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -237,9 +237,21 @@ impl Wavefront {
             self.counters.clear();
             self.counters.resize(n, RayCounters::default());
         }
+        // Camera rays come in blocks of 8 x 8. What a beam does for all its rays cannot be told
+        // apart by pixel, so where pixels are counted each ray goes singly.
+        let order = if primary && !counts {
+            RayOrder::Tiles
+        } else {
+            RayOrder::None
+        };
         in_calls(n, &mut self.call, context.stop, |range| {
             let counters = counts.then(|| &mut self.counters[range.clone()]);
-            tracer.closest(&self.rays[range.clone()], &mut self.hits[range], counters);
+            tracer.closest_ordered(
+                &self.rays[range.clone()],
+                &mut self.hits[range],
+                counters,
+                order,
+            );
         })?;
         if counts {
             for (path, c) in self.paths.iter().zip(&self.counters) {

@@ -4,6 +4,7 @@
 
 use super::blocks::{Blocks, LANES};
 use super::frame::{Frame, FrameRay};
+use super::octree_beam::RAYS;
 use super::query::{Best, Count, Counters, NoCount, Query};
 use super::ray::{Hit, Ray, RayCounters};
 use crate::scene::Triangles;
@@ -26,6 +27,20 @@ pub trait Walk: Sync {
         scratch: &mut Self::Scratch,
         counters: &mut C,
     ) -> Hit;
+}
+
+/// A way of walking a tree with tiles of rays.
+pub trait TileWalk: Sync {
+    /// Finds the nearest hits of up to 64 rays, at least one, and hands each to `write` with the
+    /// ray's place, the last time with its answer.
+    fn cast_tile<S: Simd, C: Counters>(
+        &self,
+        simd: S,
+        triangles: (&Triangles, &Blocks),
+        rays: (&Frame, &[Ray]),
+        write: &mut impl FnMut(usize, Hit),
+        counters: &mut [C],
+    );
 }
 
 /// A batch of rays against one structure.
@@ -85,6 +100,51 @@ impl Batch<'_> {
                 None => Hit::MISS,
             };
             write(i, hit);
+        }
+    }
+
+    /// Walks the rays tile by tile.
+    pub fn tiles<W: TileWalk>(
+        &self,
+        walk: &W,
+        mut write: impl FnMut(usize, Hit),
+        counters: Option<&mut [RayCounters]>,
+    ) {
+        match counters {
+            None => dispatch!(Level::new(), simd => {
+                self.each_tile(simd, walk, &mut write, |_| NoCount);
+            }),
+            Some(counters) => {
+                let mut counters = counters.iter_mut();
+                dispatch!(Level::new(), simd => {
+                    self.each_tile(simd, walk, &mut write, |_| {
+                        Count(counters.next().expect("one set of counters per ray"))
+                    });
+                });
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn each_tile<S: Simd, W: TileWalk, C: Counters>(
+        &self,
+        simd: S,
+        walk: &W,
+        write: &mut impl FnMut(usize, Hit),
+        mut counter: impl FnMut(usize) -> C,
+    ) {
+        let mut counters = Vec::with_capacity(RAYS);
+        for (tile, rays) in self.rays.chunks(RAYS).enumerate() {
+            let first = tile * RAYS;
+            counters.clear();
+            counters.extend((first..first + rays.len()).map(&mut counter));
+            walk.cast_tile(
+                simd,
+                (self.scene, self.blocks),
+                (self.frame, rays),
+                &mut |i, hit| write(first + i, hit),
+                &mut counters,
+            );
         }
     }
 

@@ -32,12 +32,12 @@ const SPAN: usize = 1 + WORDS * LANES + LANES;
 // A determinant within its error may come out with the wrong sign, and then all signs are wrong.
 // But then the true weights of a hit, which add up to it, are as small, and so is t times it. Three
 // times the determinant's error on the other bounds covers that case.
-const DET_ERROR: f32 = 96.0 * U;
-const UV_ERROR: f32 = 96.0 * U;
-const T_ERROR: f32 = 64.0 * U;
+pub(super) const DET_ERROR: f32 = 96.0 * U;
+pub(super) const UV_ERROR: f32 = 96.0 * U;
+pub(super) const T_ERROR: f32 = 64.0 * U;
 
 /// Absolute part of every bound, where products lost bits below the normal numbers.
-const UNDERFLOW: f32 = 1e-36;
+pub(super) const UNDERFLOW: f32 = 1e-36;
 
 /// All leaf triangles of a structure, in one array.
 #[derive(Debug, Clone, Default)]
@@ -120,6 +120,40 @@ impl Blocks {
             at += 1 + WORDS * n;
         }
         ids
+    }
+
+    /// The triangles of a leaf, number and corners in the frame, one after another.
+    #[inline(always)]
+    pub fn each(&self, (first, count): (u32, usize), mut see: impl FnMut(u32, [[f32; 3]; 3])) {
+        let mut at = first as usize;
+        let mut left = count;
+        while left > 0 {
+            let n = left.min(LANES);
+            let block: &[f32; SPAN] = self.words[at..]
+                .first_chunk()
+                .expect("sealed: no block is the last");
+            for lane in 0..n {
+                let corners = [0, 3, 6].map(|r| [r, r + 1, r + 2].map(|r| block[1 + r * n + lane]));
+                see(block[1 + 9 * n + lane].to_bits(), corners);
+            }
+            at += 1 + WORDS * n;
+            left -= n;
+        }
+    }
+
+    /// A triangle's corners in the scene's frame, of which those in this frame are at hand.
+    #[inline(always)]
+    pub fn scene_corners(
+        &self,
+        scene: &Triangles,
+        id: u32,
+        corners: [[f32; 3]; 3],
+    ) -> [[f32; 3]; 3] {
+        if self.scaled {
+            scene.corners(id)
+        } else {
+            corners
+        }
     }
 
     /// Tests the leaf of `count` triangles that begins at `first`, for hits not beyond `leave`, where

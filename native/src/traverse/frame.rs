@@ -203,6 +203,24 @@ pub struct FrameRay {
 }
 
 impl FrameRay {
+    /// A ray that is over before it begins.
+    pub const NOTHING: Self = Self {
+        o: [0.0; 3],
+        d: [1.0; 3],
+        inv: [1.0; 3],
+        slack: [0.0; 3],
+        pad: [0.0; 3],
+        still: [1.0; 3],
+        negative: [0; 3],
+        signs: 0,
+        t_min: 1.0,
+        t_max: 0.0,
+        span: 0.0,
+        oblique_pad: 0.0,
+        to_frame: 1.0,
+        last_place: 0.0,
+    };
+
     #[inline(always)]
     #[expect(
         clippy::cast_possible_truncation,

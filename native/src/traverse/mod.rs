@@ -10,7 +10,9 @@ pub mod batch;
 pub mod blocks;
 pub mod box_tree;
 pub mod frame;
+pub mod lanes;
 pub mod nested;
+pub mod octree_beam;
 pub mod octree_glassner;
 pub mod octree_net;
 pub mod octree_param;
@@ -21,4 +23,5 @@ pub mod plane_ta_b;
 pub mod query;
 pub mod ray;
 
+pub use ray::Order;
 pub use ray::{Hit, Ray, RayCounters, Tracer};

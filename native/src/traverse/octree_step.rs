@@ -24,7 +24,7 @@ use super::query::{Best, Counters, Query};
 use super::ray::{Hit, Ray};
 use crate::build::octree_nodes::{Node, OUTSIDE, Octree};
 use crate::scene::Triangles;
-use fearless_simd::Simd;
+use fearless_simd::{Simd, SimdBase, f32x8};
 
 /// How to find the node across a face.
 pub trait Neighbours: Sync {
@@ -99,6 +99,12 @@ impl Grid {
     pub fn cell(&self, axis: usize, x: f32, least: u32, most: u32) -> u32 {
         let number = ((x - self.base[axis]) * self.per_step[axis]) as u32;
         number.clamp(least, most)
+    }
+
+    /// The numbers of eight coordinates' smallest cells, before they are cut to whole numbers.
+    #[inline(always)]
+    pub fn numbers<S: Simd>(&self, simd: S, axis: usize, x: f32x8<S>) -> f32x8<S> {
+        (x - f32x8::splat(simd, self.base[axis])) * f32x8::splat(simd, self.per_step[axis])
     }
 
     /// The edge of a node in smallest cells.

@@ -63,12 +63,34 @@ pub struct RayCounters {
     pub verdicts: u32,
 }
 
+/// How the rays of a batch follow one another: a hint, which changes no answer.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Order {
+    /// Anyhow.
+    #[default]
+    None,
+    /// Every 64 are the rays of a tile of 8 x 8 pixels, row by row, mostly of one origin.
+    Tiles,
+}
+
 /// What a renderer sees of a structure: batches of rays in, answers out.
 pub trait Tracer: Sync {
     /// The triangles that hits refer to.
     fn triangles(&self) -> &Triangles;
     /// The nearest hit of each ray, on the calling thread. All slices have the same length.
     fn closest(&self, rays: &[Ray], hits: &mut [Hit], counters: Option<&mut [RayCounters]>);
+    /// The same, told how the rays follow one another; it may be quicker, and the answers are the
+    /// same.
+    fn closest_ordered(
+        &self,
+        rays: &[Ray],
+        hits: &mut [Hit],
+        counters: Option<&mut [RayCounters]>,
+        order: Order,
+    ) {
+        let _ = order;
+        self.closest(rays, hits, counters);
+    }
     /// Whether each ray meets anything at all, on the calling thread.
     fn occluded(&self, rays: &[Ray], occluded: &mut [bool], counters: Option<&mut [RayCounters]>);
 }

@@ -7,6 +7,7 @@ pub mod kd;
 pub mod kd_sah;
 pub mod octree;
 pub mod octree_arvo;
+pub mod octree_beam;
 pub mod octree_glassner;
 pub mod octree_net;
 pub mod octree_param;

@@ -37,14 +37,25 @@ pub const LEAF_SIZE: ParamSpec = ParamSpec {
     default: Default::Integer(2),
 };
 
-/// The depth limit where the user gives none: on a surface, cells about the size of its triangles.
+/// Budget.
+pub const REFERENCES: ParamSpec = ParamSpec {
+    name: "references",
+    label: "References",
+    doc: "Places in leaves per triangle that the tree may use; large scenes stop halving there. More \
+          costs memory in proportion, and soon more time in fetching it than it saves",
+    unit: "per triangle",
+    kind: Kind::Integer { min: 1, max: 64 },
+    default: Default::Integer(3),
+};
+
+/// The depth limit where the user gives none: enough for triangles of uneven size.
 #[expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
     reason = "small"
 )]
 fn default_depth(triangles: usize) -> u32 {
-    (2.0 + 0.5 * (triangles.max(1) as f64).log2()).round() as u32
+    (5.0 + 0.5 * (triangles.max(1) as f64).log2()).round() as u32
 }
 
 /// Builds an octree and lays it out. With `steps` its leaves allow for the rounding of walks from
@@ -65,6 +76,7 @@ pub fn build(
     let params = Params {
         cube,
         leaf_size: config.integer("leaf_size"),
+        budget: config.integer("references"),
         margin: if steps { cube.step_margin(&frame) } else { 0.0 },
     };
     let octants = octree::build(scene, &frame, &params, monitor)?;

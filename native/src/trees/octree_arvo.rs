@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The octree walked from the top, as Arvo has it.
 
-use super::octree::{self, LEAF_SIZE, MAX_DEPTH_PARAM};
+use super::octree::{self, LEAF_SIZE, MAX_DEPTH_PARAM, REFERENCES};
 use crate::build::Monitor;
 use crate::error::Result;
 use crate::registry::{Built, StructureSpec};
@@ -17,7 +17,7 @@ pub const SPEC: StructureSpec = StructureSpec {
     family: "octants",
     summary: "The same walk from the top, under the name of the note that first described it.",
     paper: "Arvo 1988, Linear-time voxel walking for octrees (Ray Tracing News 1)",
-    params: &[LEAF_SIZE, MAX_DEPTH_PARAM],
+    params: &[LEAF_SIZE, REFERENCES, MAX_DEPTH_PARAM],
     build,
 };
 

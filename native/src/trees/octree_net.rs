@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Samet-Net: the octree with stored links.
 
-use super::octree::{self, LEAF_SIZE, MAX_DEPTH_PARAM};
+use super::octree::{self, LEAF_SIZE, MAX_DEPTH_PARAM, REFERENCES};
 use crate::build::Monitor;
 use crate::error::Result;
 use crate::registry::{Built, StructureSpec};
@@ -17,7 +17,7 @@ pub const SPEC: StructureSpec = StructureSpec {
     family: "octants",
     summary: "Cubes halved along all axes; rays walk from leaf to leaf by six stored links each.",
     paper: "Endl and Sommer 1994, Classification of ray-generators in uniform subdivisions and octrees for ray tracing",
-    params: &[LEAF_SIZE, MAX_DEPTH_PARAM],
+    params: &[LEAF_SIZE, REFERENCES, MAX_DEPTH_PARAM],
     build,
 };
 

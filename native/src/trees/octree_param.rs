@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The octree walked from the top.
 
-use super::octree::{self, LEAF_SIZE, MAX_DEPTH_PARAM};
+use super::octree::{self, LEAF_SIZE, MAX_DEPTH_PARAM, REFERENCES};
 use crate::build::Monitor;
 use crate::error::Result;
 use crate::registry::{Built, StructureSpec};
@@ -17,7 +17,7 @@ pub const SPEC: StructureSpec = StructureSpec {
     family: "octants",
     summary: "Cubes halved along all axes; rays walk down from the root, octants in the order of the direction.",
     paper: "Revelles, Urena and Lastra 2000, An efficient parametric algorithm for octree traversal",
-    params: &[LEAF_SIZE, MAX_DEPTH_PARAM],
+    params: &[LEAF_SIZE, REFERENCES, MAX_DEPTH_PARAM],
     build,
 };
 

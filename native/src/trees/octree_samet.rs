@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Samet-Standard: the octree whose neighbours are found by ascent.
 
-use super::octree::{self, LEAF_SIZE, MAX_DEPTH_PARAM};
+use super::octree::{self, LEAF_SIZE, MAX_DEPTH_PARAM, REFERENCES};
 use crate::build::Monitor;
 use crate::error::Result;
 use crate::registry::{Built, StructureSpec};
@@ -17,7 +17,7 @@ pub const SPEC: StructureSpec = StructureSpec {
     family: "octants",
     summary: "Cubes halved along all axes; rays find the next leaf by going up to the common ancestor and down again.",
     paper: "Samet 1989, Implementing ray tracing with octrees and neighbor finding",
-    params: &[LEAF_SIZE, MAX_DEPTH_PARAM],
+    params: &[LEAF_SIZE, REFERENCES, MAX_DEPTH_PARAM],
     build,
 };
 

@@ -1,0 +1,211 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Tiles of rays, walked as beams: every pixel is the single ray's, whatever the camera.
+
+use halfspace_native::build::Monitor;
+use halfspace_native::oracle::cases::{
+    Random, Size, box_triangles, cases, grid, lattice_rays, ray, soup,
+};
+use halfspace_native::scene::Triangles;
+use halfspace_native::spec::Config;
+use halfspace_native::structure::{Layout, Structure};
+use halfspace_native::traverse::{Hit, Order, Ray, RayCounters, Tracer};
+use std::sync::Arc;
+
+fn build(scene: &Arc<Triangles>, spec: &str) -> Structure {
+    let config = Config::parse(spec).unwrap();
+    Structure::build(scene.clone(), config, 1, &Monitor::new()).unwrap()
+}
+
+/// The image's rays in tiles of 8 x 8 pixels; at the edges tiles are cut off, and then 64 rays in
+/// a row are those of several tiles.
+fn image((width, height): (usize, usize), pixel: impl Fn(f32, f32) -> Ray) -> Vec<Ray> {
+    let mut rays = Vec::with_capacity(width * height);
+    for top in (0..height).step_by(8) {
+        for left in (0..width).step_by(8) {
+            for y in top..height.min(top + 8) {
+                for x in left..width.min(left + 8) {
+                    let at = |i: usize, n: usize| (2 * i + 1) as f32 / n as f32 - 1.0;
+                    rays.push(pixel(at(x, width), at(y, height)));
+                }
+            }
+        }
+    }
+    rays
+}
+
+/// A pinhole at `o` that looks along +Y, the tangent of half its angle of view `wide`.
+fn pinhole(o: [f32; 3], wide: f32) -> impl Fn(f32, f32) -> Ray {
+    move |x, y| ray(o, [x * wide, 1.0, y * wide])
+}
+
+fn traced(structure: &Structure, rays: &[Ray], order: Order) -> Vec<[u32; 4]> {
+    let mut hits = vec![Hit::MISS; rays.len()];
+    structure.closest_ordered(rays, &mut hits, None, order);
+    let bits = |h: &Hit| [h.t.to_bits(), h.triangle, h.u.to_bits(), h.v.to_bits()];
+    hits.iter().map(bits).collect()
+}
+
+const SPECS: [&str; 4] = [
+    "octree-beam",
+    "octree-beam:beam_least=1",
+    "octree-beam:beam_least=65",
+    "octree-beam:beam_least=30,leaf_size=0,max_depth=9",
+];
+
+fn compare(name: &str, scene: &Arc<Triangles>, images: &[Vec<Ray>]) {
+    let net = build(scene, "octree-net");
+    let expected: Vec<_> = images
+        .iter()
+        .map(|rays| traced(&net, rays, Order::None))
+        .collect();
+    for spec in SPECS {
+        let structure = build(scene, spec);
+        for (rays, expected) in images.iter().zip(&expected) {
+            let found = traced(&structure, rays, Order::Tiles);
+            let wrong = found.iter().zip(expected).filter(|(a, b)| a != b).count();
+            assert_eq!(wrong, 0, "{name}, {spec}: of {} rays", rays.len());
+        }
+    }
+}
+
+#[test]
+fn pixels_are_those_of_single_rays_at_every_size() {
+    let scene = soup(grid(4, 0.3));
+    let sizes = [(1, 1), (1, 37), (64, 1), (3, 5), (320, 200)];
+    let images: Vec<_> = sizes
+        .iter()
+        .map(|size| image(*size, pinhole([1.9, -7.0, 2.2], 0.6)))
+        .collect();
+    compare("turned boxes", &scene, &images);
+}
+
+#[test]
+fn wide_angles_parallel_rays_and_apexes_on_cell_corners_change_nothing() {
+    let scene = soup(grid(4, 0.0));
+    let wide = (75.0_f32).to_radians().tan();
+    let size = (128, 80);
+    let images = vec![
+        // From among the boxes, half of the octants in sight, and behind.
+        image(size, pinhole([2.3, 1.7, 2.1], wide)),
+        // On a corner of cells and boxes, every axis a wall.
+        image(size, pinhole([2.0, 2.0, 2.0], wide)),
+        image((127, 79), pinhole([2.0, -3.0, 2.0], 1.0)),
+        // Pixels straight along walls.
+        image((65, 65), |x, y| {
+            ray(
+                [2.0, -4.0, 2.0],
+                [(x * 32.5).round() / 8.0, 1.0, (y * 32.5).round() / 8.0],
+            )
+        }),
+        // Orthographic: no common origin.
+        image(size, |x, y| {
+            ray([2.0 + 3.0 * x, -5.0, 2.0 + 3.0 * y], [0.0, 1.0, 0.0])
+        }),
+        image(size, |x, y| {
+            ray([2.0 + 3.0 * x, -5.0, 2.0 + 3.0 * y], [0.1, 1.0, -0.2])
+        }),
+        // Too far away to walk from cell to cell.
+        image(size, pinhole([2.0, -1.0e6, 2.0], 4.0e-6)),
+        // Limits of their own, and rays that are no rays.
+        image(size, |x, y| Ray {
+            t_min: 3.0 + x,
+            t_max: 5.0 + 2.0 * y,
+            ..pinhole([1.9, -3.0, 2.2], 0.7)(x, y)
+        }),
+        image(size, |x, y| {
+            let d = if x > y {
+                [0.0; 3]
+            } else {
+                [x, 1.0, f32::NAN * (y > 0.5) as u8 as f32]
+            };
+            ray([1.9, -3.0, 2.2], d)
+        }),
+    ];
+    compare("touching boxes", &scene, &images);
+}
+
+#[test]
+fn small_cells_beside_large_ones_lose_no_pixel() {
+    // A heap of tiny boxes in a large one: neighbours many levels finer.
+    let mut corners = box_triangles([-10.0; 3], [10.0; 3]);
+    let mut random = Random(4);
+    for _ in 0..300 {
+        let p = random.point(0.9, 1.1);
+        corners.extend(box_triangles(p, p.map(|x| x + 0.01)));
+    }
+    let scene = soup(corners);
+    let images = vec![
+        image((160, 100), pinhole([1.0, -3.0, 1.0], 0.5)),
+        image((160, 100), pinhole([1.0, 0.5, 1.0], 0.5)),
+        image((160, 100), pinhole([-30.0, -30.0, 1.0], 1.5)),
+    ];
+    compare("tiny among large", &scene, &images);
+}
+
+#[test]
+fn hard_scenes_look_the_same() {
+    for case in cases(Size::Small, 7) {
+        let bounds = case.scene.bounds();
+        if bounds.is_empty() {
+            continue;
+        }
+        let size = (0..3)
+            .map(|k| bounds.max[k] - bounds.min[k])
+            .fold(0.0, f32::max);
+        let middle: [f32; 3] = std::array::from_fn(|k| 0.5 * (bounds.min[k] + bounds.max[k]));
+        let aside = [
+            middle[0] + 0.1 * size,
+            middle[1] - 1.5 * size,
+            middle[2] + 0.05 * size,
+        ];
+        let images = vec![
+            image((72, 40), pinhole(aside, 0.5)),
+            image((72, 40), pinhole(middle, 3.0)),
+            image((72, 40), pinhole(bounds.min, 1.0)),
+        ];
+        compare(case.name, &case.scene, &images);
+    }
+}
+
+#[test]
+fn every_walk_ends_after_as_many_cells_as_the_grid_has_planes() {
+    let scene = soup(grid(4, 0.0));
+    let mut rays = lattice_rays(4, &mut Random(5), 3000);
+    // The main diagonal through all corners, and edges of cells in all directions.
+    for signs in 0..8 {
+        let side = |k: usize| if signs >> k & 1 == 1 { -1.0 } else { 1.0 };
+        let o = std::array::from_fn(|k| 2.0 - 4.0 * side(k));
+        rays.push(ray(o, [side(0), side(1), side(2)]));
+        rays.push(ray(o, [side(0), side(1), 0.0_f32.copysign(side(2))]));
+    }
+    for spec in ["octree-net", "octree-samet", "octree-glassner"] {
+        let structure = build(&scene, &format!("{spec}:leaf_size=0"));
+        let (Layout::OctreeNet(tree) | Layout::OctreeSamet(tree) | Layout::OctreeGlassner(tree)) =
+            &structure.built().layout
+        else {
+            panic!("{spec} is walked from leaf to leaf");
+        };
+        let mut hits = vec![Hit::MISS; rays.len()];
+        let mut counters = vec![RayCounters::default(); rays.len()];
+        structure.closest(&rays, &mut hits, Some(&mut counters));
+        let most = counters.iter().map(|c| c.leaves + c.leaves_empty).max();
+        let bound = 3 << tree.cube().depth;
+        assert!(most.unwrap() <= bound, "{spec}: {most:?} of {bound}");
+    }
+}
+
+#[test]
+fn beams_take_fewer_steps_and_count_them() {
+    let scene = soup(grid(4, 0.3));
+    let rays = image((320, 200), pinhole([1.9, -7.0, 2.2], 0.6));
+    let structure = build(&scene, "octree-beam");
+    let steps = |order| {
+        let mut hits = vec![Hit::MISS; rays.len()];
+        let mut counters = vec![RayCounters::default(); rays.len()];
+        structure.closest_ordered(&rays, &mut hits, Some(&mut counters), order);
+        let sum = |c: &RayCounters| u64::from(c.steps_axis + c.leaves + c.leaves_empty);
+        counters.iter().map(sum).sum::<u64>()
+    };
+    let (beams, single) = (steps(Order::Tiles), steps(Order::None));
+    assert!(4 * beams < single, "{beams} against {single}");
+}
