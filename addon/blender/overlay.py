@@ -14,8 +14,13 @@ from gpu_extras.batch import batch_for_shader
 from ..core import planes
 from . import building, trees
 
-OWN_COLOURS = {"OBLIQUE": (1.0, 0.72, 0.16), "SLABS": (0.86, 0.46, 1.0), "OCTANTS": (0.30, 0.93, 0.82)}
-"""Gold, violet and turquoise: as far from Blender's red, green and blue axes as from each other."""
+OWN_COLOURS = {
+    "OBLIQUE": (1.0, 0.72, 0.16),
+    "SLABS": (0.86, 0.46, 1.0),
+    "OCTANTS": (0.30, 0.93, 0.82),
+    "BOXES": (0.97, 0.90, 0.78),
+}
+"""Gold, violet, turquoise and ivory: as far from Blender's red, green and blue axes as from each other."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,8 +17,9 @@ KIND_ITEMS = (
     ("Y", "Y", "Planes across the Y axis, in its colour"),
     ("Z", "Z", "Planes across the Z axis, in its colour"),
     ("OBLIQUE", "Oblique", "Planes that follow no axis"),
-    ("SLABS", "Slabs", "Pairs of planes and boxes around the triangles of a node"),
-    ("OCTANTS", "Octants", "Planes of a node with eight children"),
+    ("SLABS", "Slabs", "Pairs of planes between which the triangles of a child lie"),
+    ("OCTANTS", "Octants", "The three planes of a node with eight children"),
+    ("BOXES", "Boxes", "The faces of a box around the triangles of a node"),
 )
 assert tuple(item[0] for item in KIND_ITEMS) == KINDS
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from .scene import F32, I32
 
-KINDS = ("X", "Y", "Z", "OBLIQUE", "SLABS", "OCTANTS")
+KINDS = ("X", "Y", "Z", "OBLIQUE", "SLABS", "OCTANTS", "BOXES")
 """What the native module's numbers of kinds mean, in their order."""
 
 MOST_ASKED = 400_000
@@ -26,6 +26,10 @@ FAINTEST = 0.3
 
 THINNING = 0.8
 """How much thinner the lines of each level are than those of the level above; never thinner than a pixel."""
+
+CROWD, CROWD_FADE = 150, 0.5
+"""A level of more polygons than this is fainter by this power of how many times more it has: a thousand strong lines
+would be one blot."""
 
 FILL_RIM, FILL_CENTRE = 0.11, 0.0
 """How much of a line's opacity a surface has at its rim and at its centre: panes show where they end, and dozens of
@@ -107,7 +111,7 @@ def levels(planes: Planes, colours: Mapping[str, Sequence[float]], opacity: floa
         if not len(polygons):
             continue
         step = depth - planes.levels.start
-        strength = opacity * max(FADE**step, FAINTEST)
+        strength = opacity * max(FADE**step, FAINTEST) * min(1.0, CROWD / len(polygons)) ** CROWD_FADE
         ends, owners = _edges(planes.offsets, polygons)
         lines, rgb = planes.vertices[ends], table[planes.kind[owners]]
         fans = np.empty((len(owners), 3, 3), np.float32)

@@ -5,17 +5,19 @@ from __future__ import annotations
 
 import gc
 import weakref
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import bpy
 import gpu
 import numpy as np
+import overlay_picture
 import pytest
 from mathutils import Euler, Matrix, Vector
 from shapes import cube, grid
 
-from addon.blender import building, overlay, trees
+from addon.blender import building, overlay, pictures, trees
 from addon.core import catalogue, native, planes
 
 WIDTH, HEIGHT = 200, 150
@@ -398,3 +400,21 @@ def test_the_operator_builds_while_blender_goes_on_and_esc_stops_it(scene: Any, 
     assert operator.said == (
         ["Building was stopped"] if stopped else [f"{catalogue.load()['kd'].label} over 180,000 triangles"]
     )
+
+
+def test_the_command_saves_a_picture_with_the_planes_in_it(
+    canvas: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "planes.png"
+    arguments = ["--size", "96x54", "--depth", "4-6", "--out", str(out)]
+    view = ["--view", "5", "-8", "6", "0", "0.5", "0.7"]
+    bpy.ops.wm.read_homefile(use_factory_startup=True)
+    assert overlay_picture.main([*arguments, *view]) == 0
+    assert "planes of kd, 0 hidden" in capsys.readouterr().out
+    drawn = pictures.load(out)[..., :3]
+    assert drawn.shape == (54, 96, 3)
+    # The scene is grey: whatever has a hue is a plane.
+    assert 0.02 < ((drawn.max(axis=2) - drawn.min(axis=2)) > 0.1).mean() < 0.9
+    assert overlay_picture.main([*arguments, "--depth", "x"]) == 2
+    assert overlay_picture.main([str(tmp_path / "none.blend"), *arguments]) == 2
+    assert capsys.readouterr().err.count("\n") == 2

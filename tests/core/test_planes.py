@@ -126,3 +126,20 @@ def test_colours_tell_the_kind_and_strength_the_depth() -> None:
     assert widths == sorted(widths)
     assert widths[-1] == 4.0
     assert planes.levels(choose(), COLOURS, 0.8, 1.0)[0].width == 1.0
+
+
+def test_a_crowded_level_is_fainter() -> None:
+    count = 4 * planes.CROWD
+    corner = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], np.float32)
+    crowd = planes.Planes(
+        np.tile(corner, (count, 1)),
+        np.arange(0, 4 * count + 1, 4, dtype=np.int32),
+        np.zeros(count, np.int32),
+        np.full(count, 2, np.int32),
+        hidden=0,
+        complete=True,
+    )
+    (level,) = planes.levels(crowd, COLOURS, 0.8, 4.0)
+    assert level.line_colours[:, 3] == pytest.approx(0.8 * 4**-planes.CROWD_FADE)
+    assert len(level.lines) == 8 * count
+    assert len(level.triangles) == 12 * count
