@@ -77,7 +77,7 @@ def run(asked: argparse.Namespace) -> None:
     from addon.core import comparison, native
 
     native.load()
-    if not hasattr(bpy.types.Scene, "halfspace"):
+    if not hasattr(bpy.context.scene, "halfspace"):
         addon.register()
     name = _open(bpy, asked.file)
     scene: Any = bpy.context.scene
@@ -131,23 +131,11 @@ def _size(text: str) -> tuple[int, int]:
 
 def _open(bpy: Any, file: Path | None) -> str:
     """Open the scene, always from a .blend of its own. Returns its name."""
-    from addon.blender import showcase, stage
-    from addon.core import workload
+    from addon.blender import scenes
 
-    if file is not None and not file.is_file():
-        raise InputError(f"{file}: there is no such file")
+    name = scenes.open_file(file)
     if file is not None and file.suffix.lower() == ".blend":
-        bpy.ops.wm.open_mainfile(filepath=str(file))
-        return file.stem
-    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    if file is None:
-        name = "showcase"
-        showcase.build(bpy.context.scene)
-    elif file.suffix.lower() == ".npz":
-        name = file.stem
-        stage.build(bpy.context.scene, workload.load_npz(file))
-    else:
-        raise InputError(f"{file}: expected a .blend or an .npz")
+        return name
     with tempfile.TemporaryDirectory(prefix="halfspace-compare-") as folder:
         path = str(Path(folder) / "scene.blend")
         bpy.ops.wm.save_as_mainfile(filepath=path)
@@ -161,6 +149,7 @@ def _configure_halfspace(scene: Any, structure: str, samples: int, bounces: int)
     except TypeError:
         raise InputError(f"--structure: unknown structure {structure!r}") from None
     scene.halfspace.samples, scene.halfspace.max_bounces = samples, bounces
+    scene.halfspace.clamp_indirect = 0.0
 
 
 def _configure_cycles(scene: Any, samples: int, bounces: int) -> None:

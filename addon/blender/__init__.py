@@ -3,14 +3,29 @@
 
 import bpy
 
-from . import compat, engine, operators, panels, properties, reports
+from . import (
+    building,
+    compat,
+    engine,
+    operators,
+    overlay,
+    overlay_panels,
+    overlay_settings,
+    panels,
+    properties,
+    reports,
+)
 
 
 def register() -> None:
     """Settings first, then what shows them, then the engine, then Blender's own panels for it."""
+    overlay_settings.register()
     properties.register()
     operators.register()
+    building.register()
     panels.register()
+    overlay_panels.register()
+    overlay.register()
     bpy.utils.register_class(engine.HalfspaceEngine)
     compat.register(engine.ENGINE)
 
@@ -19,7 +34,11 @@ def unregister() -> None:
     """The reverse of `register`."""
     compat.unregister(engine.ENGINE)
     bpy.utils.unregister_class(engine.HalfspaceEngine)
+    overlay.unregister()
+    overlay_panels.unregister()
     panels.unregister()
+    building.unregister()
     operators.unregister()
     properties.unregister()
+    overlay_settings.unregister()
     reports.clear()

@@ -14,7 +14,7 @@ from ..core import catalogue, native
 from ..core.notes import Notes
 from ..core.session import Cancelled, Session, watch
 from ..core.settings import RenderSettings
-from . import camera, extract, passes, properties, reports
+from . import camera, extract, passes, properties, reports, trees
 from .viewport import Viewport
 
 if TYPE_CHECKING:
@@ -99,8 +99,11 @@ class _Picture:
 
         count = len(scene.geometry.triangles)
         self._say(f"{label}: building over {count:,} triangles")
+        if not self.group.overlay.show:
+            trees.clear()  # so that two trees need not fit into memory
         session = Session.start(module, scene, spec, threads=settings.threads, keep_going=self._building)
         self._note_dropped(scene.geometry, session.structure.statistics)
+        trees.keep(self.scene, session.structure, origin, spec=spec, label=label, triangles=count)
 
         job = session.render(view, settings)
         width, height = settings.size

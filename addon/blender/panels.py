@@ -55,7 +55,7 @@ class HALFSPACE_PT_structure(_Panel, bpy.types.Panel):
     def draw(self, context: Any) -> None:
         column = self._column()
         if problem := native.problem():
-            _lines(column, problem, icon="ERROR")
+            wrapped(column, problem, icon="ERROR")
             return
         group = context.scene.halfspace
         column.prop(group, "structure")
@@ -114,7 +114,7 @@ class HALFSPACE_PT_statistics(_Panel, bpy.types.Panel):
                 box = layout.box()
                 box.label(text=title, icon=icon)
                 for line in lines:
-                    _lines(box, line)
+                    wrapped(box, line)
 
 
 class HALFSPACE_PT_passes(_Panel, bpy.types.Panel):
@@ -224,7 +224,7 @@ def _surface(layout: Any, block: Any, plain: str) -> None:
         layout.template_node_view(block.node_tree, output, output.inputs["Surface"])
 
 
-def _lines(layout: Any, text: str, *, icon: str = "NONE", width: int = 60) -> None:
+def wrapped(layout: Any, text: str, *, icon: str = "NONE", width: int = 60) -> None:
     """A text as labels of at most `width` characters, since a label cannot wrap."""
     line = ""
     for word in text.split():

@@ -69,6 +69,12 @@ def save(path: Path, picture: F32) -> None:
         bpy.data.images.remove(image)
 
 
+def halved(picture: F32) -> F32:
+    """(2h, 2w, 3) values as the means of squares of four, (h, w, 3)."""
+    height, width = picture.shape[0] // 2, picture.shape[1] // 2
+    return picture[: 2 * height, : 2 * width].reshape(height, 2, width, 2, -1).mean(axis=(1, 3), dtype=np.float32)
+
+
 def _image(picture: F32, *, float_buffer: bool) -> Any:
     height, width = picture.shape[:2]
     image = bpy.data.images.new("picture", width, height, alpha=False, float_buffer=float_buffer)

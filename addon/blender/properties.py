@@ -10,6 +10,7 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty
 
 from ..core import catalogue, native, settings
+from .overlay_settings import HalfspaceOverlaySettings
 
 if TYPE_CHECKING:
     from ..core.catalogue import Catalogue, Parameter
@@ -28,7 +29,7 @@ def spec(group: Any) -> str:
     )
 
 
-def _follow_structure(group: Any, _context: Any) -> None:
+def _follow_structure(group: Any, context: Any) -> None:
     """Give the chosen structure its own defaults, except where the user set a value that is nobody's default."""
     known = catalogue.load()
     for parameter in known[group.structure].parameters:
@@ -36,6 +37,14 @@ def _follow_structure(group: Any, _context: Any) -> None:
         namesakes = (structure.parameter(parameter.name) for structure in known.structures)
         if any(other is not None and settings.same(value, other.default) for other in namesakes):
             setattr(group, parameter.name, parameter.default)
+    _rebuild(group, context)
+
+
+def _rebuild(group: Any, _context: Any) -> None:
+    """Let a shown tree follow its settings."""
+    from . import building
+
+    building.request(group.id_data)
 
 
 def _structure_properties(known: Catalogue) -> dict[str, Any]:
@@ -58,6 +67,7 @@ def _parameter_property(parameter: Parameter) -> Any:
         "name": parameter.label,
         "description": parameter.doc + (f" ({parameter.unit})" if parameter.unit else ""),
         "default": parameter.default,
+        "update": _rebuild,
     }
     if parameter.kind == "choice":
         # A number made from the name stays the same in saved files when the list of options changes.
@@ -97,6 +107,7 @@ RENDER_PROPERTIES: dict[str, Any] = {
     "render_seed": IntProperty(
         name="Noise Seed", description="Another number gives other noise in the same picture", default=0, min=0
     ),
+    "overlay": PointerProperty(type=HalfspaceOverlaySettings),
     "settings_version": IntProperty(options={"HIDDEN"}, default=1),
 }
 

@@ -24,7 +24,7 @@ def build(scene: Any, workload: Workload) -> None:
     """Fill an empty scene with a workload's triangles, seen by its view, in its own coordinates and up direction."""
     item = bpy.data.objects.new(workload.name, _mesh(workload))
     scene.collection.objects.link(item)
-    _camera(scene, workload.view)
+    see(scene, workload.view)
     low, high = bounds(workload.vertices, workload.triangles)
     _lights(scene, workload.view, float(np.linalg.norm(high - low)))
 
@@ -52,7 +52,8 @@ def _mesh(workload: Workload) -> Any:
     return mesh
 
 
-def _camera(scene: Any, view: View) -> None:
+def see(scene: Any, view: View) -> None:
+    """Give the scene a new camera with this view."""
     data = bpy.data.cameras.new("Camera")
     data.sensor_fit = "VERTICAL"
     data.angle = np.radians(view.vertical_fov)

@@ -27,34 +27,60 @@ class RenderError(RuntimeError):
     """The native renderer failed. The message is its own."""
 
 
+class Building:
+    """A structure that is being built on a thread of its own, so that the caller's thread stays free."""
+
+    def __init__(self, native: Any, geometry: Geometry, spec: str, *, threads: int = 0) -> None:
+        """Begin to build `spec` over these triangles; 0 threads means one per core."""
+        self._monitor = native.Monitor()
+        self._structure: Any = None
+        self._error: BaseException | None = None
+
+        def work() -> None:
+            try:
+                self._structure = native.build(
+                    geometry.vertices, geometry.triangles, spec, threads=threads, monitor=self._monitor
+                )
+            except BaseException as error:
+                self._error = error
+
+        self._thread = threading.Thread(target=work, name="halfspace-build", daemon=True)
+        self._thread.start()
+
+    @property
+    def progress(self) -> float:
+        """0 to 1."""
+        return float(self._monitor.progress)
+
+    def wait(self, seconds: float) -> bool:
+        """Wait at most so long for the end, whichever it is. Returns whether it has come."""
+        self._thread.join(seconds)
+        return not self._thread.is_alive()
+
+    def cancel(self) -> None:
+        """Stop the work, and wait for that: at most the native module's tenth of a second."""
+        self._monitor.cancel()
+        self._thread.join()
+
+    def result(self) -> Any:
+        """The structure, after the end. Raises whatever the native module raised."""
+        self._thread.join()
+        if self._error is not None:
+            raise self._error
+        return self._structure
+
+
 def build(native: Any, geometry: Geometry, spec: str, *, threads: int = 0, keep_going: KeepGoing) -> Any:
-    """The native structure `spec` over these triangles.
+    """The native structure `spec` over these triangles, built while `keep_going` is asked.
 
-    The build runs on a thread of its own, so that the caller's thread can ask `keep_going` meanwhile. Raises
-    Cancelled, or whatever the native module raises.
+    Raises Cancelled, or whatever the native module raises.
     """
-    monitor = native.Monitor()
-    outcome: dict[str, Any] = {}
-
-    def work() -> None:
-        try:
-            outcome["structure"] = native.build(
-                geometry.vertices, geometry.triangles, spec, threads=threads, monitor=monitor
-            )
-        except BaseException as error:
-            outcome["error"] = error
-
-    thread = threading.Thread(target=work, name="halfspace-build", daemon=True)
-    thread.start()
-    while thread.is_alive():
-        thread.join(POLL_SECONDS)
-        if not keep_going(monitor.progress):
-            monitor.cancel()
-            thread.join()
+    building = Building(native, geometry, spec, threads=threads)
+    while not building.wait(POLL_SECONDS):
+        if not keep_going(building.progress):
+            building.cancel()
             raise Cancelled
-    if isinstance(error := outcome.get("error"), BaseException):
-        raise error
-    return outcome["structure"]
+    return building.result()
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ import bpy
 import pytest
 
 import addon
-from addon.blender import properties, reports
+from addon.blender import building, overlay, properties, reports, trees
 from addon.blender.engine import ENGINE
 from addon.core import native
 
@@ -36,6 +36,12 @@ def footprint() -> dict[str, object]:
         "engines": engines_of_panels(),
         "handlers": {h: len(getattr(bpy.app.handlers, h)) for h in HANDLERS},
         "reports": dict(reports._last),
+        "tree": trees._tree,
+        "drawing": (overlay._handle, dict(overlay._drawings)),
+        "popover": len(bpy.types.VIEW3D_PT_overlay.draw._draw_funcs)
+        if hasattr(bpy.types.VIEW3D_PT_overlay.draw, "_draw_funcs")
+        else 1,
+        "timers": bpy.app.timers.is_registered(building._tick),
     }
 
 
@@ -50,6 +56,8 @@ def test_three_rounds_leave_nothing_behind() -> None:
         for _ in range(3):
             addon.register()
             assert footprint()["properties"] == {"Scene", "ViewLayer"}
+            bpy.context.scene.halfspace.overlay.show = True
+            assert footprint()["drawing"] != clean["drawing"]
             addon.unregister()
             assert footprint() == clean
     finally:

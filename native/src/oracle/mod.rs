@@ -19,8 +19,8 @@ pub struct ExactAnswer {
 
 /// The nearest hit of one ray over all live triangles, decided in integers: O(n), for small inputs.
 ///
-/// A cheap necessary condition comes first: a triangle whose corners all lie strictly on one side
-/// of the ray in some axis-parallel projection cannot be hit. It uses comparisons only.
+/// A cheap necessary condition comes first: a triangle whose corners all lie behind the ray's origin
+/// along some axis cannot be hit.
 pub fn exact_closest(scene: &Triangles, ray: &Ray) -> ExactAnswer {
     let mut answer = ExactAnswer {
         hit: Hit::MISS,
@@ -51,12 +51,16 @@ pub fn exact_closest(scene: &Triangles, ray: &Ray) -> ExactAnswer {
     answer
 }
 
-/// Whether the triangle lies strictly behind a ray that starts at `t_min >= 0`, along some axis.
+/// Whether the triangle lies strictly behind a ray that starts at `t_min >= 0`, along some axis, and
+/// by so much that `t` does not round to zero.
 fn beside(ray: &Ray, corners: [[f32; 3]; 3]) -> bool {
+    let smallest = f64::from(f32::from_bits(1));
     ray.t_min >= 0.0
         && (0..3).any(|k| {
-            let (o, d) = (ray.o[k], ray.d[k]);
-            (d >= 0.0 && corners.iter().all(|c| c[k] < o))
-                || (d <= 0.0 && corners.iter().all(|c| c[k] > o))
+            let (o, d) = (f64::from(ray.o[k]), f64::from(ray.d[k]));
+            let behind =
+                |p: &[f32; 3], side: f64| side * (o - f64::from(p[k])) > d.abs() * smallest;
+            (d >= 0.0 && corners.iter().all(|p| behind(p, 1.0)))
+                || (d <= 0.0 && corners.iter().all(|p| behind(p, -1.0)))
         })
 }

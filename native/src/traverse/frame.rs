@@ -120,7 +120,9 @@ impl Frame {
             span: sum,
             oblique_pad: self.robust * 28.0 * U * sum,
             to_frame,
+            last_place: 0.0,
         };
+        out.last_place = out.scaled(f32::from_bits(1)) + TINY;
         let mut near = f32::NEG_INFINITY;
         let mut exit = f32::INFINITY;
         // Over any distance up to `span` a slower direction moves by less than u times the padding: it
@@ -195,6 +197,9 @@ pub struct FrameRay {
     /// scene, for `|n| <= 1`: 8 sqrt(3) 2 u times the span.
     pub oblique_pad: f32,
     to_frame: f64,
+    /// Bound on the rounding of a subnormal `t`, and of the frame, in the frame's units. A distance of
+    /// a millionth of the scene may be all rounding when the direction is long enough.
+    last_place: f32,
 }
 
 impl FrameRay {
@@ -213,35 +218,37 @@ impl FrameRay {
         span: 0.0,
         oblique_pad: 0.0,
         to_frame: 1.0,
+        last_place: 0.0,
     };
 
-    /// A distance in the frame that nothing at `t` or nearer can exceed, rounding included.
     #[inline(always)]
     #[expect(
         clippy::cast_possible_truncation,
         reason = "the slack covers the rounding"
     )]
+    fn scaled(&self, t: f32) -> f32 {
+        (f64::from(t) * self.to_frame) as f32
+    }
+
+    /// A distance in the frame that nothing at `t` or nearer can exceed, rounding included.
+    #[inline(always)]
     pub fn reach(&self, t: f32) -> f32 {
-        let scaled = (f64::from(t) * self.to_frame) as f32;
+        let scaled = self.scaled(t);
         if scaled >= 0.0 {
-            scaled * PRUNE + TINY
+            scaled * PRUNE + self.last_place
         } else {
-            scaled * (2.0 - PRUNE) + TINY
+            scaled * (2.0 - PRUNE) + self.last_place
         }
     }
 
     /// A distance in the frame that nothing at `t` or farther can fall below.
     #[inline(always)]
-    #[expect(
-        clippy::cast_possible_truncation,
-        reason = "the slack covers the rounding"
-    )]
     fn lower(&self, t: f32) -> f32 {
-        let scaled = (f64::from(t) * self.to_frame) as f32;
+        let scaled = self.scaled(t);
         if scaled >= 0.0 {
-            scaled * (2.0 - PRUNE) - TINY
+            scaled * (2.0 - PRUNE) - self.last_place
         } else {
-            scaled * PRUNE - TINY
+            scaled * PRUNE - self.last_place
         }
     }
 }

@@ -1,0 +1,201 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The split planes of the last structure, drawn in the 3D viewport. Drawing draws: it never builds a structure."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import bpy
+import gpu
+from bpy.app.handlers import persistent
+from gpu_extras.batch import batch_for_shader
+
+from ..core import planes
+from . import building, trees
+
+OWN_COLOURS = {"OBLIQUE": (1.0, 0.72, 0.16), "SLABS": (0.86, 0.46, 1.0), "OCTANTS": (0.30, 0.93, 0.82)}
+"""Gold, violet and turquoise: as far from Blender's red, green and blue axes as from each other."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Batches:
+    """One level of the tree on the graphics card. Either part is None when the style does without."""
+
+    width: float
+    lines: Any
+    fill: Any
+
+
+@dataclass(frozen=True, eq=False)
+class _Drawing:
+    """The batches of the tree of this number under certain settings.
+
+    passes: what is drawn behind objects, then what before them.
+    """
+
+    tree: int
+    key: tuple[Any, ...]
+    chosen: planes.Planes
+    passes: tuple[tuple[str, list[_Batches]], ...]
+
+
+_drawings: dict[int, _Drawing] = {}
+_handle: Any = None
+
+
+def colours() -> dict[str, tuple[float, float, float]]:
+    """The colour of each kind: the theme's axes, and our own."""
+    theme = bpy.context.preferences.themes[0].user_interface
+    axes = {"X": theme.axis_x, "Y": theme.axis_y, "Z": theme.axis_z}
+    return {**{kind: (axis[0], axis[1], axis[2]) for kind, axis in axes.items()}, **OWN_COLOURS}
+
+
+def shown(scene: Any) -> planes.Planes | None:
+    """The planes that were last drawn for this scene, for the panel's numbers."""
+    drawing = _drawings.get(scene.original.session_uid)
+    tree = trees.last(scene)
+    return drawing.chosen if drawing is not None and tree is not None and drawing.tree == tree.number else None
+
+
+def paint(scene: Any, size: tuple[int, int]) -> None:
+    """Draw the scene's planes with the matrices that are set, into a view of `size` pixels."""
+    tree = trees.last(scene)
+    if tree is None or not scene.halfspace.overlay.show:
+        return
+    drawing = _drawing(scene, tree)
+    with gpu.matrix.push_pop():
+        # The matrix carries the place in the world, so that positions keep their precision far from its origin.
+        gpu.matrix.translate(tree.origin.tolist())
+        gpu.state.blend_set("ALPHA")
+        gpu.state.depth_mask_set(False)
+        try:
+            for test, levels in drawing.passes:
+                gpu.state.depth_test_set(test)
+                _paint_levels(levels, size)
+        finally:
+            gpu.state.depth_test_set("NONE")
+            gpu.state.blend_set("NONE")
+
+
+def _paint_levels(levels: list[_Batches], size: tuple[int, int]) -> None:
+    """All surfaces before all lines, which stay crisp."""
+    surface = gpu.shader.from_builtin("SMOOTH_COLOR")
+    for level in levels:
+        if level.fill is not None:
+            level.fill.draw(surface)
+    line = gpu.shader.from_builtin("POLYLINE_FLAT_COLOR")
+    line.bind()
+    line.uniform_float("viewportSize", size)
+    for level in levels:
+        if level.lines is not None:
+            line.uniform_float("lineWidth", level.width)
+            level.lines.draw(line)
+
+
+def _drawing(scene: Any, tree: trees.Tree) -> _Drawing:
+    """The batches, made anew only when the tree or a setting is another."""
+    uid = scene.original.session_uid
+    settings, tints = scene.halfspace.overlay, colours()
+    chosen_by = (
+        (settings.depth_min, settings.depth_max),
+        tuple(kind for kind in planes.KINDS if kind in settings.kinds),
+        settings.max_count,
+    )
+    look = (settings.style, settings.opacity, settings.line_width, settings.behind, tuple(tints.values()))
+    known = _drawings.get(uid)
+    if known is not None and known.tree == tree.number and known.key == (chosen_by, look):
+        return known
+    if known is not None and known.tree == tree.number and known.key[0] == chosen_by:
+        chosen = known.chosen
+    else:
+        chosen = planes.choose(tree.structure, *chosen_by)
+    passes = tuple(
+        (test, [_batches(level, settings.style) for level in planes.levels(chosen, tints, opacity, width)])
+        for test, opacity, width in (
+            ("GREATER", settings.opacity * settings.behind, settings.line_width),
+            ("LESS_EQUAL", settings.opacity, settings.line_width),
+        )
+        if opacity > 0
+    )
+    _drawings[uid] = _Drawing(tree.number, (chosen_by, look), chosen, passes)
+    return _drawings[uid]
+
+
+def _batches(level: planes.Level, style: str) -> _Batches:
+    line, surface = gpu.shader.from_builtin("POLYLINE_FLAT_COLOR"), gpu.shader.from_builtin("SMOOTH_COLOR")
+    lines = fill = None
+    if style != "FILL":
+        lines = batch_for_shader(line, "LINES", {"pos": level.lines, "color": level.line_colours})
+    if style != "OUTLINE":
+        fill = batch_for_shader(surface, "TRIS", {"pos": level.triangles, "color": level.fill_colours})
+    return _Batches(level.width, lines, fill)
+
+
+def _draw_view() -> None:
+    """What Blender calls for each 3D view."""
+    context = bpy.context
+    if context.space_data.overlay.show_overlays:
+        paint(context.scene, (context.region.width, context.region.height))
+
+
+@persistent
+def _scene_changed(scene: Any, depsgraph: Any) -> None:
+    """After each evaluation: mark, and build again by and by."""
+    if depsgraph.mode == "VIEWPORT" and trees.note_changes(scene, depsgraph):
+        building.request(scene)
+
+
+@persistent
+def follow(*_: Any) -> None:
+    """Attach to Blender's drawing and updates while some scene shows planes, and let go of both otherwise."""
+    global _handle  # noqa: PLW0603 (Blender's own handle for it)
+    wanted = any(scene.halfspace.overlay.show for scene in bpy.data.scenes)
+    updates = bpy.app.handlers.depsgraph_update_post
+    if wanted and _handle is None:
+        _handle = bpy.types.SpaceView3D.draw_handler_add(_draw_view, (), "WINDOW", "POST_VIEW")
+        updates.append(_scene_changed)
+    elif not wanted and _handle is not None:
+        _let_go()
+    for uid in set(_drawings) - {scene.session_uid for scene in bpy.data.scenes if scene.halfspace.overlay.show}:
+        del _drawings[uid]
+
+
+@persistent
+def _file_loaded(*_: Any) -> None:
+    """Another file: its scenes have nothing to do with the tree."""
+    building.stop()
+    trees.clear()
+    _drawings.clear()
+    follow()
+    for scene in bpy.data.scenes:
+        building.request(scene)
+
+
+def _let_go() -> None:
+    global _handle  # noqa: PLW0603
+    if _handle is not None:
+        bpy.types.SpaceView3D.draw_handler_remove(_handle, "WINDOW")
+        _handle = None
+        bpy.app.handlers.depsgraph_update_post.remove(_scene_changed)
+
+
+def register() -> None:
+    """Watch for files and undo steps, which change the wish to see planes without a word."""
+    bpy.app.handlers.load_post.append(_file_loaded)
+    bpy.app.handlers.undo_post.append(follow)
+    bpy.app.handlers.redo_post.append(follow)
+
+
+def unregister() -> None:
+    """The reverse of `register`, and let go of everything."""
+    for handlers, function in (
+        (bpy.app.handlers.load_post, _file_loaded),
+        (bpy.app.handlers.undo_post, follow),
+        (bpy.app.handlers.redo_post, follow),
+    ):
+        handlers.remove(function)
+    _let_go()
+    building.stop()
+    trees.clear()
+    _drawings.clear()

@@ -1,0 +1,130 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The sidebar of the 3D viewport, tab "Halfspace": the structure, and what is shown of it. Works with any engine."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+
+from ..core import native
+from . import building, overlay, properties, trees
+from .panels import wrapped
+
+
+class _SidebarPanel:
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "Halfspace"
+
+
+class HALFSPACE_PT_view_structure(_SidebarPanel, bpy.types.Panel):
+    """The structure that is built over the scene, and the last one that was."""
+
+    bl_label = "Structure"
+
+    def draw(self, context: Any) -> None:
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        if problem := native.problem():
+            wrapped(layout, problem, icon="ERROR", width=36)
+            return
+        group = context.scene.halfspace
+        column = layout.column()
+        column.prop(group, "structure")
+        for parameter in properties.structure_parameters(group):
+            column.prop(group, parameter.name)
+        layout.operator("halfspace.build_structure", icon="MOD_BUILD")
+        if (done := building.progress()) is not None:
+            layout.progress(factor=done, text="Building")
+        if problem := building.problem():
+            wrapped(layout, problem, icon="ERROR", width=36)
+        _tree(layout, context.scene, group)
+
+
+def _tree(layout: Any, scene: Any, group: Any) -> None:
+    """What the last structure is, and whether it is still that of the scene and its settings."""
+    tree = trees.last(scene)
+    if tree is None:
+        layout.label(text="Nothing built yet", icon="INFO")
+        return
+    numbers = tree.structure.statistics
+    row = layout.row()
+    column = row.column(align=True)
+    column.label(text=f"{tree.label}, {tree.triangles:,} triangles")
+    column.label(text=f"Built in {numbers['build_seconds']:.2f} s, {numbers['bytes'] / 2**20:.1f} MiB")
+    nodes = numbers["nodes_axis"] + numbers["nodes_oblique"]
+    column.label(text=f"{nodes:,} nodes, {numbers['leaves']:,} leaves, depth {numbers['depth_max']}")
+    row.operator("halfspace.free_structure", text="", icon="X")
+    if tree.stale:
+        layout.label(text="The scene has changed since", icon="ERROR")
+    elif tree.spec != properties.spec(group):
+        layout.label(text="Built with other settings", icon="ERROR")
+
+
+class HALFSPACE_PT_view_overlay(_SidebarPanel, bpy.types.Panel):
+    """Which planes are shown, and how."""
+
+    bl_label = "Split Planes"
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return native.problem() is None
+
+    def draw_header(self, context: Any) -> None:
+        self.layout.prop(context.scene.halfspace.overlay, "show", text="")
+
+    def draw(self, context: Any) -> None:
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        settings = context.scene.halfspace.overlay
+        layout.active = settings.show
+        column = layout.column(align=True)
+        column.prop(settings, "depth_min")
+        column.prop(settings, "depth_max")
+        column.prop(settings, "max_count")
+        _count(layout, overlay.shown(context.scene) if settings.show else None)
+        layout.column().prop(settings, "kinds")
+        column = layout.column()
+        column.row().prop(settings, "style", expand=True)
+        column.prop(settings, "opacity")
+        column.prop(settings, "behind")
+        if settings.style != "FILL":
+            column.prop(settings, "line_width")
+        column.prop(settings, "auto_update")
+
+
+def _count(layout: Any, planes: Any) -> None:
+    """How many planes are in the picture, and how many the limit keeps out of it."""
+    if planes is None:
+        return
+    layout.label(text=f"{len(planes):,} planes shown")
+    if planes.hidden or not planes.complete:
+        least = "" if planes.complete else "at least "
+        layout.label(text=f"{least}{planes.hidden:,} hidden by the limit", icon="HIDE_ON")
+
+
+def _popover(panel: Any, context: Any) -> None:
+    """A line in Blender's own list of overlays."""
+    if native.problem() is None:
+        panel.layout.separator()
+        panel.layout.prop(context.scene.halfspace.overlay, "show", text="Halfspace Split Planes")
+
+
+CLASSES = (HALFSPACE_PT_view_structure, HALFSPACE_PT_view_overlay)
+
+
+def register() -> None:
+    """Register the panels, and the line in the overlays popover."""
+    for panel in CLASSES:
+        bpy.utils.register_class(panel)
+    bpy.types.VIEW3D_PT_overlay.append(_popover)
+
+
+def unregister() -> None:
+    """The reverse of `register`."""
+    bpy.types.VIEW3D_PT_overlay.remove(_popover)
+    for panel in reversed(CLASSES):
+        bpy.utils.unregister_class(panel)

@@ -1,0 +1,145 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""`scene.halfspace.overlay`: what of the structure the 3D viewport shows, and how."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty
+
+from ..core.planes import KINDS
+
+DEEPEST = 60
+
+KIND_ITEMS = (
+    ("X", "X", "Planes across the X axis, in its colour"),
+    ("Y", "Y", "Planes across the Y axis, in its colour"),
+    ("Z", "Z", "Planes across the Z axis, in its colour"),
+    ("OBLIQUE", "Oblique", "Planes that follow no axis"),
+    ("SLABS", "Slabs", "Pairs of planes and boxes around the triangles of a node"),
+    ("OCTANTS", "Octants", "Planes of a node with eight children"),
+)
+assert tuple(item[0] for item in KIND_ITEMS) == KINDS
+
+
+def _redraw(_group: Any, _context: Any) -> None:
+    from . import trees
+
+    trees.redraw()
+
+
+def _follow(group: Any, context: Any) -> None:
+    """Let the handlers come and go with the wish to see anything, and build what is missing."""
+    from . import building, overlay
+
+    overlay.follow()
+    if group.show:
+        building.request(group.id_data)
+    _redraw(group, context)
+
+
+def _build_if_wished(group: Any, _context: Any) -> None:
+    from . import building
+
+    if group.show and group.auto_update:
+        building.request(group.id_data)
+
+
+class HalfspaceOverlaySettings(bpy.types.PropertyGroup):
+    """What the viewport shows of the structure."""
+
+    show: BoolProperty(  # type: ignore[valid-type]
+        name="Split Planes",
+        description="Show the planes that split space, each cut to its cell",
+        default=False,
+        update=_follow,
+    )
+    auto_update: BoolProperty(  # type: ignore[valid-type]
+        name="Auto Update",
+        description="Build again, in the background, a moment after the scene or the structure's settings changed. "
+        "Large scenes keep all cores busy meanwhile",
+        default=True,
+        update=_build_if_wished,
+    )
+    depth_min: IntProperty(  # type: ignore[valid-type]
+        name="Depth Start",
+        description="Planes of nodes above this depth are not shown; the first plane has depth 0",
+        default=0,
+        min=0,
+        max=DEEPEST,
+        update=_redraw,
+    )
+    depth_max: IntProperty(  # type: ignore[valid-type]
+        name="End",
+        description="Planes of nodes below this depth are not shown. Each level has up to twice as many as the last",
+        default=6,
+        min=0,
+        max=DEEPEST,
+        update=_redraw,
+    )
+    kinds: EnumProperty(  # type: ignore[valid-type]
+        name="Kinds",
+        description="Which planes are shown. Shift-click for several",
+        items=[(*item, 1 << number) for number, item in enumerate(KIND_ITEMS)],
+        options={"ENUM_FLAG"},
+        default=set(KINDS),
+        update=_redraw,
+    )
+    style: EnumProperty(  # type: ignore[valid-type]
+        name="Style",
+        description="How planes are drawn",
+        items=[
+            ("OUTLINE", "Outline", "Lines along the edges of planes", 0),
+            ("FILL", "Fill", "Translucent surfaces", 1),
+            ("BOTH", "Both", "Translucent surfaces with lines along their edges", 2),
+        ],
+        default="BOTH",
+        update=_redraw,
+    )
+    opacity: FloatProperty(  # type: ignore[valid-type]
+        name="Opacity",
+        description="Of the shallowest planes; deeper ones are fainter",
+        default=0.9,
+        min=0.0,
+        max=1.0,
+        subtype="FACTOR",
+        update=_redraw,
+    )
+    line_width: FloatProperty(  # type: ignore[valid-type]
+        name="Line Width",
+        description="Of the shallowest planes; deeper ones are thinner",
+        default=2.5,
+        min=1.0,
+        max=10.0,
+        subtype="PIXEL",
+        update=_redraw,
+    )
+    behind: FloatProperty(  # type: ignore[valid-type]
+        name="Behind",
+        description="How much of the opacity is left where objects stand before a plane",
+        default=0.15,
+        min=0.0,
+        max=1.0,
+        subtype="FACTOR",
+        update=_redraw,
+    )
+    max_count: IntProperty(  # type: ignore[valid-type]
+        name="Limit",
+        description="Most planes shown, the shallowest first; more take longer to draw",
+        default=20_000,
+        min=1,
+        soft_max=100_000,
+        max=400_000,
+        update=_redraw,
+    )
+
+
+def register() -> None:
+    """Register the group; `properties` makes it part of `scene.halfspace`."""
+    bpy.utils.register_class(HalfspaceOverlaySettings)
+
+
+def unregister() -> None:
+    """The reverse of `register`."""
+    bpy.utils.unregister_class(HalfspaceOverlaySettings)

@@ -1,0 +1,135 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Rays that start in, run in, or end in the planes where trees split.
+
+use super::rays::{lattice_rays, ray};
+use super::shapes::{grid, nudged};
+use super::{Draft, Random, Recipe, Size};
+
+pub(super) const CASES: &[Recipe] = &[
+    Recipe {
+        name: "touching boxes",
+        summary: "every wall twice, on a lattice; rays in walls, along edges, through corners",
+        extremes: &["X04", "X05", "X06", "X10", "X12", "X41"],
+        make: |size, random| {
+            let n = size.pick(5, 12);
+            (grid(n, 0.0), lattice_rays(n, random, 5 * size.rays()))
+        },
+    },
+    Recipe {
+        name: "turned boxes",
+        summary: "the same, turned and sheared: planes that no axis follows",
+        extremes: &["X28"],
+        make: |size, _| (grid(size.pick(4, 12), 0.7), vec![]),
+    },
+    Recipe {
+        name: "signs of zero",
+        summary: "axis rays with all signs of the zero components, in and between walls",
+        extremes: &["X05", "X06", "X07"],
+        make: signs_of_zero,
+    },
+    Recipe {
+        name: "coplanar",
+        summary: "overlapping axis-aligned triangles in one plane",
+        extremes: &["X12", "X13"],
+        make: coplanar,
+    },
+    Recipe {
+        name: "identical",
+        summary: "one triangle many times: the smallest number wins, the depth stays bounded",
+        extremes: &["X14"],
+        make: |size, random| {
+            let one = [[0.0; 3], [2.0, 0.0, 1.0], [0.0, 2.0, 1.0]];
+            let corners = one.repeat(size.pick(100, 1000));
+            (corners, lattice_rays(2, random, size.rays() / 4))
+        },
+    },
+    Recipe {
+        name: "walls one float apart",
+        summary: "no split fits between; gaps of one float between neighbours",
+        extremes: &["X23", "X39", "X40"],
+        make: walls,
+    },
+    Recipe {
+        name: "ends of the interval",
+        summary: "t_min and t_max at the hit, one float before and one beyond",
+        extremes: &["X10", "X11"],
+        make: interval_ends,
+    },
+];
+
+fn signs_of_zero(size: Size, random: &mut Random) -> Draft {
+    let mut rays = Vec::new();
+    for _ in 0..size.rays() / 8 {
+        let axis = random.below(3);
+        let mut o: [f32; 3] = std::array::from_fn(|_| random.below(9) as f32 / 2.0 - 0.5);
+        o[axis] = random.pick(&[-1.0, 0.0, 1.0, 1.5, 4.0]);
+        for signs in 0..8 {
+            let d = std::array::from_fn(|k| {
+                let size = if k == axis { 1.0 } else { 0.0_f32 };
+                if signs >> k & 1 == 1 { -size } else { size }
+            });
+            rays.push(ray(o, d));
+        }
+    }
+    (grid(3, 0.0), rays)
+}
+
+fn coplanar(size: Size, random: &mut Random) -> Draft {
+    let mut corners = Vec::new();
+    for i in 0..size.pick(150, 1000) {
+        let (x, y) = (random.below(8) as f32, random.below(8) as f32);
+        let z = [1.0, 1.0, 1.0, 2.0][i % 4];
+        corners.extend([[x, y, z], [x + 3.0, y, z], [x, y + 3.0, z]]);
+    }
+    let lattice = lattice_rays(8, random, size.rays());
+    // From the plane, to the plane, in the plane.
+    let from = |r: &mut Random| {
+        let o = [
+            8.0 * r.unit(),
+            8.0 * r.unit(),
+            r.pick(&[1.0, 0.0, 2.0, 3.0]),
+        ];
+        ray(o, [r.unit() - 0.5, 0.0, r.pick(&[1.0, -1.0, 0.0, -0.0])])
+    };
+    let rays = lattice.into_iter();
+    let own: Vec<_> = (0..size.rays()).map(|_| from(random)).collect();
+    (corners, rays.chain(own).collect())
+}
+
+fn walls(size: Size, random: &mut Random) -> Draft {
+    let mut corners = Vec::new();
+    let mut x = 1.0_f32;
+    for i in 0..size.pick(60, 3000) {
+        corners.extend([[x, 0.0, 0.0], [x, 4.0, 0.0], [x, 0.0, 4.0]]);
+        if i % 3 == 0 {
+            x = nudged(x, 1);
+        }
+    }
+    let mut rays = lattice_rays(3, random, size.rays() / 2);
+    for _ in 0..size.rays() / 2 {
+        // Between the walls, in the next one, leaving slowly.
+        let start = nudged(1.0, i32::try_from(random.below(25)).expect("small"));
+        let o = [start, random.unit(), random.unit()];
+        rays.push(ray(o, [random.pick(&[0.0, 1e-7, -1e-7, 1e-30]), 1.0, 0.5]));
+    }
+    (corners, rays)
+}
+
+fn interval_ends(size: Size, random: &mut Random) -> Draft {
+    let n = 4;
+    let mut rays = Vec::new();
+    for _ in 0..size.rays() {
+        let axis = random.below(3);
+        let mut o = random.point(0.0, n as f32);
+        o[axis] = -1.0;
+        let mut d = [0.0; 3];
+        d[axis] = 1.0;
+        let wall = (random.below(n + 1) + 1) as f32;
+        let (one, other) = (random.pick(&[-1, 0, 1]), random.pick(&[-1, 0, 1]));
+        let mut limited = ray(o, d);
+        limited.t_min = random.pick(&[0.0, nudged(wall, one), nudged(wall - 0.5, one)]);
+        limited.t_max = random.pick(&[f32::INFINITY, nudged(wall, other)]);
+        rays.push(limited);
+    }
+    (grid(n, 0.0), rays)
+}

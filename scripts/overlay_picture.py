@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A picture of the split planes in the viewport: `python scripts/overlay_picture.py [FILE] [options]`.
+
+FILE: a .blend or .npz (default: the built-in showcase), seen through its camera in Solid shading. Opens
+no window, which needs Blender 5.2 or newer. Exit status: 0 done; 2 bad usage or input, said in one line.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
+
+BAD_INPUT = 2
+SMOOTHING = 2
+"""Drawn so many times as wide and high, and averaged: lines are not smoothed by themselves."""
+
+
+def parser() -> argparse.ArgumentParser:
+    """The command line."""
+    made = argparse.ArgumentParser(prog="overlay_picture", description=(__doc__ or "").splitlines()[0])
+    made.add_argument("file", nargs="?", type=Path, help=".blend or .npz (default: the built-in showcase)")
+    made.add_argument("--structure", default="kd", metavar="ID", help="the acceleration structure (default: kd)")
+    made.add_argument("--depth", default="0-6", metavar="FIRST-LAST", help="levels of the tree (default: 0-6)")
+    made.add_argument("--style", default="BOTH", choices=("OUTLINE", "FILL", "BOTH"), help="default: BOTH")
+    made.add_argument("--view", type=float, nargs=6, metavar="N", help="eye x y z and target x y z, z up, 40 degrees")
+    made.add_argument("--size", default="1440x810", metavar="WxH", help="pixels (default: 1440x810)")
+    made.add_argument("--out", type=Path, default=ROOT / "out" / "overlay.png", help="the picture, .png")
+    return made
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Draw. Returns the exit status."""
+    try:
+        run(parser().parse_args(arguments))
+    except (OSError, RuntimeError, TypeError, ValueError) as error:
+        print("overlay_picture: " + " ".join(str(error).removeprefix("Error:").split()), file=sys.stderr)
+        return BAD_INPUT
+    return 0
+
+
+def run(asked: argparse.Namespace) -> None:
+    """Open the scene, build the structure, draw, save."""
+    first, _, last = asked.depth.partition("-")
+    width, _, height = asked.size.partition("x")
+    if not all(text.isdecimal() for text in (first, last or first, width, height)):
+        raise ValueError("expected --depth FIRST-LAST and --size WIDTHxHEIGHT in whole numbers")
+    asked.out.parent.mkdir(parents=True, exist_ok=True)
+
+    import bpy
+    import gpu
+    import numpy as np
+
+    import addon
+    from addon.blender import overlay, pictures, scenes, stage
+    from addon.core import workload
+
+    if not hasattr(gpu, "init"):
+        raise RuntimeError("this Blender cannot draw without a window; 5.2 and newer can")
+    gpu.init()
+    scene: Any = bpy.context.scene
+    if not hasattr(scene, "halfspace"):
+        addon.register()
+    scenes.open_file(asked.file)
+    scene = bpy.context.scene  # another one: the file brought its own
+    group = scene.halfspace
+    group.structure, settings = asked.structure, group.overlay
+    settings.show, settings.style = True, asked.style
+    settings.depth_min, settings.depth_max = int(first), int(last or first)
+    settings.line_width *= SMOOTHING
+    operators: Any = bpy.ops
+    operators.halfspace.build_structure()
+    if asked.view is not None:
+        eye, target = np.array(asked.view[:3]), np.array(asked.view[3:])
+        stage.see(scene, workload.View(eye, target, np.array([0.0, 0.0, 1.0]), 40.0))
+    if scene.camera is None:
+        raise ValueError("the scene has no camera; give it a --view")
+    picture = _drawn(bpy, gpu, overlay, scene, (int(width) * SMOOTHING, int(height) * SMOOTHING))
+    pictures.save(asked.out, pictures.halved(picture))
+    shown = overlay.shown(scene)
+    if shown is not None:
+        print(f"{asked.out}: {len(shown):,} planes of {asked.structure}, {shown.hidden:,} hidden")
+
+
+def _drawn(bpy: Any, gpu: Any, overlay: Any, scene: Any, size: tuple[int, int]) -> Any:
+    """The scene in Solid shading through its camera, and the planes over it: (height, width, 3) display values."""
+    import numpy as np
+
+    width, height = size
+    area = next(area for area in bpy.context.window.screen.areas if area.type == "VIEW_3D")
+    space, region = area.spaces.active, next(region for region in area.regions if region.type == "WINDOW")
+    space.shading.type, space.shading.color_type = "SOLID", "SINGLE"
+    space.shading.single_color = (0.5, 0.5, 0.5)  # so that all colour in the picture is the structure's
+    space.shading.light, space.shading.show_cavity = "STUDIO", True
+    space.shading.background_type, space.shading.background_color = "VIEWPORT", (0.012, 0.013, 0.016)
+    space.overlay.show_overlays = False
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    view = scene.camera.matrix_world.inverted()
+    projection = scene.camera.calc_matrix_camera(depsgraph, x=width, y=height)
+    canvas = gpu.types.GPUOffScreen(width, height)
+    canvas.draw_view3d(
+        scene, bpy.context.view_layer, space, region, view, projection, do_color_management=True, draw_background=True
+    )
+    with canvas.bind(), gpu.matrix.push_pop(), gpu.matrix.push_pop_projection():
+        gpu.matrix.load_matrix(view)
+        gpu.matrix.load_projection_matrix(projection)
+        overlay.paint(scene, size)
+        pixels = gpu.state.active_framebuffer_get().read_color(0, 0, width, height, 4, 0, "FLOAT")
+    pixels.dimensions = width * height * 4
+    return np.array(pixels, np.float32).reshape(height, width, 4)[..., :3]
+
+
+if __name__ == "__main__":
+    result = main(sys.argv[1:])
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(result)

@@ -1,0 +1,400 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The overlay drawn offscreen, against polygons that are projected here on their own way to the picture."""
+
+from __future__ import annotations
+
+import gc
+import weakref
+from types import SimpleNamespace
+from typing import Any
+
+import bpy
+import gpu
+import numpy as np
+import pytest
+from mathutils import Euler, Matrix, Vector
+from shapes import cube, grid
+
+from addon.blender import building, overlay, trees
+from addon.core import catalogue, native, planes
+
+WIDTH, HEIGHT = 200, 150
+STRUCTURES = [structure.id for structure in catalogue.load().structures] if native.problem() is None else []
+
+
+@pytest.fixture
+def canvas() -> Any:
+    if not hasattr(gpu, "init"):
+        pytest.skip("this Blender cannot draw without a window (gpu.init came with 5.2)")
+    try:
+        gpu.init()
+    except Exception as error:
+        pytest.skip(f"no drawing here: {error}")
+    return gpu.types.GPUOffScreen(WIDTH, HEIGHT, format="RGBA16F")
+
+
+def boxes(add: Any, offset: tuple[float, float, float] = (0, 0, 0)) -> None:
+    """Boxes of several sizes, parallel to the axes."""
+    for i, (x, y, z) in enumerate([(-3, 0, 0), (0, 2, 1), (2.5, -1.5, 0.5), (1, 1, 3)]):
+        place = (x + offset[0], y + offset[1], z + offset[2])
+        add(f"Box {i}", cube(size=1.0 + 0.3 * i), location=place)
+
+
+def tilted(add: Any) -> None:
+    """Thin boxes, none of them parallel to an axis."""
+    for i in range(6):
+        turn = Euler((0.5 + 0.3 * i, 0.4 * i, 0.9 - 0.2 * i))
+        add(f"Plate {i}", cube(), location=(1.6 * i - 4, (-1) ** i, 0.4 * i), scale=(1, 1, 0.05), rotation_euler=turn)
+
+
+def far_away(add: Any) -> None:
+    """A curved grid and a box, kilometres from the world's origin."""
+    mesh = grid(12)
+    points = np.array([vertex.co for vertex in mesh.vertices])
+    points[:, 2] = np.sin(3 * points[:, 0]) * points[:, 1]
+    mesh.vertices.foreach_set("co", points.astype(np.float32).reshape(-1))
+    add("Sea", mesh, location=(4000, -3000, 500), scale=(3, 3, 1))
+    boxes(add, (4000, -3000, 502))
+
+
+SCENES = [boxes, tilted, far_away]
+
+
+def build(scene: Any, structure: str, **settings: Any) -> trees.Tree:
+    scene.halfspace.structure = structure
+    for key, value in {"show": True, "auto_update": False, **settings}.items():
+        setattr(scene.halfspace.overlay, key, value)
+    assert bpy.ops.halfspace.build_structure() == {"FINISHED"}
+    tree = trees.last(scene)
+    assert tree is not None
+    return tree
+
+
+def camera(tree: trees.Tree) -> tuple[Any, Any]:
+    """View and projection from outside, from which all planes are in front."""
+    outwards = Vector((7.0, -17.0, 9.0))
+    turn = (-outwards).to_track_quat("-Z", "Y").to_matrix().to_4x4()
+    place = Matrix.Translation(Vector(tree.origin) + outwards) @ turn
+    near, far, tangent = 0.5, 100.0, 0.42
+    x, y = 1 / (tangent * WIDTH / HEIGHT), 1 / tangent
+    depth = (-(far + near) / (far - near), -2 * far * near / (far - near))
+    return place.inverted(), Matrix(((x, 0, 0, 0), (0, y, 0, 0), (0, 0, *depth), (0, 0, -1, 0)))
+
+
+def picture(canvas: Any, scene: Any, view: Any, projection: Any) -> np.ndarray[Any, Any]:
+    """(HEIGHT, WIDTH, 4) of the overlay over black."""
+    with canvas.bind(), gpu.matrix.push_pop(), gpu.matrix.push_pop_projection():
+        framebuffer = gpu.state.active_framebuffer_get()
+        framebuffer.clear(color=(0, 0, 0, 0), depth=1.0)
+        gpu.matrix.load_matrix(view)
+        gpu.matrix.load_projection_matrix(projection)
+        overlay.paint(scene, (WIDTH, HEIGHT))
+        pixels = framebuffer.read_color(0, 0, WIDTH, HEIGHT, 4, 0, "FLOAT")
+    return np.array(pixels.to_list(), np.float32).reshape(HEIGHT, WIDTH, 4)
+
+
+def projected(tree: trees.Tree, view: Any, projection: Any, *, depth: int) -> list[tuple[int, np.ndarray[Any, Any]]]:
+    """Kind and corners in pixels of each split polygon down to `depth`."""
+    found = tree.structure.split_polygons(depth, 100_000)
+    assert found["hidden"] == 0
+    world = found["vertices"].astype(np.float64) + tree.origin
+    clip = np.concatenate([world, np.ones((len(world), 1))], axis=1) @ (np.array(projection) @ np.array(view)).T
+    assert (clip[:, 3] > 0).all()
+    pixels = (clip[:, :2] / clip[:, 3:] + 1) / 2 * [WIDTH, HEIGHT]
+    return (
+        list(zip(found["kind"].tolist(), np.split(pixels, found["offsets"][1:-1].astype(int)), strict=True))
+        if (len(found["kind"]))
+        else []
+    )
+
+
+def distances(polygons: list[np.ndarray[Any, Any]]) -> np.ndarray[Any, Any]:
+    """From each pixel's centre to the nearest edge of these polygons, (HEIGHT, WIDTH)."""
+    y, x = np.mgrid[:HEIGHT, :WIDTH] + 0.5
+    nearest = np.full((HEIGHT, WIDTH), np.inf)
+    for polygon in polygons:
+        for a, b in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
+            along, length = b - a, float((b - a) @ (b - a))
+            t = np.clip(((x - a[0]) * along[0] + (y - a[1]) * along[1]) / length, 0, 1) if length else 0.0
+            nearest = np.minimum(nearest, np.hypot(x - a[0] - t * along[0], y - a[1] - t * along[1]))
+    return nearest
+
+
+def inside(polygon: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+    """Which pixels' centres lie in a convex polygon, whichever way round it is, (HEIGHT, WIDTH)."""
+    y, x = np.mgrid[:HEIGHT, :WIDTH] + 0.5
+    sides = [
+        (b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0])
+        for a, b in zip(polygon, np.roll(polygon, -1, axis=0), strict=True)
+    ]
+    return (np.min(sides, axis=0) > 0) | (np.max(sides, axis=0) < 0)
+
+
+@pytest.mark.parametrize("structure", STRUCTURES)
+@pytest.mark.parametrize("make", SCENES)
+def test_lines_are_where_the_planes_end_and_in_their_colours(
+    scene: Any, add: Any, canvas: Any, make: Any, structure: str
+) -> None:
+    make(add)
+    tree = build(scene, structure, style="OUTLINE", depth_max=3, opacity=1.0, line_width=2.0)
+    view, projection = camera(tree)
+    drawn = picture(canvas, scene, view, projection)
+    polygons = projected(tree, view, projection, depth=3)
+    every = distances([polygon for _, polygon in polygons])
+    lit = drawn[..., 3] > 0.02
+    # Widths are 1 to 2 pixels, whose edges fade over another.
+    assert not lit[every > 3].any()
+    if not polygons:
+        assert structure == "brute"
+        assert not lit.any()
+        return
+    assert lit[every < 0.3].mean() > 0.99
+    assert 0.005 < lit.mean() < 0.6
+    tints = overlay.colours()
+    for kind in {kind for kind, _ in polygons}:
+        others = distances([polygon for other, polygon in polygons if other != kind])
+        alone = (distances([polygon for other, polygon in polygons if other == kind]) < 0.3) & (others > 4) & lit
+        if alone.sum() >= 10:
+            pure = drawn[alone][:, :3] / drawn[alone][:, :3].max(axis=1, keepdims=True)
+            tint = np.array(tints[planes.KINDS[kind]])
+            assert np.abs(pure - tint / tint.max()).max() < 0.02
+
+
+@pytest.mark.parametrize("structure", STRUCTURES)
+@pytest.mark.parametrize("make", SCENES)
+def test_panes_cover_their_planes_and_nothing_else(
+    scene: Any, add: Any, canvas: Any, make: Any, structure: str
+) -> None:
+    make(add)
+    tree = build(scene, structure, style="FILL", depth_max=2, opacity=1.0)
+    view, projection = camera(tree)
+    drawn = picture(canvas, scene, view, projection)
+    polygons = [polygon for _, polygon in projected(tree, view, projection, depth=2)]
+    covered = np.any([inside(polygon) for polygon in polygons], axis=0) if polygons else np.zeros((HEIGHT, WIDTH), bool)
+    edge = distances(polygons)
+    lit = drawn[..., :3].max(axis=2) > 0
+    assert not lit[~covered & (edge > 1)].any()
+    if polygons:
+        assert covered.mean() > 0.02
+        assert lit[covered & (edge > 1)].mean() > 0.99
+
+
+def test_depths_kinds_and_limit_choose_what_is_drawn(scene: Any, add: Any, canvas: Any) -> None:
+    boxes(add)
+    tree = build(scene, "kd", style="OUTLINE", depth_min=1, depth_max=3, kinds={"X"})
+    view = camera(tree)
+    drawn = picture(canvas, scene, *view)
+    chosen = overlay.shown(scene)
+    assert chosen is not None
+    assert set(chosen.kind.tolist()) == {0}
+    assert chosen.depth.min() >= 1
+    red = np.array(overlay.colours()["X"])
+    bright = drawn[drawn[..., 3] > 0.5][:, :3]
+    assert len(bright)
+    assert np.abs(bright / bright.max(axis=1, keepdims=True) - red / red.max()).max() < 0.02
+    scene.halfspace.overlay.max_count = 1
+    picture(canvas, scene, *view)
+    limited = overlay.shown(scene)
+    assert limited is not None
+    assert (len(limited), limited.hidden) == (1, len(chosen) - 1)
+
+
+def test_batches_are_made_once_per_tree_and_setting(scene: Any, add: Any, canvas: Any) -> None:
+    boxes(add)
+    view = camera(build(scene, "kd"))
+    uid = scene.session_uid
+    picture(canvas, scene, *view)
+    first = overlay._drawings[uid]
+    picture(canvas, scene, *view)
+    assert overlay._drawings[uid] is first
+    scene.halfspace.overlay.opacity = 0.5
+    picture(canvas, scene, *view)
+    second = overlay._drawings[uid]
+    assert second is not first
+    assert second.chosen is first.chosen
+    build(scene, "kd")
+    assert overlay.shown(scene) is None
+    picture(canvas, scene, *view)
+    assert overlay._drawings[uid].tree != first.tree
+
+
+def test_objects_hide_planes_as_far_as_wished(scene: Any, add: Any, canvas: Any) -> None:
+    boxes(add)
+    tree = build(scene, "kd", style="OUTLINE", depth_max=3, opacity=1.0, behind=0.0)
+    view, projection = camera(tree)
+
+    def covered_by(depth: float) -> float:
+        with canvas.bind(), gpu.matrix.push_pop(), gpu.matrix.push_pop_projection():
+            framebuffer = gpu.state.active_framebuffer_get()
+            framebuffer.clear(color=(0, 0, 0, 0), depth=depth)
+            gpu.matrix.load_matrix(view)
+            gpu.matrix.load_projection_matrix(projection)
+            overlay.paint(scene, (WIDTH, HEIGHT))
+            pixels = framebuffer.read_color(0, 0, WIDTH, HEIGHT, 4, 0, "FLOAT")
+        return float(np.array(pixels.to_list())[..., :3].sum())
+
+    before = covered_by(1.0)
+    assert covered_by(0.0) == 0.0
+    scene.halfspace.overlay.behind = 0.5
+    assert 0.1 * before < covered_by(0.0) < 0.6 * before
+    assert covered_by(1.0) == pytest.approx(before)
+
+
+def test_nothing_is_drawn_and_nothing_kept_when_switched_off(scene: Any, add: Any, canvas: Any) -> None:
+    boxes(add)
+    view = camera(build(scene, "kd"))
+    assert picture(canvas, scene, *view).any()
+    scene.halfspace.overlay.show = False
+    assert not picture(canvas, scene, *view).any()
+    assert not overlay._drawings
+
+
+def test_handlers_come_and_go_with_the_wish(scene: Any) -> None:
+    updates = bpy.app.handlers.depsgraph_update_post
+    assert overlay._handle is None
+    assert overlay._scene_changed not in updates
+    scene.halfspace.overlay.show = True
+    scene.halfspace.overlay.show = True
+    assert overlay._handle is not None
+    assert updates.count(overlay._scene_changed) == 1
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    assert overlay._handle is None
+    assert overlay._scene_changed not in updates
+
+
+def test_an_edit_makes_the_tree_stale_but_a_camera_does_not(scene: Any, add: Any) -> None:
+    box = add("Box", cube())
+    lens = add("Camera", bpy.data.cameras.new("Camera"))
+    tree = build(scene, "kd")
+    lens.location.x = 3
+    bpy.context.view_layer.update()
+    assert not tree.stale
+    box.location.x = 3
+    bpy.context.view_layer.update()
+    assert tree.stale
+    tree = build(scene, "kd")
+    assert not tree.stale
+    bpy.data.objects.remove(box)
+    bpy.context.view_layer.update()
+    assert tree.stale
+
+
+def test_a_render_leaves_its_tree_and_a_new_one_takes_its_place(scene: Any, add: Any) -> None:
+    add("Box", cube())
+    scene.camera = add("Camera", bpy.data.cameras.new("Camera"), location=(0, 0, 9))
+    scene.render.engine = "HALFSPACE"
+    scene.render.resolution_x = scene.render.resolution_y = 8
+    scene.halfspace.samples = 1
+    bpy.ops.render.render()
+    tree = trees.last(scene)
+    assert tree is not None
+    assert tree.triangles == 12
+    gone = weakref.ref(tree)
+    del tree
+    assert build(scene, "brute").spec == "brute"
+    gc.collect()
+    assert gone() is None
+    assert bpy.ops.halfspace.free_structure() == {"FINISHED"}
+    assert trees.last(scene) is None
+
+
+def run_ticks() -> int:
+    for count in range(100):
+        if building._tick() is None:
+            return count
+        if building._Background.job is not None:
+            building._Background.job._building.wait(60)
+    pytest.fail("the build never ends")
+
+
+def test_a_shown_tree_follows_the_scene_by_itself(scene: Any, add: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(building, "REST_SECONDS", 0.0)
+    box = add("Box", cube())
+    scene.halfspace.overlay.show = True
+    run_ticks()
+    first = trees.last(scene)
+    assert first is not None
+    box.location.x = 5
+    bpy.context.view_layer.update()
+    assert first.stale
+    run_ticks()
+    second = trees.last(scene)
+    assert second is not None
+    assert second.number > first.number
+    assert second.origin[0] == pytest.approx(5)
+    scene.halfspace.structure = "brute"
+    run_ticks()
+    assert trees.last(scene).spec == "brute"
+    scene.halfspace.overlay.auto_update = False
+    box.location.x = 6
+    bpy.context.view_layer.update()
+    assert trees.last(scene).stale
+    assert run_ticks() == 0
+
+
+def test_a_build_that_fails_by_itself_is_told(scene: Any, add: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_args: Any, **_kwargs: Any) -> None:
+        raise ValueError("the scene\nis odd")
+
+    monkeypatch.setattr(building, "REST_SECONDS", 0.0)
+    monkeypatch.setattr(building.extract, "extract", fail)
+    scene.halfspace.overlay.show = True
+    run_ticks()
+    assert building.problem() == "the scene is odd"
+    with pytest.raises(RuntimeError, match="the scene is odd"):
+        bpy.ops.halfspace.build_structure()
+    building.stop()
+    assert building.problem() == ""
+
+
+class Operator:
+    """The operator's own part, which Blender makes only in a window."""
+
+    _job: Any = None
+    _timer: Any = None
+    _end = building.HALFSPACE_OT_build_structure._end
+
+    def __init__(self) -> None:
+        self.said: list[str] = []
+
+    def report(self, _kind: Any, text: str) -> None:
+        self.said.append(text)
+
+
+@pytest.mark.parametrize("stopped", [True, False])
+def test_the_operator_builds_while_blender_goes_on_and_esc_stops_it(scene: Any, add: Any, stopped: bool) -> None:
+    add("Sea", grid(300))
+    texts: list[str | None] = []
+    calls: list[str] = []
+    manager = SimpleNamespace(
+        progress_begin=lambda *_: calls.append("begin"),
+        progress_update=lambda *_: None,
+        progress_end=lambda: calls.append("end"),
+        event_timer_add=lambda *_args, **_kwargs: "timer",
+        event_timer_remove=calls.append,
+        modal_handler_add=lambda _operator: calls.append("modal"),
+    )
+    context = SimpleNamespace(
+        scene=scene,
+        window=None,
+        window_manager=manager,
+        workspace=SimpleNamespace(status_text_set=texts.append),
+        evaluated_depsgraph_get=bpy.context.evaluated_depsgraph_get,
+    )
+    operator, kind = Operator(), building.HALFSPACE_OT_build_structure
+    assert kind.invoke(operator, context, None) == {"RUNNING_MODAL"}
+    assert kind.modal(operator, context, SimpleNamespace(type="MOUSEMOVE")) == {"PASS_THROUGH"}
+    result: set[str] = {"RUNNING_MODAL"}
+    if stopped:
+        result = kind.modal(operator, context, SimpleNamespace(type="ESC"))
+    for _ in range(100_000):
+        if result != {"RUNNING_MODAL"}:
+            break
+        result = kind.modal(operator, context, SimpleNamespace(type="TIMER"))
+    assert result == ({"CANCELLED"} if stopped else {"FINISHED"})
+    assert calls == ["begin", "modal", "timer", "end"]
+    assert texts[-1] is None
+    assert (trees.last(scene) is None) == stopped
+    assert operator.said == (
+        ["Building was stopped"] if stopped else [f"{catalogue.load()['kd'].label} over 180,000 triangles"]
+    )
