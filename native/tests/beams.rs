@@ -3,7 +3,7 @@
 
 use halfspace_native::build::Monitor;
 use halfspace_native::oracle::cases::{
-    Random, box_triangles, cases, grid, lattice_rays, ray, soup,
+    Random, Size, box_triangles, cases, grid, lattice_rays, ray, soup,
 };
 use halfspace_native::scene::Triangles;
 use halfspace_native::spec::Config;
@@ -144,7 +144,7 @@ fn small_cells_beside_large_ones_lose_no_pixel() {
 
 #[test]
 fn hard_scenes_look_the_same() {
-    for case in cases() {
+    for case in cases(Size::Small, 7) {
         let bounds = case.scene.bounds();
         if bounds.is_empty() {
             continue;
