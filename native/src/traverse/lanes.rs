@@ -91,3 +91,56 @@ fn cross(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
 fn largest(a: [f32; 3]) -> f32 {
     a[0].abs().max(a[1].abs()).max(a[2].abs())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geom::verdict::verdict;
+    use crate::scene::Triangles;
+    use crate::traverse::Ray;
+    use crate::traverse::frame::Frame;
+    use fearless_simd::{Level, dispatch};
+    use proptest::prelude::*;
+
+    fn coordinate() -> impl Strategy<Value = f32> {
+        prop_oneof![
+            (-8i8..8).prop_map(f32::from),
+            -1.0f32..1.0,
+            -1e-3f32..1e-3,
+            -1e6f32..1e6,
+            prop::num::f32::NORMAL | prop::num::f32::SUBNORMAL | prop::num::f32::ZERO,
+        ]
+    }
+
+    fn point() -> impl Strategy<Value = [f32; 3]> {
+        [coordinate(), coordinate(), coordinate()]
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(20_000))]
+        #[test]
+        fn no_hit_is_ever_rejected(
+            corners in [point(), point(), point()], o in point(), s in 0.0f32..1.0, t in 0.0f32..1.0,
+        ) {
+            let scene = Triangles::new(corners.to_vec(), vec![[0, 1, 2]]).unwrap();
+            prop_assume!(!scene.live().is_empty());
+            let frame = Frame::new(scene.bounds());
+            // Aimed at a point in or near the triangle.
+            let [a, b, c] = corners;
+            let d: [f32; 3] = std::array::from_fn(|k| {
+                a[k] * (1.0 - s) * (1.0 - t) + b[k] * s + c[k] * t - o[k]
+            });
+            prop_assume!(d.iter().all(|x| x.is_finite()));
+            let ray = Ray { o, d, t_min: 0.0, t_max: f32::INFINITY };
+            let hit = verdict(o, d, corners).is_some_and(|v| v.t >= 0.0 && v.t.is_finite());
+            if let (true, Some(framed)) = (hit, frame.ray(&ray)) {
+                let seen = Seen::new(framed.o, corners.map(|p| frame.point(p)));
+                let mask = dispatch!(Level::new(), simd => {
+                    let [x, y, z] = framed.d.map(|x| f32x8::splat(simd, x));
+                    seen.candidates(simd, [x, y, z], f32x8::splat(simd, framed.t_max))
+                });
+                prop_assert_eq!(mask, 0xff);
+            }
+        }
+    }
+}

@@ -296,7 +296,7 @@ fn leave<S: Simd>(
     o: &[f32; 3],
     (beam, mask): (&mut Beam, u64),
 ) -> [u64; 3] {
-    let ahead: [f32; 3] = std::array::from_fn(|k| grid.plane(k, next[k]) - o[k]);
+    let ahead: [f32; 3] = std::array::from_fn(|k| grid.ahead(k, next[k], o[k]));
     let mut by_axis = [0_u64; 3];
     for row in (0..RAYS).step_by(LANES) {
         let bits = mask >> row & 0xff;

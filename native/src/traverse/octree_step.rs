@@ -89,6 +89,17 @@ impl Grid {
         self.base[axis] + number as f32 * self.step[axis]
     }
 
+    /// How far along an axis a plane lies ahead. The root's own faces are no planes: a ray along one
+    /// may seem to leave long before it does, so it ends with the scene's box and its allowance.
+    #[inline(always)]
+    pub fn ahead(&self, axis: usize, number: u32, o: f32) -> f32 {
+        if number == self.size {
+            f32::INFINITY.copysign(self.step[axis])
+        } else {
+            self.plane(axis, number) - o
+        }
+    }
+
     /// The smallest cell that holds a coordinate, not below `least` nor above `most`.
     #[inline(always)]
     #[expect(
@@ -192,7 +203,7 @@ pub fn go_on<S: Simd, Q: Query, C: Counters, N: Neighbours>(
         let edge = grid.edge(leaf);
         let next = at.map(|x| (x & !(edge - 1)) + edge);
         let times: [f32; 3] =
-            std::array::from_fn(|k| (grid.plane(k, next[k]) - frame.o[k]) * frame.inv[k]);
+            std::array::from_fn(|k| grid.ahead(k, next[k], frame.o[k]) * frame.inv[k]);
         let mut axis = 0;
         if times[1] < times[axis] {
             axis = 1;
