@@ -10,6 +10,7 @@ use crate::spec::Config;
 use crate::traverse::batch::Batch;
 use crate::traverse::query::{Any, Closest, Query};
 use crate::traverse::{Hit, Ray, RayCounters, Tracer, plane_dir, plane_ta_b};
+use fearless_simd::Level;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -98,8 +99,18 @@ impl Structure {
         nodes + self.built.blocks.bytes()
     }
 
+    /// The same structure on a given instruction set instead of the best one: for tests, which show
+    /// that answers do not depend on it.
+    pub fn at_level(&self, level: Level) -> AtLevel<'_> {
+        AtLevel {
+            structure: self,
+            level,
+        }
+    }
+
     fn trace<Q: Query, T>(
         &self,
+        level: Level,
         rays: &[Ray],
         answers: &mut [T],
         counters: Option<&mut [RayCounters]>,
@@ -111,6 +122,7 @@ impl Structure {
             frame: &self.built.frame,
             blocks: &self.built.blocks,
             rays,
+            level,
         };
         let write = |i: usize, hit: Hit| answers[i] = answer(hit);
         match &self.built.layout {
@@ -121,16 +133,39 @@ impl Structure {
     }
 }
 
+/// A structure whose rays run on a given instruction set.
+pub struct AtLevel<'a> {
+    structure: &'a Structure,
+    level: Level,
+}
+
+impl Tracer for AtLevel<'_> {
+    fn triangles(&self) -> &Triangles {
+        &self.structure.scene
+    }
+
+    fn closest(&self, rays: &[Ray], hits: &mut [Hit], counters: Option<&mut [RayCounters]>) {
+        let (structure, level) = (self.structure, self.level);
+        structure.trace::<Closest, _>(level, rays, hits, counters, |hit| hit);
+    }
+
+    fn occluded(&self, rays: &[Ray], occluded: &mut [bool], counters: Option<&mut [RayCounters]>) {
+        let (structure, level) = (self.structure, self.level);
+        structure.trace::<Any, _>(level, rays, occluded, counters, |hit| hit.is_hit());
+    }
+}
+
 impl Tracer for Structure {
     fn triangles(&self) -> &Triangles {
         &self.scene
     }
 
     fn closest(&self, rays: &[Ray], hits: &mut [Hit], counters: Option<&mut [RayCounters]>) {
-        self.trace::<Closest, _>(rays, hits, counters, |hit| hit);
+        self.at_level(Level::new()).closest(rays, hits, counters);
     }
 
     fn occluded(&self, rays: &[Ray], occluded: &mut [bool], counters: Option<&mut [RayCounters]>) {
-        self.trace::<Any, _>(rays, occluded, counters, |hit| hit.is_hit());
+        self.at_level(Level::new())
+            .occluded(rays, occluded, counters);
     }
 }
