@@ -212,6 +212,31 @@ def exact_closest(
     Arguments and errors as for build() and Structure.closest().
     """
 
+class Case(TypedDict):
+    """A generated scene that is hard to get right, and rays that look for trouble.
+
+    extremes: the numbers of extreme cases that it stands for, e.g. "X16". vertices: (n, 3) float32, some
+    not finite where that is the difficulty. triangles: (m, 3) uint32. origins, directions: (r, 3) float32,
+    finite. t_min, t_max: (r,) float32.
+    """
+
+    name: str
+    summary: str
+    extremes: list[str]
+    vertices: npt.NDArray[np.float32]
+    triangles: npt.NDArray[np.uint32]
+    origins: npt.NDArray[np.float32]
+    directions: npt.NDArray[np.float32]
+    t_min: npt.NDArray[np.float32]
+    t_max: npt.NDArray[np.float32]
+
+def cases(size: Literal["small", "large"] = "small", *, seed: int = 7) -> list[Case]:
+    """The extreme cases that every structure must answer like brute force.
+
+    small: hundreds of triangles and rays each; large: tens of thousands. Another seed moves what is random
+    in them. Raises SpecError when size is neither.
+    """
+
 def ulp_distance(a: npt.NDArray[np.float32], b: npt.NDArray[np.float32]) -> npt.NDArray[np.int64]:
     """How many float32 steps lie between a and b, (n,) each, counted through zero.
 

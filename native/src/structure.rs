@@ -15,6 +15,7 @@ use crate::traverse::{Hit, Ray, RayCounters, Tracer, plane_dir, plane_ta_b};
 use crate::traverse::{
     Order, octree_beam, octree_glassner, octree_net, octree_param, octree_samet, octree_step,
 };
+use fearless_simd::Level;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -127,24 +128,35 @@ impl Structure {
         nodes + self.built.blocks.bytes()
     }
 
-    fn batch<'a>(&'a self, rays: &'a [Ray]) -> Batch<'a> {
+    fn batch<'a>(&'a self, level: Level, rays: &'a [Ray]) -> Batch<'a> {
         Batch {
             scene: &self.scene,
             frame: &self.built.frame,
             blocks: &self.built.blocks,
             rays,
+            level,
+        }
+    }
+
+    /// The same structure on a given instruction set instead of the best one: for tests, which show
+    /// that answers do not depend on it.
+    pub fn at_level(&self, level: Level) -> AtLevel<'_> {
+        AtLevel {
+            structure: self,
+            level,
         }
     }
 
     fn trace<Q: Query, T>(
         &self,
+        level: Level,
         rays: &[Ray],
         answers: &mut [T],
         counters: Option<&mut [RayCounters]>,
         answer: impl Fn(Hit) -> T + Copy,
     ) {
         assert_eq!(rays.len(), answers.len(), "one answer per ray");
-        let job = self.batch(rays);
+        let job = self.batch(level, rays);
         let write = |i: usize, hit: Hit| answers[i] = answer(hit);
         match &self.built.layout {
             Layout::Brute => job.brute::<Q>(self.built.shape.references, write, counters),
@@ -172,13 +184,20 @@ impl Structure {
     }
 }
 
-impl Tracer for Structure {
+/// A structure whose rays run on a given instruction set.
+pub struct AtLevel<'a> {
+    structure: &'a Structure,
+    level: Level,
+}
+
+impl Tracer for AtLevel<'_> {
     fn triangles(&self) -> &Triangles {
-        &self.scene
+        &self.structure.scene
     }
 
     fn closest(&self, rays: &[Ray], hits: &mut [Hit], counters: Option<&mut [RayCounters]>) {
-        self.trace::<Closest, _>(rays, hits, counters, |hit| hit);
+        let (structure, level) = (self.structure, self.level);
+        structure.trace::<Closest, _>(level, rays, hits, counters, |hit| hit);
     }
 
     fn closest_ordered(
@@ -188,18 +207,48 @@ impl Tracer for Structure {
         counters: Option<&mut [RayCounters]>,
         order: Order,
     ) {
-        match (&self.built.layout, order) {
+        match (&self.structure.built.layout, order) {
             (Layout::OctreeBeam(tree, least), Order::Tiles) => {
                 assert_eq!(rays.len(), hits.len(), "one answer per ray");
                 let walk = octree_beam::Walk(tree, *least);
-                self.batch(rays)
-                    .tiles(&walk, |i, hit| hits[i] = hit, counters);
+                self.structure.batch(self.level, rays).tiles(
+                    &walk,
+                    |i, hit| hits[i] = hit,
+                    counters,
+                );
             }
             _ => self.closest(rays, hits, counters),
         }
     }
 
     fn occluded(&self, rays: &[Ray], occluded: &mut [bool], counters: Option<&mut [RayCounters]>) {
-        self.trace::<Any, _>(rays, occluded, counters, |hit| hit.is_hit());
+        let (structure, level) = (self.structure, self.level);
+        structure.trace::<Any, _>(level, rays, occluded, counters, |hit| hit.is_hit());
+    }
+}
+
+impl Tracer for Structure {
+    fn triangles(&self) -> &Triangles {
+        &self.scene
+    }
+
+    fn closest(&self, rays: &[Ray], hits: &mut [Hit], counters: Option<&mut [RayCounters]>) {
+        self.at_level(Level::new()).closest(rays, hits, counters);
+    }
+
+    fn closest_ordered(
+        &self,
+        rays: &[Ray],
+        hits: &mut [Hit],
+        counters: Option<&mut [RayCounters]>,
+        order: Order,
+    ) {
+        self.at_level(Level::new())
+            .closest_ordered(rays, hits, counters, order);
+    }
+
+    fn occluded(&self, rays: &[Ray], occluded: &mut [bool], counters: Option<&mut [RayCounters]>) {
+        self.at_level(Level::new())
+            .occluded(rays, occluded, counters);
     }
 }

@@ -3,6 +3,7 @@
 //! numpy. `halfspace_native.pyi` says what each function does.
 
 mod arrays;
+mod cases;
 mod errors;
 mod registry;
 mod render;
@@ -41,6 +42,7 @@ fn level() -> &'static str {
 fn halfspace_native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add_function(wrap_pyfunction!(level, module)?)?;
+    cases::register(module)?;
     errors::register(module)?;
     registry::register(module)?;
     render::register(module)?;

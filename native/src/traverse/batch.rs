@@ -53,6 +53,8 @@ pub struct Batch<'a> {
     pub blocks: &'a Blocks,
     /// The rays.
     pub rays: &'a [Ray],
+    /// The instruction set.
+    pub level: Level,
 }
 
 impl Batch<'_> {
@@ -64,12 +66,12 @@ impl Batch<'_> {
         counters: Option<&mut [RayCounters]>,
     ) {
         match counters {
-            None => dispatch!(Level::new(), simd => {
+            None => dispatch!(self.level, simd => {
                 self.each::<_, _, Q, _>(simd, walk, &mut write, |_| NoCount);
             }),
             Some(counters) => {
                 let mut counters = counters.iter_mut();
-                dispatch!(Level::new(), simd => {
+                dispatch!(self.level, simd => {
                     self.each::<_, _, Q, _>(simd, walk, &mut write, |_| {
                         Count(counters.next().expect("one set of counters per ray"))
                     });
@@ -111,12 +113,12 @@ impl Batch<'_> {
         counters: Option<&mut [RayCounters]>,
     ) {
         match counters {
-            None => dispatch!(Level::new(), simd => {
+            None => dispatch!(self.level, simd => {
                 self.each_tile(simd, walk, &mut write, |_| NoCount);
             }),
             Some(counters) => {
                 let mut counters = counters.iter_mut();
-                dispatch!(Level::new(), simd => {
+                dispatch!(self.level, simd => {
                     self.each_tile(simd, walk, &mut write, |_| {
                         Count(counters.next().expect("one set of counters per ray"))
                     });
@@ -169,7 +171,7 @@ impl Batch<'_> {
                         .map(|framed| (framed, Best::new(&framed), counters, false))
                 })
                 .collect();
-            dispatch!(Level::new(), simd => self.all_triangles::<_, Q>(simd, count, rays, &mut open));
+            dispatch!(self.level, simd => self.all_triangles::<_, Q>(simd, count, rays, &mut open));
             for (i, state) in open.iter().enumerate() {
                 write(
                     group * RAYS + i,

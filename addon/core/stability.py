@@ -1,0 +1,212 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""How often structures answer wrongly on extreme cases: against brute force on every ray, exact arithmetic on some.
+
+A structure without allowance for rounding (`robust=none`) is measured beside the others: that it fails proves that
+the comparison can fail.
+"""
+
+from __future__ import annotations
+
+import csv
+import html
+import io
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from . import accuracy
+from .accuracy import Answers, Errors
+
+Row = dict[str, Any]
+
+COUNTS = ("rays", "false_miss", "false_hit", "wrong_triangle", "wrong_values", "wrong_any_hit")
+TITLES = {
+    "rays": "rays",
+    "false_miss": "false misses",
+    "false_hit": "false hits",
+    "wrong_triangle": "wrong triangles",
+    "wrong_values": "wrong u, v",
+    "t_ulp_max": "|Δt| ulps",
+    "exact_rays": "exact rays",
+    "exact_wrong": "exact wrong",
+    "exact_t_ulp_max": "exact |Δt| ulps",
+}
+"""Columns of the tables, and their titles."""
+
+EXACT_PAIRS = {"small": 200_000, "large": 4_000_000}
+"""Pairs of a ray and a triangle that exact arithmetic decides per case."""
+
+
+def configurations(structures: Sequence[Mapping[str, Any]], chosen: Sequence[str]) -> list[str]:
+    """Each chosen configuration with every traversal, and again without allowance for rounding where it has that key.
+
+    structures: the native registry. A configuration that sets one of the two keys keeps what it sets.
+    """
+    rows = {row["id"]: row for row in structures}
+    made: list[str] = []
+    for spec in chosen:
+        row = rows[spec.partition(":")[0]]
+        keys = {parameter["name"]: parameter for parameter in row["parameters"]}
+        walks = [spec]
+        if "traversal" in keys and "traversal=" not in spec:
+            walks += [_with(spec, f"traversal={name}") for name in row["traversals"][1:]]
+        made += walks
+        if "robust" in keys and "robust=" not in spec and "none" in (keys["robust"]["options"] or ()):
+            made += [_with(walk, "robust=none") for walk in walks]
+    return list(dict.fromkeys(made))
+
+
+def _with(spec: str, pair: str) -> str:
+    return f"{spec}{',' if ':' in spec else ':'}{pair}"
+
+
+def allowed_to_fail(spec: str) -> bool:
+    """Whether the configuration is there to show failures."""
+    return "robust=none" in spec
+
+
+def measure_case(
+    native: Any, case: Mapping[str, Any], specs: Iterable[str], *, exact_pairs: int, threads: int = 0
+) -> Iterator[Row]:
+    """One row per configuration on one case of `native.cases()`.
+
+    exact_pairs: about how many pairs of ray and triangle are decided by exact arithmetic; 0 for none.
+    """
+    scene = case["vertices"], case["triangles"]
+    rays = case["origins"], case["directions"], case["t_min"], case["t_max"]
+    count = len(rays[0])
+    brute = Answers.of(native.build(*scene, "brute", threads=threads).closest(*rays, threads=threads))
+    wanted = min(count, exact_pairs // max(1, len(scene[1])))
+    sample = np.unique(np.linspace(0, count - 1, wanted).astype(np.int64))
+    exact = Answers.of(native.exact_closest(*scene, *(part[sample] for part in rays), threads=threads))
+    for spec in specs:
+        structure = native.build(*scene, spec, threads=threads)
+        answers = Answers.of(structure.closest(*rays, threads=threads))
+        occluded = structure.occluded(*rays, threads=threads)
+        errors = accuracy.compare(brute, answers, occluded, native.ulp_distance, bitwise=True)
+        beside = accuracy.compare(exact, answers.take(sample), None, native.ulp_distance, bitwise=True)
+        yield {"case": case["name"], "spec": spec, "triangles": len(scene[1]), **_columns(errors, beside)}
+
+
+def _columns(errors: Errors, exact: Errors) -> Row:
+    row = errors.as_row("brute")
+    columns = {name: row[name] for name in (*COUNTS, "t_ulp_max")}
+    columns["exact_rays"] = exact.rays
+    columns["exact_wrong"] = exact.false_miss + exact.false_hit + exact.wrong_triangle
+    columns["exact_t_ulp_max"] = int(exact.ulps.max()) if len(exact.ulps) else 0
+    return columns
+
+
+def differs(row: Row) -> bool:
+    """Whether any answer of the row is another than brute force's, to the last bit, or than the exact one."""
+    return any(row[name] for name in (*COUNTS[1:], "t_ulp_max", "exact_wrong", "exact_t_ulp_max"))
+
+
+def add(total: Row | None, row: Row) -> Row:
+    """The sum of two rows of one configuration; distances keep the larger."""
+    if total is None:
+        return {**row, "case": "all"}
+    summed = (*COUNTS, "exact_rays", "exact_wrong")
+    largest = ("t_ulp_max", "exact_t_ulp_max", "triangles")
+    return {
+        **total,
+        **{name: total[name] + row[name] for name in summed},
+        **{name: max(total[name], row[name]) for name in largest},
+    }
+
+
+def sums(rows: Iterable[Row]) -> list[Row]:
+    """One row per configuration over all cases."""
+    found: dict[str, Row] = {}
+    for row in rows:
+        found[row["spec"]] = add(found.get(row["spec"]), row)
+    return list(found.values())
+
+
+def run_until(
+    native: Any, specs: Sequence[str], rays: int, size: str, seed: int, say: Callable[[str], None]
+) -> list[Row]:
+    """All cases with one seed after the other until at least `rays` answers have been compared; one row each.
+
+    A ray counts once for every configuration that is not there to fail.
+    """
+    totals: dict[str, Row] = {}
+    done = 0
+    while done < rays:
+        for case in native.cases(size, seed=seed):
+            for row in measure_case(native, case, specs, exact_pairs=EXACT_PAIRS[size] // 10):
+                totals[row["spec"]] = add(totals.get(row["spec"]), row)
+                if not allowed_to_fail(row["spec"]):
+                    done += row["rays"]
+                    if differs(row):
+                        say(f"{row['spec']} differs on {row['case']}, seed {seed}")
+            if done >= rays:
+                break
+        say(f"seed {seed}: {done:,} of {rays:,} rays")
+        seed += 1
+    return list(totals.values())
+
+
+def limit(rows: Iterable[Row]) -> str:
+    """What the absence of differences proves, in one sentence."""
+    ours = [row for row in rows if not allowed_to_fail(row["spec"])]
+    rays = sum(row["rays"] for row in ours)
+    exact = sum(row["exact_rays"] for row in ours)
+    wrong = sum(differs(row) for row in ours)
+    if wrong or not rays:
+        return f"{wrong} of {len(ours)} rows differ, {rays:,} rays compared"
+    return (
+        f"no difference in {rays:,} rays against brute force and {exact:,} against exact arithmetic: fewer than "
+        f"{3 / rays:.1e} of such rays are answered wrongly, with 95 % confidence (3/N)"
+    )
+
+
+def table(rows: Sequence[Row]) -> str:
+    """The rows as aligned columns; zeros are dots, so that what is wrong stands out."""
+    lines = [["case", "structure", *TITLES.values()]]
+    lines += [[row["case"], row["spec"], *(str(row[name] or "·") for name in TITLES)] for row in rows]
+    widths = [max(len(line[i]) for line in lines) for i in range(len(lines[0]))]
+    aligned = [
+        "  ".join(
+            cell.ljust(w) if i < 2 else cell.rjust(w) for i, (cell, w) in enumerate(zip(line, widths, strict=True))
+        )
+        for line in lines
+    ]
+    return "\n".join([aligned[0], "-" * len(aligned[0]), *aligned[1:]])
+
+
+def as_csv(rows: Sequence[Row]) -> str:
+    """The rows with one column per number."""
+    text = io.StringIO()
+    writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue()
+
+
+def as_html(document: Mapping[str, Any]) -> str:
+    """One page that opens offline: what each configuration got wrong over all cases, and case by case."""
+    rows: list[Row] = document["rows"]
+    return (
+        '<!doctype html><html lang="en"><meta charset="utf-8"><title>Stability</title>'
+        "<style>body{font:15px/1.4 sans-serif;margin:2em auto;max-width:75em}table{border-collapse:collapse}"
+        "td,th{padding:.15em .6em;text-align:right;border-bottom:1px solid #8884}td:nth-child(-n+2),th:nth-child(-n+2)"
+        "{text-align:left}.wrong{font-weight:bold}.none{color:#777}</style>"
+        f"<h1>Stability</h1><p>{html.escape(document['verdict'])}.</p>"
+        "<p>Rows with <code>robust=none</code> are textbook traversals without allowance for rounding; they are never "
+        "used for pictures.</p>"
+        f"<h2>All cases</h2>{_html_table(sums(rows))}<h2>Case by case</h2>{_html_table(rows)}</html>\n"
+    )
+
+
+def _html_table(rows: Sequence[Row]) -> str:
+    head = "".join(f"<th>{html.escape(title)}</th>" for title in ("case", "structure", *TITLES.values()))
+    body = []
+    for row in rows:
+        cells = [f"<td>{html.escape(row[name])}</td>" for name in ("case", "spec")]
+        for name in TITLES:
+            wrong = row[name] and name not in ("rays", "exact_rays")
+            cells.append(f'<td class="wrong">{row[name]:,}</td>' if wrong else f"<td>{row[name]:,}</td>")
+        body.append(f"<tr{' class=none' if allowed_to_fail(row['spec']) else ''}>{''.join(cells)}</tr>")
+    return f"<table><tr>{head}</tr>{''.join(body)}</table>"

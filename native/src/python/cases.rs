@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The oracle's generated scenes as dictionaries of arrays.
+
+use crate::error::{Error, Result};
+use crate::oracle::cases::{self, Case, Size};
+use numpy::{PyArray1, PyArray2, PyArrayMethods, ToPyArray};
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyList};
+
+/// (n, 3) from rows.
+fn table<'py, T: numpy::Element + Copy>(
+    py: Python<'py>,
+    rows: &[[T; 3]],
+) -> PyResult<Bound<'py, PyArray2<T>>> {
+    PyArray1::from_slice(py, rows.as_flattened()).reshape([rows.len(), 3])
+}
+
+fn dictionary<'py>(py: Python<'py>, case: &Case) -> PyResult<Bound<'py, PyDict>> {
+    let dict = PyDict::new(py);
+    let column = |get: fn(&crate::traverse::Ray) -> f32| {
+        let numbers: Vec<_> = case.rays.iter().map(get).collect();
+        numbers.to_pyarray(py)
+    };
+    let rows = |get: fn(&crate::traverse::Ray) -> [f32; 3]| {
+        let rows: Vec<_> = case.rays.iter().map(get).collect();
+        table(py, &rows)
+    };
+    dict.set_item("name", case.name)?;
+    dict.set_item("summary", case.summary)?;
+    dict.set_item("extremes", case.extremes)?;
+    dict.set_item("vertices", table(py, case.scene.vertices())?)?;
+    dict.set_item("triangles", table(py, case.scene.indices())?)?;
+    dict.set_item("origins", rows(|ray| ray.o)?)?;
+    dict.set_item("directions", rows(|ray| ray.d)?)?;
+    dict.set_item("t_min", column(|ray| ray.t_min))?;
+    dict.set_item("t_max", column(|ray| ray.t_max))?;
+    Ok(dict)
+}
+
+fn size_of(name: &str) -> Result<Size> {
+    match name {
+        "small" => Ok(Size::Small),
+        "large" => Ok(Size::Large),
+        _ => Err(Error::Spec(format!(
+            "size: expected small or large, got {name}"
+        ))),
+    }
+}
+
+#[pyfunction]
+#[pyo3(name = "cases", signature = (size="small", *, seed=7))]
+fn all<'py>(py: Python<'py>, size: &str, seed: u64) -> PyResult<Bound<'py, PyList>> {
+    let size = size_of(size)?;
+    let made = py.detach(|| cases::cases(size, seed));
+    let list = PyList::empty(py);
+    for case in &made {
+        list.append(dictionary(py, case)?)?;
+    }
+    Ok(list)
+}
+
+/// Adds `cases` to the module.
+pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add_function(wrap_pyfunction!(all, module)?)
+}

@@ -1,0 +1,150 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Random input of every kind: no configuration string and no triangles may end in a panic, and every
+//! structure answers like brute force.
+
+use halfspace_native::build::Monitor;
+use halfspace_native::oracle::exact_closest;
+use halfspace_native::registry::{Kind, ParamSpec, TREES};
+use halfspace_native::scene::Triangles;
+use halfspace_native::spec::Config;
+use halfspace_native::structure::Structure;
+use halfspace_native::traverse::{Hit, Ray, Tracer};
+use proptest::prelude::*;
+use std::sync::Arc;
+
+/// Numbers of few bits meet every coincidence; others any exponent, NaN and infinity.
+fn number() -> impl Strategy<Value = f32> {
+    prop_oneof![
+        6 => (-8i8..8).prop_map(f32::from),
+        4 => (-8i8..8).prop_map(|x| f32::from(x) / 8.0),
+        4 => -1.0f32..1.0,
+        2 => prop::num::f32::NORMAL | prop::num::f32::SUBNORMAL | prop::num::f32::ZERO,
+        1 => prop::num::f32::ANY,
+    ]
+}
+
+fn point() -> impl Strategy<Value = [f32; 3]> {
+    [number(), number(), number()]
+}
+
+fn ray() -> impl Strategy<Value = Ray> {
+    (point(), point(), number(), number(), any::<bool>()).prop_map(
+        |(o, d, t_min, t_max, limited)| Ray {
+            o,
+            d,
+            t_min: if limited { t_min } else { 0.0 },
+            t_max: if limited { t_max } else { f32::INFINITY },
+        },
+    )
+}
+
+/// A value that the parameter may or may not accept.
+fn value(param: &'static ParamSpec) -> BoxedStrategy<String> {
+    match param.kind {
+        Kind::Integer { min, max } => (min..=max).prop_map(|x| x.to_string()).boxed(),
+        Kind::Float { min, max } => (min..=max).prop_map(|x| x.to_string()).boxed(),
+        Kind::Choice(options) => prop::sample::select(options)
+            .prop_map(str::to_owned)
+            .boxed(),
+    }
+}
+
+/// A valid configuration of any structure, without `robust=none`, which is there to fail.
+fn spec() -> impl Strategy<Value = String> {
+    (0..TREES.len()).prop_flat_map(|i| {
+        let tree = &TREES[i];
+        let pairs: Vec<_> = tree
+            .params
+            .iter()
+            .filter(|param| param.name != "robust")
+            .map(|param| {
+                prop::option::of(value(param))
+                    .prop_map(move |v| v.map(|v| format!("{}={v}", param.name)))
+            })
+            .collect();
+        pairs.prop_map(move |pairs| {
+            let pairs: Vec<_> = pairs.into_iter().flatten().collect();
+            format!("{}:{}", tree.id, pairs.join(","))
+        })
+    })
+}
+
+fn build(scene: &Arc<Triangles>, spec: &str) -> Structure {
+    Structure::build(
+        scene.clone(),
+        Config::parse(spec).unwrap(),
+        1,
+        &Monitor::new(),
+    )
+    .unwrap()
+}
+
+fn bits(hit: &Hit) -> [u32; 4] {
+    [
+        hit.t.to_bits(),
+        hit.triangle,
+        hit.u.to_bits(),
+        hit.v.to_bits(),
+    ]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(400) })]
+
+    #[test]
+    fn every_configuration_answers_like_brute_force(
+        spec in spec(),
+        corners in prop::collection::vec(point(), 0..90),
+        rays in prop::collection::vec(ray(), 1..60),
+        aims in prop::collection::vec(any::<[prop::sample::Index; 2]>(), 0..60),
+    ) {
+        let count = u32::try_from(corners.len() / 3).unwrap();
+        let indices = (0..count).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+        let mut rays = rays;
+        if count > 0 {
+            // From corner to corner, too.
+            rays.extend(aims.iter().map(|[a, b]| {
+                let (o, p) = (corners[a.index(corners.len())], corners[b.index(corners.len())]);
+                Ray { o, d: std::array::from_fn(|k| p[k] - o[k]), t_min: 0.0, t_max: f32::INFINITY }
+            }));
+        }
+        let scene = Arc::new(Triangles::new(corners, indices).unwrap());
+        let (brute, structure) = (build(&scene, "brute"), build(&scene, &spec));
+        let mut expected = vec![Hit::MISS; rays.len()];
+        let mut found = expected.clone();
+        let mut occluded = vec![false; rays.len()];
+        brute.closest(&rays, &mut expected, None);
+        structure.closest(&rays, &mut found, None);
+        structure.occluded(&rays, &mut occluded, None);
+        for (i, ray) in rays.iter().enumerate() {
+            prop_assert_eq!(bits(&found[i]), bits(&expected[i]), "{}: {:?}", spec, ray);
+            prop_assert_eq!(occluded[i], expected[i].is_hit(), "{}: {:?}", spec, ray);
+            if ray.o.iter().chain(&ray.d).all(|x| x.is_finite()) {
+                let exact = exact_closest(&scene, ray).hit;
+                prop_assert_eq!((found[i].t, found[i].triangle), (exact.t, exact.triangle), "{:?}", ray);
+            }
+        }
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(20_000) })]
+
+    #[test]
+    fn no_text_makes_the_parser_panic(
+        text in prop_oneof![
+            any::<String>(),
+            "(kd|kd-sah|brute)?:?([a-z_]{0,12}=?[-+.0-9a-z]{0,24},?){0,4}",
+        ]
+    ) {
+        let _ = Config::parse(&text);
+    }
+
+    #[test]
+    fn what_is_valid_reads_back_from_its_canonical_text(spec in spec()) {
+        let config = Config::parse(&spec).unwrap();
+        let again = Config::parse(&config.canonical()).unwrap();
+        prop_assert_eq!(config.canonical(), again.canonical());
+        prop_assert!(config.values().zip(again.values()).all(|(a, b)| a == b));
+    }
+}

@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""How often each structure answers wrongly on extreme scenes, against brute force and exact arithmetic.
+
+`python scripts/stability.py [options]`. Exit status: 0 no structure differs; 1 some structure does; 2 bad usage.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NoReturn
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from addon.core import leaks, native, results, specs, stability
+
+
+class UsageError(ValueError):
+    """The command line is wrong. The message is one line."""
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        raise UsageError(message)
+
+
+def parser() -> argparse.ArgumentParser:
+    """The command line."""
+    made = _Parser(prog="stability", description=(__doc__ or "").splitlines()[0])
+    add = made.add_argument
+    add("--size", choices=("small", "large"), default="small", help="hundreds or tens of thousands of triangles")
+    add("--structures", default="all", metavar="SPEC[,SPEC...]", help="configurations, families, or all (default)")
+    add("--rays", type=int, default=0, metavar="N", help="go on with new seeds until N answers have been compared")
+    add("--seed", type=int, default=7, help="seed of the scenes (default: 7)")
+    add("--leak-rays", type=int, metavar="N", help="rays from inside each closed surface (default: 10^4, large 10^6)")
+    add("--out", type=Path, metavar="DIR", help="write stability.json, stability.csv and stability.html")
+    return made
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Measure and print. Returns the exit status."""
+    try:
+        return run(parser().parse_args(arguments))
+    except (UsageError, native.NativeError, specs.SpecError, results.FolderError) as error:
+        print(f"stability: {' '.join(str(error).split())}", file=sys.stderr)
+        return 2
+
+
+def run(asked: argparse.Namespace) -> int:
+    """Check everything, then measure. Raises one of the errors that `main` turns into a line."""
+    if asked.rays < 0 or asked.seed < 0 or (asked.leak_rays or 0) < 0:
+        raise UsageError("--rays, --seed, --leak-rays: expected no negative number")
+    module = native.load()
+    chosen = stability.configurations(module.structures(), specs.expand(asked.structures, module.structures(), {}))
+    for spec in chosen:
+        try:
+            module.build(*_nothing(), spec, threads=1)
+        except ValueError as error:
+            raise specs.SpecError(f"{spec}: {error}") from error
+    if asked.out is not None:
+        results.prepare_folder(asked.out)
+    start = time.monotonic()
+    if asked.rays:
+        rows = stability.run_until(module, chosen, asked.rays, asked.size, asked.seed, say)
+    else:
+        rows = []
+        for case in module.cases(asked.size, seed=asked.seed):
+            rows += stability.measure_case(module, case, chosen, exact_pairs=stability.EXACT_PAIRS[asked.size])
+    leaking = find_leaks(module, chosen, asked)
+    wrong = [row for row in rows if not stability.allowed_to_fail(row["spec"]) and stability.differs(row)]
+    print(stability.table(rows), "\n", stability.table(stability.sums(rows)), sep="\n")
+    verdict = stability.limit(rows)
+    say(f"{verdict}; seed {asked.seed}, {time.monotonic() - start:.0f} s")
+    if asked.out is not None:
+        document = {**results.document(module, rows, {"size": asked.size, "seed": asked.seed}), "verdict": verdict}
+        save(asked.out, document)
+    return 1 if wrong or leaking else 0
+
+
+def find_leaks(module: Any, chosen: list[str], asked: argparse.Namespace) -> bool:
+    """Send rays out of closed surfaces; tell what leaks. Whether anything does that should not."""
+    count = asked.leak_rays if asked.leak_rays is not None else {"small": 10_000, "large": 1_000_000}[asked.size]
+    if not count:
+        return False
+    leaking = False
+    for spec in chosen:
+        if spec == "brute" and asked.size == "large":
+            continue
+        found = leaks.count_leaks(module, spec, {"small": 3, "large": 5}[asked.size], count, asked.seed)
+        leaking |= any(found.values()) and not stability.allowed_to_fail(spec)
+        say(f"leaks of {spec} in {count:,} rays: " + ", ".join(f"{name} {n}" for name, n in found.items()))
+    return leaking
+
+
+def _nothing() -> tuple[Any, Any]:
+    import numpy as np
+
+    return np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32)
+
+
+def save(folder: Path, document: dict[str, Any]) -> None:
+    """Write the files, each whole or not at all."""
+    try:
+        results.write(folder / "stability.json", json.dumps(document, indent=1, allow_nan=False) + "\n")
+        results.write(folder / "stability.csv", stability.as_csv(document["rows"]))
+        results.write(folder / "stability.html", stability.as_html(document))
+    except OSError as error:
+        raise results.FolderError(f"{folder}: cannot be written: {error.strerror or error}") from error
+    say(f"wrote {folder / 'stability.html'}, stability.json and stability.csv")
+
+
+def say(text: str) -> None:
+    """Tell what is being done."""
+    print(f"[stability] {text}", flush=True)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
