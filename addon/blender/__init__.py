@@ -5,13 +5,16 @@ import bpy
 
 from . import (
     building,
+    checking,
     compat,
     engine,
+    manual,
     operators,
     overlay,
     overlay_panels,
     overlay_settings,
     panels,
+    presets,
     properties,
     reports,
 )
@@ -23,6 +26,9 @@ def register() -> None:
     properties.register()
     operators.register()
     building.register()
+    manual.register()
+    presets.register()
+    checking.register()
     panels.register()
     overlay_panels.register()
     overlay.register()
@@ -37,6 +43,9 @@ def unregister() -> None:
     overlay.unregister()
     overlay_panels.unregister()
     panels.unregister()
+    checking.unregister()
+    presets.unregister()
+    manual.unregister()
     building.unregister()
     operators.unregister()
     properties.unregister()

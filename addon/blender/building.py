@@ -59,6 +59,14 @@ class Job:
         self._building.cancel()
 
 
+def build_now(scene: Any, depsgraph: Any) -> Job:
+    """Build the chosen structure and wait for it. Raises what extraction and the build raise."""
+    job = Job(scene, depsgraph)
+    while not job.step(POLL_SECONDS):
+        pass
+    return job
+
+
 class _Background:
     """The build that runs by itself, at most one, and the wish for the next."""
 
@@ -156,9 +164,7 @@ class HALFSPACE_OT_build_structure(bpy.types.Operator):
     def execute(self, context: Any) -> set[str]:
         """Build and wait, for scripts."""
         try:
-            job = Job(context.scene, context.evaluated_depsgraph_get())
-            while not job.step(POLL_SECONDS):
-                pass
+            job = build_now(context.scene, context.evaluated_depsgraph_get())
         except Exception as error:
             return _failed(self, error)
         return _told(self, job)

@@ -8,7 +8,7 @@ from typing import Any
 import bpy
 
 from ..core import native
-from . import building, overlay, properties, trees
+from . import building, overlay, panels, properties, trees
 from .panels import wrapped
 
 
@@ -17,11 +17,17 @@ class _SidebarPanel:
     bl_region_type = "UI"
     bl_category = "Halfspace"
 
+    section = ""
+
+    def draw_header_preset(self, context: Any) -> None:
+        panels.help_button(self.layout, self.section)  # type: ignore[attr-defined]
+
 
 class HALFSPACE_PT_view_structure(_SidebarPanel, bpy.types.Panel):
     """The structure that is built over the scene, and the last one that was."""
 
     bl_label = "Structure"
+    section = "The structures"
 
     def draw(self, context: Any) -> None:
         layout = self.layout
@@ -31,10 +37,7 @@ class HALFSPACE_PT_view_structure(_SidebarPanel, bpy.types.Panel):
             wrapped(layout, problem, icon="ERROR", width=36)
             return
         group = context.scene.halfspace
-        column = layout.column()
-        column.prop(group, "structure")
-        for parameter in properties.structure_parameters(group):
-            column.prop(group, parameter.name)
+        panels.structure(layout.column(), group, width=36)
         layout.operator("halfspace.build_structure", icon="MOD_BUILD")
         if (done := building.progress()) is not None:
             layout.progress(factor=done, text="Building")
@@ -63,10 +66,31 @@ def _tree(layout: Any, scene: Any, group: Any) -> None:
         layout.label(text="Built with other settings", icon="ERROR")
 
 
+class HALFSPACE_PT_view_statistics(_SidebarPanel, bpy.types.Panel):
+    """What the last structure costs, and whether its answers are right."""
+
+    bl_label = "Statistics"
+    bl_options = {"DEFAULT_CLOSED"}
+    section = "Why to trust it"
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return native.problem() is None
+
+    def draw(self, context: Any) -> None:
+        tree = trees.last(context.scene)
+        if tree is not None:
+            panels.statistics(self.layout, tree.structure.statistics, tree.triangles)
+            for line in tree.structure.statistics["left_out"]:
+                wrapped(self.layout, f"Left out: {line}", width=36)
+        panels.answers(self.layout, tree)
+
+
 class HALFSPACE_PT_view_overlay(_SidebarPanel, bpy.types.Panel):
     """Which planes are shown, and how."""
 
     bl_label = "Split Planes"
+    section = "Seeing why"
 
     @classmethod
     def poll(cls, context: Any) -> bool:
@@ -113,7 +137,7 @@ def _popover(panel: Any, context: Any) -> None:
         panel.layout.prop(context.scene.halfspace.overlay, "show", text="Halfspace Split Planes")
 
 
-CLASSES = (HALFSPACE_PT_view_structure, HALFSPACE_PT_view_overlay)
+CLASSES = (HALFSPACE_PT_view_structure, HALFSPACE_PT_view_statistics, HALFSPACE_PT_view_overlay)
 
 
 def register() -> None:

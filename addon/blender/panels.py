@@ -3,12 +3,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import bpy
 
-from ..core import native
-from . import properties, reports
+from ..core import catalogue, native
+from . import checking, manual, presets, properties, reports, trees
 from .engine import ENGINE
 
 STATISTICS = (
@@ -22,6 +23,8 @@ STATISTICS = (
     ("Leaves", "leaves", "{:,}"),
     ("Empty leaves", "leaves_empty", "{:,}"),
     ("References", "references", "{:,}"),
+    ("References per triangle", "references_per_triangle", "{:.2f}"),
+    ("Triangles in the largest leaf", "leaf_max", "{:,}"),
     ("Depth, largest", "depth_max", "{:,}"),
     ("Depth, mean", "depth_mean", "{:.1f}"),
     ("Expected cost", "sah_cost", "{:.2f}"),
@@ -36,9 +39,15 @@ class _Panel:
     bl_region_type = "WINDOW"
     bl_context = "render"
 
+    section = ""
+    """The heading in the README that explains the panel."""
+
     @classmethod
     def poll(cls, context: Any) -> bool:
         return context.engine == ENGINE
+
+    def draw_header_preset(self, context: Any) -> None:
+        help_button(self.layout, self.section)  # type: ignore[attr-defined]
 
     def _column(self) -> Any:
         layout = self.layout  # type: ignore[attr-defined]
@@ -51,22 +60,21 @@ class HALFSPACE_PT_structure(_Panel, bpy.types.Panel):
     """The acceleration structure and its parameters, or why there is none."""
 
     bl_label = "Structure"
+    section = "The structures"
 
     def draw(self, context: Any) -> None:
         column = self._column()
         if problem := native.problem():
             wrapped(column, problem, icon="ERROR")
             return
-        group = context.scene.halfspace
-        column.prop(group, "structure")
-        for parameter in properties.structure_parameters(group):
-            column.prop(group, parameter.name)
+        structure(column, context.scene.halfspace)
 
 
 class HALFSPACE_PT_sampling(_Panel, bpy.types.Panel):
     """How many rays, how long their paths."""
 
     bl_label = "Sampling"
+    section = "Three ways to use it"
 
     def draw(self, context: Any) -> None:
         column = self._column()
@@ -82,6 +90,7 @@ class HALFSPACE_PT_film(_Panel, bpy.types.Panel):
     """What the background is."""
 
     bl_label = "Film"
+    section = "Three ways to use it"
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: Any) -> None:
@@ -92,20 +101,18 @@ class HALFSPACE_PT_statistics(_Panel, bpy.types.Panel):
     """What the last picture cost, left out and did not understand."""
 
     bl_label = "Statistics"
+    section = "Why to trust it"
 
     def draw(self, context: Any) -> None:
         layout = self.layout
         report = reports.last(context.scene)
         if report is None:
             layout.label(text="Nothing rendered yet")
+            answers(layout, trees.last(context.scene))
             return
         layout.label(text=f"{report.label}, {report.triangles:,} triangles")
-        values = {**report.statistics, "extract_seconds": report.extract_seconds}
-        grid = layout.grid_flow(row_major=True, columns=2, even_columns=True)
-        for label, key, form in STATISTICS:
-            if key in values:
-                grid.label(text=label)
-                grid.label(text=form.format(values[key]))
+        statistics(layout, {**report.statistics, "extract_seconds": report.extract_seconds}, report.triangles)
+        answers(layout, trees.last(context.scene))
         for title, lines, icon in (
             ("Not understood", report.warnings, "ERROR"),
             ("Left out, at no cost", report.left_out, "INFO"),
@@ -121,6 +128,7 @@ class HALFSPACE_PT_passes(_Panel, bpy.types.Panel):
     """The passes of a view layer."""
 
     bl_label = "Passes"
+    section = "Seeing why"
     bl_context = "view_layer"
 
     def draw(self, context: Any) -> None:
@@ -200,6 +208,53 @@ class HALFSPACE_PT_light(_Panel, bpy.types.Panel):
         for name in _shape_properties(light):
             column.prop(light, name)
         column.prop(light, "use_shadow")
+
+
+def help_button(layout: Any, section: str) -> None:
+    """Opens the README at this heading."""
+    if section:
+        layout.operator(manual.HALFSPACE_OT_manual.bl_idname, text="", icon="HELP", emboss=False).section = section
+
+
+def structure(layout: Any, group: Any, *, width: int = 60) -> None:
+    """The choice of a structure, its parameters and no others, and where it comes from."""
+    presets.draw(layout)
+    layout.prop(group, "structure")
+    for parameter in properties.structure_parameters(group):
+        layout.prop(group, parameter.name)
+    wrapped(layout, catalogue.load()[group.structure].paper, icon="BOOKMARKS", width=width)
+
+
+def statistics(layout: Any, numbers: Mapping[str, Any], triangles: int) -> None:
+    """A table of what is known."""
+    values = dict(numbers)
+    if "references" in values:
+        values["references_per_triangle"] = values["references"] / max(triangles, 1)
+    grid = layout.grid_flow(row_major=True, columns=2, even_columns=True)
+    for label, key, form in STATISTICS:
+        if key in values:
+            grid.label(text=label)
+            grid.label(text=form.format(values[key]))
+
+
+def answers(layout: Any, tree: trees.Tree | None) -> None:
+    """What the last check of the structure found, and the button that checks it."""
+    layout.operator(checking.HALFSPACE_OT_check.bl_idname, icon="VIEWZOOM")
+    found = None if tree is None else checking.last(tree)
+    if found is None:
+        return
+    errors = found.errors
+    if found.right:
+        layout.label(text=f"{errors.rays:,} answers are those of brute force, bit for bit", icon="CHECKMARK")
+    else:
+        wrong = f"{errors.false_miss} hits lost, {errors.false_hit} invented, {errors.wrong_triangle} other triangles"
+        wrapped(layout, f"Of {errors.rays:,} answers: {wrong}, {errors.wrong_values} other values", icon="ERROR")
+    grid = layout.grid_flow(row_major=True, columns=4, even_columns=False)
+    for text in ("Rays", "Mray/s", "Steps", "Tests"):
+        grid.label(text=text)
+    for name, speed in found.mrays_s.items():
+        for text in (name, f"{speed:.2f}", f"{found.steps[name]:.1f}", f"{found.tests[name]:.1f}"):
+            grid.label(text=text)
 
 
 def _shape_properties(light: Any) -> tuple[str, ...]:

@@ -10,6 +10,7 @@ import bpy
 import halfspace_native
 import numpy as np
 import pytest
+from layouts import draw
 
 from addon.blender import panels, properties
 from addon.core import catalogue, native
@@ -66,36 +67,15 @@ def test_settings_survive_saving_and_loading(tmp_path: Path, scene: Any) -> None
     assert loaded.view_layers[0].halfspace.use_pass_steps
 
 
-class Layout:
-    """Records what a panel draws; stands for `bpy.types.UILayout`."""
-
-    def __init__(self, log: list[str] | None = None) -> None:
-        self.log: list[str] = [] if log is None else log
-
-    def __getattr__(self, name: str) -> Any:
-        def call(*args: Any, **kwargs: Any) -> Layout:
-            if name == "prop":
-                assert args[1] in args[0].bl_rna.properties, args[1]
-                self.log.append(args[1])
-            elif name == "label":
-                self.log.append(kwargs["text"])
-            return Layout(self.log)
-
-        return call
-
-
-def draw(panel: type, **context: Any) -> list[str]:
-    stand_in = type("Panel", (), {"layout": Layout(), "_column": panel._column})()
-    panel.draw(stand_in, type("Context", (), context)())
-    return stand_in.layout.log
-
-
 def test_the_structure_panel_shows_only_what_the_structure_has(scene: Any) -> None:
     scene.halfspace.structure = "brute"
-    assert draw(panels.HALFSPACE_PT_structure, scene=scene) == ["structure"]
+    drawn = draw(panels.HALFSPACE_PT_structure, scene=scene)
+    assert (drawn[0], " ".join(drawn[1:])) == ("structure", catalogue.load()["brute"].paper)
     scene.halfspace.structure = "kd"
     expected = [p.name for p in catalogue.load()["kd"].parameters]
-    assert draw(panels.HALFSPACE_PT_structure, scene=scene) == ["structure", *expected]
+    drawn = draw(panels.HALFSPACE_PT_structure, scene=scene)
+    assert drawn[: 1 + len(expected)] == ["structure", *expected]
+    assert " ".join(drawn[1 + len(expected) :]) == catalogue.load()["kd"].paper
 
 
 def test_the_structure_panel_says_why_there_is_no_native_module(scene: Any, monkeypatch: pytest.MonkeyPatch) -> None:

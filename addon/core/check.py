@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A short look at one built structure: its speed on a scene's rays, and whether a sample of its answers is right."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from . import accuracy, rays
+from .accuracy import Answers, Errors
+from .workload import Workload
+
+SIZE = (256, 256)
+"""Pixels of the view whose rays are traced."""
+
+SETS = ("primary", "shadow", "diffuse")
+
+BRUTE_TESTS = 1_000_000_000
+"""So many triangle tests the reference may do: about two seconds on two cores."""
+
+MOST_CHECKED = 4096
+"""More rays per set than this are never compared."""
+
+
+@dataclass(frozen=True)
+class Check:
+    """errors: on a sample, against brute force. mrays_s, steps, tests: per set; the last two are means per ray."""
+
+    errors: Errors
+    mrays_s: dict[str, float]
+    steps: dict[str, float]
+    tests: dict[str, float]
+
+    @property
+    def right(self) -> bool:
+        """Whether every answer is that of brute force, to the last bit."""
+        return self.errors.agrees(bitwise=True)
+
+
+def steps(native: Any, structure: Any, workload: Workload, *, seed: int = 1, threads: int = 0) -> Iterator[Check]:
+    """Check a native structure over the workload's triangles; yields once per set, the last time complete."""
+    sets = rays.make(workload, structure, size=SIZE, seed=seed, names=SETS)
+    sets = [some for some in sets if len(some)]
+    brute = native.build(workload.vertices, workload.triangles, "brute", threads=threads)
+    affordable = max(BRUTE_TESTS // max(len(workload.triangles), 1) // max(len(sets), 1), 64)
+    found: list[Errors] = []
+    speed: dict[str, float] = {}
+    step_means: dict[str, float] = {}
+    test_means: dict[str, float] = {}
+    for whole in sets:
+        some = whole.take(rays.blocks(len(whole), min(affordable, MOST_CHECKED), seed))
+        right = Answers.of(brute.closest(some.origins, some.directions, t_max=some.t_max, threads=threads))
+        asked: dict[str, Any] = {"t_max": some.t_max, "order": some.order, "threads": threads}
+        answers = Answers.of(structure.closest(some.origins, some.directions, **asked))
+        occluded = structure.occluded(some.origins, some.directions, **asked)
+        found.append(accuracy.compare(right, answers, occluded, native.ulp_distance, bitwise=True))
+        speed[whole.name] = rate(structure, whole, threads)
+        ask = structure.occluded if whole.any_hit else structure.closest
+        counted = ask(some.origins, some.directions, counters=True, **asked)
+        counters = counted[1] if whole.any_hit else counted.counters
+        step_means[whole.name], test_means[whole.name] = (float(np.mean(counters[key])) for key in ("steps", "tests"))
+        yield Check(accuracy.total(found), dict(speed), dict(step_means), dict(test_means))
+
+
+def rate(structure: Any, whole: rays.RaySet, threads: int) -> float:
+    """Million rays of a set per second, once the rays have been traced to warm up."""
+    ask = structure.occluded if whole.any_hit else structure.closest
+    asked: dict[str, Any] = {"t_max": whole.t_max, "order": whole.order, "threads": threads}
+    ask(whole.origins, whole.directions, **asked)
+    start = time.perf_counter()
+    ask(whole.origins, whole.directions, **asked)
+    return len(whole) / max(time.perf_counter() - start, 1e-9) / 1e6
