@@ -133,6 +133,65 @@ class Hits:
     on_boundary: npt.NDArray[np.bool_] | None
     def __len__(self) -> int: ...
 
+class Faces(TypedDict):
+    """Convex cells in the scene's frame."""
+
+    vertices: F32
+    """(v, 3), the corners of all faces."""
+    offsets: npt.NDArray[np.uint32]
+    """(f + 1,), where each face begins in `vertices`."""
+    cells: npt.NDArray[np.uint32]
+    """(c + 1,), where each cell begins among the faces."""
+
+class LeafCells(Faces):
+    """Leaves, the fullest first."""
+
+    count: npt.NDArray[np.uint32]
+    """(c,), triangles in each leaf."""
+    depth: npt.NDArray[np.uint32]
+    """(c,), 0 for the root."""
+    hidden: int
+    """Leaves left out because of max_count."""
+
+class Visits(Faces):
+    """Leaves on the way of a ray: those tested in the order of the walk, those passed untested between them."""
+
+    enter: npt.NDArray[np.float64]
+    leave: npt.NDArray[np.float64]
+    """(c,), in units of the direction; NaN where only the allowance for rounding led the walk there."""
+    depth: npt.NDArray[np.uint32]
+    tested: npt.NDArray[np.bool_]
+    triangles: npt.NDArray[np.uint32]
+    """Those of all leaves, one after another."""
+    triangle_offsets: npt.NDArray[np.uint32]
+    """(c + 1,), where each leaf begins in `triangles`."""
+    corners: F32
+    """(3 t, 3), the three corners of each of `triangles`."""
+
+class Crossings(TypedDict):
+    """Planes on the way of a ray, the nearest first, each cut to the node that it splits."""
+
+    vertices: F32
+    offsets: npt.NDArray[np.uint32]
+    """(p + 1,), where each plane's polygon begins in `vertices`."""
+    t: npt.NDArray[np.float64]
+    kind: npt.NDArray[np.uint8]
+    """(p,), as in SplitPolygons."""
+    depth: npt.NDArray[np.uint32]
+
+class RayPath(TypedDict):
+    """The way of one ray."""
+
+    t: float
+    triangle: int
+    """-1 = miss; t, u and v as in Hits."""
+    u: float
+    v: float
+    counters: dict[str, int]
+    """As in Hits, for this ray."""
+    visits: Visits
+    crossings: Crossings
+
 class Structure:
     """A structure built over triangles. Immutable; any number of threads may ask it."""
 
@@ -180,6 +239,21 @@ class Structure:
 
     def split_polygons(self, max_depth: int = 60, max_count: int = 20_000) -> SplitPolygons:
         """The split planes of nodes down to max_depth, at most max_count of them."""
+
+    def leaf_cells(self, min_triangles: int = 1, max_count: int = 20_000) -> LeafCells:
+        """The cells of leaves with at least min_triangles, the fullest first, at most max_count."""
+
+    def trace_path(
+        self,
+        origin: Sequence[float],
+        direction: Sequence[float],
+        t_min: float = 0.0,
+        t_max: float = ...,
+    ) -> RayPath:
+        """The way of one ray to its nearest hit: what the walk itself tested, and what lies on the way.
+
+        Raises NonFiniteError.
+        """
 
 def build(
     vertices: F32,

@@ -31,8 +31,8 @@ CROWD, CROWD_FADE = 150, 0.5
 """A level of more polygons than this is fainter by this power of how many times more it has: a thousand strong lines
 would be one blot."""
 
-FILL_RIM, FILL_CENTRE = 0.11, 0.0
-"""How much of a line's opacity a surface has at its rim and at its centre: panes show where they end, and dozens of
+PANE = (0.0, 0.11)
+"""How much of a line's opacity a surface has at its centre and at its rim: panes show where they end, and dozens of
 them, one behind another, still let the scene through."""
 
 
@@ -112,22 +112,42 @@ def levels(planes: Planes, colours: Mapping[str, Sequence[float]], opacity: floa
             continue
         step = depth - planes.levels.start
         strength = opacity * max(FADE**step, FAINTEST) * min(1.0, CROWD / len(polygons)) ** CROWD_FADE
-        ends, owners = _edges(planes.offsets, polygons)
-        lines, rgb = planes.vertices[ends], table[planes.kind[owners]]
-        fans = np.empty((len(owners), 3, 3), np.float32)
-        fans[:, 0], fans[:, 1:] = _centres(planes, polygons)[owners - polygons[0]], lines.reshape(-1, 2, 3)
-        alpha = strength * np.array([FILL_CENTRE, FILL_RIM, FILL_RIM], np.float32)
-        made.append(
-            Level(
-                depth,
-                max(width * THINNING**step, 1.0),
-                lines,
-                _with_alpha(np.repeat(rgb, 2, axis=0), np.full(len(lines), strength, np.float32)),
-                fans.reshape(-1, 3),
-                _with_alpha(np.repeat(rgb, 3, axis=0), np.tile(alpha, len(owners))),
-            )
-        )
+        strengths = np.full(len(planes), strength, np.float32)
+        shape = Shape(planes.vertices, planes.offsets, table[planes.kind], strengths)
+        made.append(level(shape, polygons, depth, max(width * THINNING**step, 1.0), PANE))
     return made
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """Coloured polygons. vertices, offsets: as in Planes. rgb: (p, 3) float32. strength: (p,) float32, of the lines."""
+
+    vertices: F32
+    offsets: I32
+    rgb: F32
+    strength: F32
+
+
+def level(
+    shape: Shape, polygons: NDArray[Any], depth: int, width: float, fill: tuple[float, float]
+) -> Level:
+    """Polygons with consecutive numbers, ready to draw. fill: opacity of surfaces at their centre and at their rim, as
+    a share of that of the lines.
+    """
+    ends, owners = _edges(shape.offsets, polygons)
+    lines, rgb, strength = shape.vertices[ends], shape.rgb[owners], shape.strength[owners]
+    fans = np.empty((len(owners), 3, 3), np.float32)
+    fans[:, 0], fans[:, 1:] = _centres(shape, polygons)[owners - polygons[0]], lines.reshape(-1, 2, 3)
+    centre, rim = fill
+    alpha = strength[:, None] * np.array([centre, rim, rim], np.float32)
+    return Level(
+        depth,
+        width,
+        lines,
+        _with_alpha(np.repeat(rgb, 2, axis=0), np.repeat(strength, 2)),
+        fans.reshape(-1, 3),
+        _with_alpha(np.repeat(rgb, 3, axis=0), alpha.reshape(-1)),
+    )
 
 
 def _edges(offsets: I32, polygons: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
@@ -140,13 +160,13 @@ def _edges(offsets: I32, polygons: NDArray[Any]) -> tuple[NDArray[Any], NDArray[
     return ends.reshape(-1), owner
 
 
-def _centres(planes: Planes, polygons: NDArray[Any]) -> F32:
+def _centres(shape: Shape, polygons: NDArray[Any]) -> F32:
     """The mean of the corners of each polygon from the first of these to the last, which follow each other."""
     first, last = polygons[0], polygons[-1]
-    begins = planes.offsets[first : last + 1]
-    corners = planes.vertices[begins[0] : planes.offsets[last + 1]]
+    begins = shape.offsets[first : last + 1]
+    corners = shape.vertices[begins[0] : shape.offsets[last + 1]]
     sums = np.add.reduceat(corners.astype(np.float64), begins - begins[0], axis=0)
-    return (sums / np.diff(planes.offsets)[first : last + 1, None]).astype(np.float32)
+    return (sums / np.diff(shape.offsets)[first : last + 1, None]).astype(np.float32)
 
 
 def _with_alpha(rgb: F32, alpha: F32) -> F32:

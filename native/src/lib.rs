@@ -14,16 +14,21 @@
 //! - [`structure`]: a built tree over a scene, ready to answer rays;
 //! - [`oracle`]: exact arithmetic, what everything else must agree with;
 //! - [`validate`]: the invariants of a built tree; [`polygons`]: its planes, for drawing;
+//! - [`regions`]: what its nodes cover; [`leaf_cells`]: its leaves, for drawing; [`ray_path`]: the way of a
+//!   ray through it;
 //! - [`render`]: camera, sampler, materials, lights, integrator, film;
 //! - `python`: the module `halfspace_native` (feature `python`).
 
 pub mod build;
 pub mod error;
 pub mod geom;
+pub mod leaf_cells;
 pub mod oracle;
 pub mod polygons;
 #[cfg(feature = "python")]
 mod python;
+pub mod ray_path;
+pub mod regions;
 pub mod registry;
 pub mod render;
 pub mod scene;

@@ -7,10 +7,12 @@ use crate::geom::Aabb;
 use crate::structure::{Layout, Structure};
 use crate::traverse::nested::{Look, Nested};
 
+/// Kind of an oblique plane.
+pub const OBLIQUE: u8 = 3;
 /// Kind of a plane that bounds a child of an interval hierarchy.
-const SLAB: u8 = 4;
+pub const SLAB: u8 = 4;
 /// Kind of a mid plane of an octant.
-const OCTANT: u8 = 5;
+pub const OCTANT: u8 = 5;
 /// Kind of a face of a box.
 const BOX: u8 = 6;
 

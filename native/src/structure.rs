@@ -11,6 +11,7 @@ use crate::spec::Config;
 use crate::traverse::batch::Batch;
 use crate::traverse::box_tree::{self, BoxTree};
 use crate::traverse::query::{Any, Closest, Query};
+use crate::traverse::record::{Record, Watch};
 use crate::traverse::{Hit, Ray, RayCounters, Tracer, plane_dir, plane_ta_b};
 use crate::traverse::{
     Order, octree_beam, octree_glassner, octree_net, octree_param, octree_samet, octree_step,
@@ -128,6 +129,15 @@ impl Structure {
         nodes + self.built.blocks.bytes()
     }
 
+    /// The nearest hit of one ray, and what its walk did.
+    pub fn record(&self, ray: &Ray) -> (Hit, Record) {
+        let (mut hit, mut record) = ([Hit::MISS], Record::default());
+        let rays = std::slice::from_ref(ray);
+        let watch = Watch::Record(&mut record);
+        self.trace::<Closest, _>(Level::new(), rays, &mut hit, watch, |hit| hit);
+        (hit[0], record)
+    }
+
     fn batch<'a>(&'a self, level: Level, rays: &'a [Ray]) -> Batch<'a> {
         Batch {
             scene: &self.scene,
@@ -152,14 +162,16 @@ impl Structure {
         level: Level,
         rays: &[Ray],
         answers: &mut [T],
-        counters: Option<&mut [RayCounters]>,
+        counters: Watch<'_>,
         answer: impl Fn(Hit) -> T + Copy,
     ) {
         assert_eq!(rays.len(), answers.len(), "one answer per ray");
         let job = self.batch(level, rays);
         let write = |i: usize, hit: Hit| answers[i] = answer(hit);
         match &self.built.layout {
-            Layout::Brute => job.brute::<Q>(self.built.shape.references, write, counters),
+            Layout::Brute => {
+                job.brute::<Q>(self.built.shape.references, write, counters.counters());
+            }
             Layout::PlaneDir(tree) => job.walk::<_, Q>(&plane_dir::Walk(tree), write, counters),
             Layout::PlaneTaB(tree) => job.walk::<_, Q>(&plane_ta_b::Walk(tree), write, counters),
             Layout::Box2(tree) => job.walk::<_, Q>(&box_tree::Walk(tree), write, counters),
@@ -197,7 +209,7 @@ impl Tracer for AtLevel<'_> {
 
     fn closest(&self, rays: &[Ray], hits: &mut [Hit], counters: Option<&mut [RayCounters]>) {
         let (structure, level) = (self.structure, self.level);
-        structure.trace::<Closest, _>(level, rays, hits, counters, |hit| hit);
+        structure.trace::<Closest, _>(level, rays, hits, counters.into(), |hit| hit);
     }
 
     fn closest_ordered(
@@ -223,7 +235,7 @@ impl Tracer for AtLevel<'_> {
 
     fn occluded(&self, rays: &[Ray], occluded: &mut [bool], counters: Option<&mut [RayCounters]>) {
         let (structure, level) = (self.structure, self.level);
-        structure.trace::<Any, _>(level, rays, occluded, counters, |hit| hit.is_hit());
+        structure.trace::<Any, _>(level, rays, occluded, counters.into(), |hit| hit.is_hit());
     }
 }
 

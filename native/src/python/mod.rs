@@ -8,6 +8,7 @@ mod errors;
 mod registry;
 mod render;
 mod render_args;
+mod seeing;
 mod structure;
 mod trace;
 

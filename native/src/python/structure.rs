@@ -1,15 +1,16 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Building, statistics, validation, split planes.
+//! Building, statistics, validation, what there is to see.
 
 use super::arrays::{self, Threads};
+use super::seeing;
 use super::trace::{self, Hits};
 use crate::build::Monitor as BuildMonitor;
-use crate::polygons;
 use crate::scene::Triangles;
 use crate::spec::Config;
 use crate::structure;
+use crate::traverse::Ray;
 use crate::validate;
-use numpy::{PyArray1, PyArray2, ToPyArray};
+use numpy::ToPyArray;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::sync::Arc;
@@ -127,17 +128,37 @@ impl Structure {
         max_depth: usize,
         max_count: usize,
     ) -> PyResult<Bound<'py, PyDict>> {
-        let polygons = py.detach(|| polygons::split_polygons(&self.0, max_depth, max_count));
-        let dict = PyDict::new(py);
-        let flat = PyArray1::from_slice(py, polygons.vertices.as_flattened());
-        let vertices: Bound<'_, PyArray2<f32>> =
-            numpy::PyArrayMethods::reshape(&flat, [polygons.vertices.len(), 3])?;
-        dict.set_item("vertices", vertices)?;
-        dict.set_item("offsets", polygons.offsets.to_pyarray(py))?;
-        dict.set_item("depth", polygons.depths.to_pyarray(py))?;
-        dict.set_item("kind", polygons.kinds.to_pyarray(py))?;
-        dict.set_item("hidden", polygons.hidden)?;
-        Ok(dict)
+        seeing::planes(py, &self.0, max_depth, max_count)
+    }
+
+    #[pyo3(signature = (min_triangles=1, max_count=20_000))]
+    fn leaf_cells<'py>(
+        &self,
+        py: Python<'py>,
+        min_triangles: usize,
+        max_count: usize,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        seeing::cells(py, &self.0, min_triangles, max_count)
+    }
+
+    #[pyo3(signature = (origin, direction, t_min=0.0, t_max=f32::INFINITY))]
+    fn trace_path<'py>(
+        &self,
+        py: Python<'py>,
+        origin: [f32; 3],
+        direction: [f32; 3],
+        t_min: f32,
+        t_max: f32,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        arrays::check_finite("origin", &[origin])?;
+        arrays::check_finite("direction", &[direction])?;
+        let ray = Ray {
+            o: origin,
+            d: direction,
+            t_min,
+            t_max,
+        };
+        seeing::path(py, &self.0, &ray)
     }
 }
 

@@ -7,6 +7,7 @@ use super::frame::{Frame, FrameRay};
 use super::octree_beam::RAYS;
 use super::query::{Best, Count, Counters, NoCount, Query};
 use super::ray::{Hit, Ray, RayCounters};
+use super::record::Watch;
 use crate::scene::Triangles;
 use fearless_simd::{Level, Simd, dispatch};
 
@@ -63,20 +64,17 @@ impl Batch<'_> {
         &self,
         walk: &W,
         mut write: impl FnMut(usize, Hit),
-        counters: Option<&mut [RayCounters]>,
+        watch: Watch<'_>,
     ) {
-        match counters {
+        match watch.counts() {
             None => dispatch!(self.level, simd => {
                 self.each::<_, _, Q, _>(simd, walk, &mut write, |_| NoCount);
             }),
-            Some(counters) => {
-                let mut counters = counters.iter_mut();
-                dispatch!(self.level, simd => {
-                    self.each::<_, _, Q, _>(simd, walk, &mut write, |_| {
-                        Count(counters.next().expect("one set of counters per ray"))
-                    });
+            Some(mut counts) => dispatch!(self.level, simd => {
+                self.each::<_, _, Q, _>(simd, walk, &mut write, |_| {
+                    counts.next().expect("one set of counters per ray")
                 });
-            }
+            }),
         }
     }
 
@@ -120,7 +118,7 @@ impl Batch<'_> {
                 let mut counters = counters.iter_mut();
                 dispatch!(self.level, simd => {
                     self.each_tile(simd, walk, &mut write, |_| {
-                        Count(counters.next().expect("one set of counters per ray"))
+                        Count::new(counters.next().expect("one set of counters per ray"))
                     });
                 });
             }
@@ -197,7 +195,7 @@ impl Batch<'_> {
                     continue;
                 };
                 if !*done {
-                    let mut count = Count(counters);
+                    let mut count = Count::new(counters);
                     let blocks = self.blocks;
                     *done = blocks.test::<S, Q, _>(
                         simd,

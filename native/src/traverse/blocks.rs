@@ -169,6 +169,7 @@ impl Blocks {
         best: &mut Best,
         counters: &mut C,
     ) -> bool {
+        counters.tested_leaf(first, count);
         let mut at = first as usize;
         let mut left = count;
         while left > 0 {

@@ -22,6 +22,7 @@ pub mod plane_dir;
 pub mod plane_ta_b;
 pub mod query;
 pub mod ray;
+pub mod record;
 
 pub use ray::Order;
 pub use ray::{Hit, Ray, RayCounters, Tracer};

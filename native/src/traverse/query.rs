@@ -38,6 +38,11 @@ pub trait Counters {
     fn tests(&mut self, triangles: usize);
     /// A candidate was put to the exact verdict.
     fn verdict(&mut self);
+    /// The triangles of the leaf whose blocks begin at `first` are about to be tested.
+    #[inline(always)]
+    fn tested_leaf(&mut self, first: u32, triangles: usize) {
+        let _ = (first, triangles);
+    }
 }
 
 /// Counts nothing, costs nothing.
@@ -56,24 +61,39 @@ impl Counters for NoCount {
     fn verdict(&mut self) {}
 }
 
-/// Counts into the counters of one ray.
-pub struct Count<'a>(pub &'a mut RayCounters);
+/// Counts into the counters of one ray, and lists the leaves that it tests where that is wished.
+pub struct Count<'a> {
+    /// The sums.
+    pub counters: &'a mut RayCounters,
+    /// Where the blocks of each leaf begin, and how many triangles they hold.
+    pub leaves: Option<&'a mut Vec<(u32, usize)>>,
+}
+
+impl<'a> Count<'a> {
+    /// Counts, and lists nothing.
+    pub fn new(counters: &'a mut RayCounters) -> Self {
+        Self {
+            counters,
+            leaves: None,
+        }
+    }
+}
 
 impl Counters for Count<'_> {
     #[inline(always)]
     fn step_axis(&mut self) {
-        self.0.steps_axis += 1;
+        self.counters.steps_axis += 1;
     }
     #[inline(always)]
     fn step_oblique(&mut self) {
-        self.0.steps_oblique += 1;
+        self.counters.steps_oblique += 1;
     }
     #[inline(always)]
     fn leaf(&mut self, triangles: usize) {
         if triangles == 0 {
-            self.0.leaves_empty += 1;
+            self.counters.leaves_empty += 1;
         } else {
-            self.0.leaves += 1;
+            self.counters.leaves += 1;
         }
     }
     #[inline(always)]
@@ -82,11 +102,20 @@ impl Counters for Count<'_> {
         reason = "a leaf holds fewer than 2^29 triangles"
     )]
     fn tests(&mut self, triangles: usize) {
-        self.0.tests += triangles as u32;
+        self.counters.tests += triangles as u32;
     }
     #[inline(always)]
     fn verdict(&mut self) {
-        self.0.verdicts += 1;
+        self.counters.verdicts += 1;
+    }
+    #[inline(always)]
+    fn tested_leaf(&mut self, first: u32, triangles: usize) {
+        // An empty leaf begins where the next one does.
+        if let Some(leaves) = &mut self.leaves
+            && triangles > 0
+        {
+            leaves.push((first, triangles));
+        }
     }
 }
 

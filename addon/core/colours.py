@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""False colours: from a number between 0 and 1 to a colour whose brightness grows with it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .scene import F32
+
+ANCHORS = np.array(
+    [
+        (0.03, 0.03, 0.12),
+        (0.20, 0.10, 0.45),
+        (0.50, 0.14, 0.52),
+        (0.79, 0.26, 0.40),
+        (0.95, 0.48, 0.22),
+        (0.98, 0.74, 0.25),
+        (0.99, 0.98, 0.78),
+    ],
+    np.float32,
+)
+"""From night over violet and fire to straw, evenly spaced, as displayed (sRGB)."""
+
+CELLS_FROM = 0.3
+"""Cells before a dark viewport begin at this brightness of the scale."""
+
+
+def false_colour(values: NDArray[Any]) -> F32:
+    """(..., 3) float32 display values of (...) numbers; what lies outside 0 to 1 takes the nearest end's colour."""
+    place = np.clip(np.nan_to_num(np.asarray(values, np.float64)), 0, 1) * (len(ANCHORS) - 1)
+    below = np.minimum(place.astype(np.int64), len(ANCHORS) - 2)
+    part = (place - below)[..., None]
+    mixed = ANCHORS[below] * (1 - part) + ANCHORS[below + 1] * part
+    return mixed.astype(np.float32)
+
+
+def of_counts(counts: NDArray[Any]) -> F32:
+    """(n, 3) colours of whole numbers from 1 up, by their logarithm: the largest is the brightest."""
+    if not len(counts):
+        return np.zeros((0, 3), np.float32)
+    most = max(int(counts.max()), 2)
+    share = np.log(np.maximum(counts, 1)) / np.log(most)
+    return false_colour(CELLS_FROM + (1 - CELLS_FROM) * share)
