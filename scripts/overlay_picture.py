@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A picture of the split planes in the viewport: `python scripts/overlay_picture.py [FILE] [options]`.
+"""A picture of the structure in the viewport: `python scripts/overlay_picture.py [FILE] [options]`.
 
 FILE: a .blend or .npz (default: the built-in showcase), seen through its camera in Solid shading. Opens
 no window, which needs Blender 5.2 or newer. Exit status: 0 done; 2 bad usage or input, said in one line.
@@ -28,6 +28,10 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument("file", nargs="?", type=Path, help=".blend or .npz (default: the built-in showcase)")
     made.add_argument("--structure", default="kd", metavar="ID", help="the acceleration structure (default: kd)")
     made.add_argument("--depth", default="0-6", metavar="FIRST-LAST", help="levels of the tree (default: 0-6)")
+    made.add_argument("--show", default="planes", metavar="PART[,...]", help="planes, cells, ray (default: planes)")
+    made.add_argument("--least", type=int, default=1, metavar="N", help="show cells of at least so many triangles")
+    made.add_argument("--ray", type=float, nargs=6, metavar="N", help="from x y z towards x y z; shows its way")
+    made.add_argument("--opacity", type=float, default=0.9, metavar="SHARE", help="0 to 1 (default: 0.9)")
     made.add_argument("--style", default="BOTH", choices=("OUTLINE", "FILL", "BOTH"), help="default: BOTH")
     made.add_argument("--view", type=float, nargs=6, metavar="N", help="eye x y z and target x y z, z up, 40 degrees")
     made.add_argument("--size", default="1440x810", metavar="WxH", help="pixels (default: 1440x810)")
@@ -74,8 +78,13 @@ def run(asked: argparse.Namespace) -> None:
     settings.show, settings.style = True, asked.style
     settings.depth_min, settings.depth_max = int(first), int(last or first)
     settings.line_width *= SMOOTHING
+    settings.parts = {part.strip().upper() for part in asked.show.split(",")} | ({"RAY"} if asked.ray else set())
+    settings.least, settings.opacity = asked.least, asked.opacity
     operators: Any = bpy.ops
     operators.halfspace.build_structure()
+    if asked.ray is not None:
+        start, towards = np.array(asked.ray[:3]), np.array(asked.ray[3:])
+        operators.halfspace.pick_ray(origin=start, direction=towards - start)
     if asked.view is not None:
         eye, target = np.array(asked.view[:3]), np.array(asked.view[3:])
         stage.see(scene, workload.View(eye, target, np.array([0.0, 0.0, 1.0]), 40.0))
@@ -83,9 +92,15 @@ def run(asked: argparse.Namespace) -> None:
         raise ValueError("the scene has no camera; give it a --view")
     picture = _drawn(bpy, gpu, overlay, scene, (int(width) * SMOOTHING, int(height) * SMOOTHING))
     pictures.save(asked.out, pictures.halved(picture))
-    shown = overlay.shown(scene)
-    if shown is not None:
-        print(f"{asked.out}: {len(shown):,} planes of {asked.structure}, {shown.hidden:,} hidden")
+    print(asked.out)
+    planes, cells, path = (overlay.shown(scene, part) for part in ("PLANES", "CELLS", "RAY"))
+    if planes is not None:
+        print(f"{len(planes):,} planes of {asked.structure}, {planes.hidden:,} hidden")
+    if cells is not None:
+        fullest = int(cells.count.max()) if len(cells) else 0
+        print(f"{len(cells):,} cells of up to {fullest:,} triangles, {cells.hidden:,} hidden")
+    for line in path.lines() if path is not None else ():
+        print(line)
 
 
 def _drawn(bpy: Any, gpu: Any, overlay: Any, scene: Any, size: tuple[int, int]) -> Any:

@@ -14,6 +14,7 @@ from . import (
     overlay_panels,
     overlay_settings,
     panels,
+    picking,
     presets,
     properties,
     reports,
@@ -29,6 +30,7 @@ def register() -> None:
     manual.register()
     presets.register()
     checking.register()
+    picking.register()
     panels.register()
     overlay_panels.register()
     overlay.register()
@@ -43,6 +45,7 @@ def unregister() -> None:
     overlay.unregister()
     overlay_panels.unregister()
     panels.unregister()
+    picking.unregister()
     checking.unregister()
     presets.unregister()
     manual.unregister()

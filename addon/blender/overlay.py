@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The split planes of the last structure, drawn in the 3D viewport. Drawing draws: it never builds a structure."""
+"""The last structure drawn in the 3D viewport: its planes, its leaves, the way of a ray. Drawing never builds."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ import gpu
 from bpy.app.handlers import persistent
 from gpu_extras.batch import batch_for_shader
 
-from ..core import planes
-from . import building, trees
+from ..core import cells, planes
+from . import building, picking, trees
 
 OWN_COLOURS = {
     "OBLIQUE": (1.0, 0.72, 0.16),
@@ -21,6 +21,9 @@ OWN_COLOURS = {
     "BOXES": (0.97, 0.90, 0.78),
 }
 """Gold, violet, turquoise and ivory: as far from Blender's red, green and blue axes as from each other."""
+
+RAY_BEHIND = 0.35
+"""How much of a ray's opacity is left at least where objects stand before it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,18 +37,23 @@ class _Batches:
 
 @dataclass(frozen=True, eq=False)
 class _Drawing:
-    """The batches of the tree of this number under certain settings.
+    """The batches of one part of the picture, for the tree of this number under certain settings.
 
-    passes: what is drawn behind objects, then what before them.
+    chosen: what is shown. passes: what is drawn behind objects, then what before them.
     """
 
     tree: int
     key: tuple[Any, ...]
-    chosen: planes.Planes
+    chosen: Any
     passes: tuple[tuple[str, list[_Batches]], ...]
 
 
-_drawings: dict[int, _Drawing] = {}
+PARTS = ("CELLS", "PLANES", "RAY")
+"""What there is to see, in the order in which it is drawn."""
+
+_drawings: dict[tuple[int, str], _Drawing] = {}
+"""By the scene's number and the part."""
+
 _handle: Any = None
 
 
@@ -56,28 +64,29 @@ def colours() -> dict[str, tuple[float, float, float]]:
     return {**{kind: (axis[0], axis[1], axis[2]) for kind, axis in axes.items()}, **OWN_COLOURS}
 
 
-def shown(scene: Any) -> planes.Planes | None:
-    """The planes that were last drawn for this scene, for the panel's numbers."""
-    drawing = _drawings.get(scene.original.session_uid)
+def shown(scene: Any, part: str = "PLANES") -> Any:
+    """What was last drawn of this part for this scene, for the panel's numbers: Planes, Cells, Path, or None."""
+    drawing = _drawings.get((scene.original.session_uid, part))
     tree = trees.last(scene)
     return drawing.chosen if drawing is not None and tree is not None and drawing.tree == tree.number else None
 
 
 def paint(scene: Any, size: tuple[int, int]) -> None:
-    """Draw the scene's planes with the matrices that are set, into a view of `size` pixels."""
+    """Draw the scene's structure with the matrices that are set, into a view of `size` pixels."""
     tree = trees.last(scene)
     if tree is None or not scene.halfspace.overlay.show:
         return
-    drawing = _drawing(scene, tree)
+    drawings = [_drawing(scene, tree, part) for part in PARTS if part in scene.halfspace.overlay.parts]
     with gpu.matrix.push_pop():
         # The matrix carries the place in the world, so that positions keep their precision far from its origin.
         gpu.matrix.translate(tree.origin.tolist())
         gpu.state.blend_set("ALPHA")
         gpu.state.depth_mask_set(False)
         try:
-            for test, levels in drawing.passes:
-                gpu.state.depth_test_set(test)
-                _paint_levels(levels, size)
+            for drawing in drawings:
+                for test, levels in drawing.passes if drawing is not None else ():
+                    gpu.state.depth_test_set(test)
+                    _paint_levels(levels, size)
         finally:
             gpu.state.depth_test_set("NONE")
             gpu.state.blend_set("NONE")
@@ -98,41 +107,71 @@ def _paint_levels(levels: list[_Batches], size: tuple[int, int]) -> None:
             level.lines.draw(line)
 
 
-def _drawing(scene: Any, tree: trees.Tree) -> _Drawing:
-    """The batches, made anew only when the tree or a setting is another."""
+def _drawing(scene: Any, tree: trees.Tree, part: str) -> _Drawing | None:
+    """The batches of a part, made anew only when the tree, the ray or a setting is another."""
     uid = scene.original.session_uid
     settings, tints = scene.halfspace.overlay, colours()
-    chosen_by = (
-        (settings.depth_min, settings.depth_max),
-        tuple(kind for kind in planes.KINDS if kind in settings.kinds),
-        settings.max_count,
-    )
+    chosen_by = _chosen_by(scene, part)
     look = (settings.style, settings.opacity, settings.line_width, settings.behind, tuple(tints.values()))
-    known = _drawings.get(uid)
+    known = _drawings.get((uid, part))
     if known is not None and known.tree == tree.number and known.key == (chosen_by, look):
         return known
     if known is not None and known.tree == tree.number and known.key[0] == chosen_by:
         chosen = known.chosen
     else:
-        chosen = planes.choose(tree.structure, *chosen_by)
+        chosen = _choose(tree, part, chosen_by)
+    if chosen is None:
+        _drawings.pop((uid, part), None)
+        return None
+    style = "BOTH" if part == "RAY" else settings.style
     passes = tuple(
-        (test, [_batches(level, settings.style) for level in planes.levels(chosen, tints, opacity, width)])
-        for test, opacity, width in (
-            ("GREATER", settings.opacity * settings.behind, settings.line_width),
-            ("LESS_EQUAL", settings.opacity, settings.line_width),
-        )
+        (test, [_batches(level, style) for level in _levels(part, chosen, tints, opacity, settings.line_width)])
+        for test, opacity in (("GREATER", settings.opacity * _behind(settings, part)), ("LESS_EQUAL", settings.opacity))
         if opacity > 0
     )
-    _drawings[uid] = _Drawing(tree.number, (chosen_by, look), chosen, passes)
-    return _drawings[uid]
+    _drawings[uid, part] = _Drawing(tree.number, (chosen_by, look), chosen, passes)
+    return _drawings[uid, part]
+
+
+def _chosen_by(scene: Any, part: str) -> tuple[Any, ...]:
+    """The settings that decide what is shown of a part."""
+    settings = scene.halfspace.overlay
+    if part == "CELLS":
+        return (settings.least, settings.max_count)
+    if part == "RAY":
+        return (picking.last(scene),)
+    kinds = tuple(kind for kind in planes.KINDS if kind in settings.kinds)
+    return ((settings.depth_min, settings.depth_max), kinds, settings.max_count)
+
+
+def _choose(tree: trees.Tree, part: str, chosen_by: tuple[Any, ...]) -> Any:
+    if part == "CELLS":
+        return cells.choose(tree.structure, *chosen_by)
+    if part == "RAY":
+        (ray,) = chosen_by
+        return None if ray is None else cells.follow(tree.structure, *ray.within(tree.origin))
+    return planes.choose(tree.structure, *chosen_by)
+
+
+def _levels(part: str, chosen: Any, tints: Any, opacity: float, width: float) -> list[planes.Level]:
+    if part == "CELLS":
+        return cells.levels(chosen, opacity, width)
+    if part == "RAY":
+        return cells.path_levels(chosen, tints, opacity, width)
+    return planes.levels(chosen, tints, opacity, width)
+
+
+def _behind(settings: Any, part: str) -> float:
+    """How much of the opacity is left behind objects: a ray must be seen on its whole way."""
+    return max(settings.behind, RAY_BEHIND) if part == "RAY" else settings.behind
 
 
 def _batches(level: planes.Level, style: str) -> _Batches:
     line, surface = gpu.shader.from_builtin("POLYLINE_FLAT_COLOR"), gpu.shader.from_builtin("SMOOTH_COLOR")
     lines = fill = None
-    if style != "FILL":
+    if style != "FILL" and len(level.lines):
         lines = batch_for_shader(line, "LINES", {"pos": level.lines, "color": level.line_colours})
-    if style != "OUTLINE":
+    if style != "OUTLINE" and len(level.triangles):
         fill = batch_for_shader(surface, "TRIS", {"pos": level.triangles, "color": level.fill_colours})
     return _Batches(level.width, lines, fill)
 
@@ -162,8 +201,9 @@ def follow(*_: Any) -> None:
         updates.append(_scene_changed)
     elif not wanted and _handle is not None:
         _let_go()
-    for uid in set(_drawings) - {scene.session_uid for scene in bpy.data.scenes if scene.halfspace.overlay.show}:
-        del _drawings[uid]
+    showing = {scene.session_uid for scene in bpy.data.scenes if scene.halfspace.overlay.show}
+    for key in [key for key in _drawings if key[0] not in showing]:
+        del _drawings[key]
 
 
 @persistent
@@ -171,6 +211,7 @@ def _file_loaded(*_: Any) -> None:
     """Another file: its scenes have nothing to do with the tree."""
     building.stop()
     trees.clear()
+    picking.clear()
     _drawings.clear()
     follow()
     for scene in bpy.data.scenes:

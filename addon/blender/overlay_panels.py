@@ -8,7 +8,7 @@ from typing import Any
 import bpy
 
 from ..core import native
-from . import building, overlay, panels, properties, trees
+from . import building, overlay, panels, picking, properties, trees
 from .panels import wrapped
 
 
@@ -87,9 +87,9 @@ class HALFSPACE_PT_view_statistics(_SidebarPanel, bpy.types.Panel):
 
 
 class HALFSPACE_PT_view_overlay(_SidebarPanel, bpy.types.Panel):
-    """Which planes are shown, and how."""
+    """What is shown, and how."""
 
-    bl_label = "Split Planes"
+    bl_label = "Overlay"
     section = "Seeing why"
 
     @classmethod
@@ -105,12 +105,18 @@ class HALFSPACE_PT_view_overlay(_SidebarPanel, bpy.types.Panel):
         layout.use_property_decorate = False
         settings = context.scene.halfspace.overlay
         layout.active = settings.show
-        column = layout.column(align=True)
-        column.prop(settings, "depth_min")
-        column.prop(settings, "depth_max")
-        column.prop(settings, "max_count")
-        _count(layout, overlay.shown(context.scene) if settings.show else None)
-        layout.column().prop(settings, "kinds")
+        layout.row().prop(settings, "parts")
+        if "PLANES" in settings.parts:
+            column = layout.column(align=True)
+            column.prop(settings, "depth_min")
+            column.prop(settings, "depth_max")
+            layout.column().prop(settings, "kinds")
+        if "CELLS" in settings.parts:
+            layout.prop(settings, "least")
+        layout.prop(settings, "max_count")
+        if settings.show:
+            _planes(layout, overlay.shown(context.scene, "PLANES"))
+            _cells(layout, overlay.shown(context.scene, "CELLS"))
         column = layout.column()
         column.row().prop(settings, "style", expand=True)
         column.prop(settings, "opacity")
@@ -120,7 +126,7 @@ class HALFSPACE_PT_view_overlay(_SidebarPanel, bpy.types.Panel):
         column.prop(settings, "auto_update")
 
 
-def _count(layout: Any, planes: Any) -> None:
+def _planes(layout: Any, planes: Any) -> None:
     """How many planes are in the picture, and how many the limit keeps out of it."""
     if planes is None:
         return
@@ -130,14 +136,44 @@ def _count(layout: Any, planes: Any) -> None:
         layout.label(text=f"{least}{planes.hidden:,} hidden by the limit", icon="HIDE_ON")
 
 
+def _cells(layout: Any, cells: Any) -> None:
+    """The same for leaves, and what their colours mean."""
+    if cells is None:
+        return
+    fullest = f", up to {int(cells.count.max()):,} triangles each" if len(cells) else ""
+    layout.label(text=f"{len(cells):,} leaves shown{fullest}")
+    if cells.hidden:
+        layout.label(text=f"{cells.hidden:,} hidden by the limit", icon="HIDE_ON")
+
+
+class HALFSPACE_PT_view_ray(_SidebarPanel, bpy.types.Panel):
+    """The way of one ray."""
+
+    bl_label = "One Ray"
+    section = "Seeing why"
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return native.problem() is None
+
+    def draw(self, context: Any) -> None:
+        layout = self.layout
+        row = layout.row(align=True)
+        row.operator(picking.HALFSPACE_OT_pick_ray.bl_idname, icon="EYEDROPPER")
+        row.operator(picking.HALFSPACE_OT_forget_ray.bl_idname, text="", icon="X")
+        path = overlay.shown(context.scene, "RAY")
+        for line in path.lines() if path is not None else ():
+            layout.label(text=line)
+
+
 def _popover(panel: Any, context: Any) -> None:
     """A line in Blender's own list of overlays."""
     if native.problem() is None:
         panel.layout.separator()
-        panel.layout.prop(context.scene.halfspace.overlay, "show", text="Halfspace Split Planes")
+        panel.layout.prop(context.scene.halfspace.overlay, "show", text="Halfspace Structure")
 
 
-CLASSES = (HALFSPACE_PT_view_structure, HALFSPACE_PT_view_statistics, HALFSPACE_PT_view_overlay)
+CLASSES = (HALFSPACE_PT_view_structure, HALFSPACE_PT_view_statistics, HALFSPACE_PT_view_overlay, HALFSPACE_PT_view_ray)
 
 
 def register() -> None:

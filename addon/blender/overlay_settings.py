@@ -51,10 +51,30 @@ class HalfspaceOverlaySettings(bpy.types.PropertyGroup):
     """What the viewport shows of the structure."""
 
     show: BoolProperty(  # type: ignore[valid-type]
-        name="Split Planes",
-        description="Show the planes that split space, each cut to its cell",
+        name="Structure",
+        description="Show the structure over the scene: its planes, its leaves, the way of a ray",
         default=False,
         update=_follow,
+    )
+    parts: EnumProperty(  # type: ignore[valid-type]
+        name="Show",
+        description="What of the structure is shown. Shift-click for several",
+        items=[
+            ("PLANES", "Planes", "The planes that split space, each cut to its cell", 1),
+            ("CELLS", "Leaves", "The cells of leaves, the brighter the more triangles they hold", 2),
+            ("RAY", "Ray", "The way of the ray that was picked: its cells in order, planes and triangles", 4),
+        ],
+        options={"ENUM_FLAG"},
+        default={"PLANES", "RAY"},
+        update=_redraw,
+    )
+    least: IntProperty(  # type: ignore[valid-type]
+        name="From Triangles",
+        description="Leaves with fewer triangles are not shown. More shows where the structure leaves work undone",
+        default=1,
+        min=0,
+        soft_max=64,
+        update=_redraw,
     )
     auto_update: BoolProperty(  # type: ignore[valid-type]
         name="Auto Update",
@@ -127,7 +147,8 @@ class HalfspaceOverlaySettings(bpy.types.PropertyGroup):
     )
     max_count: IntProperty(  # type: ignore[valid-type]
         name="Limit",
-        description="Most planes shown, the shallowest first; more take longer to draw",
+        description="Most polygons of planes and of leaves shown, the shallowest and the fullest first; more take "
+        "longer to draw",
         default=20_000,
         min=1,
         soft_max=100_000,

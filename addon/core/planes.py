@@ -128,9 +128,7 @@ class Shape:
     strength: F32
 
 
-def level(
-    shape: Shape, polygons: NDArray[Any], depth: int, width: float, fill: tuple[float, float]
-) -> Level:
+def level(shape: Shape, polygons: NDArray[Any], depth: int, width: float, fill: tuple[float, float]) -> Level:
     """Polygons with consecutive numbers, ready to draw. fill: opacity of surfaces at their centre and at their rim, as
     a share of that of the lines.
     """

@@ -17,11 +17,27 @@ import pytest
 from mathutils import Euler, Matrix, Vector
 from shapes import cube, grid
 
-from addon.blender import building, overlay, pictures, trees
-from addon.core import catalogue, native, planes
+from addon.blender import building, overlay, picking, pictures, trees
+from addon.core import catalogue, colours, native, planes
 
 WIDTH, HEIGHT = 200, 150
-STRUCTURES = [structure.id for structure in catalogue.load().structures] if native.problem() is None else []
+
+
+def representatives() -> list[str]:
+    """One structure for each way of looking: the kinds of planes that it draws over a few tilted triangles."""
+    if native.problem() is not None:
+        return []
+    rng = np.random.default_rng(3)
+    corners = (rng.random((40, 1, 3)) * 4 + 0.4 * rng.standard_normal((40, 3, 3))).astype(np.float32)
+    triangles = np.arange(120, dtype=np.int32).reshape(-1, 3)
+    chosen: dict[frozenset[int], str] = {}
+    for structure in catalogue.load().structures:
+        tree = native.load().build(corners.reshape(-1, 3), triangles, structure.id)
+        chosen.setdefault(frozenset(tree.split_polygons()["kind"].tolist()), structure.id)
+    return list(chosen.values())
+
+
+STRUCTURES = representatives()
 
 
 @pytest.fixture
@@ -204,7 +220,7 @@ def test_depths_kinds_and_limit_choose_what_is_drawn(scene: Any, add: Any, canva
 def test_batches_are_made_once_per_tree_and_setting(scene: Any, add: Any, canvas: Any) -> None:
     boxes(add)
     view = camera(build(scene, "kd"))
-    uid = scene.session_uid
+    uid = scene.session_uid, "PLANES"
     picture(canvas, scene, *view)
     first = overlay._drawings[uid]
     picture(canvas, scene, *view)
@@ -418,3 +434,108 @@ def test_the_command_saves_a_picture_with_the_planes_in_it(
     assert overlay_picture.main([*arguments, "--depth", "x"]) == 2
     assert overlay_picture.main([str(tmp_path / "none.blend"), *arguments]) == 2
     assert capsys.readouterr().err.count("\n") == 2
+
+
+def pane(vertices: np.ndarray[Any, Any], view: Any, projection: Any) -> np.ndarray[Any, Any]:
+    """Corners in pixels of points in the world."""
+    clip = np.concatenate([vertices, np.ones((len(vertices), 1))], axis=1) @ (np.array(projection) @ np.array(view)).T
+    return (clip[:, :2] / clip[:, 3:] + 1) / 2 * [WIDTH, HEIGHT]
+
+
+@pytest.mark.parametrize("structure", STRUCTURES)
+@pytest.mark.parametrize("make", SCENES)
+def test_leaves_cover_their_cells_and_the_fullest_is_brightest(
+    scene: Any, add: Any, canvas: Any, make: Any, structure: str
+) -> None:
+    make(add)
+    tree = build(scene, structure, parts={"CELLS"}, style="FILL", opacity=1.0, max_count=120)
+    view, projection = camera(tree)
+    drawn = picture(canvas, scene, view, projection)
+    found = tree.structure.leaf_cells(1, 20)
+    assert len(overlay.shown(scene, "CELLS")) == len(found["count"])
+    polygons = np.split(found["vertices"].astype(np.float64) + tree.origin, found["offsets"][1:-1].astype(int))
+    flat = [pane(polygon, view, projection) for polygon in polygons]
+    covered, edge = np.any([inside(polygon) for polygon in flat], axis=0), distances(flat)
+    lit = drawn[..., :3].max(axis=2) > 0.01
+    assert not lit[~covered & (edge > 1.5)].any()
+    within = covered & (edge > 1.5)
+    assert lit.any()
+    if not within.any():
+        return
+    assert lit[within].mean() > 0.99
+    # Every pixel has a hue of the scale: each colour is a mix of those of the counts.
+    hues = colours.of_counts(found["count"].astype(np.int64))
+    lowest, highest = (hues / hues.max(axis=1, keepdims=True)).min(axis=0), hues.max(axis=0) / hues.max(axis=1).min()
+    pure = drawn[within][:, :3]
+    pure = pure / pure.max(axis=1, keepdims=True)
+    assert (pure > lowest - 0.03).all()
+    assert (pure < highest + 0.03).all()
+
+
+@pytest.mark.parametrize("structure", STRUCTURES)
+def test_a_picked_ray_shows_its_cells_its_triangles_and_its_hit(
+    scene: Any, add: Any, canvas: Any, structure: str
+) -> None:
+    far_away(add)
+    tree = build(scene, structure, parts={"RAY"}, opacity=1.0, line_width=3.0)
+    assert not picture(canvas, scene, *camera(tree)).any()
+    centre = Vector(tree.origin)
+    box = next(item for item in scene.objects if item.name == "Box 3").location
+    start = box + Vector((9.0, -7.0, 5.0))
+    assert bpy.ops.halfspace.pick_ray(origin=start, direction=box - start) == {"FINISHED"}
+    view, projection = camera(tree)
+    drawn = picture(canvas, scene, view, projection)
+    path = overlay.shown(scene, "RAY")
+    assert path.triangle >= 0
+    expected = tree.structure.closest(np.array([start - centre], np.float32), np.array([box - start], np.float32))
+    assert (path.triangle, path.t) == (
+        expected.triangle[0],
+        pytest.approx(float(expected.t[0]), rel=1e-4),
+    )  # the world's coordinates are f32
+    # The ray is white from its origin to the hit, and seen on all of its way inside the picture.
+    ends = pane(np.array([start, start + (box - start) * path.t], np.float64), view, projection)
+    along = ends[0] + np.linspace(0.02, 0.98, 60)[:, None] * (ends[1] - ends[0])
+    inside_picture = ((along >= 1) & (along < [WIDTH - 1, HEIGHT - 1])).all(axis=1)
+    assert inside_picture.sum() > 10
+    pixels = along[inside_picture].astype(int)
+    assert drawn[pixels[:, 1], pixels[:, 0], :3].min() > 0.6
+    # Nothing outside what the visited cells, the planes and the ray cover.
+    polygons = np.split(path.cells.vertices + tree.origin, path.cells.offsets[1:-1])
+    polygons += np.split(path.crossings.vertices + tree.origin, path.crossings.offsets[1:-1])
+    flat = [pane(polygon.astype(np.float64), view, projection) for polygon in polygons if len(polygon)]
+    covered = np.any([inside(polygon) for polygon in flat], axis=0)
+    far = distances([*flat, ends]) > 4
+    assert not (drawn[..., :3].max(axis=2) > 0.02)[~covered & far].any()
+    assert bpy.ops.halfspace.forget_ray() == {"FINISHED"}
+    assert not picture(canvas, scene, view, projection).any()
+
+
+def test_the_cursor_picks_a_ray_and_esc_gives_the_last_one_back(scene: Any, add: Any) -> None:
+    boxes(add)
+    build(scene, "kd")
+    assert bpy.ops.halfspace.pick_ray(origin=(0, 0, 9), direction=(0, 0, -1)) == {"FINISHED"}
+    first = picking.last(scene)
+    calls: list[Any] = []
+    window = SimpleNamespace(cursor_modal_set=calls.append, cursor_modal_restore=lambda: calls.append("restored"))
+    context = SimpleNamespace(
+        scene=scene,
+        window=window,
+        screen=bpy.context.window.screen,
+        window_manager=SimpleNamespace(modal_handler_add=lambda _operator: None),
+        workspace=SimpleNamespace(status_text_set=lambda _text: None),
+    )
+    area = next(area for area in context.screen.areas if area.type == "VIEW_3D")
+    region = next(region for region in area.regions if region.type == "WINDOW")
+    kind = picking.HALFSPACE_OT_pick_ray
+    operator = SimpleNamespace(_before=None, _end=lambda where: kind._end(operator, where), report=print)
+    middle = {"mouse_x": region.x + region.width // 2, "mouse_y": region.y + region.height // 2}
+    assert kind.invoke(operator, context, None) == {"RUNNING_MODAL"}
+    assert kind.modal(operator, context, SimpleNamespace(type="MOUSEMOVE", value="", **middle)) == {"RUNNING_MODAL"}
+    moved = picking.last(scene)
+    assert moved != first
+    assert kind.modal(operator, context, SimpleNamespace(type="ESC", value="PRESS")) == {"CANCELLED"}
+    assert picking.last(scene) == first
+    assert kind.invoke(operator, context, None) == {"RUNNING_MODAL"}
+    assert kind.modal(operator, context, SimpleNamespace(type="LEFTMOUSE", value="PRESS", **middle)) == {"FINISHED"}
+    assert picking.last(scene) == moved
+    assert calls == ["EYEDROPPER", "restored"] * 2

@@ -7,7 +7,7 @@ import bpy
 import pytest
 
 import addon
-from addon.blender import building, overlay, properties, reports, trees
+from addon.blender import building, checking, overlay, picking, properties, reports, trees
 from addon.blender.engine import ENGINE
 from addon.core import native
 
@@ -37,6 +37,8 @@ def footprint() -> dict[str, object]:
         "handlers": {h: len(getattr(bpy.app.handlers, h)) for h in HANDLERS},
         "reports": dict(reports._last),
         "tree": trees._tree,
+        "checks": dict(checking._checks),
+        "rays": dict(picking._rays),
         "drawing": (overlay._handle, dict(overlay._drawings)),
         "popover": len(bpy.types.VIEW3D_PT_overlay.draw._draw_funcs)
         if hasattr(bpy.types.VIEW3D_PT_overlay.draw, "_draw_funcs")

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import Any
 
 import numpy as np
@@ -26,8 +27,7 @@ def soup(count: int = 300) -> tuple[Any, Any]:
 def faces(found: Any) -> list[list[Any]]:
     """The polygons of each cell, in f64."""
     polygons = np.split(found["vertices"].astype(np.float64), found["offsets"][1:-1].astype(int))
-    ends = found["cells"].astype(int)
-    return [polygons[a:b] for a, b in zip(ends[:-1], ends[1:], strict=True)]
+    return [polygons[a:b] for a, b in itertools.pairwise(found["cells"].astype(int))]
 
 
 def volume(cell: list[Any]) -> float:
@@ -36,7 +36,7 @@ def volume(cell: list[Any]) -> float:
     total = 0.0
     for face in cell:
         spokes = face - middle
-        for a, b in zip(spokes[1:-1], spokes[2:], strict=True):
+        for a, b in itertools.pairwise(spokes[1:]):
             total += abs(np.linalg.det(np.stack([spokes[0], a, b]))) / 6
     return total
 

@@ -1,0 +1,157 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The ray whose way is shown: picked under the cursor in a 3D view."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import bpy
+from bpy.props import FloatVectorProperty
+from bpy_extras import view3d_utils
+
+from ..core import native
+from . import trees
+
+
+@dataclass(frozen=True)
+class Ray:
+    """origin, direction: in the world, three numbers each."""
+
+    origin: tuple[float, ...]
+    direction: tuple[float, ...]
+
+    def within(self, origin: Any) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """The same ray in the frame whose origin lies at `origin` in the world."""
+        return tuple(float(a) - float(b) for a, b in zip(self.origin, origin, strict=True)), self.direction
+
+
+_rays: dict[int, Ray] = {}
+"""By the scene's number."""
+
+
+def last(scene: Any) -> Ray | None:
+    """The ray that was picked in this scene."""
+    return _rays.get(scene.original.session_uid)
+
+
+def keep(scene: Any, ray: Ray | None) -> None:
+    """Show the way of this ray, or of none."""
+    uid = scene.original.session_uid
+    if ray is None:
+        _rays.pop(uid, None)
+    else:
+        _rays[uid] = ray
+    trees.redraw()
+
+
+def clear() -> None:
+    """Forget all."""
+    _rays.clear()
+
+
+def under(event: Any, screen: Any) -> Ray | None:
+    """The ray through the pixel under the mouse, in whichever 3D view it is."""
+    for area in screen.areas:
+        if area.type != "VIEW_3D":
+            continue
+        for region in area.regions:
+            x, y = event.mouse_x - region.x, event.mouse_y - region.y
+            if region.type != "WINDOW" or not (0 <= x < region.width and 0 <= y < region.height):
+                continue
+            view = area.spaces.active.region_3d
+            origin = view3d_utils.region_2d_to_origin_3d(region, view, (x, y))
+            direction = view3d_utils.region_2d_to_vector_3d(region, view, (x, y))
+            return Ray(tuple(origin), tuple(direction))
+    return None
+
+
+class HALFSPACE_OT_pick_ray(bpy.types.Operator):
+    """Shows the way of the ray under the cursor."""
+
+    bl_idname = "halfspace.pick_ray"
+    bl_label = "Pick a Ray"
+    bl_description = (
+        "Follow the ray under the cursor through the structure: the cells that it visits, the planes that it crosses, "
+        "the triangles that are tested. Click to keep it, Esc to leave"
+    )
+
+    origin: FloatVectorProperty(name="Origin", subtype="TRANSLATION", options={"SKIP_SAVE"})  # type: ignore[valid-type]
+    direction: FloatVectorProperty(  # type: ignore[valid-type]
+        name="Direction", subtype="DIRECTION", default=(0.0, 0.0, -1.0), options={"SKIP_SAVE"}
+    )
+
+    _before: Ray | None = None
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return native.problem() is None and context.scene is not None
+
+    def execute(self, context: Any) -> set[str]:
+        """Follow the ray of the properties, for scripts."""
+        if not any(self.direction):
+            self.report({"ERROR"}, "A ray needs a direction")
+            return {"CANCELLED"}
+        keep(context.scene, Ray(tuple(self.origin), tuple(self.direction)))
+        return {"FINISHED"}
+
+    def invoke(self, context: Any, event: Any) -> set[str]:
+        """Let the cursor choose."""
+        if trees.last(context.scene) is None:
+            self.report({"ERROR"}, "There is no structure yet: Build Structure comes first")
+            return {"CANCELLED"}
+        self._before = last(context.scene)
+        settings = context.scene.halfspace.overlay
+        settings.show, settings.parts = True, settings.parts | {"RAY"}
+        context.window.cursor_modal_set("EYEDROPPER")
+        context.workspace.status_text_set("Click: keep this ray   Esc: leave")
+        context.window_manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context: Any, event: Any) -> set[str]:
+        """The ray follows the mouse until a click."""
+        if event.type in {"ESC", "RIGHTMOUSE"}:
+            keep(context.scene, self._before)
+            self._end(context)
+            return {"CANCELLED"}
+        if event.type in {"MOUSEMOVE", "LEFTMOUSE"}:
+            ray = under(event, context.screen)
+            if ray is not None:
+                keep(context.scene, ray)
+            if event.type == "LEFTMOUSE" and event.value == "PRESS":
+                self._end(context)
+                return {"FINISHED"} if ray is not None else {"CANCELLED"}
+            return {"RUNNING_MODAL"}
+        return {"PASS_THROUGH"}
+
+    def _end(self, context: Any) -> None:
+        context.window.cursor_modal_restore()
+        context.workspace.status_text_set(None)
+
+
+class HALFSPACE_OT_forget_ray(bpy.types.Operator):
+    """Forgets the ray."""
+
+    bl_idname = "halfspace.forget_ray"
+    bl_label = "Forget the Ray"
+    bl_description = "Show no ray"
+
+    def execute(self, context: Any) -> set[str]:
+        keep(context.scene, None)
+        return {"FINISHED"}
+
+
+CLASSES = (HALFSPACE_OT_pick_ray, HALFSPACE_OT_forget_ray)
+
+
+def register() -> None:
+    """Register the operators."""
+    for operator in CLASSES:
+        bpy.utils.register_class(operator)
+
+
+def unregister() -> None:
+    """The reverse of `register`."""
+    for operator in reversed(CLASSES):
+        bpy.utils.unregister_class(operator)
+    clear()
