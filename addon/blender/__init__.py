@@ -7,6 +7,7 @@ from . import (
     building,
     checking,
     compat,
+    cost_maps,
     engine,
     manual,
     operators,
@@ -31,6 +32,7 @@ def register() -> None:
     presets.register()
     checking.register()
     picking.register()
+    cost_maps.register()
     panels.register()
     overlay_panels.register()
     overlay.register()
@@ -45,6 +47,7 @@ def unregister() -> None:
     overlay.unregister()
     overlay_panels.unregister()
     panels.unregister()
+    cost_maps.unregister()
     picking.unregister()
     checking.unregister()
     presets.unregister()

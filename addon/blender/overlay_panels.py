@@ -8,7 +8,7 @@ from typing import Any
 import bpy
 
 from ..core import native
-from . import building, overlay, panels, picking, properties, trees
+from . import building, cost_maps, overlay, panels, picking, properties, trees
 from .panels import wrapped
 
 
@@ -166,6 +166,26 @@ class HALFSPACE_PT_view_ray(_SidebarPanel, bpy.types.Panel):
             layout.label(text=line)
 
 
+class HALFSPACE_PT_view_costs(_SidebarPanel, bpy.types.Panel):
+    """What each pixel costs."""
+
+    bl_label = "Cost Maps"
+    bl_options = {"DEFAULT_CLOSED"}
+    section = "Seeing why"
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return native.problem() is None
+
+    def draw(self, context: Any) -> None:
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        layout.prop(context.scene.halfspace, "cost")
+        layout.prop(context.scene.halfspace, "second")
+        layout.operator(cost_maps.HALFSPACE_OT_cost_map.bl_idname, icon="IMAGE_DATA")
+
+
 def _popover(panel: Any, context: Any) -> None:
     """A line in Blender's own list of overlays."""
     if native.problem() is None:
@@ -173,7 +193,13 @@ def _popover(panel: Any, context: Any) -> None:
         panel.layout.prop(context.scene.halfspace.overlay, "show", text="Halfspace Structure")
 
 
-CLASSES = (HALFSPACE_PT_view_structure, HALFSPACE_PT_view_statistics, HALFSPACE_PT_view_overlay, HALFSPACE_PT_view_ray)
+CLASSES = (
+    HALFSPACE_PT_view_structure,
+    HALFSPACE_PT_view_statistics,
+    HALFSPACE_PT_view_overlay,
+    HALFSPACE_PT_view_ray,
+    HALFSPACE_PT_view_costs,
+)
 
 
 def register() -> None:

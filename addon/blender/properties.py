@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty
 
-from ..core import catalogue, native, settings
+from ..core import catalogue, costmap, native, settings
 from .overlay_settings import HalfspaceOverlaySettings
 
 if TYPE_CHECKING:
@@ -59,7 +59,25 @@ def _structure_properties(known: Catalogue) -> dict[str, Any]:
     }
     for parameter in known.parameters().values():
         properties[parameter.name] = _parameter_property(parameter)
-    return properties
+    return properties | _map_properties(known)
+
+
+def _map_properties(known: Catalogue) -> dict[str, Any]:
+    others = [(s.id, s.label, f"{s.summary} {s.paper}", s.code + 1) for s in known.structures]
+    return {
+        "cost": EnumProperty(
+            name="Cost",
+            description="What the colours of the map tell",
+            items=[(q.key, q.label, q.doc, number) for number, q in enumerate(costmap.QUANTITIES)],
+            default="STEPS",
+        ),
+        "second": EnumProperty(
+            name="Beside",
+            description="Another structure, as it is by default, whose map is shown beside on the same scale",
+            items=[("NONE", "Nothing", "One map only", 0), *others],
+            default="NONE",
+        ),
+    }
 
 
 def _parameter_property(parameter: Parameter) -> Any:

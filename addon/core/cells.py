@@ -16,7 +16,10 @@ from .scene import F32, F64, I32
 FACES = 6
 """Polygons of a cell, for the limit."""
 
-CELL_FILL = (0.10, 0.16)
+FAINTEST = 0.25
+"""The strength of the emptiest cells beside the fullest."""
+
+CELL_FILL = (0.22, 0.30)
 """How much of a line's opacity a cell's faces have at their centre and at their rim."""
 
 BUNDLES = 8
@@ -58,9 +61,9 @@ def levels(cells: Cells, opacity: float, width: float) -> list[Level]:
     if not len(cells):
         return []
     rgb = colours.of_counts(cells.count)
-    share = np.log(cells.count + 1.0) / np.log(cells.count.max() + 1.0)
+    share = colours.shares(cells.count)
     crowd = min(1.0, planes.CROWD / len(cells)) ** (planes.CROWD_FADE / 2)
-    strength = (opacity * crowd * (0.25 + 0.75 * share**2)).astype(np.float32)
+    strength = (opacity * crowd * (FAINTEST + (1 - FAINTEST) * share)).astype(np.float32)
     faces = np.diff(cells.cells)
     shape = Shape(cells.vertices, cells.offsets, np.repeat(rgb, faces, axis=0), np.repeat(strength, faces))
     made = []

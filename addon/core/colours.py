@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .scene import F32
+from .scene import F32, F64
 
 ANCHORS = np.array(
     [
@@ -38,9 +38,13 @@ def false_colour(values: NDArray[Any]) -> F32:
 
 
 def of_counts(counts: NDArray[Any]) -> F32:
-    """(n, 3) colours of whole numbers from 1 up, by their logarithm: the largest is the brightest."""
-    if not len(counts):
-        return np.zeros((0, 3), np.float32)
-    most = max(int(counts.max()), 2)
-    share = np.log(np.maximum(counts, 1)) / np.log(most)
-    return false_colour(CELLS_FROM + (1 - CELLS_FROM) * share)
+    """(n, 3) colours of whole numbers by their logarithm: the largest is the brightest, the smallest the darkest."""
+    return false_colour(CELLS_FROM + (1 - CELLS_FROM) * shares(counts))
+
+
+def shares(counts: NDArray[Any]) -> F64:
+    """(n,) where each number lies by its logarithm: the smallest at 0, the largest at 1; all at 1 when equal."""
+    logs: F64 = np.log(np.maximum(counts, 1).astype(np.float64))
+    if not len(logs) or logs.min() == logs.max():
+        return np.ones(len(logs))
+    return (logs - logs.min()) / (logs.max() - logs.min())
