@@ -99,7 +99,7 @@ def run(asked: argparse.Namespace) -> int:
     if asked.out is not None:
         results.prepare_folder(asked.out)
     journal = results.Journal(asked.out) if asked.out is not None else None
-    fixed = [module.__version__, results.native_fingerprint(module), options.as_dict()]
+    fixed = [module.__version__, results.native_fingerprint(module), options.identity()]
     rows: list[benchmark.Row] = []
     failed = False
     for scene, load in zip(scenes, loaders, strict=True):
