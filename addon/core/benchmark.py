@@ -10,20 +10,31 @@ from __future__ import annotations
 
 import time
 import uuid
-from collections.abc import Callable, Generator, Iterator, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from . import accuracy, curve, peak, rays, rows, timing, yardstick
+from . import accuracy, peak, rays, rows, timing, yardstick
 from .accuracy import Answers
-from .offsets import Moved
-from .rays import RaySet
+from .preparation import REFERENCES, Options, Prepared, Progress, prepare
 from .rows import Row, agrees, first_line
 from .timing import Candidate
 from .workload import Workload
 
-__all__ = ["Event", "Finished", "Options", "Prepared", "Progress", "Row", "agrees", "events", "measure", "prepare"]
+__all__ = [
+    "REFERENCES",
+    "Event",
+    "Finished",
+    "Options",
+    "Prepared",
+    "Progress",
+    "Row",
+    "agrees",
+    "events",
+    "measure",
+    "prepare",
+]
 
 BUILDS = 3
 """A build is timed this often at most; it varies less than tracing, and takes longer."""
@@ -31,63 +42,19 @@ BUILDS = 3
 BUILD_SECONDS = 5.0
 """A build that takes longer is timed once."""
 
-PASS_SECONDS = 5.0
-"""One timed pass over a ray set takes about this long at most; slower structures get fewer rays."""
-
 ORACLE_SECONDS = 0.5
 """The same for the reference itself, whose speed interests nobody to three digits."""
 
 LIVE_BYTES = 4 << 30
 """Structures that are measured interleaved share this much memory at most."""
 
+GROUP = 8
+"""As many configurations are interleaved; their rows are complete together. The anchor is timed in each group."""
+
 SELF_CHECK = 2048
 """Rays per set on which the reference is compared with itself."""
 
-SCALING = (8, 4, 2)
-"""The view is also timed with its sides divided by these."""
-
 SCALING_ROUNDS = 3
-
-REFERENCES = ("brute", "exact", "embree")
-
-
-@dataclass(frozen=True)
-class Options:
-    """What is measured. size: width and height of the view; check_rays: rays per set compared with the reference.
-
-    threads: for builds and tracing. seed: of the rays. curve: samples per pixel of the pictures. offsets: how far away
-    the grid of touching boxes is put. scaling: whether views of fewer pixels are timed. peak: whether each build is
-    done once more in a process of its own, for its memory. pass_seconds: how long one timed pass may take.
-    """
-
-    size: tuple[int, int] = (1024, 1024)
-    sets: tuple[str, ...] = rays.NAMES
-    repeats: int = 7
-    threads: int = 1
-    reference: str = "brute"
-    check_rays: int = 20_000
-    seed: int = 1
-    curve: tuple[int, ...] = ()
-    offsets: tuple[float, ...] = ()
-    scaling: bool = False
-    peak: bool = False
-    pass_seconds: float = PASS_SECONDS
-
-    def as_dict(self) -> dict[str, Any]:
-        """As JSON has it."""
-        return {key: list(value) if isinstance(value, tuple) else value for key, value in asdict(self).items()}
-
-    def identity(self) -> dict[str, Any]:
-        """What a finished row depends on; how long a pass may take only says how many rays are timed."""
-        return {key: value for key, value in self.as_dict().items() if key != "pass_seconds"}
-
-
-@dataclass(frozen=True)
-class Progress:
-    """What is done next, and which share of everything was done before, 0 to 1."""
-
-    done: float
-    text: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,20 +65,6 @@ class Finished:
 
 
 Event = Progress | Finished
-
-
-@dataclass(eq=False)
-class Prepared:
-    """The rays of a scene, what the reference answers to those that are checked, and what else all structures share."""
-
-    workload: Workload
-    options: Options
-    ray_sets: list[RaySet]
-    checked: dict[str, RaySet]
-    expected: dict[str, Answers]
-    views: list[RaySet]
-    pictures: curve.Curve | None
-    moved: Moved | None
 
 
 def measure(
@@ -142,60 +95,9 @@ def events(
     yield from _Run(native, prepared, chosen).events()
 
 
-def prepare(native: Any, workload: Workload, options: Options) -> Generator[Event, None, Prepared]:
-    """The part of the work that all configurations of a scene share; a generator like `events`, which returns it."""
-    yield Progress(0.0, "making the rays")
-    tracer = native.build(workload.vertices, workload.triangles, _tracer_spec(native), threads=0)
-    ray_sets = rays.make(workload, tracer, size=options.size, seed=options.seed, names=options.sets)
-    checked = {}
-    for rays_of_set in ray_sets:
-        wanted = len(rays_of_set) if rays_of_set in workload.extra else options.check_rays
-        checked[rays_of_set.name] = rays_of_set.take(rays.blocks(len(rays_of_set), wanted, options.seed))
-    count = sum(map(len, checked.values()))
-    yield Progress(0.0, f"{count:,} rays by {options.reference}, the reference")
-    expected = _reference(native, workload, checked, options)
-    moved = None
-    if options.offsets:
-        yield Progress(0.0, "moving the grid of touching boxes")
-        moved = Moved(native, options.offsets, options.seed)
-    pictures = None
-    if options.curve:
-        pictures = curve.Curve(native, workload, options.size, options.curve, options.seed)
-        yield Progress(0.0, "rendering the converged picture")
-        pictures.converge(tracer)
-    views = list(_smaller_views(workload, tracer, options)) if options.scaling and "primary" in options.sets else []
-    return Prepared(workload, options, ray_sets, checked, expected, views, pictures, moved)
-
-
-def _tracer_spec(native: Any) -> str:
-    ids = [row["id"] for row in native.structures()]
-    return "kd" if "kd" in ids else "brute"
-
-
-def _smaller_views(workload: Workload, tracer: Any, options: Options) -> Iterator[RaySet]:
-    """The primary rays of the same view in fewer pixels, the fewest first."""
-    for divisor in SCALING:
-        width, height = (max(rays.TILE, side // divisor // rays.TILE * rays.TILE) for side in options.size)
-        (view,) = rays.make(workload, tracer, size=(width, height), seed=options.seed, names=("primary",))[:1]
-        yield view
-
-
-def _reference(native: Any, workload: Workload, checked: dict[str, RaySet], options: Options) -> dict[str, Answers]:
-    """What the reference answers to the checked rays of each set, on all cores."""
-    vertices, triangles = workload.vertices, workload.triangles
-    found = {}
-    structure: Any = None
-    if options.reference == "brute":
-        structure = native.build(vertices, triangles, "brute", threads=0)
-    elif options.reference == "embree":
-        structure = yardstick.EmbreeStructure(vertices, triangles)
-    for name, some in checked.items():
-        if structure is None:
-            hits = native.exact_closest(vertices, triangles, some.origins, some.directions, t_max=some.t_max)
-        else:
-            hits = structure.closest(some.origins, some.directions, t_max=some.t_max, threads=0)
-        found[name] = Answers.of(hits)
-    return found
+def anchor_of(chosen: Sequence[str]) -> str | None:
+    """The configuration that is timed beside all others, so that rows of other hours and machines can be related."""
+    return next((spec for spec in (yardstick.SPEC, "kd") if spec in chosen), None)
 
 
 class _Run:
@@ -206,9 +108,8 @@ class _Run:
         self._prepared = prepared
         self._workload = prepared.workload
         self._options = options = prepared.options
-        self._with_yardstick = yardstick.SPEC in chosen
-        self._specs = [spec for spec in chosen if spec != yardstick.SPEC]
-        self._round_id = uuid.uuid4().hex[:12]
+        self._anchor_spec = anchor_of(chosen)
+        self._specs = [spec for spec in chosen if spec != self._anchor_spec]
         passes = len(prepared.ray_sets) * (options.repeats + 1) + len(prepared.views) * SCALING_ROUNDS
         # Builds, one comparison, timed passes, the peak, the moved grids, pictures.
         self._steps_each = min(BUILDS, options.repeats) + 1 + passes + options.peak + bool(options.offsets)
@@ -217,22 +118,30 @@ class _Run:
         self._count = 0
 
     def events(self) -> Iterator[Event]:
-        """Everything, in groups of configurations that fit into memory together; the yardstick is in each group."""
-        group: list[Candidate] = []
+        """Everything, in groups of configurations; the anchor is in each, and has its row with the first."""
+        anchor = None
+        if self._anchor_spec is not None:
+            yield self._step(f"{self._anchor_spec}: building")
+            try:
+                anchor = Candidate(self._anchor_spec, self._build(self._anchor_spec))
+            except (ValueError, RuntimeError, MemoryError) as error:
+                yield self._failed(self._anchor_spec, error)
+        waiting = [] if anchor is None else [anchor]
         size = 0
-        for number, spec in enumerate(self._specs):
+        for spec in self._specs:
             yield self._step(f"{spec}: building")
             try:
                 candidate = Candidate(spec, self._build(spec))
             except (ValueError, RuntimeError, MemoryError) as error:
                 yield self._failed(spec, error)
                 continue
-            group.append(candidate)
+            waiting.append(candidate)
             size += candidate.structure.statistics["bytes"]
-            if size > LIVE_BYTES and number + 1 < len(self._specs):
-                yield from self._measure(group)
-                group, size = [], 0
-        yield from self._measure(group)
+            if len(waiting) >= GROUP or size > LIVE_BYTES:
+                yield from self._measure(waiting, anchor)
+                waiting, size = [], 0
+        if waiting:
+            yield from self._measure(waiting, anchor)
 
     def _step(self, text: str) -> Progress:
         done = min(self._count / self._total, 1.0)
@@ -250,10 +159,8 @@ class _Run:
             self._workload.vertices, self._workload.triangles, spec, threads=self._options.threads
         )
 
-    def _measure(self, group: list[Candidate]) -> Iterator[Event]:
+    def _measure(self, group: list[Candidate], anchor: Candidate | None) -> Iterator[Event]:
         """Everything about the built configurations of one group, then their rows."""
-        if self._with_yardstick:
-            group = [Candidate(yardstick.SPEC, self._build(yardstick.SPEC)), *group]
         yield from self._time_builds(group)
         sound: list[Candidate] = []
         for candidate in group:
@@ -263,16 +170,19 @@ class _Run:
                 sound.append(candidate)
             except (ValueError, RuntimeError, MemoryError) as error:
                 yield self._failed(candidate.spec, error)
+        # In later groups the anchor only keeps time.
+        beside = None if anchor is None or not anchor.timed else anchor if anchor in sound else anchor.again()
+        timed = sound if beside is None or beside in sound else [beside, *sound]
         for rays_of_set in self._prepared.ray_sets:
-            steps = timing.rounds(sound, rays_of_set.name, self._options.repeats, self._options.threads)
+            steps = timing.rounds(timed, rays_of_set.name, self._options.repeats, self._options.threads)
             yield from map(self._step, steps)
         yield from map(self._step, timing.scaling(sound, self._prepared.views, SCALING_ROUNDS, self._options))
         ours = [candidate for candidate in sound if candidate.spec != yardstick.SPEC]
         yield from self._extras(ours)
         yield from self._draw(ours)
-        base = next((c for c in sound if c.spec == yardstick.SPEC), None)
+        round_id = uuid.uuid4().hex[:12]
         for candidate in sound:
-            yield Finished(self._row(candidate, base, sound))
+            yield Finished(self._row(candidate, beside, timed, round_id))
 
     def _time_builds(self, group: list[Candidate]) -> Iterator[Event]:
         for candidate in group:
@@ -351,18 +261,19 @@ class _Run:
                     candidate.curve.append(point)
                     candidate.differing_pixels += differing
 
-    def _row(self, candidate: Candidate, base: Candidate | None, group: Sequence[Candidate]) -> Row:
+    def _row(self, candidate: Candidate, anchor: Candidate | None, group: Sequence[Candidate], round_id: str) -> Row:
         options = self._options
         statistics = dict(candidate.structure.statistics)
         row = rows.empty(self._native, self._workload, candidate.spec, options.threads)
-        row["round_id"] = self._round_id
+        row["round_id"] = round_id
+        row["anchor"] = None if anchor is None else anchor.spec
         row["build_s"] = rows.spread(candidate.build_seconds)
         row["bytes"] = statistics.get("bytes")
         row["peak_bytes"] = candidate.peak_bytes
         row["left_out"] = [*statistics.pop("left_out", []), *candidate.left_out]
         row["statistics"] = statistics
         row["rays"] = {
-            one.name: timing.speeds(candidate, one.name, base, timing.noise(group, one.name))
+            one.name: timing.speeds(candidate, one.name, anchor, timing.noise(group, one.name))
             for one in self._prepared.ray_sets
         }
         row["errors"] = accuracy.total(candidate.errors.values()).as_row(options.reference)

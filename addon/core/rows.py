@@ -16,8 +16,8 @@ from .workload import Workload
 Row = dict[str, Any]
 
 OF_THE_CLOCK = {
-    *("build_s", "peak_bytes", "build_seconds", "n", "mrays_s", "times_embree", "rounds", "noise", "control"),
-    *("seconds", "seconds_with_build", "render_s", "machine", "round_id"),
+    *("build_s", "peak_bytes", "build_seconds", "n", "mrays_s", "times_embree", "rounds", "anchor_rounds", "noise"),
+    *("seconds", "seconds_with_build", "render_s", "machine", "round_id", "anchor"),
 }
 """Keys whose values differ from run to run. All others are the same on every machine."""
 
@@ -36,6 +36,7 @@ def empty(native: Any, workload: Workload, spec: str, threads: int) -> Row:
         "threads": 1 if spec == yardstick.SPEC else threads,
         "machine": platform.node(),
         "round_id": None,
+        "anchor": None,
         "build_s": None,
         "bytes": None,
         "peak_bytes": None,
@@ -63,7 +64,20 @@ def failed_scene(name: str, error: BaseException) -> Row:
     return (
         {"scene": name, "triangles": 0, "spec": "", "structure": "", "threads": 0}
         | dict.fromkeys(
-            ("k", "alpha", "seed", "round_id", "build_s", "bytes", "peak_bytes", "statistics", "rays", "errors"), None
+            (
+                "k",
+                "alpha",
+                "seed",
+                "round_id",
+                "anchor",
+                "build_s",
+                "bytes",
+                "peak_bytes",
+                "statistics",
+                "rays",
+                "errors",
+            ),
+            None,
         )
         | {"curve": None, "scaling": None, "offsets": None, "render_s": None, "left_out": []}
         | {

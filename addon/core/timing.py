@@ -50,6 +50,10 @@ class Candidate:
     differing_pixels: int = 0
     left_out: list[str] = field(default_factory=list)
 
+    def again(self) -> Candidate:
+        """The same structure and rays, with no times yet."""
+        return Candidate(self.spec, self.structure, checked=self.checked, counted=self.counted, timed=self.timed)
+
     def mrays(self, name: str) -> NDArray[np.float64]:
         """Million rays per second of a set, one per round."""
         found: NDArray[np.float64] = len(self.timed[name]) / np.maximum(self.seconds[name], 1e-9) / 1e6
@@ -134,8 +138,8 @@ def noise(candidates: Sequence[Candidate], name: str) -> float | None:
     return None
 
 
-def speeds(candidate: Candidate, name: str, base: Candidate | None, machine_noise: float | None) -> dict[str, Any]:
-    """What a row tells of one ray set. base: the yardstick, timed in the same rounds."""
+def speeds(candidate: Candidate, name: str, anchor: Candidate | None, machine_noise: float | None) -> dict[str, Any]:
+    """What a row tells of one ray set. anchor: timed in the same rounds."""
     some = candidate.timed[name]
     counted = candidate.counted[name]
     found: dict[str, Any] = {
@@ -143,6 +147,7 @@ def speeds(candidate: Candidate, name: str, base: Candidate | None, machine_nois
         "mrays_s": None,
         "times_embree": None,
         "rounds": [],
+        "anchor_rounds": [],
         "noise": machine_noise,
         **{key: counted.get(key) for key in COUNTERS},
         "hits": counted["hits"],
@@ -151,8 +156,10 @@ def speeds(candidate: Candidate, name: str, base: Candidate | None, machine_nois
         rates = candidate.mrays(name)
         found["mrays_s"] = {"min": float(rates.min()), "med": float(np.median(rates)), "max": float(rates.max())}
         found["rounds"] = [float(rate) for rate in rates]
-        if base is not None:
-            found["times_embree"] = float(np.median(rates / base.mrays(name)))
+        if anchor is not None:
+            found["anchor_rounds"] = [float(rate) for rate in anchor.mrays(name)]
+            if anchor.spec == yardstick.SPEC:
+                found["times_embree"] = float(np.median(rates / anchor.mrays(name)))
     return found
 
 
