@@ -17,7 +17,7 @@ from typing import Any
 
 from . import accuracy, peak, rays, rows, timing, yardstick
 from .accuracy import Answers
-from .preparation import REFERENCES, Options, Prepared, Progress, prepare
+from .preparation import REFERENCES, Options, Prepared, Progress, prepare, prepared
 from .rows import Row, agrees, first_line
 from .timing import Candidate
 from .workload import Workload
@@ -34,6 +34,7 @@ __all__ = [
     "events",
     "measure",
     "prepare",
+    "prepared",
 ]
 
 BUILDS = 3
@@ -79,20 +80,20 @@ def measure(
 
 
 def events(
-    native: Any, workload: Workload, chosen: Sequence[str], options: Options, prepared: Prepared | None = None
+    native: Any, workload: Workload, chosen: Sequence[str], options: Options, shared: Prepared | None = None
 ) -> Iterator[Event]:
     """Measure configurations on one scene, a bounded step at a time; yields what comes next, and each finished row.
 
     chosen: valid configurations; `embree` names the yardstick. A configuration that cannot be built gives a row whose
-    `error` says why. prepared: what `prepare` made of the same scene and options, where several calls share it.
+    `error` says why. shared: what `prepare` made of the same scene and options, where several calls share it.
 
     Between two items exactly the step that the last Progress announced is done: one build, one comparison, one timed
     pass, one picture. So a caller can show the text, and then go on, on any thread: Blender's data is never touched,
     only the arrays of `workload`. To cancel, close the iterator (or stop asking): rows that were yielded stay valid.
     """
-    if prepared is None:
-        prepared = yield from prepare(native, workload, options)
-    yield from _Run(native, prepared, chosen).events()
+    if shared is None:
+        shared = yield from prepare(native, workload, options)
+    yield from _Run(native, shared, chosen).events()
 
 
 def anchor_of(chosen: Sequence[str]) -> str | None:
@@ -103,14 +104,14 @@ def anchor_of(chosen: Sequence[str]) -> str | None:
 class _Run:
     """One call of `events`: its configurations, and how much of the work is done."""
 
-    def __init__(self, native: Any, prepared: Prepared, chosen: Sequence[str]) -> None:
+    def __init__(self, native: Any, shared: Prepared, chosen: Sequence[str]) -> None:
         self._native = native
-        self._prepared = prepared
-        self._workload = prepared.workload
-        self._options = options = prepared.options
+        self._prepared = shared
+        self._workload = shared.workload
+        self._options = options = shared.options
         self._anchor_spec = anchor_of(chosen)
         self._specs = [spec for spec in chosen if spec != self._anchor_spec]
-        passes = len(prepared.ray_sets) * (options.repeats + 1) + len(prepared.views) * SCALING_ROUNDS
+        passes = len(shared.ray_sets) * (options.repeats + 1) + len(shared.views) * SCALING_ROUNDS
         # Builds, one comparison, timed passes, the peak, the moved grids, pictures.
         self._steps_each = min(BUILDS, options.repeats) + 1 + passes + options.peak + bool(options.offsets)
         self._steps_each += len(options.curve)

@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The most memory that a build takes, measured in a process of its own: `python peak.py SCENE.npz SPEC THREADS`.
+"""The most memory that a build takes, measured in a process of its own.
 
 The process holds the scene and nothing else; the number is by how much its resident memory rose at most while it built.
 """
 
 from __future__ import annotations
 
+import inspect
 import os
 import subprocess
 import sys
@@ -39,8 +40,8 @@ def of_build(native: Any, scene: Path, spec: str, threads: int) -> int:
     """Bytes. scene: a file of `save_scene`. Raises PeakError."""
     library = str(Path(native.__file__).resolve().parent)
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([library, str(Path(np.__file__).parents[1])])}
-    # -P: the neighbours of this file must not hide modules of the standard library.
-    command = [sys.executable, "-P", __file__, str(scene), spec, str(threads)]
+    # The text, not the file: this module may lie in an archive.
+    command = [sys.executable, "-c", inspect.getsource(sys.modules[__name__]), str(scene), spec, str(threads)]
     try:
         done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=TIME_LIMIT, check=False)
     except (OSError, subprocess.TimeoutExpired) as error:

@@ -100,6 +100,17 @@ def prepare(native: Any, workload: Workload, options: Options) -> Generator[Prog
     return Prepared(workload, options, ray_sets, checked, expected, views, pictures, moved)
 
 
+def prepared(native: Any, workload: Workload, options: Options) -> Prepared:
+    """The same at one go, for whoever shows no progress."""
+    steps = prepare(native, workload, options)
+    while True:
+        try:
+            next(steps)
+        except StopIteration as end:
+            found: Prepared = end.value
+            return found
+
+
 def _tracer_spec(native: Any) -> str:
     ids = [row["id"] for row in native.structures()]
     return "kd" if "kd" in ids else "brute"
