@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from .benchmark import Row
+from .rows import Row
 
 COLOURS = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#999999", "#f0e442")
 """Told apart by people with any kind of colour vision (Okabe and Ito 2008)."""
@@ -26,7 +26,7 @@ def problem() -> str | None:
     return None if importlib.util.find_spec("matplotlib") else "matplotlib is not installed in this Python"
 
 
-def scene_figures(rows: Sequence[Row]) -> list[str]:
+def scene_figures(rows: Sequence[Row], published: Any = None) -> list[str]:
     """The SVG elements for one scene's rows."""
     if problem():
         return []

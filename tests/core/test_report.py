@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from addon.core import plots, report
+from addon.core import page, plots, report
 
 RATE = {
     "n": 64,
@@ -20,6 +20,9 @@ RATE = {
     "steps": 3.0,
     "tests": 4.0,
     "hits": 1.0,
+    "rounds": [2.0] * 7,
+    "anchor_rounds": [4.0] * 7,
+    "noise": 0.01,
 }
 ROW: dict[str, Any] = {
     "scene": "room <1>",
@@ -30,10 +33,16 @@ ROW: dict[str, Any] = {
     "alpha": None,
     "seed": None,
     "threads": 1,
+    "machine": "here",
+    "round_id": "1",
+    "anchor": "embree",
+    "peak_bytes": 3_000_000,
+    "scaling": None,
+    "offsets": None,
     "build_s": {"min": 0.1, "med": 0.2, "max": 0.3},
     "bytes": 2_000_000,
     "statistics": {"leaves": 5},
-    "rays": {"primary": RATE, "shadow": {**RATE, "mrays_s": None, "times_embree": None, "n": 0}},
+    "rays": {"primary": RATE, "shadow": {**RATE, "mrays_s": None, "times_embree": None, "n": 0, "rounds": []}},
     "errors": {
         "reference": "brute",
         "rays": 100,
@@ -57,7 +66,9 @@ ROW: dict[str, Any] = {
 def row(spec: str, speed: float = 2.0, spread: float = 0.1, **errors: int) -> dict[str, Any]:
     made = copy.deepcopy(ROW)
     made["spec"] = spec
-    made["rays"]["primary"]["mrays_s"] = {"min": speed - spread, "med": speed, "max": speed + spread}
+    primary = made["rays"]["primary"]
+    primary["mrays_s"] = {"min": speed - spread, "med": speed, "max": speed + spread}
+    primary["rounds"] = [speed + spread * part for part in (-1, -0.6, -0.3, 0, 0.3, 0.6, 1)]
     made["errors"].update(errors)
     return made
 
@@ -78,7 +89,7 @@ def test_the_table_aligns_and_has_errors_beside_times() -> None:
 def test_a_failed_row_shows_its_error() -> None:
     failed = {**copy.deepcopy(ROW), "rays": None, "errors": None, "build_s": None, "bytes": None, "error": "too large"}
     assert "kd: too large" in report.table([failed, row("brute")])
-    assert "too large" in report.as_html(document([failed, row("brute")]))
+    assert "too large" in page.as_html(document([failed, row("brute")]))
 
 
 def test_csv_has_one_column_per_number() -> None:
@@ -88,34 +99,70 @@ def test_csv_has_one_column_per_number() -> None:
     assert line["left_out"] == "oblique planes: <none>"
 
 
-def test_what_overlaps_is_not_ranked() -> None:
-    apart = " ".join(report.findings([row("a", 4.0), row("b", 2.0)]))
-    assert "a is the fastest, 2.00 times b" in apart
-    close = " ".join(report.findings([row("a", 2.1), row("b", 2.0)]))
-    assert "cannot be told apart" in close
+def said(*rows: dict[str, Any]) -> str:
+    return " ".join(report.findings(list(rows)))
+
+
+def test_what_noise_cannot_separate_is_not_ranked() -> None:
+    assert "a is the fastest, 2.00 times b" in said(row("a", 4.0), row("b", 2.0))
+    # Faster in every round, but by less than the noise of the machine.
+    close = row("a", 2.01), row("b", 2.0)
+    for one in close:
+        one["rays"]["primary"]["noise"] = 0.02
+    assert "a and b cannot be told apart" in said(*close)
+    # Far apart by the medians, but not in every round.
+    torn = row("a", 4.0), row("b", 2.0)
+    torn[0]["rays"]["primary"]["rounds"][2] = 1.0
+    assert "a and b cannot be told apart" in said(*torn)
+
+
+def test_a_drifting_machine_does_not_hide_an_order_that_holds_in_every_round() -> None:
+    drift = row("a"), row("b")
+    for one, faster in zip(drift, (1.1, 1.0), strict=True):
+        one["rays"]["primary"]["rounds"] = [faster * speed for speed in (4.0, 3.5, 3.0, 2.5, 2.0, 1.5, 1.0)]
+    assert "a is the fastest, 1.10 times b" in said(*drift)
+
+
+def test_too_few_rounds_rank_nothing() -> None:
+    few = row("a", 4.0), row("b", 2.0)
+    for one in few:
+        for key in ("rounds", "anchor_rounds"):
+            one["rays"]["primary"][key] = one["rays"]["primary"][key][:3]
+    assert "3 rounds rank nothing" in said(*few)
+
+
+def test_rows_of_different_rounds_are_compared_through_their_anchor() -> None:
+    # The second was measured while the machine was twice as slow, and so was its anchor.
+    slow = row("b", 1.6, 0.01)
+    slow["round_id"] = "2"
+    slow["rays"]["primary"]["anchor_rounds"] = [2.0] * 7
+    assert "b is the fastest, 1.60 times a" in said(row("a", 2.0, 0.01), slow)
+    overlapping = row("b", 2.1, 0.3)
+    overlapping["round_id"] = "2"
+    assert "cannot be told apart" in said(row("a", 2.0), overlapping)
 
 
 def test_wrong_answers_are_said_first() -> None:
     sentences = report.findings([row("a"), row("b", wrong_triangle=1)])
     assert sentences[0] == "Answers that differ from the reference: b."
-    page = report.as_html(document([row("a"), row("b", wrong_triangle=1)]))
-    assert page.count('<tr class="wrong"') == 1
+    text = page.as_html(document([row("a"), row("b", wrong_triangle=1)]))
+    assert text.count('<tr class="wrong"') == 1
 
 
 def test_the_page_is_one_file_and_escapes_what_it_shows() -> None:
-    page = report.as_html(document([row("kd"), row("kd-sah")]))
-    assert "room &lt;1&gt;" in page
-    assert "P &amp; Q" in page
-    assert "room <1>" not in page
+    text = page.as_html(document([row("kd"), row("kd-sah")]))
+    assert "room &lt;1&gt;" in text
+    assert "P &amp; Q" in text
+    assert "room <1>" not in text
     for outside in ("src=", "<link", "@import", "url(http"):
-        assert outside not in page
+        assert outside not in text
 
 
 @pytest.mark.skipif(plots.problem() is not None, reason=str(plots.problem()))
 def test_the_plots_are_svg_with_a_mark_for_each_structure() -> None:
     curve = [{"spp": n, "seconds": n / 10, "rmse": n**-0.5, "relmse": 1 / n} for n in (1, 4, 16)]
     figures = plots.scene_figures([{**row("kd"), "curve": curve}, {**row("kd-sah"), "curve": curve}])
-    assert len(figures) == 3
+    assert len(figures) >= 3
     for figure in figures:
         texts = " ".join(ET.fromstring(figure).itertext())
         assert "kd" in texts
@@ -124,6 +171,6 @@ def test_the_plots_are_svg_with_a_mark_for_each_structure() -> None:
 
 def test_without_matplotlib_the_page_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(plots, "problem", lambda: "matplotlib is not installed")
-    page = report.as_html(document([row("kd")]))
-    assert "<svg" not in page
-    assert "Plots are left out: matplotlib is not installed." in page
+    text = page.as_html(document([row("kd")]))
+    assert "<svg" not in text
+    assert "Plots are left out: matplotlib is not installed." in text
