@@ -6,6 +6,8 @@ import bpy
 from . import (
     building,
     checking,
+    compare_panels,
+    comparing,
     compat,
     cost_maps,
     engine,
@@ -33,8 +35,10 @@ def register() -> None:
     checking.register()
     picking.register()
     cost_maps.register()
+    comparing.register()
     panels.register()
     overlay_panels.register()
+    compare_panels.register()
     overlay.register()
     bpy.utils.register_class(engine.HalfspaceEngine)
     compat.register(engine.ENGINE)
@@ -45,8 +49,10 @@ def unregister() -> None:
     compat.unregister(engine.ENGINE)
     bpy.utils.unregister_class(engine.HalfspaceEngine)
     overlay.unregister()
+    compare_panels.unregister()
     overlay_panels.unregister()
     panels.unregister()
+    comparing.unregister()
     cost_maps.unregister()
     picking.unregister()
     checking.unregister()

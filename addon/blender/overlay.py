@@ -12,7 +12,7 @@ from bpy.app.handlers import persistent
 from gpu_extras.batch import batch_for_shader
 
 from ..core import cells, planes
-from . import building, picking, trees
+from . import building, comparing, picking, trees
 
 OWN_COLOURS = {
     "OBLIQUE": (1.0, 0.72, 0.16),
@@ -21,9 +21,6 @@ OWN_COLOURS = {
     "BOXES": (0.97, 0.90, 0.78),
 }
 """Gold, violet, turquoise and ivory: as far from Blender's red, green and blue axes as from each other."""
-
-RAY_BEHIND = 0.35
-"""How much of a ray's opacity is left at least where objects stand before it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +123,7 @@ def _drawing(scene: Any, tree: trees.Tree, part: str) -> _Drawing | None:
     style = "BOTH" if part == "RAY" else settings.style
     passes = tuple(
         (test, [_batches(level, style) for level in _levels(part, chosen, tints, opacity, settings.line_width)])
-        for test, opacity in (("GREATER", settings.opacity * _behind(settings, part)), ("LESS_EQUAL", settings.opacity))
+        for test, opacity in _tests(settings, part)
         if opacity > 0
     )
     _drawings[uid, part] = _Drawing(tree.number, (chosen_by, look), chosen, passes)
@@ -161,9 +158,13 @@ def _levels(part: str, chosen: Any, tints: Any, opacity: float, width: float) ->
     return planes.levels(chosen, tints, opacity, width)
 
 
-def _behind(settings: Any, part: str) -> float:
-    """How much of the opacity is left behind objects: a ray must be seen on its whole way."""
-    return max(settings.behind, RAY_BEHIND) if part == "RAY" else settings.behind
+def _tests(settings: Any, part: str) -> tuple[tuple[str, float], ...]:
+    """How a part stands to the objects' depths, with its opacity for each. A ray is seen on its whole way; the
+    triangles beside it lie in the surfaces of objects, which a comparison of depths would tear to strips.
+    """
+    if part == "RAY":
+        return (("ALWAYS", settings.opacity),)
+    return ("GREATER", settings.opacity * settings.behind), ("LESS_EQUAL", settings.opacity)
 
 
 def _batches(level: planes.Level, style: str) -> _Batches:
@@ -210,6 +211,8 @@ def follow(*_: Any) -> None:
 def _file_loaded(*_: Any) -> None:
     """Another file: its scenes have nothing to do with the tree."""
     building.stop()
+    comparing.stop()
+    comparing.clear()
     trees.clear()
     picking.clear()
     _drawings.clear()

@@ -7,7 +7,7 @@ from typing import Any
 
 import bpy
 
-from ..core import native
+from ..core import native, planes
 from . import building, cost_maps, overlay, panels, picking, properties, trees
 from .panels import wrapped
 
@@ -110,13 +110,17 @@ class HALFSPACE_PT_view_overlay(_SidebarPanel, bpy.types.Panel):
             column = layout.column(align=True)
             column.prop(settings, "depth_min")
             column.prop(settings, "depth_max")
-            layout.column().prop(settings, "kinds")
+            flow = layout.grid_flow(row_major=True, columns=4, even_columns=True, align=True)
+            for kind in planes.KINDS:
+                flow.prop_enum(settings, "kinds", kind)
         if "CELLS" in settings.parts:
             layout.prop(settings, "least")
         layout.prop(settings, "max_count")
         if settings.show:
-            _planes(layout, overlay.shown(context.scene, "PLANES"))
-            _cells(layout, overlay.shown(context.scene, "CELLS"))
+            if "PLANES" in settings.parts:
+                _planes(layout, overlay.shown(context.scene, "PLANES"))
+            if "CELLS" in settings.parts:
+                _cells(layout, overlay.shown(context.scene, "CELLS"))
         column = layout.column()
         column.row().prop(settings, "style", expand=True)
         column.prop(settings, "opacity")
@@ -126,14 +130,14 @@ class HALFSPACE_PT_view_overlay(_SidebarPanel, bpy.types.Panel):
         column.prop(settings, "auto_update")
 
 
-def _planes(layout: Any, planes: Any) -> None:
+def _planes(layout: Any, shown: Any) -> None:
     """How many planes are in the picture, and how many the limit keeps out of it."""
-    if planes is None:
+    if shown is None:
         return
-    layout.label(text=f"{len(planes):,} planes shown")
-    if planes.hidden or not planes.complete:
-        least = "" if planes.complete else "at least "
-        layout.label(text=f"{least}{planes.hidden:,} hidden by the limit", icon="HIDE_ON")
+    layout.label(text=f"{len(shown):,} planes shown")
+    if shown.hidden or not shown.complete:
+        least = "" if shown.complete else "at least "
+        layout.label(text=f"{least}{shown.hidden:,} hidden by the limit", icon="HIDE_ON")
 
 
 def _cells(layout: Any, cells: Any) -> None:

@@ -216,7 +216,7 @@ def help_button(layout: Any, section: str) -> None:
         layout.operator(manual.HALFSPACE_OT_manual.bl_idname, text="", icon="HELP", emboss=False).section = section
 
 
-def structure(layout: Any, group: Any, *, width: int = 60) -> None:
+def structure(layout: Any, group: Any, *, width: int = 36) -> None:
     """The choice of a structure, its parameters and no others, and where it comes from."""
     presets.draw(layout)
     layout.prop(group, "structure")

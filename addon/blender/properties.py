@@ -143,6 +143,24 @@ class HalfspaceViewLayerSettings(bpy.types.PropertyGroup):
     )
 
 
+TICKED = ("bvh-sah", "kd", "octree-net")
+"""What is compared unless the user says otherwise."""
+
+
+def tick(structure_id: str) -> str:
+    """The property of `scene.halfspace.compared` that includes this structure."""
+    return structure_id.replace("-", "_")
+
+
+def _ticks(known: Catalogue) -> dict[str, Any]:
+    return {
+        tick(structure.id): BoolProperty(
+            name=structure.label, description=f"{structure.summary} {structure.paper}", default=structure.id in TICKED
+        )
+        for structure in known.structures
+    }
+
+
 _registered: list[type] = []
 
 
@@ -150,7 +168,12 @@ def register() -> None:
     """Register the property groups; without a native module the scene keeps only what needs no catalogue."""
     properties = dict(RENDER_PROPERTIES)
     if native.problem() is None:  # else said in the panel and by every render; stored values stay in the file
+        ticks = {"__annotations__": _ticks(catalogue.load())}
+        compared = type("HalfspaceCompared", (bpy.types.PropertyGroup,), ticks)
+        bpy.utils.register_class(compared)
+        _registered.append(compared)
         properties |= _structure_properties(catalogue.load())
+        properties["compared"] = PointerProperty(type=compared)
     scene_settings = type("HalfspaceSettings", (bpy.types.PropertyGroup,), {"__annotations__": properties})
     for group, owner in ((scene_settings, bpy.types.Scene), (HalfspaceViewLayerSettings, bpy.types.ViewLayer)):
         bpy.utils.register_class(group)

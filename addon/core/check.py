@@ -66,11 +66,14 @@ def steps(native: Any, structure: Any, workload: Workload, *, seed: int = 1, thr
         yield Check(accuracy.total(found), dict(speed), dict(step_means), dict(test_means))
 
 
-def rate(structure: Any, whole: rays.RaySet, threads: int) -> float:
-    """Million rays of a set per second, once the rays have been traced to warm up."""
+def rate(structure: Any, whole: rays.RaySet, threads: int, repeats: int = 1) -> float:
+    """Million rays of a set per second in the best of some repeats, once the rays have been traced to warm up."""
     ask = structure.occluded if whole.any_hit else structure.closest
     asked: dict[str, Any] = {"t_max": whole.t_max, "order": whole.order, "threads": threads}
-    ask(whole.origins, whole.directions, **asked)
-    start = time.perf_counter()
-    ask(whole.origins, whole.directions, **asked)
-    return len(whole) / max(time.perf_counter() - start, 1e-9) / 1e6
+    best = float("inf")
+    for repeat in range(repeats + 1):
+        start = time.perf_counter()
+        ask(whole.origins, whole.directions, **asked)
+        if repeat:
+            best = min(best, time.perf_counter() - start)
+    return len(whole) / max(best, 1e-9) / 1e6

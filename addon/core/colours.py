@@ -34,7 +34,8 @@ def false_colour(values: NDArray[Any]) -> F32:
     below = np.minimum(place.astype(np.int64), len(ANCHORS) - 2)
     part = (place - below)[..., None]
     mixed = ANCHORS[below] * (1 - part) + ANCHORS[below + 1] * part
-    return mixed.astype(np.float32)
+    made: F32 = mixed.astype(np.float32)
+    return made
 
 
 def of_counts(counts: NDArray[Any]) -> F32:

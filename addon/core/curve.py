@@ -40,7 +40,15 @@ Image = NDArray[np.float32]
 class Curve:
     """The pictures of one scene. size: width and height of its view."""
 
-    def __init__(self, native: Any, workload: Workload, size: tuple[int, int], samples: tuple[int, ...], seed: int):
+    def __init__(
+        self,
+        native: Any,
+        workload: Workload,
+        size: tuple[int, int],
+        samples: tuple[int, ...],
+        seed: int,
+        max_bounces: int = 4,
+    ):
         self._native = native
         self._workload = workload
         self.samples = samples
@@ -48,6 +56,7 @@ class Curve:
         self._width, self._height = (max(TILE, round(side * scale)) for side in size)
         self._camera = workload.render_camera or _camera(workload.view, self._width / self._height, workload.diagonal())
         self._seed = seed
+        self._max_bounces = max_bounces
         self._converged: Image | None = None
         self._pictures: dict[int, Image] = {}
 
@@ -71,6 +80,12 @@ class Curve:
         seconds = float(job.statistics["seconds"])
         return {"spp": samples, "seconds": seconds, **errors(picture, self._converged)}, differing
 
+    def rays_per_sample(self, structure: Any, samples: int) -> dict[str, float]:
+        """How many primary, shadow and secondary rays a sample of a pixel takes, the mean of a small picture."""
+        counted = self._render(structure, samples, self._seed, 0).statistics
+        pixels = self._width * self._height * samples
+        return {kind: counted[f"rays_{kind}"] / pixels for kind in ("primary", "shadow", "secondary")}
+
     def _render(self, structure: Any, samples: int, seed: int, threads: int) -> Any:
         scene = self._workload.render_scene
         if scene is None:
@@ -84,7 +99,13 @@ class Curve:
                 lights=[asdict(light) for light in scene.lights],
                 world=asdict(scene.world),
             )
-        settings = {"width": self._width, "height": self._height, "samples": samples, "max_bounces": 4, "seed": seed}
+        settings = {
+            "width": self._width,
+            "height": self._height,
+            "samples": samples,
+            "max_bounces": self._max_bounces,
+            "seed": seed,
+        }
         camera = self._camera if isinstance(self._camera, dict) else asdict(self._camera)
         job = self._native.render(render_scene, camera, settings, threads=threads)
         while not job.wait(100):

@@ -14,11 +14,22 @@ import pytest
 from layouts import Layout, draw, draw_all
 from shapes import cube
 
-from addon.blender import building, checking, extract, manual, overlay_panels, panels, presets, properties, trees
+from addon.blender import (
+    building,
+    checking,
+    compare_panels,
+    extract,
+    manual,
+    overlay_panels,
+    panels,
+    presets,
+    properties,
+    trees,
+)
 from addon.core import catalogue, native
 from addon.core.presets import offered
 
-PANELS = [*panels.CLASSES, *overlay_panels.CLASSES]
+PANELS = [*panels.CLASSES, *overlay_panels.CLASSES, *compare_panels.CLASSES]
 
 
 def context(scene: Any) -> dict[str, Any]:

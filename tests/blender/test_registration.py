@@ -7,7 +7,7 @@ import bpy
 import pytest
 
 import addon
-from addon.blender import building, checking, overlay, picking, properties, reports, trees
+from addon.blender import building, checking, comparing, overlay, picking, properties, reports, trees
 from addon.blender.engine import ENGINE
 from addon.core import native
 
@@ -39,6 +39,7 @@ def footprint() -> dict[str, object]:
         "tree": trees._tree,
         "checks": dict(checking._checks),
         "rays": dict(picking._rays),
+        "comparisons": (dict(comparing._found), comparing._state.work),
         "drawing": (overlay._handle, dict(overlay._drawings)),
         "popover": len(bpy.types.VIEW3D_PT_overlay.draw._draw_funcs)
         if hasattr(bpy.types.VIEW3D_PT_overlay.draw, "_draw_funcs")

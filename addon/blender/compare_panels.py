@@ -1,0 +1,130 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which structure is best for this scene: the panels that ask and tell, in the sidebar and in the render properties."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+
+from ..core import catalogue, native
+from ..core.choice import Comparison, Line
+from . import comparing, panels, presets, properties
+from .engine import ENGINE
+from .panels import wrapped
+
+
+class _ComparePanel:
+    bl_label = "Compare"
+    bl_options = {"DEFAULT_CLOSED"}
+    section = "Which structure is best"
+
+    def draw_header_preset(self, context: Any) -> None:
+        panels.help_button(self.layout, self.section)  # type: ignore[attr-defined]
+
+    def draw(self, context: Any) -> None:
+        layout, scene = self.layout, context.scene  # type: ignore[attr-defined]
+        layout.operator(comparing.HALFSPACE_OT_choose.bl_idname, icon="SHADERFX")
+        _ticks(layout, scene.halfspace)
+        layout.operator(comparing.HALFSPACE_OT_compare.bl_idname, icon="SORTTIME")
+        now = comparing.progress()
+        if now is not None:
+            layout.progress(factor=now[0], text=now[1])
+        found = comparing.last(scene)
+        if found is None:
+            return
+        _table(layout, found.comparison)
+        for line in found.notes:
+            wrapped(layout, line, width=40)
+        layout.operator(comparing.HALFSPACE_OT_write_report.bl_idname, icon="FILE_TICK")
+
+
+def _ticks(layout: Any, group: Any) -> None:
+    """All structures by family; the chosen one is compared in any case."""
+    layout.label(text="Beside the chosen structure:")
+    families: dict[str, list[Any]] = {}
+    for structure in catalogue.load().structures:
+        families.setdefault(structure.family, []).append(structure)
+    flow = layout.grid_flow(row_major=True, columns=2, even_columns=True)
+    for structures in families.values():
+        for structure in structures:
+            flow.prop(group.compared, properties.tick(structure.id))
+
+
+def _table(layout: Any, found: Comparison) -> None:
+    """One line per configuration, the best first."""
+    box = layout.box()
+    row = box.row()
+    for text in ("", "Build", "Render", "Both", ""):
+        row.label(text=text)
+    for line in found.lines:
+        row = box.row()
+        if line.problem:
+            row.label(text=_name(line), icon="ERROR")
+            wrapped(box, line.problem)
+            continue
+        row.label(text=_name(line), icon=_mark(found, line))
+        for seconds in (line.build, line.trace, line.total):
+            row.label(text=_seconds(seconds))
+        row.operator(presets.HALFSPACE_OT_use_spec.bl_idname).spec = line.spec
+    checked = sum(line.checked for line in found.lines)
+    if checked:
+        wrapped(box, f"{checked:,} answers compared with brute force, {sum(x.wrong for x in found.lines):,} wrong")
+    wrapped(box, "Render: all rays of the picture at the measured speeds, without shading", width=44)
+
+
+def _mark(found: Comparison, line: Line) -> str:
+    """A filled star for the least build plus render, a clock for the fastest rays."""
+    if line is found.best:
+        return "SOLO_ON"
+    return "SORTTIME" if line is found.fastest else "BLANK1"
+
+
+def _name(line: Line) -> str:
+    structure = catalogue.load().get(line.spec.partition(":")[0])
+    parameters = line.spec.partition(":")[2]
+    label = structure.label if structure is not None else line.spec
+    return f"{label}, {parameters}" if parameters else label
+
+
+def _seconds(value: float) -> str:
+    return f"{value:.2f} s" if value < 100 else f"{value:,.0f} s"
+
+
+class HALFSPACE_PT_view_compare(_ComparePanel, bpy.types.Panel):
+    """Comparing, in the sidebar of the 3D viewport."""
+
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "Halfspace"
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return native.problem() is None
+
+
+class HALFSPACE_PT_compare(_ComparePanel, bpy.types.Panel):
+    """Comparing, in the render properties."""
+
+    bl_space_type = "PROPERTIES"
+    bl_region_type = "WINDOW"
+    bl_context = "render"
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return context.engine == ENGINE and native.problem() is None
+
+
+CLASSES = (HALFSPACE_PT_view_compare, HALFSPACE_PT_compare)
+
+
+def register() -> None:
+    """Register the panels."""
+    for panel in CLASSES:
+        bpy.utils.register_class(panel)
+
+
+def unregister() -> None:
+    """The reverse of `register`."""
+    for panel in reversed(CLASSES):
+        bpy.utils.unregister_class(panel)

@@ -1,0 +1,193 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Choosing a structure for a scene and a number of samples, quickly: small trials first, large ones only for those
+that may win by more than the trial costs.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Generator, Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from . import check, choice, presets, rays, specs
+from .catalogue import Catalogue
+from .choice import Comparison, Line, Mix, Plan
+from .workload import Workload
+
+CANDIDATES = (
+    "bvh-sah",
+    "kd",
+    "bih-sah",
+    "octree-net",
+    *(
+        f"{tree}:k={k},alpha={alpha}"
+        for tree in ("bsp-wn-plus-kd", "bsp-cn-plus-kd")
+        for k in (4, 6)
+        for alpha in (0.1, 0.5)
+    ),
+    "rbsp-kd:k=5",
+)
+"""What is tried: one of each kind, the best of the sources with few and with more directions."""
+
+SIZE = (192, 128)
+"""Pixels of the view whose rays are timed."""
+
+TRIAL_TRIANGLES = 16_384
+"""A trial is made over at most so many triangles, chosen at random."""
+
+MARGIN = 1.15
+"""How far a small trial may be wrong: whoever seems slower than the best by less than this is tried in full."""
+
+CHEAP, HOPELESS = 0.08, 4.0
+"""Whoever builds in this share of the best picture's time is tried in full however slow it seemed, unless it seemed
+slower than this many times the best: parts of a scene tell little of the whole."""
+
+REPEATS = 3
+"""Rays are timed this often, and the best counts: other work on the machine only ever slows down."""
+
+BUDGET = 0.2
+"""All full trials together may take this share of the best picture's time, so that choosing never costs more than it
+can win."""
+
+
+def candidates(catalogue: Catalogue) -> list[str]:
+    """The configurations of CANDIDATES that this catalogue has."""
+    found = []
+    for spec in CANDIDATES:
+        try:
+            presets.settings(catalogue, spec)
+        except specs.SpecError:
+            continue
+        found.append(spec)
+    return found
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A configuration over a part of the scene. build: seconds expected over the whole; speed: relative to the first's
+    on the same part, 2 is twice as fast.
+    """
+
+    spec: str
+    build: float
+    speed: float
+
+
+@dataclass(frozen=True)
+class Choice:
+    """spec: what to use. structure: built over the whole scene. comparison: what was tried in full. notes: why, and why
+    not the others. seconds: what choosing took in all; own: without the build of what was chosen, which is not lost.
+    """
+
+    spec: str
+    structure: Any
+    comparison: Comparison
+    notes: tuple[str, ...]
+    seconds: float
+    own: float
+
+
+@dataclass
+class Chooser:
+    """One choice, step by step, for whoever shows progress and may want to stop."""
+
+    native: Any
+    workload: Workload
+    plan: Plan
+    specs: Sequence[str]
+    threads: int = 0
+    result: Choice | None = None
+    _notes: list[str] = field(default_factory=list)
+    _lines: dict[str, Line] = field(default_factory=dict)
+    _built: dict[str, Any] = field(default_factory=dict)
+
+    def steps(self) -> Iterator[str]:
+        """Says what is done next; after the last item `result` is there. Raises what builds raise."""
+        began = time.perf_counter()
+        first, *others = self.specs
+        yield f"{first}: building"
+        structure = self.native.build(self.workload.vertices, self.workload.triangles, first, threads=self.threads)
+        sets = rays.make(self.workload, structure, size=SIZE, seed=1, names=choice.SETS)
+        sets = [some for some in sets if len(some)]
+        yield "counting the rays of a small picture"
+        counted = choice.mix(self.native, structure, self.workload, SIZE, self.plan.max_bounces)
+        yield f"{first}: timing rays"
+        self._measured(first, structure, sets, counted)
+        trials = yield from self._trials(first, others)
+        spent = 0.0
+        for trial in sorted(trials, key=lambda trial: self._expected(trial, first)):
+            best = min(self._lines.values(), key=lambda line: line.total)
+            expected = self._expected(trial, first)
+            cheap = trial.build <= CHEAP * best.total
+            if expected > best.total * (HOPELESS if cheap else MARGIN):
+                self._notes.append(f"{trial.spec}: left out, it would take about {expected:.2f} s")
+                continue
+            if spent + trial.build > BUDGET * best.total:
+                self._notes.append(f"{trial.spec}: left out, trying it would cost more than it can win")
+                continue
+            yield f"{trial.spec}: building"
+            start = time.perf_counter()
+            built = self.native.build(self.workload.vertices, self.workload.triangles, trial.spec, threads=self.threads)
+            yield f"{trial.spec}: timing rays"
+            self._measured(trial.spec, built, sets, counted)
+            spent += time.perf_counter() - start
+        self._decide(time.perf_counter() - began)
+
+    def _measured(self, spec: str, structure: Any, sets: list[rays.RaySet], counted: Mix) -> None:
+        """Keep what a full trial found, and of the structures only the best."""
+        speeds = {some.name: check.rate(structure, some, self.threads, REPEATS) for some in sets}
+        trace = counted.seconds(speeds, self.plan) if speeds else 0.0
+        self._lines[spec] = Line(spec, structure.statistics["build_seconds"], trace)
+        self._built[spec] = structure
+        best = min(self._lines.values(), key=lambda line: line.total).spec
+        self._built = {best: self._built[best]}
+
+    def _trials(self, first: str, others: Sequence[str]) -> Generator[str, None, list[Trial]]:
+        """Small trials of all, over a part of the scene; returns them without the first's."""
+        count = len(self.workload.triangles)
+        part = choice.subset(self.workload, TRIAL_TRIANGLES, seed=1)
+        share = len(part.triangles)
+        # A build over n triangles takes about n log n.
+        grown = count * math.log2(count + 2) / (share * math.log2(share + 2))
+        made: list[Trial] = []
+        reference = scale = 1.0
+        sets: list[rays.RaySet] = []
+        for spec in (first, *others):
+            yield f"{spec}: trying it on {share:,} triangles"
+            structure = self.native.build(part.vertices, part.triangles, spec, threads=self.threads)
+            if spec == first:
+                sets = [s for s in rays.make(part, structure, size=SIZE, seed=1, names=choice.SETS) if len(s)]
+            speeds = [check.rate(structure, some, self.threads, REPEATS) for some in sets]
+            speed = 1 / float(np.mean([1 / value for value in speeds])) if speeds else 1.0
+            build = structure.statistics["build_seconds"] * grown
+            if spec == first:
+                reference = speed
+                scale = self._lines[first].build / max(build, 1e-9)
+            else:
+                made.append(Trial(spec, build * scale, speed / reference))
+        return made
+
+    def _expected(self, trial: Trial, first: str) -> float:
+        """Build plus render that a small trial lets expect."""
+        return trial.build + self._lines[first].trace / trial.speed
+
+    def _decide(self, seconds: float) -> None:
+        lines = tuple(sorted(self._lines.values(), key=lambda line: line.total))
+        found = Comparison(self.plan, lines)
+        best = lines[0]
+        own = seconds - best.build
+        notes = [found.reason(), f"Choosing took {own:.2f} s beside that build.", *self._notes]
+        self.result = Choice(best.spec, self._built[best.spec], found, tuple(notes), seconds, own)
+
+
+def choose(native: Any, workload: Workload, plan: Plan, catalogue: Catalogue, *, threads: int = 0) -> Choice:
+    """The best structure for a picture, at one go."""
+    chooser = Chooser(native, workload, plan, candidates(catalogue), threads)
+    for _ in chooser.steps():
+        pass
+    assert chooser.result is not None, "the last step decides"
+    return chooser.result

@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""How well the automatic choice chooses: `python scripts/choose.py SCENE.npz [...] [options]`.
+
+For each scene: what is chosen, what choosing cost, and what the best of all candidates would have taken, each of them
+built and timed in full. Exit status: 0 done; 2 bad usage or input, said in one line.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from addon.core import auto, catalogue, check, choice, native, rays
+from addon.core.workload import Workload, WorkloadError, load_npz
+
+BAD_INPUT = 2
+REPEATS = 3
+GOOD = 1.1
+"""Within this of the best counts as well chosen."""
+
+
+def parser() -> argparse.ArgumentParser:
+    """The command line."""
+    made = argparse.ArgumentParser(prog="choose", description=(__doc__ or "").splitlines()[0])
+    made.add_argument("scenes", nargs="+", type=Path, metavar="SCENE", help=".npz")
+    made.add_argument("--samples", type=int, default=32, help="samples per pixel of the picture (default: 32)")
+    made.add_argument("--pixels", type=int, default=1920 * 1080, help="pixels of the picture (default: 1920 x 1080)")
+    made.add_argument("--threads", type=int, default=0, help="0 = all (default)")
+    return made
+
+
+def full(
+    module: object, workload: Workload, plan: choice.Plan, specs: Sequence[str], threads: int
+) -> choice.Comparison:
+    """Every candidate built and timed in full, interleaved."""
+    built = {}
+    for spec in specs:
+        built[spec] = module.build(workload.vertices, workload.triangles, spec, threads=threads)  # type: ignore[attr-defined]
+    first = built[specs[0]]
+    counted = choice.mix(module, first, workload, auto.SIZE, plan.max_bounces)
+    sets = [some for some in rays.make(workload, first, size=auto.SIZE, seed=2, names=choice.SETS) if len(some)]
+    best: dict[str, dict[str, float]] = {spec: {} for spec in specs}
+    for _ in range(REPEATS):
+        for spec in specs:
+            for some in sets:
+                best[spec][some.name] = max(best[spec].get(some.name, 0.0), check.rate(built[spec], some, threads))
+    lines = [
+        choice.Line(spec, built[spec].statistics["build_seconds"], counted.seconds(best[spec], plan)) for spec in specs
+    ]
+    return choice.Comparison(plan, tuple(sorted(lines, key=lambda line: line.total)))
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Choose and compare on each scene. Returns the exit status."""
+    asked = parser().parse_args(arguments)
+    plan = choice.Plan(asked.pixels, asked.samples)
+    good = 0
+    try:
+        module, known = native.load(), catalogue.load()
+        for path in asked.scenes:
+            workload = load_npz(path)
+            chosen = auto.choose(module, workload, plan, known, threads=asked.threads)
+            compared = full(module, workload, plan, auto.candidates(known), asked.threads)
+            best, own = compared.lines[0], next(line for line in compared.lines if line.spec == chosen.spec)
+            ratio = own.total / best.total
+            good += ratio <= GOOD
+            print(f"{workload.name}: chose {chosen.spec}, {own.total:.2f} s; best {best.spec}, {best.total:.2f} s")
+            print(f"  {ratio:.3f} times the best; choosing took {chosen.own:.2f} s beside the build of the chosen")
+            for line in compared.lines:
+                print(
+                    f"  {line.spec:<36} build {line.build:8.2f} s  trace {line.trace:8.2f} s  total {line.total:8.2f} s"
+                )
+            for note in chosen.notes:
+                print(f"  {note}")
+            sys.stdout.flush()
+    except (native.NativeError, WorkloadError, ValueError, RuntimeError) as error:
+        print(f"choose: {' '.join(str(error).split())}", file=sys.stderr)
+        return BAD_INPUT
+    print(f"{good} of {len(asked.scenes)} within {GOOD - 1:.0%} of the best")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,133 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Comparing and choosing structures in Blender: results, panel, report, stopping."""
+
+from __future__ import annotations
+
+import json
+import time
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import bpy
+import pytest
+from layouts import draw_all
+from shapes import cube, grid
+
+from addon.blender import compare_panels, comparing, presets, properties
+from addon.core import auto, catalogue
+
+
+@pytest.fixture
+def seen(scene: Any, add: Any) -> Any:
+    """Boxes before a camera."""
+    for i in range(5):
+        add(f"Box {i}", cube(size=0.8), location=(1.1 * i - 2.5, 0.3 * i, 0))
+    scene.camera = add("Camera", bpy.data.cameras.new("Camera"), location=(0, 0, 12))
+    scene.render.resolution_x, scene.render.resolution_y = 64, 64
+    return scene
+
+
+@pytest.fixture(autouse=True)
+def quick(monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Small measurements, and nothing left over."""
+    monkeypatch.setattr(comparing, "VIEW_WIDTH", 32)
+    monkeypatch.setattr(comparing, "REPEATS", 1)
+    yield
+    comparing.stop(10.0)
+    comparing.clear()
+
+
+def test_ticked_structures_and_the_chosen_one_are_compared(seen: Any, tmp_path: Path) -> None:
+    group = seen.halfspace
+    group.structure = "kd"
+    group.traversal = "dir"
+    for structure in catalogue.load().structures:
+        setattr(group.compared, properties.tick(structure.id), structure.id in ("kd", "bvh-sah"))
+    assert comparing.ticked(group) == ["kd:traversal=dir", "bvh-sah"]
+    assert not bpy.ops.halfspace.write_report.poll()
+    assert bpy.ops.halfspace.compare() == {"FINISHED"}
+    found = comparing.last(seen)
+    assert found is not None
+    assert {line.spec for line in found.comparison.sound} == {"kd:traversal=dir", "bvh-sah"}
+    assert found.comparison.plan.pixels == 64 * 64
+    for panel in compare_panels.CLASSES:
+        drawn = draw_all(panel, scene=seen)
+        uses = [button.spec for button in drawn.operators if button.id == presets.HALFSPACE_OT_use_spec.bl_idname]
+        assert uses == [line.spec for line in found.comparison.lines]
+        assert "compared with brute force, 0 wrong" in " ".join(drawn.log)
+    assert bpy.ops.halfspace.write_report(directory=str(tmp_path / "report")) == {"FINISHED"}
+    document = json.loads((tmp_path / "report" / "bench.json").read_text(encoding="utf-8"))
+    assert {row["spec"] for row in document["rows"]} == {"kd:traversal=dir", "bvh-sah"}
+    assert (tmp_path / "report" / "report.html").stat().st_size > 1000
+
+
+def test_choosing_sets_structure_and_parameters(seen: Any) -> None:
+    seen.halfspace.structure = "brute"
+    assert bpy.ops.halfspace.choose() == {"FINISHED"}
+    found = comparing.last(seen)
+    assert found is not None
+    assert found.comparison.best is not None
+    assert found.comparison.best.spec in auto.candidates(catalogue.load())
+    assert seen.halfspace.structure == found.comparison.best.spec.partition(":")[0]
+    assert any("Choosing took" in line for line in found.notes)
+
+
+class Operator:
+    """The operator's own part, which Blender makes only in a window."""
+
+    _work: Any = None
+    _timer: Any = None
+    _begin = comparing.HALFSPACE_OT_compare._begin
+    _done = comparing._Modal._done
+    _end = comparing._Modal._end
+    _failed = comparing._Modal._failed
+
+    def __init__(self) -> None:
+        self.said: list[str] = []
+
+    def report(self, _kind: Any, text: str) -> None:
+        self.said.append(text)
+
+
+@pytest.mark.parametrize("stopped", [True, False])
+def test_comparing_goes_on_beside_blender_and_esc_stops_it(seen: Any, add: Any, stopped: bool) -> None:
+    add("Sea", grid(60), location=(0, 0, -1))
+    calls: list[Any] = []
+    texts: list[Any] = []
+    manager = SimpleNamespace(
+        progress_begin=lambda *_: calls.append("begin"),
+        progress_update=lambda share: None,
+        progress_end=lambda: calls.append("end"),
+        event_timer_add=lambda *_args, **_kwargs: "timer",
+        event_timer_remove=calls.append,
+        modal_handler_add=lambda _operator: calls.append("modal"),
+    )
+    context = SimpleNamespace(
+        scene=seen, window=None, window_manager=manager, workspace=SimpleNamespace(status_text_set=texts.append)
+    )
+    operator, kind = Operator(), comparing.HALFSPACE_OT_compare
+    assert kind.invoke(operator, context, None) == {"RUNNING_MODAL"}
+    assert comparing.progress() is not None
+    assert kind.modal(operator, context, SimpleNamespace(type="MOUSEMOVE")) == {"PASS_THROUGH"}
+    result: set[str] = {"RUNNING_MODAL"}
+    if stopped:
+        result = kind.modal(operator, context, SimpleNamespace(type="ESC"))
+    for _ in range(2000):
+        if result != {"RUNNING_MODAL"}:
+            break
+        time.sleep(0.02)
+        result = kind.modal(operator, context, SimpleNamespace(type="TIMER"))
+    assert result == ({"CANCELLED"} if stopped else {"FINISHED"})
+    assert calls == ["begin", "modal", "timer", "end"]
+    assert texts[-1] is None
+    assert (comparing.last(seen) is None) == stopped
+    assert comparing.progress() is None
+    assert operator.said == (["Measuring was stopped"] if stopped else [])
+
+
+def test_a_scene_without_triangles_is_said(scene: Any) -> None:
+    for operator in (bpy.ops.halfspace.compare, bpy.ops.halfspace.choose):
+        with pytest.raises(RuntimeError, match="no triangles"):
+            operator()
+    assert comparing.progress() is None

@@ -1,0 +1,156 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Choosing a structure: the arithmetic of build plus render, and what is tried and what is not."""
+
+from __future__ import annotations
+
+import threading
+from typing import Any
+
+import numpy as np
+import pytest
+
+from addon.core import auto, benchmark, catalogue, choice
+from addon.core.background import Background
+from addon.core.choice import Comparison, Line, Mix, Plan
+from addon.core.workload import View, Workload
+
+native = pytest.importorskip("halfspace_native")
+
+
+@pytest.fixture
+def soup() -> Workload:
+    rng = np.random.default_rng(5)
+    centres = rng.random((600, 1, 3)) * [4, 3, 2]
+    vertices = (centres + 0.2 * rng.standard_normal((600, 3, 3))).astype(np.float32).reshape(-1, 3)
+    view = View(np.array([2.0, -6.0, 3.0]), np.array([2.0, 1.5, 1.0]), np.array([0.0, 0.0, 1.0]), 40.0)
+    return Workload("soup", vertices, np.arange(1800, dtype=np.int32).reshape(-1, 3), view)
+
+
+def test_a_picture_takes_its_rays_at_their_speeds() -> None:
+    counted = Mix(primary=1.0, shadow=2.0, secondary=3.0)
+    plan = Plan(pixels=1_000_000, samples=10)
+    assert counted.seconds({"primary": 10, "shadow": 5, "diffuse": 2}, plan) == pytest.approx(10 * (0.1 + 0.4 + 1.5))
+    assert counted.seconds({"primary": 10}, plan) == pytest.approx(6.0)
+
+
+def test_few_samples_want_a_quick_build_and_many_a_quick_walk() -> None:
+    def compared(samples: int) -> Comparison:
+        lines = (Line("bvh-sah", 0.1, 2.0 * samples), Line("kd", 5.0, 1.0 * samples), Line("x", problem="broken"))
+        return Comparison(Plan(100, samples), tuple(sorted(lines, key=lambda line: (bool(line.problem), line.total))))
+
+    few, many = compared(1), compared(100)
+    assert (few.best.spec, few.fastest.spec) == ("bvh-sah", "kd")
+    assert (many.best.spec, many.fastest.spec) == ("kd", "kd")
+    assert "kd would trace 1.00 s faster" in few.reason()
+    assert "traces fastest" in many.reason()
+    assert [line.spec for line in few.sound] == ["bvh-sah", "kd"]
+
+
+def test_rows_become_lines_and_wrong_answers_are_never_best(soup: Workload) -> None:
+    options = benchmark.Options(size=(32, 32), sets=choice.SETS, repeats=2, check_rays=64)
+    rows = list(benchmark.measure(native, soup, ["kd", "bvh-sah"], options, lambda _text: None))
+    tree = native.build(soup.vertices, soup.triangles, "kd")
+    counted = choice.mix(native, tree, soup, (32, 32), 4)
+    assert counted.primary == pytest.approx(1.0)
+    assert counted.shadow > 0
+    found = choice.compare(rows, counted, Plan(1000, 4))
+    assert {line.spec for line in found.sound} == {"kd", "bvh-sah"}
+    assert all(line.build > 0 and line.trace > 0 and line.checked > 0 for line in found.sound)
+    assert found.best is found.lines[0]
+    rows[0]["errors"]["false_miss"] = 1
+    found = choice.compare(rows, counted, Plan(1000, 4))
+    assert len(found.sound) == 1
+    assert "wrong" in found.lines[-1].problem
+
+
+def test_choosing_gives_a_built_structure_and_says_why(soup: Workload) -> None:
+    known = catalogue.load()
+    chosen = auto.choose(native, soup, Plan(1 << 20, 64), known, threads=1)
+    assert chosen.spec in auto.candidates(known)
+    assert chosen.structure.statistics["references"] > 0
+    assert chosen.structure.spec.partition(":")[0] == chosen.spec.partition(":")[0]
+    assert chosen.spec == min(chosen.comparison.lines, key=lambda line: line.total).spec
+    assert 0 < chosen.own <= chosen.seconds
+    assert chosen.spec in chosen.notes[0]
+    assert any("Choosing took" in note for note in chosen.notes)
+    # Every candidate was tried in full, or it is said why not.
+    told = {line.spec for line in chosen.comparison.lines} | {note.split(": ")[0] for note in chosen.notes}
+    assert set(auto.candidates(known)) <= told
+
+
+class Clocked:
+    """A native module whose structures take times that are told beforehand; time goes by only here."""
+
+    def __init__(self, speeds: dict[str, float], builds: dict[str, float]) -> None:
+        self.built: list[tuple[str, int]] = []
+        self.speeds, self.builds = speeds, builds
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(native, name)
+
+    def build(self, vertices: Any, triangles: Any, spec: str, **arguments: Any) -> Any:
+        self.built.append((spec, len(triangles)))
+        real = native.build(vertices, triangles, "kd", **arguments)
+        return Slow(real, self.speeds[spec], self.builds[spec] * len(triangles))
+
+
+class Slow:
+    def __init__(self, real: Any, speed: float, build: float) -> None:
+        self.real, self.speed = real, speed
+        self.statistics = {**real.statistics, "build_seconds": build}
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.real, name)
+
+
+def choose_with(
+    monkeypatch: pytest.MonkeyPatch, soup: Workload, samples: int, speeds: dict[str, float], builds: dict[str, float]
+) -> tuple[Any, Clocked]:
+    module = Clocked(speeds, builds)
+    monkeypatch.setattr(auto.check, "rate", lambda structure, *_: structure.speed)
+    monkeypatch.setattr(auto.choice, "mix", lambda *_: Mix(1.0, 0.0, 0.0))
+    monkeypatch.setattr(auto, "TRIAL_TRIANGLES", 100)
+    chooser = auto.Chooser(module, soup, Plan(1_000_000, samples), list(speeds), 1)
+    for _ in chooser.steps():
+        pass
+    return chooser.result, module
+
+
+def test_long_pictures_try_dear_structures_and_short_ones_do_not(
+    soup: Workload, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    speeds = {"quick": 1.0, "dear": 4.0, "slow": 0.1}
+    builds = {"quick": 1e-4, "dear": 1e-2, "slow": 1e-3}
+    short, module = choose_with(monkeypatch, soup, 1, speeds, builds)
+    assert short.spec == "quick"
+    assert ("dear", 600) not in module.built
+    long, module = choose_with(monkeypatch, soup, 500, speeds, builds)
+    assert long.spec == "dear"
+    assert ("dear", 600) in module.built
+    assert ("slow", 600) not in module.built
+    assert any(note.startswith("slow: left out") for note in long.notes)
+
+
+def test_work_in_the_background_stops_between_steps_and_hands_on_errors() -> None:
+    go, seen = threading.Event(), []
+
+    def steps() -> Any:
+        yield 1
+        go.wait(10)
+        yield 2
+        yield 3
+
+    work = Background(steps(), seen.append)
+    assert not work.wait(0.05)
+    work.stop()
+    go.set()
+    assert work.wait(10)
+    assert seen == [1]
+
+    def broken() -> Any:
+        yield 1
+        raise ValueError("odd")
+
+    work = Background(broken(), seen.append)
+    with pytest.raises(ValueError, match="odd"):
+        work.wait(10)
