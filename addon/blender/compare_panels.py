@@ -60,10 +60,10 @@ def _table(layout: Any, found: Comparison) -> None:
     for line in found.lines:
         row = box.row()
         if line.problem:
-            row.label(text=_name(line), icon="ERROR")
+            row.label(text=comparing.name(line.spec), icon="ERROR")
             wrapped(box, line.problem)
             continue
-        row.label(text=_name(line), icon=_mark(found, line))
+        row.label(text=comparing.name(line.spec), icon=_mark(found, line))
         for seconds in (line.build, line.trace, line.total):
             row.label(text=_seconds(seconds))
         row.operator(presets.HALFSPACE_OT_use_spec.bl_idname).spec = line.spec
@@ -78,13 +78,6 @@ def _mark(found: Comparison, line: Line) -> str:
     if line is found.best:
         return "SOLO_ON"
     return "SORTTIME" if line is found.fastest else "BLANK1"
-
-
-def _name(line: Line) -> str:
-    structure = catalogue.load().get(line.spec.partition(":")[0])
-    parameters = line.spec.partition(":")[2]
-    label = structure.label if structure is not None else line.spec
-    return f"{label}, {parameters}" if parameters else label
 
 
 def _seconds(value: float) -> str:

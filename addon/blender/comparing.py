@@ -88,6 +88,14 @@ def ticked(group: Any) -> list[str]:
     return [own, *(spec for spec in others if spec != own.partition(":")[0])]
 
 
+def name(spec: str) -> str:
+    """A configuration as people read it."""
+    structure = catalogue.load().get(spec.partition(":")[0])
+    parameters = spec.partition(":")[2]
+    label = structure.label if structure is not None else spec
+    return f"{label}, {parameters}" if parameters else label
+
+
 def plan_of(scene: Any) -> Plan:
     """The picture that the scene's settings ask for."""
     render, group = scene.render, scene.halfspace

@@ -10,15 +10,16 @@ from typing import TYPE_CHECKING, Any
 import bpy
 import numpy as np
 
-from ..core import catalogue, native
+from ..core import auto, catalogue, choice, native
+from ..core.background import Background
 from ..core.notes import Notes
-from ..core.session import Cancelled, Session, watch
+from ..core.session import POLL_SECONDS, Cancelled, Session, watch
 from ..core.settings import RenderSettings
-from . import camera, extract, passes, properties, reports, trees
+from . import camera, comparing, extract, passes, properties, reports, trees, workloads
 from .viewport import Viewport
 
 if TYPE_CHECKING:
-    from ..core.scene import Camera
+    from ..core.scene import Camera, Scene
 
 ENGINE = "HALFSPACE"
 UPDATE_MILLISECONDS = 400
@@ -98,10 +99,16 @@ class _Picture:
         extract_seconds = time.perf_counter() - start
 
         count = len(scene.geometry.triangles)
-        self._say(f"{label}: building over {count:,} triangles")
         if not self.group.overlay.show:
             trees.clear()  # so that two trees need not fit into memory
-        session = Session.start(module, scene, spec, threads=settings.threads, keep_going=self._building)
+        reasons: list[str] = []
+        if self.group.automatic and count:
+            chosen = self._choose(module, scene, view, settings)
+            spec, label, reasons = chosen.spec, comparing.name(chosen.spec), list(chosen.notes)
+            session = Session.over(module, scene, chosen.structure)
+        else:
+            self._say(f"{label}: building over {count:,} triangles")
+            session = Session.start(module, scene, spec, threads=settings.threads, keep_going=self._building)
         self._note_dropped(scene.geometry, session.structure.statistics)
         trees.keep(self.scene, session.structure, origin, spec=spec, label=label, triangles=count)
 
@@ -127,7 +134,7 @@ class _Picture:
         mebibytes = statistics["bytes"] / 2**20
         self.engine.update_memory_stats(memory_used=mebibytes, memory_peak=mebibytes)
         left_out = [*session.structure.statistics["left_out"], *session.left_out]
-        report = reports.Report(label, count, extract_seconds, statistics, left_out, self.notes.lines())
+        report = reports.Report(label, count, extract_seconds, statistics, left_out, self.notes.lines(), reasons)
         reports.keep(self.scene, report)
         self._warn()
 
@@ -152,6 +159,20 @@ class _Picture:
             size=(self.engine.resolution_x, self.engine.resolution_y),
             pixel_aspect=(render.pixel_aspect_x, render.pixel_aspect_y),
         )
+
+    def _choose(self, module: Any, scene: Scene, view: Camera, settings: RenderSettings) -> auto.Choice:
+        """Let the scene and the number of samples choose the structure."""
+        width, height = settings.size
+        plan = choice.Plan(width * height, settings.samples, settings.max_bounces)
+        workload = workloads.of_scene(self.scene.name, scene, view, Notes())
+        chooser = auto.Chooser(module, workload, plan, auto.candidates(catalogue.load()), settings.threads)
+        work = Background(chooser.steps(), lambda text: self._say(f"Choosing a structure: {text}"))
+        while not work.wait(POLL_SECONDS):
+            if not self._building(0.0):
+                work.stop()
+                raise Cancelled
+        assert chooser.result is not None, "the last step decides"
+        return chooser.result
 
     def _building(self, progress: float) -> bool:
         self.engine.update_progress(BUILD_SHARE * progress)

@@ -67,7 +67,11 @@ class HALFSPACE_PT_structure(_Panel, bpy.types.Panel):
         if problem := native.problem():
             wrapped(column, problem, icon="ERROR")
             return
-        structure(column, context.scene.halfspace)
+        group = context.scene.halfspace
+        column.prop(group, "automatic")
+        if group.automatic:
+            wrapped(column, "The viewport and the overlay use:", icon="INFO")
+        structure(column, group)
 
 
 class HALFSPACE_PT_sampling(_Panel, bpy.types.Panel):
@@ -115,6 +119,7 @@ class HALFSPACE_PT_statistics(_Panel, bpy.types.Panel):
         answers(layout, trees.last(context.scene))
         for title, lines, icon in (
             ("Not understood", report.warnings, "ERROR"),
+            ("Why this structure", report.reasons, "SHADERFX"),
             ("Left out, at no cost", report.left_out, "INFO"),
         ):
             if lines:

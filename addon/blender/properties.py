@@ -101,6 +101,12 @@ def _parameter_property(parameter: Parameter) -> Any:
 
 
 RENDER_PROPERTIES: dict[str, Any] = {
+    "automatic": BoolProperty(
+        name="Choose for Me",
+        description="Let each final render choose structure and parameters for its scene and number of samples. Takes "
+        "a moment before the render; the statistics say what was chosen and why",
+        default=False,
+    ),
     "samples": IntProperty(
         name="Samples",
         description="Rays per pixel; noise halves with four times as many",

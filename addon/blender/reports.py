@@ -9,7 +9,9 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Report:
-    """statistics: the structure's and the render's, as the native module names them."""
+    """statistics: the structure's and the render's, as the native module names them. reasons: why this structure,
+    where it was not the user who chose it.
+    """
 
     label: str
     triangles: int
@@ -17,6 +19,7 @@ class Report:
     statistics: dict[str, Any]
     left_out: list[str] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
+    reasons: list[str] = field(default_factory=list)
 
 
 _last: dict[int, Report] = {}

@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 
 from ..core.notes import Notes
-from ..core.scene import Camera
+from ..core.scene import Camera, Scene
 from ..core.workload import View, Workload, WorkloadError, framing_view
 from . import showcase
 from .camera import read_camera
@@ -58,10 +58,14 @@ def current(name: str, size: tuple[int, int]) -> Workload:
     depsgraph = bpy.context.evaluated_depsgraph_get()
     notes = Notes()
     scene = extract(depsgraph, notes)
+    return of_scene(name, scene, _camera(depsgraph, scene.geometry.origin, notes, size), notes)
+
+
+def of_scene(name: str, scene: Scene, camera: Camera | None, notes: Notes) -> Workload:
+    """What a scene is for measuring, seen by a camera, or whole if that is no perspective one. Raises WorkloadError."""
     geometry = scene.geometry
     if not len(geometry.triangles):
         raise WorkloadError(f"{name}: the scene has no triangles")
-    camera = _camera(depsgraph, geometry.origin, notes, size)
     view = None if camera is None else _view(camera)
     if view is None:
         notes.add("Seen whole, from the front and above, for want of a perspective camera", name)

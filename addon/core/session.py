@@ -94,8 +94,13 @@ class Session:
     @classmethod
     def start(cls, native: Any, scene: Scene, spec: str, *, threads: int = 0, keep_going: KeepGoing) -> Session:
         """Build the structure and hand over materials, lights and world. Raises as `build` does."""
+        structure = build(native, scene.geometry, spec, threads=threads, keep_going=keep_going)
+        return cls.over(native, scene, structure)
+
+    @classmethod
+    def over(cls, native: Any, scene: Scene, structure: Any) -> Session:
+        """The same over a structure of this scene that is built already."""
         geometry = scene.geometry
-        structure = build(native, geometry, spec, threads=threads, keep_going=keep_going)
         render_scene = native.RenderScene(
             structure,
             material_index=geometry.material_index,

@@ -14,7 +14,7 @@ import pytest
 from layouts import draw_all
 from shapes import cube, grid
 
-from addon.blender import compare_panels, comparing, presets, properties
+from addon.blender import compare_panels, comparing, panels, presets, properties, reports, trees
 from addon.core import auto, catalogue
 
 
@@ -71,6 +71,24 @@ def test_choosing_sets_structure_and_parameters(seen: Any) -> None:
     assert found.comparison.best.spec in auto.candidates(catalogue.load())
     assert seen.halfspace.structure == found.comparison.best.spec.partition(":")[0]
     assert any("Choosing took" in line for line in found.notes)
+
+
+def test_a_render_can_choose_by_itself_and_says_why(seen: Any) -> None:
+    seen.render.engine = "HALFSPACE"
+    seen.render.resolution_x = seen.render.resolution_y = 16
+    seen.halfspace.samples = 1
+    seen.halfspace.structure = "brute"
+    seen.halfspace.automatic = True
+    bpy.ops.render.render()
+    report = reports.last(seen)
+    assert report is not None
+    tree = trees.last(seen)
+    assert tree is not None
+    assert tree.spec in auto.candidates(catalogue.load())
+    assert report.label == comparing.name(tree.spec)
+    assert any("Choosing took" in line for line in report.reasons)
+    assert seen.halfspace.structure == "brute"  # the setting stays the user's
+    assert "Why this structure" in draw_all(panels.HALFSPACE_PT_statistics, scene=seen).log
 
 
 class Operator:

@@ -70,12 +70,12 @@ def test_settings_survive_saving_and_loading(tmp_path: Path, scene: Any) -> None
 def test_the_structure_panel_shows_only_what_the_structure_has(scene: Any) -> None:
     scene.halfspace.structure = "brute"
     drawn = draw(panels.HALFSPACE_PT_structure, scene=scene)
-    assert (drawn[0], " ".join(drawn[1:])) == ("structure", catalogue.load()["brute"].paper)
+    assert (drawn[:2], " ".join(drawn[2:])) == (["automatic", "structure"], catalogue.load()["brute"].paper)
     scene.halfspace.structure = "kd"
     expected = [p.name for p in catalogue.load()["kd"].parameters]
     drawn = draw(panels.HALFSPACE_PT_structure, scene=scene)
-    assert drawn[: 1 + len(expected)] == ["structure", *expected]
-    assert " ".join(drawn[1 + len(expected) :]) == catalogue.load()["kd"].paper
+    assert drawn[: 2 + len(expected)] == ["automatic", "structure", *expected]
+    assert " ".join(drawn[2 + len(expected) :]) == catalogue.load()["kd"].paper
 
 
 def test_the_structure_panel_says_why_there_is_no_native_module(scene: Any, monkeypatch: pytest.MonkeyPatch) -> None:
