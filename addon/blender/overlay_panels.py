@@ -110,7 +110,8 @@ class HALFSPACE_PT_view_overlay(_SidebarPanel, bpy.types.Panel):
             column = layout.column(align=True)
             column.prop(settings, "depth_min")
             column.prop(settings, "depth_max")
-            flow = layout.grid_flow(row_major=True, columns=4, even_columns=True, align=True)
+            flow = layout.grid_flow(row_major=True, columns=3, even_columns=True, align=True)
+            flow.use_property_split = False
             for kind in planes.KINDS:
                 flow.prop_enum(settings, "kinds", kind)
         if "CELLS" in settings.parts:
