@@ -16,7 +16,6 @@ from .panels import wrapped
 
 class _ComparePanel:
     bl_label = "Compare"
-    bl_options = {"DEFAULT_CLOSED"}
     section = "Which structure is best"
 
     def draw_header_preset(self, context: Any) -> None:

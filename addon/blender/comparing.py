@@ -141,7 +141,7 @@ class _Work:
             self._forget()
             for found in self.result:
                 _found[self.scene_uid] = found
-            trees.redraw()
+            trees.redraw_panels()
         return ended
 
     def cancel(self) -> None:
@@ -203,6 +203,7 @@ class _Modal:
 
     _work: _Work | None = None
     _timer: Any = None
+    _told = ""
 
     @classmethod
     def poll(cls, context: Any) -> bool:
@@ -262,8 +263,10 @@ class _Modal:
             return {"FINISHED"}
         done, text = now
         context.window_manager.progress_update(100 * done)
-        context.workspace.status_text_set(f"{done:.0%}  {text}   Esc: stop")
-        trees.redraw()
+        if text != self._told:
+            self._told = text
+            context.workspace.status_text_set(f"{done:.0%}  {text}   Esc: stop")
+            trees.redraw_panels()
         return {"RUNNING_MODAL"}
 
     def cancel(self, context: Any) -> None:
@@ -276,7 +279,7 @@ class _Modal:
         manager.event_timer_remove(self._timer)
         manager.progress_end()
         context.workspace.status_text_set(None)
-        trees.redraw()
+        trees.redraw_panels()
 
     def _failed(self, error: Exception) -> set[str]:
         log.error("Halfspace could not measure", exc_info=error)

@@ -96,6 +96,7 @@ class Operator:
 
     _work: Any = None
     _timer: Any = None
+    _told = ""
     _begin = comparing.HALFSPACE_OT_compare._begin
     _done = comparing._Modal._done
     _end = comparing._Modal._end
