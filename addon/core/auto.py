@@ -6,8 +6,9 @@ that may win by more than the trial costs.
 from __future__ import annotations
 
 import math
+import os
 import time
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -23,20 +24,18 @@ CANDIDATES = (
     "kd",
     "bih-sah",
     "octree-net",
-    *(
-        f"{tree}:k={k},alpha={alpha}"
-        for tree in ("bsp-wn-plus-kd", "bsp-cn-plus-kd")
-        for k in (4, 6)
-        for alpha in (0.1, 0.5)
-    ),
+    "bsp-wn-plus-kd:k=4,alpha=0.5",
+    "bsp-wn-plus-kd:k=6,alpha=0.1",
+    "bsp-wn-plus-kd:k=6,alpha=0.5",
+    "bsp-cn-plus-kd:k=6,alpha=0.5",
     "rbsp-kd:k=5",
 )
 """What is tried: one of each kind, the best of the sources with few and with more directions."""
 
-SIZE = (192, 128)
-"""Pixels of the view whose rays are timed."""
+SIZE, TRIAL_SIZE = (192, 128), (96, 64)
+"""Pixels of the view whose rays are timed, over the whole scene and over a part."""
 
-TRIAL_TRIANGLES = 16_384
+TRIAL_TRIANGLES = 4096
 """A trial is made over at most so many triangles, chosen at random."""
 
 MARGIN = 1.15
@@ -48,6 +47,9 @@ slower than this many times the best: parts of a scene tell little of the whole.
 
 REPEATS = 3
 """Rays are timed this often, and the best counts: other work on the machine only ever slows down."""
+
+SMALL_BUDGET = 0.05
+"""So much of the best picture's time the small trials may take; those that are left then are not tried."""
 
 BUDGET = 0.2
 """All full trials together may take this share of the best picture's time, so that choosing never costs more than it
@@ -107,17 +109,18 @@ class Chooser:
 
     def steps(self) -> Iterator[str]:
         """Says what is done next; after the last item `result` is there. Raises what builds raise."""
-        began = time.perf_counter()
+        clock = time.process_time if self.threads == 1 else time.perf_counter
+        began = clock()
         first, *others = self.specs
         yield f"{first}: building"
-        structure = self.native.build(self.workload.vertices, self.workload.triangles, first, threads=self.threads)
+        structure, build = check.timed_build(self.native, self.workload, first, self.threads)
         sets = rays.make(self.workload, structure, size=SIZE, seed=1, names=choice.SETS)
         sets = [some for some in sets if len(some)]
         yield "counting the rays of a small picture"
         counted = choice.mix(self.native, structure, self.workload, SIZE, self.plan.max_bounces)
         yield f"{first}: timing rays"
-        self._measured(first, structure, sets, counted)
-        trials = yield from self._trials(first, others)
+        self._measured(first, (structure, build), sets, counted)
+        trials = yield from self._trials(first, others, clock)
         spent = 0.0
         for trial in sorted(trials, key=lambda trial: self._expected(trial, first)):
             best = min(self._lines.values(), key=lambda line: line.total)
@@ -130,23 +133,28 @@ class Chooser:
                 self._notes.append(f"{trial.spec}: left out, trying it would cost more than it can win")
                 continue
             yield f"{trial.spec}: building"
-            start = time.perf_counter()
-            built = self.native.build(self.workload.vertices, self.workload.triangles, trial.spec, threads=self.threads)
+            start = clock()
+            built = check.timed_build(self.native, self.workload, trial.spec, self.threads)
             yield f"{trial.spec}: timing rays"
             self._measured(trial.spec, built, sets, counted)
-            spent += time.perf_counter() - start
-        self._decide(time.perf_counter() - began)
+            spent += clock() - start
+        self._decide(clock() - began)
 
-    def _measured(self, spec: str, structure: Any, sets: list[rays.RaySet], counted: Mix) -> None:
-        """Keep what a full trial found, and of the structures only the best."""
-        speeds = {some.name: check.rate(structure, some, self.threads, REPEATS) for some in sets}
-        trace = counted.seconds(speeds, self.plan) if speeds else 0.0
-        self._lines[spec] = Line(spec, structure.statistics["build_seconds"], trace)
+    def _measured(self, spec: str, built: tuple[Any, float], sets: list[rays.RaySet], counted: Mix) -> None:
+        """Keep what a full trial found, and of the structures only the best. Rays are timed on one thread, whose clock
+        no other work disturbs; in a picture they share all threads.
+        """
+        structure, build = built
+        speeds = {some.name: check.rate(structure, some, 1, REPEATS) for some in sets}
+        trace = counted.seconds(speeds, self.plan) / (self.threads or os.cpu_count() or 1) if speeds else 0.0
+        self._lines[spec] = Line(spec, build, trace)
         self._built[spec] = structure
         best = min(self._lines.values(), key=lambda line: line.total).spec
         self._built = {best: self._built[best]}
 
-    def _trials(self, first: str, others: Sequence[str]) -> Generator[str, None, list[Trial]]:
+    def _trials(
+        self, first: str, others: Sequence[str], clock: Callable[[], float]
+    ) -> Generator[str, None, list[Trial]]:
         """Small trials of all, over a part of the scene; returns them without the first's."""
         count = len(self.workload.triangles)
         part = choice.subset(self.workload, TRIAL_TRIANGLES, seed=1)
@@ -156,14 +164,18 @@ class Chooser:
         made: list[Trial] = []
         reference = scale = 1.0
         sets: list[rays.RaySet] = []
+        began, limit = clock(), SMALL_BUDGET * self._lines[first].total
         for spec in (first, *others):
+            if clock() - began > limit:
+                self._notes.append(f"{spec}: not tried, for a picture so quick")
+                continue
             yield f"{spec}: trying it on {share:,} triangles"
-            structure = self.native.build(part.vertices, part.triangles, spec, threads=self.threads)
+            structure, build = check.timed_build(self.native, part, spec, self.threads)
             if spec == first:
-                sets = [s for s in rays.make(part, structure, size=SIZE, seed=1, names=choice.SETS) if len(s)]
-            speeds = [check.rate(structure, some, self.threads, REPEATS) for some in sets]
+                sets = [s for s in rays.make(part, structure, size=TRIAL_SIZE, seed=1, names=choice.SETS) if len(s)]
+            speeds = [check.rate(structure, some, 1) for some in sets]
             speed = 1 / float(np.mean([1 / value for value in speeds])) if speeds else 1.0
-            build = structure.statistics["build_seconds"] * grown
+            build *= grown
             if spec == first:
                 reference = speed
                 scale = self._lines[first].build / max(build, 1e-9)

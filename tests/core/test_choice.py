@@ -103,11 +103,17 @@ class Slow:
         return getattr(self.real, name)
 
 
+def timed_build(module: Any, scene: Workload, spec: str, _threads: int) -> tuple[Any, float]:
+    built = module.build(scene.vertices, scene.triangles, spec, threads=1)
+    return built, built.statistics["build_seconds"]
+
+
 def choose_with(
     monkeypatch: pytest.MonkeyPatch, soup: Workload, samples: int, speeds: dict[str, float], builds: dict[str, float]
 ) -> tuple[Any, Clocked]:
     module = Clocked(speeds, builds)
     monkeypatch.setattr(auto.check, "rate", lambda structure, *_: structure.speed)
+    monkeypatch.setattr(auto.check, "timed_build", timed_build)
     monkeypatch.setattr(auto.choice, "mix", lambda *_: Mix(1.0, 0.0, 0.0))
     monkeypatch.setattr(auto, "TRIAL_TRIANGLES", 100)
     chooser = auto.Chooser(module, soup, Plan(1_000_000, samples), list(speeds), 1)
