@@ -14,6 +14,10 @@ from .engine import ENGINE
 from .panels import wrapped
 
 
+WIDTH = 34
+"""Characters of a line that fit into a sidebar of usual width."""
+
+
 class _ComparePanel:
     bl_label = "Compare"
     section = "Which structure is best"
@@ -34,7 +38,7 @@ class _ComparePanel:
             return
         _table(layout, found.comparison)
         for line in found.notes:
-            wrapped(layout, line, width=40)
+            wrapped(layout, line, width=WIDTH)
         layout.operator(comparing.HALFSPACE_OT_write_report.bl_idname, icon="FILE_TICK")
 
 
@@ -51,25 +55,25 @@ def _ticks(layout: Any, group: Any) -> None:
 
 
 def _table(layout: Any, found: Comparison) -> None:
-    """One line per configuration, the best first."""
+    """Two lines per configuration, the best first: its name, and what its picture takes."""
     box = layout.box()
-    row = box.row()
-    for text in ("", "Build", "Render", "Both", ""):
-        row.label(text=text)
     for line in found.lines:
-        row = box.row()
+        name = comparing.name(line.spec)
         if line.problem:
-            row.label(text=comparing.name(line.spec), icon="ERROR")
-            wrapped(box, line.problem)
+            wrapped(box, f"{name}: {line.problem}", icon="ERROR", width=WIDTH)
             continue
-        row.label(text=comparing.name(line.spec), icon=_mark(found, line))
-        for seconds in (line.build, line.trace, line.total):
-            row.label(text=_seconds(seconds))
-        row.operator(presets.HALFSPACE_OT_use_spec.bl_idname).spec = line.spec
+        column = box.column(align=True)
+        row = column.row()
+        row.label(text=name, icon=_mark(found, line))
+        row.operator(presets.HALFSPACE_OT_use_spec.bl_idname, text="", icon="CHECKMARK").spec = line.spec
+        row = column.row()
+        for text, seconds in (("Build", line.build), ("Render", line.trace), ("Both", line.total)):
+            row.label(text=f"{text} {_seconds(seconds)}")
     checked = sum(line.checked for line in found.lines)
     if checked:
-        wrapped(box, f"{checked:,} answers compared with brute force, {sum(x.wrong for x in found.lines):,} wrong")
-    wrapped(box, "Render: all rays of the picture at the measured speeds, without shading", width=44)
+        wrong = sum(line.wrong for line in found.lines)
+        wrapped(box, f"{checked:,} answers compared with brute force, {wrong:,} wrong", width=WIDTH)
+    wrapped(box, "Render: all rays of the picture at the measured speeds, without shading", width=WIDTH)
 
 
 def _mark(found: Comparison, line: Line) -> str:
@@ -80,7 +84,7 @@ def _mark(found: Comparison, line: Line) -> str:
 
 
 def _seconds(value: float) -> str:
-    return f"{value:.2f} s" if value < 100 else f"{value:,.0f} s"
+    return f"{value:.2f} s" if value < 10 else f"{value:,.0f} s"
 
 
 class HALFSPACE_PT_view_compare(_ComparePanel, bpy.types.Panel):

@@ -67,7 +67,8 @@ def _show(context: Any, text: Any, line: int) -> None:
         area = context.window_manager.windows[-1].screen.areas[0]
         area.type = "TEXT_EDITOR"
     space = area.spaces.active
-    space.text, space.show_word_wrap, space.top = text, True, line
+    space.text, space.top = text, line
+    space.show_word_wrap, space.show_syntax_highlight = True, False  # it is prose
 
 
 def register() -> None:
