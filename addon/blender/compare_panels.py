@@ -13,7 +13,6 @@ from . import comparing, panels, presets, properties
 from .engine import ENGINE
 from .panels import wrapped
 
-
 WIDTH = 34
 """Characters of a line that fit into a sidebar of usual width."""
 
@@ -43,14 +42,12 @@ class _ComparePanel:
 
 
 def _ticks(layout: Any, group: Any) -> None:
-    """All structures by family; the chosen one is compared in any case."""
-    layout.label(text="Beside the chosen structure:")
-    families: dict[str, list[Any]] = {}
-    for structure in catalogue.load().structures:
-        families.setdefault(structure.family, []).append(structure)
-    flow = layout.grid_flow(row_major=True, columns=2, even_columns=True)
-    for structures in families.values():
-        for structure in structures:
+    """All structures, folded away; the chosen one is compared in any case."""
+    header, body = layout.panel("HALFSPACE_compared", default_closed=True)
+    header.label(text=f"{len(comparing.ticked(group))} structures")
+    if body is not None:
+        flow = body.grid_flow(row_major=True, columns=2, even_columns=True)
+        for structure in catalogue.load().structures:
             flow.prop(group.compared, properties.tick(structure.id))
 
 

@@ -24,6 +24,8 @@ class Layout:
             elif name == "operator":
                 self.operators.append(SimpleNamespace(id=args[0]))
                 return self.operators[-1]
+            elif name == "panel":
+                return Layout(self.log, self.operators), Layout(self.log, self.operators)
             return Layout(self.log, self.operators)
 
         return call
