@@ -7,6 +7,7 @@ time to the structure; that the pictures are the same is checked.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -111,6 +112,12 @@ def errors(picture: Image, reference: Image) -> dict[str, float]:
         "relmse": float(kept.mean()) if kept.size else 0.0,
         "not_finite": int((~finite).sum()),
     }
+
+
+def slope(points: Sequence[Mapping[str, float]]) -> float:
+    """The slope of log RMSE over log samples by least squares; −0.5 for independent samples."""
+    x, y = (np.log([max(point[key], 1e-30) for point in points]) for key in ("spp", "rmse"))
+    return float(np.polyfit(x, y, 1)[0])
 
 
 def _camera(view: View, aspect: float, diagonal: float) -> dict[str, Any]:
