@@ -38,9 +38,9 @@ class Column:
 
 
 ERRORS = {
-    "false_miss": ("miss", "the reference hits, the structure does not"),
-    "false_hit": ("hit", "the structure hits, the reference does not"),
-    "wrong_triangle": ("triangle", "both hit, but different triangles"),
+    "false_miss": ("false miss", "the reference hits, the structure does not"),
+    "false_hit": ("false hit", "the structure hits, the reference does not"),
+    "wrong_triangle": ("wrong tri.", "both hit, but different triangles"),
     "t_ulp_max": ("t, ulp", "the largest difference of a distance, in units in the last place"),
 }
 
@@ -60,7 +60,7 @@ def as_html(document: dict[str, Any], published: Any = None) -> str:
             parts.append(_table(own, number, inside))
         parts.append(_left_out(own))
         parts += [
-            f"<figure>{picture.svg}<figcaption>{_safe(picture.caption)}</figcaption></figure>"
+            f"<figure><h3>{_safe(picture.title)}</h3>{picture.svg}<figcaption>{_safe(picture.caption)}</figcaption></figure>"
             for picture in plots.scene_figures(own, published)
         ]
         parts.append("</section>")

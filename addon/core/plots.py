@@ -7,10 +7,10 @@ import importlib.util
 import io
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from . import charts, costs, ksweep, yardstick
-from .charts import Styles
 from .rows import Row
 
 STYLE: Any = {
@@ -33,10 +33,15 @@ STYLE: Any = {
 }
 
 
+FAR = 30.0
+"""A structure this many times slower than the fastest would press all others together."""
+
+
 @dataclass(frozen=True)
 class Picture:
     """A figure of the page. svg: the element; caption: what it shows and how to read it."""
 
+    title: str
     svg: str
     caption: str
 
@@ -53,29 +58,49 @@ def scene_figures(rows: Sequence[Row], published: Any = None) -> list[Picture]:
         return []
     styles = charts.styles(measured)
     ours = [row for row in measured if row["spec"] != yardstick.SPEC]
-    found = [_figure(lambda f: charts.speeds(f, measured), 1.1 + 0.22 * len(measured), charts.SPEEDS)]
-    if len([row for row in ours if row["build_s"]]) > 1:
-        found.append(_figure(lambda f: charts.build_against_tracing(f, ours, styles), 5.2, charts.BUILD))
+    close, far = _without_outliers(measured)
+    remark = f" Too slow to be drawn in scale: {', '.join(far)}." if far else ""
+    ours_close = [row for row in close if row["spec"] != yardstick.SPEC]
     curves = [row for row in ours if row["curve"]]
-    if curves:
-        found.append(_figure(lambda f: charts.error_against_time(f, curves, styles), 4.8, charts.ERROR))
-    views = [row for row in measured if row["scaling"] and len(row["scaling"]) > 1]
-    if views:
-        found.append(_figure(lambda f: charts.time_against_rays(f, views, styles), 4.8, charts.SCALING))
-    base, lines = ksweep.lines(ours)
-    if lines:
-        scene = rows[0]["scene"]
-        found.append(_figure(lambda f: charts.k_sweep(f, scene, base, lines, published), 4.4, charts.K_SWEEP))
-    fitted = costs.fit(ours)
-    if fitted is not None:
-        found.append(_figure(lambda f: charts.fitted_costs(f, fitted), 1.2 + 0.2 * len(fitted.specs), charts.COSTS))
+    views = [row for row in close if row["scaling"] and len(row["scaling"]) > 1]
     moved = [row for row in ours if row["offsets"]]
+    base, lines = ksweep.lines(ours)
+    fitted = costs.fit(ours_close)
+    found = []
+
+    def add(title: str, caption: str, height: float, draw: Callable[[Any], None]) -> None:
+        found.append(Picture(title, _svg(draw, height), caption))
+
+    if curves:
+        add("Error against run time", charts.ERROR, 4.6, lambda f: charts.error_against_time(f, curves, styles))
+    add("Speed", charts.SPEEDS + remark, 1.1 + 0.22 * len(close), lambda f: charts.speeds(f, close))
+    if len(ours_close) > 1:
+        draw = partial(charts.build_against_tracing, rows=ours_close, styles=styles)
+        add("Build against tracing", charts.BUILD + remark, 5.2, draw)
+    if lines:
+        draw = partial(charts.k_sweep, scene=rows[0]["scene"], base=base, lines=lines, published=published)
+        add("How many directions", charts.K_SWEEP, 4.4, draw)
+    if views:
+        draw = partial(charts.time_against_rays, rows=views, styles=styles)
+        add("Time against the number of rays", charts.SCALING, 4.6, draw)
     if moved:
-        found.append(_figure(lambda f: charts.wrong_against_offset(f, moved, styles), 4.2, charts.OFFSETS))
+        draw = partial(charts.wrong_against_offset, rows=moved, styles=styles)
+        add("Wrong answers far from the origin", charts.OFFSETS, 4.2, draw)
+    if fitted is not None:
+        height = 1.6 + 0.2 * len(fitted.specs)
+        add("Fitted costs", charts.COSTS + remark, height, partial(charts.fitted_costs, fit=fitted))
     return found
 
 
-def _figure(draw: Callable[[Any], None], height: float, caption: str) -> Picture:
+def _without_outliers(rows: Sequence[Row]) -> tuple[list[Row], list[str]]:
+    """The rows whose tracing takes no more than FAR times the fastest, and the names of the others."""
+    times = [charts.tracing_seconds(row) for row in rows]
+    limit = FAR * min((time for time in times if time), default=0.0)
+    close = [row for row, time in zip(rows, times, strict=True) if 0 < time <= limit]
+    return close, [row["spec"] for row in rows if row not in close]
+
+
+def _svg(draw: Callable[[Any], None], height: float) -> str:
     import matplotlib as mpl
     from matplotlib.figure import Figure
 
@@ -86,7 +111,4 @@ def _figure(draw: Callable[[Any], None], height: float, caption: str) -> Picture
         figure.savefig(text, format="svg", metadata={"Date": None})
     svg = text.getvalue()
     # Inside a page, the element alone; the prologue belongs to files.
-    return Picture(svg[svg.index("<svg") :], caption)
-
-
-__all__ = ["Picture", "Styles", "problem", "scene_figures"]
+    return svg[svg.index("<svg") :]
