@@ -18,7 +18,7 @@ from . import flip
 from .rays import TILE
 from .workload import View, Workload
 
-SIZE = 128
+SIZE = 96
 """Pixels along the shorter side of the pictures."""
 
 CONVERGED = 16
