@@ -312,5 +312,5 @@ class _Run:
         left = [n for n in options.curve if n not in {point["spp"] for point in candidate.curve}]
         if left and candidate.spec != yardstick.SPEC:
             samples = ", ".join(map(str, left))
-            row["left_out"].append(f"pictures with {samples} samples per pixel: they would take too long")
+            row["too_slow"].append(f"pictures with {samples} samples per pixel: they would take too long")
         return row

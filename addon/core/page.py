@@ -177,7 +177,7 @@ def _left_out(rows: Sequence[Row]) -> str:
     """What failed and what was not needed; what several structures share is said once."""
     reasons: dict[str, list[str]] = {}
     for row in rows:
-        for text in [*([row["error"]] if row["error"] else []), *row["left_out"]]:
+        for text in [*([row["error"]] if row["error"] else []), *row["left_out"], *row["too_slow"]]:
             reasons.setdefault(text, []).append(row["spec"] or row["scene"])
     items = "".join(
         f"<li>{_safe(text)} <span class=note>({_safe(', '.join(dict.fromkeys(specs)))})</span></li>"

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from lying_native import LyingNative
 
-from addon.core import benchmark, native, results, yardstick
+from addon.core import benchmark, native, plots, results, yardstick
 
 BENCH = Path(bench.__file__)
 FAST = ["--size", "32x32", "--repeats", "1", "--check-rays", "128", "--curve", "none", "--only-rays"]
@@ -39,6 +39,12 @@ def scene(tmp_path: Path) -> Path:
         camera_vfov_deg=np.float64(45.0),
     )
     return path
+
+
+@pytest.fixture(autouse=True)
+def _without_plots(monkeypatch: pytest.MonkeyPatch) -> None:
+    """They take longer than all else, and have tests of their own."""
+    monkeypatch.setattr(plots, "problem", lambda: "left out here")
 
 
 def document(folder: Path) -> Any:

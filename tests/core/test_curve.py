@@ -73,7 +73,7 @@ def test_what_would_take_too_long_is_left_out_and_said(monkeypatch: pytest.Monke
     options = Options(size=(8, 8), repeats=1, check_rays=64, curve=(1,))
     (row,) = benchmark.measure(halfspace_native, grid.workload(2, 64), ["kd"], options, lambda _: None)
     assert row["curve"] is None
-    assert any("take too long" in reason for reason in row["left_out"])
+    assert any("take too long" in reason for reason in row["too_slow"])
 
 
 def test_a_picture_that_differs_is_an_error() -> None:

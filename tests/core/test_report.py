@@ -63,6 +63,7 @@ ROW: dict[str, Any] = {
     "curve": None,
     "render_s": None,
     "left_out": ["oblique planes: <none>"],
+    "too_slow": [],
     "error": None,
 }
 
