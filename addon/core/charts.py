@@ -24,6 +24,9 @@ GREY = "#8a93a3"
 LABELLED = 12
 """With more lines than this a legend names them in columns below the plot."""
 
+COLUMNS = 5
+"""Of a legend below a plot."""
+
 SPEEDS = (
     "Speed of each ray set: median, and from the slowest to the fastest round. Structures are in the order of their "
     "summed time, Embree in grey; a cross marks answers that differ from the reference."
@@ -217,7 +220,9 @@ def fitted_costs(figure: Any, fit: Fit) -> None:
     axes.plot(fit.measured[order], places, "o", color=INK, markersize=4, label="measured")
     axes.set_yticks(places, [fit.specs[i] for i in order])
     axes.set_ylim(-0.7, len(order) - 0.3)
-    axes.set_xlabel(f"nanoseconds per ray, mean over the ray sets; the fit explains {100 * fit.explained:.0f} %")
+    axes.set_xlabel(
+        f"nanoseconds per ray, mean over the ray sets; the fit explains {100 * max(fit.explained, 0):.0f} %"
+    )
     axes.grid(visible=True, axis="x")
     axes.set_axisbelow(True)
     figure.legend(loc="outside lower center", ncols=4)
@@ -233,15 +238,14 @@ def wrong_against_offset(figure: Any, rows: Sequence[Row], styles: Styles) -> No
             colour, marker = styles[row["spec"]]
             shares = [max(p["wrong_unguarded"], 3.0 * (not p["wrong_unguarded"])) / p["rays"] for p in points]
             xs = [places[p["offset"]] for p in points]
-            label = f"{row['spec']}, without bounds"
-            axes.plot(xs, shares, marker + "-", color=colour, markersize=5, linewidth=1, label=label)
+            axes.plot(xs, shares, marker + "-", color=colour, markersize=5, linewidth=1, label=row["spec"])
     worst = {offset: max(row["offsets"][place]["wrong"] for row in rows) for offset, place in places.items()}
     rays = rows[0]["offsets"][0]["rays"]
     for offset, wrong in worst.items():
         axes.plot(
             places[offset], (wrong or 3) / rays, "X" if wrong else "v", color=WRONG if wrong else INK, markersize=8
         )
-    label = f"all {len(rows)} structures with their bounds" if len(rows) > 1 else f"{rows[0]['spec']} with its bounds"
+    label = f"with bounds: all {len(rows)}" if len(rows) > 1 else "with bounds"
     axes.plot([], [], "v", color=INK, label=label)
     axes.set_yscale("log")
     axes.set_xticks(list(places.values()), [_plain(offset) for offset in places])
@@ -249,7 +253,7 @@ def wrong_against_offset(figure: Any, rows: Sequence[Row], styles: Styles) -> No
     axes.set_xlabel("distance from the origin, in boxes")
     axes.set_ylabel(f"wrong answers to {rays:,} rays")
     axes.grid(visible=True)
-    _legend(axes, len(rows))
+    _legend(axes, len(rows), title="without bounds")
 
 
 def _logarithmic(axes: Any) -> None:
@@ -277,12 +281,17 @@ def _plain_numbers(axis: Any) -> None:
     axis.set_minor_formatter(plain if narrow else NullFormatter())
 
 
-def _legend(where: Any, count: int, handles_of: Any = None) -> None:
+def _legend(where: Any, count: int, handles_of: Any = None, *, title: str | None = None) -> None:
     """Beside the plot for a few, in columns below it for many."""
     handles, labels = (handles_of or where).get_legend_handles_labels()
     if hasattr(where, "subplots"):
-        where.legend(handles, labels, loc="outside lower center", ncols=5)
+        where.legend(handles, labels, loc="outside lower center", ncols=COLUMNS)
     elif count <= LABELLED:
-        where.legend(handles, labels, loc="center left", bbox_to_anchor=(1.0, 0.5))
+        where.legend(handles, labels, loc="center left", bbox_to_anchor=(1.0, 0.5), title=title)
     else:
-        where.figure.legend(handles, labels, loc="outside lower center", ncols=5)
+        where.figure.legend(handles, labels, loc="outside lower center", ncols=COLUMNS, title=title)
+
+
+def room_for_legend(count: int) -> float:
+    """Inches that the legend of so many lines takes below a plot."""
+    return 0.17 * -(-count // COLUMNS) if count > LABELLED else 0.0

@@ -18,6 +18,10 @@ MOST_ROWS_INSIDE = 200
 """With more rows their whole content stays in `bench.json` and the numbers link to there."""
 
 
+MOST_ROWS_SHOWN = 60
+"""A longer table scrolls within the page."""
+
+
 @dataclass(frozen=True)
 class Cell:
     """A number of a table. at: where in its row; value: None where there is none; bold: none is better."""
@@ -144,7 +148,7 @@ def _table(rows: Sequence[Row], number: dict[int, int], inside: bool) -> str:
         link = f'<a href="{_target(index, "spec", inside)}">{_safe(row["spec"] or row["scene"])}</a>'
         body.append(f'<tr class="{kind}"><th scope="row">{link}</th>{cells}</tr>')
     return (
-        f'<div class="wide"><table class="sortable"><thead><tr><td></td>{over}</tr>'
+        f'<div class="wide{" tall" if len(rows) > MOST_ROWS_SHOWN else ""}"><table class="sortable"><thead><tr><td></td>{over}</tr>'
         f'<tr><th scope="col"><button type="button">structure</button></th>{head}</tr></thead>'
         f"<tbody>{''.join(body)}</tbody></table></div>"
         '<p class="note">Bold: the fastest, and whatever its noise does not tell apart from it.</p>'

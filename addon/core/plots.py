@@ -74,24 +74,26 @@ def scene_figures(rows: Sequence[Row], published: Any = None) -> list[Picture]:
     fitted = costs.fit(ours_close)
     found = []
 
+    below = charts.room_for_legend(len(measured))
+
     def add(title: str, caption: str, height: float, draw: Callable[[Any], None]) -> None:
         found.append(Picture(title, _svg(draw, height), caption))
 
     if curves:
-        add("Error against run time", charts.ERROR, 4.6, lambda f: charts.error_against_time(f, curves, styles))
+        add("Error against run time", charts.ERROR, 4.4 + below, lambda f: charts.error_against_time(f, curves, styles))
     add("Speed", charts.SPEEDS + remark, 1.1 + 0.22 * len(close), lambda f: charts.speeds(f, close))
     if len(ours_close) > 1:
         draw = partial(charts.build_against_tracing, rows=ours_close, styles=styles)
-        add("Build against tracing", charts.BUILD + remark, 5.2, draw)
+        add("Build against tracing", charts.BUILD + remark, 4.8 + below, draw)
     if lines:
         draw = partial(charts.k_sweep, scene=rows[0]["scene"], base=base, lines=lines, published=published)
         add("How many directions", charts.K_SWEEP, 4.4, draw)
     if views:
         draw = partial(charts.time_against_rays, rows=views, styles=styles)
-        add("Time against the number of rays", charts.SCALING, 4.6, draw)
+        add("Time against the number of rays", charts.SCALING, 4.4 + below, draw)
     if moved:
         draw = partial(charts.wrong_against_offset, rows=moved, styles=styles)
-        add("Wrong answers far from the origin", charts.OFFSETS, 4.2, draw)
+        add("Wrong answers far from the origin", charts.OFFSETS, 3.8 + below, draw)
     if fitted is not None:
         height = 1.6 + 0.2 * len(fitted.specs)
         add("Fitted costs", charts.COSTS + remark, height, partial(charts.fitted_costs, fit=fitted))
