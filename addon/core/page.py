@@ -147,8 +147,9 @@ def _table(rows: Sequence[Row], number: dict[int, int], inside: bool) -> str:
         cells = "".join(_html_cell(cell, index, inside) for cell in _cells(row, sets, best))
         link = f'<a href="{_target(index, "spec", inside)}">{_safe(row["spec"] or row["scene"])}</a>'
         body.append(f'<tr class="{kind}"><th scope="row">{link}</th>{cells}</tr>')
+    kind = "wide tall" if len(rows) > MOST_ROWS_SHOWN else "wide"
     return (
-        f'<div class="wide{" tall" if len(rows) > MOST_ROWS_SHOWN else ""}"><table class="sortable"><thead><tr><td></td>{over}</tr>'
+        f'<div class="{kind}"><table class="sortable"><thead><tr><td></td>{over}</tr>'
         f'<tr><th scope="col"><button type="button">structure</button></th>{head}</tr></thead>'
         f"<tbody>{''.join(body)}</tbody></table></div>"
         '<p class="note">Bold: the fastest, and whatever its noise does not tell apart from it.</p>'
