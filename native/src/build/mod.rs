@@ -12,8 +12,11 @@ pub mod object_tree;
 pub mod octree;
 pub mod octree_nodes;
 pub mod overlap;
+pub mod piece;
 pub mod plane_tree;
+pub mod polytope;
 pub mod preorder;
+pub mod profile;
 pub mod space;
 pub mod sweep;
 

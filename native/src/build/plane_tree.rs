@@ -146,13 +146,21 @@ impl PlaneTree {
                     tree.nodes.extend([[0; 2]; 2]);
                     places.extend([(children + 1, Some(place)), (children, Some(place))]);
                     let link = u32::try_from(children).expect("bounded by the budget") << LOW_BITS;
-                    let Direction::Axis(axis) = plane.direction;
-                    tree.nodes[place] = [plane.offset.to_bits(), link | axis as u32];
+                    tree.nodes[place] = match plane.direction {
+                        Direction::Axis(axis) => [plane.offset.to_bits(), link | axis as u32],
+                        Direction::Oblique([x, y, z]) => {
+                            tree.planes.push([x, y, z, plane.offset]);
+                            let index = tree.planes.len() - 1;
+                            let index = u32::try_from(index).expect("fewer than the nodes");
+                            [index, link | OBLIQUE]
+                        }
+                    };
                 }
             }
         }
         blocks.seal();
         tree.nodes.shrink_to_fit();
+        tree.planes.shrink_to_fit();
         Ok(tree)
     }
 
@@ -218,9 +226,16 @@ impl Shape {
             let depth = depths.pop().expect("preorder: every node has a depth");
             match *item {
                 Item::Inner { plane, share } => {
-                    let Direction::Axis(_) = plane.direction;
-                    shape.nodes_axis += 1;
-                    shape.sah_cost += f64::from(share);
+                    match plane.direction {
+                        Direction::Axis(_) => {
+                            shape.nodes_axis += 1;
+                            shape.sah_cost += f64::from(share);
+                        }
+                        Direction::Oblique(_) => {
+                            shape.nodes_oblique += 1;
+                            shape.sah_cost += 5.0 * f64::from(share);
+                        }
+                    }
                     depths.extend([depth + 1; 2]);
                 }
                 Item::Leaf { count, share } => {

@@ -2,6 +2,13 @@
 //! One file per structure: its row for the registry, which candidates it proposes, its paper.
 
 pub mod brute;
+pub mod bsp;
+pub mod bsp_cn;
+pub mod bsp_cn_axial;
+pub mod bsp_hybrid;
+pub mod bsp_random;
+pub mod bsp_wn;
+pub mod bsp_wn_area;
 pub mod bvh_sah;
 pub mod kd;
 pub mod kd_sah;
@@ -12,3 +19,4 @@ pub mod octree_glassner;
 pub mod octree_net;
 pub mod octree_param;
 pub mod octree_samet;
+pub mod rbsp;
