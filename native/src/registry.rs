@@ -18,6 +18,8 @@ pub const TREES: &[StructureSpec] = &[
     trees::kd_sah::SPEC,
     trees::rbsp::PLAIN,
     trees::rbsp::KD,
+    trees::bsp_ize::PLAIN,
+    trees::bsp_ize::KD,
     trees::bsp_random::PLAIN,
     trees::bsp_random::PLUS,
     trees::bsp_random::PLUS_KD,

@@ -15,6 +15,7 @@ use halfspace_native::spec::Config;
 use halfspace_native::structure::Structure;
 use halfspace_native::traverse::{Hit, Ray, RayCounters, Tracer};
 use halfspace_native::validate::validate;
+use rayon::prelude::*;
 use std::sync::Arc;
 
 fn build(scene: &Arc<Triangles>, spec: &str, threads: usize) -> Structure {
@@ -80,13 +81,13 @@ fn differences(tracer: &impl Tracer, rays: &[Ray], reference: &[Hit]) -> usize {
 
 #[test]
 fn every_structure_answers_like_brute_force() {
-    for Case {
-        name, scene, rays, ..
-    } in cases(Size::Small, 7)
-    {
+    cases(Size::Small, 7).into_par_iter().for_each(|case| {
+        let Case {
+            name, scene, rays, ..
+        } = case;
         let reference = closest(&build(&scene, "brute", 1), &rays);
         for spec in specs() {
-            let structure = build(&scene, &spec, 2);
+            let structure = build(&scene, &spec, 1);
             assert_eq!(validate(&structure), Vec::<String>::new(), "{name}, {spec}");
             let wrong = differences(&structure, &rays, &reference);
             assert_eq!(wrong, 0, "{name}, {spec}: of {} rays", rays.len());
@@ -98,7 +99,7 @@ fn every_structure_answers_like_brute_force() {
                 assert_eq!(wrong, 0, "{name}, {spec}, {set}: of {} rays", some.len());
             }
         }
-    }
+    });
 }
 
 #[test]
@@ -271,7 +272,12 @@ fn walks_without_bounds_are_caught() {
     let mut rays = lattice_rays(5, &mut random, 4000);
     rays.extend(aimed(&scene, 4000, &mut random));
     let reference = closest(&build(&scene, "brute", 1), &rays);
-    for spec in ["kd:robust=none", "kd:robust=none,traversal=dir"] {
+    for spec in [
+        "kd:robust=none",
+        "kd:robust=none,traversal=dir",
+        "bsp-wn-plus-kd:robust=none,k=4,seed=1",
+        "bsp-random:robust=none",
+    ] {
         assert!(
             differences(&build(&scene, spec, 1), &rays, &reference) > 0,
             "{spec}"

@@ -23,6 +23,9 @@ pub trait Piece: Copy + Send + Sync {
     /// The ends of the piece along a direction.
     fn interval(&self, direction: Direction) -> (f32, f32);
 
+    /// A box around the piece.
+    fn bounds(&self) -> Aabb;
+
     /// The pieces on both sides of a plane that goes through this one.
     fn cut(self, plane: Plane, triangles: (&Triangles, &Frame)) -> (Option<Self>, Option<Self>);
 
@@ -67,6 +70,10 @@ impl Piece for Boxed {
         (self.bounds.min[k], self.bounds.max[k])
     }
 
+    fn bounds(&self) -> Aabb {
+        self.bounds
+    }
+
     fn cut(self, _: Plane, _: (&Triangles, &Frame)) -> (Option<Self>, Option<Self>) {
         (Some(self), Some(self))
     }
@@ -89,6 +96,10 @@ impl Piece for ClippedBox {
     #[inline(always)]
     fn interval(&self, direction: Direction) -> (f32, f32) {
         self.0.interval(direction)
+    }
+
+    fn bounds(&self) -> Aabb {
+        self.0.bounds
     }
 
     fn cut(
@@ -138,6 +149,10 @@ impl Piece for Whole {
     fn interval(&self, direction: Direction) -> (f32, f32) {
         let [a, b, c] = self.corners.map(|p| direction.height(p));
         (a.min(b).min(c), a.max(b).max(c))
+    }
+
+    fn bounds(&self) -> Aabb {
+        Aabb::of_triangle(self.corners)
     }
 
     fn cut(self, _: Plane, _: (&Triangles, &Frame)) -> (Option<Self>, Option<Self>) {
@@ -227,6 +242,14 @@ impl Piece for Clipped {
         }
         // Positive zero, as in the bounds of boxes.
         (low as f32 + 0.0, high as f32 + 0.0)
+    }
+
+    fn bounds(&self) -> Aabb {
+        let mut bounds = Aabb::EMPTY;
+        for k in 0..3 {
+            (bounds.min[k], bounds.max[k]) = self.interval(Direction::Axis(k));
+        }
+        bounds
     }
 
     fn cut(self, plane: Plane, (_, frame): (&Triangles, &Frame)) -> (Option<Self>, Option<Self>) {

@@ -84,6 +84,8 @@ pub struct Shape {
     pub references: usize,
     /// Triangles in the largest leaf.
     pub leaf_max: usize,
+    /// Leaves of more than 64 triangles.
+    pub leaves_large: usize,
     /// Largest depth of a leaf; the root has depth 0.
     pub depth_max: usize,
     /// Mean depth of the leaves.
@@ -244,6 +246,7 @@ impl Shape {
                     shape.leaves_empty += usize::from(count == 0);
                     shape.references += count;
                     shape.leaf_max = shape.leaf_max.max(count);
+                    shape.leaves_large += usize::from(count > 64);
                     shape.depth_max = shape.depth_max.max(depth);
                     shape.sah_cost += 80.0 * f64::from(share) * count as f64;
                     depth_sum += depth;

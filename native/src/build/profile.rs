@@ -86,7 +86,7 @@ impl Profile {
                 .max(zero);
             let term = |c: [f32; 2]| x * (f32x8::splat(simd, c[0]) + f32x8::splat(simd, c[1]) * x);
             below += term(edge.below);
-            above = above - term(edge.above);
+            above -= term(edge.above);
         }
         (below.max(zero), above.max(zero))
     }

@@ -8,11 +8,12 @@
 use super::Monitor;
 use super::cell::{Cell, Direction, Plane};
 use super::cost::Costs;
+use super::groups::Groups;
 use super::piece::Piece;
 use super::plane_tree::MAX_DEPTH;
 use super::preorder::{Item, Preorder};
 use super::profile::Profile;
-use super::sweep::{Best, Pricing, Scratch, Ties, sweep};
+use super::sweep::{Best, Pricing, Scratch, Ties, Touching, sweep};
 use crate::error::Result;
 use crate::geom::Aabb;
 use crate::scene::Triangles;
@@ -40,8 +41,13 @@ pub trait PlanePolicy: Sync {
     /// The directions to sweep at a node, into the empty `out`. Of equally cheap planes the earlier
     /// direction's wins.
     fn directions(&self, node: &Node<'_, Self::Piece>, out: &mut Vec<Direction>);
+    /// Single planes to try beside the sweeps, into the empty `out`.
+    fn planes(&self, _: &Node<'_, Self::Piece>, _: &mut Vec<Plane>) {}
     /// Further directions, into the empty `out`, for a node that would otherwise become a leaf.
     fn more(&self, _: &Node<'_, Self::Piece>, _: &mut Vec<Direction>) {}
+    /// Directions, into the empty `out`, for a node that is too large for a leaf and that those of
+    /// [`Self::directions`] do not part.
+    fn last_resort(&self, _: &Node<'_, Self::Piece>, _: &mut Vec<Direction>) {}
 }
 
 /// What a policy is told about a node.
@@ -105,6 +111,8 @@ pub struct Params {
     pub max_depth: usize,
     /// The stopping rule.
     pub stop: Stop,
+    /// Whether pieces are sorted along a curve, which the counts of single planes want.
+    pub sorted: bool,
     /// Whether the search ends once a plane parts the node's triangles without cutting any.
     pub early: bool,
 }
@@ -131,6 +139,8 @@ struct Task<P> {
     scratch: Scratch,
     profile: Profile,
     directions: Vec<Direction>,
+    planes: Vec<Plane>,
+    groups: Groups,
     out: Preorder,
     done: f64,
 }
@@ -162,11 +172,14 @@ pub fn build<P: PlanePolicy>(
     monitor: &Monitor,
 ) -> Result<Preorder> {
     let root = policy.root(frame.bounds());
-    let pieces: Vec<_> = scene
+    let mut pieces: Vec<_> = scene
         .live()
         .par_iter()
         .map(|&id| P::Piece::new(id, scene.corners(id).map(|p| frame.point(p))))
         .collect();
+    if params.sorted {
+        sort_along_curve(&mut pieces, &frame.bounds());
+    }
     let builder = Builder {
         scene,
         frame,
@@ -197,6 +210,8 @@ impl<P: PlanePolicy> Builder<'_, P> {
             scratch: Scratch::default(),
             profile: Profile::default(),
             directions: Vec::new(),
+            planes: Vec::new(),
+            groups: Groups::default(),
             out: Preorder::default(),
             done: 0.0,
         };
@@ -279,14 +294,14 @@ impl<P: PlanePolicy> Builder<'_, P> {
             return None;
         }
         task.directions.clear();
-        self.policy.directions(
-            &Node {
-                pieces: &task.pieces[from..],
-                depth: node.depth,
-                key: node.key,
-            },
-            &mut task.directions,
-        );
+        task.planes.clear();
+        let view = Node {
+            pieces: &task.pieces[from..],
+            depth: node.depth,
+            key: node.key,
+        };
+        self.policy.directions(&view, &mut task.directions);
+        self.policy.planes(&view, &mut task.planes);
         let mut choice = None;
         if node.depth < params.max_depth {
             choice = self.affordable(task, from, cell, node.bad);
@@ -311,7 +326,7 @@ impl<P: PlanePolicy> Builder<'_, P> {
             }
         }
         let choice = match choice {
-            None if n > params.leaf_most => self.forced(task, from, cell)?,
+            None if n > params.leaf_most => self.forced(task, from, node)?,
             choice => Choice {
                 bad: choice.as_ref().map_or(0, |c| c.bad),
                 ..choice?
@@ -348,6 +363,7 @@ impl<P: PlanePolicy> Builder<'_, P> {
             ],
         };
         let [first, second] = self.search(task, from, cell, steps);
+        let [first, second] = self.singles(task, from, cell, steps, [first, second]);
         let (plane, best) = first?;
         let as_code = matches!(params.oblique, ObliqueStep::Linear { as_code: true, .. });
         let second = second.filter(|(_, best)| best.cost < leaf);
@@ -371,11 +387,18 @@ impl<P: PlanePolicy> Builder<'_, P> {
     }
 
     /// The split that parts a node best which is too large for a leaf.
-    fn forced(&self, task: &mut Task<P::Piece>, from: usize, cell: &P::Cell) -> Option<Choice> {
+    fn forced(
+        &self,
+        task: &mut Task<P::Piece>,
+        from: usize,
+        node: &Pending<P::Cell>,
+    ) -> Option<Choice> {
+        let cell = node.cell.as_ref()?;
         let costs = Costs {
             step: 0.0,
             leaf: 0.0,
-            empty: f32::MAX,
+            // A part without triangles parts nothing.
+            empty: f32::INFINITY,
             ..self.params.costs
         };
         let pricing = Pricing {
@@ -384,9 +407,27 @@ impl<P: PlanePolicy> Builder<'_, P> {
             by_count: true,
         };
         let n = (task.pieces.len() - from) as f32;
-        let [best, _] = self.sweep_all(task, from, cell, |_| pricing);
-        let (plane, best) = best?;
-        (best.counts[0].max(best.counts[1]) < n).then_some(Choice {
+        let attempt = |task: &mut Task<P::Piece>| {
+            let [best, _] = self.sweep_all(task, from, cell, |_| pricing);
+            best.filter(|(_, Best { counts, .. })| {
+                // Triangles that cross each other would go on being cut for ever.
+                counts[0].max(counts[1]) <= 0.95 * n && counts[0] + counts[1] <= 1.7 * n
+            })
+        };
+        let found = attempt(task).or_else(|| {
+            task.directions.clear();
+            self.policy.last_resort(
+                &Node {
+                    pieces: &task.pieces[from..],
+                    depth: node.depth,
+                    key: node.key,
+                },
+                &mut task.directions,
+            );
+            attempt(task)
+        });
+        let (plane, best) = found?;
+        Some(Choice {
             plane,
             best,
             bad: 0,
@@ -400,7 +441,7 @@ impl<P: PlanePolicy> Builder<'_, P> {
         from: usize,
         cell: &P::Cell,
         steps: [f32; 2],
-    ) -> [Option<(Plane, Best)>; 2] {
+    ) -> Found {
         let costs = &self.params.costs;
         self.sweep_all(task, from, cell, |direction| Pricing {
             costs,
@@ -412,6 +453,76 @@ impl<P: PlanePolicy> Builder<'_, P> {
         })
     }
 
+    /// The cheapest planes for both prices, those of the sweeps or single ones.
+    fn singles(
+        &self,
+        task: &mut Task<P::Piece>,
+        from: usize,
+        cell: &P::Cell,
+        steps: [f32; 2],
+        found: Found,
+    ) -> Found {
+        if task.planes.is_empty() {
+            return found;
+        }
+        let pieces = &task.pieces[from..];
+        task.groups.fill(pieces, self.frame.bounds().magnitude());
+        let (groups, planes, costs) = (&task.groups, &task.planes, &self.params.costs);
+        let search = |planes: &[Plane], profile: &mut Profile| {
+            let mut found = found;
+            for &plane in planes {
+                let [below, above, planar] = groups.count(pieces, plane).map(|n| n as f32);
+                // Both parts together have at least the whole surface: no plane costs less.
+                let least = costs.leaf(below.min(above));
+                let hopeless = |i: usize| {
+                    found[i].is_some_and(|(_, best): (Plane, Best)| {
+                        (steps[i] + least) * costs.empty >= best.cost
+                    }) || steps[i] == f32::INFINITY
+                };
+                if (hopeless(0) && hopeless(1)) || !cell.profile(plane.direction, profile) {
+                    continue;
+                }
+                let at = plane.offset;
+                let inside =
+                    profile.low + profile.margin < at && at < profile.high - profile.margin;
+                if !inside {
+                    continue;
+                }
+                let shares = profile.shares(at);
+                for (step, best) in steps.into_iter().zip(&mut found) {
+                    let costs = Costs { step, ..*costs };
+                    for (counts, touching) in [
+                        ((below + planar, above), Touching::PlanarBelow),
+                        ((below, above + planar), Touching::PlanarAbove),
+                    ] {
+                        let cost = costs.split(shares, counts);
+                        if cost < best.map_or(f32::INFINITY, |(_, b)| b.cost) {
+                            let (shares, counts) = (shares.into(), counts.into());
+                            let new = Best {
+                                cost,
+                                at,
+                                touching,
+                                shares,
+                                counts,
+                            };
+                            *best = Some((plane, new));
+                        }
+                    }
+                }
+            }
+            found
+        };
+        if pieces.len() < TASK {
+            return search(planes, &mut task.profile);
+        }
+        // In parts of fixed size, so that the result does not depend on the number of threads.
+        let parts: Vec<_> = planes
+            .par_chunks(TASK)
+            .map(|part| search(part, &mut Profile::default()))
+            .collect();
+        parts.into_iter().fold(found, better)
+    }
+
     /// The cheapest planes of all directions of the task.
     fn sweep_all<'p>(
         &self,
@@ -419,8 +530,7 @@ impl<P: PlanePolicy> Builder<'_, P> {
         from: usize,
         cell: &P::Cell,
         pricing: impl Fn(Direction) -> Pricing<'p> + Sync,
-    ) -> [Option<(Plane, Best)>; 2] {
-        type Pair = [Option<(Plane, Best)>; 2];
+    ) -> Found {
         let Task {
             pieces,
             scratch,
@@ -436,17 +546,16 @@ impl<P: PlanePolicy> Builder<'_, P> {
             }
             P::Piece::project(pieces, direction, scratch);
             scratch.add_slabs(self.params.slab * magnitude);
-            sweep(scratch, profile, &pricing(direction), self.params.ties).map(|best| {
+            let pricing = pricing(direction);
+            if pricing.by_count {
+                // What must be parted is parted, however thin the parts.
+                profile.margin /= 1024.0;
+            }
+            sweep(scratch, profile, &pricing, self.params.ties).map(|best| {
                 best.map(|best| {
                     let offset = best.at;
                     (Plane { direction, offset }, best)
                 })
-            })
-        };
-        let better = |a: Pair, b: Pair| -> Pair {
-            std::array::from_fn(|i| match (a[i], b[i]) {
-                (Some(x), Some(y)) => Some(if y.1.cost < x.1.cost { y } else { x }),
-                (x, y) => x.or(y),
             })
         };
         if pieces.len() >= PARALLEL_SWEEP {
@@ -494,6 +603,37 @@ impl<P: PlanePolicy> Builder<'_, P> {
         task.pieces.drain(above_end..end);
         above_end
     }
+}
+
+/// The best planes for both prices.
+type Found = [Option<(Plane, Best)>; 2];
+
+/// The cheaper of two; of equal ones the first.
+fn better(a: Found, b: Found) -> Found {
+    std::array::from_fn(|i| match (a[i], b[i]) {
+        (Some(x), Some(y)) => Some(if y.1.cost < x.1.cost { y } else { x }),
+        (x, y) => x.or(y),
+    })
+}
+
+/// Sorts pieces along Morton's curve through the scene's box.
+fn sort_along_curve<P: Piece>(pieces: &mut [P], bounds: &Aabb) {
+    let code = |piece: &P| {
+        let own = piece.bounds();
+        (0..3).fold(0_u32, |code, k| {
+            let extent = bounds.extent(k).max(f64::MIN_POSITIVE);
+            let centre = 0.5 * (f64::from(own.min[k]) + f64::from(own.max[k]));
+            let at = (centre - f64::from(bounds.min[k])) / extent;
+            #[expect(
+                clippy::cast_possible_truncation,
+                clippy::cast_sign_loss,
+                reason = "ten bits"
+            )]
+            let cell = (at * 1024.0).clamp(0.0, 1023.0) as u32;
+            code | (0..10).fold(0, |bits, i| bits | (cell >> i & 1) << (3 * i + k as u32))
+        })
+    };
+    pieces.sort_by_cached_key(code);
 }
 
 /// The key of a node's child: a bijection that scatters all bits (Steele, Lea and Flood 2014).

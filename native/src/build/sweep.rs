@@ -204,9 +204,9 @@ impl<'a, S: Simd> Batch<'a, S> {
                 let (mut low, mut high) = (inside, inside);
                 if profile.walls {
                     // A wall of the cell: worth a plane only for the triangles that lie in it.
-                    low = low | (at.simd_eq(splat(profile.low)) & second.simd_gt(zero));
-                    high = high | (at.simd_eq(splat(profile.high)) & first.simd_gt(zero));
-                    low = low & (inside | third.simd_gt(zero));
+                    low |= at.simd_eq(splat(profile.low)) & second.simd_gt(zero);
+                    high |= at.simd_eq(splat(profile.high)) & first.simd_gt(zero);
+                    low &= inside | third.simd_gt(zero);
                 }
                 [
                     (first + third, second, low, Touching::PlanarBelow),

@@ -86,6 +86,7 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built>
             depth => depth,
         },
         stop: Stop::Cheapest,
+        sorted: false,
         early: false,
     };
     plane_tree(

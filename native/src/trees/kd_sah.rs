@@ -63,6 +63,7 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built>
             depth => depth,
         },
         stop: Stop::Tolerant(3),
+        sorted: false,
         early: false,
     };
     plane_tree(scene, config, &Axes::<Boxed>(PhantomData), &params, monitor)

@@ -6,6 +6,7 @@ pub mod bsp;
 pub mod bsp_cn;
 pub mod bsp_cn_axial;
 pub mod bsp_hybrid;
+pub mod bsp_ize;
 pub mod bsp_random;
 pub mod bsp_wn;
 pub mod bsp_wn_area;

@@ -40,11 +40,11 @@ pub const KD: StructureSpec = StructureSpec {
 const SET: ParamSpec = ParamSpec {
     name: "set",
     label: "Directions",
-    doc: "cube: the axes, the cube's diagonals and its faces' (Klosowski et al. 1998), up to 13. spiral: even \
-          over the sphere, any number (Kammaje and Mora 2007)",
+    doc: "cube: the axes, the cube's diagonals and its faces' (Klosowski et al. 1998), at most 13. spiral: \
+          even over the sphere, any number (Kammaje and Mora 2007). auto: cube as far as it reaches",
     unit: "",
-    kind: Kind::Choice(&["cube", "spiral"]),
-    default: Default::Choice("cube"),
+    kind: Kind::Choice(&["auto", "cube", "spiral"]),
+    default: Default::Choice("auto"),
 };
 
 const K: ParamSpec = ParamSpec {
@@ -63,15 +63,19 @@ const fn with_set<const N: usize>(mut params: [ParamSpec; N], seed: usize) -> [P
 
 fn grow(scene: &Triangles, config: &Config, monitor: &Monitor, variant: Variant) -> Result<Built> {
     let k = config.integer("k");
-    let set = match config.choice("set") {
-        "spiral" if variant == Variant::PlusKd => {
+    let spiral_wanted = match config.choice("set") {
+        "auto" => k > cube().len(),
+        set => set == "spiral",
+    };
+    let set = match spiral_wanted {
+        true if variant == Variant::PlusKd => {
             let mut set = cube();
             set.truncate(3);
             set.extend(spiral(k - 3));
             set
         }
-        "spiral" => spiral(k),
-        _ => cube(),
+        true => spiral(k),
+        false => cube(),
     };
     if k > set.len() {
         return Err(Error::Spec(format!(

@@ -4,7 +4,6 @@
 
 use crate::build::cell::{BoxCell, Cell, ConvexCell, Direction, Plane};
 use crate::build::plane_tree::{MAX_DEPTH, Node, PlaneTree};
-use crate::build::polytope::Polytope;
 use crate::structure::Structure;
 use crate::traverse::frame::U;
 use std::collections::BTreeSet;
@@ -107,15 +106,21 @@ fn fault(cell: &ConvexCell, plane: Plane) -> Option<String> {
         return Some(format!("the plane {plane:?} does not part its cell"));
     };
     for part in [&below, &above] {
-        if part.euler() != 2 || part.open() {
-            return Some(format!("the cut at {plane:?} leaves a cell open"));
+        let gap = part.gap();
+        if part.euler() != 2 || gap.is_nan() || gap > part.area_noise() {
+            return Some(format!(
+                "the cut at {plane:?} leaves a cell open: Euler's number is {}, the vector areas of a \
+                 surface of {} sum to {}",
+                part.euler(),
+                part.area(),
+                gap
+            ));
         }
     }
     let cap = below.facets().last().map_or(0.0, |f| f.area);
     let sum = below.area() + above.area() - 2.0 * cap;
-    let allowed = 1e-9 * cell.area() + Polytope::AREA_NOISE * cell.magnitude() * cell.area().sqrt();
-    // Negated, so that NaN is a fault.
-    (!((sum - cell.area()).abs() <= allowed)).then(|| {
+    let error = (sum - cell.area()).abs();
+    (error.is_nan() || error > cell.area_noise()).then(|| {
         format!(
             "the areas at {plane:?} add up to {sum}, not to {}",
             cell.area()

@@ -22,7 +22,7 @@ use crate::error::Result;
 use crate::geom::Aabb;
 use crate::registry::Built;
 use crate::scene::Triangles;
-use crate::spec::Config;
+use crate::spec::{Config, Value};
 use crate::structure::Layout;
 use crate::traverse::blocks::Blocks;
 use crate::traverse::frame::{Frame, U};
@@ -77,7 +77,8 @@ struct Policy<'a, S, P> {
     pieces: PhantomData<P>,
 }
 
-const AXES: [[f32; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+/// The axes as vectors.
+pub const AXES: [[f32; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 
 impl<S: Source, P: Piece> Policy<'_, S, P> {
     fn emit(&self, vectors: &[[f32; 3]], out: &mut Vec<Direction>) {
@@ -117,9 +118,21 @@ impl<S: Source, P: Piece> PlanePolicy for Policy<'_, S, P> {
         self.source.more(node, &mut vectors);
         self.emit(&vectors, out);
     }
+
+    fn last_resort(&self, node: &Node<'_, P>, out: &mut Vec<Direction>) {
+        self.emit(&anything(node), out);
+    }
 }
 
-/// Builds a tree and lays it out.
+/// Directions for a node that nothing else parts: the axes, and many at random.
+pub fn anything<P>(node: &Node<'_, P>) -> Vec<[f32; 3]> {
+    let mut random = random::generator(0, node.key);
+    let mut vectors = AXES.to_vec();
+    vectors.extend((0..16).map(|_| random::direction(&mut random)));
+    vectors
+}
+
+/// Builds a tree along a source's directions and lays it out.
 ///
 /// # Errors
 /// As [`space::build`] and [`PlaneTree::new`].
@@ -130,40 +143,61 @@ pub fn build<S: Source>(
     variant: Variant,
     source: impl FnOnce(Arc<Normals>) -> S,
 ) -> Result<Built> {
-    let frame = Frame::new(scene.bounds());
     let params = loop_params(scene, config, variant);
+    build_with(
+        scene,
+        config,
+        monitor,
+        (variant, &params),
+        |frame, normals, needed| {
+            let k = if needed { config.integer("k") } else { 3 };
+            let source = source(normals);
+            let task = (&source, variant, k, config.integer("axes_depth"));
+            if config.choice("clip") == "1" {
+                oblique::<S, Clipped>(scene, frame, &params, task, monitor)
+            } else {
+                oblique::<S, Whole>(scene, frame, &params, task, monitor)
+            }
+        },
+    )
+}
+
+/// Builds a tree and lays it out: the kd-tree where oblique planes are of no use, otherwise what `grow`
+/// makes of the frame, the normals, and whether oblique planes are of use.
+///
+/// # Errors
+/// Those of `grow`, and as [`PlaneTree::new`].
+pub fn build_with(
+    scene: &Triangles,
+    config: &Config,
+    monitor: &Monitor,
+    (variant, params): (Variant, &Params),
+    grow: impl FnOnce(&Frame, Arc<Normals>, bool) -> Result<Preorder>,
+) -> Result<Built> {
+    let frame = Frame::new(scene.bounds());
     let normals = Arc::new(Normals::new(scene, &frame));
-    let k = config.integer("k");
-    let clip = config.choice("clip") == "1";
-    let mut left_out = Vec::new();
+    let few = config
+        .values()
+        .any(|(name, k)| name == "k" && *k == Value::Integer(3));
     let needless = if variant == Variant::Plain {
         None
-    } else if k == 3 {
+    } else if few {
         Some("K = 3 leaves only the axes")
     } else if normals.all_parallel_to_axes() {
         Some("every triangle is parallel to two axes")
     } else {
         None
     };
+    let mut left_out = Vec::new();
     let preorder = match needless {
+        None => grow(&frame, normals, true)?,
         Some(reason) if variant == Variant::PlusKd => {
             left_out.push(format!("oblique planes: {reason}"));
-            axes_only(scene, &frame, &params, clip, monitor)?
+            axes_only(scene, &frame, params, config.choice("clip") == "1", monitor)?
         }
-        needless => {
-            let k = if let Some(reason) = needless {
-                left_out.push(format!("oblique planes but those of the axes: {reason}"));
-                3
-            } else {
-                k
-            };
-            let source = source(normals);
-            let task = (&source, variant, k, config.integer("axes_depth"));
-            if clip {
-                oblique::<S, Clipped>(scene, &frame, &params, task, monitor)?
-            } else {
-                oblique::<S, Whole>(scene, &frame, &params, task, monitor)?
-            }
+        Some(reason) => {
+            left_out.push(format!("planes not parallel to two axes: {reason}"));
+            grow(&frame, normals, false)?
         }
     };
     lay_out(scene, config, frame, &preorder, left_out)
@@ -197,6 +231,7 @@ fn axes_only(
     // Planes in the walls of boxes do for planar triangles what slabs do elsewhere.
     let params = &Params {
         slab: 0.0,
+        sorted: false,
         ..*params
     };
     if clip {
@@ -273,6 +308,9 @@ pub fn loop_params(scene: &Triangles, config: &Config, variant: Variant) -> Para
         } else {
             Stop::Cheapest
         },
-        early: config.choice("early") == "1",
+        sorted: false,
+        early: config
+            .values()
+            .any(|(name, v)| name == "early" && *v == Value::Choice("1")),
     }
 }

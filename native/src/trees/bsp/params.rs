@@ -132,3 +132,9 @@ pub const fn kd(k: ParamSpec) -> [ParamSpec; 12] {
         k, ALPHA, SEED, COSTS, RULE, TIES, SLAB, CLIP, EARLY, AXES_DEPTH, ROBUST, MAX_DEPTH,
     ]
 }
+
+/// Parameters of a tree that sweeps nothing but the axes.
+pub const SINGLE: [ParamSpec; 6] = [COSTS, TIES, SLAB, CLIP, ROBUST, MAX_DEPTH];
+
+/// The same, with cheap axis nodes.
+pub const SINGLE_KD: [ParamSpec; 8] = [ALPHA, COSTS, RULE, TIES, SLAB, CLIP, ROBUST, MAX_DEPTH];
