@@ -90,25 +90,23 @@ fn seeds_choose_the_tree() {
     }
 }
 
-/// Leaves hold at most 64 triangles, except where planes do not tell triangles apart.
+/// Leaves hold at most 64 triangles wherever planes tell triangles apart, whatever limits the depth.
 #[test]
 fn large_leaves_hold_what_no_plane_parts() {
-    for Case { name, scene, .. } in cases(Size::Small, 7) {
-        for spec in ["bsp-wn-plus-kd", "bsp-cn", "rbsp:k=7", "bsp-ize-kd"] {
-            let shape = *build(&scene, spec).shape();
-            assert_eq!(
-                shape.leaves_large > 0,
-                shape.leaf_max > 64,
-                "{name}, {spec}"
-            );
-            let inseparable = name == "identical";
-            assert_eq!(
-                shape.leaf_max > 64,
-                inseparable,
-                "{name}, {spec}: {}",
-                shape.leaf_max
-            );
+    let cases = cases(Size::Small, 7);
+    let case = |name: &str| -> &Arc<Triangles> {
+        let case: Option<&Case> = cases.iter().find(|c| c.name == name);
+        &case.expect("a case of this name").scene
+    };
+    let scattered = scattered(3000);
+    for id in ["bsp-wn-plus-kd", "bsp-cn", "rbsp", "bsp-ize-kd"] {
+        for (scene, limit) in [(&scattered, 3), (case("fan"), 10)] {
+            let shape = *build(scene, &format!("{id}:max_depth={limit}")).shape();
+            assert!(shape.leaf_max <= 64, "{id}: {}", shape.leaf_max);
+            assert_eq!(shape.leaves_large, 0, "{id}");
         }
+        let shape = *build(case("identical"), id).shape();
+        assert_eq!((shape.leaf_max, shape.leaves_large), (100, 1), "{id}");
     }
 }
 

@@ -146,7 +146,7 @@ impl Polytope {
 
     /// What rounding of the vertices does to areas, in units of the scene's size times the root of
     /// the area: some vertices are snapped to planes.
-    const AREA_NOISE: f64 = 64.0 * ON;
+    const AREA_NOISE: f64 = 1024.0 * ON;
 
     /// Largest coordinate of the scene.
     pub fn magnitude(&self) -> f64 {
