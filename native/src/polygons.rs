@@ -41,9 +41,14 @@ pub fn split_polygons(structure: &Structure, max_depth: usize, max_count: usize)
         Layout::PlaneDir(tree) | Layout::PlaneTaB(tree) => {
             plane_tree(structure, tree, (max_depth, max_count), &mut polygons);
         }
-        Layout::Box2(tree) => object_tree(structure, tree, (max_depth, max_count), &mut polygons),
-        Layout::Box4(tree) => object_tree(structure, tree, (max_depth, max_count), &mut polygons),
-        Layout::Box8(tree) => object_tree(structure, tree, (max_depth, max_count), &mut polygons),
+        Layout::Objects(tree) => {
+            object_tree(
+                structure,
+                tree.nested(),
+                (max_depth, max_count),
+                &mut polygons,
+            );
+        }
         Layout::OctreeParam(tree)
         | Layout::OctreeNet(tree)
         | Layout::OctreeBeam(tree, _)
@@ -115,9 +120,9 @@ fn octree(
 
 /// Boxes as six rectangles each, with the depth of the box's own node; slabs as the planes that cut
 /// something off the node's region, each cut to that region.
-fn object_tree<N: Nested>(
+fn object_tree(
     structure: &Structure,
-    tree: &N,
+    tree: &dyn Nested,
     (max_depth, max_count): (usize, usize),
     out: &mut Polygons,
 ) {

@@ -17,6 +17,7 @@ pub const TREES: &[StructureSpec] = &[
     trees::kd::SPEC,
     trees::kd_sah::SPEC,
     trees::bvh_sah::SPEC,
+    trees::bih::SPEC,
     trees::octree_param::SPEC,
     trees::octree_arvo::SPEC,
     trees::octree_net::SPEC,

@@ -15,9 +15,7 @@ pub fn validate(structure: &Structure) -> Vec<String> {
     match &structure.built().layout {
         Layout::Brute => {}
         Layout::PlaneDir(tree) | Layout::PlaneTaB(tree) => plane_tree(structure, tree, &mut broken),
-        Layout::Box2(tree) => object_tree(structure, tree, &mut broken),
-        Layout::Box4(tree) => object_tree(structure, tree, &mut broken),
-        Layout::Box8(tree) => object_tree(structure, tree, &mut broken),
+        Layout::Objects(tree) => object_tree(structure, tree.nested(), &mut broken),
         Layout::OctreeParam(tree)
         | Layout::OctreeNet(tree)
         | Layout::OctreeBeam(tree, _)
@@ -57,15 +55,13 @@ impl Layout {
                 });
                 ids
             }
-            Self::Box2(tree) => nested_ids(structure, tree),
-            Self::Box4(tree) => nested_ids(structure, tree),
-            Self::Box8(tree) => nested_ids(structure, tree),
+            Self::Objects(tree) => nested_ids(structure, tree.nested()),
         }
     }
 }
 
 /// All triangles that some leaf of an object tree holds.
-fn nested_ids(structure: &Structure, tree: &impl Nested) -> BTreeSet<u32> {
+fn nested_ids(structure: &Structure, tree: &dyn Nested) -> BTreeSet<u32> {
     let mut ids = BTreeSet::new();
     visit(tree, structure.built().frame.bounds(), |_, _, look, _| {
         if let Look::Leaf { first, count } = look {
@@ -76,7 +72,7 @@ fn nested_ids(structure: &Structure, tree: &impl Nested) -> BTreeSet<u32> {
 }
 
 /// Object trees hold each triangle once, inside every box and between all planes on its path.
-fn object_tree(structure: &Structure, tree: &impl Nested, broken: &mut Vec<String>) {
+fn object_tree(structure: &Structure, tree: &dyn Nested, broken: &mut Vec<String>) {
     let (built, scene) = (structure.built(), structure.scene());
     let mut seen = BTreeSet::new();
     let (mut inner, mut leaves, mut references) = (0, 0, 0);

@@ -41,12 +41,31 @@ impl Object {
 pub struct Node<'a, R> {
     /// Its objects.
     pub objects: &'a [Object],
-    /// The box around them.
-    pub bounds: Aabb,
-    /// The box around their centres.
-    pub centres: Aabb,
     /// What the policy said of it when it parted the parent.
     pub region: &'a R,
+}
+
+impl<R> Node<'_, R> {
+    /// The boxes around the objects and around their centres.
+    pub fn measure(&self) -> (Aabb, Aabb) {
+        if self.objects.len() < PARALLEL {
+            return measure(self.objects);
+        }
+        let join = |a: (Aabb, Aabb), b: (Aabb, Aabb)| (a.0.union(&b.0), a.1.union(&b.1));
+        self.objects
+            .par_chunks(PARALLEL / 4)
+            .map(measure)
+            .reduce(|| (Aabb::EMPTY, Aabb::EMPTY), join)
+    }
+}
+
+fn measure(objects: &[Object]) -> (Aabb, Aabb) {
+    let mut both = (Aabb::EMPTY, Aabb::EMPTY);
+    for object in objects {
+        both.0 = both.0.union(&object.bounds);
+        both.1.grow([0, 1, 2].map(|k| object.centre(k)));
+    }
+    both
 }
 
 /// How a node's objects are parted.
@@ -128,11 +147,11 @@ impl<P: ObjectPolicy> Builder<'_, P> {
             self.monitor.advance(work);
             return Ok(items);
         }
-        let Some((split, regions, item)) = self.split(objects, &at)? else {
+        let Some((split, regions, axis)) = self.split(objects, &at)? else {
             self.monitor.advance(work);
             return Ok(vec![item_leaf(objects)]);
         };
-        items.push(item);
+        items.push(Item::inner(axis));
         let depth = at.1 + 1;
         let share = split as f64 / objects.len() as f64;
         let (below, above) = objects.split_at_mut(split);
@@ -143,8 +162,8 @@ impl<P: ObjectPolicy> Builder<'_, P> {
         );
         items.append(&mut first?);
         let distance = items.len();
-        items[0].link_above(distance);
         items.append(&mut second?);
+        Item::link(&mut items, distance);
         Ok(items)
     }
 
@@ -155,23 +174,24 @@ impl<P: ObjectPolicy> Builder<'_, P> {
         at: (P::Region, usize),
         items: &mut Vec<Item>,
     ) -> Result<()> {
-        let Some((split, regions, item)) = self.split(objects, &at)? else {
+        let Some((split, regions, axis)) = self.split(objects, &at)? else {
             items.push(item_leaf(objects));
             return Ok(());
         };
         let place = items.len();
-        items.push(item);
+        items.push(Item::inner(axis));
         let depth = at.1 + 1;
         let (below, above) = objects.split_at_mut(split);
         let [first, second] = regions;
         self.node(below, (first, depth), items)?;
         let distance = items.len() - place;
-        items[place].link_above(distance);
-        self.node(above, (second, depth), items)
+        self.node(above, (second, depth), items)?;
+        Item::link(&mut items[place..], distance);
+        Ok(())
     }
 
     /// Parts a node in place, or says that it is a leaf: how many objects are below, what the
-    /// children are told, and the node's own item.
+    /// children are told, and the axis.
     #[expect(
         clippy::type_complexity,
         reason = "three results, named in the sentence above"
@@ -180,18 +200,12 @@ impl<P: ObjectPolicy> Builder<'_, P> {
         &self,
         objects: &mut [Object],
         (region, depth): &(P::Region, usize),
-    ) -> Result<Option<(usize, [P::Region; 2], Item)>> {
+    ) -> Result<Option<(usize, [P::Region; 2], usize)>> {
         self.monitor.check()?;
         if objects.len() < 2 {
             return Ok(None);
         }
-        let (bounds, centres) = measure(objects);
-        let parting = self.policy.part(&Node {
-            objects,
-            bounds,
-            centres,
-            region,
-        });
+        let parting = self.policy.part(&Node { objects, region });
         // Halving reaches single objects in this many levels; from here on nothing else may be done.
         let last_resort = MAX_DEPTH - depth <= objects.len().next_power_of_two().ilog2() as usize;
         let (axis, regions, split) = match parting {
@@ -208,7 +222,7 @@ impl<P: ObjectPolicy> Builder<'_, P> {
         } else {
             split
         };
-        Ok(Some((split, regions, Item::inner(bounds, axis))))
+        Ok(Some((split, regions, axis)))
     }
 }
 
@@ -217,26 +231,6 @@ fn item_leaf(objects: &[Object]) -> Item {
         .iter()
         .fold(Aabb::EMPTY, |all, o| all.union(&o.bounds));
     Item::leaf(bounds, objects.len())
-}
-
-/// The boxes around the objects and around their centres.
-fn measure(objects: &[Object]) -> (Aabb, Aabb) {
-    let of = |objects: &[Object]| {
-        let mut both = (Aabb::EMPTY, Aabb::EMPTY);
-        for object in objects {
-            both.0 = both.0.union(&object.bounds);
-            both.1.grow([0, 1, 2].map(|k| object.centre(k)));
-        }
-        both
-    };
-    if objects.len() < PARALLEL {
-        return of(objects);
-    }
-    let join = |a: (Aabb, Aabb), b: (Aabb, Aabb)| (a.0.union(&b.0), a.1.union(&b.1));
-    objects
-        .par_chunks(PARALLEL / 4)
-        .map(of)
-        .reduce(|| (Aabb::EMPTY, Aabb::EMPTY), join)
 }
 
 /// Moves the objects of which `below` holds to the front; returns how many they are.
@@ -283,7 +277,7 @@ mod tests {
         fn part(&self, node: &Node<'_, ()>) -> Parting<()> {
             Parting::Centre {
                 axis: 0,
-                at: node.centres.min[0],
+                at: node.measure().1.min[0],
                 regions: [(); 2],
             }
         }

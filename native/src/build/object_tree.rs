@@ -33,10 +33,10 @@ pub enum Kind {
 }
 
 impl Item {
-    /// An inner node, the child above not yet linked.
-    pub fn inner(bounds: Aabb, axis: usize) -> Self {
+    /// An inner node, its children not yet linked.
+    pub fn inner(axis: usize) -> Self {
         Self {
-            bounds,
+            bounds: Aabb::EMPTY,
             above: 0,
             word: u32::try_from(axis).expect("an axis"),
         }
@@ -51,9 +51,11 @@ impl Item {
         }
     }
 
-    /// States how many items ahead the child above is.
-    pub fn link_above(&mut self, distance: usize) {
-        self.above = u32::try_from(distance).expect("fewer than 2^30 nodes");
+    /// Completes the first of `items`: its child below is the next, its child above the one that is
+    /// `distance` items ahead. Its box is that around theirs.
+    pub fn link(items: &mut [Self], distance: usize) {
+        items[0].bounds = items[1].bounds.union(&items[distance].bounds);
+        items[0].above = u32::try_from(distance).expect("fewer than 2^30 nodes");
     }
 }
 

@@ -10,7 +10,7 @@
 use super::batch;
 use super::blocks::Blocks;
 use super::frame::{Frame, FrameRay, keep_max, keep_min};
-use super::nested::{Look, Nested};
+use super::nested::{Look, Nested, Place};
 use super::query::{Best, Counters, Query};
 use super::ray::{Hit, Ray};
 use crate::build::object_tree::{Kind, ObjectTree};
@@ -129,27 +129,15 @@ impl<const W: usize> BoxTree<W> {
         }
         children
     }
-
-    /// Size in bytes.
-    pub fn bytes(&self) -> usize {
-        size_of_val(&*self.nodes)
-    }
 }
 
 impl<const W: usize> Nested for BoxTree<W> {
-    /// Link and count, as nodes state them.
-    type Place = (u32, u32);
-
-    fn top(&self) -> (u32, u32) {
+    fn top(&self) -> Place {
         (0, INNER)
     }
 
-    fn look(
-        &self,
-        (link, count): (u32, u32),
-        _: &Aabb,
-        children: &mut Vec<((u32, u32), Aabb)>,
-    ) -> Look {
+    /// A place is link and count, as nodes state them.
+    fn look(&self, (link, count): Place, _: &Aabb, children: &mut Vec<(Place, Aabb)>) -> Look {
         if count != INNER {
             let count = count as usize;
             return Look::Leaf { first: link, count };
@@ -165,6 +153,10 @@ impl<const W: usize> Nested for BoxTree<W> {
             }
         }
         Look::Boxes
+    }
+
+    fn bytes(&self) -> usize {
+        size_of_val(&*self.nodes)
     }
 }
 

@@ -12,6 +12,7 @@ pub mod box_tree;
 pub mod frame;
 pub mod lanes;
 pub mod nested;
+pub mod objects;
 pub mod octree_beam;
 pub mod octree_glassner;
 pub mod octree_net;
@@ -22,6 +23,7 @@ pub mod plane_dir;
 pub mod plane_ta_b;
 pub mod query;
 pub mod ray;
+pub mod slab_tree;
 
 pub use ray::Order;
 pub use ray::{Hit, Ray, RayCounters, Tracer};

@@ -24,30 +24,28 @@ pub enum Look {
     },
 }
 
+/// Where a node is found: what the number means is the layout's own affair.
+pub type Place = (u32, u32);
+
 /// A layout of an object tree.
 pub trait Nested {
-    /// Where a node is found.
-    type Place: Copy;
-
     /// Where the root is found.
-    fn top(&self) -> Self::Place;
+    fn top(&self) -> Place;
 
     /// What is found at `place`. The children of an inner node are appended, each with the region that
     /// the nodes on its path leave it; `region` is that of the node itself.
-    fn look(
-        &self,
-        place: Self::Place,
-        region: &Aabb,
-        children: &mut Vec<(Self::Place, Aabb)>,
-    ) -> Look;
+    fn look(&self, place: Place, region: &Aabb, children: &mut Vec<(Place, Aabb)>) -> Look;
+
+    /// Size of the nodes in bytes.
+    fn bytes(&self) -> usize;
 }
 
 /// Visits all nodes below `bounds`, parents before children: region, depth, what is there, and the
 /// regions of the children.
-pub fn visit<N: Nested>(
-    tree: &N,
+pub fn visit(
+    tree: &dyn Nested,
     bounds: Aabb,
-    mut see: impl FnMut(&Aabb, usize, Look, &[(N::Place, Aabb)]),
+    mut see: impl FnMut(&Aabb, usize, Look, &[(Place, Aabb)]),
 ) {
     let mut waiting = vec![(tree.top(), bounds, 0)];
     let mut children = Vec::new();
@@ -65,7 +63,7 @@ pub fn visit<N: Nested>(
 }
 
 /// Measures a tree over a scene of these bounds.
-pub fn shape<N: Nested>(tree: &N, bounds: Aabb) -> Shape {
+pub fn shape(tree: &dyn Nested, bounds: Aabb) -> Shape {
     let mut shape = Shape::default();
     let root_area = bounds.area();
     let mut depth_sum = 0;

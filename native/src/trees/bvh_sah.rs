@@ -15,6 +15,7 @@ use crate::traverse::blocks::Blocks;
 use crate::traverse::box_tree::BoxTree;
 use crate::traverse::frame::Frame;
 use crate::traverse::nested;
+use crate::traverse::objects::Objects;
 
 /// Fitted to nodes of eight boxes: a step shares its price with up to six others of the binary tree.
 const COSTS: Costs = Costs {
@@ -73,28 +74,16 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built>
     };
     let binary = object::build(scene, &frame, &policy, monitor)?;
     let mut blocks = Blocks::new();
-    let bounds = frame.bounds();
-    let (layout, shape) = match config.choice("width") {
-        "2" => {
-            let tree = BoxTree::<2>::new(&binary, scene, &frame, &mut blocks)?;
-            let shape = nested::shape(&tree, bounds);
-            (Layout::Box2(tree), shape)
-        }
-        "4" => {
-            let tree = BoxTree::<4>::new(&binary, scene, &frame, &mut blocks)?;
-            let shape = nested::shape(&tree, bounds);
-            (Layout::Box4(tree), shape)
-        }
-        _ => {
-            let tree = BoxTree::<8>::new(&binary, scene, &frame, &mut blocks)?;
-            let shape = nested::shape(&tree, bounds);
-            (Layout::Box8(tree), shape)
-        }
+    let tree = match config.choice("width") {
+        "2" => Objects::Boxes2(BoxTree::new(&binary, scene, &frame, &mut blocks)?),
+        "4" => Objects::Boxes4(BoxTree::new(&binary, scene, &frame, &mut blocks)?),
+        _ => Objects::Boxes8(BoxTree::new(&binary, scene, &frame, &mut blocks)?),
     };
+    let shape = nested::shape(tree.nested(), frame.bounds());
     Ok(Built {
         frame: frame.with_robust(config.choice("robust") != "none"),
         blocks,
-        layout,
+        layout: Layout::Objects(tree),
         shape,
         left_out: vec!["split planes: this structure parts triangles, not space".to_owned()],
     })
