@@ -138,7 +138,7 @@ fn object_tree(
                 let corners = rectangle(within, axis, at).map(|p| frame.to_scene(p));
                 out.push(corners, kind, max_count);
             };
-            for (_, child) in &children {
+            for (_, child) in children.iter().filter(|(_, child)| !child.is_empty()) {
                 match look {
                     Look::Boxes if depth < max_depth => {
                         for axis in 0..3 {

@@ -79,12 +79,17 @@ fn object_tree(structure: &Structure, tree: &dyn Nested, broken: &mut Vec<String
     visit(
         tree,
         built.frame.bounds(),
-        |region, depth, look, children| {
+        |(place, region), depth, look, children| {
             if depth > MAX_DEPTH {
                 broken.push(format!("a node lies at depth {depth}, beyond {MAX_DEPTH}"));
             }
             let Look::Leaf { first, count } = look else {
                 inner += 1;
+                if !tree.nests(place) {
+                    broken.push(format!(
+                        "the bounds of {region:?} do not hold its children's"
+                    ));
+                }
                 for (_, child) in children {
                     if !contains(region, child) {
                         broken.push(format!(
@@ -101,7 +106,8 @@ fn object_tree(structure: &Structure, tree: &dyn Nested, broken: &mut Vec<String
                     broken.push(format!("triangle {id} lies in two leaves"));
                 }
                 let corners = scene.corners(id).map(|p| built.frame.point(p));
-                if !contains(region, &Aabb::of_triangle(corners)) {
+                let held = tree.holds(place, corners);
+                if !held || !contains(region, &Aabb::of_triangle(corners)) {
                     broken.push(format!(
                         "triangle {id} lies partly outside its leaf's region"
                     ));

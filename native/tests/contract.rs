@@ -15,6 +15,7 @@ use halfspace_native::spec::Config;
 use halfspace_native::structure::Structure;
 use halfspace_native::traverse::{Hit, Ray, RayCounters, Tracer};
 use halfspace_native::validate::validate;
+use rayon::prelude::*;
 use std::sync::Arc;
 
 fn build(scene: &Arc<Triangles>, spec: &str, threads: usize) -> Structure {
@@ -80,10 +81,11 @@ fn differences(tracer: &impl Tracer, rays: &[Ray], reference: &[Hit]) -> usize {
 
 #[test]
 fn every_structure_answers_like_brute_force() {
-    for Case {
-        name, scene, rays, ..
-    } in cases(Size::Small, 7)
-    {
+    // The longest of all tests, so on all cores.
+    cases(Size::Small, 7).into_par_iter().for_each(|case| {
+        let Case {
+            name, scene, rays, ..
+        } = case;
         let reference = closest(&build(&scene, "brute", 1), &rays);
         for spec in specs() {
             let structure = build(&scene, &spec, 2);
@@ -98,7 +100,7 @@ fn every_structure_answers_like_brute_force() {
                 assert_eq!(wrong, 0, "{name}, {spec}, {set}: of {} rays", some.len());
             }
         }
-    }
+    });
 }
 
 #[test]
@@ -275,6 +277,14 @@ fn walks_without_bounds_are_caught() {
         "kd:robust=none",
         "kd:robust=none,traversal=dir",
         "bih:robust=none",
+        "bih5:robust=none",
+        "bih1:robust=none",
+        "bih4:robust=none",
+        "bih-n:robust=none",
+        "bih-sah:robust=none",
+        "bih-bvh:robust=none",
+        "bbox-gs:robust=none",
+        "bbox-gs:slabs=7,robust=none",
     ] {
         assert!(
             differences(&build(&scene, spec, 1), &rays, &reference) > 0,

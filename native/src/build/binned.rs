@@ -6,6 +6,7 @@
 use super::cost::Costs;
 use super::object::{Node, Object, ObjectPolicy, Parting};
 use crate::geom::Aabb;
+use crate::spec::Config;
 use rayon::prelude::*;
 
 /// Nodes of at most this many objects try every partition along each axis.
@@ -63,6 +64,19 @@ impl ObjectPolicy for SurfaceArea {
 }
 
 impl SurfaceArea {
+    /// With the prices and the largest leaf that a configuration states.
+    pub fn configured(config: &Config, costs: Costs) -> Self {
+        Self {
+            costs: Costs {
+                step: config.float("step_cost"),
+                leaf: config.float("leaf_cost"),
+                triangle: config.float("triangle_cost"),
+                ..costs
+            },
+            leaf_max: config.integer("leaf_max"),
+        }
+    }
+
     #[expect(clippy::cast_precision_loss, reason = "a price")]
     fn leaf(&self, n: usize) -> f64 {
         f64::from(self.costs.leaf(n as f32))

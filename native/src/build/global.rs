@@ -10,22 +10,48 @@ use crate::geom::Aabb;
 pub struct Global {
     /// Nodes of at most this many objects are leaves.
     pub leaf_size: usize,
+    /// Cells are parted this many ways along one axis, a power of two, before it is chosen anew.
+    pub ways: usize,
+}
+
+/// A cell of the grid.
+#[derive(Debug, Clone, Copy)]
+pub struct Cell {
+    /// It holds the centres.
+    bounds: Aabb,
+    /// The axis along which its parent was parted.
+    axis: usize,
+    /// In how many more ways it is to be parted along that axis; 1 for none.
+    ways: usize,
 }
 
 impl ObjectPolicy for Global {
-    /// The cell of the grid that holds the centres.
-    type Region = Aabb;
+    type Region = Cell;
 
-    fn root(&self, bounds: Aabb) -> Aabb {
-        bounds
+    fn root(&self, bounds: Aabb) -> Cell {
+        Cell {
+            bounds,
+            axis: 0,
+            ways: 1,
+        }
     }
 
-    fn part(&self, node: &Node<'_, Aabb>) -> Parting<Aabb> {
+    fn part(&self, node: &Node<'_, Cell>) -> Parting<Cell> {
         if node.objects.len() <= self.leaf_size {
             return Parting::Leaf;
         }
-        let mut cell = *node.region;
-        let (mut axis, mut at) = middle(&cell);
+        let Cell {
+            bounds: mut cell,
+            axis,
+            ways,
+        } = *node.region;
+        let follow = ways > 1;
+        let (mut axis, mut at) = if follow {
+            (axis, middle(&cell, axis))
+        } else {
+            longest_middle(&cell)
+        };
+        let mut ways = if follow { ways } else { self.ways };
         let below = |i: usize| node.objects[i].centre(axis) <= at;
         let first = below(0);
         if (1..node.objects.len()).all(|i| below(i) == first) {
@@ -35,8 +61,9 @@ impl ObjectPolicy for Global {
             if centres.extent(widest) == 0.0 {
                 return Parting::Leaf;
             }
+            ways = self.ways;
             loop {
-                (axis, at) = middle(&cell);
+                (axis, at) = longest_middle(&cell);
                 if centres.min[axis] > at {
                     if cell.min[axis] >= at {
                         return median(cell, widest);
@@ -52,25 +79,44 @@ impl ObjectPolicy for Global {
                 }
             }
         }
-        let mut regions = [cell; 2];
-        regions[0].max[axis] = at;
-        regions[1].min[axis] = at;
-        Parting::Centre { axis, at, regions }
+        let region = |bounds| Cell {
+            bounds,
+            axis,
+            ways: ways / 2,
+        };
+        let (mut low, mut high) = (cell, cell);
+        low.max[axis] = at;
+        high.min[axis] = at;
+        Parting::Centre {
+            axis,
+            at,
+            regions: [region(low), region(high)],
+        }
     }
 }
 
 /// What is left where the cell is as small as floats allow.
-fn median(cell: Aabb, axis: usize) -> Parting<Aabb> {
+fn median(bounds: Aabb, axis: usize) -> Parting<Cell> {
+    let cell = Cell {
+        bounds,
+        axis,
+        ways: 1,
+    };
     Parting::Median {
         axis,
         regions: [cell; 2],
     }
 }
 
+/// The middle of a side.
+fn middle(cell: &Aabb, axis: usize) -> f32 {
+    0.5 * cell.min[axis] + 0.5 * cell.max[axis]
+}
+
 /// The longest side and its middle.
-fn middle(cell: &Aabb) -> (usize, f32) {
+fn longest_middle(cell: &Aabb) -> (usize, f32) {
     let axis = longest(cell);
-    (axis, 0.5 * cell.min[axis] + 0.5 * cell.max[axis])
+    (axis, middle(cell, axis))
 }
 
 /// The longest side; of equal ones the first.

@@ -7,6 +7,8 @@ pub mod cell;
 pub mod clip;
 pub mod cost;
 pub mod global;
+pub mod insertion;
+pub mod leaves;
 pub mod monitor;
 pub mod object;
 pub mod object_tree;
@@ -17,5 +19,6 @@ pub mod plane_tree;
 pub mod preorder;
 pub mod space;
 pub mod sweep;
+pub mod tighten;
 
 pub use monitor::Monitor;

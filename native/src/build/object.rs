@@ -107,6 +107,15 @@ struct Builder<'a, P> {
     monitor: &'a Monitor,
 }
 
+/// The live triangles of `scene`, in the frame `frame`.
+pub fn gather(scene: &Triangles, frame: &Frame) -> Vec<Object> {
+    let object = |&id: &u32| Object {
+        bounds: Aabb::of_triangle(scene.corners(id).map(|p| frame.point(p))),
+        id,
+    };
+    scene.live().par_iter().map(object).collect()
+}
+
 /// Builds a tree over the live triangles of `scene`, in the frame `frame`, in the current rayon pool.
 ///
 /// # Errors
@@ -117,14 +126,7 @@ pub fn build<P: ObjectPolicy>(
     policy: &P,
     monitor: &Monitor,
 ) -> Result<ObjectTree> {
-    let mut objects: Vec<_> = scene
-        .live()
-        .par_iter()
-        .map(|&id| Object {
-            bounds: Aabb::of_triangle(scene.corners(id).map(|p| frame.point(p))),
-            id,
-        })
-        .collect();
+    let mut objects = gather(scene, frame);
     let builder = Builder { policy, monitor };
     let region = policy.root(frame.bounds());
     let items = builder.subtree(&mut objects, (region, 0), 1.0)?;
@@ -264,7 +266,8 @@ fn median(objects: &mut [Object], axis: usize) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::traverse::blocks::Blocks;
+    use crate::build::leaves::Leaves;
+    use crate::traverse::blocks::Keep;
     use crate::traverse::box_tree::BoxTree;
     use crate::traverse::nested;
 
@@ -294,8 +297,7 @@ mod tests {
         let scene = Triangles::new(vertices, indices).unwrap();
         let frame = Frame::new(scene.bounds());
         let tree = build(&scene, &frame, &Chain, &Monitor::new()).unwrap();
-        let mut blocks = Blocks::new();
-        let boxes = BoxTree::<2>::new(&tree, &scene, &frame, &mut blocks).unwrap();
+        let boxes = BoxTree::<2>::new(&tree, &mut Leaves::new(Keep::Corners)).unwrap();
         let shape = nested::shape(&boxes, frame.bounds());
         assert_eq!((shape.leaves, shape.depth_max), (1000, MAX_DEPTH));
         let mut ids = tree.ids.clone();

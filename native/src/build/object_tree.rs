@@ -2,6 +2,7 @@
 //! A binary tree of objects as the builder emits it: nodes in preorder with their boxes. Every
 //! layout of such a tree, by boxes or by planes, is made from this one.
 
+use crate::error::{Error, Result};
 use crate::geom::Aabb;
 
 /// A node in preorder: the child below follows at once.
@@ -95,5 +96,34 @@ impl ObjectTree {
                 first
             })
             .collect()
+    }
+
+    /// How many levels lie below each item.
+    pub fn heights(&self) -> Vec<u8> {
+        let mut heights = vec![0; self.items.len()];
+        for place in (0..self.items.len()).rev() {
+            if let Kind::Inner {
+                children: [below, above],
+                ..
+            } = self.kind(place)
+            {
+                heights[place] = 1 + u8::max(heights[below], heights[above]);
+            }
+        }
+        heights
+    }
+
+    /// Passes trees whose leaf data 32-bit links can name: blocks cost at most 11 words a triangle.
+    ///
+    /// # Errors
+    /// [`Error::Memory`].
+    pub fn check_size(&self) -> Result<()> {
+        if self.ids.len() >= 1 << 28 {
+            return Err(Error::Memory(format!(
+                "the tree would hold {} triangles; at most 2^28 are possible",
+                self.ids.len()
+            )));
+        }
+        Ok(())
     }
 }

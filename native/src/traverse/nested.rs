@@ -38,21 +38,33 @@ pub trait Nested {
 
     /// Size of the nodes in bytes.
     fn bytes(&self) -> usize;
+
+    /// Whether the bounds of a node hold those of its children, as far as regions do not say it.
+    fn nests(&self, place: Place) -> bool {
+        let _ = place;
+        true
+    }
+
+    /// Whether the bounds of a leaf hold a triangle, as far as its region does not say it.
+    fn holds(&self, leaf: Place, corners: [[f32; 3]; 3]) -> bool {
+        let _ = (leaf, corners);
+        true
+    }
 }
 
-/// Visits all nodes below `bounds`, parents before children: region, depth, what is there, and the
-/// regions of the children.
+/// Visits all nodes below `bounds`, parents before children: place and region, depth, what is there,
+/// and the places and regions of the children.
 pub fn visit(
     tree: &dyn Nested,
     bounds: Aabb,
-    mut see: impl FnMut(&Aabb, usize, Look, &[(Place, Aabb)]),
+    mut see: impl FnMut((Place, &Aabb), usize, Look, &[(Place, Aabb)]),
 ) {
     let mut waiting = vec![(tree.top(), bounds, 0)];
     let mut children = Vec::new();
     while let Some((place, region, depth)) = waiting.pop() {
         children.clear();
         let look = tree.look(place, &region, &mut children);
-        see(&region, depth, look, &children);
+        see((place, &region), depth, look, &children);
         waiting.extend(
             children
                 .iter()
@@ -67,7 +79,7 @@ pub fn shape(tree: &dyn Nested, bounds: Aabb) -> Shape {
     let mut shape = Shape::default();
     let root_area = bounds.area();
     let mut depth_sum = 0;
-    visit(tree, bounds, |region, depth, look, _| {
+    visit(tree, bounds, |(_, region), depth, look, _| {
         let share = if root_area > 0.0 && !region.is_empty() {
             region.area() / root_area
         } else {

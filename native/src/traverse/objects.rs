@@ -3,10 +3,14 @@
 
 use super::batch::Batch;
 use super::box_tree::{self, BoxTree};
+use super::dop_tree::{self, DopTree};
 use super::nested::Nested;
 use super::query::Query;
 use super::ray::{Hit, RayCounters};
+use super::slab_boxes;
+use super::slab_node::{Double, Single};
 use super::slab_tree::{self, SlabTree};
+use super::slab_wide::{self, WideSlabs};
 
 /// An object tree, laid out for one way of walking.
 #[derive(Debug, Clone, PartialEq)]
@@ -18,7 +22,23 @@ pub enum Objects {
     /// Boxes, eight to a node.
     Boxes8(BoxTree<8>),
     /// Two planes to a node.
-    Slabs(SlabTree),
+    Slabs(SlabTree<Double>),
+    /// One plane to a node.
+    Single(SlabTree<Single>),
+    /// Two planes to a node, walked as boxes.
+    SlabBoxes(SlabTree<Double>),
+    /// Two intervals to a node.
+    Slabs2(WideSlabs<2>),
+    /// Four intervals to a node.
+    Slabs4(WideSlabs<4>),
+    /// Eight intervals to a node.
+    Slabs8(WideSlabs<8>),
+    /// Boxes, any number to a node.
+    Dops3(DopTree<3>),
+    /// Seven slabs around each node.
+    Dops7(DopTree<7>),
+    /// Thirteen slabs around each node.
+    Dops13(DopTree<13>),
 }
 
 impl Objects {
@@ -28,7 +48,14 @@ impl Objects {
             Self::Boxes2(tree) => tree,
             Self::Boxes4(tree) => tree,
             Self::Boxes8(tree) => tree,
-            Self::Slabs(tree) => tree,
+            Self::Slabs(tree) | Self::SlabBoxes(tree) => tree,
+            Self::Single(tree) => tree,
+            Self::Slabs2(tree) => tree,
+            Self::Slabs4(tree) => tree,
+            Self::Slabs8(tree) => tree,
+            Self::Dops3(tree) => tree,
+            Self::Dops7(tree) => tree,
+            Self::Dops13(tree) => tree,
         }
     }
 
@@ -44,6 +71,17 @@ impl Objects {
             Self::Boxes4(tree) => job.walk::<_, Q>(&box_tree::Walk(tree), write, counters),
             Self::Boxes8(tree) => job.walk::<_, Q>(&box_tree::Walk(tree), write, counters),
             Self::Slabs(tree) => job.walk::<_, Q>(&slab_tree::Walk(tree), write, counters),
+            Self::Single(tree) => job.walk::<_, Q>(&slab_tree::Walk(tree), write, counters),
+            Self::SlabBoxes(tree) => {
+                let walk = slab_boxes::Walk(tree, job.frame.bounds());
+                job.walk::<_, Q>(&walk, write, counters);
+            }
+            Self::Slabs2(tree) => job.walk::<_, Q>(&slab_wide::Walk(tree), write, counters),
+            Self::Slabs4(tree) => job.walk::<_, Q>(&slab_wide::Walk(tree), write, counters),
+            Self::Slabs8(tree) => job.walk::<_, Q>(&slab_wide::Walk(tree), write, counters),
+            Self::Dops3(tree) => job.walk::<_, Q>(&dop_tree::Walk(tree), write, counters),
+            Self::Dops7(tree) => job.walk::<_, Q>(&dop_tree::Walk(tree), write, counters),
+            Self::Dops13(tree) => job.walk::<_, Q>(&dop_tree::Walk(tree), write, counters),
         }
     }
 }

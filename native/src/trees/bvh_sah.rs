@@ -5,13 +5,14 @@
 use crate::build::Monitor;
 use crate::build::binned::SurfaceArea;
 use crate::build::cost::Costs;
+use crate::build::leaves::Leaves;
 use crate::build::object;
 use crate::error::Result;
 use crate::registry::{Built, Default, Kind, ParamSpec, StructureSpec, params};
 use crate::scene::Triangles;
 use crate::spec::Config;
 use crate::structure::Layout;
-use crate::traverse::blocks::Blocks;
+use crate::traverse::blocks::Keep;
 use crate::traverse::box_tree::BoxTree;
 use crate::traverse::frame::Frame;
 use crate::traverse::nested;
@@ -38,7 +39,7 @@ pub const SPEC: StructureSpec = StructureSpec {
         params::step_cost(COSTS),
         params::leaf_cost(COSTS),
         params::triangle_cost(COSTS),
-        LEAF_MAX,
+        params::LEAF_MAX,
     ],
     build,
 };
@@ -52,33 +53,17 @@ const WIDTH: ParamSpec = ParamSpec {
     default: Default::Choice("8"),
 };
 
-const LEAF_MAX: ParamSpec = ParamSpec {
-    name: "leaf_max",
-    label: "Largest Leaf",
-    doc: "Nodes of more triangles are always parted. More saves memory where triangles crowd",
-    unit: "triangles",
-    kind: Kind::Integer { min: 1, max: 4096 },
-    default: Default::Integer(64),
-};
-
 fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built> {
     let frame = Frame::new(scene.bounds());
-    let policy = SurfaceArea {
-        costs: Costs {
-            step: config.float("step_cost"),
-            leaf: config.float("leaf_cost"),
-            triangle: config.float("triangle_cost"),
-            ..COSTS
-        },
-        leaf_max: config.integer("leaf_max"),
-    };
+    let policy = SurfaceArea::configured(config, COSTS);
     let binary = object::build(scene, &frame, &policy, monitor)?;
-    let mut blocks = Blocks::new();
+    let mut leaves = Leaves::new(Keep::Corners);
     let tree = match config.choice("width") {
-        "2" => Objects::Boxes2(BoxTree::new(&binary, scene, &frame, &mut blocks)?),
-        "4" => Objects::Boxes4(BoxTree::new(&binary, scene, &frame, &mut blocks)?),
-        _ => Objects::Boxes8(BoxTree::new(&binary, scene, &frame, &mut blocks)?),
+        "2" => Objects::Boxes2(BoxTree::new(&binary, &mut leaves)?),
+        "4" => Objects::Boxes4(BoxTree::new(&binary, &mut leaves)?),
+        _ => Objects::Boxes8(BoxTree::new(&binary, &mut leaves)?),
     };
+    let blocks = leaves.write(scene, &frame, &binary.ids);
     let shape = nested::shape(tree.nested(), frame.bounds());
     Ok(Built {
         frame: frame.with_robust(config.choice("robust") != "none"),
