@@ -44,9 +44,14 @@ pub fn split_polygons(structure: &Structure, max_depth: usize, max_count: usize)
         Layout::PlaneDir(tree) | Layout::PlaneTaB(tree) => {
             plane_tree(structure, tree, (max_depth, max_count), &mut polygons);
         }
-        Layout::Box2(tree) => object_tree(structure, tree, (max_depth, max_count), &mut polygons),
-        Layout::Box4(tree) => object_tree(structure, tree, (max_depth, max_count), &mut polygons),
-        Layout::Box8(tree) => object_tree(structure, tree, (max_depth, max_count), &mut polygons),
+        Layout::Objects(tree) => {
+            object_tree(
+                structure,
+                tree.nested(),
+                (max_depth, max_count),
+                &mut polygons,
+            );
+        }
         Layout::OctreeParam(tree)
         | Layout::OctreeNet(tree)
         | Layout::OctreeBeam(tree, _)
@@ -150,9 +155,9 @@ fn octree(
 
 /// Boxes as six rectangles each, with the depth of the box's own node; slabs as the planes that cut
 /// something off the node's region, each cut to that region.
-fn object_tree<N: Nested>(
+fn object_tree(
     structure: &Structure,
-    tree: &N,
+    tree: &dyn Nested,
     (max_depth, max_count): (usize, usize),
     out: &mut Polygons,
 ) {
@@ -168,7 +173,7 @@ fn object_tree<N: Nested>(
                 let corners = rectangle(within, axis, at).map(|p| frame.to_scene(p));
                 out.push(corners, kind, max_count);
             };
-            for (_, child) in &children {
+            for (_, child) in children.iter().filter(|(_, child)| !child.is_empty()) {
                 match look {
                     Look::Boxes if depth < max_depth => {
                         for axis in 0..3 {

@@ -16,11 +16,9 @@ pub fn validate(structure: &Structure) -> Vec<String> {
     match &structure.built().layout {
         Layout::Brute => {}
         Layout::PlaneDir(tree) | Layout::PlaneTaB(tree) => {
-            planes::planes(structure, tree, &mut broken)
+            planes::planes(structure, tree, &mut broken);
         }
-        Layout::Box2(tree) => object_tree(structure, tree, &mut broken),
-        Layout::Box4(tree) => object_tree(structure, tree, &mut broken),
-        Layout::Box8(tree) => object_tree(structure, tree, &mut broken),
+        Layout::Objects(tree) => object_tree(structure, tree.nested(), &mut broken),
         Layout::OctreeParam(tree)
         | Layout::OctreeNet(tree)
         | Layout::OctreeBeam(tree, _)
@@ -60,15 +58,13 @@ impl Layout {
                 });
                 ids
             }
-            Self::Box2(tree) => nested_ids(structure, tree),
-            Self::Box4(tree) => nested_ids(structure, tree),
-            Self::Box8(tree) => nested_ids(structure, tree),
+            Self::Objects(tree) => nested_ids(structure, tree.nested()),
         }
     }
 }
 
 /// All triangles that some leaf of an object tree holds.
-fn nested_ids(structure: &Structure, tree: &impl Nested) -> BTreeSet<u32> {
+fn nested_ids(structure: &Structure, tree: &dyn Nested) -> BTreeSet<u32> {
     let mut ids = BTreeSet::new();
     visit(tree, structure.built().frame.bounds(), |_, _, look, _| {
         if let Look::Leaf { first, count } = look {
@@ -79,19 +75,24 @@ fn nested_ids(structure: &Structure, tree: &impl Nested) -> BTreeSet<u32> {
 }
 
 /// Object trees hold each triangle once, inside every box and between all planes on its path.
-fn object_tree(structure: &Structure, tree: &impl Nested, broken: &mut Vec<String>) {
+fn object_tree(structure: &Structure, tree: &dyn Nested, broken: &mut Vec<String>) {
     let (built, scene) = (structure.built(), structure.scene());
     let mut seen = BTreeSet::new();
     let (mut inner, mut leaves, mut references) = (0, 0, 0);
     visit(
         tree,
         built.frame.bounds(),
-        |region, depth, look, children| {
+        |(place, region), depth, look, children| {
             if depth > MAX_DEPTH {
                 broken.push(format!("a node lies at depth {depth}, beyond {MAX_DEPTH}"));
             }
             let Look::Leaf { first, count } = look else {
                 inner += 1;
+                if !tree.nests(place) {
+                    broken.push(format!(
+                        "the bounds of {region:?} do not hold its children's"
+                    ));
+                }
                 for (_, child) in children {
                     if !contains(region, child) {
                         broken.push(format!(
@@ -108,7 +109,8 @@ fn object_tree(structure: &Structure, tree: &impl Nested, broken: &mut Vec<Strin
                     broken.push(format!("triangle {id} lies in two leaves"));
                 }
                 let corners = scene.corners(id).map(|p| built.frame.point(p));
-                if !contains(region, &Aabb::of_triangle(corners)) {
+                let held = tree.holds(place, corners);
+                if !held || !contains(region, &Aabb::of_triangle(corners)) {
                     broken.push(format!(
                         "triangle {id} lies partly outside its leaf's region"
                     ));

@@ -81,6 +81,7 @@ fn differences(tracer: &impl Tracer, rays: &[Ray], reference: &[Hit]) -> usize {
 
 #[test]
 fn every_structure_answers_like_brute_force() {
+    // The longest of all tests, so on all cores.
     cases(Size::Small, 7).into_par_iter().for_each(|case| {
         let Case {
             name, scene, rays, ..
@@ -281,6 +282,15 @@ fn walks_without_bounds_are_caught() {
         "kd:robust=none,traversal=dir",
         "bsp-wn-plus-kd:robust=none,k=4,seed=1",
         "bsp-random:robust=none",
+        "bih:robust=none",
+        "bih5:robust=none",
+        "bih1:robust=none",
+        "bih4:robust=none",
+        "bih-n:robust=none",
+        "bih-sah:robust=none",
+        "bih-bvh:robust=none",
+        "bbox-gs:robust=none",
+        "bbox-gs:slabs=7,robust=none",
     ] {
         assert!(
             differences(&build(&scene, spec, 1), &rays, &reference) > 0,

@@ -6,7 +6,10 @@ pub mod binned;
 pub mod cell;
 pub mod clip;
 pub mod cost;
+pub mod global;
 pub mod groups;
+pub mod insertion;
+pub mod leaves;
 pub mod monitor;
 pub mod object;
 pub mod object_tree;
@@ -20,5 +23,6 @@ pub mod preorder;
 pub mod profile;
 pub mod space;
 pub mod sweep;
+pub mod tighten;
 
 pub use monitor::Monitor;
