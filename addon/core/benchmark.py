@@ -8,6 +8,7 @@ whole of a ray set is timed on a part of it, and the row tells how many rays tha
 
 from __future__ import annotations
 
+import os
 import time
 import uuid
 from collections.abc import Callable, Iterator, Sequence
@@ -40,7 +41,7 @@ __all__ = [
 BUILDS = 3
 """A build is timed this often at most; it varies less than tracing, and takes longer."""
 
-BUILD_SECONDS = 5.0
+BUILD_SECONDS = 0.5
 """A build that takes longer is timed once."""
 
 ORACLE_SECONDS = 0.5
@@ -145,9 +146,12 @@ class _Run:
             yield from self._measure(waiting, anchor)
 
     def _step(self, text: str) -> Progress:
-        done = min(self._count / self._total, 1.0)
+        done = self._done()
         self._count += 1
         return Progress(done, text)
+
+    def _done(self) -> float:
+        return min(self._count / self._total, 1.0)
 
     def _failed(self, spec: str, error: BaseException) -> Finished:
         self._total = max(self._total - self._steps_each, 1)
@@ -220,7 +224,7 @@ class _Run:
             candidate.counted[whole.name] = {"hits": hits, **timing.count(candidate, some, arguments)}
 
     def _extras(self, candidates: Sequence[Candidate]) -> Iterator[Event]:
-        """Peak memory, and wrong answers far from the origin. Neither failing takes the row away."""
+        """Peak memory, and wrong answers far from the origin. Failing in these takes no row away."""
         if self._options.peak and candidates:
             try:
                 scene = peak.save_scene(self._workload.vertices, self._workload.triangles)
@@ -241,12 +245,31 @@ class _Run:
                     candidate.left_out.append(f"answers far from the origin: {first_line(error)}")
 
     def _peaks(self, candidates: Sequence[Candidate], scene: Path) -> Iterator[Event]:
-        for candidate in candidates:
-            yield self._step(f"{candidate.spec}: building in a process of its own, for the memory")
-            try:
-                candidate.peak_bytes = peak.of_build(self._native, scene, candidate.spec, self._options.threads)
-            except peak.PeakError as error:
-                candidate.left_out.append(f"peak memory: {first_line(error)}")
+        """One process per core: nothing else is timed meanwhile."""
+        at_once = max(1, (os.cpu_count() or 1) // self._options.threads)
+        running: dict[str, peak.Measurement] = {}
+        waiting = list(candidates)
+        try:
+            while waiting or running:
+                while waiting and len(running) < at_once:
+                    spec = waiting.pop(0).spec
+                    running[spec] = peak.Measurement(self._native, scene, spec, self._options.threads)
+                    yield self._step(f"{spec}: building in a process of its own, for the memory")
+                ended = [spec for spec, one in running.items() if one.wait(0.05)]
+                if not ended:
+                    yield Progress(self._done(), f"{', '.join(running)}: building, for the memory")
+                for candidate in (c for c in candidates if c.spec in ended):
+                    try:
+                        candidate.peak_bytes = running.pop(candidate.spec).result()
+                    except peak.PeakError as error:
+                        candidate.left_out.append(f"peak memory: {first_line(error)}")
+        except peak.PeakError as error:
+            for candidate in candidates:
+                if candidate.peak_bytes is None:
+                    candidate.left_out.append(f"peak memory: {first_line(error)}")
+        finally:
+            for one in running.values():
+                one.stop()
 
     def _draw(self, candidates: Sequence[Candidate]) -> Iterator[Event]:
         """Render pictures with growing numbers of samples, interleaved over the configurations."""
@@ -289,5 +312,5 @@ class _Run:
         left = [n for n in options.curve if n not in {point["spp"] for point in candidate.curve}]
         if left and candidate.spec != yardstick.SPEC:
             samples = ", ".join(map(str, left))
-            row["left_out"].append(f"pictures with {samples} samples per pixel: they would take too long")
+            row["too_slow"].append(f"pictures with {samples} samples per pixel: they would take too long")
         return row

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import importlib.util
+import logging
 import tempfile
 import time
 import zipfile
@@ -68,7 +69,13 @@ def measurer(address: str, options: Options, say: Callable[[str], None]) -> Iter
         count = local_workers(address)
         if count is not None:
             target = stack.enter_context(
-                distributed.LocalCluster(n_workers=count, threads_per_worker=1, processes=True, dashboard_address=None)
+                distributed.LocalCluster(
+                    n_workers=count,
+                    threads_per_worker=1,
+                    processes=True,
+                    dashboard_address=None,
+                    silence_logs=logging.ERROR,
+                )
             )
         try:
             client = stack.enter_context(distributed.Client(target, timeout=START_SECONDS))

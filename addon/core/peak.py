@@ -11,6 +11,7 @@ import os
 import subprocess
 import sys
 import tempfile
+import time
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,7 @@ class PeakError(RuntimeError):
 
 
 def save_scene(vertices: Any, triangles: Any) -> Path:
-    """The arrays in a temporary file for `of_build`; whoever asked removes it. Raises OSError."""
+    """The arrays in a temporary file for a `Measurement`; whoever asked removes it. Raises OSError."""
     handle, name = tempfile.mkstemp(prefix="halfspace-peak-", suffix=".npz")
     try:
         with os.fdopen(handle, "wb") as file:
@@ -36,20 +37,46 @@ def save_scene(vertices: Any, triangles: Any) -> Path:
     return Path(name)
 
 
-def of_build(native: Any, scene: Path, spec: str, threads: int) -> int:
-    """Bytes. scene: a file of `save_scene`. Raises PeakError."""
-    library = str(Path(native.__file__).resolve().parent)
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([library, str(Path(np.__file__).parents[1])])}
-    # The text, not the file: this module may lie in an archive.
-    command = [sys.executable, "-c", inspect.getsource(sys.modules[__name__]), str(scene), spec, str(threads)]
-    try:
-        done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=TIME_LIMIT, check=False)
-    except (OSError, subprocess.TimeoutExpired) as error:
-        raise PeakError(str(error).splitlines()[0]) from error
-    if done.returncode != 0 or not done.stdout.strip().isdigit():
-        last = (done.stderr.strip().splitlines() or [f"the process ended with status {done.returncode}"])[-1]
-        raise PeakError(last)
-    return int(done.stdout)
+class Measurement:
+    """A build in a process of its own, begun at once. scene: a file of `save_scene`. Raises PeakError."""
+
+    def __init__(self, native: Any, scene: Path, spec: str, threads: int) -> None:
+        library = str(Path(native.__file__).resolve().parent)
+        environment = {**os.environ, "PYTHONPATH": os.pathsep.join([library, str(Path(np.__file__).parents[1])])}
+        # The text, not the file: this module may lie in an archive.
+        command = [sys.executable, "-c", inspect.getsource(sys.modules[__name__]), str(scene), spec, str(threads)]
+        self.spec = spec
+        self._deadline = time.monotonic() + TIME_LIMIT
+        try:
+            self._process = subprocess.Popen(
+                command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+            )
+        except OSError as error:
+            raise PeakError(str(error)) from error
+
+    def wait(self, seconds: float) -> bool:
+        """Wait for at most so long; whether it has ended, by itself or because its time was over."""
+        try:
+            self._process.wait(seconds)
+        except subprocess.TimeoutExpired:
+            if time.monotonic() < self._deadline:
+                return False
+            self._process.kill()
+            self._process.wait()
+        return True
+
+    def result(self) -> int:
+        """The bytes, once it has ended. Raises PeakError."""
+        out, errors = self._process.communicate()
+        if self._process.returncode != 0 or not out.strip().isdigit():
+            status = f"the process that measured it ended with status {self._process.returncode}"
+            raise PeakError((errors.strip().splitlines() or [status])[-1])
+        return int(out)
+
+    def stop(self) -> None:
+        """End it, if it has not ended."""
+        self._process.kill()
+        self._process.communicate()
 
 
 def _resident() -> tuple[int, int]:

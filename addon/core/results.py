@@ -10,7 +10,7 @@ import os
 import platform
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -26,18 +26,28 @@ class FolderError(OSError):
 
 
 def write(path: Path, text: str) -> None:
-    """Write a file so that it is never seen half-written: the old one stays until the new one is complete."""
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=path.name + ".")
+    """Write one file, as `write_all` does."""
+    write_all({path: text})
+
+
+def write_all(files: Mapping[Path, str]) -> None:
+    """Write files so that none is ever seen half-written, and all old ones stay until all new ones are complete."""
+    complete: list[tuple[Path, Path]] = []
     try:
-        with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
-        # mkstemp makes files that only their owner can read; a report is for others too.
-        Path(temporary).chmod(0o644)
-        Path(temporary).replace(path)
+        for path, text in files.items():
+            handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=path.name + ".")
+            complete.append((Path(temporary), path))
+            with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as file:
+                file.write(text)
+                file.flush()
+                os.fsync(file.fileno())
+            # mkstemp makes files that only their owner can read; a report is for others too.
+            Path(temporary).chmod(0o644)
+        for one, path in complete:
+            one.replace(path)
     except BaseException:
-        Path(temporary).unlink(missing_ok=True)
+        for one, _ in complete:
+            one.unlink(missing_ok=True)
         raise
 
 

@@ -17,7 +17,7 @@ Row = dict[str, Any]
 
 OF_THE_CLOCK = {
     *("build_s", "peak_bytes", "build_seconds", "n", "mrays_s", "times_embree", "rounds", "anchor_rounds", "noise"),
-    *("seconds", "seconds_with_build", "render_s", "machine", "round_id", "anchor"),
+    *("seconds", "seconds_with_build", "render_s", "machine", "round_id", "anchor", "scaling", "too_slow"),
 }
 """Keys whose values differ from run to run. All others are the same on every machine."""
 
@@ -48,6 +48,7 @@ def empty(native: Any, workload: Workload, spec: str, threads: int) -> Row:
         "offsets": None,
         "render_s": None,
         "left_out": [],
+        "too_slow": [],
         "error": None,
     }
 
@@ -79,7 +80,7 @@ def failed_scene(name: str, error: BaseException) -> Row:
             ),
             None,
         )
-        | {"curve": None, "scaling": None, "offsets": None, "render_s": None, "left_out": []}
+        | {"curve": None, "scaling": None, "offsets": None, "render_s": None, "left_out": [], "too_slow": []}
         | {
             "machine": platform.node(),
             "error": first_line(error),

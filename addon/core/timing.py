@@ -44,7 +44,7 @@ class Candidate:
     timed: dict[str, RaySet] = field(default_factory=dict)
     seconds: dict[str, list[float]] = field(default_factory=dict)
     control: dict[str, list[float]] = field(default_factory=dict)
-    curve: list[dict[str, float]] = field(default_factory=list)
+    curve: list[dict[str, float | None]] = field(default_factory=list)
     scaling: list[dict[str, float]] = field(default_factory=list)
     offsets: list[dict[str, float]] = field(default_factory=list)
     differing_pixels: int = 0

@@ -7,7 +7,7 @@ use crate::build::plane_tree::{Node, PlaneTree};
 use crate::geom::Aabb;
 use crate::polygons;
 use crate::structure::{Layout, Structure};
-use crate::traverse::nested::{Look, Nested};
+use crate::traverse::nested::{self, Look, Nested};
 
 /// A point or a vector.
 pub type Point = [f64; 3];
@@ -325,16 +325,16 @@ impl Cells for Octree {
 }
 
 /// A tree of boxes or slabs.
-pub struct Boxes<'a, N>(pub &'a N);
+pub struct Boxes<'a>(pub &'a dyn Nested);
 
-impl<N: Nested> Cells for Boxes<'_, N> {
-    type Place = N::Place;
+impl Cells for Boxes<'_> {
+    type Place = nested::Place;
 
-    fn top(&self, bounds: Aabb) -> (N::Place, Region) {
+    fn top(&self, bounds: Aabb) -> (nested::Place, Region) {
         (self.0.top(), Region::of_box(bounds))
     }
 
-    fn look(&self, place: N::Place, region: &Region) -> Found<N::Place> {
+    fn look(&self, place: nested::Place, region: &Region) -> Found<nested::Place> {
         let mut children = Vec::new();
         let look = self.0.look(place, &region.bounds, &mut children);
         let planes = match look {
@@ -379,9 +379,7 @@ pub fn with_cells<K: Task>(structure: &Structure, task: K) -> Option<K::Result> 
     Some(match &structure.built().layout {
         Layout::Brute => return None,
         Layout::PlaneDir(tree) | Layout::PlaneTaB(tree) => task.run(tree),
-        Layout::Box2(tree) => task.run(&Boxes(tree)),
-        Layout::Box4(tree) => task.run(&Boxes(tree)),
-        Layout::Box8(tree) => task.run(&Boxes(tree)),
+        Layout::Objects(tree) => task.run(&Boxes(tree.nested())),
         Layout::OctreeParam(tree)
         | Layout::OctreeNet(tree)
         | Layout::OctreeBeam(tree, _)

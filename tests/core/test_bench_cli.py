@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from lying_native import LyingNative
 
-from addon.core import benchmark, native, results, yardstick
+from addon.core import benchmark, native, plots, results, yardstick
 
 BENCH = Path(bench.__file__)
 FAST = ["--size", "32x32", "--repeats", "1", "--check-rays", "128", "--curve", "none", "--only-rays"]
@@ -39,6 +39,12 @@ def scene(tmp_path: Path) -> Path:
         camera_vfov_deg=np.float64(45.0),
     )
     return path
+
+
+@pytest.fixture(autouse=True)
+def _without_plots(monkeypatch: pytest.MonkeyPatch) -> None:
+    """They take longer than all else, and have tests of their own."""
+    monkeypatch.setattr(plots, "problem", lambda: "left out here")
 
 
 def document(folder: Path) -> Any:
@@ -120,7 +126,7 @@ def test_other_options_are_other_rows(scene: Path, tmp_path: Path) -> None:
         (["--structures", "kd:colour=3"], "has no key 'colour'"),
         (["--structures", "kd:max_depth=999"], "max_depth"),
         (["--k", "9-2"], "runs backwards"),
-        (["--k", "3"], "parameter 'k'"),
+        (["--structures", "kd", "--k", "3"], "parameter 'k'"),
         (["--rays", "primary,sideways"], "unknown set 'sideways'"),
         (["--size", "100x100"], "multiples of 8"),
         (["--size", "0x8"], "multiples of 8"),

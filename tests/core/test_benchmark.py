@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from lying_native import LIES, LyingNative
 
-from addon.core import benchmark, grid, rays, workload, yardstick
+from addon.core import benchmark, grid, peak, rays, workload, yardstick
 from addon.core.benchmark import Options, Row
 
 QUICK = Options(size=(64, 64), repeats=2, check_rays=512)
@@ -144,6 +144,14 @@ def test_what_is_asked_beside_the_speed_is_in_the_row() -> None:
     # Without its bounds the same walk is wrong on touching boxes; the octree has no such walk.
     assert all(point["wrong_unguarded"] > 0 for point in rows["kd"]["offsets"])
     assert rows["octree-net"]["offsets"][0]["wrong_unguarded"] is None
+
+
+def test_a_memory_measurement_that_fails_is_told_and_leaves_the_row(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(peak.sys, "executable", "/bin/false")
+    row = measure(["kd"], replace(QUICK, repeats=1, peak=True))["kd"]
+    assert row["peak_bytes"] is None
+    assert row["error"] is None
+    assert any(reason.startswith("peak memory: the process that measured it ended") for reason in row["left_out"])
 
 
 def test_a_structure_that_fails_while_it_is_asked_is_a_row() -> None:

@@ -85,6 +85,25 @@ def test_a_failed_write_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.
     assert list(tmp_path.iterdir()) == [path], "no remains"
 
 
+def test_of_several_files_none_is_replaced_when_one_cannot_be_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    paths = [tmp_path / name for name in ("bench.json", "bench.csv", "report.html")]
+    results.write_all(dict.fromkeys(paths, "old"))
+    calls = []
+
+    def full_at_the_last(_: int) -> None:
+        calls.append(1)
+        if len(calls) == len(paths):
+            raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(results.os, "fsync", full_at_the_last)
+    with pytest.raises(OSError, match="No space left"):
+        results.write_all(dict.fromkeys(paths, "new"))
+    assert [path.read_text() for path in paths] == ["old"] * 3
+    assert sorted(tmp_path.iterdir()) == sorted(paths), "no remains"
+
+
 def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path) -> None:
     file = tmp_path / "file"
     file.write_text("")
