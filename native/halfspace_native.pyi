@@ -100,6 +100,9 @@ class SplitPolygons(TypedDict):
 def level() -> str:
     """The instruction set chosen for this machine: avx512, avx2, sse4.2, neon or fallback."""
 
+def free_memory() -> int:
+    """Bytes that a build may take now where no limit is given: seven eighths of what the machine has free."""
+
 def structures() -> list[StructureRow]:
     """The registry: every structure and its parameters, in the order in which lists show them."""
 
@@ -188,13 +191,17 @@ def build(
     *,
     threads: int = 0,
     monitor: Monitor | None = None,
+    memory_limit: int | None = None,
 ) -> Structure:
     """Builds a structure over triangles.
 
     vertices: (n, 3). triangles: (m, 3) indices; those without area or not finite are dropped and
     counted, and all keep their numbers. spec: "id" or "id:key=value,...", see structures(). The
     result is a function of these alone, on any number of threads; 0 = one per core.
-    Raises SpecError, ShapeError, Cancelled, and MemoryError when the tree cannot be addressed.
+    memory_limit: bytes that the build may take beside the scene, counted while it works; None = seven
+    eighths of what the machine has free when it begins.
+    Raises SpecError, ShapeError, Cancelled, and MemoryError when the limit is met or the tree cannot be
+    addressed; RuntimeError for an internal error.
     """
 
 def exact_closest(

@@ -86,10 +86,11 @@ def measure_case(
         occluded = structure.occluded(*rays, threads=threads)
         errors = accuracy.compare(brute, answers, occluded, native.ulp_distance, bitwise=True)
         beside = accuracy.compare(exact, answers.take(sample), None, native.ulp_distance, bitwise=True)
-        yield {"case": case["name"], "spec": spec, "triangles": len(scene[1]), **_columns(errors, beside)}
+        yield {"case": case["name"], "spec": spec, "triangles": len(scene[1]), **columns(errors, beside)}
 
 
-def _columns(errors: Errors, exact: Errors) -> Row:
+def columns(errors: Errors, exact: Errors) -> Row:
+    """The numbers of a row: errors against brute force, and against exact arithmetic."""
     row = errors.as_row("brute")
     columns = {name: row[name] for name in (*COUNTS, "t_ulp_max")}
     columns["exact_rays"] = exact.rays

@@ -109,16 +109,22 @@ def framing_view(vertices: F32, triangles: I32) -> View:
     return View(eye, centre, np.array([0.0, 0.0, 1.0]), 40.0)
 
 
-def load_npz(path: Path) -> Workload:
-    """A scene from numpy's format, keys as in the README. Raises WorkloadError."""
+def load_npz(path: Path, *, memory_limit: int | None = None) -> Workload:
+    """A scene from numpy's format, keys as in the README. Raises WorkloadError.
+
+    memory_limit: bytes that its arrays may take; they are packed, and may be a thousand times larger than the file.
+    """
     try:
         # Opened here, because numpy leaves a broken file open.
         with path.open("rb") as raw, np.load(raw, allow_pickle=False) as file:
+            unpacked = sum(member.file_size for member in file.zip.infolist())
+            if memory_limit is not None and unpacked > memory_limit:
+                raise WorkloadError(f"{path}: needs {unpacked:,} bytes of memory, of {memory_limit:,} that are free")
             missing = [key for key in _KEYS if key not in file.files]
             if missing:
                 raise WorkloadError(f"{path}: the key {missing[0]!r} is missing")
             arrays = {key: file[key] for key in _KEYS}
-    except (OSError, ValueError, EOFError, TypeError, zipfile.BadZipFile, zlib.error) as error:
+    except (OSError, ValueError, EOFError, TypeError, MemoryError, zipfile.BadZipFile, zlib.error) as error:
         if isinstance(error, WorkloadError):
             raise
         raise WorkloadError(f"{path}: cannot be read as .npz: {_first_line(error)}") from error

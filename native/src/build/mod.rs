@@ -6,6 +6,7 @@ pub mod binned;
 pub mod cell;
 pub mod clip;
 pub mod cost;
+pub mod footprint;
 pub mod monitor;
 pub mod object;
 pub mod object_tree;

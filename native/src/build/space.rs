@@ -9,6 +9,7 @@ use super::Monitor;
 use super::cell::{Cell, Direction, Plane};
 use super::clip::clipped_bounds;
 use super::cost::Costs;
+use super::footprint;
 use super::plane_tree::MAX_DEPTH;
 use super::preorder::{Item, Preorder};
 use super::sweep::{self, Scratch, Ties, sweep};
@@ -100,6 +101,8 @@ struct Task {
     candidates: Vec<Candidate>,
     out: Preorder,
     done: f64,
+    /// Bytes that the monitor has not been told of.
+    gathered: usize,
 }
 
 struct Builder<'a, P: PlanePolicy> {
@@ -114,7 +117,7 @@ struct Builder<'a, P: PlanePolicy> {
 /// Builds a tree over the live triangles of `scene`, in the frame `frame`, in the current rayon pool.
 ///
 /// # Errors
-/// [`crate::error::Error::Cancelled`] when the monitor says so.
+/// [`crate::error::Error::Cancelled`] and [`crate::error::Error::Memory`] when the monitor says so.
 pub fn build<P: PlanePolicy>(
     scene: &Triangles,
     frame: &Frame,
@@ -158,11 +161,15 @@ pub fn build<P: PlanePolicy>(
 impl<P: PlanePolicy> Builder<'_, P> {
     /// Builds a subtree as a task of its own.
     fn subtree(&self, references: Vec<Reference>, node: Pending<P::Cell>) -> Result<Preorder> {
+        let _held = self
+            .monitor
+            .hold(footprint::waiting::<Reference>(references.len()))?;
         let mut task = Task {
             references,
             ..Task::default()
         };
         self.node(&mut task, 0, node)?;
+        self.monitor.take(task.gathered)?;
         self.monitor.advance(task.done);
         Ok(task.out)
     }
@@ -173,6 +180,8 @@ impl<P: PlanePolicy> Builder<'_, P> {
         #[expect(clippy::cast_possible_truncation, reason = "a share of the surface")]
         let share = (node.cell.area() / self.root_area) as f32;
         let Some((plane, best, bad)) = self.choose(task, from, &node) else {
+            let bytes = footprint::leaf::<Item>(task.references.len() - from, 8);
+            self.monitor.charge(&mut task.gathered, bytes)?;
             task.out
                 .leaf(task.references[from..].iter().map(|r| r.id), share);
             task.references.truncate(from);
