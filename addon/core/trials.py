@@ -2,7 +2,7 @@
 """Any number of small scenes and rays, made to be answered wrongly: for runs of thousands of millions of rays.
 
 Trial `number` of seed `seed` is always the same scene and the same rays, so a run can be stopped, resumed and shared
-among machines. Every second trial is one of the extreme cases with rays of its own and new ones, the others are random
+among machines. Every fourth trial is one of the extreme cases with rays of its own and new ones, the others are random
 scenes of ten to three hundred triangles.
 """
 
@@ -15,21 +15,30 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from . import accuracy
+from . import accuracy, stability
 from .accuracy import Answers
 from .leaks import icosphere
-from .stability import Row, columns
+from .stability import Row
 
 F32 = NDArray[np.float32]
 I32 = NDArray[np.int32]
 Rays = tuple[F32, F32, F32, F32]
 """origins (n, 3), directions (n, 3), t_min (n,), t_max (n,)."""
 
-RAYS = 8192
-"""Rays of a trial."""
+MANY, FEW = 8192, 2048
+"""Rays of a trial; few where the exact verdict has much to do."""
 
-EXACT_PAIRS = 65_536
+CASES_PER_SEED = 60
+"""So many extreme cases are tried before those of the next seed."""
+
+EXACT_PAIRS = 100_000
 """Pairs of a ray and a triangle that exact arithmetic decides per trial."""
+
+VERSION = 1
+"""Grows whenever the same number makes another trial, so that a run is not continued with other rays."""
+
+BLOCK = 32
+"""Trials whose sums are kept together."""
 
 Random = np.random.Generator
 
@@ -58,10 +67,22 @@ def trial(native: Any, specs: Sequence[str], seed: int, number: int, *, threads:
         if not same(answers, brute):
             errors = accuracy.compare(brute, answers, None, native.ulp_distance, bitwise=True)
         beside = accuracy.compare(exact, answers.take(sample), None, native.ulp_distance, bitwise=True)
-        row = {"case": name, "spec": spec, "triangles": len(triangles), **columns(errors, beside)}
+        row = {"case": name, "spec": spec, "triangles": len(triangles), **stability.columns(errors, beside)}
         row["wrong_any_hit"] += int((occluded != expected_any).sum())
         rows.append(row)
     return rows
+
+
+def block(native: Any, specs: Sequence[str], seed: int, number: int, *, threads: int = 1) -> list[Row]:
+    """The sums of `BLOCK` trials, one row per configuration; `wrong_in` names the trials with a difference."""
+    totals: dict[str, Row] = {}
+    for n in range(number * BLOCK, (number + 1) * BLOCK):
+        for row in trial(native, specs, seed, n, threads=threads):
+            spec = row["spec"]
+            found = [*totals[spec]["wrong_in"]] if spec in totals else []
+            totals[spec] = stability.add(totals.get(spec), row)
+            totals[spec]["wrong_in"] = found + [n] * stability.differs(row)
+    return list(totals.values())
 
 
 def same(a: Answers, b: Answers) -> bool:
@@ -73,19 +94,20 @@ def same(a: Answers, b: Answers) -> bool:
 
 
 def _scene(native: Any, seed: int, number: int, random: Random) -> tuple[str, F32, I32, Rays]:
-    if number % 2:
-        cases = extreme_cases(native, seed + number // (2 * RAYS))
-        case = cases[(number // 2) % len(cases)]
+    if number % 4 == 3:
+        cases = extreme_cases(native, seed + number // 4 // CASES_PER_SEED)
+        case = cases[(number // 4) % len(cases)]
         vertices, triangles = case["vertices"], case["triangles"].astype(np.int32)
         own = case["origins"], case["directions"], case["t_min"], case["t_max"]
-        more = rays_at(vertices, triangles, max(0, RAYS - len(own[0])), random)
-        o, d, low, high = (np.concatenate([a, b])[:RAYS] for a, b in zip(own, more, strict=True))
-        return case["name"], vertices, triangles, (o, d, low, high)
-    name, make = SORTS[(number // 2) % len(SORTS)]
+        chosen = random.permutation(len(own[0]))[: FEW // 2]
+        more = rays_at(vertices, triangles, FEW - len(chosen), random)
+        rays = tuple(np.concatenate([a[chosen], b]) for a, b in zip(own, more, strict=True))
+        return case["name"], vertices, triangles, rays  # type: ignore[return-value]
+    name, make, count = SORTS[0 if number % 2 == 0 else (number // 4) % len(SORTS)]
     with np.errstate(over="ignore", invalid="ignore"):
         corners = make(int(random.integers(10, 300)), random).astype(np.float32)
     triangles = np.arange(len(corners), dtype=np.int32).reshape(-1, 3)
-    return name, corners, triangles, rays_at(corners, triangles, RAYS, random)
+    return name, corners, triangles, rays_at(corners, triangles, count, random)
 
 
 @functools.lru_cache(maxsize=1)
@@ -103,7 +125,7 @@ def _soup(count: int, random: Random) -> NDArray[Any]:
 
 
 def _lattice(count: int, random: Random) -> NDArray[Any]:
-    return random.integers(-4, 5, (3 * count, 3)) / random.choice([1, 2, 8])
+    return np.asarray(random.integers(-4, 5, (3 * count, 3)) / random.choice([1, 2, 8]))
 
 
 def _walls(count: int, random: Random) -> NDArray[Any]:
@@ -129,7 +151,7 @@ def _nudged(count: int, random: Random) -> NDArray[Any]:
     few = random.uniform(-1, 1, (8, 3)).astype(np.float32)
     corners = few[random.integers(0, 8, 3 * count)]
     away = random.choice([-1, 0, 0, 0, 1], corners.shape).astype(np.float32)
-    return np.nextafter(corners, corners + away)
+    return np.asarray(np.nextafter(corners, corners + away))
 
 
 def _closed(count: int, random: Random) -> NDArray[Any]:
@@ -148,17 +170,17 @@ def _boxes(count: int, random: Random) -> NDArray[Any]:
     return np.asarray(corners @ turn)
 
 
-SORTS: tuple[tuple[str, Callable[[int, Random], NDArray[Any]]], ...] = (
-    ("random: soup", _soup),
-    ("random: whole numbers", _lattice),
-    ("random: walls along the axes", _walls),
-    ("random: slivers", _slivers),
-    ("random: any exponent", _any_exponent),
-    ("random: one float apart", _nudged),
-    ("random: closed surface", _closed),
-    ("random: touching boxes", _boxes),
+SORTS: tuple[tuple[str, Callable[[int, Random], NDArray[Any]], int], ...] = (
+    ("random: soup", _soup, MANY),
+    ("random: whole numbers", _lattice, MANY),
+    ("random: walls along the axes", _walls, MANY),
+    ("random: slivers", _slivers, MANY),
+    ("random: any exponent", _any_exponent, FEW),
+    ("random: one float apart", _nudged, FEW),
+    ("random: closed surface", _closed, MANY),
+    ("random: touching boxes", _boxes, MANY),
 )
-"""Sorts of random scenes: name, and corners (3 n, 3) of about so many triangles."""
+"""Sorts of random scenes: name, corners (3 n, 3) of about so many triangles, and how many rays they get."""
 
 
 def rays_at(vertices: F32, triangles: I32, count: int, random: Random) -> Rays:
