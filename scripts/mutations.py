@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Deliberate faults, one at a time, and whether a test notices: `python scripts/mutations.py [options]`.
 
-The faults are put into a copy of the sources, all at once, each behind a switch, so that one build serves all of them.
-Exit status: 0 every fault was caught; 1 some survived; 2 the list no longer fits the sources, or nothing could be built.
+The faults are put into a copy of the sources, all at once, each behind a switch, so that one build serves all. Exit
+status: 0 every fault was caught; 1 some survived; 2 the list no longer fits the sources, or nothing could be built.
 """
 
 from __future__ import annotations
@@ -277,11 +277,9 @@ def build(copy: Path) -> dict[str, Path]:
     programs = sorted({fault.test[0] for fault in FAULTS if fault.is_rust})
     chosen = [part for name in programs for part in (["--lib"] if name == "lib" else ["--test", name])]
     command = ["cargo", "test", "--release", "--no-run", "--message-format=json", *chosen]
-    release = {"LTO": "off", "CODEGEN_UNITS": "16", "DEBUG": "0"}
+    release = {"LTO": "off", "CODEGEN_UNITS": "16"}
     environment = {"CARGO_TARGET_DIR": str(ROOT / "build" / "mutations")} | dict(os.environ)
     environment |= {f"CARGO_PROFILE_RELEASE_{key}": value for key, value in release.items()}
-    # What is put in leaves parts of the sources unused.
-    environment["RUSTFLAGS"] = "-A warnings"
     made = subprocess.run(command, cwd=copy / "native", env=environment, stdout=subprocess.PIPE, text=True, check=True)
     found = {}
     for line in made.stdout.splitlines():
