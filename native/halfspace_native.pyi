@@ -158,7 +158,8 @@ class Structure:
 
         origins, directions: (n, 3), scene frame; directions of any length, a zero direction meets
         nothing. t_min, t_max: the closed interval that counts, in units of the direction, one
-        number or (n,); 0 and inf when not given. order: "tile8" promises that every 64 consecutive
+        number or (n,), negative behind the origin; 0 and inf when not given. A hit whose distance
+        is beyond all floats is none. order: "tile8" promises that every 64 consecutive
         rays are an 8x8-pixel tile. threads: 0 = one per core.
         Raises ShapeError, NonFiniteError (NaN or infinite rays, NaN distances), SpecError (order).
         """

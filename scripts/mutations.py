@@ -93,7 +93,7 @@ FAULTS = (
         ALL,
     ),
     Fault("ties to the larger number", _QUERY, "id < self.hit.triangle", "id > self.hit.triangle", ALL),
-    Fault("an infinite distance is a hit", _QUERY, "found.t < f32::INFINITY", "!found.t.is_nan()", ALL),
+    Fault("an infinite distance is a hit", _QUERY, "found.t.abs() < f32::INFINITY", "!found.t.is_nan()", ALL),
     Fault(
         "hits beyond the interval count",
         _QUERY,
@@ -308,8 +308,13 @@ def python_test(folder: Path, fault: Fault) -> list[str]:
 def copy_sources(folder: Path) -> Path:
     """A copy of everything that tests need."""
     copy = folder / "halfspace"
-    ignore = shutil.ignore_patterns("target", "__pycache__", ".git", ".venv*", "build", ".*_cache")
-    shutil.copytree(ROOT, copy, ignore=ignore)
+    everywhere = shutil.ignore_patterns("target", "__pycache__", ".*")
+
+    def ignored(directory: str, names: list[str]) -> set[str]:
+        outputs = {"build", "out"} if Path(directory) == ROOT else set()
+        return {*everywhere(directory, names), *outputs.intersection(names)}
+
+    shutil.copytree(ROOT, copy, ignore=ignored)
     return copy
 
 

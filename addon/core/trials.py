@@ -2,7 +2,7 @@
 """Any number of small scenes and rays, made to be answered wrongly: for runs of thousands of millions of rays.
 
 Trial `number` of seed `seed` is always the same scene and the same rays, so a run can be stopped, resumed and shared
-among machines. Every fourth trial is one of the extreme cases with rays of its own and new ones, the others are random
+among machines. Every eighth trial is one of the extreme cases with rays of its own and new ones, the others are random
 scenes of ten to three hundred triangles.
 """
 
@@ -25,19 +25,19 @@ I32 = NDArray[np.int32]
 Rays = tuple[F32, F32, F32, F32]
 """origins (n, 3), directions (n, 3), t_min (n,), t_max (n,)."""
 
-MANY, FEW = 8192, 2048
+MANY, FEW, FEWEST = 16_384, 2048, 256
 """Rays of a trial; few where the exact verdict has much to do."""
 
 CASES_PER_SEED = 60
 """So many extreme cases are tried before those of the next seed."""
 
-EXACT_PAIRS = 100_000
+EXACT_PAIRS = 300_000
 """Pairs of a ray and a triangle that exact arithmetic decides per trial."""
 
 VERSION = 1
 """Grows whenever the same number makes another trial, so that a run is not continued with other rays."""
 
-BLOCK = 32
+BLOCK = 64
 """Trials whose sums are kept together."""
 
 Random = np.random.Generator
@@ -94,16 +94,17 @@ def same(a: Answers, b: Answers) -> bool:
 
 
 def _scene(native: Any, seed: int, number: int, random: Random) -> tuple[str, F32, I32, Rays]:
-    if number % 4 == 3:
-        cases = extreme_cases(native, seed + number // 4 // CASES_PER_SEED)
-        case = cases[(number // 4) % len(cases)]
+    turn, place = divmod(number, 8)
+    if place == 7:
+        cases = extreme_cases(native, seed + turn // CASES_PER_SEED)
+        case = cases[turn % len(cases)]
         vertices, triangles = case["vertices"], case["triangles"].astype(np.int32)
         own = case["origins"], case["directions"], case["t_min"], case["t_max"]
         chosen = random.permutation(len(own[0]))[: FEW // 2]
         more = rays_at(vertices, triangles, FEW - len(chosen), random)
         rays = tuple(np.concatenate([a[chosen], b]) for a, b in zip(own, more, strict=True))
         return case["name"], vertices, triangles, rays  # type: ignore[return-value]
-    name, make, count = SORTS[0 if number % 2 == 0 else (number // 4) % len(SORTS)]
+    name, make, count = SORTS[(2 * turn + place - 5) % len(SORTS) if place in (5, 6) else 0]
     with np.errstate(over="ignore", invalid="ignore"):
         corners = make(int(random.integers(10, 300)), random).astype(np.float32)
     triangles = np.arange(len(corners), dtype=np.int32).reshape(-1, 3)
@@ -175,7 +176,7 @@ SORTS: tuple[tuple[str, Callable[[int, Random], NDArray[Any]], int], ...] = (
     ("random: whole numbers", _lattice, MANY),
     ("random: walls along the axes", _walls, MANY),
     ("random: slivers", _slivers, MANY),
-    ("random: any exponent", _any_exponent, FEW),
+    ("random: any exponent", _any_exponent, FEWEST),
     ("random: one float apart", _nudged, FEW),
     ("random: closed surface", _closed, MANY),
     ("random: touching boxes", _boxes, MANY),
