@@ -176,7 +176,7 @@ def read_options(asked: argparse.Namespace) -> benchmark.Options:
     if unknown:
         raise UsageError(f"--rays: unknown set {unknown[0]!r}; there are {', '.join(rays.NAMES)}")
     width, by, height = asked.size.partition("x")
-    if not (by and width.isdigit() and height.isdigit()):
+    if not (by and specs.is_whole(width) and specs.is_whole(height)):
         raise UsageError(f"--size: expected WIDTHxHEIGHT, got {asked.size!r}")
     size = int(width), int(height)
     if not all(0 < side <= 1 << 14 and side % rays.TILE == 0 for side in size):
@@ -189,7 +189,7 @@ def read_options(asked: argparse.Namespace) -> benchmark.Options:
     if asked.memory_limit is not None and not 0 <= asked.memory_limit < 1 << 30:
         raise UsageError(f"--memory-limit: expected a number of gigabytes, got {asked.memory_limit}")
     samples = [] if asked.curve is None else specs.numbers(asked.curve)
-    if not all(value.isdigit() and int(value) > 0 for value in samples):
+    if not all(specs.is_whole(value) and 0 < int(value) <= 1 << 24 for value in samples):
         raise UsageError(f"--curve: expected numbers of samples such as 1,2,4, got {asked.curve!r}")
     return benchmark.Options(
         size=size,
