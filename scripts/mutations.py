@@ -308,7 +308,7 @@ def python_test(folder: Path, fault: Fault) -> list[str]:
 def copy_sources(folder: Path) -> Path:
     """A copy of everything that tests need."""
     copy = folder / "halfspace"
-    everywhere = shutil.ignore_patterns("target", "__pycache__", ".*")
+    everywhere = shutil.ignore_patterns("target", "__pycache__", ".git", ".venv*", ".hypothesis", ".*_cache")
 
     def ignored(directory: str, names: list[str]) -> set[str]:
         outputs = {"build", "out"} if Path(directory) == ROOT else set()
