@@ -9,9 +9,11 @@
 pub mod batch;
 pub mod blocks;
 pub mod box_tree;
+pub mod dop_tree;
 pub mod frame;
 pub mod lanes;
 pub mod nested;
+pub mod objects;
 pub mod octree_beam;
 pub mod octree_glassner;
 pub mod octree_net;
@@ -22,6 +24,10 @@ pub mod plane_dir;
 pub mod plane_ta_b;
 pub mod query;
 pub mod ray;
+pub mod slab_boxes;
+pub mod slab_node;
+pub mod slab_tree;
+pub mod slab_wide;
 
 pub use ray::Order;
 pub use ray::{Hit, Ray, RayCounters, Tracer};
