@@ -267,7 +267,9 @@ fn a_build_beyond_its_memory_is_refused() {
                     "{spec}, {limit} of {bytes} bytes: {error:?}"
                 );
             }
-            let enough = within(6 * bytes, threads);
+            // An empty leaf is counted with eleven times what it takes in the end, most of which waits to be laid
+            // out; a piece of a triangle with all its corners takes a kilobyte while it waits to be parted.
+            let enough = within(12 * bytes + 2048 * scene.len() as u64, threads);
             assert!(enough.is_ok(), "{spec}, {bytes} bytes: {:?}", enough.err());
         }
     }
