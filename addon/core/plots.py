@@ -74,7 +74,7 @@ def scene_figures(rows: Sequence[Row], published: Any = None) -> list[Picture]:
     fitted = costs.fit(ours_close)
     found = []
 
-    below = charts.room_for_legend(len(measured))
+    below = charts.room_for_legend([row["spec"] for row in measured])
 
     def add(title: str, caption: str, height: float, draw: Callable[[Any], None]) -> None:
         found.append(Picture(title, _svg(draw, height), caption))
