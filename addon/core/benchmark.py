@@ -35,6 +35,9 @@ LIVE_BYTES = 4 << 30
 SELF_CHECK = 2048
 """Rays per set on which the reference is compared with itself."""
 
+CASE = "case_"
+"""Counters of the cases of ray and split plane begin with this."""
+
 REFERENCES = ("brute", "exact", "embree")
 
 
@@ -232,7 +235,7 @@ def _prove(
 
 
 def _count(candidate: _Candidate, some: RaySet, arguments: dict[str, Any]) -> dict[str, float]:
-    """Mean steps and triangle tests per ray."""
+    """Mean steps and triangle tests per ray, and cases of ray and plane where the walk tells them apart."""
     if candidate.spec == yardstick.SPEC or not len(some):
         return {}
     if some.any_hit:
@@ -240,7 +243,8 @@ def _count(candidate: _Candidate, some: RaySet, arguments: dict[str, Any]) -> di
     else:
         found = candidate.structure.closest(some.origins, some.directions, counters=True, **arguments)
         counters = found.counters
-    return {name: float(np.mean(counters[name])) for name in ("steps", "tests")}
+    names = ["steps", "tests", *(name for name in counters if name.startswith(CASE))]
+    return {name: float(np.mean(counters[name])) for name in names}
 
 
 def _time(candidates: Sequence[_Candidate], ray_sets: Iterable[RaySet], options: Options) -> None:
@@ -318,6 +322,9 @@ def _rates(candidate: _Candidate, whole: RaySet, base: _Candidate | None) -> dic
         "tests": counted.get("tests"),
         "hits": counted["hits"],
     }
+    cases = {name.removeprefix(CASE): mean for name, mean in counted.items() if name.startswith(CASE)}
+    if cases:
+        found["cases"] = cases
     if len(some):
         rates = _mrays(candidate, whole.name)
         found["mrays_s"] = spread(rates)

@@ -148,10 +148,11 @@ pub mod params {
     pub const TRAVERSAL_AXIS: ParamSpec = ParamSpec {
         name: "traversal",
         label: "Traversal",
-        doc: "How rays walk the tree: by entry and exit points (TA-B, Havran et al. 1997) or by plane \
-              distances in the order of the direction. The answer is the same",
+        doc: "How rays walk the tree: by entry and exit points (TA-B, Havran et al. 1997); by plane \
+              distances in the order of the direction (dir); or by the side of the origin and distances, \
+              as TA-A, as Sung and Shirley 1992, as Arvo 1988. The answer is the same",
         unit: "",
-        kind: Kind::Choice(&["ta-b", "dir"]),
+        kind: Kind::Choice(&["ta-b", "dir", "ta-a", "sung", "arvo"]),
         default: Default::Choice("ta-b"),
     };
 

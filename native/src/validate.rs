@@ -14,7 +14,7 @@ pub fn validate(structure: &Structure) -> Vec<String> {
     let mut broken = Vec::new();
     match &structure.built().layout {
         Layout::Brute => {}
-        Layout::PlaneDir(tree) | Layout::PlaneTaB(tree) => plane_tree(structure, tree, &mut broken),
+        Layout::Plane(tree, _) => plane_tree(structure, tree, &mut broken),
         Layout::Box2(tree) => object_tree(structure, tree, &mut broken),
         Layout::Box4(tree) => object_tree(structure, tree, &mut broken),
         Layout::Box8(tree) => object_tree(structure, tree, &mut broken),
@@ -48,7 +48,7 @@ impl Layout {
             | Self::OctreeBeam(tree, _)
             | Self::OctreeSamet(tree)
             | Self::OctreeGlassner(tree) => octree::leaves(structure, tree),
-            Self::PlaneDir(tree) | Self::PlaneTaB(tree) => {
+            Self::Plane(tree, _) => {
                 let mut ids = BTreeSet::new();
                 tree.visit(|_, node, _| {
                     if let Node::Leaf { first, count } = node {

@@ -271,7 +271,8 @@ fn walks_without_bounds_are_caught() {
     let mut rays = lattice_rays(5, &mut random, 4000);
     rays.extend(aimed(&scene, 4000, &mut random));
     let reference = closest(&build(&scene, "brute", 1), &rays);
-    for spec in ["kd:robust=none", "kd:robust=none,traversal=dir"] {
+    for walk in ["ta-b", "dir", "ta-a", "sung", "arvo"] {
+        let spec = &format!("kd:robust=none,traversal={walk}");
         assert!(
             differences(&build(&scene, spec, 1), &rays, &reference) > 0,
             "{spec}"

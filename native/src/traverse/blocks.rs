@@ -169,6 +169,10 @@ impl Blocks {
         best: &mut Best,
         counters: &mut C,
     ) -> bool {
+        if C::REPLAY {
+            return best.take::<Q>(frame, counters.replay());
+        }
+        counters.visit();
         let mut at = first as usize;
         let mut left = count;
         while left > 0 {

@@ -9,6 +9,7 @@
 pub mod batch;
 pub mod blocks;
 pub mod box_tree;
+pub mod cases;
 pub mod frame;
 pub mod lanes;
 pub mod nested;
@@ -18,10 +19,16 @@ pub mod octree_net;
 pub mod octree_param;
 pub mod octree_samet;
 pub mod octree_step;
+pub mod plane_arvo;
 pub mod plane_dir;
+pub mod plane_origin;
+pub mod plane_sung;
+pub mod plane_ta_a;
 pub mod plane_ta_b;
+pub mod plane_ta_b_1997;
 pub mod query;
 pub mod ray;
+pub mod replay;
 
 pub use ray::Order;
 pub use ray::{Hit, Ray, RayCounters, Tracer};
