@@ -150,9 +150,10 @@ pub mod params {
         label: "Traversal",
         doc: "How rays walk the tree: by entry and exit points (TA-B, Havran et al. 1997); by plane \
               distances in the order of the direction (dir); or by the side of the origin and distances, \
-              as TA-A, as Sung and Shirley 1992, as Arvo 1988. The answer is the same",
+              as TA-A, as Sung and Shirley 1992, as Arvo 1988. tile8, tile16: as dir, but camera rays go in tiles of 64 \
+              or 256. The answer is the same",
         unit: "",
-        kind: Kind::Choice(&["ta-b", "dir", "ta-a", "sung", "arvo"]),
+        kind: Kind::Choice(&["ta-b", "dir", "tile8", "tile16", "ta-a", "sung", "arvo"]),
         default: Default::Choice("ta-b"),
     };
 

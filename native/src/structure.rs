@@ -7,15 +7,16 @@ use crate::build::plane_tree::{PlaneTree, Shape};
 use crate::error::{Error, Result};
 use crate::registry::Built;
 use crate::scene::Triangles;
-use crate::spec::Config;
+use crate::spec::{Config, Value};
 use crate::traverse::batch::{Batch, Walk};
+use crate::traverse::box_tile;
 use crate::traverse::box_tree::{self, BoxTree};
 use crate::traverse::query::{Any, Closest, Query};
 use crate::traverse::replay::{Record, Recording};
 use crate::traverse::{Hit, Ray, RayCounters, Tracer, plane_dir, plane_ta_b, plane_ta_b_1997};
 use crate::traverse::{
     Order, octree_beam, octree_glassner, octree_net, octree_param, octree_samet, octree_step,
-    plane_arvo, plane_sung, plane_ta_a,
+    plane_arvo, plane_sung, plane_ta_a, plane_tile,
 };
 use fearless_simd::Level;
 use std::marker::PhantomData;
@@ -70,11 +71,34 @@ pub enum PlaneWalk {
     Arvo1988,
 }
 
+/// How camera rays that come in tiles are walked.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Tiles {
+    /// As the layout walks single rays, or its own tiles.
+    Own,
+    /// In tiles of 8 x 8.
+    Eight,
+    /// Four such tiles at once.
+    Sixteen,
+}
+
+impl Tiles {
+    fn new(config: &Config) -> Self {
+        let chosen = config.values().find(|(name, _)| *name == "traversal");
+        match chosen {
+            Some((_, Value::Choice("tile8"))) => Self::Eight,
+            Some((_, Value::Choice("tile16"))) => Self::Sixteen,
+            _ => Self::Own,
+        }
+    }
+}
+
 /// A built structure.
 #[derive(Debug)]
 pub struct Structure {
     scene: Arc<Triangles>,
     config: Config,
+    tiles: Tiles,
     built: Built,
     build_seconds: f64,
 }
@@ -99,6 +123,7 @@ impl Structure {
         let build_seconds = start.elapsed().as_secs_f64();
         Ok(Self {
             scene,
+            tiles: Tiles::new(&config),
             config,
             built,
             build_seconds,
@@ -339,15 +364,27 @@ impl Tracer for AtLevel<'_> {
         counters: Option<&mut [RayCounters]>,
         order: Order,
     ) {
-        match (&self.structure.built.layout, order) {
-            (Layout::OctreeBeam(tree, least), Order::Tiles) => {
-                assert_eq!(rays.len(), hits.len(), "one answer per ray");
-                let walk = octree_beam::Walk(tree, *least);
-                self.structure.batch(self.level, rays).tiles(
-                    &walk,
-                    |i, hit| hits[i] = hit,
-                    counters,
-                );
+        assert_eq!(rays.len(), hits.len(), "one answer per ray");
+        let job = self.structure.batch(self.level, rays);
+        let write = |i: usize, hit: Hit| hits[i] = hit;
+        if order != Order::Tiles {
+            return self.closest(rays, hits, counters);
+        }
+        match (&self.structure.built.layout, self.structure.tiles) {
+            (Layout::OctreeBeam(tree, least), _) => {
+                job.tiles(&octree_beam::Walk(tree, *least), write, counters);
+            }
+            (Layout::Plane(tree, _), Tiles::Eight) => {
+                job.tiles(&plane_tile::Walk::<4>(tree), write, counters);
+            }
+            (Layout::Plane(tree, _), Tiles::Sixteen) => {
+                job.tiles(&plane_tile::Walk::<16>(tree), write, counters);
+            }
+            (Layout::Box8(tree), Tiles::Eight) => {
+                job.tiles(&box_tile::Walk::<8, 4>(tree), write, counters);
+            }
+            (Layout::Box8(tree), Tiles::Sixteen) => {
+                job.tiles(&box_tile::Walk::<8, 16>(tree), write, counters);
             }
             _ => self.closest(rays, hits, counters),
         }

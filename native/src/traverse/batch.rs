@@ -4,7 +4,6 @@
 
 use super::blocks::{Blocks, LANES};
 use super::frame::{Frame, FrameRay};
-use super::octree_beam::RAYS;
 use super::query::{Best, Count, Counters, NoCount, Query};
 use super::ray::{Hit, Ray, RayCounters};
 use super::replay::{CHUNK, Record};
@@ -33,8 +32,11 @@ pub trait Walk: Sync {
 
 /// A way of walking a tree with tiles of rays.
 pub trait TileWalk: Sync {
-    /// Finds the nearest hits of up to 64 rays, at least one, and hands each to `write` with the
-    /// ray's place, the last time with its answer.
+    /// Rays of a tile at most.
+    const RAYS: usize;
+
+    /// Finds the nearest hits of up to [`Self::RAYS`] rays, at least one, and hands each to `write`
+    /// with the ray's place, the last time with its answer.
     fn cast_tile<S: Simd, C: Counters>(
         &self,
         simd: S,
@@ -208,9 +210,9 @@ impl Batch<'_> {
         write: &mut impl FnMut(usize, Hit),
         mut counter: impl FnMut(usize) -> C,
     ) {
-        let mut counters = Vec::with_capacity(RAYS);
-        for (tile, rays) in self.rays.chunks(RAYS).enumerate() {
-            let first = tile * RAYS;
+        let mut counters = Vec::with_capacity(W::RAYS);
+        for (tile, rays) in self.rays.chunks(W::RAYS).enumerate() {
+            let first = tile * W::RAYS;
             counters.clear();
             counters.extend((first..first + rays.len()).map(&mut counter));
             walk.cast_tile(

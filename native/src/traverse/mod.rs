@@ -8,6 +8,7 @@
 
 pub mod batch;
 pub mod blocks;
+pub mod box_tile;
 pub mod box_tree;
 pub mod cases;
 pub mod frame;
@@ -26,9 +27,12 @@ pub mod plane_sung;
 pub mod plane_ta_a;
 pub mod plane_ta_b;
 pub mod plane_ta_b_1997;
+pub mod plane_tile;
 pub mod query;
 pub mod ray;
 pub mod replay;
+pub mod tile;
+pub mod tile_leaf;
 
 pub use ray::Order;
 pub use ray::{Hit, Ray, RayCounters, Tracer};

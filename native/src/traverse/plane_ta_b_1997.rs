@@ -3,9 +3,10 @@
 //! Havran's thesis, 2000), without allowance for rounding: for measuring how often it fails and how
 //! long it takes. For pictures there is [`super::plane_ta_b`].
 //!
-//! Entry and exit points stand in one array, each exit linked to the one that it hides. The listing
-//! has one more case, that the cell ends in the plane (Z1), which it tests where an earlier branch
-//! has caught it; so it is not here.
+//! The listing keeps entry and exit points in one array, with links between them; here the points of
+//! the current cell are at hand, and the exits that they hide on a stack. The listing has one more
+//! case, that the cell ends in the plane (Z1), which it tests where an earlier branch has caught
+//! it; so it is not here.
 
 use super::batch;
 use super::blocks::Blocks;
@@ -27,8 +28,6 @@ pub struct Crossing {
     t: f32,
     /// The child that the ray enters here.
     node: u32,
-    /// The exit that this one hides.
-    hidden: u32,
 }
 
 /// The walk over one tree.
@@ -38,10 +37,10 @@ pub struct Crossing {
 pub struct Walk<'a>(pub &'a PlaneTree);
 
 impl batch::Walk for Walk<'_> {
-    type Scratch = [Crossing; MAX_DEPTH + 3];
+    type Scratch = [Crossing; MAX_DEPTH + 1];
 
     fn scratch(&self) -> Self::Scratch {
-        [Crossing::default(); MAX_DEPTH + 3]
+        [Crossing::default(); MAX_DEPTH + 1]
     }
 
     #[inline(always)]
@@ -56,18 +55,17 @@ impl batch::Walk for Walk<'_> {
         let tree = self.0;
         let mut best = Best::new(frame);
         let along = |t: f32| std::array::from_fn(|k| frame.o[k] + t * frame.d[k]);
-        let (mut entry, mut exit) = (0, 1);
-        stack[entry].point = if frame.t_min >= 0.0 {
+        let mut entry = if frame.t_min >= 0.0 {
             along(frame.t_min)
         } else {
             frame.o
         };
-        stack[exit] = Crossing {
+        let mut exit = Crossing {
             point: along(frame.t_max),
             t: frame.t_max,
             node: NOWHERE,
-            hidden: 0,
         };
+        let mut waiting = 0;
         let mut node = tree.root();
         loop {
             match tree.node(node) {
@@ -81,8 +79,8 @@ impl batch::Walk for Walk<'_> {
                     let mut counted = |turn| {
                         counters.case(|| case(frame.o[axis], frame.d[axis], split, turn));
                     };
-                    let far = if stack[entry].point[axis] <= split {
-                        if stack[exit].point[axis] <= split {
+                    let far = if entry[axis] <= split {
+                        if exit.point[axis] <= split {
                             counted(Turn::Below);
                             node = children; // N1 N2 N3 P5 Z2 Z3
                             continue;
@@ -90,7 +88,7 @@ impl batch::Walk for Walk<'_> {
                         node = children; // N4
                         children + 1
                     } else {
-                        if split < stack[exit].point[axis] {
+                        if split < exit.point[axis] {
                             counted(Turn::Above);
                             node = children + 1; // P1 P2 P3 N5
                             continue;
@@ -100,18 +98,14 @@ impl batch::Walk for Walk<'_> {
                     };
                     counted(Turn::Both);
                     let t = (split - frame.o[axis]) / frame.d[axis];
-                    let hidden = exit;
-                    exit += 1;
-                    if exit == entry {
-                        exit += 1;
-                    }
                     let mut point = along(t);
                     point[axis] = split;
-                    stack[exit] = Crossing {
+                    stack[waiting] = exit;
+                    waiting += 1;
+                    exit = Crossing {
                         point,
                         t,
                         node: far,
-                        hidden: u32::try_from(hidden).expect("bounded by the depth"),
                     };
                     continue;
                 }
@@ -122,7 +116,7 @@ impl batch::Walk for Walk<'_> {
                         simd,
                         (first, count),
                         scene,
-                        (ray, frame, stack[exit].t),
+                        (ray, frame, exit.t),
                         &mut best,
                         counters,
                     );
@@ -132,12 +126,13 @@ impl batch::Walk for Walk<'_> {
                     }
                 }
             }
-            entry = exit;
-            node = stack[entry].node;
+            entry = exit.point;
+            node = exit.node;
             if node == NOWHERE {
                 return best.hit();
             }
-            exit = stack[entry].hidden as usize;
+            waiting -= 1;
+            exit = stack[waiting];
         }
     }
 }

@@ -6,7 +6,7 @@ use crate::build::Monitor;
 use crate::build::binned::SurfaceArea;
 use crate::build::cost::Costs;
 use crate::build::object;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::registry::{Built, Default, Kind, ParamSpec, StructureSpec, params};
 use crate::scene::Triangles;
 use crate::spec::Config;
@@ -32,6 +32,7 @@ pub const SPEC: StructureSpec = StructureSpec {
     paper: "Wald 2007, On fast construction of SAH-based bounding volume hierarchies; Wald, Benthin and \
             Boulos 2008, Getting rid of packets",
     params: &[
+        TRAVERSAL,
         WIDTH,
         params::ROBUST,
         params::step_cost(COSTS),
@@ -40,6 +41,16 @@ pub const SPEC: StructureSpec = StructureSpec {
         LEAF_MAX,
     ],
     build,
+};
+
+const TRAVERSAL: ParamSpec = ParamSpec {
+    name: "traversal",
+    label: "Traversal",
+    doc: "How camera rays walk the tree: one by one, the nearest box first, or in tiles of 64 or 256, \
+          which need eight boxes to a node. The answer is the same",
+    unit: "",
+    kind: Kind::Choice(&["ordered", "tile8", "tile16"]),
+    default: Default::Choice("ordered"),
 };
 
 const WIDTH: ParamSpec = ParamSpec {
@@ -61,6 +72,12 @@ const LEAF_MAX: ParamSpec = ParamSpec {
 };
 
 fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built> {
+    let (traversal, width) = (config.choice("traversal"), config.choice("width"));
+    if traversal != "ordered" && width != "8" {
+        return Err(Error::Spec(format!(
+            "traversal={traversal} needs width=8, got width={width}"
+        )));
+    }
     let frame = Frame::new(scene.bounds());
     let policy = SurfaceArea {
         costs: Costs {
