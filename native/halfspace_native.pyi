@@ -63,7 +63,7 @@ class Statistics(TypedDict):
 
     build_seconds: by the clock. bytes: nodes and leaves, without the scene's own arrays.
     references: triangles in all leaves together. depth_max, depth_mean: of the leaves, the root
-    at 0. leaf_max: triangles in the largest leaf. sah_cost: expected cost of a random ray in the
+    at 0. leaf_max: triangles in the largest leaf. leaves_large: leaves of more than 64. sah_cost: expected cost of a random ray in the
     thesis's units (80 a triangle, 1 an axis step, 5 an oblique step), the same for all structures.
     left_out: what the scene did not need, each with its reason. dropped_triangles: those without
     area or with a vertex that is not finite.
@@ -76,6 +76,7 @@ class Statistics(TypedDict):
     leaves: int
     leaves_empty: int
     leaf_max: int
+    leaves_large: int
     references: int
     depth_max: int
     depth_mean: float

@@ -8,9 +8,9 @@ use crate::error::{Error, Result};
 use crate::registry::Built;
 use crate::scene::Triangles;
 use crate::spec::{Config, Value};
-use crate::traverse::batch::{Batch, Walk};
+use crate::traverse::batch::{Batch, Walk, WithWalk};
 use crate::traverse::box_tile;
-use crate::traverse::box_tree::{self, BoxTree};
+use crate::traverse::objects::Objects;
 use crate::traverse::query::{Any, Closest, Query};
 use crate::traverse::replay::{Record, Recording};
 use crate::traverse::{Hit, Ray, RayCounters, Tracer, plane_dir, plane_ta_b, plane_ta_b_1997};
@@ -30,12 +30,8 @@ pub enum Layout {
     Brute,
     /// Planes.
     Plane(PlaneTree, PlaneWalk),
-    /// Boxes, two to a node.
-    Box2(BoxTree<2>),
-    /// Boxes, four to a node.
-    Box4(BoxTree<4>),
-    /// Boxes, eight to a node.
-    Box8(BoxTree<8>),
+    /// Objects, by boxes or intervals around them.
+    Objects(Objects),
     /// Octants, from the top.
     OctreeParam(Octree),
     /// Octants, from leaf to leaf by links.
@@ -173,9 +169,7 @@ impl Structure {
         let nodes = match &self.built.layout {
             Layout::Brute => 0,
             Layout::Plane(tree, _) => tree.bytes(),
-            Layout::Box2(tree) => tree.bytes(),
-            Layout::Box4(tree) => tree.bytes(),
-            Layout::Box8(tree) => tree.bytes(),
+            Layout::Objects(tree) => tree.nested().bytes(),
             Layout::OctreeParam(tree)
             | Layout::OctreeNet(tree)
             | Layout::OctreeBeam(tree, _)
@@ -251,9 +245,7 @@ impl Structure {
                 PlaneWalk::Arvo => then.with(&plane_arvo::Walk::<false>(tree)),
                 PlaneWalk::Arvo1988 => then.with(&plane_arvo::Walk::<true>(tree)),
             },
-            Layout::Box2(tree) => then.with(&box_tree::Walk(tree)),
-            Layout::Box4(tree) => then.with(&box_tree::Walk(tree)),
-            Layout::Box8(tree) => then.with(&box_tree::Walk(tree)),
+            Layout::Objects(tree) => tree.with_walk(self.built.frame.bounds(), then),
             Layout::OctreeParam(tree) => then.with(&octree_param::Walk(tree)),
             Layout::OctreeNet(tree) | Layout::OctreeBeam(tree, _) => {
                 then.with(&octree_step::Walk(tree, octree_net::Links))
@@ -335,12 +327,6 @@ impl Structure {
     }
 }
 
-/// What is done with a way of walking, whichever it is.
-trait WithWalk {
-    type Output;
-    fn with<W: Walk>(self, walk: &W) -> Self::Output;
-}
-
 /// A structure whose rays run on a given instruction set.
 pub struct AtLevel<'a> {
     structure: &'a Structure,
@@ -380,10 +366,10 @@ impl Tracer for AtLevel<'_> {
             (Layout::Plane(tree, _), Tiles::Sixteen) => {
                 job.tiles(&plane_tile::Walk::<16>(tree), write, counters);
             }
-            (Layout::Box8(tree), Tiles::Eight) => {
+            (Layout::Objects(Objects::Boxes8(tree)), Tiles::Eight) => {
                 job.tiles(&box_tile::Walk::<8, 4>(tree), write, counters);
             }
-            (Layout::Box8(tree), Tiles::Sixteen) => {
+            (Layout::Objects(Objects::Boxes8(tree)), Tiles::Sixteen) => {
                 job.tiles(&box_tile::Walk::<8, 16>(tree), write, counters);
             }
             _ => self.closest(rays, hits, counters),

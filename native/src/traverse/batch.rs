@@ -30,6 +30,14 @@ pub trait Walk: Sync {
     ) -> Hit;
 }
 
+/// What is done with a way of walking, whichever it is.
+pub trait WithWalk {
+    /// What comes of it.
+    type Output;
+    /// Does it.
+    fn with<W: Walk>(self, walk: &W) -> Self::Output;
+}
+
 /// A way of walking a tree with tiles of rays.
 pub trait TileWalk: Sync {
     /// Rays of a tile at most.

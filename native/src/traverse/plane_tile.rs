@@ -208,8 +208,7 @@ fn oblique<S: Simd, const R: usize>(
     let o = tile.o;
     let gap = offset - (normal[0] * o[0] + normal[1] * o[1] + normal[2] * o[2]);
     let (size, pad) = (gap.abs(), tile.oblique_pad);
-    // NaN comes here too.
-    if !(size > pad) {
+    if size <= pad || size.is_nan() {
         let near = children + u32::from(low + high <= 0.0);
         return (near, (f32::NEG_INFINITY, f32::INFINITY));
     }

@@ -190,8 +190,7 @@ impl<const R: usize> Tile<R> {
     fn enter<S: Simd>(&mut self, simd: S, frame: &Frame, ranges: [(f32, f32); 3]) {
         let bounds = frame.bounds();
         let (mut enter, mut leave) = (0.0_f32, f32::INFINITY);
-        for k in 0..3 {
-            let (low, high) = ranges[k];
+        for (k, (low, high)) in ranges.into_iter().enumerate() {
             let pace = |slow: f32, fast: f32| Pace {
                 least: if fast > 0.0 { 1.0 / fast } else { f32::MAX },
                 most: if slow > 0.0 {
