@@ -170,7 +170,9 @@ class _Run:
             return found, float(found.statistics["build_seconds"])
         clock = timing.clock(self._options.threads)
         start = clock()
-        structure = self._native.build(vertices, triangles, spec, threads=self._options.threads)
+        structure = self._native.build(
+            vertices, triangles, spec, threads=self._options.threads, memory_limit=self._options.memory_limit
+        )
         return structure, clock() - start
 
     def _measure(self, group: list[Candidate], anchor: Candidate | None) -> Iterator[Event]:

@@ -24,7 +24,12 @@ def split(text: str) -> list[str]:
     return specs
 
 
-MOST = 100_000
+def is_whole(text: str) -> bool:
+    """Whether the text is a whole number that `int` reads: digits as ASCII has them, and not too many."""
+    return text.isascii() and text.isdecimal() and len(text) <= 18
+
+
+MOST = 10_000
 """Configurations that one list may grow to."""
 
 
@@ -36,11 +41,11 @@ def numbers(text: str) -> list[str]:
 def _values(part: str) -> list[str]:
     """The values of one number or one range, as text. Raises SpecError."""
     low, dash, high = part.partition(".." if ".." in part else "-")
-    if dash and low.isdigit() and high.isdigit():
+    if dash and is_whole(low) and is_whole(high):
         if int(low) > int(high):
             raise SpecError(f"the range {part!r} runs backwards")
         if int(high) - int(low) >= MOST:
-            raise SpecError(f"the range {part!r} has more than {MOST:,} values")
+            raise SpecError(f"the range {part!r} has more than {MOST} values")
         return [str(n) for n in range(int(low), int(high) + 1)]
     try:
         float(part)

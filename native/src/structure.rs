@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! A built structure over a scene: rays in, answers out.
 
-use crate::build::Monitor;
 use crate::build::octree_nodes::Octree;
 use crate::build::plane_tree::{PlaneTree, Shape};
+use crate::build::{Monitor, footprint};
 use crate::error::{Error, Result};
 use crate::registry::Built;
 use crate::scene::Triangles;
@@ -55,13 +55,15 @@ impl Structure {
     /// Builds `config` over `scene` on `threads` threads, 0 for one per core.
     ///
     /// # Errors
-    /// [`Error::Cancelled`] when the monitor says so; [`Error::Memory`] when no threads can start.
+    /// [`Error::Cancelled`] when the monitor says so; [`Error::Memory`] when the build would need more than the
+    /// monitor allows, or when no threads can start.
     pub fn build(
         scene: Arc<Triangles>,
         config: Config,
         threads: usize,
         monitor: &Monitor,
     ) -> Result<Self> {
+        let _held = monitor.hold(scene.live().len() * footprint::TRIANGLE)?;
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(threads)
             .build()

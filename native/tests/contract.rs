@@ -247,6 +247,32 @@ fn a_cancelled_build_ends_with_an_error() {
     }
 }
 
+/// What the builders count against the limit is not less than what they make, and not much more.
+#[test]
+fn a_build_beyond_its_memory_is_refused() {
+    let scene = soup(grid(12, 0.3));
+    for spec in specs() {
+        let bytes = build(&scene, &spec, 1).bytes() as u64;
+        let within = |limit: u64, threads: usize| {
+            let monitor = Monitor::new();
+            monitor.limit_memory(limit);
+            let config = Config::parse(&spec).unwrap();
+            Structure::build(scene.clone(), config, threads, &monitor)
+        };
+        for threads in [1, 2] {
+            for limit in [0, 1 << 20, bytes] {
+                let error = within(limit, threads).err();
+                assert!(
+                    matches!(&error, Some(Error::Memory(text)) if text.starts_with("memory_limit: ")),
+                    "{spec}, {limit} of {bytes} bytes: {error:?}"
+                );
+            }
+            let enough = within(6 * bytes, threads);
+            assert!(enough.is_ok(), "{spec}, {bytes} bytes: {:?}", enough.err());
+        }
+    }
+}
+
 #[test]
 fn extreme_parameters_build_right_trees() {
     let scene = soup(grid(3, 0.3));
