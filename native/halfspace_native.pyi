@@ -125,7 +125,10 @@ class Hits:
     u, v: (n,) float32, weights of the second and third corner: the point is
     (1 - u - v) a + u b + v c. Each access makes a new array.
     counters: None, or per ray (n,) uint32 under "steps", "steps_axis", "steps_oblique", "leaves",
-    "leaves_empty", "tests", "verdicts".
+    "leaves_empty", "tests", "verdicts"; from TA-B also the cases of ray and split plane, "case_n1" to
+    "case_n5" (origin below the plane: 1 away from it, 2 along it, 3 towards it but the cell ends
+    before, 4 through it inside the cell, 5 through it before the cell), "case_p1" to "case_p5" (above),
+    "case_z1" (in the plane: upwards), "case_z2" (downwards), "case_z3" (along).
     on_boundary: None, or from exact_closest (n,) bool: the ray passes exactly through an edge or
     a corner of the triangle that it hits.
     """
@@ -181,11 +184,46 @@ class Structure:
         and the counters of Hits. Arguments and errors as for closest().
         """
 
+    def record(
+        self,
+        origins: F32,
+        directions: F32,
+        t_min: float | F32 | None = None,
+        t_max: float | F32 | None = None,
+        *,
+        any_hit: bool = False,
+    ) -> Recording:
+        """Traces the rays one by one, on one thread, and records what every leaf answers, so that the
+        walks can be repeated without triangle tests.
+
+        any_hit: as occluded() does, else as closest(). Arguments and errors as for closest(); also
+        SpecError for "brute", which walks nothing.
+        """
+
     def validate(self) -> list[str]:
         """Broken invariants in words; empty for a sound structure. Takes time, for tests."""
 
     def split_polygons(self, max_depth: int = 60, max_count: int = 20_000) -> SplitPolygons:
         """The split planes of nodes down to max_depth, at most max_count of them."""
+
+class Recording:
+    """Rays and what each leaf of a structure answered to them, from Structure.record()."""
+
+    @property
+    def counters(self) -> dict[str, npt.NDArray[np.uint32]]:
+        """What each ray cost when it was recorded, as Hits.counters."""
+
+    def replay(self) -> npt.NDArray[np.float64]:
+        """Walks the rays again on the calling thread, through the same nodes in the same order but with
+        the recorded answers in place of triangle tests.
+
+        The seconds of each 1024 rays, the last of the rest: the time of traversal alone, from the ray
+        in the structure's frame to the last leaf. To compare walks on a busy machine take the median of
+        each chunk over several replays, interleaved, and add them up. RuntimeError if a ray visits
+        other leaves than recorded, which is a bug.
+        """
+
+    def __len__(self) -> int: ...
 
 def build(
     vertices: F32,

@@ -21,8 +21,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 LIST = ROOT / "tests" / "MUTATIONS.md"
-SECONDS = 300
-"""A test that takes longer has noticed something."""
+SECONDS = 600
+"""A test that takes more of a processor than this has noticed something: it does not end."""
 
 SWITCH = """
 /// Whether the fault of this number is switched on.
@@ -70,7 +70,6 @@ _MONITOR = "native/src/build/monitor.rs"
 
 FAULTS = (
     Fault("plane distances without their error bound", _FRAME, "self.robust * slack", "0.0 * slack", ALL),
-    Fault("coordinates without their error bound", _FRAME, "self.robust * pad", "0.0 * pad", ALL),
     Fault(
         "the check for NaN directions dropped",
         _FRAME,
@@ -293,10 +292,9 @@ def build(copy: Path) -> dict[str, Path]:
 def passes(command: list[str], folder: Path, number: int) -> bool:
     """Whether a test passes with a fault switched on, in time."""
     environment = {**os.environ, "HALFSPACE_FAULT": str(number), "RUST_BACKTRACE": "0"}
-    try:
-        done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, timeout=SECONDS, check=False)
-    except subprocess.TimeoutExpired:
-        return False
+    # The processor's time, not the clock's: on a busy machine everything takes long.
+    limited = ["sh", "-c", f'ulimit -t {SECONDS}; exec "$@"', "sh", *command]
+    done = subprocess.run(limited, cwd=folder, env=environment, capture_output=True, check=False)
     return done.returncode == 0
 
 

@@ -24,13 +24,13 @@ def split(text: str) -> list[str]:
     return specs
 
 
+MOST = 100_000
+"""Configurations that one list may grow to."""
+
+
 def is_whole(text: str) -> bool:
     """Whether the text is a whole number that `int` reads: digits as ASCII has them, and not too many."""
     return text.isascii() and text.isdecimal() and len(text) <= 18
-
-
-MOST = 10_000
-"""Configurations that one list may grow to."""
 
 
 def numbers(text: str) -> list[str]:
@@ -45,7 +45,7 @@ def _values(part: str) -> list[str]:
         if int(low) > int(high):
             raise SpecError(f"the range {part!r} runs backwards")
         if int(high) - int(low) >= MOST:
-            raise SpecError(f"the range {part!r} has more than {MOST} values")
+            raise SpecError(f"the range {part!r} has more than {MOST:,} values")
         return [str(n) for n in range(int(low), int(high) + 1)]
     try:
         float(part)

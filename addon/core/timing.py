@@ -127,7 +127,8 @@ def count(candidate: Candidate, some: RaySet, arguments: dict[str, Any]) -> dict
         _, counters = candidate.structure.occluded(some.origins, some.directions, counters=True, **arguments)
     else:
         counters = candidate.structure.closest(some.origins, some.directions, counters=True, **arguments).counters
-    return {name: float(np.mean(counters[name])) for name in COUNTERS if name in counters}
+    names = [name for name in counters if name in COUNTERS or name.startswith(CASE)]
+    return {name: float(np.mean(counters[name])) for name in names}
 
 
 def noise(candidates: Sequence[Candidate], name: str) -> float | None:
@@ -154,6 +155,9 @@ def speeds(candidate: Candidate, name: str, anchor: Candidate | None, machine_no
         **{key: counted.get(key) for key in COUNTERS},
         "hits": counted["hits"],
     }
+    cases = {name.removeprefix(CASE): mean for name, mean in counted.items() if name.startswith(CASE)}
+    if cases:
+        found["cases"] = cases
     if len(some):
         rates = candidate.mrays(name)
         found["mrays_s"] = {"min": float(rates.min()), "med": float(np.median(rates)), "max": float(rates.max())}
@@ -164,6 +168,9 @@ def speeds(candidate: Candidate, name: str, anchor: Candidate | None, machine_no
                 found["times_embree"] = float(np.median(rates / anchor.mrays(name)))
     return found
 
+
+CASE = "case_"
+"""Counters of the cases of ray and split plane begin with this."""
 
 COUNTERS = ("steps", "steps_axis", "steps_oblique", "tests")
 """Means per ray that a row tells: nodes visited, those with an axis plane and an oblique one, triangles tested."""

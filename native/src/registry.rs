@@ -178,11 +178,24 @@ pub mod params {
     pub const TRAVERSAL_AXIS: ParamSpec = ParamSpec {
         name: "traversal",
         label: "Traversal",
-        doc: "How rays walk the tree: by entry and exit points (TA-B, Havran et al. 1997) or by plane \
-              distances in the order of the direction. The answer is the same",
+        doc: "How rays walk the tree: by entry and exit points (TA-B, Havran et al. 1997); by plane \
+              distances in the order of the direction (dir); or by the side of the origin and distances, \
+              as TA-A, as Sung and Shirley 1992, as Arvo 1988. tile8, tile16: as dir, but camera rays go in tiles of 64 \
+              or 256. The answer is the same",
         unit: "",
-        kind: Kind::Choice(&["ta-b", "dir"]),
+        kind: Kind::Choice(&["ta-b", "dir", "tile8", "tile16", "ta-a", "sung", "arvo"]),
         default: Default::Choice("ta-b"),
+    };
+
+    /// Walks of trees with oblique planes.
+    pub const TRAVERSAL_ANY: ParamSpec = ParamSpec {
+        name: "traversal",
+        label: "Traversal",
+        doc: "How rays walk the tree: one by one, by plane distances in the order of the direction, or camera \
+              rays in tiles of 64 or 256. The answer is the same",
+        unit: "",
+        kind: Kind::Choice(&["dir", "tile8", "tile16"]),
+        default: Default::Choice("dir"),
     };
 
     /// Whether a walk allows for rounding.

@@ -41,6 +41,7 @@ def test_a_row_has_every_key_and_counts_what_it_claims() -> None:
         assert one.keys() >= RAY_KEYS
         assert 0 < one["mrays_s"]["min"] <= one["mrays_s"]["med"] <= one["mrays_s"]["max"]
         assert one["steps"] > 0
+        assert sum(one["cases"].values()) == pytest.approx(one["steps"]), "TA-B's cases"
     assert row["errors"].keys() >= ERROR_KEYS
     assert row["rays"]["primary"]["n"] == 64 * 64
     assert row["errors"]["rays"] == 4 * 512 + 2048, "the scene's own rays are all checked"

@@ -10,8 +10,10 @@ use crate::polygons;
 use crate::scene::Triangles;
 use crate::spec::Config;
 use crate::structure;
+use crate::traverse::replay;
 use crate::validate;
 use numpy::{PyArray1, PyArray2, ToPyArray};
+use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::sync::Arc;
@@ -42,6 +44,35 @@ impl Monitor {
     }
 }
 
+/// Rays whose walks through a structure were recorded.
+#[pyclass(frozen)]
+pub struct Recording {
+    structure: Arc<structure::Structure>,
+    recording: replay::Recording,
+}
+
+#[pymethods]
+impl Recording {
+    #[getter]
+    fn counters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        trace::counters(py, &self.structure, &self.recording.counters)
+    }
+
+    fn replay<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let (seconds, strayed) = py.detach(|| self.structure.replay(&self.recording));
+        if strayed > 0 {
+            return Err(PyRuntimeError::new_err(format!(
+                "{strayed} rays did not visit the leaves that were recorded"
+            )));
+        }
+        Ok(seconds.to_pyarray(py))
+    }
+
+    fn __len__(&self) -> usize {
+        self.recording.rays.len()
+    }
+}
+
 /// A built structure.
 #[pyclass(frozen)]
 pub struct Structure(pub Arc<structure::Structure>);
@@ -68,8 +99,7 @@ impl Structure {
     ) -> PyResult<Hits> {
         let arguments = trace::RayArrays::new(origins, directions, t_min, t_max, order)?;
         let rays = arguments.rays();
-        py.detach(|| trace::closest(&*self.0, rays, threads.0, counters))
-            .map_err(Into::into)
+        Ok(py.detach(|| trace::closest(&self.0, rays, threads.0, counters))?)
     }
 
     #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, order="none", threads=Threads::ALL, counters=false))]
@@ -88,14 +118,33 @@ impl Structure {
         let arguments = trace::RayArrays::new(origins, directions, t_min, t_max, order)?;
         let rays = arguments.rays();
         let (occluded, counts) =
-            py.detach(|| trace::occluded(&*self.0, rays, threads.0, counters))?;
+            py.detach(|| trace::occluded(&self.0, rays, threads.0, counters))?;
         let occluded = occluded.to_pyarray(py).into_any();
         match counts {
             None => Ok(occluded),
-            Some(counts) => Ok((occluded, counts.to_dict(py)?)
+            Some(counts) => Ok((occluded, trace::counters(py, &self.0, &counts)?)
                 .into_pyobject(py)?
                 .into_any()),
         }
+    }
+
+    #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, any_hit=false))]
+    fn record(
+        &self,
+        py: Python<'_>,
+        origins: &Bound<'_, PyAny>,
+        directions: &Bound<'_, PyAny>,
+        t_min: Option<&Bound<'_, PyAny>>,
+        t_max: Option<&Bound<'_, PyAny>>,
+        any_hit: bool,
+    ) -> PyResult<Recording> {
+        let arguments = trace::RayArrays::new(origins, directions, t_min, t_max, "none")?;
+        let rays = arguments.rays().all();
+        let recording = py.detach(|| self.0.record(rays, any_hit))?;
+        Ok(Recording {
+            structure: self.0.clone(),
+            recording,
+        })
     }
 
     #[getter]
@@ -183,5 +232,6 @@ fn build(
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<Monitor>()?;
     module.add_class::<Structure>()?;
+    module.add_class::<Recording>()?;
     module.add_function(wrap_pyfunction!(build, module)?)
 }

@@ -100,7 +100,7 @@ impl Bytes<'_> {
     }
 
     fn ray(&mut self) -> Ray {
-        let limited = self.byte() % 4 == 0;
+        let limited = self.byte().is_multiple_of(4);
         Ray {
             o: self.numbers(),
             d: self.numbers(),
@@ -216,7 +216,7 @@ fn light(bytes: &mut Bytes<'_>) -> LightParams {
         },
         to_world: bytes.matrix(),
         power: bytes.numbers(),
-        casts_shadow: bytes.byte() % 2 == 0,
+        casts_shadow: bytes.byte().is_multiple_of(2),
     }
 }
 
@@ -244,7 +244,7 @@ pub fn render(bytes: &[u8]) {
         materials: (0..bytes.byte() % 3)
             .map(|_| material(&mut bytes))
             .collect(),
-        corner_normals: (bytes.byte() % 2 == 0).then(|| {
+        corner_normals: (bytes.byte().is_multiple_of(2)).then(|| {
             (0..scene.len())
                 .map(|_| [0; 3].map(|_: u8| bytes.numbers()))
                 .collect()
@@ -257,7 +257,7 @@ pub fn render(bytes: &[u8]) {
         return;
     };
     let camera = CameraParams {
-        projection: if bytes.byte() % 2 == 0 {
+        projection: if bytes.byte().is_multiple_of(2) {
             Projection::Perspective
         } else {
             Projection::Orthographic
@@ -275,10 +275,10 @@ pub fn render(bytes: &[u8]) {
         max_bounces: u32::from(bytes.byte() % 5),
         clamp_indirect: bytes.number(),
         seed: bytes.word(),
-        film_transparent: bytes.byte() % 2 == 0,
+        film_transparent: bytes.byte().is_multiple_of(2),
         passes: vec![Pass::Combined, Pass::Depth, Pass::Normal, Pass::Position],
-        step_samples: (bytes.byte() % 2 == 0).then(|| u32::from(bytes.byte() % 3)),
-        filter: if bytes.byte() % 2 == 0 {
+        step_samples: (bytes.byte().is_multiple_of(2)).then(|| u32::from(bytes.byte() % 3)),
+        filter: if bytes.byte().is_multiple_of(2) {
             FilterKind::Box
         } else {
             FilterKind::BlackmanHarris
