@@ -98,12 +98,12 @@ def parser() -> argparse.ArgumentParser:
     add("--reference", choices=benchmark.REFERENCES, default="brute", help="what answers are compared with")
     add("--check-rays", type=int, default=20_000, metavar="N", help="rays per set to compare (default: 20000)")
     add("--ray-seed", type=int, default=1, help="seed of the rays (default: 1)")
+    add("--memory-limit", type=float, metavar="GB", help="what a build may take (default: most of what is free)")
     add(
         "--only-rays",
         action="store_true",
         help="no peak memory, no other view sizes, no moved grids: speeds and errors",
     )
-    add("--memory-limit", type=float, metavar="GB", help="what a build may take (default: most of what is free)")
     add("--preset", choices=sorted(PRESETS), help="a named choice of scenes, structures and ray sets")
     add("--out", type=Path, metavar="DIR", help="write bench.json, bench.csv and report.html; an earlier run resumes")
     add("--shard", metavar="I/N", help="measure only every N-th row, from the I-th; the report is made by --merge")
@@ -225,7 +225,7 @@ def read_shard(asked: argparse.Namespace) -> sweep.Shard:
     if asked.shard is None:
         return sweep.Shard()
     number, slash, count = asked.shard.partition("/")
-    if not (slash and number.isdigit() and count.isdigit() and 1 <= int(number) <= int(count)):
+    if not (slash and specs.is_whole(number) and specs.is_whole(count) and 1 <= int(number) <= int(count)):
         raise UsageError(f"--shard: expected I/N with I from 1 to N, got {asked.shard!r}")
     if asked.out is None:
         raise UsageError("--shard: name a folder for the rows with --out")
@@ -261,10 +261,10 @@ def read_options(asked: argparse.Namespace, configurations: int) -> benchmark.Op
             raise UsageError(f"--{name.replace('_', '-')}: expected at least {least}, got {getattr(asked, name)}")
     if asked.reference == yardstick.SPEC and (reason := yardstick.problem()):
         raise UsageError(f"--reference embree: {reason}")
-    if not 0 < asked.seconds < float("inf"):
-        raise UsageError(f"--seconds: expected more than 0, got {asked.seconds:g}")
     if asked.memory_limit is not None and not 0 <= asked.memory_limit < 1 << 30:
         raise UsageError(f"--memory-limit: expected a number of gigabytes, got {asked.memory_limit}")
+    if not 0 < asked.seconds < float("inf"):
+        raise UsageError(f"--seconds: expected more than 0, got {asked.seconds:g}")
     samples = [] if asked.curve == "none" else specs.numbers(asked.curve)
     if not all(specs.is_whole(value) and 0 < int(value) <= 1 << 24 for value in samples):
         raise UsageError(f"--curve: expected numbers of samples such as 1,2,4, got {asked.curve!r}")
@@ -277,11 +277,11 @@ def read_options(asked: argparse.Namespace, configurations: int) -> benchmark.Op
         check_rays=asked.check_rays,
         seed=asked.ray_seed,
         curve=tuple(sorted({int(value) for value in samples})),
+        memory_limit=None if asked.memory_limit is None else int(asked.memory_limit * 1e9),
         offsets=() if asked.only_rays else offsets.OFFSETS,
         scaling=not asked.only_rays,
         peak=not asked.only_rays,
         pass_seconds=min(preparation.PASS_SECONDS, asked.seconds / (configurations * len(sets) * (asked.repeats + 1))),
-        memory_limit=None if asked.memory_limit is None else int(asked.memory_limit * 1e9),
     )
 
 

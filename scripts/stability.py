@@ -104,13 +104,15 @@ def run_long(module: Any, chosen: list[str], asked: argparse.Namespace) -> int:
     chosen = [spec for spec in chosen if not stability.allowed_to_fail(spec) and spec != "brute"]
     journal = results.Journal(asked.out) if asked.out is not None else None
     fixed = [module.__version__, results.native_fingerprint(module), trials.VERSION, chosen, asked.seed]
+    machine = results.machine(module)
     start = said = time.monotonic()
     totals: dict[str, stability.Row] = {}
     done = number = earlier = 0
     seconds = 0.0
     while done < asked.long:
         key = results.key(*fixed, number)
-        kept = journal.rows.get(key) if journal is not None else None
+        found = journal.entries.get(key) if journal is not None else None
+        kept = None if found is None else found.row
         if kept is None:
             if asked.seconds is not None and time.monotonic() - start >= asked.seconds:
                 break
@@ -118,7 +120,7 @@ def run_long(module: Any, chosen: list[str], asked: argparse.Namespace) -> int:
             rows = trials.block(module, chosen, asked.seed, number, threads=asked.threads)
             kept = {"block": number, "seconds": time.process_time() - began, "rows": rows}
             if journal is not None:
-                journal.add(key, kept)
+                journal.add(results.Entry(key, (0, number), kept), machine)
         else:
             earlier += 1
         for row in kept["rows"]:

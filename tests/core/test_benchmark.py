@@ -163,7 +163,7 @@ def test_a_structure_that_fails_while_it_is_asked_is_a_row() -> None:
             raise RuntimeError("the walk went astray")
 
     class Failing(LyingNative):
-        def build(self, vertices: Any, triangles: Any, spec: str, *, threads: int = 0) -> Any:
+        def build(self, vertices: Any, triangles: Any, spec: str, **_: Any) -> Any:
             return Broken() if spec == "kd-sah" else halfspace_native.build(vertices, triangles, spec)
 
     rows = measure(["kd-sah", "kd"], native=Failing(""))
