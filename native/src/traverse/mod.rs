@@ -11,6 +11,7 @@ pub mod blocks;
 pub mod box_tree;
 pub mod dop_tree;
 pub mod frame;
+pub mod keep;
 pub mod lanes;
 pub mod nested;
 pub mod objects;
