@@ -9,6 +9,7 @@ scripts/bench.py -- [SCENE ...] [options]`. Exit status: 0 all answers agree wit
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
 import os
 import sys
@@ -18,12 +19,37 @@ from typing import Any, NoReturn
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from addon.core import benchmark, grid, native, rays, report, results, specs, workload, yardstick
+from addon.core import (
+    benchmark,
+    cluster,
+    grid,
+    ksweep,
+    native,
+    offsets,
+    page,
+    preparation,
+    rays,
+    report,
+    results,
+    specs,
+    sweep,
+    workload,
+    yardstick,
+)
 
 SUFFIXES = (".npz", ".blend", ".obj", ".ply", ".stl", ".glb", ".gltf", ".usd", ".usda", ".usdc", ".usdz")
 
 SCENES = Path(__file__).resolve().parents[2] / "shared" / "scenes"
 """Where the scenes of the presets lie, beside the repository; those that are not there are left out, and told."""
+
+PUBLISHED = SCENES.parent / "reference" / "thesis_results.json"
+"""Where published results lie, if they do: they are not part of the project."""
+
+SECONDS = 45.0
+"""For the timed passes of a scene. Together with all else a run over all structures takes five minutes at most."""
+
+CURVE = "1,4,16"
+"""Samples per pixel of the pictures."""
 
 PRESETS: dict[str, dict[str, str]] = {
     "yardstick": {
@@ -53,33 +79,55 @@ def parser() -> argparse.ArgumentParser:
     made = _Parser(prog="bench", description=(__doc__ or "").splitlines()[0])
     add = made.add_argument
     add("scenes", nargs="*", metavar="SCENE", help=f"a file ({' '.join(SUFFIXES)}), grid, or showcase (default)")
-    add("--structures", metavar="SPEC[,SPEC...]", help="configurations, families, or all (default: all)")
+    add("--structures", metavar="SPEC[,SPEC...]", help="configurations, families, or all (default: all); k=2..10 works")
     add("--k", metavar="RANGE", help="values of k, e.g. 2-10")
     add("--alpha", metavar="RANGE", help="values of alpha, e.g. 0.1,0.5,1")
     add("--seeds", metavar="RANGE", help="seeds of the structures, e.g. 1-7")
     add("--rays", metavar="SETS", help=f"ray sets (default: {','.join(rays.NAMES)})")
     add("--size", default="1024x1024", metavar="WxH", help="pixels of the primary rays, multiples of 8")
     add("--repeats", type=int, default=7, help="timed repeats (default: 7)")
+    add("--seconds", type=float, default=SECONDS, help=f"for all timed passes of a scene, about (default: {SECONDS:g})")
     add("--threads", type=int, default=1, help="threads for builds and rays, 0 = all (default: 1)")
-    add("--curve", metavar="SPP,...", help="also render, with these samples per pixel, and report the error of each")
+    add(
+        "--curve",
+        default=CURVE,
+        metavar="SPP,...",
+        help=f"also render, with these samples per pixel, and report the "
+        f"error of each; none for no pictures (default: {CURVE})",
+    )
     add("--reference", choices=benchmark.REFERENCES, default="brute", help="what answers are compared with")
     add("--check-rays", type=int, default=20_000, metavar="N", help="rays per set to compare (default: 20000)")
     add("--ray-seed", type=int, default=1, help="seed of the rays (default: 1)")
+    add(
+        "--only-rays",
+        action="store_true",
+        help="no peak memory, no other view sizes, no moved grids: speeds and errors",
+    )
+    add("--memory-limit", type=float, metavar="GB", help="what a build may take (default: most of what is free)")
     add("--preset", choices=sorted(PRESETS), help="a named choice of scenes, structures and ray sets")
     add("--out", type=Path, metavar="DIR", help="write bench.json, bench.csv and report.html; an earlier run resumes")
+    add("--shard", metavar="I/N", help="measure only every N-th row, from the I-th; the report is made by --merge")
+    add(
+        "--merge", action="store_true", help="measure nothing: one report of the folders that stand for SCENE, in --out"
+    )
+    add("--cluster", metavar="ADDRESS", help="measure on this Dask cluster; local:N starts N workers on this machine")
+    add("--published", type=Path, metavar="FILE", help="published results to draw beside the K sweep")
     return made
 
 
 def main(arguments: Sequence[str]) -> int:
     """Run the benchmark. Returns the exit status."""
     try:
-        return run(parser().parse_args(arguments))
+        asked = parser().parse_args(arguments)
+        return merge(asked) if asked.merge else run(asked)
     except (
         UsageError,
         native.NativeError,
         specs.SpecError,
         workload.WorkloadError,
         results.FolderError,
+        cluster.ClusterError,
+        MemoryError,
     ) as error:
         print(f"bench: {' '.join(str(error).split())}", file=sys.stderr)
         return BAD_INPUT
@@ -88,93 +136,122 @@ def main(arguments: Sequence[str]) -> int:
 def run(asked: argparse.Namespace) -> int:
     """Check everything, then measure scene by scene. Raises one of the errors that `main` turns into a line."""
     module = native.load()
-    options = read_options(asked)
     chosen = read_structures(asked, module)
     if yardstick.problem() is None:
         chosen = [yardstick.SPEC, *chosen]
     else:
         say(f"Embree is left out: {yardstick.problem()}")
+    options = read_options(asked, len(chosen))
+    shard = read_shard(asked)
+    published = read_published(asked)
+    if asked.cluster is not None:
+        cluster.check(asked.cluster)
     scenes = asked.scenes or default_scenes(asked.preset)
     loaders = [loader(scene, options.size) for scene in scenes]
     if asked.out is not None:
         results.prepare_folder(asked.out)
-    journal = results.Journal(asked.out) if asked.out is not None else None
-    fixed = [module.__version__, results.native_fingerprint(module), options.as_dict()]
-    rows: list[benchmark.Row] = []
-    failed = False
-    for scene, load in zip(scenes, loaders, strict=True):
-        try:
-            loaded = load()
-        except workload.WorkloadError:
-            if len(scenes) == 1:
-                raise
-            failed = True
-            print(f"bench: {sys.exc_info()[1]}", file=sys.stderr)
-            continue
-        for note in loaded.notes:
-            say(f"{scene}: {note}")
-        own = measure_scene(module, loaded, chosen, options, journal, fixed)
-        rows += own
-        print("\n" + report.table(own) + "\n", flush=True)
-    if asked.out is not None:
-        save(asked.out, results.document(module, rows, options.as_dict()))
-    return status(rows, failed=failed)
+    with results.writing(asked.out), contextlib.ExitStack() as stack:
+        journal = None if asked.out is None else results.Journal(asked.out, shard.name)
+        if journal is not None:
+            journal.begin(options.as_dict())
+        measurer = sweep.here(module, options, say)
+        if asked.cluster is not None:
+            measurer = stack.enter_context(cluster.measurer(asked.cluster, options, say))
+        identity = [module.__version__, results.native_fingerprint(module), options.identity()]
+        todo = sweep.Sweep(chosen, options, identity, journal, shard)
+        for number, (scene, load) in enumerate(zip(scenes, loaders, strict=True)):
+            try:
+                loaded = load()
+            except workload.WorkloadError as error:
+                if len(scenes) == 1:
+                    raise
+                print(f"bench: {error}", file=sys.stderr)
+                todo.fail(number, scene, error)
+                continue
+            for note in loaded.notes:
+                say(f"{scene}: {note}")
+            own = todo.run(number, loaded, measurer, say)
+            if own:
+                print("\n" + report.table(own) + "\n", flush=True)
+    rows = todo.rows()
+    if asked.out is not None and not shard.name:
+        machines = {} if journal is None else journal.machines
+        save(asked.out, results.document(module, rows, options.as_dict(), machines), published)
+    return status(rows)
 
 
-def measure_scene(
-    module: Any,
-    loaded: workload.Workload,
-    chosen: list[str],
-    options: benchmark.Options,
-    journal: results.Journal | None,
-    fixed: list[Any],
-) -> list[benchmark.Row]:
-    """The rows of one scene in the order of `chosen`: those of an earlier run, and the rest measured now."""
-    scene = loaded.fingerprint()
-    keys = {spec: results.key(loaded.name, scene, spec, *fixed) for spec in chosen}
-    rows = {} if journal is None else {s: journal.rows[k] for s, k in keys.items() if k in journal.rows}
-    # The yardstick alone measures nothing; with others it is measured again, beside them.
-    missing = [spec for spec in chosen if spec not in rows]
-    if missing and missing != [yardstick.SPEC]:
-        if yardstick.SPEC in chosen and yardstick.SPEC not in missing:
-            missing.insert(0, yardstick.SPEC)
-        if rows:
-            say(f"{loaded.name}: {len(chosen) - len(missing)} of {len(chosen)} rows are there already")
-        for row in benchmark.measure(module, loaded, missing, options, say):
-            rows[row["spec"]] = row
-            if journal is not None and row["error"] is None:
-                journal.add(keys[row["spec"]], row)
-    return [rows[spec] for spec in chosen if spec in rows]
+def merge(asked: argparse.Namespace) -> int:
+    """Make one report of finished rows. Raises one of the errors that `main` turns into a line."""
+    module = native.load()
+    if asked.out is None or not asked.scenes:
+        raise UsageError("--merge: name the folders of the rows, and --out for the report")
+    published = read_published(asked)
+    merged = results.Journal(Path(asked.scenes[0]))
+    for folder in map(Path, asked.scenes):
+        if not list(folder.glob("rows*.jsonl")):
+            raise UsageError(f"--merge: {folder} holds no rows of a run")
+        merged.merge(results.Journal(folder))
+    rows = [entry.row for entry in sorted(merged.entries.values(), key=lambda entry: entry.order)]
+    results.prepare_folder(asked.out)
+    print(report.table(rows) + "\n", flush=True)
+    for line in merged.disagreements:
+        print(f"bench: {line}: the answers or the trees differ", file=sys.stderr)
+    save(asked.out, results.document(module, rows, merged.options, merged.machines), published)
+    return max(status(rows), int(bool(merged.disagreements)))
 
 
-def status(rows: Sequence[benchmark.Row], *, failed: bool) -> int:
+def status(rows: Sequence[benchmark.Row]) -> int:
     """The exit status that the rows mean. The yardstick is no structure of ours and decides nothing."""
     ours = [row for row in rows if row["spec"] != yardstick.SPEC]
     if any(row["errors"] is not None and not benchmark.agrees(row) for row in ours):
         return 1
-    return BAD_INPUT if failed or any(row["error"] for row in ours) else 0
+    return BAD_INPUT if any(row["error"] for row in ours) else 0
 
 
-def save(folder: Path, document: dict[str, Any]) -> None:
-    """Write the files of a report, each whole or not at all."""
-    try:
-        results.write(folder / "bench.json", json.dumps(document, indent=1, allow_nan=False) + "\n")
-        results.write(folder / "bench.csv", report.as_csv(document["rows"]))
-        results.write(folder / "report.html", report.as_html(document))
-    except OSError as error:
-        raise results.FolderError(f"{folder}: cannot be written: {error.strerror or error}") from error
+def save(folder: Path, document: dict[str, Any], published: Any) -> None:
+    """Write the files of a report, each whole or not at all. Raises FolderError."""
+    texts = {
+        "bench.json": json.dumps(document, indent=1, allow_nan=False) + "\n",
+        "bench.csv": report.as_csv(document["rows"]),
+        "report.html": page.as_html(document, published),
+    }
+    with results.writing(folder):
+        results.write_all({folder / name: text for name, text in texts.items()})
     say(f"wrote {folder / 'report.html'}, bench.json and bench.csv")
 
 
-def read_options(asked: argparse.Namespace) -> benchmark.Options:
-    """The options, checked. Raises UsageError."""
+def read_shard(asked: argparse.Namespace) -> sweep.Shard:
+    """The part of the sweep, checked. Raises UsageError."""
+    if asked.shard is None:
+        return sweep.Shard()
+    number, slash, count = asked.shard.partition("/")
+    if not (slash and number.isdigit() and count.isdigit() and 1 <= int(number) <= int(count)):
+        raise UsageError(f"--shard: expected I/N with I from 1 to N, got {asked.shard!r}")
+    if asked.out is None:
+        raise UsageError("--shard: name a folder for the rows with --out")
+    return sweep.Shard(int(number), int(count))
+
+
+def read_published(asked: argparse.Namespace) -> Any:
+    """Published results for the plots, or None where there are none. Raises UsageError for a file that is no such."""
+    path = asked.published or PUBLISHED
+    if not path.is_file() and asked.published is None:
+        return None
+    try:
+        return ksweep.read_published(path)
+    except (OSError, ValueError) as error:
+        raise UsageError(f"--published: {path}: {error}") from error
+
+
+def read_options(asked: argparse.Namespace, configurations: int) -> benchmark.Options:
+    """The options, checked; the time is shared out among so many configurations. Raises UsageError."""
     preset = PRESETS.get(asked.preset or "", {})
     sets = tuple(name.strip() for name in (asked.rays or preset.get("rays") or ",".join(rays.NAMES)).split(","))
     unknown = [name for name in sets if name not in rays.NAMES]
     if unknown:
         raise UsageError(f"--rays: unknown set {unknown[0]!r}; there are {', '.join(rays.NAMES)}")
     width, by, height = asked.size.partition("x")
-    if not (by and width.isdigit() and height.isdigit()):
+    if not (by and specs.is_whole(width) and specs.is_whole(height)):
         raise UsageError(f"--size: expected WIDTHxHEIGHT, got {asked.size!r}")
     size = int(width), int(height)
     if not all(0 < side <= 1 << 14 and side % rays.TILE == 0 for side in size):
@@ -184,8 +261,12 @@ def read_options(asked: argparse.Namespace) -> benchmark.Options:
             raise UsageError(f"--{name.replace('_', '-')}: expected at least {least}, got {getattr(asked, name)}")
     if asked.reference == yardstick.SPEC and (reason := yardstick.problem()):
         raise UsageError(f"--reference embree: {reason}")
-    samples = [] if asked.curve is None else specs.numbers(asked.curve)
-    if not all(value.isdigit() and int(value) > 0 for value in samples):
+    if not 0 < asked.seconds < float("inf"):
+        raise UsageError(f"--seconds: expected more than 0, got {asked.seconds:g}")
+    if asked.memory_limit is not None and not 0 <= asked.memory_limit < 1 << 30:
+        raise UsageError(f"--memory-limit: expected a number of gigabytes, got {asked.memory_limit}")
+    samples = [] if asked.curve == "none" else specs.numbers(asked.curve)
+    if not all(specs.is_whole(value) and 0 < int(value) <= 1 << 24 for value in samples):
         raise UsageError(f"--curve: expected numbers of samples such as 1,2,4, got {asked.curve!r}")
     return benchmark.Options(
         size=size,
@@ -196,6 +277,11 @@ def read_options(asked: argparse.Namespace) -> benchmark.Options:
         check_rays=asked.check_rays,
         seed=asked.ray_seed,
         curve=tuple(sorted({int(value) for value in samples})),
+        offsets=() if asked.only_rays else offsets.OFFSETS,
+        scaling=not asked.only_rays,
+        peak=not asked.only_rays,
+        pass_seconds=min(preparation.PASS_SECONDS, asked.seconds / (configurations * len(sets) * (asked.repeats + 1))),
+        memory_limit=None if asked.memory_limit is None else int(asked.memory_limit * 1e9),
     )
 
 
@@ -235,7 +321,7 @@ def loader(scene: str, size: tuple[int, int]) -> Callable[[], workload.Workload]
         except OSError as error:
             raise UsageError(f"{scene}: cannot be read: {error.strerror}") from error
     if path.suffix.lower() == ".npz":
-        return lambda: workload.load_npz(path)
+        return lambda: workload.load_npz(path, memory_limit=native.load().free_memory())
     try:
         from addon.blender import workloads
     except ImportError as error:

@@ -47,7 +47,9 @@ class Environment:
         return self.folder / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
 
 
-CURRENT = Environment("5.2", "3.13", ROOT / ".venv", ("blender-current", "test", "build", "check", "measure"))
+CURRENT = Environment(
+    "5.2", "3.13", ROOT / ".venv", ("blender-current", "test", "build", "check", "measure", "cluster")
+)
 LTS = Environment("4.5 LTS", "3.11", ROOT / ".venv-4.5", ("blender-lts", "test"))
 
 

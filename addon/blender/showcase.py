@@ -218,13 +218,25 @@ def _object(scene: Any, name: str, make: Make, *, smooth: bool = False) -> Any:
     """A new mesh object from a primitive."""
     bm = bmesh.new()
     make(bm)
+    # In an order of their own: Blender's sphere has its faces in another one each time, and so would every tree.
+    faces = sorted(_turned([vertex.index for vertex in face.verts]) for face in bm.faces)
     mesh = bpy.data.meshes.new(name)
-    bm.to_mesh(mesh)
+    mesh.from_pydata([vertex.co for vertex in bm.verts], [] if faces else _edges(bm), faces)
     bm.free()
     mesh.polygons.foreach_set("use_smooth", np.full(len(mesh.polygons), smooth))
     item = bpy.data.objects.new(name, mesh)
     scene.collection.objects.link(item)
     return item
+
+
+def _turned(corners: list[int]) -> list[int]:
+    """The same face, beginning at its smallest corner."""
+    first = corners.index(min(corners))
+    return corners[first:] + corners[:first]
+
+
+def _edges(bm: bmesh.types.BMesh) -> list[list[int]]:
+    return [[vertex.index for vertex in edge.verts] for edge in bm.edges]
 
 
 def _subdivide(item: Any, levels: int) -> None:

@@ -1,30 +1,48 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Measuring structures on a scene: first the proof that the answers are right, then the time.
 
-Repeats are interleaved over all structures, so that a machine that slows down hurts all alike. A structure too slow for
-the whole of a ray set is timed on a part of it, and the row tells how many rays that were.
+`events` does it step by step, for whoever shows progress and may want to stop; `measure` gives the rows alone. Repeats
+are interleaved over all structures, so that a machine that slows down hurts all alike. A structure too slow for the
+whole of a ray set is timed on a part of it, and the row tells how many rays that were.
 """
 
 from __future__ import annotations
 
+import os
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import asdict, dataclass, field
+import uuid
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from . import accuracy, curve, rays, specs, yardstick
-from .accuracy import Answers, Errors
-from .rays import RaySet
+from . import accuracy, peak, rays, rows, timing, yardstick
+from .accuracy import Answers
+from .preparation import REFERENCES, Options, Prepared, Progress, prepare, prepared
+from .rows import Row, agrees, first_line
+from .timing import Candidate
 from .workload import Workload
+
+__all__ = [
+    "REFERENCES",
+    "Event",
+    "Finished",
+    "Options",
+    "Prepared",
+    "Progress",
+    "Row",
+    "agrees",
+    "events",
+    "measure",
+    "prepare",
+    "prepared",
+]
 
 BUILDS = 3
 """A build is timed this often at most; it varies less than tracing, and takes longer."""
 
-PASS_SECONDS = 5.0
-"""One timed pass over a ray set takes about this long at most; slower structures get fewer rays."""
+BUILD_SECONDS = 0.5
+"""A build that takes longer is timed once."""
 
 ORACLE_SECONDS = 0.5
 """The same for the reference itself, whose speed interests nobody to three digits."""
@@ -32,332 +50,276 @@ ORACLE_SECONDS = 0.5
 LIVE_BYTES = 4 << 30
 """Structures that are measured interleaved share this much memory at most."""
 
+GROUP = 8
+"""As many configurations are interleaved; their rows are complete together. The anchor is timed in each group."""
+
 SELF_CHECK = 2048
 """Rays per set on which the reference is compared with itself."""
 
-REFERENCES = ("brute", "exact", "embree")
+SCALING_ROUNDS = 3
 
 
-@dataclass(frozen=True)
-class Options:
-    """What is measured. size: width and height of the view; check_rays: rays per set compared with the reference.
+@dataclass(frozen=True, eq=False)
+class Finished:
+    """A row is complete."""
 
-    threads: for builds and tracing. seed: of the rays.
-    """
-
-    size: tuple[int, int] = (1024, 1024)
-    sets: tuple[str, ...] = rays.NAMES
-    repeats: int = 7
-    threads: int = 1
-    reference: str = "brute"
-    check_rays: int = 20_000
-    seed: int = 1
-    curve: tuple[int, ...] = ()
-
-    def as_dict(self) -> dict[str, Any]:
-        """As JSON has it."""
-        return {key: list(value) if isinstance(value, tuple) else value for key, value in asdict(self).items()}
+    row: Row
 
 
-Row = dict[str, Any]
-
-
-@dataclass(eq=False)
-class _Candidate:
-    """A configuration while it is measured."""
-
-    spec: str
-    structure: Any
-    build_seconds: list[float]
-    errors: dict[str, Errors]
-    timed: dict[str, RaySet]
-    counted: dict[str, dict[str, float]]
-    seconds: dict[str, list[float]]
-    curve: list[dict[str, float]] = field(default_factory=list)
-    differing_pixels: int = 0
+Event = Progress | Finished
 
 
 def measure(
     native: Any, workload: Workload, chosen: Sequence[str], options: Options, say: Callable[[str], None]
 ) -> Iterator[Row]:
-    """One row per configuration, as soon as it is complete.
+    """One row per configuration, as soon as it is complete; arguments as for `events`. say: told what is done next."""
+    for event in events(native, workload, chosen, options):
+        if isinstance(event, Finished):
+            yield event.row
+        else:
+            say(f"{workload.name}: {event.text}")
+
+
+def events(
+    native: Any, workload: Workload, chosen: Sequence[str], options: Options, shared: Prepared | None = None
+) -> Iterator[Event]:
+    """Measure configurations on one scene, a bounded step at a time; yields what comes next, and each finished row.
 
     chosen: valid configurations; `embree` names the yardstick. A configuration that cannot be built gives a row whose
-    `error` says why. say: told what is being done.
+    `error` says why. shared: what `prepare` made of the same scene and options, where several calls share it.
+
+    Between two items exactly the step that the last Progress announced is done: one build, one comparison, one timed
+    pass, one picture. So a caller can show the text, and then go on, on any thread: Blender's data is never touched,
+    only the arrays of `workload`. To cancel, close the iterator (or stop asking): rows that were yielded stay valid.
     """
-    tracer = native.build(workload.vertices, workload.triangles, _tracer_spec(native), threads=0)
-    ray_sets = rays.make(workload, tracer, size=options.size, seed=options.seed, names=options.sets)
-    del tracer
-    checked = {}
-    for rays_of_set in ray_sets:
-        own = rays_of_set in workload.extra
-        wanted = len(rays_of_set) if own else options.check_rays
-        checked[rays_of_set.name] = rays_of_set.take(rays.blocks(len(rays_of_set), wanted, options.seed))
-    count = sum(map(len, checked.values()))
-    say(f"{workload.name}: {count:,} rays by {options.reference}, the reference")
-    expected = _reference(native, workload, checked, options)
-    pictures = None
-    if options.curve:
-        pictures = curve.Curve(native, workload, options.size, options.curve, options.seed)
-        say(f"{workload.name}: rendering the converged picture")
-        pictures.converge(native.build(workload.vertices, workload.triangles, _tracer_spec(native), threads=0))
-    for group in _groups(native, workload, chosen, options, say):
-        candidates: list[_Candidate] = []
-        for item in group:
-            if isinstance(item, _Candidate):
-                candidates.append(item)
-            else:
-                yield item
-        for candidate in candidates:
-            say(f"{workload.name}: {candidate.spec}: checking {count:,} rays")
-            _prove(native, candidate, ray_sets, checked, expected, options)
-        say(f"{workload.name}: timing {', '.join(c.spec for c in candidates)}")
-        _time(candidates, ray_sets, options)
-        if pictures is not None:
-            say(f"{workload.name}: rendering with {', '.join(map(str, options.curve))} samples per pixel")
-            _draw(candidates, pictures, options)
-        base = next((c for c in candidates if c.spec == yardstick.SPEC), None)
-        for candidate in candidates:
-            yield _row(native, workload, candidate, ray_sets, base, options)
+    if shared is None:
+        shared = yield from prepare(native, workload, options)
+    yield from _Run(native, shared, chosen).events()
 
 
-def agrees(row: Row) -> bool:
-    """Whether a row's answers are those of its reference. Brute force must be met to the last bit."""
-    errors = row["errors"]
-    if errors is None:
-        return False
-    wrong = ("false_miss", "false_hit", "wrong_triangle", "wrong_any_hit", "differing_pixels")
-    bits = ("wrong_values", "t_ulp_max") if errors["reference"] == "brute" else ()
-    return not any(errors[key] for key in wrong + bits)
+def anchor_of(chosen: Sequence[str]) -> str | None:
+    """The configuration that is timed beside all others, so that rows of other hours and machines can be related."""
+    return next((spec for spec in (yardstick.SPEC, "kd") if spec in chosen), None)
 
 
-def _tracer_spec(native: Any) -> str:
-    ids = [row["id"] for row in native.structures()]
-    return "kd" if "kd" in ids else "brute"
+class _Run:
+    """One call of `events`: its configurations, and how much of the work is done."""
 
+    def __init__(self, native: Any, shared: Prepared, chosen: Sequence[str]) -> None:
+        self._native = native
+        self._prepared = shared
+        self._workload = shared.workload
+        self._options = options = shared.options
+        self._anchor_spec = anchor_of(chosen)
+        self._specs = [spec for spec in chosen if spec != self._anchor_spec]
+        passes = len(shared.ray_sets) * (options.repeats + 1) + len(shared.views) * SCALING_ROUNDS
+        # Builds, one comparison, timed passes, the peak, the moved grids, pictures.
+        self._steps_each = min(BUILDS, options.repeats) + 1 + passes + options.peak + bool(options.offsets)
+        self._steps_each += len(options.curve)
+        self._total = max(len(chosen), 1) * self._steps_each
+        self._count = 0
 
-def _reference(native: Any, workload: Workload, checked: dict[str, RaySet], options: Options) -> dict[str, Answers]:
-    """What the reference answers to the checked rays of each set, on all cores."""
-    vertices, triangles = workload.vertices, workload.triangles
-    found = {}
-    structure: Any = None
-    if options.reference == "brute":
-        structure = native.build(vertices, triangles, "brute", threads=0)
-    elif options.reference == "embree":
-        structure = yardstick.EmbreeStructure(vertices, triangles)
-    for name, some in checked.items():
-        if structure is None:
-            hits = native.exact_closest(vertices, triangles, some.origins, some.directions, t_max=some.t_max)
-        else:
-            hits = structure.closest(some.origins, some.directions, t_max=some.t_max, threads=0)
-        found[name] = Answers.of(hits)
-    return found
+    def events(self) -> Iterator[Event]:
+        """Everything, in groups of configurations; the anchor is in each, and has its row with the first."""
+        anchor = None
+        if self._anchor_spec is not None:
+            yield self._step(f"{self._anchor_spec}: building")
+            try:
+                anchor = self._candidate(self._anchor_spec)
+            except (ValueError, RuntimeError, MemoryError) as error:
+                yield self._failed(self._anchor_spec, error)
+        waiting = [] if anchor is None else [anchor]
+        size = 0
+        for spec in self._specs:
+            yield self._step(f"{spec}: building")
+            try:
+                candidate = self._candidate(spec)
+            except (ValueError, RuntimeError, MemoryError) as error:
+                yield self._failed(spec, error)
+                continue
+            waiting.append(candidate)
+            size += candidate.structure.statistics["bytes"]
+            if len(waiting) >= GROUP or size > LIVE_BYTES:
+                yield from self._measure(waiting, anchor)
+                waiting, size = [], 0
+        if waiting:
+            yield from self._measure(waiting, anchor)
 
+    def _step(self, text: str) -> Progress:
+        done = self._done()
+        self._count += 1
+        return Progress(done, text)
 
-def _build(native: Any, workload: Workload, spec: str, threads: int) -> Any:
-    if spec == yardstick.SPEC:
-        return yardstick.EmbreeStructure(workload.vertices, workload.triangles)
-    return native.build(workload.vertices, workload.triangles, spec, threads=threads)
+    def _done(self) -> float:
+        return min(self._count / self._total, 1.0)
 
+    def _failed(self, spec: str, error: BaseException) -> Finished:
+        self._total = max(self._total - self._steps_each, 1)
+        return Finished(rows.failed(self._native, self._workload, spec, self._options.threads, error))
 
-def _groups(
-    native: Any, workload: Workload, chosen: Sequence[str], options: Options, say: Callable[[str], None]
-) -> Iterator[list[_Candidate | Row]]:
-    """Built configurations in groups that fit into memory together; the yardstick is in each group."""
-    group: list[_Candidate | Row] = []
-    size = 0
-    with_yardstick = yardstick.SPEC in chosen
-    rest = [spec for spec in chosen if spec != yardstick.SPEC]
-    for number, spec in enumerate(rest):
-        say(f"{workload.name}: {spec}: building")
-        try:
-            candidate = _Candidate(spec, _build(native, workload, spec, options.threads), [], {}, {}, {}, {})
-        except (ValueError, RuntimeError, MemoryError) as error:
-            group.append(_failed_row(native, workload, spec, options, error))
-            continue
-        group.append(candidate)
-        size += candidate.structure.statistics["bytes"]
-        if size > LIVE_BYTES and number + 1 < len(rest):
-            yield _with_builds(native, workload, group, options, with_yardstick)
-            group, size = [], 0
-    yield _with_builds(native, workload, group, options, with_yardstick)
+    def _candidate(self, spec: str) -> Candidate:
+        structure, seconds = self._build(spec)
+        return Candidate(spec, structure, [seconds])
 
-
-def _with_builds(
-    native: Any, workload: Workload, group: list[_Candidate | Row], options: Options, with_yardstick: bool
-) -> list[_Candidate | Row]:
-    """The group with its yardstick, every build timed again, interleaved."""
-    if with_yardstick:
-        structure = _build(native, workload, yardstick.SPEC, 1)
-        group = [_Candidate(yardstick.SPEC, structure, [], {}, {}, {}, {}), *group]
-    candidates = [item for item in group if isinstance(item, _Candidate)]
-    for candidate in candidates:
-        candidate.build_seconds.append(candidate.structure.statistics["build_seconds"])
-    for _ in range(min(options.repeats, BUILDS) - 1):
-        for candidate in candidates:
-            again = _build(native, workload, candidate.spec, options.threads)
-            candidate.build_seconds.append(again.statistics["build_seconds"])
-    return group
-
-
-def _prove(
-    native: Any,
-    candidate: _Candidate,
-    ray_sets: Iterable[RaySet],
-    checked: dict[str, RaySet],
-    expected: dict[str, Answers],
-    options: Options,
-) -> None:
-    """Compare closest and any hits with the reference, count steps, and choose how many rays can be timed."""
-    structure = candidate.structure
-    for whole in ray_sets:
-        some, right = checked[whole.name], expected[whole.name]
-        if candidate.spec == options.reference:
-            # It is compared with itself: enough to see that the numbers of threads agree.
-            own = rays.blocks(len(some), SELF_CHECK, options.seed)
-            some, right = some.take(own), right.take(own)
-        arguments: dict[str, Any] = {"t_max": some.t_max, "order": some.order, "threads": options.threads}
-        start = time.perf_counter()
-        answers = Answers.of(structure.closest(some.origins, some.directions, **arguments))
-        seconds = time.perf_counter() - start
-        occluded = structure.occluded(some.origins, some.directions, **arguments)
-        candidate.errors[whole.name] = accuracy.compare(
-            right, answers, occluded, native.ulp_distance, bitwise=options.reference == "brute"
+    def _build(self, spec: str) -> tuple[Any, float]:
+        """A structure, and the seconds that its build took: on one thread the processor's, else by the clock."""
+        vertices, triangles = self._workload.vertices, self._workload.triangles
+        if spec == yardstick.SPEC:
+            # It builds on as many threads as it likes.
+            found = yardstick.EmbreeStructure(vertices, triangles)
+            return found, float(found.statistics["build_seconds"])
+        clock = timing.clock(self._options.threads)
+        start = clock()
+        structure = self._native.build(
+            vertices, triangles, spec, threads=self._options.threads, memory_limit=self._options.memory_limit
         )
-        limit = ORACLE_SECONDS if candidate.spec == options.reference else PASS_SECONDS
-        affordable = int(len(some) * limit / max(seconds, 1e-9))
-        candidate.timed[whole.name] = whole.take(rays.blocks(len(whole), affordable, options.seed))
-        hits = float(answers.hit.mean()) if len(some) else 0.0
-        candidate.counted[whole.name] = {"hits": hits, **_count(candidate, some, arguments)}
+        return structure, clock() - start
 
+    def _measure(self, group: list[Candidate], anchor: Candidate | None) -> Iterator[Event]:
+        """Everything about the built configurations of one group, then their rows."""
+        yield from self._time_builds(group)
+        sound: list[Candidate] = []
+        for candidate in group:
+            yield self._step(f"{candidate.spec}: comparing answers with those of {self._options.reference}")
+            try:
+                self._prove(candidate)
+                sound.append(candidate)
+            except (ValueError, RuntimeError, MemoryError) as error:
+                yield self._failed(candidate.spec, error)
+        # In later groups the anchor only keeps time.
+        beside = None if anchor is None or not anchor.timed else anchor if anchor in sound else anchor.again()
+        timed = sound if beside is None or beside in sound else [beside, *sound]
+        for rays_of_set in self._prepared.ray_sets:
+            steps = timing.rounds(timed, rays_of_set.name, self._options.repeats, self._options.threads)
+            yield from map(self._step, steps)
+        yield from map(self._step, timing.scaling(sound, self._prepared.views, SCALING_ROUNDS, self._options))
+        ours = [candidate for candidate in sound if candidate.spec != yardstick.SPEC]
+        yield from self._extras(ours)
+        yield from self._draw(ours)
+        round_id = uuid.uuid4().hex[:12]
+        for candidate in sound:
+            yield Finished(self._row(candidate, beside, timed, round_id))
 
-def _count(candidate: _Candidate, some: RaySet, arguments: dict[str, Any]) -> dict[str, float]:
-    """Mean steps and triangle tests per ray."""
-    if candidate.spec == yardstick.SPEC or not len(some):
-        return {}
-    if some.any_hit:
-        _, counters = candidate.structure.occluded(some.origins, some.directions, counters=True, **arguments)
-    else:
-        found = candidate.structure.closest(some.origins, some.directions, counters=True, **arguments)
-        counters = found.counters
-    return {name: float(np.mean(counters[name])) for name in ("steps", "tests")}
+    def _time_builds(self, group: list[Candidate]) -> Iterator[Event]:
+        for _ in range(min(self._options.repeats, BUILDS) - 1):
+            for candidate in group:
+                yield self._step(f"{candidate.spec}: building again")
+                if candidate.build_seconds[0] <= BUILD_SECONDS:
+                    candidate.build_seconds.append(self._build(candidate.spec)[1])
 
+    def _prove(self, candidate: Candidate) -> None:
+        """Compare closest and any hits with the reference, count steps, and choose how many rays can be timed."""
+        options, structure = self._options, candidate.structure
+        for whole in self._prepared.ray_sets:
+            some, right = self._prepared.checked[whole.name], self._prepared.expected[whole.name]
+            if candidate.spec == options.reference:
+                # It is compared with itself: enough to see that the numbers of threads agree.
+                own = rays.blocks(len(some), SELF_CHECK, options.seed)
+                some, right = some.take(own), right.take(own)
+            arguments: dict[str, Any] = {"t_max": some.t_max, "order": some.order, "threads": options.threads}
+            start = time.perf_counter()
+            answers = Answers.of(structure.closest(some.origins, some.directions, **arguments))
+            seconds = time.perf_counter() - start
+            occluded = structure.occluded(some.origins, some.directions, **arguments)
+            candidate.errors[whole.name] = accuracy.compare(
+                right, answers, occluded, self._native.ulp_distance, bitwise=options.reference == "brute"
+            )
+            limit = options.pass_seconds
+            if candidate.spec == options.reference:
+                limit = min(limit, ORACLE_SECONDS)
+            candidate.checked[whole.name] = len(some) / max(seconds, 1e-9) / 1e6
+            candidate.timed[whole.name] = timing.affordable(whole, candidate.checked[whole.name], limit, options.seed)
+            hits = float(answers.hit.mean()) if len(some) else 0.0
+            candidate.counted[whole.name] = {"hits": hits, **timing.count(candidate, some, arguments)}
 
-def _time(candidates: Sequence[_Candidate], ray_sets: Iterable[RaySet], options: Options) -> None:
-    """Time every configuration on every set. The first pass over each set only warms up."""
-    # On one thread the processor's own clock counts what the work costs, however busy the machine is.
-    clock = time.process_time if options.threads == 1 else time.perf_counter
-    for whole in ray_sets:
-        for repeat in range(options.repeats + 1):
+    def _extras(self, candidates: Sequence[Candidate]) -> Iterator[Event]:
+        """Peak memory, and wrong answers far from the origin. Failing in these takes no row away."""
+        if self._options.peak and candidates:
+            try:
+                scene = peak.save_scene(self._workload.vertices, self._workload.triangles)
+            except OSError as error:
+                for candidate in candidates:
+                    candidate.left_out.append(f"peak memory: {first_line(error)}")
+            else:
+                try:
+                    yield from self._peaks(candidates, scene)
+                finally:
+                    scene.unlink(missing_ok=True)
+        if self._prepared.moved is not None:
             for candidate in candidates:
-                some = candidate.timed[whole.name]
-                arguments: dict[str, Any] = {"t_max": some.t_max, "order": some.order, "threads": options.threads}
-                ask = candidate.structure.occluded if some.any_hit else candidate.structure.closest
-                if candidate.spec == yardstick.SPEC and not some.any_hit:
-                    ask, arguments = candidate.structure.closest_ids, {"t_max": some.t_max}
-                start = clock()
-                ask(some.origins, some.directions, **arguments)
-                seconds = clock() - start
-                if repeat:
-                    candidate.seconds.setdefault(whole.name, []).append(seconds)
+                yield self._step(f"{candidate.spec}: far from the origin")
+                try:
+                    candidate.offsets = self._prepared.moved.errors(candidate.spec)
+                except (ValueError, RuntimeError, MemoryError) as error:
+                    candidate.left_out.append(f"answers far from the origin: {first_line(error)}")
 
+    def _peaks(self, candidates: Sequence[Candidate], scene: Path) -> Iterator[Event]:
+        """One process per core: nothing else is timed meanwhile."""
+        at_once = max(1, (os.cpu_count() or 1) // self._options.threads)
+        running: dict[str, peak.Measurement] = {}
+        waiting = list(candidates)
+        try:
+            while waiting or running:
+                while waiting and len(running) < at_once:
+                    spec = waiting.pop(0).spec
+                    running[spec] = peak.Measurement(self._native, scene, spec, self._options.threads)
+                    yield self._step(f"{spec}: building in a process of its own, for the memory")
+                ended = [spec for spec, one in running.items() if one.wait(0.05)]
+                if not ended:
+                    yield Progress(self._done(), f"{', '.join(running)}: building, for the memory")
+                for candidate in (c for c in candidates if c.spec in ended):
+                    try:
+                        candidate.peak_bytes = running.pop(candidate.spec).result()
+                    except peak.PeakError as error:
+                        candidate.left_out.append(f"peak memory: {first_line(error)}")
+        except peak.PeakError as error:
+            for candidate in candidates:
+                if candidate.peak_bytes is None:
+                    candidate.left_out.append(f"peak memory: {first_line(error)}")
+        finally:
+            for one in running.values():
+                one.stop()
 
-def _draw(candidates: Sequence[_Candidate], pictures: curve.Curve, options: Options) -> None:
-    """Render pictures with growing numbers of samples, interleaved over the configurations."""
-    ours = [candidate for candidate in candidates if candidate.spec != yardstick.SPEC]
-    for samples in options.curve:
-        for candidate in ours:
-            slowest = min((min(_mrays(candidate, name)) for name in candidate.seconds), default=1.0)
-            if samples in pictures.affordable(slowest):
-                point, differing = pictures.point(candidate.structure, samples, options.threads)
-                candidate.curve.append(point)
-                candidate.differing_pixels += differing
+    def _draw(self, candidates: Sequence[Candidate]) -> Iterator[Event]:
+        """Render pictures with growing numbers of samples, interleaved over the configurations."""
+        pictures = self._prepared.pictures
+        if pictures is None:
+            return
+        for samples in self._options.curve:
+            for candidate in candidates:
+                yield self._step(f"{candidate.spec}: rendering with {samples} samples per pixel")
+                slowest = min((float(candidate.mrays(name).min()) for name in candidate.seconds), default=1.0)
+                if samples in pictures.affordable(slowest):
+                    point, differing = pictures.point(candidate.structure, samples, self._options.threads)
+                    candidate.curve.append(point)
+                    candidate.differing_pixels += differing
 
-
-def spread(numbers: Sequence[float] | NDArray[np.float64]) -> dict[str, float]:
-    """Smallest, median and largest."""
-    return {"min": float(min(numbers)), "med": float(np.median(numbers)), "max": float(max(numbers))}
-
-
-def _row(
-    native: Any,
-    workload: Workload,
-    candidate: _Candidate,
-    ray_sets: Iterable[RaySet],
-    base: _Candidate | None,
-    options: Options,
-) -> Row:
-    statistics = dict(candidate.structure.statistics)
-    row = _empty_row(native, workload, candidate.spec, options)
-    row["build_s"] = spread(candidate.build_seconds)
-    row["bytes"] = statistics.get("bytes")
-    row["left_out"] = list(statistics.pop("left_out", []))
-    row["statistics"] = statistics
-    row["rays"] = {rays_of_set.name: _rates(candidate, rays_of_set, base) for rays_of_set in ray_sets}
-    row["errors"] = accuracy.total(candidate.errors.values()).as_row(options.reference)
-    row["errors"]["sets"] = {name: errors.as_row(options.reference) for name, errors in candidate.errors.items()}
-    # Pixels in which a picture is not that of the first structure; 0 where nothing was rendered.
-    row["errors"]["differing_pixels"] = candidate.differing_pixels
-    if candidate.curve:
-        row["curve"] = candidate.curve
-        row["render_s"] = candidate.curve[-1]["seconds"]
-    left = [n for n in options.curve if n not in {point["spp"] for point in candidate.curve}]
-    if left and candidate.spec != yardstick.SPEC:
-        row["left_out"].append(f"pictures with {', '.join(map(str, left))} samples per pixel: they would take too long")
-    return row
-
-
-def _rates(candidate: _Candidate, whole: RaySet, base: _Candidate | None) -> dict[str, Any]:
-    some = candidate.timed[whole.name]
-    counted = candidate.counted[whole.name]
-    found: dict[str, Any] = {
-        "n": len(some),
-        "mrays_s": None,
-        "times_embree": None,
-        "steps": counted.get("steps"),
-        "tests": counted.get("tests"),
-        "hits": counted["hits"],
-    }
-    if len(some):
-        rates = _mrays(candidate, whole.name)
-        found["mrays_s"] = spread(rates)
-        if base is not None:
-            found["times_embree"] = float(np.median(rates) / np.median(_mrays(base, whole.name)))
-    return found
-
-
-def _mrays(candidate: _Candidate, name: str) -> NDArray[np.float64]:
-    seconds = np.maximum(candidate.seconds[name], 1e-9)
-    rates: NDArray[np.float64] = len(candidate.timed[name]) / seconds / 1e6
-    return rates
-
-
-def _empty_row(native: Any, workload: Workload, spec: str, options: Options) -> Row:
-    """A row with every key; what is not known is null."""
-    known = {} if spec == yardstick.SPEC else specs.values(spec, native.structures())
-    return {
-        "scene": workload.name,
-        "triangles": len(workload.triangles),
-        "spec": spec,
-        "structure": spec.partition(":")[0],
-        "k": known.get("k"),
-        "alpha": known.get("alpha"),
-        "seed": known.get("seed"),
-        "threads": 1 if spec == yardstick.SPEC else options.threads,
-        "build_s": None,
-        "bytes": None,
-        "peak_bytes": None,
-        "statistics": None,
-        "rays": None,
-        "errors": None,
-        "curve": None,
-        "render_s": None,
-        "left_out": [],
-        "error": None,
-    }
-
-
-def _failed_row(native: Any, workload: Workload, spec: str, options: Options, error: Exception) -> Row:
-    row = _empty_row(native, workload, spec, options)
-    row["error"] = (str(error).splitlines() or [type(error).__name__])[0]
-    return row
+    def _row(self, candidate: Candidate, anchor: Candidate | None, group: Sequence[Candidate], round_id: str) -> Row:
+        options = self._options
+        statistics = dict(candidate.structure.statistics)
+        row = rows.empty(self._native, self._workload, candidate.spec, options.threads)
+        row["round_id"] = round_id
+        row["anchor"] = None if anchor is None else anchor.spec
+        row["build_s"] = rows.spread(candidate.build_seconds)
+        row["bytes"] = statistics.get("bytes")
+        row["peak_bytes"] = candidate.peak_bytes
+        row["left_out"] = [*statistics.pop("left_out", []), *candidate.left_out]
+        row["statistics"] = statistics
+        row["rays"] = {
+            one.name: timing.speeds(candidate, one.name, anchor, timing.noise(group, one.name))
+            for one in self._prepared.ray_sets
+        }
+        row["errors"] = accuracy.total(candidate.errors.values()).as_row(options.reference)
+        row["errors"]["sets"] = {name: errors.as_row(options.reference) for name, errors in candidate.errors.items()}
+        # Pixels in which a picture is not that of the first structure; 0 where nothing was rendered.
+        row["errors"]["differing_pixels"] = candidate.differing_pixels
+        row["scaling"] = candidate.scaling or None
+        row["offsets"] = candidate.offsets or None
+        if candidate.curve:
+            row["curve"] = candidate.curve
+            row["render_s"] = candidate.curve[-1]["seconds"]
+        left = [n for n in options.curve if n not in {point["spp"] for point in candidate.curve}]
+        if left and candidate.spec != yardstick.SPEC:
+            samples = ", ".join(map(str, left))
+            row["too_slow"].append(f"pictures with {samples} samples per pixel: they would take too long")
+        return row

@@ -7,16 +7,18 @@ time to the structure; that the pictures are the same is checked.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from . import flip
 from .rays import TILE
 from .workload import View, Workload
 
-SIZE = 128
+SIZE = 96
 """Pixels along the shorter side of the pictures."""
 
 CONVERGED = 16
@@ -61,7 +63,7 @@ class Curve:
         rays_of_one = self._width * self._height * RAYS_PER_SAMPLE
         return [n for n in self.samples if n * rays_of_one / (mrays_s * 1e6) <= POINT_SECONDS]
 
-    def point(self, structure: Any, samples: int, threads: int) -> tuple[dict[str, float], int]:
+    def point(self, structure: Any, samples: int, threads: int) -> tuple[dict[str, float | None], int]:
         """The error and the seconds of one picture, and how many pixels differ from other structures' pictures."""
         assert self._converged is not None, "the reference comes first"
         job = self._render(structure, samples, self._seed, threads)
@@ -69,7 +71,9 @@ class Curve:
         first = self._pictures.setdefault(samples, picture)
         differing = int((picture.view(np.uint32) != first.view(np.uint32)).any(axis=1).sum())
         seconds = float(job.statistics["seconds"])
-        return {"spp": samples, "seconds": seconds, **errors(picture, self._converged)}, differing
+        found = {"spp": samples, "seconds": seconds, **errors(picture, self._converged)}
+        shape = self._height, self._width, 3
+        return {**found, "flip": flip.mean(picture.reshape(shape), self._converged.reshape(shape))}, differing
 
     def _render(self, structure: Any, samples: int, seed: int, threads: int) -> Any:
         scene = self._workload.render_scene
@@ -111,6 +115,12 @@ def errors(picture: Image, reference: Image) -> dict[str, float]:
         "relmse": float(kept.mean()) if kept.size else 0.0,
         "not_finite": int((~finite).sum()),
     }
+
+
+def slope(points: Sequence[Mapping[str, float]], error: str = "rmse") -> float:
+    """The slope of log error over log samples by least squares; of RMSE −0.5 for independent samples."""
+    x, y = (np.log([max(point[key], 1e-30) for point in points]) for key in ("spp", error))
+    return float(np.polyfit(x, y, 1)[0])
 
 
 def _camera(view: View, aspect: float, diagonal: float) -> dict[str, Any]:

@@ -6,19 +6,47 @@ from __future__ import annotations
 import importlib.util
 import io
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
-import numpy as np
+from . import charts, costs, ksweep, yardstick
+from .rows import Row
 
-from .benchmark import Row
+STYLE: Any = {
+    "svg.fonttype": "none",
+    "svg.hashsalt": "halfspace",
+    "font.family": "sans-serif",
+    "font.size": 9,
+    "axes.titlesize": 10,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.edgecolor": "#8a93a3",
+    "axes.labelcolor": "#3c4453",
+    "xtick.color": "#3c4453",
+    "ytick.color": "#3c4453",
+    "grid.color": "#dfe3ea",
+    "legend.frameon": False,
+    "legend.fontsize": 8,
+}
 
-COLOURS = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#999999", "#f0e442")
-"""Told apart by people with any kind of colour vision (Okabe and Ito 2008)."""
 
-MARKERS = "osD^vPX*"
+MOST_DRAWN = 48
+"""With more configurations only the fastest of each structure is drawn."""
 
-Styles = dict[str, tuple[str, str]]
-"""Configuration to colour and marker."""
+FAR = 30.0
+"""A structure this many times slower than the fastest would press all others together."""
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A figure of the page. svg: the element; caption: what it shows and how to read it."""
+
+    title: str
+    svg: str
+    caption: str
 
 
 def problem() -> str | None:
@@ -26,95 +54,79 @@ def problem() -> str | None:
     return None if importlib.util.find_spec("matplotlib") else "matplotlib is not installed in this Python"
 
 
-def scene_figures(rows: Sequence[Row]) -> list[str]:
-    """The SVG elements for one scene's rows."""
-    if problem():
+def scene_figures(rows: Sequence[Row], published: Any = None) -> list[Picture]:
+    """The figures for one scene's rows; those without data are left out."""
+    everything = [row for row in rows if row["rays"]]
+    if problem() or not everything:
         return []
-    measured = [row for row in rows if row["rays"]]
-    if not measured:
-        return []
-    # A configuration keeps its colour and marker in all plots of a scene.
-    styles = {row["spec"]: (COLOURS[i % len(COLOURS)], MARKERS[i % len(MARKERS)]) for i, row in enumerate(measured)}
-    figures = [_figure(lambda axes: _speeds(axes, measured, styles), 4.0)]
-    ours = [row for row in measured if row["bytes"]]
-    if len(ours) > 1:
-        figures.append(_figure(lambda axes: _build_against_speed(axes, ours, styles), 4.5))
-    curves = [row for row in rows if row["curve"]]
+    measured = _fastest_of_each(everything) if len(everything) > MOST_DRAWN else everything
+    styles = charts.styles(measured)
+    ours = [row for row in measured if row["spec"] != yardstick.SPEC]
+    close, far = _without_outliers(measured)
+    remark = f" Too slow to be drawn in scale: {', '.join(far)}." if far else ""
+    if len(measured) < len(everything):
+        remark += " Of each structure its fastest configuration is drawn."
+    ours_close = [row for row in close if row["spec"] != yardstick.SPEC]
+    curves = [row for row in ours if row["curve"]]
+    views = [row for row in close if row["scaling"] and len(row["scaling"]) > 1]
+    moved = [row for row in ours if row["offsets"]]
+    base, lines = ksweep.lines([row for row in everything if row["spec"] != yardstick.SPEC])
+    fitted = costs.fit(ours_close)
+    found = []
+
+    below = charts.room_for_legend([row["spec"] for row in measured])
+
+    def add(title: str, caption: str, height: float, draw: Callable[[Any], None]) -> None:
+        found.append(Picture(title, _svg(draw, height), caption))
+
     if curves:
-        figures.append(_figure(lambda axes: _error_against_time(axes, curves, styles), 4.5))
-    return figures
+        add("Error against run time", charts.ERROR, 4.4 + below, lambda f: charts.error_against_time(f, curves, styles))
+    add("Speed", charts.SPEEDS + remark, 1.1 + 0.22 * len(close), lambda f: charts.speeds(f, close))
+    if len(ours_close) > 1:
+        draw = partial(charts.build_against_tracing, rows=ours_close, styles=styles)
+        add("Build against tracing", charts.BUILD + remark, 4.8 + below, draw)
+    if lines:
+        draw = partial(charts.k_sweep, scene=rows[0]["scene"], base=base, lines=lines, published=published)
+        add("How many directions", charts.K_SWEEP, 4.4, draw)
+    if views:
+        draw = partial(charts.time_against_rays, rows=views, styles=styles)
+        add("Time against the number of rays", charts.SCALING, 4.4 + below, draw)
+    if moved:
+        draw = partial(charts.wrong_against_offset, rows=moved, styles=styles)
+        add("Wrong answers far from the origin", charts.OFFSETS, 3.8 + below, draw)
+    if fitted is not None:
+        height = 1.6 + 0.2 * len(fitted.specs)
+        add("Fitted costs", charts.COSTS + remark, height, partial(charts.fitted_costs, fit=fitted))
+    return found
 
 
-def _figure(draw: Callable[[Any], None], height: float) -> str:
+def _fastest_of_each(rows: Sequence[Row]) -> list[Row]:
+    """One configuration of each structure."""
+    best: dict[str, Row] = {}
+    for row in rows:
+        known = best.setdefault(row["structure"], row)
+        if charts.tracing_seconds(row) < charts.tracing_seconds(known):
+            best[row["structure"]] = row
+    return list(best.values())
+
+
+def _without_outliers(rows: Sequence[Row]) -> tuple[list[Row], list[str]]:
+    """The rows whose tracing takes no more than FAR times the fastest, and the names of the others."""
+    times = [charts.tracing_seconds(row) for row in rows]
+    limit = FAR * min((time for time in times if time), default=0.0)
+    close = [row for row, time in zip(rows, times, strict=True) if 0 < time <= limit]
+    return close, [row["spec"] for row in rows if row not in close]
+
+
+def _svg(draw: Callable[[Any], None], height: float) -> str:
     import matplotlib as mpl
     from matplotlib.figure import Figure
 
-    style: Any = {"svg.fonttype": "none", "svg.hashsalt": "halfspace", "font.size": 10}
-    style |= {"axes.spines.top": False, "axes.spines.right": False}
-    with mpl.rc_context(style):
-        figure = Figure(figsize=(9.0, height), layout="constrained")
-        draw(figure.subplots())
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(9.6, height), layout="constrained")
+        draw(figure)
         text = io.StringIO()
         figure.savefig(text, format="svg", metadata={"Date": None})
     svg = text.getvalue()
     # Inside a page, the element alone; the prologue belongs to files.
     return svg[svg.index("<svg") :]
-
-
-def _speeds(axes: Any, rows: Sequence[Row], styles: Styles) -> None:
-    """Bars of the medians with whiskers from the slowest to the fastest repeat, on a logarithmic scale."""
-    sets = list(dict.fromkeys(name for row in rows for name in row["rays"]))
-    width = 0.8 / len(rows)
-    for number, row in enumerate(rows):
-        places, medians, below, above = [], [], [], []
-        for place, name in enumerate(sets):
-            speed = (row["rays"].get(name) or {}).get("mrays_s")
-            if speed:
-                places.append(place + (number - (len(rows) - 1) / 2) * width)
-                medians.append(speed["med"])
-                below.append(speed["med"] - speed["min"])
-                above.append(speed["max"] - speed["med"])
-        colour, _ = styles[row["spec"]]
-        axes.bar(places, medians, width * 0.92, yerr=[below, above], color=colour, label=row["spec"], capsize=2)
-    axes.set_xticks(range(len(sets)), sets)
-    axes.set_yscale("log")
-    axes.set_ylabel("million rays per second")
-    axes.set_title("Speed of each ray set (more is better)")
-    axes.legend(frameon=False, ncols=min(len(rows), 5), loc="upper center", bbox_to_anchor=(0.5, -0.1))
-
-
-def _build_against_speed(axes: Any, rows: Sequence[Row], styles: Styles) -> None:
-    """Build seconds against the time that one million rays of each set take together."""
-    for row in rows:
-        speeds = [one["mrays_s"]["med"] for one in row["rays"].values() if one["mrays_s"]]
-        if speeds:
-            seconds = float(np.sum(1.0 / np.array(speeds)))
-            colour, marker = styles[row["spec"]]
-            axes.plot(row["build_s"]["med"], seconds, marker, color=colour, markersize=9, label=row["spec"])
-    axes.set_xscale("log")
-    axes.set_yscale("log")
-    axes.set_xlabel("build, seconds")
-    axes.set_ylabel("one million rays of each set, seconds")
-    axes.set_title("Build against tracing (nearer to the lower left is better)")
-    axes.grid(visible=True, which="both", alpha=0.25)
-    axes.legend(frameon=False)
-
-
-def _error_against_time(axes: Any, rows: Sequence[Row], styles: Styles) -> None:
-    """RMSE against seconds, with the slope −1/2 that Monte Carlo noise follows."""
-    for row in rows:
-        seconds = [point["seconds"] for point in row["curve"]]
-        errors = [point["rmse"] for point in row["curve"]]
-        colour, marker = styles[row["spec"]]
-        axes.plot(seconds, errors, marker + "-", color=colour, label=row["spec"])
-    first = rows[0]["curve"]
-    start, end = first[0]["seconds"], first[-1]["seconds"]
-    slope = [first[0]["rmse"] * (x / start) ** -0.5 for x in (start, end)]
-    axes.plot([start, end], slope, ":", color="#555555", label="slope −1/2")
-    axes.set_xscale("log")
-    axes.set_yscale("log")
-    axes.set_xlabel("render, seconds (without the build)")
-    axes.set_ylabel("RMSE against a converged picture")
-    axes.set_title("Error against run time")
-    axes.grid(visible=True, which="both", alpha=0.25)
-    axes.legend(frameon=False)

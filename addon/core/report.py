@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Benchmark rows as text for a terminal, as CSV, and as one HTML page that opens offline and prints.
+"""Benchmark rows as text for a terminal, as CSV, and in sentences.
 
 No time is shown without the error measured for the same configuration.
 """
@@ -7,13 +7,12 @@ No time is shown without the error measured for the same configuration.
 from __future__ import annotations
 
 import csv
-import html
 import io
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
-from . import plots
-from .benchmark import Row, agrees
+from . import ranking, yardstick
+from .rows import Row, agrees
 
 ERRORS = {
     "false_miss": "false miss",
@@ -34,7 +33,7 @@ def table(rows: Sequence[Row]) -> str:
             "  ".join([line[0].ljust(widths[0]), *(c.rjust(w) for c, w in zip(line[1:], widths[1:], strict=True))])
             for line in [titles, *lines]
         ]
-        failed = [f"{row['spec']}: {row['error']}" for row in own if row["error"]]
+        failed = [f"{row['spec'] or scene}: {row['error']}" for row in own if row["error"]]
         blocks.append("\n".join([heading(scene, own), aligned[0], "-" * len(aligned[0]), *aligned[1:], *failed]))
     return "\n\n".join(blocks)
 
@@ -66,11 +65,20 @@ def set_names(rows: Iterable[Row]) -> list[str]:
 def cells(rows: Sequence[Row]) -> tuple[list[str], list[list[str]]]:
     """The titles and the lines of one scene's table."""
     sets = set_names(rows)
-    titles = ["structure", "build s", "MB", *(t for name in sets for t in (name, "×Emb")), *ERRORS.values(), "checked"]
+    titles = [
+        "structure",
+        "build s",
+        "MB",
+        "peak MB",
+        *(t for name in sets for t in (name, "×Emb")),
+        *ERRORS.values(),
+        "checked",
+    ]
     lines = []
     for row in rows:
         line = [row["spec"], _number(row["build_s"] and row["build_s"]["med"], 3)]
         line.append(_number(row["bytes"] and row["bytes"] / 1e6, 1))
+        line.append(_number(row["peak_bytes"] and row["peak_bytes"] / 1e6, 1))
         for name in sets:
             one = (row["rays"] or {}).get(name) or {}
             line.append(_number(one.get("mrays_s") and one["mrays_s"]["med"], 3))
@@ -108,91 +116,114 @@ def _flatten(prefix: str, value: Any) -> Iterable[tuple[str, Any]]:
 
 def findings(rows: Sequence[Row]) -> list[str]:
     """What one scene's rows say, in sentences."""
-    measured = [row for row in rows if row["errors"] and row["spec"] != "embree"]
-    sentences = []
-    wrong = [row["spec"] for row in measured if not agrees(row)]
-    if wrong:
-        sentences.append(f"Answers that differ from the reference: {', '.join(wrong)}.")
-    elif measured:
-        checked = min(row["errors"]["rays"] for row in measured)
-        sentences.append(f"All structures agree with the reference, on at least {checked:,} rays each.")
+    measured = [row for row in rows if row["errors"] and row["spec"] != yardstick.SPEC]
+    sentences = [*_about_errors(measured)]
     for name in set_names(rows):
-        speeds = [(row["spec"], row["rays"][name]["mrays_s"]) for row in measured if row["rays"][name]["mrays_s"]]
-        if len(speeds) > 1:
-            sentences.append(f"{name.capitalize()} rays: {_ranking(speeds)}.")
+        found = ranking.rank(measured, name)
+        if found is not None:
+            sentences.append(f"{name.capitalize()} rays: {_about_ranking(found, name)}")
+    sentences += [*_about_totals(measured), *_about_pictures(measured), *_about_yardstick(rows)]
+    failed = [row["spec"] or "the scene" for row in rows if row["error"]]
+    if failed:
+        sentences.append(f"Failed, with the reason below: {', '.join(failed)}.")
     return sentences
 
 
-def _ranking(speeds: list[tuple[str, dict[str, float]]]) -> str:
-    """The fastest, unless the ranges of the repeats overlap."""
-    (best, speed), *others = sorted(speeds, key=lambda item: -item[1]["med"])
-    equal = [spec for spec, other in others if other["max"] >= speed["min"]]
-    if equal:
-        return f"{best} and {', '.join(equal)} cannot be told apart, their repeats overlap"
-    second, other = others[0]
-    return f"{best} is the fastest, {speed['med'] / other['med']:.2f} times {second}"
+def _about_errors(measured: Sequence[Row]) -> Iterator[str]:
+    wrong = [row["spec"] for row in measured if not agrees(row)]
+    if wrong:
+        yield f"Answers that differ from the reference: {', '.join(wrong)}."
+    elif measured:
+        reference = measured[0]["errors"]["reference"]
+        # The reference is compared with itself on a few rays only.
+        others = [row for row in measured if row["spec"] != reference] or measured
+        checked = min(row["errors"]["rays"] for row in others)
+        # Of no events in n trials the rate is below 3/n with 95 % confidence.
+        yield (
+            f"All {len(others)} structures agree with {reference} on every ray compared, at least {checked:,} each: "
+            f"fewer than one ray in {checked // 3:,} is answered wrongly, with 95 % confidence."
+        )
 
 
-def as_html(document: dict[str, Any]) -> str:
-    """The whole report as one page."""
-    rows: list[Row] = document["rows"]
-    machine = document["machine"]
-    parts = []
-    for scene, own in by_scene(rows).items():
-        parts.append(f"<section><h2>{html.escape(scene)}</h2>")
-        parts.append("<p>" + html.escape(heading(scene, own)) + ".</p>")
-        parts.append("<ul>" + "".join(f"<li>{html.escape(s)}</li>" for s in findings(own)) + "</ul>")
-        parts.append(_html_table(own))
-        parts += [f"<figure>{figure}</figure>" for figure in plots.scene_figures(own)]
-        parts.append(_html_left_out(own) + "</section>")
-    reason = plots.problem()
-    if reason:
-        parts.append(f"<p>Plots are left out: {html.escape(reason)}.</p>")
-    facts = f"{machine['processor']}, {machine['cores']} cores, {machine['system']}, SIMD level {machine['level']}"
-    return _PAGE.replace("%FACTS%", html.escape(f"Halfspace {document['project_version']} on {facts}")).replace(
-        "%BODY%", "\n".join(parts)
+def _about_totals(measured: Sequence[Row]) -> Iterator[str]:
+    """Build and tracing together, for who builds once and traces little."""
+    totals = []
+    for row in measured:
+        speeds = [one["mrays_s"]["med"] for one in row["rays"].values() if one["mrays_s"]]
+        if speeds:
+            totals.append((row["build_s"]["med"] + sum(1.0 / speed for speed in speeds), row))
+    if len(totals) > 1:
+        (first, best), (second, other), *_ = sorted(totals, key=lambda item: item[0])
+        yield (
+            f"The build and one million rays of each set together take {_seconds(first)} with {best['spec']} "
+            f"(build {_seconds(best['build_s']['med'])}) and {_seconds(second)} with {other['spec']} "
+            f"(build {_seconds(other['build_s']['med'])}), the next."
+        )
+
+
+def _about_pictures(measured: Sequence[Row]) -> Iterator[str]:
+    """Equal pictures, and how long they take."""
+    drawn = [row for row in measured if row["curve"]]
+    if len(drawn) < 2 or any(row["errors"]["differing_pixels"] for row in drawn):
+        return
+    samples = min(row["curve"][-1]["spp"] for row in drawn)
+    times = sorted((p["seconds"], row["spec"]) for row in drawn for p in row["curve"] if p["spp"] == samples)
+    yield (
+        f"All {len(drawn)} structures that rendered made the same pictures, to the last bit; with {samples} samples "
+        f"per pixel that took {_seconds(times[0][0])} ({times[0][1]}) to {_seconds(times[-1][0])} ({times[-1][1]})."
     )
 
 
-def _html_table(rows: Sequence[Row]) -> str:
-    titles, lines = cells(rows)
-    head = "".join(f"<th>{html.escape(title)}</th>" for title in titles)
-    body = []
-    for row, line in zip(rows, lines, strict=True):
-        kind = "yardstick" if row["spec"] == "embree" else "" if agrees(row) else "wrong"
-        title = row["error"] or "; ".join(f"{k}: {v}" for k, v in (row["statistics"] or {}).items())
-        body.append(
-            f'<tr class="{kind}" title="{html.escape(title)}">'
-            + "".join(f"<td>{html.escape(cell)}</td>" for cell in line)
-            + "</tr>"
+def _about_yardstick(rows: Sequence[Row]) -> Iterator[str]:
+    for row in rows:
+        errors = row["errors"]
+        if row["spec"] == yardstick.SPEC and errors:
+            yield (
+                f"Embree, the yardstick, misses {errors['false_miss']:,} and invents {errors['false_hit']:,} hits on "
+                f"{errors['rays']:,} rays."
+            )
+
+
+def _about_ranking(found: ranking.Ranking, name: str) -> str:
+    best = found.best["spec"]
+    if not found.ranked:
+        return (
+            f"{best} has the best median, but {found.rounds} rounds rank nothing; "
+            f"it takes {ranking.LEAST_ROUNDS} (--repeats)."
         )
-    return f"<table><thead><tr>{head}</tr></thead><tbody>{''.join(body)}</tbody></table>"
+    noise = f"the noise is {100 * found.noise:.1f} %"
+    if found.equal:
+        specs = ", ".join(row["spec"] for row in found.equal)
+        text = f"{best} and {specs} cannot be told apart ({noise})"
+        if found.second is not None:
+            text += f"; the next, {found.second['spec']}, is {found.times:.2f} times slower than {best}"
+    else:
+        assert found.second is not None
+        text = (
+            f"{best} is the fastest, {found.times:.2f} times {found.second['spec']} "
+            f"({found.low:.2f} to {found.high:.2f} over the rounds; {noise})"
+        )
+    reason = _because(found, name)
+    return f"{text}{', because ' + reason if reason else ''}."
 
 
-def _html_left_out(rows: Sequence[Row]) -> str:
-    reasons = dict.fromkeys((row["spec"], reason) for row in rows for reason in row["left_out"])
-    errors = dict.fromkeys((row["spec"], row["error"]) for row in rows if row["error"])
-    items = [f"<li>{html.escape(spec)}: {html.escape(text)}</li>" for spec, text in [*errors, *reasons]]
-    return f"<h3>Left out</h3><ul>{''.join(items)}</ul>" if items else ""
+def _because(found: ranking.Ranking, name: str) -> str:
+    """What of the counters goes the way of the time: fewer steps, fewer tests, or neither."""
+    if found.second is None:
+        return ""
+    best, other = (row["rays"][name] for row in (found.best, found.second))
+    if best["steps"] is None or other["steps"] is None:
+        return ""
+    words = {"steps": "steps", "tests": "triangle tests"}
+    fewer = [key for key in words if best[key] < 0.95 * other[key]]
+    told = " and ".join(f"{best[key]:.1f} {words[key]} per ray against {other[key]:.1f}" for key in fewer)
+    if told:
+        return f"{found.best['spec']} makes {told}"
+    return (
+        f"its steps are cheaper: it makes no fewer of them ({best['steps']:.1f} against {other['steps']:.1f}) "
+        f"and no fewer tests ({best['tests']:.1f} against {other['tests']:.1f})"
+    )
 
 
-_PAGE = """<!DOCTYPE html>
-<html lang="en"><head><meta charset="utf-8"><title>Halfspace: error and run time</title>
-<style>
-body { font: 15px/1.5 system-ui, sans-serif; color: #1c1f24; max-width: 76rem; margin: 2rem auto; padding: 0 1.5rem }
-h1 { font-size: 1.7rem; margin-bottom: 0 } h2 { margin-top: 2.5rem; border-bottom: 2px solid #0072b2 }
-table { border-collapse: collapse; font-variant-numeric: tabular-nums; font-size: .9rem; width: 100% }
-th, td { text-align: right; padding: .3rem .5rem; border-bottom: 1px solid #d5d9e0 }
-th { vertical-align: bottom; background: #f2f4f7 } th:first-child, td:first-child { text-align: left }
-tr.yardstick { color: #5b6472; font-style: italic } tr.wrong td { background: #fbe3d6; font-weight: 600 }
-figure { margin: 1.5rem 0; break-inside: avoid } svg { max-width: 100%; height: auto } .facts { color: #5b6472 }
-@media print { body { margin: 0; max-width: none; font-size: 11px } table { font-size: 9px }
-section { break-before: page } section:first-of-type { break-before: auto } }
-</style></head><body>
-<h1>Error and run time</h1><p class="facts">%FACTS%</p>
-<p>Errors and speeds of one configuration stand in one line. A shaded line gave answers that differ from the
-reference. The yardstick, Embree, uses another arithmetic: it may differ in the last digits and on shared edges.
-Point at a line for the statistics of its tree.</p>
-%BODY%
-</body></html>
-"""
+def _seconds(value: float) -> str:
+    return f"{1e3 * value:.0f} ms" if value < 1 else f"{value:.1f} s"

@@ -3,16 +3,19 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
 import os
 import platform
 import sys
 import tempfile
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from .benchmark import Row
+from .rows import Row, without_times
 
 SCHEMA = 1
 JOURNAL = "rows.jsonl"
@@ -23,18 +26,28 @@ class FolderError(OSError):
 
 
 def write(path: Path, text: str) -> None:
-    """Write a file so that it is never seen half-written: the old one stays until the new one is complete."""
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=path.name + ".")
+    """Write one file, as `write_all` does."""
+    write_all({path: text})
+
+
+def write_all(files: Mapping[Path, str]) -> None:
+    """Write files so that none is ever seen half-written, and all old ones stay until all new ones are complete."""
+    complete: list[tuple[Path, Path]] = []
     try:
-        with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
-        # mkstemp makes files that only their owner can read; a report is for others too.
-        Path(temporary).chmod(0o644)
-        Path(temporary).replace(path)
+        for path, text in files.items():
+            handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=path.name + ".")
+            complete.append((Path(temporary), path))
+            with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as file:
+                file.write(text)
+                file.flush()
+                os.fsync(file.fileno())
+            # mkstemp makes files that only their owner can read; a report is for others too.
+            Path(temporary).chmod(0o644)
+        for one, path in complete:
+            one.replace(path)
     except BaseException:
-        Path(temporary).unlink(missing_ok=True)
+        for one, _ in complete:
+            one.unlink(missing_ok=True)
         raise
 
 
@@ -48,9 +61,21 @@ def prepare_folder(folder: Path) -> None:
         raise FolderError(f"{folder}: cannot be written: {error.strerror or error}") from error
 
 
+@contextlib.contextmanager
+def writing(folder: Path | None) -> Iterator[None]:
+    """What cannot be written here, a full disk above all, becomes a FolderError with the folder's name."""
+    try:
+        yield
+    except FolderError:
+        raise
+    except OSError as error:
+        raise FolderError(f"{folder}: cannot be written: {error.strerror or error}") from error
+
+
 def machine(native: Any) -> dict[str, Any]:
-    """What the numbers depend on besides the program."""
+    """What the numbers depend on besides the program. `name` is what rows call it."""
     return {
+        "name": platform.node(),
         "system": platform.platform(),
         "processor": _processor(),
         "cores": os.cpu_count(),
@@ -74,43 +99,99 @@ def key(*parts: Any) -> str:
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:24]
 
 
-class Journal:
-    """Finished rows, one JSON line each, appended as they come."""
+@dataclass(frozen=True)
+class Entry:
+    """A finished row. order: its place among all rows that the same command line asks for."""
 
-    def __init__(self, folder: Path) -> None:
-        self._path = folder / JOURNAL
-        self.rows: dict[str, Row] = {}
-        if not self._path.exists():
-            return
-        text = self._path.read_text(encoding="utf-8", errors="replace")
+    key: str
+    order: tuple[int, int]
+    row: Row
+
+
+class Journal:
+    """Finished rows, one JSON line each, appended as they come.
+
+    shard: the name of this process's part of a sweep; parts that share a folder write files of their own, and each
+    knows the rows of all. machines: by name, those on which the rows were measured. options: of the last run.
+    """
+
+    def __init__(self, folder: Path, shard: str = "") -> None:
+        self._path = folder / (f"rows-{shard}.jsonl" if shard else JOURNAL)
+        self.entries: dict[str, Entry] = {}
+        self.machines: dict[str, dict[str, Any]] = {}
+        self.options: dict[str, Any] = {}
+        self.disagreements: list[str] = []
+        for path in sorted(folder.glob("rows*.jsonl")):
+            self._read(path)
+
+    def add(self, entry: Entry, machine: dict[str, Any]) -> None:
+        """Keep a finished row, on disk before this returns. Raises FolderError."""
+        if self.machines.get(machine["name"]) != machine:
+            self._append({"machine": machine})
+            self.machines[machine["name"]] = machine
+        self._append({"key": entry.key, "order": entry.order, "row": entry.row})
+        self.entries[entry.key] = entry
+
+    def begin(self, options: dict[str, Any]) -> None:
+        """Tell which options the rows to come have."""
+        if self.options != options:
+            self._append({"options": options})
+            self.options = options
+
+    def merge(self, other: Journal) -> None:
+        """Take over the rows of another journal, in memory only."""
+        self.machines |= other.machines
+        self.options = self.options or other.options
+        for entry in other.entries.values():
+            self._take(entry)
+
+    def _take(self, entry: Entry) -> None:
+        known = self.entries.setdefault(entry.key, entry)
+        if without_times(known.row) != without_times(entry.row):
+            where = " and ".join(sorted({known.row["machine"], entry.row["machine"]}))
+            self.disagreements.append(f"{entry.row['scene']}, {entry.row['spec']}: measured twice, on {where}")
+
+    def _read(self, path: Path) -> None:
+        text = path.read_text(encoding="utf-8", errors="replace")
         for line in text.splitlines():
             try:
-                entry = json.loads(line)
-                self.rows[entry["key"]] = entry["row"]
+                found = json.loads(line)
+                if "machine" in found:
+                    self.machines[found["machine"]["name"]] = found["machine"]
+                elif "options" in found:
+                    self.options = found["options"]
+                else:
+                    scene, spec = found["order"]
+                    self._take(Entry(found["key"], (int(scene), int(spec)), found["row"]))
             except (ValueError, KeyError, TypeError):
                 # The line that was being written when the process ended; its row is measured again.
                 continue
-        if text and not text.endswith("\n"):
-            self._append("\n")
+        if path == self._path and text and not text.endswith("\n"):
+            self._write("\n")
 
-    def add(self, row_key: str, row: Row) -> None:
-        """Keep a finished row, on disk before this returns."""
-        self.rows[row_key] = row
-        self._append(json.dumps({"key": row_key, "row": row}, allow_nan=False) + "\n")
+    def _append(self, line: dict[str, Any]) -> None:
+        self._write(json.dumps(line, allow_nan=False) + "\n")
 
-    def _append(self, text: str) -> None:
-        with self._path.open("a", encoding="utf-8", newline="\n") as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
+    def _write(self, text: str) -> None:
+        try:
+            with self._path.open("a", encoding="utf-8", newline="\n") as file:
+                file.write(text)
+                file.flush()
+                os.fsync(file.fileno())
+        except OSError as error:
+            raise FolderError(f"{self._path}: cannot be written: {error.strerror or error}") from error
 
 
-def document(native: Any, rows: list[Row], options: dict[str, Any]) -> dict[str, Any]:
-    """The content of bench.json."""
+def document(
+    native: Any, rows: list[Row], options: dict[str, Any], machines: dict[str, dict[str, Any]] | None = None
+) -> dict[str, Any]:
+    """The content of bench.json. machine: where it was written; machines: where the rows were measured, by name."""
+    here = machine(native)
     return {
         "schema": SCHEMA,
         "project_version": native.__version__,
-        "machine": machine(native),
+        "machine": here,
+        "machines": machines or {here["name"]: here},
         "options": options,
         "rows": rows,
     }

@@ -24,29 +24,59 @@ def split(text: str) -> list[str]:
     return specs
 
 
+MOST = 100_000
+"""Configurations that one list may grow to."""
+
+
+def is_whole(text: str) -> bool:
+    """Whether the text is a whole number that `int` reads: digits as ASCII has them, and not too many."""
+    return text.isascii() and text.isdecimal() and len(text) <= 18
+
+
 def numbers(text: str) -> list[str]:
-    """The values in a list with ranges of whole numbers: "2-4,8" is 2, 3, 4, 8. Raises SpecError."""
-    values: list[str] = []
-    for part in (part.strip() for part in text.split(",")):
-        low, dash, high = part.partition("-")
-        if dash and low.isdigit() and high.isdigit():
-            if int(low) > int(high):
-                raise SpecError(f"the range {part!r} runs backwards")
-            values += [str(n) for n in range(int(low), int(high) + 1)]
-            continue
-        try:
-            float(part)
-        except ValueError:
-            raise SpecError(f"expected a number or a range such as 2-10, got {part!r}") from None
-        values.append(part)
-    return values
+    """The values in a list with ranges of whole numbers: "2-4,8" or "2..4,8" is 2, 3, 4, 8. Raises SpecError."""
+    return [value for part in text.split(",") for value in _values(part.strip())]
+
+
+def _values(part: str) -> list[str]:
+    """The values of one number or one range, as text. Raises SpecError."""
+    low, dash, high = part.partition(".." if ".." in part else "-")
+    if dash and is_whole(low) and is_whole(high):
+        if int(low) > int(high):
+            raise SpecError(f"the range {part!r} runs backwards")
+        if int(high) - int(low) >= MOST:
+            raise SpecError(f"the range {part!r} has more than {MOST:,} values")
+        return [str(n) for n in range(int(low), int(high) + 1)]
+    try:
+        float(part)
+    except ValueError:
+        raise SpecError(f"expected a number or a range such as 2-10, got {part!r}") from None
+    return [part]
+
+
+def _spread_out(spec: str) -> list[str]:
+    """The configurations that one with ranges stands for: `kd:k=2..4` or `kd:k=2|4`. Raises SpecError."""
+    name, colon, rest = spec.partition(":")
+    if ".." not in rest and "|" not in rest:
+        return [spec]
+    choices = []
+    count = 1
+    for pair in rest.split(","):
+        key, equals, value = pair.partition("=")
+        found = [v for part in value.split("|") for v in (_values(part.strip()) if ".." in part else [part.strip()])]
+        choices.append([f"{key}{equals}{one}" for one in found])
+        count *= len(found)
+    if count > MOST:
+        raise SpecError(f"{spec!r} stands for more than {MOST:,} configurations")
+    return [f"{name}{colon}{','.join(pairs)}" for pairs in itertools.product(*choices)]
 
 
 def expand(text: str, structures: Sequence[Mapping[str, Any]], ranges: Mapping[str, Sequence[str]]) -> list[str]:
     """The configurations that `--structures` and ranges of parameters ask for, each once, in order.
 
-    text: configurations, names of families, or "all". structures: the native registry. ranges: parameter to values;
-    a structure that lacks the parameter, or whose configuration sets it, is taken as it is. Raises SpecError.
+    text: configurations, in which `k=2..10` and `k=2|6` stand for several, names of families, or "all". structures:
+    the native registry. ranges: parameter to values; a structure that lacks the parameter, or whose configuration sets
+    it, is taken as it is. Raises SpecError.
     """
     rows = {row["id"]: row for row in structures}
     chosen: list[str] = []
@@ -54,7 +84,7 @@ def expand(text: str, structures: Sequence[Mapping[str, Any]], ranges: Mapping[s
         name = part.partition(":")[0]
         family = [row["id"] for row in structures if part in (row["family"], f"family:{row['family']}", "all")]
         if name in rows:
-            chosen.append(part)
+            chosen += _spread_out(part)
         elif family:
             chosen += family
         else:
@@ -67,7 +97,10 @@ def expand(text: str, structures: Sequence[Mapping[str, Any]], ranges: Mapping[s
     unused = set(ranges) - {p["name"] for spec in chosen for p in rows[spec.partition(":")[0]]["parameters"]}
     if unused:
         raise SpecError(f"none of the structures {', '.join(chosen)} has the parameter {min(unused)!r}")
-    return list(dict.fromkeys(made for spec in chosen for made in _with_ranges(spec, rows, ranges)))
+    found = dict.fromkeys(made for spec in chosen for made in _with_ranges(spec, rows, ranges))
+    if len(found) > MOST:
+        raise SpecError(f"these are more than {MOST:,} configurations")
+    return list(found)
 
 
 def values(spec: str, structures: Sequence[Mapping[str, Any]]) -> dict[str, Any]:

@@ -16,6 +16,22 @@ use crate::trees;
 pub const TREES: &[StructureSpec] = &[
     trees::kd::SPEC,
     trees::kd_sah::SPEC,
+    trees::rbsp::PLAIN,
+    trees::rbsp::KD,
+    trees::bsp_ize::PLAIN,
+    trees::bsp_ize::KD,
+    trees::bsp_random::PLAIN,
+    trees::bsp_random::PLUS,
+    trees::bsp_random::PLUS_KD,
+    trees::bsp_wn::PLAIN,
+    trees::bsp_wn::PLUS,
+    trees::bsp_wn::PLUS_KD,
+    trees::bsp_wn_area::SPEC,
+    trees::bsp_cn::PLAIN,
+    trees::bsp_cn::PLUS,
+    trees::bsp_cn::PLUS_KD,
+    trees::bsp_cn_axial::SPEC,
+    trees::bsp_hybrid::SPEC,
     trees::bvh_sah::SPEC,
     trees::bih::SPEC,
     trees::bih_sah::SPEC,
@@ -162,11 +178,24 @@ pub mod params {
     pub const TRAVERSAL_AXIS: ParamSpec = ParamSpec {
         name: "traversal",
         label: "Traversal",
-        doc: "How rays walk the tree: by entry and exit points (TA-B, Havran et al. 1997) or by plane \
-              distances in the order of the direction. The answer is the same",
+        doc: "How rays walk the tree: by entry and exit points (TA-B, Havran et al. 1997); by plane \
+              distances in the order of the direction (dir); or by the side of the origin and distances, \
+              as TA-A, as Sung and Shirley 1992, as Arvo 1988. tile8, tile16: as dir, but camera rays go in tiles of 64 \
+              or 256. The answer is the same",
         unit: "",
-        kind: Kind::Choice(&["ta-b", "dir"]),
+        kind: Kind::Choice(&["ta-b", "dir", "tile8", "tile16", "ta-a", "sung", "arvo"]),
         default: Default::Choice("ta-b"),
+    };
+
+    /// Walks of trees with oblique planes.
+    pub const TRAVERSAL_ANY: ParamSpec = ParamSpec {
+        name: "traversal",
+        label: "Traversal",
+        doc: "How rays walk the tree: one by one, by plane distances in the order of the direction, or camera \
+              rays in tiles of 64 or 256. The answer is the same",
+        unit: "",
+        kind: Kind::Choice(&["dir", "tile8", "tile16"]),
+        default: Default::Choice("dir"),
     };
 
     /// Whether a walk allows for rounding.

@@ -1,20 +1,21 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The invariants of a built tree, checked from outside: what must hold whatever built it.
 
-use crate::build::plane_tree::{MAX_DEPTH, Node, PlaneTree};
+use crate::build::plane_tree::{MAX_DEPTH, Node};
 use crate::geom::Aabb;
 use crate::structure::{Layout, Structure};
 use crate::traverse::nested::{Look, Nested, visit};
 use std::collections::BTreeSet;
 
 mod octree;
+mod planes;
 
 /// Broken invariants, in words; empty for a sound structure.
 pub fn validate(structure: &Structure) -> Vec<String> {
     let mut broken = Vec::new();
     match &structure.built().layout {
         Layout::Brute => {}
-        Layout::PlaneDir(tree) | Layout::PlaneTaB(tree) => plane_tree(structure, tree, &mut broken),
+        Layout::Plane(tree, _) => planes::planes(structure, tree, &mut broken),
         Layout::Objects(tree) => object_tree(structure, tree.nested(), &mut broken),
         Layout::OctreeParam(tree)
         | Layout::OctreeNet(tree)
@@ -46,7 +47,7 @@ impl Layout {
             | Self::OctreeBeam(tree, _)
             | Self::OctreeSamet(tree)
             | Self::OctreeGlassner(tree) => octree::leaves(structure, tree),
-            Self::PlaneDir(tree) | Self::PlaneTaB(tree) => {
+            Self::Plane(tree, _) => {
                 let mut ids = BTreeSet::new();
                 tree.visit(|_, node, _| {
                     if let Node::Leaf { first, count } = node {
@@ -128,63 +129,4 @@ fn object_tree(structure: &Structure, tree: &dyn Nested, broken: &mut Vec<String
 /// Whether the second box lies inside the first.
 fn contains(outer: &Aabb, inner: &Aabb) -> bool {
     inner.is_empty() || (0..3).all(|k| outer.min[k] <= inner.min[k] && inner.max[k] <= outer.max[k])
-}
-
-fn plane_tree(structure: &Structure, tree: &PlaneTree, broken: &mut Vec<String>) {
-    let shape = *structure.shape();
-    let (mut inner, mut leaves, mut references) = (0, 0, 0);
-    let mut cells = vec![structure.built().frame.bounds()];
-    tree.visit(|index, node, depth| {
-        let cell = cells.pop().unwrap_or(Aabb::EMPTY);
-        if depth > MAX_DEPTH {
-            broken.push(format!(
-                "node {index} lies at depth {depth}, beyond {MAX_DEPTH}"
-            ));
-        }
-        match node {
-            Node::Axis { axis, split, .. } => {
-                inner += 1;
-                if !(cell.min[axis] <= split && split <= cell.max[axis]) {
-                    broken.push(format!(
-                        "node {index}: the plane {split} lies outside its cell"
-                    ));
-                }
-                let (mut below, mut above) = (cell, cell);
-                below.max[axis] = split;
-                above.min[axis] = split;
-                cells.extend([above, below]);
-            }
-            Node::Oblique { .. } => inner += 1,
-            Node::Leaf { first, count } => {
-                leaves += 1;
-                references += count;
-                let ids = structure.built().blocks.ids(first, count);
-                let unique: BTreeSet<_> = ids.iter().collect();
-                if unique.len() != ids.len() {
-                    broken.push(format!("leaf {index} holds a triangle twice"));
-                }
-                for id in ids {
-                    let frame = &structure.built().frame;
-                    let corners = structure.scene().corners(id).map(|p| frame.point(p));
-                    let bounds = Aabb::of_triangle(corners);
-                    let apart =
-                        (0..3).any(|k| bounds.max[k] < cell.min[k] || bounds.min[k] > cell.max[k]);
-                    if apart {
-                        broken.push(format!("leaf {index}: triangle {id} lies outside its cell"));
-                    }
-                }
-            }
-        }
-    });
-    let counted = (inner, leaves, references);
-    let stated = (
-        shape.nodes_axis + shape.nodes_oblique,
-        shape.leaves,
-        shape.references,
-    );
-    if counted != stated {
-        broken.push(format!(
-            "inner nodes, leaves and references are {counted:?}, the statistics say {stated:?}"
-        ));
-    }
 }

@@ -45,11 +45,18 @@ fn traced(structure: &Structure, rays: &[Ray], order: Order) -> Vec<[u32; 4]> {
     hits.iter().map(bits).collect()
 }
 
-const SPECS: [&str; 4] = [
+const SPECS: [&str; 11] = [
     "octree-beam",
     "octree-beam:beam_least=1",
     "octree-beam:beam_least=65",
     "octree-beam:beam_least=30,leaf_size=0,max_depth=9",
+    "kd:traversal=tile8",
+    "kd:traversal=tile16",
+    "kd-sah:traversal=tile8",
+    "bvh-sah:traversal=tile8",
+    "bvh-sah:traversal=tile16",
+    "bsp-random:traversal=tile8",
+    "bsp-wn-plus-kd:traversal=tile16",
 ];
 
 fn compare(name: &str, scene: &Arc<Triangles>, images: &[Vec<Ray>]) {

@@ -38,6 +38,8 @@ fn specs() -> Vec<String> {
             tree.traversals()
                 .iter()
                 .skip(1)
+                // Only tiles of rays are walked in another way; those are tested for themselves.
+                .filter(|t| !t.starts_with("tile"))
                 .map(|t| format!("{}:traversal={t}", tree.id)),
         );
     }
@@ -87,14 +89,18 @@ fn every_structure_answers_like_brute_force() {
             name, scene, rays, ..
         } = case;
         let reference = closest(&build(&scene, "brute", 1), &rays);
-        for spec in specs() {
-            let structure = build(&scene, &spec, 2);
+        for (i, spec) in specs().iter().enumerate() {
+            // A third of the rays each, not always the same.
+            let third = i % 3;
+            let rays: Vec<_> = rays.iter().copied().skip(third).step_by(3).collect();
+            let reference: Vec<_> = reference.iter().copied().skip(third).step_by(3).collect();
+            let structure = build(&scene, spec, 1);
             assert_eq!(validate(&structure), Vec::<String>::new(), "{name}, {spec}");
             let wrong = differences(&structure, &rays, &reference);
             assert_eq!(wrong, 0, "{name}, {spec}: of {} rays", rays.len());
             // Some of the rays on each instruction set: the portable one is slow without optimisation.
-            let some: Vec<_> = rays.iter().copied().step_by(16).collect();
-            let expected: Vec<_> = reference.iter().copied().step_by(16).collect();
+            let some: Vec<_> = rays.iter().copied().step_by(8).collect();
+            let expected: Vec<_> = reference.iter().copied().step_by(8).collect();
             for (set, level) in levels() {
                 let wrong = differences(&structure.at_level(level), &some, &expected);
                 assert_eq!(wrong, 0, "{name}, {spec}, {set}: of {} rays", some.len());
@@ -180,7 +186,7 @@ fn a_longer_direction_meets_the_same_triangle() {
 #[test]
 fn trees_do_not_depend_on_the_number_of_threads() {
     // Large enough for several tasks.
-    let scene = soup(grid(12, 0.3));
+    let scene = soup(grid(7, 0.3));
     for spec in specs() {
         let (one, two, again) = (
             build(&scene, &spec, 1),
@@ -243,6 +249,32 @@ fn a_cancelled_build_ends_with_an_error() {
     }
 }
 
+/// What the builders count against the limit is not less than what they make, and not much more.
+#[test]
+fn a_build_beyond_its_memory_is_refused() {
+    let scene = soup(grid(12, 0.3));
+    for spec in specs() {
+        let bytes = build(&scene, &spec, 1).bytes() as u64;
+        let within = |limit: u64, threads: usize| {
+            let monitor = Monitor::new();
+            monitor.limit_memory(limit);
+            let config = Config::parse(&spec).unwrap();
+            Structure::build(scene.clone(), config, threads, &monitor)
+        };
+        for threads in [1, 2] {
+            for limit in [0, 1 << 20, bytes] {
+                let error = within(limit, threads).err();
+                assert!(
+                    matches!(&error, Some(Error::Memory(text)) if text.starts_with("memory_limit: ")),
+                    "{spec}, {limit} of {bytes} bytes: {error:?}"
+                );
+            }
+            let enough = within(6 * bytes, threads);
+            assert!(enough.is_ok(), "{spec}, {bytes} bytes: {:?}", enough.err());
+        }
+    }
+}
+
 #[test]
 fn extreme_parameters_build_right_trees() {
     let scene = soup(grid(3, 0.3));
@@ -276,6 +308,11 @@ fn walks_without_bounds_are_caught() {
     for spec in [
         "kd:robust=none",
         "kd:robust=none,traversal=dir",
+        "kd:robust=none,traversal=ta-a",
+        "kd:robust=none,traversal=sung",
+        "kd:robust=none,traversal=arvo",
+        "bsp-wn-plus-kd:robust=none,k=4,seed=1",
+        "bsp-random:robust=none",
         "bih:robust=none",
         "bih5:robust=none",
         "bih1:robust=none",

@@ -28,6 +28,20 @@ def test_the_showcase_is_understood_and_has_what_it_shows(scene: Any) -> None:
     assert counts == [784, 784]
 
 
+def test_the_showcase_is_the_same_each_time(scene: Any) -> None:
+    showcase.build(scene)
+    bpy.context.view_layer.update()
+    first = read()[0].geometry
+    for item in list(scene.objects):
+        bpy.data.objects.remove(item)
+    bpy.data.orphans_purge(do_recursive=True)
+    showcase.build(scene)
+    bpy.context.view_layer.update()
+    again = read()[0].geometry
+    assert np.array_equal(first.triangles, again.triangles)
+    assert np.array_equal(first.vertices, again.vertices)
+
+
 def test_the_operator_adds_a_scene_of_its_own() -> None:
     before = set(bpy.data.scenes)
     assert bpy.ops.halfspace.showcase() == {"FINISHED"}

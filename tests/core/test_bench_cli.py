@@ -16,10 +16,11 @@ import numpy as np
 import pytest
 from lying_native import LyingNative
 
-from addon.core import benchmark, native
+from addon.core import benchmark, native, plots, results, yardstick
 
 BENCH = Path(bench.__file__)
-QUICK = ["--size", "32x32", "--repeats", "1", "--check-rays", "128", "--structures", "kd"]
+FAST = ["--size", "32x32", "--repeats", "1", "--check-rays", "128", "--curve", "none", "--only-rays"]
+QUICK = [*FAST, "--structures", "kd"]
 
 
 @pytest.fixture
@@ -38,6 +39,12 @@ def scene(tmp_path: Path) -> Path:
         camera_vfov_deg=np.float64(45.0),
     )
     return path
+
+
+@pytest.fixture(autouse=True)
+def _without_plots(monkeypatch: pytest.MonkeyPatch) -> None:
+    """They take longer than all else, and have tests of their own."""
+    monkeypatch.setattr(plots, "problem", lambda: "left out here")
 
 
 def document(folder: Path) -> Any:
@@ -71,23 +78,23 @@ def test_a_second_run_measures_nothing_again(scene: Path, tmp_path: Path, monkey
     def never(*_: Any) -> Any:
         raise AssertionError("a finished row was measured again")
 
-    monkeypatch.setattr(benchmark, "measure", never)
+    monkeypatch.setattr(benchmark, "events", never)
     assert bench.main([str(scene), *QUICK, "--out", str(out)]) == 0
     assert document(out)["rows"] == before
 
 
 def test_a_stopped_run_goes_on_where_it_was(scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     out = tmp_path / "out"
-    both = [*QUICK[:-1], "kd,kd-sah"]
-    real = benchmark.measure
+    both = [*FAST, "--structures", "kd,kd-sah"]
+    real = benchmark.events
 
     def stopped(*arguments: Any) -> Any:
-        for row in real(*arguments):
-            yield row
-            if row["spec"] == "kd":
+        for event in real(*arguments):
+            yield event
+            if isinstance(event, benchmark.Finished) and event.row["spec"] == "kd":
                 raise KeyboardInterrupt
 
-    monkeypatch.setattr(benchmark, "measure", stopped)
+    monkeypatch.setattr(benchmark, "events", stopped)
     with pytest.raises(KeyboardInterrupt):
         bench.main([str(scene), *both, "--out", str(out)])
     asked: list[str] = []
@@ -96,9 +103,11 @@ def test_a_stopped_run_goes_on_where_it_was(scene: Path, tmp_path: Path, monkeyp
         asked.extend(chosen)
         return real(module, loaded, chosen, *rest)
 
-    monkeypatch.setattr(benchmark, "measure", counted)
+    monkeypatch.setattr(benchmark, "events", counted)
     assert bench.main([str(scene), *both, "--out", str(out)]) == 0
-    assert [spec for spec in asked if spec != "embree"] == ["kd-sah"]
+    # Its anchor is measured again beside it.
+    assert [spec for spec in asked if spec != "embree"][-1] == "kd-sah"
+    assert "kd" not in asked or yardstick.problem() is not None
     assert [row["spec"] for row in document(out)["rows"] if row["spec"] != "embree"] == ["kd", "kd-sah"]
 
 
@@ -106,8 +115,8 @@ def test_other_options_are_other_rows(scene: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     for seed in ("1", "2"):
         assert bench.main([str(scene), *QUICK, "--ray-seed", seed, "--out", str(out)]) == 0
-    journal = [json.loads(line) for line in (out / "rows.jsonl").read_text(encoding="utf-8").splitlines()]
-    assert len({entry["key"] for entry in journal if entry["row"]["spec"] == "kd"}) == 2
+    entries = results.Journal(out).entries.values()
+    assert len([entry for entry in entries if entry.row["spec"] == "kd"]) == 2
 
 
 @pytest.mark.parametrize(
@@ -117,7 +126,7 @@ def test_other_options_are_other_rows(scene: Path, tmp_path: Path) -> None:
         (["--structures", "kd:colour=3"], "has no key 'colour'"),
         (["--structures", "kd:max_depth=999"], "max_depth"),
         (["--k", "9-2"], "runs backwards"),
-        (["--k", "3"], "parameter 'k'"),
+        (["--structures", "kd", "--k", "3"], "parameter 'k'"),
         (["--rays", "primary,sideways"], "unknown set 'sideways'"),
         (["--size", "100x100"], "multiples of 8"),
         (["--size", "0x8"], "multiples of 8"),
@@ -127,6 +136,12 @@ def test_other_options_are_other_rows(scene: Path, tmp_path: Path) -> None:
         (["--check-rays", "many"], "invalid int value"),
         (["--curve", "0,2"], "numbers of samples"),
         (["--reference", "hearsay"], "invalid choice"),
+        (["--curve", "lots"], "expected a number"),
+        (["--seconds", "0"], "--seconds: expected more than 0"),
+        (["--shard", "3/2"], "--shard: expected I/N"),
+        (["--structures", "kd:max_depth=9..3"], "runs backwards"),
+        (["--cluster", "local:none"], "local:N"),
+        (["--published", "nowhere.json"], "--published: nowhere.json"),
         (["--wrong"], "unrecognized arguments"),
         (["missing.npz"], "missing.npz: cannot be read: No such file"),
         (["scene.xyz"], "expected grid, showcase or a file ending in"),
@@ -158,7 +173,11 @@ def test_of_several_scenes_a_broken_one_does_not_stop_the_others(scene: Path, tm
     broken.write_bytes(b"PK")
     out = tmp_path / "out"
     assert bench.main([str(broken), str(scene), *QUICK, "--out", str(out)]) == 2
-    assert {row["scene"] for row in document(out)["rows"]} == {"soup"}
+    rows = document(out)["rows"]
+    assert {row["scene"] for row in rows} == {str(broken), "soup"}
+    (failed,) = (row for row in rows if row["scene"] == str(broken))
+    assert failed["error"].startswith(f"{broken}: cannot be read as .npz")
+    assert "cannot be read as .npz" in (out / "report.html").read_text(encoding="utf-8")
 
 
 def test_a_folder_that_cannot_be_written_is_one_line(scene: Path, tmp_path: Path, capsys: Any) -> None:
@@ -172,7 +191,7 @@ def test_a_preset_names_scenes_structures_and_rays(
     monkeypatch.setattr(bench, "SCENES", tmp_path)
     scene.rename(tmp_path / "conference.npz")
     out = tmp_path / "out"
-    assert bench.main(["--preset", "beams", *QUICK[:-2], "--out", str(out)]) == 0
+    assert bench.main(["--preset", "beams", *FAST, "--out", str(out)]) == 0
     row = document(out)["rows"][-1]
     assert (row["scene"], row["spec"], list(row["rays"])) == ("conference", "kd", ["primary", "shadow"])
 

@@ -7,7 +7,7 @@ import halfspace_native
 import numpy as np
 import pytest
 
-from addon.core import benchmark, curve, grid
+from addon.core import benchmark, curve, flip, grid
 from addon.core.benchmark import Options
 
 
@@ -51,13 +51,29 @@ def test_error_falls_with_samples_and_is_the_same_for_every_structure(monkeypatc
     assert all(row["render_s"] == row["curve"][-1]["seconds"] for row in rows)
 
 
+def test_the_slope_is_that_of_the_logarithms() -> None:
+    points = [{"spp": float(n), "rmse": 3.0 * n**-0.5} for n in (1, 4, 16)]
+    assert curve.slope(points) == pytest.approx(-0.5)
+
+
+@pytest.mark.skipif(flip.problem() is not None, reason=str(flip.problem()))
+def test_flip_is_zero_for_equal_and_one_for_opposite_pictures() -> None:
+    green, blue = (np.zeros((32, 32, 3), np.float32) for _ in range(2))
+    green[..., 1], blue[..., 2] = 1.0, 1.0
+    assert flip.mean(green, green) == 0.0
+    # No two colours are farther apart; white beyond white is white, and what is no number is black.
+    assert flip.mean(green, blue) == pytest.approx(1.0, abs=1e-3)
+    assert flip.mean(np.full_like(green, 5.0), np.ones_like(green)) == 0.0
+    assert flip.mean(np.full_like(green, np.nan), np.zeros_like(green)) == 0.0
+
+
 def test_what_would_take_too_long_is_left_out_and_said(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(curve, "SIZE", 8)
     monkeypatch.setattr(curve, "POINT_SECONDS", 0.0)
     options = Options(size=(8, 8), repeats=1, check_rays=64, curve=(1,))
     (row,) = benchmark.measure(halfspace_native, grid.workload(2, 64), ["kd"], options, lambda _: None)
     assert row["curve"] is None
-    assert any("take too long" in reason for reason in row["left_out"])
+    assert any("take too long" in reason for reason in row["too_slow"])
 
 
 def test_a_picture_that_differs_is_an_error() -> None:

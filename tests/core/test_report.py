@@ -6,12 +6,16 @@ from __future__ import annotations
 import copy
 import csv
 import io
+import json
 import xml.etree.ElementTree as ET
+from html.parser import HTMLParser
+from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
-from addon.core import plots, report
+from addon.core import charts, costs, ksweep, page, plots, report
 
 RATE = {
     "n": 64,
@@ -20,6 +24,9 @@ RATE = {
     "steps": 3.0,
     "tests": 4.0,
     "hits": 1.0,
+    "rounds": [2.0] * 7,
+    "anchor_rounds": [4.0] * 7,
+    "noise": 0.01,
 }
 ROW: dict[str, Any] = {
     "scene": "room <1>",
@@ -30,10 +37,16 @@ ROW: dict[str, Any] = {
     "alpha": None,
     "seed": None,
     "threads": 1,
+    "machine": "here",
+    "round_id": "1",
+    "anchor": "embree",
+    "peak_bytes": 3_000_000,
+    "scaling": None,
+    "offsets": None,
     "build_s": {"min": 0.1, "med": 0.2, "max": 0.3},
     "bytes": 2_000_000,
     "statistics": {"leaves": 5},
-    "rays": {"primary": RATE, "shadow": {**RATE, "mrays_s": None, "times_embree": None, "n": 0}},
+    "rays": {"primary": RATE, "shadow": {**RATE, "mrays_s": None, "times_embree": None, "n": 0, "rounds": []}},
     "errors": {
         "reference": "brute",
         "rays": 100,
@@ -50,6 +63,7 @@ ROW: dict[str, Any] = {
     "curve": None,
     "render_s": None,
     "left_out": ["oblique planes: <none>"],
+    "too_slow": [],
     "error": None,
 }
 
@@ -57,7 +71,9 @@ ROW: dict[str, Any] = {
 def row(spec: str, speed: float = 2.0, spread: float = 0.1, **errors: int) -> dict[str, Any]:
     made = copy.deepcopy(ROW)
     made["spec"] = spec
-    made["rays"]["primary"]["mrays_s"] = {"min": speed - spread, "med": speed, "max": speed + spread}
+    primary = made["rays"]["primary"]
+    primary["mrays_s"] = {"min": speed - spread, "med": speed, "max": speed + spread}
+    primary["rounds"] = [speed + spread * part for part in (-1, -0.6, -0.3, 0, 0.3, 0.6, 1)]
     made["errors"].update(errors)
     return made
 
@@ -78,7 +94,7 @@ def test_the_table_aligns_and_has_errors_beside_times() -> None:
 def test_a_failed_row_shows_its_error() -> None:
     failed = {**copy.deepcopy(ROW), "rays": None, "errors": None, "build_s": None, "bytes": None, "error": "too large"}
     assert "kd: too large" in report.table([failed, row("brute")])
-    assert "too large" in report.as_html(document([failed, row("brute")]))
+    assert "too large" in page.as_html(document([failed, row("brute")]))
 
 
 def test_csv_has_one_column_per_number() -> None:
@@ -88,42 +104,179 @@ def test_csv_has_one_column_per_number() -> None:
     assert line["left_out"] == "oblique planes: <none>"
 
 
-def test_what_overlaps_is_not_ranked() -> None:
-    apart = " ".join(report.findings([row("a", 4.0), row("b", 2.0)]))
-    assert "a is the fastest, 2.00 times b" in apart
-    close = " ".join(report.findings([row("a", 2.1), row("b", 2.0)]))
-    assert "cannot be told apart" in close
+def said(*rows: dict[str, Any]) -> str:
+    return " ".join(report.findings(list(rows)))
+
+
+def test_what_noise_cannot_separate_is_not_ranked() -> None:
+    assert "a is the fastest, 2.00 times b" in said(row("a", 4.0), row("b", 2.0))
+    # Faster in every round, but by less than the noise of the machine.
+    close = row("a", 2.01), row("b", 2.0)
+    for one in close:
+        one["rays"]["primary"]["noise"] = 0.02
+    assert "a and b cannot be told apart" in said(*close)
+    # Far apart by the medians, but not in every round.
+    torn = row("a", 4.0), row("b", 2.0)
+    torn[0]["rays"]["primary"]["rounds"][2] = 1.0
+    assert "a and b cannot be told apart" in said(*torn)
+
+
+def test_a_drifting_machine_does_not_hide_an_order_that_holds_in_every_round() -> None:
+    drift = row("a"), row("b")
+    for one, faster in zip(drift, (1.1, 1.0), strict=True):
+        one["rays"]["primary"]["rounds"] = [faster * speed for speed in (4.0, 3.5, 3.0, 2.5, 2.0, 1.5, 1.0)]
+    assert "a is the fastest, 1.10 times b" in said(*drift)
+
+
+def test_too_few_rounds_rank_nothing() -> None:
+    few = row("a", 4.0), row("b", 2.0)
+    for one in few:
+        for key in ("rounds", "anchor_rounds"):
+            one["rays"]["primary"][key] = one["rays"]["primary"][key][:3]
+    assert "3 rounds rank nothing" in said(*few)
+
+
+def test_rows_of_different_rounds_are_compared_through_their_anchor() -> None:
+    # The second was measured while the machine was twice as slow, and so was its anchor.
+    slow = row("b", 1.6, 0.01)
+    slow["round_id"] = "2"
+    slow["rays"]["primary"]["anchor_rounds"] = [2.0] * 7
+    assert "b is the fastest, 1.60 times a" in said(row("a", 2.0, 0.01), slow)
+    overlapping = row("b", 2.1, 0.3)
+    overlapping["round_id"] = "2"
+    assert "cannot be told apart" in said(row("a", 2.0), overlapping)
 
 
 def test_wrong_answers_are_said_first() -> None:
     sentences = report.findings([row("a"), row("b", wrong_triangle=1)])
     assert sentences[0] == "Answers that differ from the reference: b."
-    page = report.as_html(document([row("a"), row("b", wrong_triangle=1)]))
-    assert page.count('<tr class="wrong"') == 1
+    text = page.as_html(document([row("a"), row("b", wrong_triangle=1)]))
+    assert text.count('<tr class="wrong"') == 1
 
 
 def test_the_page_is_one_file_and_escapes_what_it_shows() -> None:
-    page = report.as_html(document([row("kd"), row("kd-sah")]))
-    assert "room &lt;1&gt;" in page
-    assert "P &amp; Q" in page
-    assert "room <1>" not in page
+    text = page.as_html(document([row("kd"), row("kd-sah")]))
+    assert "room &lt;1&gt;" in text
+    assert "P &amp; Q" in text
+    assert "room <1>" not in text
     for outside in ("src=", "<link", "@import", "url(http"):
-        assert outside not in page
+        assert outside not in text
+
+
+def everything(spec: str, slowness: float, k: int | None = None) -> dict[str, Any]:
+    """A row with all that can be drawn."""
+    made = row(spec, 2.0 / slowness)
+    made["structure"], made["k"] = spec.partition(":")[0], k
+    made["curve"] = [
+        {"spp": n, "seconds": slowness * n / 10, "rmse": n**-0.5, "relmse": 1 / n, "flip": 0.1} for n in (1, 4, 16)
+    ]
+    made["scaling"] = [{"rays": n, "seconds": slowness * n / 1e6} for n in (64, 256, 1024)]
+    made["offsets"] = [
+        {"offset": offset, "rays": 100, "false_miss": 0, "wrong": 0, "false_miss_unguarded": 1, "wrong_unguarded": 2}
+        for offset in (0.0, 10.0, 1e6)
+    ]
+    rate = made["rays"]["primary"]
+    made["rays"]["primary"] = {**rate, "steps_axis": 10 * slowness, "steps_oblique": 0.0, "tests": 3.0}
+    return made
 
 
 @pytest.mark.skipif(plots.problem() is not None, reason=str(plots.problem()))
 def test_the_plots_are_svg_with_a_mark_for_each_structure() -> None:
-    curve = [{"spp": n, "seconds": n / 10, "rmse": n**-0.5, "relmse": 1 / n} for n in (1, 4, 16)]
-    figures = plots.scene_figures([{**row("kd"), "curve": curve}, {**row("kd-sah"), "curve": curve}])
-    assert len(figures) == 3
-    for figure in figures:
-        texts = " ".join(ET.fromstring(figure).itertext())
-        assert "kd" in texts
-        assert "kd-sah" in texts
+    rows = [everything("kd", 1.0), everything("kd-sah", 1.5), everything("brute", 1000.0)]
+    rows += [everything(f"bsp-wn:k={k},seed={seed}", 2.0 + k / 10, k) for k in (2, 3) for seed in (1, 2)]
+    found = plots.scene_figures(rows, {"sponza": {}})
+    assert [picture.title for picture in found] == [
+        "Error against run time",
+        "Speed",
+        "Build against tracing",
+        "How many directions",
+        "Time against the number of rays",
+        "Wrong answers far from the origin",
+        "Fitted costs",
+    ]
+    for picture in found:
+        texts = " ".join(ET.fromstring(picture.svg).itertext())
+        assert "bsp-wn" in texts
+        assert "Too slow to be drawn in scale: brute" in picture.caption or picture.title not in (
+            "Speed",
+            "Fitted costs",
+        )
+
+
+def test_every_number_leads_to_its_place_in_bench_json() -> None:
+    class Links(HTMLParser):
+        def __init__(self) -> None:
+            super().__init__()
+            self.targets: list[str] = []
+            self.places: set[str] = set()
+
+        def handle_starttag(self, tag: str, attrs: Any) -> None:
+            given = dict(attrs)
+            if tag == "a":
+                self.targets.append(given["href"])
+            if "id" in given:
+                self.places.add(given["id"])
+
+    rows = [everything("kd", 1.0), everything("kd-sah", 1.5)]
+    links = Links()
+    links.feed(page.as_html(document(rows)))
+    assert len(links.targets) > 2 * 10
+    assert {target.removeprefix("#") for target in links.targets} <= links.places
+    assert "/rows/1/rays/primary/mrays_s/med" in links.places
+    # Too many rows to hold them all: then the numbers lead to the file.
+    many = Links()
+    many.feed(page.as_html(document([row(f"kd:leaf_size={n}") for n in range(page.MOST_ROWS_INSIDE + 1)])))
+    assert all(target.startswith("bench.json#/rows/") for target in many.targets)
+
+
+def test_k_sweeps_take_medians_over_seeds_and_published_ones_beside() -> None:
+    rows = [everything("kd-sah", 1.0)]
+    rows += [everything(f"bsp-wn:k={k},seed={s}", k * s, k) for k in (2, 3) for s in (1.0, 1.5, 4.0)]
+    base, (line,) = ksweep.lines(rows)
+    assert (base, line.structure, line.k) == ("kd-sah", "bsp-wn", (2, 3))
+    assert line.median == pytest.approx((300.0, 450.0))
+    assert line.low == pytest.approx((200.0, 300.0))
+    assert line.high == pytest.approx((800.0, 1200.0))
+
+
+def test_published_results_are_read_and_a_wrong_file_is_told(tmp_path: Path) -> None:
+    entry = {"scene": "sponza", "structure": "wn+^kd", "K": 6, "render_pct_of_kd": 80.4}
+    path = tmp_path / "published.json"
+    path.write_text(json.dumps({"final_by_K": [entry]}))
+    found = ksweep.read_published(path)
+    assert ksweep.published_for("sponza-dabrovic", "bsp-wn-plus-kd", found) == {6: 80.4}
+    assert ksweep.published_for("grid", "bsp-wn-plus-kd", found) == {}
+    for wrong in ("[]", "{}", '{"final_by_K": [{}]}', "nonsense"):
+        path.write_text(wrong)
+        with pytest.raises(ValueError):  # noqa: PT011 (json's own error is one)
+            ksweep.read_published(path)
+
+
+def test_fitted_costs_are_those_that_made_the_times() -> None:
+    rows = [everything(str(n), 1.0) for n in range(5)]
+    for n, one in enumerate(rows):
+        steps, tests = 3.0 + n, 2.0 + n * n
+        nanoseconds = 7.0 * steps + 11.0 * tests
+        rate = one["rays"]["primary"]
+        rate.update(steps_axis=steps, tests=tests, mrays_s=dict.fromkeys(("min", "med", "max"), 1e3 / nanoseconds))
+    found = costs.fit(rows)
+    assert found is not None
+    assert found.nanoseconds == pytest.approx({"steps_axis": 7.0, "steps_oblique": 0.0, "tests": 11.0})
+    assert found.explained == pytest.approx(1.0)
+    assert costs.fit(rows[:3]) is None
+
+
+def test_costs_are_never_negative() -> None:
+    matrix = np.array([[1.0, 1.0], [1.0, 2.0], [1.0, 3.0]])
+    assert costs.least_squares(matrix, np.array([3.0, 2.0, 1.0])) == pytest.approx([2.0, 0.0])
+
+
+def test_the_pareto_front_holds_what_nothing_beats_in_both() -> None:
+    assert charts.pareto([(3, 1), (1, 3), (2, 2), (2, 3), (3, 3)]) == [(1, 3), (2, 2), (3, 1)]
 
 
 def test_without_matplotlib_the_page_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(plots, "problem", lambda: "matplotlib is not installed")
-    page = report.as_html(document([row("kd")]))
-    assert "<svg" not in page
-    assert "Plots are left out: matplotlib is not installed." in page
+    text = page.as_html(document([row("kd")]))
+    assert "<svg" not in text
+    assert "Plots are left out: matplotlib is not installed." in text

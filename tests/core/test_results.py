@@ -12,30 +12,63 @@ import pytest
 
 from addon.core import results
 
+HERE = {"name": "here", "cores": 2}
+
+
+def entry(key: str, number: int, **values: Any) -> results.Entry:
+    row = {"scene": "s", "spec": key, "machine": "here", **values}
+    return results.Entry(key, (0, number), row)
+
 
 def test_rows_come_back(tmp_path: Path) -> None:
     first = results.Journal(tmp_path)
-    first.add("a", {"x": 1})
-    first.add("b", {"x": 2})
-    assert results.Journal(tmp_path).rows == {"a": {"x": 1}, "b": {"x": 2}}
+    first.begin({"seed": 1})
+    first.add(entry("a", 0), HERE)
+    first.add(entry("b", 1), HERE)
+    again = results.Journal(tmp_path)
+    assert again.entries == {"a": entry("a", 0), "b": entry("b", 1)}
+    assert (again.machines, again.options) == ({"here": HERE}, {"seed": 1})
 
 
 @pytest.mark.parametrize("cut", [1, 8, 20])
 def test_a_half_written_last_line_loses_only_itself(tmp_path: Path, cut: int) -> None:
     journal = results.Journal(tmp_path)
-    journal.add("a", {"x": 1})
-    journal.add("b", {"x": 2})
+    journal.add(entry("a", 0), HERE)
+    journal.add(entry("b", 1), HERE)
     file = tmp_path / results.JOURNAL
     file.write_bytes(file.read_bytes()[:-cut])
     again = results.Journal(tmp_path)
-    assert again.rows["a"] == {"x": 1}
-    again.add("c", {"x": 3})
-    assert results.Journal(tmp_path).rows["c"] == {"x": 3}
+    assert again.entries["a"] == entry("a", 0)
+    again.add(entry("c", 2), HERE)
+    assert set(results.Journal(tmp_path).entries) >= {"a", "c"}
 
 
 def test_rubbish_in_the_journal_is_passed_over(tmp_path: Path) -> None:
-    (tmp_path / results.JOURNAL).write_text('nonsense\n[]\n{"key": "a"}\n{"key": "b", "row": {"x": 1}}\n')
-    assert results.Journal(tmp_path).rows == {"b": {"x": 1}}
+    good = '{"key": "b", "order": [0, 1], "row": {"x": 1}}'
+    (tmp_path / results.JOURNAL).write_text(f'nonsense\n[]\n3\n{{"key": "a"}}\n{good}\n{{"machine": 1}}\n')
+    assert results.Journal(tmp_path).entries == {"b": results.Entry("b", (0, 1), {"x": 1})}
+
+
+def test_parts_of_a_sweep_know_each_other_and_write_for_themselves(tmp_path: Path) -> None:
+    for number in (1, 2):
+        part = results.Journal(tmp_path, f"{number}-of-2")
+        part.add(entry(f"row {number}", number), HERE)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["rows-1-of-2.jsonl", "rows-2-of-2.jsonl"]
+    assert set(results.Journal(tmp_path).entries) == {"row 1", "row 2"}
+
+
+def test_a_row_measured_twice_must_differ_in_times_only(tmp_path: Path) -> None:
+    journals = []
+    for name, seconds, missed in (("x", 1.0, 0), ("y", 2.0, 0), ("z", 1.0, 3)):
+        (tmp_path / name).mkdir()
+        journal = results.Journal(tmp_path / name)
+        journal.add(entry("a", 0, build_s={"med": seconds}, errors={"false_miss": missed}), {"name": name})
+        journals.append(journal)
+    merged, *others = journals
+    merged.merge(others[0])
+    assert (len(merged.entries), merged.disagreements, set(merged.machines)) == (1, [], {"x", "y"})
+    merged.merge(others[1])
+    assert merged.disagreements == ["s, a: measured twice, on here"]
 
 
 def test_a_failed_write_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -50,6 +83,25 @@ def test_a_failed_write_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.
         results.write(path, "new")
     assert path.read_text() == "old"
     assert list(tmp_path.iterdir()) == [path], "no remains"
+
+
+def test_of_several_files_none_is_replaced_when_one_cannot_be_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    paths = [tmp_path / name for name in ("bench.json", "bench.csv", "report.html")]
+    results.write_all(dict.fromkeys(paths, "old"))
+    calls = []
+
+    def full_at_the_last(_: int) -> None:
+        calls.append(1)
+        if len(calls) == len(paths):
+            raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(results.os, "fsync", full_at_the_last)
+    with pytest.raises(OSError, match="No space left"):
+        results.write_all(dict.fromkeys(paths, "new"))
+    assert [path.read_text() for path in paths] == ["old"] * 3
+    assert sorted(tmp_path.iterdir()) == sorted(paths), "no remains"
 
 
 def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path) -> None:

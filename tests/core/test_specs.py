@@ -37,6 +37,7 @@ def test_commas_inside_a_configuration_do_not_separate(text: str, expected: list
 
 
 def test_ranges_of_numbers() -> None:
+    assert specs.numbers("2..4") == ["2", "3", "4"]
     assert specs.numbers("2-4,8,0.5") == ["2", "3", "4", "8", "0.5"]
     for wrong in ("4-2", "x", "1,,2", ""):
         with pytest.raises(specs.SpecError):
@@ -53,6 +54,18 @@ def test_all_and_families() -> None:
 def test_ranges_apply_where_the_parameter_exists_and_is_not_given() -> None:
     made = specs.expand("kd,bsp-wn,bsp-random:k=3", REGISTRY, {"k": ["2", "4"], "seed": ["1"]})
     assert made == ["kd", "bsp-wn:k=2,seed=1", "bsp-wn:k=4,seed=1", "bsp-random:k=3,seed=1"]
+
+
+def test_a_configuration_with_ranges_stands_for_several() -> None:
+    made = specs.expand("kd,bsp-random:k=2..3,alpha=0.1|0.5,seed=7", REGISTRY, {})
+    assert made == ["kd", *(f"bsp-random:k={k},alpha={a},seed=7" for k in (2, 3) for a in ("0.1", "0.5"))]
+    assert specs.expand("kd:traversal=dir|ta-b", REGISTRY, {}) == ["kd:traversal=dir", "kd:traversal=ta-b"]
+    assert specs.expand("bsp-wn:k=2..3", REGISTRY, {"seed": ["1", "2"], "k": ["9"]}) == [
+        *(f"bsp-wn:k={k},seed={seed}" for k in (2, 3) for seed in (1, 2)),
+    ]
+    for wrong in ("bsp-wn:k=4..2", "bsp-wn:k=2..x", "bsp-wn:k=1..1000000", "bsp-wn:k=1..999,seed=1..999"):
+        with pytest.raises(specs.SpecError):
+            specs.expand(wrong, REGISTRY, {})
 
 
 def test_unknown_names_are_told_with_what_there_is() -> None:

@@ -4,11 +4,12 @@
 
 use super::blocks::{Blocks, LANES};
 use super::frame::{Frame, FrameRay};
-use super::octree_beam::RAYS;
 use super::query::{Best, Count, Counters, NoCount, Query};
 use super::ray::{Hit, Ray, RayCounters};
+use super::replay::{CHUNK, Record};
 use crate::scene::Triangles;
 use fearless_simd::{Level, Simd, dispatch};
+use std::time::{Duration, Instant};
 
 /// A way of walking a tree with single rays.
 pub trait Walk: Sync {
@@ -29,10 +30,21 @@ pub trait Walk: Sync {
     ) -> Hit;
 }
 
+/// What is done with a way of walking, whichever it is.
+pub trait WithWalk {
+    /// What comes of it.
+    type Output;
+    /// Does it.
+    fn with<W: Walk>(self, walk: &W) -> Self::Output;
+}
+
 /// A way of walking a tree with tiles of rays.
 pub trait TileWalk: Sync {
-    /// Finds the nearest hits of up to 64 rays, at least one, and hands each to `write` with the
-    /// ray's place, the last time with its answer.
+    /// Rays of a tile at most.
+    const RAYS: usize;
+
+    /// Finds the nearest hits of up to [`Self::RAYS`] rays, at least one, and hands each to `write`
+    /// with the ray's place, the last time with its answer.
     fn cast_tile<S: Simd, C: Counters>(
         &self,
         simd: S,
@@ -73,11 +85,82 @@ impl Batch<'_> {
                 let mut counters = counters.iter_mut();
                 dispatch!(self.level, simd => {
                     self.each::<_, _, Q, _>(simd, walk, &mut write, |_| {
-                        Count(counters.next().expect("one set of counters per ray"))
+                        Count(counters.next().expect("one set of counters per ray"), None)
                     });
                 });
             }
         }
+    }
+
+    /// Walks the rays one by one, counts what each costs and records what its leaves answer.
+    pub fn record<W: Walk, Q: Query>(
+        &self,
+        walk: &W,
+        counters: &mut [RayCounters],
+        record: &mut Record,
+    ) {
+        // One at a time: the counters of all rays share the record.
+        for (ray, counters) in self.rays.iter().zip(counters) {
+            record.begin();
+            let mut both = Some((counters, &mut *record));
+            let one = Batch {
+                rays: std::slice::from_ref(ray),
+                ..*self
+            };
+            dispatch!(self.level, simd => {
+                one.each::<_, _, Q, _>(simd, walk, &mut |_, _| (), |_| {
+                    let (counters, record) = both.take().expect("one ray");
+                    Count(counters, Some(record))
+                });
+            });
+        }
+    }
+
+    /// Walks recorded rays again without testing triangles. Tells how long each [`CHUNK`] of them
+    /// took, without the time of bringing them into the frame, and returns how many did not visit
+    /// the leaves that were recorded.
+    pub fn replay<W: Walk, Q: Query>(
+        &self,
+        walk: &W,
+        record: &Record,
+        mut took: impl FnMut(Duration),
+    ) -> usize {
+        dispatch!(self.level, simd => {
+            self.replay_each::<_, _, Q>(simd, walk, record, &mut took)
+        })
+    }
+
+    #[inline(always)]
+    fn replay_each<S: Simd, W: Walk, Q: Query>(
+        &self,
+        simd: S,
+        walk: &W,
+        record: &Record,
+        took: &mut impl FnMut(Duration),
+    ) -> usize {
+        let mut scratch = walk.scratch();
+        let mut framed = Vec::with_capacity(CHUNK);
+        let mut strayed = 0;
+        for (chunk, rays) in self.rays.chunks(CHUNK).enumerate() {
+            framed.clear();
+            framed.extend(rays.iter().map(|ray| self.frame.ray(ray)));
+            let start = Instant::now();
+            for (i, (ray, framed)) in rays.iter().zip(&framed).enumerate() {
+                let mut replay = record.replay(chunk * CHUNK + i);
+                if let Some(framed) = framed {
+                    walk.cast::<S, Q, _>(
+                        simd,
+                        (self.scene, self.blocks),
+                        (ray, framed),
+                        &mut scratch,
+                        &mut replay,
+                    );
+                }
+                strayed += usize::from(!replay.is_over());
+            }
+            took(start.elapsed());
+        }
+        strayed
     }
 
     #[inline(always)]
@@ -120,7 +203,7 @@ impl Batch<'_> {
                 let mut counters = counters.iter_mut();
                 dispatch!(self.level, simd => {
                     self.each_tile(simd, walk, &mut write, |_| {
-                        Count(counters.next().expect("one set of counters per ray"))
+                        Count(counters.next().expect("one set of counters per ray"), None)
                     });
                 });
             }
@@ -135,9 +218,9 @@ impl Batch<'_> {
         write: &mut impl FnMut(usize, Hit),
         mut counter: impl FnMut(usize) -> C,
     ) {
-        let mut counters = Vec::with_capacity(RAYS);
-        for (tile, rays) in self.rays.chunks(RAYS).enumerate() {
-            let first = tile * RAYS;
+        let mut counters = Vec::with_capacity(W::RAYS);
+        for (tile, rays) in self.rays.chunks(W::RAYS).enumerate() {
+            let first = tile * W::RAYS;
             counters.clear();
             counters.extend((first..first + rays.len()).map(&mut counter));
             walk.cast_tile(
@@ -197,7 +280,7 @@ impl Batch<'_> {
                     continue;
                 };
                 if !*done {
-                    let mut count = Count(counters);
+                    let mut count = Count(counters, None);
                     let blocks = self.blocks;
                     *done = blocks.test::<S, Q, _>(
                         simd,

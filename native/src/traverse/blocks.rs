@@ -23,7 +23,7 @@ pub(super) const WORDS: usize = 10;
 
 /// Words that the test may read from the beginning of any block, however few triangles it has: all
 /// loads then lie provably inside, and are checked once per block.
-const SPAN: usize = 1 + WORDS * LANES + LANES;
+pub(super) const SPAN: usize = 1 + WORDS * LANES + LANES;
 
 // With |d| < 2 per component, |e| <= E, |o - v| <= S and all inputs of the test rounded once, the
 // roundings of each quantity add up to less than (per component bounds, worst case of signs):
@@ -146,6 +146,16 @@ impl Blocks {
         }
     }
 
+    /// The block of `n` triangles at a place, and the place of the next.
+    #[inline(always)]
+    pub(super) fn block(&self, at: u32, n: usize) -> (&[f32; SPAN], u32) {
+        let block = self.words[at as usize..]
+            .first_chunk()
+            .expect("sealed: no block is the last");
+        #[expect(clippy::cast_possible_truncation, reason = "at most 81")]
+        (block, at + (1 + WORDS * n) as u32)
+    }
+
     /// A triangle's corners in the scene's frame, of which those in this frame are at hand.
     #[inline(always)]
     pub fn scene_corners(
@@ -201,6 +211,10 @@ impl Blocks {
         best: &mut Best,
         counters: &mut C,
     ) -> bool {
+        if C::REPLAY {
+            return best.take::<Q>(frame, counters.replay());
+        }
+        counters.visit();
         let indices = ANY && self.keep == Keep::Indices;
         let mut at = first as usize;
         let mut left = count;
@@ -301,8 +315,10 @@ impl<S: Simd> Candidates<S> {
         let (det, u, v, t) = (det * sign, u * sign, v * sign, t * sign);
         let least = u.min(v).min(det - u - v);
 
-        // A corner of a triangle that is hit within reach is no farther than that, and its size.
-        let span = keep_min(2.0 * reach + size, ray.span);
+        // A corner of a triangle that is hit within reach, or behind the origin where the ray begins there, is
+        // no farther than that, and its size.
+        let farthest = keep_max(-ray.t_min, reach);
+        let span = keep_min(2.0 * farthest + size, ray.span);
         // Zero, or NaN where some product may have overflowed: NaN bounds reject nothing.
         let overflow = 0.0 * (64.0 * span * size * size.max(1.0));
         let floor = UNDERFLOW + overflow;

@@ -13,10 +13,10 @@ use crate::geom::Aabb;
 pub const U: f32 = 1.0 / 16_777_216.0;
 
 /// Relative slack for pruning by the best hit: three roundings of `t` and the scale of the frame.
-const PRUNE: f32 = 1.0 + 1.0 / 1_048_576.0;
+pub(super) const PRUNE: f32 = 1.0 + 1.0 / 1_048_576.0;
 
 /// Added where products may have lost a subnormal part.
-const TINY: f32 = 1e-37;
+pub(super) const TINY: f32 = 1e-37;
 
 /// A power-of-two scale and the scene's box after it.
 #[derive(Debug, Clone, Copy)]
@@ -88,6 +88,15 @@ impl Frame {
     /// The scene's box in this frame.
     pub fn bounds(&self) -> Aabb {
         self.bounds
+    }
+
+    /// How far a plane must be from an origin to be told from it, per axis, and the bound on the error
+    /// of the origin's height over an oblique plane that meets the scene: [`FrameRay::pad`] and
+    /// [`FrameRay::oblique_pad`] for all rays from there, in a frame that [`Self::is_scene`].
+    pub fn pads(&self, o: [f32; 3]) -> ([f32; 3], f32) {
+        let far = o[0].abs().max(o[1].abs()).max(o[2].abs());
+        let pad = o.map(|x| self.robust * 8.0 * U * (x.abs() + self.magnitude));
+        (pad, self.robust * 28.0 * U * (far + self.magnitude))
     }
 
     /// The ray in this frame, cut to the scene's box; `None` when it certainly misses the box, when

@@ -8,7 +8,9 @@
 
 pub mod batch;
 pub mod blocks;
+pub mod box_tile;
 pub mod box_tree;
+pub mod cases;
 pub mod dop_tree;
 pub mod frame;
 pub mod keep;
@@ -21,14 +23,23 @@ pub mod octree_net;
 pub mod octree_param;
 pub mod octree_samet;
 pub mod octree_step;
+pub mod plane_arvo;
 pub mod plane_dir;
+pub mod plane_origin;
+pub mod plane_sung;
+pub mod plane_ta_a;
 pub mod plane_ta_b;
+pub mod plane_ta_b_1997;
+pub mod plane_tile;
 pub mod query;
 pub mod ray;
+pub mod replay;
 pub mod slab_boxes;
 pub mod slab_node;
 pub mod slab_tree;
 pub mod slab_wide;
+pub mod tile;
+pub mod tile_leaf;
 
 pub use ray::Order;
 pub use ray::{Hit, Ray, RayCounters, Tracer};

@@ -55,6 +55,8 @@ struct Tile<'a> {
 }
 
 impl TileWalk for Walk<'_> {
+    const RAYS: usize = RAYS;
+
     #[inline(always)]
     fn cast_tile<S: Simd, C: Counters>(
         &self,

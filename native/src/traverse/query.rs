@@ -2,8 +2,10 @@
 //! What a walk is asked and what it counts: compile-time parameters of every walk, so that closest
 //! hit and any hit are one text and an uncounted walk has no trace of counting.
 
+use super::cases::CASES;
 use super::frame::{FrameRay, keep_min};
 use super::ray::{Hit, Ray, RayCounters};
+use super::replay::Record;
 use crate::geom::verdict::verdict_within;
 
 /// The question put to a walk.
@@ -38,6 +40,24 @@ pub trait Counters {
     fn tests(&mut self, triangles: usize);
     /// A candidate was put to the exact verdict.
     fn verdict(&mut self);
+    /// A walk that tells cases apart met this one, a place in [`super::cases::NAMES`]; it is worked out
+    /// only when it is counted.
+    #[inline(always)]
+    fn case(&mut self, _: impl FnOnce() -> usize) {}
+
+    /// Whether leaves answer from a recording instead of their triangles.
+    const REPLAY: bool = false;
+    /// The triangles of a leaf, of none too, are about to be tested.
+    #[inline(always)]
+    fn visit(&mut self) {}
+    /// The best hit so far, whenever there is a better one.
+    #[inline(always)]
+    fn improved(&mut self, _: Hit) {}
+    /// What the next leaf answered when the walk was recorded.
+    #[inline(always)]
+    fn replay(&mut self) -> Option<Hit> {
+        None
+    }
 }
 
 /// Counts nothing, costs nothing.
@@ -56,8 +76,8 @@ impl Counters for NoCount {
     fn verdict(&mut self) {}
 }
 
-/// Counts into the counters of one ray.
-pub struct Count<'a>(pub &'a mut RayCounters);
+/// Counts into the counters of one ray, and records what its leaves answer if there is a record.
+pub struct Count<'a>(pub &'a mut RayCounters, pub Option<&'a mut Record>);
 
 impl Counters for Count<'_> {
     #[inline(always)]
@@ -87,6 +107,22 @@ impl Counters for Count<'_> {
     #[inline(always)]
     fn verdict(&mut self) {
         self.0.verdicts += 1;
+    }
+    #[inline(always)]
+    fn case(&mut self, case: impl FnOnce() -> usize) {
+        self.0.cases[case() % CASES] += 1;
+    }
+    #[inline(always)]
+    fn visit(&mut self) {
+        if let Some(record) = &mut self.1 {
+            record.visit();
+        }
+    }
+    #[inline(always)]
+    fn improved(&mut self, hit: Hit) {
+        if let Some(record) = &mut self.1 {
+            record.improved(hit);
+        }
     }
 }
 
@@ -127,8 +163,9 @@ impl Best {
         let Some(found) = verdict_within(ray.o, ray.d, corners(), span) else {
             return false;
         };
-        // An infinite distance is what a miss reports.
-        if !(ray.t_min <= found.t && found.t <= ray.t_max && found.t < f32::INFINITY) {
+        // An infinite distance is what a miss reports; one that no float can hold has no order, behind the origin
+        // either.
+        if !(ray.t_min <= found.t && found.t <= ray.t_max && found.t.abs() < f32::INFINITY) {
             return false;
         }
         if found.t < self.hit.t || (found.t == self.hit.t && id < self.hit.triangle) {
@@ -139,7 +176,19 @@ impl Best {
                 v: found.v,
             };
             self.reach = frame.reach(found.t);
+            counters.improved(self.hit);
         }
+        Q::ANY
+    }
+
+    /// Takes a hit from a recording; says whether the walk may end.
+    #[inline(always)]
+    pub fn take<Q: Query>(&mut self, frame: &FrameRay, hit: Option<Hit>) -> bool {
+        let Some(hit) = hit else {
+            return false;
+        };
+        self.hit = hit;
+        self.reach = frame.reach(hit.t);
         Q::ANY
     }
 

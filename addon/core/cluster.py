@@ -1,0 +1,175 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Sweeps on a Dask cluster: one timed row per worker at a time.
+
+The workers need numpy and the native module; the scene and this package are sent to them. A row that is lost with its
+worker goes to another one.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib.util
+import logging
+import tempfile
+import time
+import zipfile
+from collections import Counter, deque
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from . import benchmark, native, results, rows, sweep
+from .benchmark import Finished, Options, Prepared
+from .sweep import Measured, Measurer
+from .workload import Workload
+
+ATTEMPTS = 3
+"""A row whose worker died so often is given up: it may be what kills them."""
+
+POLL_SECONDS = 1.0
+
+START_SECONDS = 60.0
+"""How long the first worker may take to appear."""
+
+
+class ClusterError(RuntimeError):
+    """The cluster cannot be used. The message says why, in one line."""
+
+
+def problem() -> str | None:
+    """Why there are no clusters here, or None."""
+    return None if importlib.util.find_spec("distributed") else "the package distributed is not installed"
+
+
+def check(address: str) -> None:
+    """Whether this can be a cluster's address, and whether there is Dask at all. Raises ClusterError."""
+    if local_workers(address) == 0:
+        raise ClusterError(f"--cluster: expected local:N with N workers, got {address!r}")
+    reason = problem()
+    if reason:
+        raise ClusterError(f"--cluster: {reason}")
+
+
+def local_workers(address: str) -> int | None:
+    """The N of "local:N", 0 where it is none, and None where the address is that of a cluster elsewhere."""
+    kind, _, number = address.partition(":")
+    if kind != "local":
+        return None
+    return int(number) if number.isdigit() else 0
+
+
+@contextlib.contextmanager
+def measurer(address: str, options: Options, say: Callable[[str], None]) -> Iterator[Measurer]:
+    """Measures on the cluster at `address`; "local:N" starts N workers here. Raises ClusterError."""
+    check(address)
+    import distributed
+
+    with contextlib.ExitStack() as stack:
+        target: Any = address
+        count = local_workers(address)
+        if count is not None:
+            target = stack.enter_context(
+                distributed.LocalCluster(
+                    n_workers=count,
+                    threads_per_worker=1,
+                    processes=True,
+                    dashboard_address=None,
+                    silence_logs=logging.ERROR,
+                )
+            )
+        try:
+            client = stack.enter_context(distributed.Client(target, timeout=START_SECONDS))
+            client.wait_for_workers(1, timeout=START_SECONDS)
+        except (OSError, ValueError, TimeoutError) as error:
+            raise ClusterError(f"--cluster {address}: no workers: {error}") from error
+        client.upload_file(str(_package(Path(stack.enter_context(tempfile.TemporaryDirectory())))))
+        say(f"{len(_workers(client))} workers at {client.scheduler_info()['address']}")
+        yield lambda workload, wanted, anchor: _measure(client, workload, wanted, anchor, options, say)
+
+
+def _package(folder: Path) -> Path:
+    """The part of this package that works without Blender, under its own name, for workers to import."""
+    own = __name__.rpartition(".")[0].split(".")
+    path = folder / "halfspace-core.zip"
+    with zipfile.ZipFile(path, "w") as archive:
+        for depth in range(1, len(own)):
+            archive.writestr("/".join([*own[:depth], "__init__.py"]), "")
+        for file in sorted(Path(__file__).parent.glob("*.py")):
+            archive.write(file, "/".join([*own, file.name]))
+    return path
+
+
+def _workers(client: Any) -> list[str]:
+    return list(client.scheduler_info(n_workers=-1)["workers"])
+
+
+def _measure(
+    client: Any,
+    workload: Workload,
+    wanted: Sequence[str],
+    anchor: str | None,
+    options: Options,
+    say: Callable[[str], None],
+) -> Iterator[Measured]:
+    """Hand out rows, one at a time to each worker, and yield them as they come. Raises ClusterError."""
+    import distributed
+
+    waiting = deque(wanted)
+    attempts: Counter[str] = Counter()
+    running: dict[str, tuple[str, Any]] = {}
+    scene = client.scatter(workload, hash=False)
+    seen = time.monotonic()
+    while waiting or running:
+        alive = _workers(client)
+        if alive:
+            seen = time.monotonic()
+        elif time.monotonic() - seen > START_SECONDS:
+            raise ClusterError(
+                f"all workers are gone; {len(waiting) + len(running)} rows of {workload.name} are missing"
+            )
+        for address in alive:
+            if address not in running and waiting:
+                spec = waiting.popleft()
+                attempts[spec] += 1
+                say(f"{workload.name}: {spec} on {address}")
+                task = client.submit(
+                    _row, scene, spec, anchor, options, pure=False, workers=[address], allow_other_workers=False
+                )
+                running[address] = spec, task
+        with contextlib.suppress(TimeoutError):
+            tasks = [task for _, task in running.values()]
+            distributed.wait(tasks, timeout=POLL_SECONDS, return_when="FIRST_COMPLETED")
+        for address, (spec, task) in list(running.items()):
+            lost = address not in alive or task.status in ("lost", "cancelled")
+            if not (lost or task.done()):
+                continue
+            del running[address]
+            failure = None if lost else task.exception()
+            if failure is None and not lost:
+                yield task.result()
+            elif (lost or isinstance(failure, distributed.KilledWorker)) and attempts[spec] < ATTEMPTS:
+                task.cancel()
+                waiting.append(spec)
+                # The scene may have gone with the worker.
+                scene = client.scatter(workload, hash=False)
+            else:
+                reason = failure or RuntimeError(f"{ATTEMPTS} workers died on it")
+                yield rows.failed(native.load(), workload, spec, options.threads, reason), {"name": address}
+
+
+_scenes: dict[tuple[str, Options], Prepared] = {}
+"""On a worker: the scene that it measured last, with its rays and the reference's answers."""
+
+
+def _row(workload: Workload, spec: str, anchor: str | None, options: Options) -> Measured:
+    """One row, measured by a worker."""
+    module = native.load()
+    place = workload.fingerprint(), options
+    if place not in _scenes:
+        _scenes.clear()
+        _scenes[place] = benchmark.prepared(module, workload, options)
+    chosen = sweep.beside([spec], anchor)
+    for event in benchmark.events(module, workload, chosen, options, _scenes[place]):
+        if isinstance(event, Finished) and event.row["spec"] == spec:
+            return event.row, results.machine(module)
+    raise RuntimeError(f"{spec} gave no row")

@@ -1,0 +1,145 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What all configurations of a scene share: options, rays, what the reference answers, the converged picture."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Iterator
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from . import curve, rays, yardstick
+from .accuracy import Answers
+from .offsets import Moved
+from .rays import RaySet
+from .workload import Workload
+
+PASS_SECONDS = 5.0
+"""One timed pass over a ray set takes about this long at most; slower structures get fewer rays."""
+
+SCALING = (8, 4, 2)
+"""The view is also timed with its sides divided by these."""
+
+REFERENCES = ("brute", "exact", "embree")
+
+
+@dataclass(frozen=True)
+class Options:
+    """What is measured. size: width and height of the view; check_rays: rays per set compared with the reference.
+
+    threads: for builds and tracing. seed: of the rays. curve: samples per pixel of the pictures. offsets: how far away
+    the grid of touching boxes is put. scaling: whether views of fewer pixels are timed. peak: whether each build is
+    done once more in a process of its own, for its memory. pass_seconds: how long one timed pass may take.
+    memory_limit: bytes that a build may take, None for what the native module allows; a configuration that needs more
+    gives a row whose `error` says so.
+    """
+
+    size: tuple[int, int] = (1024, 1024)
+    sets: tuple[str, ...] = rays.NAMES
+    repeats: int = 7
+    threads: int = 1
+    reference: str = "brute"
+    check_rays: int = 20_000
+    seed: int = 1
+    curve: tuple[int, ...] = ()
+    offsets: tuple[float, ...] = ()
+    scaling: bool = False
+    peak: bool = False
+    pass_seconds: float = PASS_SECONDS
+    memory_limit: int | None = None
+
+    def as_dict(self) -> dict[str, Any]:
+        """As JSON has it."""
+        return {key: list(value) if isinstance(value, tuple) else value for key, value in asdict(self).items()}
+
+    def identity(self) -> dict[str, Any]:
+        """What a finished row depends on; how long a pass may take only says how many rays are timed."""
+        return {key: value for key, value in self.as_dict().items() if key != "pass_seconds"}
+
+
+@dataclass(frozen=True)
+class Progress:
+    """What is done next, and which share of everything was done before, 0 to 1."""
+
+    done: float
+    text: str
+
+
+@dataclass(eq=False)
+class Prepared:
+    """The rays of a scene, what the reference answers to those that are checked, and what else all structures share."""
+
+    workload: Workload
+    options: Options
+    ray_sets: list[RaySet]
+    checked: dict[str, RaySet]
+    expected: dict[str, Answers]
+    views: list[RaySet]
+    pictures: curve.Curve | None
+    moved: Moved | None
+
+
+def prepare(native: Any, workload: Workload, options: Options) -> Generator[Progress, None, Prepared]:
+    """The part of the work that all configurations of a scene share; a generator that returns it."""
+    yield Progress(0.0, "making the rays")
+    tracer = native.build(workload.vertices, workload.triangles, _tracer_spec(native), threads=0)
+    ray_sets = rays.make(workload, tracer, size=options.size, seed=options.seed, names=options.sets)
+    checked = {}
+    for rays_of_set in ray_sets:
+        wanted = len(rays_of_set) if rays_of_set in workload.extra else options.check_rays
+        checked[rays_of_set.name] = rays_of_set.take(rays.blocks(len(rays_of_set), wanted, options.seed))
+    count = sum(map(len, checked.values()))
+    yield Progress(0.0, f"{count:,} rays by {options.reference}, the reference")
+    expected = _reference(native, workload, checked, options)
+    moved = None
+    if options.offsets:
+        yield Progress(0.0, "moving the grid of touching boxes")
+        moved = Moved(native, options.offsets, options.seed)
+    pictures = None
+    if options.curve:
+        pictures = curve.Curve(native, workload, options.size, options.curve, options.seed)
+        yield Progress(0.0, "rendering the converged picture")
+        pictures.converge(tracer)
+    views = list(_smaller_views(workload, tracer, options)) if options.scaling and "primary" in options.sets else []
+    return Prepared(workload, options, ray_sets, checked, expected, views, pictures, moved)
+
+
+def prepared(native: Any, workload: Workload, options: Options) -> Prepared:
+    """The same at one go, for whoever shows no progress."""
+    steps = prepare(native, workload, options)
+    while True:
+        try:
+            next(steps)
+        except StopIteration as end:
+            found: Prepared = end.value
+            return found
+
+
+def _tracer_spec(native: Any) -> str:
+    ids = [row["id"] for row in native.structures()]
+    return "kd" if "kd" in ids else "brute"
+
+
+def _smaller_views(workload: Workload, tracer: Any, options: Options) -> Iterator[RaySet]:
+    """The primary rays of the same view in fewer pixels, the fewest first."""
+    for divisor in SCALING:
+        width, height = (max(rays.TILE, side // divisor // rays.TILE * rays.TILE) for side in options.size)
+        (view,) = rays.make(workload, tracer, size=(width, height), seed=options.seed, names=("primary",))[:1]
+        yield view
+
+
+def _reference(native: Any, workload: Workload, checked: dict[str, RaySet], options: Options) -> dict[str, Answers]:
+    """What the reference answers to the checked rays of each set, on all cores."""
+    vertices, triangles = workload.vertices, workload.triangles
+    found = {}
+    structure: Any = None
+    if options.reference == "brute":
+        structure = native.build(vertices, triangles, "brute", threads=0)
+    elif options.reference == "embree":
+        structure = yardstick.EmbreeStructure(vertices, triangles)
+    for name, some in checked.items():
+        if structure is None:
+            hits = native.exact_closest(vertices, triangles, some.origins, some.directions, t_max=some.t_max)
+        else:
+            hits = structure.closest(some.origins, some.directions, t_max=some.t_max, threads=0)
+        found[name] = Answers.of(hits)
+    return found

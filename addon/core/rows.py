@@ -1,0 +1,117 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A row of `bench.json`: what was measured for one configuration on one scene, and which of it depends on the clock."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import specs, yardstick
+from .workload import Workload
+
+Row = dict[str, Any]
+
+OF_THE_CLOCK = {
+    *("build_s", "peak_bytes", "build_seconds", "n", "mrays_s", "times_embree", "rounds", "anchor_rounds", "noise"),
+    *("seconds", "seconds_with_build", "render_s", "machine", "round_id", "anchor", "scaling", "too_slow"),
+}
+"""Keys whose values differ from run to run. All others are the same on every machine."""
+
+
+def empty(native: Any, workload: Workload, spec: str, threads: int) -> Row:
+    """A row with every key; what is not known is null."""
+    known = {} if spec == yardstick.SPEC else specs.values(spec, native.structures())
+    return {
+        "scene": workload.name,
+        "triangles": len(workload.triangles),
+        "spec": spec,
+        "structure": spec.partition(":")[0],
+        "k": known.get("k"),
+        "alpha": known.get("alpha"),
+        "seed": known.get("seed"),
+        "threads": 1 if spec == yardstick.SPEC else threads,
+        "machine": platform.node(),
+        "round_id": None,
+        "anchor": None,
+        "build_s": None,
+        "bytes": None,
+        "peak_bytes": None,
+        "statistics": None,
+        "rays": None,
+        "errors": None,
+        "curve": None,
+        "scaling": None,
+        "offsets": None,
+        "render_s": None,
+        "left_out": [],
+        "too_slow": [],
+        "error": None,
+    }
+
+
+def failed(native: Any, workload: Workload, spec: str, threads: int, error: BaseException) -> Row:
+    """The row of a configuration that could not be measured."""
+    row = empty(native, workload, spec, threads)
+    row["error"] = first_line(error)
+    return row
+
+
+def failed_scene(name: str, error: BaseException) -> Row:
+    """The row of a scene that could not be read: no configuration, only why."""
+    return (
+        {"scene": name, "triangles": 0, "spec": "", "structure": "", "threads": 0}
+        | dict.fromkeys(
+            (
+                "k",
+                "alpha",
+                "seed",
+                "round_id",
+                "anchor",
+                "build_s",
+                "bytes",
+                "peak_bytes",
+                "statistics",
+                "rays",
+                "errors",
+            ),
+            None,
+        )
+        | {"curve": None, "scaling": None, "offsets": None, "render_s": None, "left_out": [], "too_slow": []}
+        | {
+            "machine": platform.node(),
+            "error": first_line(error),
+        }
+    )
+
+
+def first_line(error: BaseException) -> str:
+    """What an exception says, in one line; its type where it says nothing."""
+    return (str(error).splitlines() or [type(error).__name__])[0]
+
+
+def spread(numbers: Sequence[float] | NDArray[np.float64]) -> dict[str, float]:
+    """Smallest, median and largest."""
+    return {"min": float(min(numbers)), "med": float(np.median(numbers)), "max": float(max(numbers))}
+
+
+def agrees(row: Row) -> bool:
+    """Whether a row's answers are those of its reference. Brute force must be met to the last bit."""
+    errors = row["errors"]
+    if errors is None:
+        return False
+    wrong = ("false_miss", "false_hit", "wrong_triangle", "wrong_any_hit", "differing_pixels")
+    bits = ("wrong_values", "t_ulp_max") if errors["reference"] == "brute" else ()
+    return not any(errors[key] for key in wrong + bits)
+
+
+def without_times(value: Any) -> Any:
+    """A row, or a part of one, without what depends on the clock and the machine: the rest must come out again."""
+    if isinstance(value, Mapping):
+        return {key: without_times(inner) for key, inner in value.items() if key not in OF_THE_CLOCK}
+    if isinstance(value, list):
+        return [without_times(inner) for inner in value]
+    return value

@@ -1,0 +1,115 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Sweeps: many configurations on many scenes, resumable, in one process, in several, or on a cluster.
+
+A sweep is a list of scenes times a list of configurations. What is finished is in a journal; whatever else is asked is
+measured, here or by workers, and journalled as it comes. One report is made of the journal.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from . import benchmark, results, rows
+from .benchmark import Finished, Options, Row
+from .workload import Workload
+
+QUIET_SECONDS = 2.0
+"""What is being done is told about this often."""
+
+Measured = tuple[Row, dict[str, Any]]
+"""A row, and the machine that measured it."""
+
+Measurer = Callable[[Workload, Sequence[str], str | None], Iterator[Measured]]
+"""Measures configurations of a scene, the anchor beside them: workload, configurations, anchor."""
+
+
+@dataclass(frozen=True)
+class Shard:
+    """The part `number` of `count`, from 1: every count-th row."""
+
+    number: int = 1
+    count: int = 1
+
+    @property
+    def name(self) -> str:
+        """For the name of its journal; empty for the whole."""
+        return f"{self.number}-of-{self.count}" if self.count > 1 else ""
+
+    def has(self, index: int) -> bool:
+        """Whether this part measures the row of this index."""
+        return index % self.count == self.number - 1
+
+
+@dataclass
+class Sweep:
+    """What is asked and what there is. identity: everything else that a row depends on, for its key."""
+
+    chosen: list[str]
+    options: Options
+    identity: list[Any]
+    journal: results.Journal | None = None
+    shard: Shard = field(default_factory=Shard)
+    entries: dict[tuple[int, int], results.Entry] = field(default_factory=dict)
+
+    def run(self, number: int, workload: Workload, measurer: Measurer, say: Callable[[str], None]) -> list[Row]:
+        """Measure what is missing of one scene, the `number`-th. Returns its rows in the order of `chosen`."""
+        scene = workload.fingerprint()
+        known = {} if self.journal is None else self.journal.entries
+        keys = [results.key(workload.name, scene, spec, *self.identity) for spec in self.chosen]
+        mine = [i for i in range(len(self.chosen)) if self.shard.has(number * len(self.chosen) + i)]
+        missing = [i for i in mine if keys[i] not in known]
+        for index in mine:
+            if index not in missing:
+                # A row that another command line asked for has another place there.
+                self.entries[number, index] = results.Entry(keys[index], (number, index), known[keys[index]].row)
+        if missing and len(missing) < len(mine):
+            say(f"{workload.name}: {len(mine) - len(missing)} of {len(mine)} rows are there already")
+        if missing:
+            wanted = [self.chosen[i] for i in missing]
+            for row, machine in measurer(workload, wanted, benchmark.anchor_of(self.chosen)):
+                self._keep(number, missing, keys, row, machine)
+        return [self.entries[number, i].row for i in mine if (number, i) in self.entries]
+
+    def fail(self, number: int, name: str, error: BaseException) -> None:
+        """A scene that cannot be read is a row too, but one that is tried again."""
+        self.entries[number, 0] = results.Entry("", (number, 0), rows.failed_scene(name, error))
+
+    def rows(self) -> list[Row]:
+        """All rows, in order."""
+        return [self.entries[place].row for place in sorted(self.entries)]
+
+    def _keep(
+        self, number: int, missing: Sequence[int], keys: Sequence[str], row: Row, machine: dict[str, Any]
+    ) -> None:
+        index = self.chosen.index(row["spec"])
+        if index not in missing:
+            # The anchor, measured beside others although its row is there.
+            return
+        entry = results.Entry(keys[index], (number, index), row)
+        self.entries[number, index] = entry
+        if self.journal is not None and row["error"] is None:
+            self.journal.add(entry, machine)
+
+
+def beside(wanted: Sequence[str], anchor: str | None) -> list[str]:
+    """What to measure so that `wanted` has its anchor."""
+    return [*([anchor] if anchor is not None and anchor not in wanted else []), *wanted]
+
+
+def here(native: Any, options: Options, say: Callable[[str], None]) -> Measurer:
+    """Measures in this process, interleaved."""
+    machine = results.machine(native)
+
+    def measurer(workload: Workload, wanted: Sequence[str], anchor: str | None) -> Iterator[Measured]:
+        told = 0.0
+        for event in benchmark.events(native, workload, beside(wanted, anchor), options):
+            if isinstance(event, Finished):
+                yield event.row, machine
+            elif time.monotonic() - told >= QUIET_SECONDS:
+                told = time.monotonic()
+                say(f"{workload.name}: {100 * event.done:3.0f} % {event.text}")
+
+    return measurer

@@ -1,0 +1,137 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Sweeps: in parts, on a cluster, killed and resumed; the rows are those of one uninterrupted run but for times."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import bench
+import numpy as np
+import pytest
+
+from addon.core import cluster, rows
+
+SPECS = "kd:triangle_cost=2|5,kd-sah,octree-net:leaf_size=2..4"
+ROWS = 6
+OPTIONS = ["--structures", SPECS, "--size", "64x64", "--repeats", "2", "--check-rays", "512", "--curve", "none"]
+OPTIONS += ["--only-rays", "--seconds", "2"]
+
+
+@pytest.fixture(scope="module")
+def scenes(tmp_path_factory: Any) -> list[str]:
+    """Two small files."""
+    found = []
+    for seed in (1, 2):
+        rng = np.random.default_rng(seed)
+        corners = rng.normal(size=(300, 1, 3)) + 0.3 * rng.normal(size=(300, 3, 3))
+        path = tmp_path_factory.mktemp("scenes") / f"soup-{seed}.npz"
+        np.savez(
+            path,
+            vertices=corners.reshape(-1, 3).astype(np.float32),
+            triangles=np.arange(900, dtype=np.int32).reshape(-1, 3),
+            camera_eye=np.array([0.0, -5.0, 1.0]),
+            camera_target=np.zeros(3),
+            camera_up=np.array([0.0, 0.0, 1.0]),
+            camera_vfov_deg=np.float64(45.0),
+        )
+        found.append(str(path))
+    return found
+
+
+def table(folder: Path) -> list[dict[str, Any]]:
+    """The rows of a report without what the clock decides; Embree's values are not ours to promise."""
+    found = json.loads((folder / "bench.json").read_text(encoding="utf-8"))["rows"]
+    return [rows.without_times(row) for row in found if row["spec"] != "embree"]
+
+
+@pytest.fixture
+def whole(scenes: list[str], tmp_path: Path) -> list[dict[str, Any]]:
+    """The rows of one uninterrupted run in this process."""
+    assert bench.main([*scenes, *OPTIONS, "--out", str(tmp_path / "whole")]) == 0
+    found = table(tmp_path / "whole")
+    assert len(found) == 2 * ROWS
+    return found
+
+
+def test_parts_merge_to_the_whole(scenes: list[str], tmp_path: Path, whole: list[Any], capsys: Any) -> None:
+    folders = [str(tmp_path / "together"), str(tmp_path / "together"), str(tmp_path / "elsewhere")]
+    for number, folder in enumerate(folders, 1):
+        assert bench.main([*scenes, *OPTIONS, "--shard", f"{number}/3", "--out", folder]) == 0
+        assert not (Path(folder) / "report.html").exists(), "the report is of the whole"
+    out = tmp_path / "merged"
+    assert bench.main([*folders[1:], "--merge", "--out", str(out)]) == 0
+    assert table(out) == whole
+    # The same command line without a part finds the rows of its folder, and measures the others.
+    capsys.readouterr()
+    assert bench.main([*scenes, *OPTIONS, "--out", folders[0]]) == 0
+    assert "rows are there already" in capsys.readouterr().out
+    assert table(Path(folders[0])) == whole
+
+
+def test_merging_rows_that_disagree_is_status_1(scenes: list[str], tmp_path: Path, capsys: Any) -> None:
+    first, second = tmp_path / "first", tmp_path / "second"
+    quick = [scenes[0], *OPTIONS, "--structures", "kd", "--curve", "none"]
+    assert bench.main([*quick, "--out", str(first)]) == 0
+    second.mkdir()
+    text = (first / "rows.jsonl").read_text(encoding="utf-8")
+    (second / "rows.jsonl").write_text(text.replace('"leaves": ', '"leaves": 1'), encoding="utf-8")
+    capsys.readouterr()
+    assert bench.main([str(first), str(second), "--merge", "--out", str(tmp_path / "out")]) == 1
+    assert "soup-1, kd: measured twice" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("arguments", [[], ["nowhere"], ["nowhere", "--out", "out"]])
+def test_merging_nothing_is_one_line(arguments: list[str], tmp_path: Path, capsys: Any, monkeypatch: Any) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert bench.main([*arguments, "--merge"]) == 2
+    assert "--merge" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.skipif(cluster.problem() is not None, reason=str(cluster.problem()))
+@pytest.mark.skipif(os.name == "nt", reason="processes are killed by signals")
+def test_a_sweep_on_a_cluster_that_is_killed_twice_ends_as_if_it_had_not(
+    scenes: list[str], tmp_path: Path, whole: list[Any]
+) -> None:
+    out = tmp_path / "out"
+    command = [sys.executable, bench.__file__, *scenes, *OPTIONS, "--cluster", "local:2", "--out", str(out)]
+    for rows_before_the_end in (2, 6):
+        process = subprocess.Popen(command, stdout=subprocess.DEVNULL, start_new_session=True)
+        try:
+            deadline = time.monotonic() + 120
+            while _finished(out) < rows_before_the_end:
+                assert process.poll() is None, "it ended before it could be killed"
+                assert time.monotonic() < deadline
+                time.sleep(0.02)
+        finally:
+            os.killpg(process.pid, signal.SIGKILL)
+            process.wait()
+        assert not (out / "report.html").exists()
+    kept = _finished(out)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
+    assert done.returncode == 0, done.stderr
+    assert kept < _finished(out) <= 2 * (ROWS + 1), "nothing lost, nothing doubled"
+    assert table(out) == whole
+
+
+def _finished(folder: Path) -> int:
+    journal = folder / "rows.jsonl"
+    return journal.read_text(encoding="utf-8").count('"key"') if journal.is_file() else 0
+
+
+@pytest.mark.skipif(cluster.problem() is not None, reason=str(cluster.problem()))
+def test_a_cluster_that_is_not_there_is_one_line(
+    scenes: list[str], tmp_path: Path, capsys: Any, monkeypatch: Any
+) -> None:
+    monkeypatch.setattr(cluster, "START_SECONDS", 0.5)
+    assert bench.main([*scenes, *OPTIONS, "--cluster", "tcp://127.0.0.1:9", "--out", str(tmp_path / "out")]) == 2
+    lines = [line for line in capsys.readouterr().err.splitlines() if line.startswith("bench:")]
+    assert len(lines) == 1
+    assert "no workers" in lines[0]
