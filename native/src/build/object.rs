@@ -269,8 +269,8 @@ fn median(objects: &mut [Object], axis: usize) -> usize {
 mod tests {
     use super::*;
     use crate::build::leaves::Leaves;
-    use crate::traverse::blocks::Keep;
     use crate::traverse::box_tree::BoxTree;
+    use crate::traverse::keep::Keep;
     use crate::traverse::nested;
 
     /// Cuts one object off at a time, as long as the loop lets it.

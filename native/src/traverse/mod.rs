@@ -13,6 +13,7 @@ pub mod box_tree;
 pub mod cases;
 pub mod dop_tree;
 pub mod frame;
+pub mod keep;
 pub mod lanes;
 pub mod nested;
 pub mod objects;
