@@ -62,7 +62,8 @@ class Statistics(TypedDict):
     """What a build made.
 
     build_seconds: by the clock. bytes: nodes and leaves, without the scene's own arrays.
-    references: triangles in all leaves together. depth_max, depth_mean: of the leaves, the root
+    references: triangles in all leaves together. links: from leaves to
+    their neighbours, where a structure stores them. depth_max, depth_mean: of the leaves, the root
     at 0. leaf_max: triangles in the largest leaf. sah_cost: expected cost of a random ray in the
     thesis's units (80 a triangle, 1 an axis step, 5 an oblique step), the same for all structures.
     left_out: what the scene did not need, each with its reason. dropped_triangles: those without
@@ -77,6 +78,7 @@ class Statistics(TypedDict):
     leaves_empty: int
     leaf_max: int
     references: int
+    links: int
     depth_max: int
     depth_mean: float
     sah_cost: float

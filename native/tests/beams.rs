@@ -97,13 +97,26 @@ fn wide_angles_parallel_rays_and_apexes_on_cell_corners_change_nothing() {
                 [(x * 32.5).round() / 8.0, 1.0, (y * 32.5).round() / 8.0],
             )
         }),
-        // Orthographic: no common origin.
+        // Orthographic: no common origin, but a common direction.
         image(size, |x, y| {
             ray([2.0 + 3.0 * x, -5.0, 2.0 + 3.0 * y], [0.0, 1.0, 0.0])
         }),
         image(size, |x, y| {
             ray([2.0 + 3.0 * x, -5.0, 2.0 + 3.0 * y], [0.1, 1.0, -0.2])
         }),
+        // One pixel per edge of a cell, straight along the edges and walls.
+        image((17, 17), |x, y| {
+            ray([2.0 + 2.125 * x, -5.0, 2.0 + 2.125 * y], [-0.0, 1.0, 0.0])
+        }),
+        image((17, 17), |x, y| {
+            ray([2.0 + 2.125 * x, 7.0 - y, 9.0], [0.0, -1.0, -1.0])
+        }),
+        // Shifted: the window lies aside of the axis.
+        image(size, |x, y| {
+            ray([1.9, -3.0, 2.2], [0.8 * x + 0.9, 1.0, 0.5 * y - 0.7])
+        }),
+        // Each ray its own way.
+        image(size, |x, y| ray([2.0 + x, -3.0, 2.0 + y], [y, 1.0, x])),
         // Too far away to walk from cell to cell.
         image(size, pinhole([2.0, -1.0e6, 2.0], 4.0e-6)),
         // Limits of their own, and rays that are no rays.
@@ -197,15 +210,24 @@ fn every_walk_ends_after_as_many_cells_as_the_grid_has_planes() {
 #[test]
 fn beams_take_fewer_steps_and_count_them() {
     let scene = soup(grid(4, 0.3));
-    let rays = image((320, 200), pinhole([1.9, -7.0, 2.2], 0.6));
     let structure = build(&scene, "octree-beam");
-    let steps = |order| {
-        let mut hits = vec![Hit::MISS; rays.len()];
-        let mut counters = vec![RayCounters::default(); rays.len()];
-        structure.closest_ordered(&rays, &mut hits, Some(&mut counters), order);
-        let sum = |c: &RayCounters| u64::from(c.steps_axis + c.leaves + c.leaves_empty);
-        counters.iter().map(sum).sum::<u64>()
-    };
-    let (beams, single) = (steps(Order::Tiles), steps(Order::None));
-    assert!(4 * beams < single, "{beams} against {single}");
+    let perspective = image((320, 200), pinhole([1.9, -7.0, 2.2], 0.6));
+    let parallel = image((320, 200), |x, y| {
+        ray([2.0 + 3.0 * x, -5.0, 2.0 + 3.0 * y], [0.1, 1.0, -0.2])
+    });
+    for rays in [perspective, parallel] {
+        let (beams, single) = (
+            steps(&structure, &rays, Order::Tiles),
+            steps(&structure, &rays, Order::None),
+        );
+        assert!(4 * beams < single, "{beams} against {single}");
+    }
+}
+
+fn steps(structure: &Structure, rays: &[Ray], order: Order) -> u64 {
+    let mut hits = vec![Hit::MISS; rays.len()];
+    let mut counters = vec![RayCounters::default(); rays.len()];
+    structure.closest_ordered(rays, &mut hits, Some(&mut counters), order);
+    let sum = |c: &RayCounters| u64::from(c.steps_axis + c.leaves + c.leaves_empty);
+    counters.iter().map(sum).sum()
 }

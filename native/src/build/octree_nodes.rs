@@ -282,6 +282,12 @@ impl Octree {
             shape.sah_cost += 80.0 * share * count as f64;
             depth_sum += depth;
         });
+        shape.links = self
+            .links
+            .iter()
+            .flatten()
+            .filter(|&&l| l != OUTSIDE)
+            .count();
         shape.depth_mean = depth_sum as f64 / shape.leaves.max(1) as f64;
         shape
     }

@@ -3,8 +3,8 @@
 //! all loops.
 
 use super::blocks::{Blocks, LANES};
+use super::bundle::RAYS;
 use super::frame::{Frame, FrameRay};
-use super::octree_beam::RAYS;
 use super::query::{Best, Count, Counters, NoCount, Query};
 use super::ray::{Hit, Ray, RayCounters};
 use crate::scene::Triangles;

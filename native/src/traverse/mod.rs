@@ -9,6 +9,7 @@
 pub mod batch;
 pub mod blocks;
 pub mod box_tree;
+pub mod bundle;
 pub mod frame;
 pub mod lanes;
 pub mod nested;

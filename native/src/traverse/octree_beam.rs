@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Octrees walked by beams: up to 64 rays of one origin go from leaf to leaf together (González López
-//! and Gisbert Cantó, Trazado de haces, section 2).
+//! Octrees walked by beams: up to 64 rays of one origin, or of one direction, go from leaf to leaf
+//! together (González López and Gisbert Cantó, Trazado de haces, section 2).
 //!
 //! As there, a beam in an empty leaf goes on to the neighbours behind the faces by which its rays leave,
 //! cut in parts where there are several; in a full leaf its rays are tested one by one, those
@@ -13,8 +13,8 @@
 
 use super::batch::{TileWalk, Walk as _};
 use super::blocks::Blocks;
+use super::bundle::{Bundle, Common, LANES, Parallel, RAYS, Row, Rows, lanes, load};
 use super::frame::{Frame, FrameRay, keep_min};
-use super::lanes::Seen;
 use super::octree_net::Links;
 use super::octree_step::{self, Grid};
 use super::query::{Best, Closest, Counters};
@@ -23,19 +23,12 @@ use crate::build::octree_nodes::{Node, OUTSIDE, Octree};
 use crate::scene::Triangles;
 use fearless_simd::{Select, Simd, SimdBase, SimdFloat, SimdMask, f32x8, mask32x8};
 
-/// Rays in a beam at most.
-pub const RAYS: usize = 64;
-
-const LANES: usize = 8;
-
 /// The walk over one tree, and the number of rays below which they go on singly.
 pub struct Walk<'a>(pub &'a Octree, pub u32);
 
-type Row = [f32; RAYS];
-
 /// The rays of a beam, a row per quantity.
 struct Beam {
-    d: [Row; 3],
+    rays: Rows,
     inv: [Row; 3],
     /// The smallest cell where each ray is, counted along its direction.
     at: [Row; 3],
@@ -71,28 +64,37 @@ impl TileWalk for Walk<'_> {
             best: Vec::with_capacity(RAYS),
         };
         let mut beam = Beam {
-            d: [[0.0; RAYS]; 3],
+            rays: Rows::new(),
             inv: [[0.0; RAYS]; 3],
             at: [[0.0; RAYS]; 3],
             enter: [0.0; RAYS],
             leave: [0.0; RAYS],
             reach: [0.0; RAYS],
         };
-        // Rays that meet the scene, per octant of directions. Others are done, or go singly.
+        // Rays that meet the scene and share the first one's origin, or else its direction, per octant
+        // of directions. Others are done, or go singly.
         let mut groups = [0_u64; 8];
-        let origin = rays[0].o.map(f32::to_bits);
         let mut rest = 0_u64;
+        let bits = |v: [f32; 3]| v.map(f32::to_bits);
+        let (origin, direction) = (bits(rays[0].o), bits(rays[0].d));
+        let parallel = rays.len() > 1 && bits(rays[1].o) != origin;
         for (i, ray) in rays.iter().enumerate() {
             let framed = frame.ray(ray);
             write(i, Hit::MISS);
             if let Some(framed) = &framed {
-                if ray.o.map(f32::to_bits) == origin && tree.is_near(framed) {
+                let alike = if parallel {
+                    bits(ray.d) == direction
+                } else {
+                    bits(ray.o) == origin
+                };
+                if alike && tree.is_near(framed) {
                     groups[(framed.signs & 7) as usize] |= 1 << i;
                 } else {
                     rest |= 1 << i;
                 }
                 for k in 0..3 {
-                    beam.d[k][i] = framed.d[k];
+                    beam.rays.o[k][i] = framed.o[k];
+                    beam.rays.d[k][i] = framed.d[k];
                     beam.inv[k][i] = framed.inv[k];
                 }
                 beam.enter[i] = framed.t_min;
@@ -116,14 +118,19 @@ impl TileWalk for Walk<'_> {
                     beam.at[k][i] = grid.cell(k, x, 0, grid.size - 1) as f32;
                 }
             }
-            self.follow(
-                simd,
-                triangles,
-                (&grid, group),
-                &mut beam,
-                &mut tile,
-                counters,
-            );
+            let first = &tile.framed[group.trailing_zeros() as usize];
+            let start = (&grid, group);
+            if parallel {
+                let shared = Parallel(first.d);
+                self.follow(
+                    simd, triangles, &shared, start, &mut beam, &mut tile, counters,
+                );
+            } else {
+                let shared = Common(first.o);
+                self.follow(
+                    simd, triangles, &shared, start, &mut beam, &mut tile, counters,
+                );
+            }
             for i in lanes(group) {
                 write(i, tile.best[i].hit());
             }
@@ -141,26 +148,14 @@ impl TileWalk for Walk<'_> {
     }
 }
 
-/// The places of the bits of a mask.
-#[inline(always)]
-fn lanes(mut mask: u64) -> impl Iterator<Item = usize> {
-    std::iter::from_fn(move || {
-        if mask == 0 {
-            return None;
-        }
-        let lane = mask.trailing_zeros() as usize;
-        mask &= mask - 1;
-        Some(lane)
-    })
-}
-
 impl Walk<'_> {
     /// Walks a beam to its end.
     #[inline(always)]
-    fn follow<S: Simd, C: Counters>(
+    fn follow<S: Simd, C: Counters, B: Bundle>(
         &self,
         simd: S,
         triangles: (&Triangles, &Blocks),
+        shared: &B,
         (grid, group): (&Grid, u64),
         beam: &mut Beam,
         tile: &mut Tile<'_>,
@@ -204,7 +199,7 @@ impl Walk<'_> {
                 continue;
             }
             let next = low.map(|x| x + edge);
-            let by_axis = leave(simd, (grid, next), &tile.framed[first].o, (beam, mask));
+            let by_axis = leave(simd, (grid, next), shared, (beam, mask));
             let (block, count) = node.blocks();
             counters[first].leaf(count);
             if count != 0 {
@@ -212,18 +207,13 @@ impl Walk<'_> {
                     simd,
                     triangles,
                     (block, count),
+                    shared,
                     (beam, mask),
                     tile,
                     counters,
                 );
             }
-            let open = advance(
-                simd,
-                (grid, next),
-                &tile.framed[first].o,
-                (beam, mask),
-                by_axis,
-            );
+            let open = advance(simd, (grid, next), shared, (beam, mask), by_axis);
             for (axis, by) in by_axis.into_iter().enumerate() {
                 if by & open != 0 && next[axis] != grid.size {
                     let side = usize::from(grid.signs >> axis & 1 == 0);
@@ -245,12 +235,6 @@ impl Walk<'_> {
 )]
 fn whole(x: f32) -> u32 {
     x as u32
-}
-
-/// Eight places of a row.
-#[inline(always)]
-fn load<S: Simd>(simd: S, from: &Row, row: usize) -> f32x8<S> {
-    f32x8::from_slice(simd, &from[row..row + LANES])
 }
 
 /// Parts a beam in an inner node by the octants where its rays are.
@@ -290,24 +274,23 @@ fn part<S: Simd>(
 
 /// When each ray leaves the cell that ends at the planes `next`; returns the rays by exit axis.
 #[inline(always)]
-fn leave<S: Simd>(
+fn leave<S: Simd, B: Bundle>(
     simd: S,
     (grid, next): (&Grid, [u32; 3]),
-    o: &[f32; 3],
+    shared: &B,
     (beam, mask): (&mut Beam, u64),
 ) -> [u64; 3] {
-    let ahead: [f32; 3] = std::array::from_fn(|k| grid.ahead(k, next[k], o[k]));
     let mut by_axis = [0_u64; 3];
     for row in (0..RAYS).step_by(LANES) {
         let bits = mask >> row & 0xff;
         if bits == 0 {
             continue;
         }
-        let times = [
-            f32x8::splat(simd, ahead[0]) * load(simd, &beam.inv[0], row),
-            f32x8::splat(simd, ahead[1]) * load(simd, &beam.inv[1], row),
-            f32x8::splat(simd, ahead[2]) * load(simd, &beam.inv[2], row),
-        ];
+        let time = |k: usize| {
+            let ahead = grid.all_ahead(simd, k, next[k], shared.origin(simd, &beam.rays, k, row));
+            ahead * load(simd, &beam.inv[k], row)
+        };
+        let times = [time(0), time(1), time(2)];
         let second = times[1].simd_lt(times[0]);
         let nearer = second.select(times[1], times[0]);
         let third = times[2].simd_lt(nearer);
@@ -326,10 +309,10 @@ fn leave<S: Simd>(
 
 /// Moves each ray on into the cell behind the face by which it leaves; returns those that go on.
 #[inline(always)]
-fn advance<S: Simd>(
+fn advance<S: Simd, B: Bundle>(
     simd: S,
     (grid, next): (&Grid, [u32; 3]),
-    o: &[f32; 3],
+    shared: &B,
     (beam, mask): (&mut Beam, u64),
     by_axis: [u64; 3],
 ) -> u64 {
@@ -349,11 +332,11 @@ fn advance<S: Simd>(
         let enter: f32x8<S> = own.select(leave, enter);
         enter.store_slice(&mut beam.enter[row..row + LANES]);
         for k in 0..3 {
-            let d = load(simd, &beam.d[k], row);
+            let d = shared.direction(simd, &beam.rays, k, row);
             let at = load(simd, &beam.at[k], row);
             // Products and sums round one by one, as for single rays.
             let moved = leave * d;
-            let x = f32x8::splat(simd, o[k]) + moved;
+            let x = shared.origin(simd, &beam.rays, k, row) + moved;
             let number = grid.numbers(simd, k, x);
             let inside = number
                 .max(at)
@@ -370,32 +353,27 @@ fn advance<S: Simd>(
 
 /// Tests the rays of a beam against the triangles of its leaf.
 #[inline(always)]
-fn test<S: Simd, C: Counters>(
+fn test<S: Simd, C: Counters, B: Bundle>(
     simd: S,
     (scene, blocks): (&Triangles, &Blocks),
     leaf: (u32, usize),
+    shared: &B,
     (beam, mask): (&mut Beam, u64),
     tile: &mut Tile<'_>,
     counters: &mut [C],
 ) {
-    let o = tile.framed[mask.trailing_zeros() as usize].o;
     for i in lanes(mask) {
         counters[i].tests(leaf.1);
     }
     blocks.each(leaf, |id, corners| {
-        let seen = Seen::new(o, corners);
+        let seen = shared.see(corners);
         for row in (0..RAYS).step_by(LANES) {
             let bits = mask >> row & 0xff;
             if bits == 0 {
                 continue;
             }
-            let d = [
-                load(simd, &beam.d[0], row),
-                load(simd, &beam.d[1], row),
-                load(simd, &beam.d[2], row),
-            ];
             let reach = load(simd, &beam.leave, row).min(load(simd, &beam.reach, row));
-            for lane in lanes(seen.candidates(simd, d, reach) & bits) {
+            for lane in lanes(shared.candidates(simd, &seen, (&beam.rays, row), reach) & bits) {
                 let i = row + lane;
                 let ray = (&tile.rays[i], &tile.framed[i]);
                 let best = &mut tile.best[i];

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The octree walked from the top, as Arvo has it.
 
-use super::octree::{self, LEAF_SIZE, MAX_DEPTH_PARAM, REFERENCES};
+use super::octree::{self, LEAF_SIZE, MAX_DEPTH_PARAM, REFERENCES, Walked};
 use crate::build::Monitor;
 use crate::error::Result;
 use crate::registry::{Built, StructureSpec};
@@ -22,5 +22,5 @@ pub const SPEC: StructureSpec = StructureSpec {
 };
 
 fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built> {
-    octree::build(scene, config, monitor, false, Layout::OctreeParam)
+    octree::build(scene, config, monitor, Walked::FromTop, Layout::OctreeParam)
 }

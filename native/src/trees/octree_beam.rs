@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! T.Haces: the octree whose camera rays go as beams.
 
-use super::octree::{self, LEAF_SIZE, MAX_DEPTH_PARAM, REFERENCES};
+use super::octree::{self, LEAF_SIZE, MAX_DEPTH_PARAM, REFERENCES, Walked};
 use crate::build::Monitor;
 use crate::error::Result;
 use crate::registry::{Built, StructureSpec};
@@ -35,7 +35,7 @@ pub const SPEC: StructureSpec = StructureSpec {
 
 fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built> {
     let least = u32::try_from(config.integer("beam_least")).expect("in range");
-    octree::build(scene, config, monitor, true, |tree| {
-        Layout::OctreeBeam(tree.with_links(), least)
+    octree::build(scene, config, monitor, Walked::ByLinks, |tree| {
+        Layout::OctreeBeam(tree, least)
     })
 }

@@ -1,0 +1,146 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! What the rays of a beam share: their origin (a pinhole, a point light), or their direction (an
+//! orthographic camera, a sun). What the shared half says about a triangle is worked out once per
+//! beam, and each ray is left with three dot products, eight rays at a time.
+
+use super::lanes::{Along, Seen};
+use fearless_simd::{Simd, SimdBase, f32x8};
+
+/// Rays in a beam at most.
+pub const RAYS: usize = 64;
+
+/// Rays that are handled at once.
+pub const LANES: usize = 8;
+
+/// One number per ray.
+pub type Row = [f32; RAYS];
+
+/// Origins and directions in the frame.
+pub struct Rows {
+    /// Origins.
+    pub o: [Row; 3],
+    /// Directions.
+    pub d: [Row; 3],
+}
+
+impl Rows {
+    /// All zero.
+    #[inline(always)]
+    pub fn new() -> Self {
+        Self {
+            o: [[0.0; RAYS]; 3],
+            d: [[0.0; RAYS]; 3],
+        }
+    }
+}
+
+/// Eight places of a row.
+#[inline(always)]
+pub fn load<S: Simd>(simd: S, from: &Row, row: usize) -> f32x8<S> {
+    f32x8::from_slice(simd, &from[row..row + LANES])
+}
+
+/// The places of the bits of a mask.
+#[inline(always)]
+pub fn lanes(mut mask: u64) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        if mask == 0 {
+            return None;
+        }
+        let lane = mask.trailing_zeros() as usize;
+        mask &= mask - 1;
+        Some(lane)
+    })
+}
+
+/// Rays that share something.
+pub trait Bundle {
+    /// A triangle, as the shared half sees it.
+    type Seen;
+
+    /// A triangle, as the shared half sees it.
+    fn see(&self, corners: [[f32; 3]; 3]) -> Self::Seen;
+
+    /// One component of eight rays' origins.
+    fn origin<S: Simd>(&self, simd: S, rays: &Rows, k: usize, row: usize) -> f32x8<S>;
+
+    /// One component of eight rays' directions.
+    fn direction<S: Simd>(&self, simd: S, rays: &Rows, k: usize, row: usize) -> f32x8<S>;
+
+    /// Which of eight rays may hit the triangle no farther away than `reach`.
+    fn candidates<S: Simd>(
+        &self,
+        simd: S,
+        seen: &Self::Seen,
+        rays: (&Rows, usize),
+        reach: f32x8<S>,
+    ) -> u64;
+}
+
+/// Rays of this origin.
+pub struct Common(pub [f32; 3]);
+
+impl Bundle for Common {
+    type Seen = Seen;
+
+    #[inline(always)]
+    fn see(&self, corners: [[f32; 3]; 3]) -> Seen {
+        Seen::new(self.0, corners)
+    }
+
+    #[inline(always)]
+    fn origin<S: Simd>(&self, simd: S, _: &Rows, k: usize, _: usize) -> f32x8<S> {
+        f32x8::splat(simd, self.0[k])
+    }
+
+    #[inline(always)]
+    fn direction<S: Simd>(&self, simd: S, rays: &Rows, k: usize, row: usize) -> f32x8<S> {
+        load(simd, &rays.d[k], row)
+    }
+
+    #[inline(always)]
+    fn candidates<S: Simd>(
+        &self,
+        simd: S,
+        seen: &Seen,
+        (rays, row): (&Rows, usize),
+        reach: f32x8<S>,
+    ) -> u64 {
+        let d = [0, 1, 2].map(|k| load(simd, &rays.d[k], row));
+        seen.candidates(simd, d, reach)
+    }
+}
+
+/// Rays of this direction.
+pub struct Parallel(pub [f32; 3]);
+
+impl Bundle for Parallel {
+    type Seen = Along;
+
+    #[inline(always)]
+    fn see(&self, corners: [[f32; 3]; 3]) -> Along {
+        Along::new(self.0, corners)
+    }
+
+    #[inline(always)]
+    fn origin<S: Simd>(&self, simd: S, rays: &Rows, k: usize, row: usize) -> f32x8<S> {
+        load(simd, &rays.o[k], row)
+    }
+
+    #[inline(always)]
+    fn direction<S: Simd>(&self, simd: S, _: &Rows, k: usize, _: usize) -> f32x8<S> {
+        f32x8::splat(simd, self.0[k])
+    }
+
+    #[inline(always)]
+    fn candidates<S: Simd>(
+        &self,
+        simd: S,
+        seen: &Along,
+        (rays, row): (&Rows, usize),
+        reach: f32x8<S>,
+    ) -> u64 {
+        let o = [0, 1, 2].map(|k| load(simd, &rays.o[k], row));
+        seen.candidates(simd, o, reach)
+    }
+}
