@@ -135,6 +135,7 @@ impl Structure {
             blocks: &self.built.blocks,
             rays,
             level,
+            shadow_cache: self.config.choice("shadow") == "cache",
         }
     }
 

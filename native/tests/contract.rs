@@ -247,7 +247,7 @@ fn extreme_parameters_build_right_trees() {
     let rays = aimed(&scene, 300, &mut Random(11));
     let reference = closest(&build(&scene, "brute", 1), &rays);
     for tree in TREES {
-        for param in tree.params {
+        for param in tree.all_params() {
             let ends = match param.kind {
                 Kind::Integer { min, max } => vec![min.to_string(), max.to_string()],
                 Kind::Float { min, max } => vec![min.to_string(), max.to_string()],
@@ -275,6 +275,68 @@ fn walks_without_bounds_are_caught() {
         assert!(
             differences(&build(&scene, spec, 1), &rays, &reference) > 0,
             "{spec}"
+        );
+    }
+}
+
+/// The last blocker of a light may be the receiver, lie behind the light, or be another light's: no
+/// answer changes, whatever came before, and where shadows are wide most rays end there.
+#[test]
+fn the_shadow_cache_changes_no_answer_and_saves_steps() {
+    let scene = soup(grid(4, 0.3));
+    let mut random = Random(21);
+    let lights = [[2.0, 2.0, 9.0], [-3.0, 5.0, 1.0]];
+    let mut rays = Vec::new();
+    for i in 0..6000 {
+        let o = random.point(-1.0, 5.0);
+        let light = lights[i / 64 % 2];
+        let d = std::array::from_fn(|k| light[k] - o[k]);
+        rays.push(match i % 5 {
+            // From corners of triangles: the receiver itself is met at zero.
+            0 => Ray {
+                t_max: 1.0,
+                ..ray(scene.vertices()[i % scene.vertices().len()], d)
+            },
+            // A light on the surface, or at no distance at all.
+            1 => Ray {
+                t_max: if i % 2 == 0 { 0.0 } else { 0.5 },
+                ..ray(o, d)
+            },
+            // A sun, and light that ends before the blockers.
+            2 => ray(o, [0.1, 0.2, 1.0]),
+            3 => Ray {
+                t_max: 1.0,
+                ..ray([1.5 + 0.01 * (i % 7) as f32, 1.5, -3.0], [0.3, 0.2, 9.0])
+            },
+            _ => Ray {
+                t_max: 0.999,
+                ..ray(o, d)
+            },
+        });
+    }
+    for tree in TREES {
+        let [plain, cached] = ["none", "cache"].map(|shadow| {
+            let structure = build(&scene, &format!("{}:shadow={shadow}", tree.id), 1);
+            let mut blocked = vec![false; rays.len()];
+            let mut counters = vec![RayCounters::default(); rays.len()];
+            structure.occluded(&rays, &mut blocked, Some(&mut counters));
+            let mut uncounted = vec![false; rays.len()];
+            structure.occluded(&rays, &mut uncounted, None);
+            assert_eq!(blocked, uncounted, "{}", tree.id);
+            let saved = counters.iter().map(|c| c.cached).sum::<u32>();
+            (
+                blocked,
+                saved,
+                counters.iter().map(|c| c.steps_axis + c.tests).sum::<u32>(),
+            )
+        });
+        assert_eq!(plain.0, cached.0, "{}", tree.id);
+        assert_eq!(plain.1, 0, "{}", tree.id);
+        assert!(
+            cached.1 > 500 && cached.2 < plain.2,
+            "{}: {} rays saved",
+            tree.id,
+            cached.1
         );
     }
 }

@@ -182,7 +182,7 @@ impl Counts {
     /// Name to (n,) uint32.
     pub fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         type Column = (&'static str, fn(&RayCounters) -> u32);
-        const COLUMNS: [Column; 7] = [
+        const COLUMNS: [Column; 8] = [
             ("steps", |c| c.steps_axis + c.steps_oblique),
             ("steps_axis", |c| c.steps_axis),
             ("steps_oblique", |c| c.steps_oblique),
@@ -190,6 +190,7 @@ impl Counts {
             ("leaves_empty", |c| c.leaves_empty),
             ("tests", |c| c.tests),
             ("verdicts", |c| c.verdicts),
+            ("cached", |c| c.cached),
         ];
         let dict = PyDict::new(py);
         for (name, get) in COLUMNS {

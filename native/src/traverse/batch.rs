@@ -5,8 +5,9 @@
 use super::blocks::{Blocks, LANES};
 use super::bundle::RAYS;
 use super::frame::{Frame, FrameRay};
-use super::query::{Best, Count, Counters, NoCount, Query};
+use super::query::{Any, Best, Count, Counters, NoCount, Query};
 use super::ray::{Hit, Ray, RayCounters};
+use super::shadow_cache::ShadowCache;
 use crate::scene::Triangles;
 use fearless_simd::{Level, Simd, dispatch};
 
@@ -55,6 +56,8 @@ pub struct Batch<'a> {
     pub rays: &'a [Ray],
     /// The instruction set.
     pub level: Level,
+    /// Whether any-hit rays ask the shadow cache first.
+    pub shadow_cache: bool,
 }
 
 impl Batch<'_> {
@@ -89,20 +92,57 @@ impl Batch<'_> {
         mut counter: impl FnMut(usize) -> C,
     ) {
         let mut scratch = walk.scratch();
+        let mut cache = self.cache::<Q>();
         for (i, ray) in self.rays.iter().enumerate() {
             let mut counters = counter(i);
-            let hit = match self.frame.ray(ray) {
-                Some(framed) => walk.cast::<S, Q, C>(
-                    simd,
-                    (self.scene, self.blocks),
-                    (ray, &framed),
-                    &mut scratch,
-                    &mut counters,
-                ),
-                None => Hit::MISS,
+            let Some(framed) = self.frame.ray(ray) else {
+                write(i, Hit::MISS);
+                continue;
             };
+            if Q::ANY
+                && let Some(hit) = self.cached(&cache, (ray, &framed), &mut counters)
+            {
+                write(i, hit);
+                continue;
+            }
+            let hit = walk.cast::<S, Q, C>(
+                simd,
+                (self.scene, self.blocks),
+                (ray, &framed),
+                &mut scratch,
+                &mut counters,
+            );
+            if Q::ANY
+                && let Some(cache) = &mut cache
+            {
+                cache.remember(cache.entry(ray), &hit);
+            }
             write(i, hit);
         }
+    }
+
+    /// An empty shadow cache, where one is wanted.
+    fn cache<Q: Query>(&self) -> Option<ShadowCache> {
+        (Q::ANY && self.shadow_cache).then(|| ShadowCache::new(self.scene.bounds()))
+    }
+
+    /// The hit with the triangle that blocked this ray's light last, if that blocks it again.
+    #[inline(always)]
+    fn cached<C: Counters>(
+        &self,
+        cache: &Option<ShadowCache>,
+        ray: (&Ray, &FrameRay),
+        counters: &mut C,
+    ) -> Option<Hit> {
+        let cache = cache.as_ref()?;
+        let id = cache.blocker(cache.entry(ray.0))?;
+        let mut best = Best::new(ray.1);
+        counters.tests(1);
+        let blocked = best.offer::<Any, C>(ray, id, || self.scene.corners(id), counters);
+        if blocked {
+            counters.cached();
+        }
+        blocked.then(|| best.hit())
     }
 
     /// Walks the rays tile by tile.
@@ -161,17 +201,27 @@ impl Batch<'_> {
         let mut none = vec![RayCounters::default(); self.rays.len()];
         let counters = counters.unwrap_or(&mut none);
         let groups = self.rays.chunks(RAYS).zip(counters.chunks_mut(RAYS));
+        let mut cache = self.cache::<Q>();
         for (group, (rays, counters)) in groups.enumerate() {
             let mut open: Vec<_> = rays
                 .iter()
                 .zip(counters)
                 .map(|(ray, counters)| {
-                    self.frame
-                        .ray(ray)
-                        .map(|framed| (framed, Best::new(&framed), counters, false))
+                    let framed = self.frame.ray(ray)?;
+                    // Rays of a group go together, so the blockers are those of the group before.
+                    let known = self.cached(&cache, (ray, &framed), &mut Count(counters));
+                    let best = known.map_or_else(|| Best::new(&framed), Best::known);
+                    Some((framed, best, counters, known.is_some()))
                 })
                 .collect();
             dispatch!(self.level, simd => self.all_triangles::<_, Q>(simd, count, rays, &mut open));
+            if let Some(cache) = &mut cache {
+                for (ray, state) in rays.iter().zip(&open) {
+                    if let Some((_, best, ..)) = state {
+                        cache.remember(cache.entry(ray), &best.hit());
+                    }
+                }
+            }
             for (i, state) in open.iter().enumerate() {
                 write(
                     group * RAYS + i,

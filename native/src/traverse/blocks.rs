@@ -133,7 +133,12 @@ impl Blocks {
                 .first_chunk()
                 .expect("sealed: no block is the last");
             for lane in 0..n {
-                let corners = [0, 3, 6].map(|r| [r, r + 1, r + 2].map(|r| block[1 + r * n + lane]));
+                let at = |r: usize| block[1 + r * n + lane];
+                let corners = [
+                    [at(0), at(1), at(2)],
+                    [at(3), at(4), at(5)],
+                    [at(6), at(7), at(8)],
+                ];
                 see(block[1 + 9 * n + lane].to_bits(), corners);
             }
             at += 1 + WORDS * n;

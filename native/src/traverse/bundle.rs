@@ -40,6 +40,26 @@ pub fn load<S: Simd>(simd: S, from: &Row, row: usize) -> f32x8<S> {
     f32x8::from_slice(simd, &from[row..row + LANES])
 }
 
+/// Eight places of three rows. Written out, because a closure would leave the instruction set.
+#[inline(always)]
+pub fn all<S: Simd>(simd: S, from: &[Row; 3], row: usize) -> [f32x8<S>; 3] {
+    [
+        load(simd, &from[0], row),
+        load(simd, &from[1], row),
+        load(simd, &from[2], row),
+    ]
+}
+
+/// One vector for eight rays.
+#[inline(always)]
+fn spread<S: Simd>(simd: S, v: [f32; 3]) -> [f32x8<S>; 3] {
+    [
+        f32x8::splat(simd, v[0]),
+        f32x8::splat(simd, v[1]),
+        f32x8::splat(simd, v[2]),
+    ]
+}
+
 /// The places of the bits of a mask.
 #[inline(always)]
 pub fn lanes(mut mask: u64) -> impl Iterator<Item = usize> {
@@ -61,11 +81,11 @@ pub trait Bundle {
     /// A triangle, as the shared half sees it.
     fn see(&self, corners: [[f32; 3]; 3]) -> Self::Seen;
 
-    /// One component of eight rays' origins.
-    fn origin<S: Simd>(&self, simd: S, rays: &Rows, k: usize, row: usize) -> f32x8<S>;
+    /// Eight rays' origins.
+    fn origins<S: Simd>(&self, simd: S, rays: &Rows, row: usize) -> [f32x8<S>; 3];
 
-    /// One component of eight rays' directions.
-    fn direction<S: Simd>(&self, simd: S, rays: &Rows, k: usize, row: usize) -> f32x8<S>;
+    /// Eight rays' directions.
+    fn directions<S: Simd>(&self, simd: S, rays: &Rows, row: usize) -> [f32x8<S>; 3];
 
     /// Which of eight rays may hit the triangle no farther away than `reach`.
     fn candidates<S: Simd>(
@@ -89,13 +109,13 @@ impl Bundle for Common {
     }
 
     #[inline(always)]
-    fn origin<S: Simd>(&self, simd: S, _: &Rows, k: usize, _: usize) -> f32x8<S> {
-        f32x8::splat(simd, self.0[k])
+    fn origins<S: Simd>(&self, simd: S, _: &Rows, _: usize) -> [f32x8<S>; 3] {
+        spread(simd, self.0)
     }
 
     #[inline(always)]
-    fn direction<S: Simd>(&self, simd: S, rays: &Rows, k: usize, row: usize) -> f32x8<S> {
-        load(simd, &rays.d[k], row)
+    fn directions<S: Simd>(&self, simd: S, rays: &Rows, row: usize) -> [f32x8<S>; 3] {
+        all(simd, &rays.d, row)
     }
 
     #[inline(always)]
@@ -106,8 +126,7 @@ impl Bundle for Common {
         (rays, row): (&Rows, usize),
         reach: f32x8<S>,
     ) -> u64 {
-        let d = [0, 1, 2].map(|k| load(simd, &rays.d[k], row));
-        seen.candidates(simd, d, reach)
+        seen.candidates(simd, all(simd, &rays.d, row), reach)
     }
 }
 
@@ -123,13 +142,13 @@ impl Bundle for Parallel {
     }
 
     #[inline(always)]
-    fn origin<S: Simd>(&self, simd: S, rays: &Rows, k: usize, row: usize) -> f32x8<S> {
-        load(simd, &rays.o[k], row)
+    fn origins<S: Simd>(&self, simd: S, rays: &Rows, row: usize) -> [f32x8<S>; 3] {
+        all(simd, &rays.o, row)
     }
 
     #[inline(always)]
-    fn direction<S: Simd>(&self, simd: S, _: &Rows, k: usize, _: usize) -> f32x8<S> {
-        f32x8::splat(simd, self.0[k])
+    fn directions<S: Simd>(&self, simd: S, _: &Rows, _: usize) -> [f32x8<S>; 3] {
+        spread(simd, self.0)
     }
 
     #[inline(always)]
@@ -140,7 +159,6 @@ impl Bundle for Parallel {
         (rays, row): (&Rows, usize),
         reach: f32x8<S>,
     ) -> u64 {
-        let o = [0, 1, 2].map(|k| load(simd, &rays.o[k], row));
-        seen.candidates(simd, o, reach)
+        seen.candidates(simd, all(simd, &rays.o, row), reach)
     }
 }

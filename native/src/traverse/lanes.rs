@@ -54,7 +54,11 @@ impl Seen {
             dot(simd, self.u, d),
             dot(simd, self.v, d),
         );
-        let errors = [self.det_error, self.uv_error, self.t_error].map(splat);
+        let errors = [
+            splat(self.det_error),
+            splat(self.uv_error),
+            splat(self.t_error),
+        ];
         within(simd, [det, u, v, splat(self.t)], errors, reach)
     }
 }
@@ -105,7 +109,11 @@ impl Along {
     #[inline(always)]
     pub fn candidates<S: Simd>(&self, simd: S, o: [f32x8<S>; 3], reach: f32x8<S>) -> u64 {
         let splat = |x: f32| f32x8::splat(simd, x);
-        let s = [0, 1, 2].map(|k| o[k] - splat(self.corner[k]));
+        let s = [
+            o[0] - splat(self.corner[0]),
+            o[1] - splat(self.corner[1]),
+            o[2] - splat(self.corner[2]),
+        ];
         let span = s[0].abs().max(s[1].abs()).max(s[2].abs());
         let size = self.size;
         // Zero, or NaN where some product may have overflowed: NaN bounds reject nothing.

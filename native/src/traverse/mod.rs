@@ -23,6 +23,7 @@ pub mod plane_dir;
 pub mod plane_ta_b;
 pub mod query;
 pub mod ray;
+pub mod shadow_cache;
 
 pub use ray::Order;
 pub use ray::{Hit, Ray, RayCounters, Tracer};

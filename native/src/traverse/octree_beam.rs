@@ -13,7 +13,7 @@
 
 use super::batch::{TileWalk, Walk as _};
 use super::blocks::Blocks;
-use super::bundle::{Bundle, Common, LANES, Parallel, RAYS, Row, Rows, lanes, load};
+use super::bundle::{Bundle, Common, LANES, Parallel, RAYS, Row, Rows, all, lanes, load};
 use super::frame::{Frame, FrameRay, keep_min};
 use super::octree_net::Links;
 use super::octree_step::{self, Grid};
@@ -286,11 +286,13 @@ fn leave<S: Simd, B: Bundle>(
         if bits == 0 {
             continue;
         }
-        let time = |k: usize| {
-            let ahead = grid.all_ahead(simd, k, next[k], shared.origin(simd, &beam.rays, k, row));
-            ahead * load(simd, &beam.inv[k], row)
-        };
-        let times = [time(0), time(1), time(2)];
+        let o = shared.origins(simd, &beam.rays, row);
+        let inv = all(simd, &beam.inv, row);
+        let times = [
+            grid.all_ahead(simd, 0, next[0], o[0]) * inv[0],
+            grid.all_ahead(simd, 1, next[1], o[1]) * inv[1],
+            grid.all_ahead(simd, 2, next[2], o[2]) * inv[2],
+        ];
         let second = times[1].simd_lt(times[0]);
         let nearer = second.select(times[1], times[0]);
         let third = times[2].simd_lt(nearer);
@@ -331,12 +333,13 @@ fn advance<S: Simd, B: Bundle>(
         let enter = load(simd, &beam.enter, row);
         let enter: f32x8<S> = own.select(leave, enter);
         enter.store_slice(&mut beam.enter[row..row + LANES]);
+        let o = shared.origins(simd, &beam.rays, row);
+        let d = shared.directions(simd, &beam.rays, row);
         for k in 0..3 {
-            let d = shared.direction(simd, &beam.rays, k, row);
             let at = load(simd, &beam.at[k], row);
             // Products and sums round one by one, as for single rays.
-            let moved = leave * d;
-            let x = shared.origin(simd, &beam.rays, k, row) + moved;
+            let moved = leave * d[k];
+            let x = o[k] + moved;
             let number = grid.numbers(simd, k, x);
             let inside = number
                 .max(at)

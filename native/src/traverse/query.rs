@@ -38,6 +38,8 @@ pub trait Counters {
     fn tests(&mut self, triangles: usize);
     /// A candidate was put to the exact verdict.
     fn verdict(&mut self);
+    /// The shadow cache knew the answer.
+    fn cached(&mut self);
 }
 
 /// Counts nothing, costs nothing.
@@ -54,6 +56,8 @@ impl Counters for NoCount {
     fn tests(&mut self, _: usize) {}
     #[inline(always)]
     fn verdict(&mut self) {}
+    #[inline(always)]
+    fn cached(&mut self) {}
 }
 
 /// Counts into the counters of one ray.
@@ -88,6 +92,10 @@ impl Counters for Count<'_> {
     fn verdict(&mut self) {
         self.0.verdicts += 1;
     }
+    #[inline(always)]
+    fn cached(&mut self) {
+        self.0.cached += 1;
+    }
 }
 
 /// The best hit of a walk so far, and how far the walk still has to look.
@@ -104,6 +112,15 @@ impl Best {
         Self {
             hit: Hit::MISS,
             reach: ray.t_max,
+        }
+    }
+
+    /// An answer found elsewhere.
+    #[inline(always)]
+    pub fn known(hit: Hit) -> Self {
+        Self {
+            hit,
+            reach: f32::NEG_INFINITY,
         }
     }
 

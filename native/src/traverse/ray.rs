@@ -61,6 +61,8 @@ pub struct RayCounters {
     pub tests: u32,
     /// Candidates put to the exact verdict.
     pub verdicts: u32,
+    /// 1 where the shadow cache knew a blocker, and the tree was not walked.
+    pub cached: u32,
 }
 
 /// How the rays of a batch follow one another: a hint, which changes no answer.
