@@ -156,6 +156,10 @@ class Lab:
         wrong, of = (sum(column) for column in zip(*own, strict=True)) if own else (0, 0)
         return f"{wrong:,} of {of:,} answers differ from brute force"
 
+    def wrong(self) -> int:
+        """How many of all checked answers were not brute force's."""
+        return sum(wrong for wrong, _ in self._errors.values())
+
     def _ask(self, structure: Any, rays: RaySet) -> float:
         ask = structure.occluded if rays.any_hit else structure.closest
         start = time.process_time()

@@ -35,17 +35,18 @@ def scene_figures(rows: Sequence[Row]) -> list[str]:
         return []
     # A configuration keeps its colour and marker in all plots of a scene.
     styles = {row["spec"]: (COLOURS[i % len(COLOURS)], MARKERS[i % len(MARKERS)]) for i, row in enumerate(measured)}
-    figures = [_figure(lambda axes: _speeds(axes, measured, styles), 4.0)]
+    figures = [figure(lambda axes: _speeds(axes, measured, styles), 4.0)]
     ours = [row for row in measured if row["bytes"]]
     if len(ours) > 1:
-        figures.append(_figure(lambda axes: _build_against_speed(axes, ours, styles), 4.5))
+        figures.append(figure(lambda axes: _build_against_speed(axes, ours, styles), 4.5))
     curves = [row for row in rows if row["curve"]]
     if curves:
-        figures.append(_figure(lambda axes: _error_against_time(axes, curves, styles), 4.5))
+        figures.append(figure(lambda axes: _error_against_time(axes, curves, styles), 4.5))
     return figures
 
 
-def _figure(draw: Callable[[Any], None], height: float) -> str:
+def figure(draw: Callable[[Any], None], height: float) -> str:
+    """One plot as an SVG element. draw: told the axes. height: inches, at a width of nine."""
     import matplotlib as mpl
     from matplotlib.figure import Figure
 
