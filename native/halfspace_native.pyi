@@ -122,7 +122,7 @@ class Hits:
     u, v: (n,) float32, weights of the second and third corner: the point is
     (1 - u - v) a + u b + v c. Each access makes a new array.
     counters: None, or per ray (n,) uint32 under "steps", "steps_axis", "steps_oblique", "leaves",
-    "leaves_empty", "tests", "verdicts", "cached" (1: the shadow cache knew the answer).
+    "leaves_empty", "tests", "verdicts", "spared" (1: answered without a walk of its own).
     on_boundary: None, or from exact_closest (n,) bool: the ray passes exactly through an edge or
     a corner of the triangle that it hits.
     """

@@ -18,6 +18,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from addon.core import claims, claims_report, claims_table, native, results
 
+SCENES = Path(__file__).resolve().parents[2] / "shared" / "scenes"
+"""Where scenes are looked for that are not part of the project."""
+
 
 class UsageError(ValueError):
     """The command line is wrong. The message is one line."""
@@ -59,7 +62,7 @@ def run(asked: argparse.Namespace) -> int:
     module = native.load()
     if asked.out is not None:
         results.prepare_folder(asked.out)
-    lab = claims.Lab(module, quick=asked.quick, say=say)
+    lab = claims.Lab(module, quick=asked.quick, say=say, scenes=SCENES)
     chosen = [known[name] for name in asked.claims] or list(known.values())
     found = []
     for result in claims.measure(lab, chosen):

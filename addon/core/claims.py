@@ -12,6 +12,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,7 @@ import numpy as np
 from . import accuracy
 from .accuracy import Answers
 from .rays import RaySet, blocks
-from .workload import Workload
+from .workload import Workload, load_npz
 
 HOLDS = "holds"
 FAILS = "does not hold"
@@ -28,6 +29,10 @@ VERDICTS = (HOLDS, FAILS, UNTESTED)
 
 CHECKED = 20_000
 """Rays per configuration and scene whose answers are compared with brute force."""
+
+
+REPEATS = {True: 3, False: 7}
+"""Timed passes, after one that warms up: in a quick run, and else."""
 
 
 @dataclass(frozen=True)
@@ -101,11 +106,12 @@ class Timing:
 class Lab:
     """Builds, checks and times structures on one thread; what was measured once is not measured again."""
 
-    def __init__(self, native: Any, *, quick: bool, say: Callable[[str], None]) -> None:
+    def __init__(self, native: Any, *, quick: bool, say: Callable[[str], None], scenes: Path | None = None) -> None:
         self.native = native
+        self.scenes = scenes
         self.quick = quick
         self.say = say
-        self.repeats = 3 if quick else 7
+        self.repeats = REPEATS[quick]
         self._ids = {row["id"] for row in native.structures()}
         self._structures: dict[tuple[str, str], Any] = {}
         self._timings: dict[tuple[str, str, str], Timing] = {}
@@ -115,6 +121,14 @@ class Lab:
         """Which of the structures do not exist in this build, as a sentence; empty when all do."""
         missing = [spec for spec in specs if spec.partition(":")[0] not in self._ids]
         return f"this build has no {', '.join(missing)}" if missing else ""
+
+    def shared(self, name: str) -> Workload | None:
+        """A scene from the shared folder; None where it is not there."""
+        path = None if self.scenes is None else self.scenes / f"{name}.npz"
+        if path is None or not path.is_file():
+            self.say(f"{name} is left out: there is no such file")
+            return None
+        return load_npz(path)
 
     def build(self, workload: Workload, spec: str) -> Any:
         """The structure, built once."""
@@ -196,7 +210,7 @@ def measure(lab: Lab, claims: Iterable[Claim]) -> Iterator[Result]:
         yield Result(claim, tuple(claim.measure(lab)))
 
 
-def verdict(holds: bool) -> str:
+def verdict(*, holds: bool) -> str:
     """A measured claim holds or does not."""
     return HOLDS if holds else FAILS
 

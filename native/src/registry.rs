@@ -188,6 +188,15 @@ pub mod params {
         default: Default::Choice("none"),
     };
 
+    /// The same on octrees.
+    pub const SHADOW_OCTREE: ParamSpec = ParamSpec {
+        doc: "cache: what blocked a light last is tested first (Wilt 1994). beam: rays to one light go \
+              through the octree together; mostly one walk shows that nothing is in the way of all 64. \
+              The answer is the same",
+        kind: Kind::Choice(&["none", "cache", "beam"]),
+        ..SHADOW
+    };
+
     /// Depth limit.
     pub const MAX_DEPTH: ParamSpec = ParamSpec {
         name: "max_depth",

@@ -8,7 +8,7 @@ use crate::error::{Error, Result};
 use crate::registry::Built;
 use crate::scene::Triangles;
 use crate::spec::Config;
-use crate::traverse::batch::Batch;
+use crate::traverse::batch::{Batch, Walk};
 use crate::traverse::box_tree::{self, BoxTree};
 use crate::traverse::query::{Any, Closest, Query};
 use crate::traverse::{Hit, Ray, RayCounters, Tracer, plane_dir, plane_ta_b};
@@ -167,20 +167,35 @@ impl Structure {
             Layout::Box4(tree) => job.walk::<_, Q>(&box_tree::Walk(tree), write, counters),
             Layout::Box8(tree) => job.walk::<_, Q>(&box_tree::Walk(tree), write, counters),
             Layout::OctreeParam(tree) => {
-                job.walk::<_, Q>(&octree_param::Walk(tree), write, counters);
+                self.octree::<Q, _>(&job, (tree, &octree_param::Walk(tree)), write, counters);
             }
             Layout::OctreeNet(tree) | Layout::OctreeBeam(tree, _) => {
                 let walk = octree_step::Walk(tree, octree_net::Links);
-                job.walk::<_, Q>(&walk, write, counters);
+                self.octree::<Q, _>(&job, (tree, &walk), write, counters);
             }
             Layout::OctreeSamet(tree) => {
                 let walk = octree_step::Walk(tree, octree_samet::Ascent);
-                job.walk::<_, Q>(&walk, write, counters);
+                self.octree::<Q, _>(&job, (tree, &walk), write, counters);
             }
             Layout::OctreeGlassner(tree) => {
                 let walk = octree_step::Walk(tree, octree_glassner::Location);
-                job.walk::<_, Q>(&walk, write, counters);
+                self.octree::<Q, _>(&job, (tree, &walk), write, counters);
             }
+        }
+    }
+
+    /// Walks rays through an octree, singly or as shadow beams.
+    fn octree<Q: Query, W: Walk>(
+        &self,
+        job: &Batch<'_>,
+        (tree, walk): (&Octree, &W),
+        write: impl FnMut(usize, Hit),
+        counters: Option<&mut [RayCounters]>,
+    ) {
+        if Q::ANY && self.config.choice("shadow") == "beam" {
+            job.shadow_beams((tree, walk), write, counters);
+        } else {
+            job.walk::<_, Q>(walk, write, counters);
         }
     }
 }

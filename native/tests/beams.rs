@@ -231,3 +231,100 @@ fn steps(structure: &Structure, rays: &[Ray], order: Order) -> u64 {
     let sum = |c: &RayCounters| u64::from(c.steps_axis + c.leaves + c.leaves_empty);
     counters.iter().map(sum).sum()
 }
+
+/// Shadow rays from a plane of points below a scene, in no order, to one light.
+fn shadow_rays(count: usize, target: impl Fn([f32; 3]) -> Ray) -> Vec<Ray> {
+    let mut random = Random(31);
+    (0..count)
+        .map(|_| {
+            let p = random.point(-2.0, 6.0);
+            target([p[0], p[1], -0.5])
+        })
+        .collect()
+}
+
+fn shadows(structure: &Structure, rays: &[Ray]) -> (Vec<bool>, Vec<RayCounters>) {
+    let mut blocked = vec![false; rays.len()];
+    let mut counters = vec![RayCounters::default(); rays.len()];
+    structure.occluded(rays, &mut blocked, Some(&mut counters));
+    (blocked, counters)
+}
+
+#[test]
+fn shadow_beams_answer_like_single_rays_and_mostly_at_once() {
+    // A floor that receives, and boxes above it.
+    let mut corners = grid(4, 0.3);
+    corners.extend([[-2.0, -2.0, -0.6], [6.0, -2.0, -0.6], [2.0, 9.0, -0.6]]);
+    let scene = soup(corners);
+    let to = |light: [f32; 3]| {
+        move |o: [f32; 3]| Ray {
+            t_max: 0.9999,
+            ..ray(o, std::array::from_fn(|k| light[k] - o[k]))
+        }
+    };
+    let lights = [
+        shadow_rays(20_000, to([9.0, 9.0, 12.0])),
+        // Inside, on a corner of boxes, and below the floor.
+        shadow_rays(20_000, to([2.2, 1.7, 2.1])),
+        shadow_rays(20_000, to([2.0, 2.0, 2.0])),
+        shadow_rays(20_000, to([2.0, 2.0, -9.0])),
+        // Suns, one straight along the walls.
+        shadow_rays(20_000, |o| ray(o, [0.3, 0.2, 1.0])),
+        shadow_rays(20_000, |o| ray(o, [0.0, -0.0, 1.0])),
+    ];
+    let single = build(&scene, "octree-net");
+    let beams = build(&scene, "octree-net:shadow=beam");
+    for (i, rays) in lights.iter().enumerate() {
+        let (expected, plain) = shadows(&single, rays);
+        let (found, counted) = shadows(&beams, rays);
+        assert_eq!(found, expected, "light {i}");
+        let in_empty_beams = counted.iter().zip(&found).filter(|(c, _)| c.spared == 1);
+        assert!(
+            in_empty_beams.into_iter().all(|(_, blocked)| !blocked),
+            "light {i}"
+        );
+        let steps = |all: &[RayCounters]| all.iter().map(|c| u64::from(c.steps_axis)).sum::<u64>();
+        assert!(
+            2 * steps(&counted) < steps(&plain),
+            "light {i}: {} of {}",
+            steps(&counted),
+            steps(&plain)
+        );
+    }
+    let spared = |i: usize| {
+        shadows(&beams, &lights[i])
+            .1
+            .iter()
+            .filter(|c| c.spared == 1)
+            .count()
+    };
+    assert!(
+        spared(0) > 2000 && spared(4) > 2000,
+        "{} and {}",
+        spared(0),
+        spared(4)
+    );
+}
+
+#[test]
+fn shadow_beams_lose_nothing_on_hard_scenes() {
+    for case in cases(Size::Small, 8) {
+        let bounds = case.scene.bounds();
+        if bounds.is_empty() {
+            continue;
+        }
+        let single = build(&case.scene, "octree-net");
+        let beams = build(&case.scene, "octree-param:shadow=beam");
+        // The rays of the case, and rays from the places they start at to the corners of the scene.
+        let mut rays = case.rays.clone();
+        for light in [bounds.min, bounds.max] {
+            rays.extend(case.rays.iter().take(2000).map(|r| Ray {
+                t_max: 1.0,
+                ..ray(r.o, std::array::from_fn(|k| light[k] - r.o[k]))
+            }));
+        }
+        let (expected, found) = (shadows(&single, &rays).0, shadows(&beams, &rays).0);
+        let wrong = found.iter().zip(&expected).filter(|(a, b)| a != b).count();
+        assert_eq!(wrong, 0, "{}: of {}", case.name, rays.len());
+    }
+}

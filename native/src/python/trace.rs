@@ -190,7 +190,7 @@ impl Counts {
             ("leaves_empty", |c| c.leaves_empty),
             ("tests", |c| c.tests),
             ("verdicts", |c| c.verdicts),
-            ("cached", |c| c.cached),
+            ("spared", |c| c.spared),
         ];
         let dict = PyDict::new(py);
         for (name, get) in COLUMNS {

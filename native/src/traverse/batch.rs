@@ -32,13 +32,20 @@ pub trait Walk: Sync {
 
 /// A way of walking a tree with tiles of rays.
 pub trait TileWalk: Sync {
+    /// Buffers that tiles can share one after another.
+    type Scratch;
+
+    /// New buffers.
+    fn scratch(&self) -> Self::Scratch;
+
     /// Finds the nearest hits of up to 64 rays, at least one, and hands each to `write` with the
-    /// ray's place, the last time with its answer.
+    /// ray's place.
     fn cast_tile<S: Simd, C: Counters>(
         &self,
         simd: S,
         triangles: (&Triangles, &Blocks),
         rays: (&Frame, &[Ray]),
+        scratch: &mut Self::Scratch,
         write: &mut impl FnMut(usize, Hit),
         counters: &mut [C],
     );
@@ -140,7 +147,7 @@ impl Batch<'_> {
         counters.tests(1);
         let blocked = best.offer::<Any, C>(ray, id, || self.scene.corners(id), counters);
         if blocked {
-            counters.cached();
+            counters.spared();
         }
         blocked.then(|| best.hit())
     }
@@ -176,6 +183,7 @@ impl Batch<'_> {
         mut counter: impl FnMut(usize) -> C,
     ) {
         let mut counters = Vec::with_capacity(RAYS);
+        let mut scratch = walk.scratch();
         for (tile, rays) in self.rays.chunks(RAYS).enumerate() {
             let first = tile * RAYS;
             counters.clear();
@@ -184,6 +192,7 @@ impl Batch<'_> {
                 simd,
                 (self.scene, self.blocks),
                 (self.frame, rays),
+                &mut scratch,
                 &mut |i, hit| write(first + i, hit),
                 &mut counters,
             );

@@ -11,6 +11,7 @@ pub mod blocks;
 pub mod box_tree;
 pub mod bundle;
 pub mod frame;
+pub mod frame_rows;
 pub mod lanes;
 pub mod nested;
 pub mod octree_beam;
@@ -23,7 +24,9 @@ pub mod plane_dir;
 pub mod plane_ta_b;
 pub mod query;
 pub mod ray;
+pub mod shadow_beam;
 pub mod shadow_cache;
+pub mod shaft;
 
 pub use ray::Order;
 pub use ray::{Hit, Ray, RayCounters, Tracer};

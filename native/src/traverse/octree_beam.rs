@@ -13,8 +13,9 @@
 
 use super::batch::{TileWalk, Walk as _};
 use super::blocks::Blocks;
-use super::bundle::{Bundle, Common, LANES, Parallel, RAYS, Row, Rows, all, lanes, load};
+use super::bundle::{Bundle, Common, LANES, Parallel, RAYS, Row, all, lanes, load};
 use super::frame::{Frame, FrameRay, keep_min};
+use super::frame_rows::FrameRows;
 use super::octree_net::Links;
 use super::octree_step::{self, Grid};
 use super::query::{Best, Closest, Counters};
@@ -28,122 +29,135 @@ pub struct Walk<'a>(pub &'a Octree, pub u32);
 
 /// The rays of a beam, a row per quantity.
 struct Beam {
-    rays: Rows,
-    inv: [Row; 3],
+    rows: FrameRows,
     /// The smallest cell where each ray is, counted along its direction.
     at: [Row; 3],
-    /// When it entered its leaf.
-    enter: Row,
-    /// When it leaves it.
+    /// When it leaves its leaf.
     leave: Row,
-    /// How far it still has to look.
-    reach: Row,
-}
-
-/// The rays of a tile: as asked, in the frame, and their best hits.
-struct Tile<'a> {
-    rays: &'a [Ray],
-    framed: Vec<FrameRay>,
     best: Vec<Best>,
 }
 
+/// What tiles share one after another.
+pub struct Scratch {
+    beam: Beam,
+    /// Parts of the beam that wait at a node.
+    waiting: Vec<(u32, u64)>,
+}
+
 impl TileWalk for Walk<'_> {
+    type Scratch = Scratch;
+
+    fn scratch(&self) -> Scratch {
+        Scratch {
+            beam: Beam {
+                rows: FrameRows::new(),
+                at: [[0.0; RAYS]; 3],
+                leave: [0.0; RAYS],
+                best: Vec::with_capacity(RAYS),
+            },
+            waiting: Vec::with_capacity(64),
+        }
+    }
+
     #[inline(always)]
     fn cast_tile<S: Simd, C: Counters>(
         &self,
         simd: S,
         triangles: (&Triangles, &Blocks),
         (frame, rays): (&Frame, &[Ray]),
+        scratch: &mut Scratch,
         write: &mut impl FnMut(usize, Hit),
         counters: &mut [C],
     ) {
         let tree = self.0;
-        let mut tile = Tile {
-            rays,
-            framed: Vec::with_capacity(RAYS),
-            best: Vec::with_capacity(RAYS),
-        };
-        let mut beam = Beam {
-            rays: Rows::new(),
-            inv: [[0.0; RAYS]; 3],
-            at: [[0.0; RAYS]; 3],
-            enter: [0.0; RAYS],
-            leave: [0.0; RAYS],
-            reach: [0.0; RAYS],
-        };
-        // Rays that meet the scene and share the first one's origin, or else its direction, per octant
-        // of directions. Others are done, or go singly.
-        let mut groups = [0_u64; 8];
-        let mut rest = 0_u64;
-        let bits = |v: [f32; 3]| v.map(f32::to_bits);
-        let (origin, direction) = (bits(rays[0].o), bits(rays[0].d));
-        let parallel = rays.len() > 1 && bits(rays[1].o) != origin;
+        let Scratch { beam, waiting } = scratch;
+        beam.rows.fill(simd, frame, rays);
+        beam.best.clear();
+        beam.best.resize_with(rays.len(), Best::blank);
+        // Rays that share the first one's origin, or else its direction. Others go singly.
+        let bits = |v: &[f32; 3]| [v[0].to_bits(), v[1].to_bits(), v[2].to_bits()];
+        let (origin, direction) = (bits(&rays[0].o), bits(&rays[0].d));
+        let parallel = rays.len() > 1 && bits(&rays[1].o) != origin;
+        let mut alike = 0_u64;
         for (i, ray) in rays.iter().enumerate() {
-            let framed = frame.ray(ray);
-            write(i, Hit::MISS);
-            if let Some(framed) = &framed {
-                let alike = if parallel {
-                    bits(ray.d) == direction
-                } else {
-                    bits(ray.o) == origin
-                };
-                if alike && tree.is_near(framed) {
-                    groups[(framed.signs & 7) as usize] |= 1 << i;
-                } else {
-                    rest |= 1 << i;
-                }
-                for k in 0..3 {
-                    beam.rays.o[k][i] = framed.o[k];
-                    beam.rays.d[k][i] = framed.d[k];
-                    beam.inv[k][i] = framed.inv[k];
-                }
-                beam.enter[i] = framed.t_min;
-                beam.reach[i] = framed.t_max;
-            }
-            // A ray that misses the scene keeps its lane, and never a bit in a mask.
-            let framed = framed.unwrap_or(FrameRay::NOTHING);
-            tile.best.push(Best::new(&framed));
-            tile.framed.push(framed);
+            let own = if parallel {
+                bits(&ray.d) == direction && tree.is_near(frame.point(ray.o))
+            } else {
+                bits(&ray.o) == origin
+            };
+            alike |= u64::from(own) << i;
         }
-        for (signs, group) in (0_u32..).zip(groups) {
+        if !parallel && !tree.is_near(frame.point(rays[0].o)) {
+            alike = 0;
+        }
+        let live = beam.rows.live;
+        let mut rest = live & !alike;
+        for signs in 0..8_u32 {
+            let mut group = live & alike;
+            for (k, negative) in beam.rows.negative.iter().enumerate() {
+                group &= if signs >> k & 1 == 1 {
+                    *negative
+                } else {
+                    !negative
+                };
+            }
             if group.count_ones() < self.1.max(1) {
                 rest |= group;
                 continue;
             }
             let grid = Grid::new(tree, signs);
-            for i in lanes(group) {
-                let ray = &tile.framed[i];
-                for k in 0..3 {
-                    let x = ray.o[k] + ray.t_min * ray.d[k];
-                    beam.at[k][i] = grid.cell(k, x, 0, grid.size - 1) as f32;
-                }
-            }
-            let first = &tile.framed[group.trailing_zeros() as usize];
-            let start = (&grid, group);
+            let first = group.trailing_zeros() as usize;
+            let of = |rows: &[Row; 3]| [rows[0][first], rows[1][first], rows[2][first]];
+            let all = (frame, rays);
             if parallel {
-                let shared = Parallel(first.d);
-                self.follow(
-                    simd, triangles, &shared, start, &mut beam, &mut tile, counters,
-                );
+                let shared = Parallel(of(&beam.rows.rays.d));
+                start(simd, &grid, &shared, (beam, group));
+                let beam = (&mut *beam, group, &mut *waiting);
+                self.follow(simd, triangles, &shared, (&grid, all), beam, counters);
             } else {
-                let shared = Common(first.o);
-                self.follow(
-                    simd, triangles, &shared, start, &mut beam, &mut tile, counters,
-                );
-            }
-            for i in lanes(group) {
-                write(i, tile.best[i].hit());
+                let shared = Common(of(&beam.rows.rays.o));
+                start(simd, &grid, &shared, (beam, group));
+                let beam = (&mut *beam, group, &mut *waiting);
+                self.follow(simd, triangles, &shared, (&grid, all), beam, counters);
             }
         }
         if rest != 0 {
             let single = octree_step::Walk(tree, Links);
             let mut scratch = single.scratch();
             for i in lanes(rest) {
-                let ray = (&rays[i], &tile.framed[i]);
+                let framed = frame.ray(&rays[i]).unwrap_or(FrameRay::NOTHING);
+                let ray = (&rays[i], &framed);
                 let count = &mut counters[i];
                 let hit = single.cast::<S, Closest, C>(simd, triangles, ray, &mut scratch, count);
-                write(i, hit);
+                beam.best[i] = Best::known(hit);
             }
+        }
+        for (i, best) in beam.best.iter().enumerate() {
+            write(i, best.hit());
+        }
+    }
+}
+
+/// Puts each ray into the smallest cell where it enters the scene.
+#[inline(always)]
+fn start<S: Simd, B: Bundle>(simd: S, grid: &Grid, shared: &B, (beam, mask): (&mut Beam, u64)) {
+    for row in (0..RAYS).step_by(LANES) {
+        if mask >> row & 0xff == 0 {
+            continue;
+        }
+        let o = shared.origins(simd, &beam.rows.rays, row);
+        let d = shared.directions(simd, &beam.rows.rays, row);
+        let enter = load(simd, &beam.rows.enter, row);
+        for k in 0..3 {
+            let moved = enter * d[k];
+            let number = grid.numbers(simd, k, o[k] + moved);
+            let inside = number
+                .max(f32x8::splat(simd, 0.0))
+                .min(f32x8::splat(simd, (grid.size - 1) as f32))
+                .floor();
+            let own = mask32x8::from_bitmask(simd, mask >> row & 0xff);
+            let at: f32x8<S> = own.select(inside, load(simd, &beam.at[k], row));
+            at.store_slice(&mut beam.at[k][row..row + LANES]);
         }
     }
 }
@@ -156,19 +170,23 @@ impl Walk<'_> {
         simd: S,
         triangles: (&Triangles, &Blocks),
         shared: &B,
-        (grid, group): (&Grid, u64),
-        beam: &mut Beam,
-        tile: &mut Tile<'_>,
+        (grid, (frame, rays)): (&Grid, (&Frame, &[Ray])),
+        (beam, group, waiting): (&mut Beam, u64, &mut Vec<(u32, u64)>),
         counters: &mut [C],
     ) {
         let tree = self.0;
-        let mut waiting = Vec::with_capacity(64);
+        waiting.clear();
         waiting.push((0_u32, group));
         while let Some((index, mask)) = waiting.pop() {
             let first = mask.trailing_zeros() as usize;
             if mask.count_ones() < self.1 {
                 for i in lanes(mask) {
-                    let ray = (&tile.rays[i], &tile.framed[i], grid);
+                    let Some(framed) = frame.ray(&rays[i]) else {
+                        continue;
+                    };
+                    let ray = (&rays[i], &framed, grid);
+                    let best = &mut beam.best[i];
+                    best.reach = keep_min(best.reach, beam.rows.reach[i]);
                     let at = std::array::from_fn(|k| whole(beam.at[k][i]));
                     let leaf = grid.descend(tree, index, at, &mut counters[i]);
                     octree_step::go_on::<S, Closest, C, Links>(
@@ -176,8 +194,8 @@ impl Walk<'_> {
                         tree,
                         triangles,
                         ray,
-                        (leaf, at, beam.enter[i]),
-                        &mut tile.best[i],
+                        (leaf, at, beam.rows.enter[i]),
+                        best,
                         &mut counters[i],
                     );
                 }
@@ -194,7 +212,7 @@ impl Walk<'_> {
                     (node, grid.signs),
                     low.map(|x| x + edge / 2),
                     (beam, mask),
-                    &mut waiting,
+                    waiting,
                 );
                 continue;
             }
@@ -209,7 +227,7 @@ impl Walk<'_> {
                     (block, count),
                     shared,
                     (beam, mask),
-                    tile,
+                    (frame, rays),
                     counters,
                 );
             }
@@ -286,8 +304,8 @@ fn leave<S: Simd, B: Bundle>(
         if bits == 0 {
             continue;
         }
-        let o = shared.origins(simd, &beam.rays, row);
-        let inv = all(simd, &beam.inv, row);
+        let o = shared.origins(simd, &beam.rows.rays, row);
+        let inv = all(simd, &beam.rows.inv, row);
         let times = [
             grid.all_ahead(simd, 0, next[0], o[0]) * inv[0],
             grid.all_ahead(simd, 1, next[1], o[1]) * inv[1],
@@ -298,7 +316,7 @@ fn leave<S: Simd, B: Bundle>(
         let third = times[2].simd_lt(nearer);
         let leave = third
             .select(times[2], nearer)
-            .max(load(simd, &beam.enter, row));
+            .max(load(simd, &beam.rows.enter, row));
         leave.store_slice(&mut beam.leave[row..row + LANES]);
         let third = third.to_bitmask() & bits;
         let second = second.to_bitmask() & bits & !third;
@@ -325,16 +343,16 @@ fn advance<S: Simd, B: Bundle>(
             continue;
         }
         let leave = load(simd, &beam.leave, row);
-        let reach = load(simd, &beam.reach, row);
+        let reach = load(simd, &beam.rows.reach, row);
         let done = leave.simd_gt(reach).to_bitmask();
         open |= (bits & !done) << row;
         // Lanes of other beams stay as they are.
         let own = mask32x8::from_bitmask(simd, bits);
-        let enter = load(simd, &beam.enter, row);
+        let enter = load(simd, &beam.rows.enter, row);
         let enter: f32x8<S> = own.select(leave, enter);
-        enter.store_slice(&mut beam.enter[row..row + LANES]);
-        let o = shared.origins(simd, &beam.rays, row);
-        let d = shared.directions(simd, &beam.rays, row);
+        enter.store_slice(&mut beam.rows.enter[row..row + LANES]);
+        let o = shared.origins(simd, &beam.rows.rays, row);
+        let d = shared.directions(simd, &beam.rows.rays, row);
         for k in 0..3 {
             let at = load(simd, &beam.at[k], row);
             // Products and sums round one by one, as for single rays.
@@ -362,7 +380,7 @@ fn test<S: Simd, C: Counters, B: Bundle>(
     leaf: (u32, usize),
     shared: &B,
     (beam, mask): (&mut Beam, u64),
-    tile: &mut Tile<'_>,
+    (frame, rays): (&Frame, &[Ray]),
     counters: &mut [C],
 ) {
     for i in lanes(mask) {
@@ -375,14 +393,21 @@ fn test<S: Simd, C: Counters, B: Bundle>(
             if bits == 0 {
                 continue;
             }
-            let reach = load(simd, &beam.leave, row).min(load(simd, &beam.reach, row));
-            for lane in lanes(shared.candidates(simd, &seen, (&beam.rays, row), reach) & bits) {
+            let reach = load(simd, &beam.leave, row).min(load(simd, &beam.rows.reach, row));
+            for lane in lanes(shared.candidates(simd, &seen, (&beam.rows.rays, row), reach) & bits)
+            {
                 let i = row + lane;
-                let ray = (&tile.rays[i], &tile.framed[i]);
-                let best = &mut tile.best[i];
+                // Of the ray in the frame, only the scale of its distances is needed.
+                let unit = frame.unit_of(&rays[i]);
+                let framed = match unit {
+                    Some(unit) => frame.limits(unit),
+                    None => frame.ray(&rays[i]).unwrap_or(FrameRay::NOTHING),
+                };
+                let ray = (&rays[i], &framed);
+                let best = &mut beam.best[i];
                 let scene_corners = || blocks.scene_corners(scene, id, corners);
                 best.offer::<Closest, C>(ray, id, scene_corners, &mut counters[i]);
-                beam.reach[i] = keep_min(best.reach, beam.reach[i]);
+                beam.rows.reach[i] = keep_min(best.reach, beam.rows.reach[i]);
             }
         }
     });

@@ -174,7 +174,7 @@ impl<N: Neighbours> batch::Walk for Walk<'_, N> {
         counters: &mut C,
     ) -> Hit {
         let tree = self.0;
-        if !tree.is_near(frame) {
+        if !tree.is_near(frame.o) {
             let walk = octree_param::Walk(tree);
             return walk.cast::<S, Q, C>(simd, triangles, (ray, frame), stack, counters);
         }

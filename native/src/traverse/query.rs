@@ -38,11 +38,12 @@ pub trait Counters {
     fn tests(&mut self, triangles: usize);
     /// A candidate was put to the exact verdict.
     fn verdict(&mut self);
-    /// The shadow cache knew the answer.
-    fn cached(&mut self);
+    /// The answer came without a walk of the ray's own.
+    fn spared(&mut self);
 }
 
 /// Counts nothing, costs nothing.
+#[derive(Clone, Copy)]
 pub struct NoCount;
 
 impl Counters for NoCount {
@@ -57,7 +58,7 @@ impl Counters for NoCount {
     #[inline(always)]
     fn verdict(&mut self) {}
     #[inline(always)]
-    fn cached(&mut self) {}
+    fn spared(&mut self) {}
 }
 
 /// Counts into the counters of one ray.
@@ -93,8 +94,8 @@ impl Counters for Count<'_> {
         self.0.verdicts += 1;
     }
     #[inline(always)]
-    fn cached(&mut self) {
-        self.0.cached += 1;
+    fn spared(&mut self) {
+        self.0.spared += 1;
     }
 }
 
@@ -112,6 +113,15 @@ impl Best {
         Self {
             hit: Hit::MISS,
             reach: ray.t_max,
+        }
+    }
+
+    /// Nothing found yet, by a walk that keeps its own reach.
+    #[inline(always)]
+    pub fn blank() -> Self {
+        Self {
+            hit: Hit::MISS,
+            reach: f32::INFINITY,
         }
     }
 

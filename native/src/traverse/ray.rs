@@ -61,8 +61,9 @@ pub struct RayCounters {
     pub tests: u32,
     /// Candidates put to the exact verdict.
     pub verdicts: u32,
-    /// 1 where the shadow cache knew a blocker, and the tree was not walked.
-    pub cached: u32,
+    /// 1 where the tree was not walked for this ray: the shadow cache knew a blocker, or its shadow
+    /// beam was empty.
+    pub spared: u32,
 }
 
 /// How the rays of a batch follow one another: a hint, which changes no answer.
