@@ -115,6 +115,8 @@ class Lab:
         self._ids = {row["id"] for row in native.structures()}
         self._structures: dict[tuple[str, str], Any] = {}
         self._timings: dict[tuple[str, str, str], Timing] = {}
+        self._right: dict[tuple[str, str], Answers] = {}
+        self._rays: dict[tuple[str, str], RaySet] = {}
         self._errors: dict[tuple[str, str, str], tuple[int, int]] = {}
 
     def lacks(self, *specs: str) -> str:
@@ -141,6 +143,13 @@ class Lab:
         """What the build made."""
         statistics: Mapping[str, Any] = self.build(workload, spec).statistics
         return statistics
+
+    def rays(self, workload: Workload, name: str, make: Callable[[], RaySet]) -> RaySet:
+        """The scene's rays of this name, made once."""
+        key = (workload.name, name)
+        if key not in self._rays:
+            self._rays[key] = make()
+        return self._rays[key]
 
     def seconds(self, workload: Workload, specs: Sequence[str], rays: RaySet) -> dict[str, Timing]:
         """Median seconds of each structure on the rays, taken in turns; answers are checked first.
@@ -192,9 +201,12 @@ class Lab:
         """Compare with brute force, bit for bit."""
         some = rays.take(blocks(len(rays), CHECKED, seed=1))
         arguments = {"t_max": some.t_max, "threads": 1}
-        brute = self.build(workload, "brute")
         structure = self.build(workload, spec)
-        right = Answers.of(brute.closest(some.origins, some.directions, **arguments))
+        key = (workload.name, rays.name)
+        if key not in self._right:
+            brute = self.build(workload, "brute")
+            self._right[key] = Answers.of(brute.closest(some.origins, some.directions, t_max=some.t_max, threads=0))
+        right = self._right[key]
         blocked = structure.occluded(some.origins, some.directions, order=some.order, **arguments)
         found = Answers.of(structure.closest(some.origins, some.directions, order=some.order, **arguments))
         errors = accuracy.compare(right, found, blocked, self.native.ulp_distance, bitwise=True)

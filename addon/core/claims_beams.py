@@ -8,6 +8,7 @@ line of the beams is much flatter.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import partial
 
 from . import claims_scenes
 from .claims import FAILS, UNTESTED, Chart, Claim, Lab, Outcome, Timing, slope, verdict
@@ -41,7 +42,9 @@ def sweep(lab: Lab, workload: Workload, specs: Sequence[str]) -> dict[str, list[
     """Each structure's times from the smallest picture to the largest."""
     found: dict[str, list[Timing]] = {spec: [] for spec in specs}
     for size in claims_scenes.RESOLUTIONS:
-        for spec, timing in lab.seconds(workload, specs, claims_scenes.camera_rays(workload, size)).items():
+        make = partial(claims_scenes.camera_rays, workload, size)
+        rays = lab.rays(workload, "{}x{}".format(*size), make)
+        for spec, timing in lab.seconds(workload, specs, rays).items():
             found[spec].append(timing)
     return found
 
@@ -188,6 +191,32 @@ def neighbours(lab: Lab) -> Iterator[Outcome]:
             )
 
 
+def teapot(lab: Lab) -> Iterator[Outcome]:
+    """A small dense object in a large empty scene: single rays through the octree against boxes, and beams."""
+    workload = lab.shared("utah-teapot-plane")
+    lacking = lab.lacks(BOX)
+    for configuration in CONFIGURATIONS:
+        if workload is None:
+            yield Outcome(configuration, UNTESTED, "the scene utah-teapot-plane is not there")
+            continue
+        specs = [octree(tree, configuration) for tree in (BEAM, NET, SAMET)]
+        specs += [MODERN] if lacking else [BOX, MODERN]
+        times = sweep(lab, workload, specs)
+        last = {name(spec): own[-1].nanoseconds for spec, own in times.items()}
+        statistics = lab.statistics(workload, specs[1])
+        holds = UNTESTED if lacking else verdict(holds=last[BOX] < min(last[NET], last[SAMET]))
+        yield Outcome(
+            configuration,
+            holds,
+            f"{workload.name} ({nodes(lab, workload, specs[1])} nodes, depth {statistics['depth_max']}): ns per ray at "
+            f"1280×1024: {per_ray(times)}{'; ' + lacking if lacking else ''}",
+            counters(times, specs[:2]),
+            lab.error(workload, specs),
+            last,
+            (chart(workload, times),),
+        )
+
+
 CLAIMS = (
     Claim(
         "beams-flat-line",
@@ -214,5 +243,12 @@ CLAIMS = (
         PAPER,
         "Looking for neighbours takes up to 40 % of the time (quoted from McNeill et al. 1992).",
         neighbours,
+    ),
+    Claim(
+        "teapot-in-the-stadium",
+        PAPER,
+        "A small object in a large scene (a teapot in a football ground) makes the octree deep; boxes beat single rays "
+        "there too.",
+        teapot,
     ),
 )

@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
+from typing import Any
 
 from . import claims_scenes, rays
 from .claims import FAILS, HOLDS, UNTESTED, Claim, Lab, Outcome
@@ -23,11 +25,16 @@ def scenes(lab: Lab) -> Iterator[Workload]:
     yield from (workload for name in SCENES if (workload := lab.shared(name)) is not None)
 
 
+def _shadow_rays(workload: Workload, tracer: Any) -> rays.RaySet:
+    return rays.make(workload, tracer, size=SHADOW_SIZE, seed=1, names=("shadow",))[0]
+
+
 def shadows(lab: Lab, way: str) -> Iterator[Outcome]:
     """What one way of shadow rays saves, scene by scene, in both configurations."""
     for workload in scenes(lab):
         tracer = lab.build(workload, "kd")
-        some = rays.make(workload, tracer, size=SHADOW_SIZE, seed=1, names=("shadow",))[0]
+        make = partial(_shadow_rays, workload, tracer)
+        some = lab.rays(workload, "shadow", make)
         if not len(some):
             yield Outcome("best", UNTESTED, f"{workload.name}: nothing is seen that could lie in a shadow")
             continue
@@ -45,7 +52,7 @@ def shadows(lab: Lab, way: str) -> Iterator[Outcome]:
                 configuration,
                 HOLDS if ratio < 1 else FAILS,
                 f"{workload.name}, {spec}: {ratio:.2f} times the time ({plain.nanoseconds:.0f} to "
-                f"{quick.nanoseconds:.0f} ns a ray); {spared * 100:.0f} % of {quick.rays:,} rays need no walk of their own",
+                f"{quick.nanoseconds:.0f} ns a ray); {spared * 100:.0f} % of {quick.rays:,} rays need no walk",
                 f"nodes per ray {steps[0]:.2f} to {steps[1]:.2f}, tests {plain.counters['tests']:.2f} to "
                 f"{quick.counters['tests']:.2f}",
                 lab.error(workload, [spec, asked]),

@@ -142,7 +142,20 @@ impl Batch<'_> {
         counters: &mut C,
     ) -> Option<Hit> {
         let cache = cache.as_ref()?;
-        let id = cache.blocker(cache.entry(ray.0))?;
+        self.blocked(cache.blocker(cache.entry(ray.0)), ray, counters)
+    }
+
+    /// The hit with this triangle, if it blocks the ray.
+    #[inline(always)]
+    pub fn blocked<C: Counters>(
+        &self,
+        id: u32,
+        ray: (&Ray, &FrameRay),
+        counters: &mut C,
+    ) -> Option<Hit> {
+        if id == Hit::NONE {
+            return None;
+        }
         let mut best = Best::new(ray.1);
         counters.tests(1);
         let blocked = best.offer::<Any, C>(ray, id, || self.scene.corners(id), counters);

@@ -54,11 +54,10 @@ impl ShadowCache {
         (hash >> 26) as usize
     }
 
-    /// The triangle that blocked the light of this entry last.
+    /// The triangle that blocked the light of this entry last; [`Hit::NONE`] when there was none.
     #[inline(always)]
-    pub fn blocker(&self, entry: usize) -> Option<u32> {
-        let blocker = self.blockers[entry];
-        (blocker != Hit::NONE).then_some(blocker)
+    pub fn blocker(&self, entry: usize) -> u32 {
+        self.blockers[entry]
     }
 
     /// Remembers what blocked a ray, or that nothing did.
