@@ -18,11 +18,11 @@ use fearless_simd::{Simd, SimdBase, SimdFloat, SimdMask, f32x8};
 pub const LANES: usize = 8;
 
 /// Words per triangle.
-const WORDS: usize = 10;
+pub(super) const WORDS: usize = 10;
 
 /// Words that the test may read from the beginning of any block, however few triangles it has: all
 /// loads then lie provably inside, and are checked once per block.
-const SPAN: usize = 1 + WORDS * LANES + LANES;
+pub(super) const SPAN: usize = 1 + WORDS * LANES + LANES;
 
 // With |d| < 2 per component, |e| <= E, |o - v| <= S and all inputs of the test rounded once, the
 // roundings of each quantity add up to less than (per component bounds, worst case of signs):
@@ -146,34 +146,12 @@ impl Blocks {
         }
     }
 
-    /// The first block of a leaf, or of what is left of it, that begins at `at`.
+    /// The words of the block that begins at `at`, and some behind it.
     #[inline(always)]
-    pub fn block<S: Simd>(&self, simd: S, at: usize, left: usize) -> Block<'_, S> {
-        let n = left.min(LANES);
-        let block: &[f32; SPAN] = self.words[at..]
+    pub(super) fn block_words(&self, at: usize) -> &[f32; SPAN] {
+        self.words[at..]
             .first_chunk()
-            .expect("sealed: no block is the last");
-        let row = |r: usize| f32x8::from_slice(simd, &block[1 + r * n..1 + r * n + LANES]);
-        let (x, y, z) = (
-            [row(0), row(3), row(6)],
-            [row(1), row(4), row(7)],
-            [row(2), row(5), row(8)],
-        );
-        Block {
-            block,
-            n,
-            low: [
-                x[0].min(x[1]).min(x[2]),
-                y[0].min(y[1]).min(y[2]),
-                z[0].min(z[1]).min(z[2]),
-            ],
-            high: [
-                x[0].max(x[1]).max(x[2]),
-                y[0].max(y[1]).max(y[2]),
-                z[0].max(z[1]).max(z[2]),
-            ],
-            next: at + 1 + WORDS * n,
-        }
+            .expect("sealed: no block is the last")
     }
 
     /// A triangle's corners in the scene's frame, of which those in this frame are at hand.
@@ -231,33 +209,6 @@ impl Blocks {
             left -= n;
         }
         false
-    }
-}
-
-/// Up to eight triangles of a leaf, and their boxes, a lane each; lanes from `n` on mean nothing.
-pub struct Block<'a, S: Simd> {
-    block: &'a [f32; SPAN],
-    /// How many triangles there are.
-    pub n: usize,
-    /// Lowest coordinates.
-    pub low: [f32x8<S>; 3],
-    /// Highest coordinates.
-    pub high: [f32x8<S>; 3],
-    /// Where the leaf's next block begins.
-    pub next: usize,
-}
-
-impl<S: Simd> Block<'_, S> {
-    /// Number and corners of one triangle.
-    #[inline(always)]
-    pub fn triangle(&self, lane: usize) -> (u32, [[f32; 3]; 3]) {
-        let at = |r: usize| self.block[1 + r * self.n + lane];
-        let corners = [
-            [at(0), at(1), at(2)],
-            [at(3), at(4), at(5)],
-            [at(6), at(7), at(8)],
-        ];
-        (at(9).to_bits(), corners)
     }
 }
 

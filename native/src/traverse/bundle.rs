@@ -4,6 +4,7 @@
 //! beam, and each ray is left with three dot products, eight rays at a time.
 
 use super::lanes::{Along, Seen};
+use super::ray::Ray;
 use fearless_simd::{Simd, SimdBase, f32x8};
 
 /// Rays in a beam at most.
@@ -71,6 +72,25 @@ pub fn lanes(mut mask: u64) -> impl Iterator<Item = usize> {
         mask &= mask - 1;
         Some(lane)
     })
+}
+
+/// Whether the rays differ in their origins, and which share the first one's direction then, or else its
+/// origin.
+#[inline(always)]
+pub fn alike(rays: &[Ray]) -> (bool, u64) {
+    let bits = |v: &[f32; 3]| [v[0].to_bits(), v[1].to_bits(), v[2].to_bits()];
+    let (origin, direction) = (bits(&rays[0].o), bits(&rays[0].d));
+    let parallel = rays.len() > 1 && bits(&rays[1].o) != origin;
+    let mut alike = 0;
+    for (i, ray) in rays.iter().enumerate() {
+        let own = if parallel {
+            bits(&ray.d) == direction
+        } else {
+            bits(&ray.o) == origin
+        };
+        alike |= u64::from(own) << i;
+    }
+    (parallel, alike)
 }
 
 /// Rays that share something.

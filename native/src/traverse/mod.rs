@@ -7,12 +7,14 @@
 //! as its bounds allow, and the answer is still the same for all of them.
 
 pub mod batch;
+pub mod block_boxes;
 pub mod blocks;
 pub mod box_tree;
 pub mod bundle;
 pub mod frame;
 pub mod frame_rows;
 pub mod lanes;
+pub mod light_cube;
 pub mod nested;
 pub mod octree_beam;
 pub mod octree_glassner;

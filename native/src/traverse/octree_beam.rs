@@ -13,7 +13,7 @@
 
 use super::batch::{TileWalk, Walk as _};
 use super::blocks::Blocks;
-use super::bundle::{Bundle, Common, LANES, Parallel, RAYS, Row, all, lanes, load};
+use super::bundle::{self, Bundle, Common, LANES, Parallel, RAYS, Row, all, lanes, load};
 use super::frame::{Frame, FrameRay, keep_min};
 use super::frame_rows::FrameRows;
 use super::octree_net::Links;
@@ -74,21 +74,12 @@ impl TileWalk for Walk<'_> {
         beam.rows.fill(simd, frame, rays);
         beam.best.clear();
         beam.best.resize_with(rays.len(), Best::blank);
-        // Rays that share the first one's origin, or else its direction. Others go singly.
-        let bits = |v: &[f32; 3]| [v[0].to_bits(), v[1].to_bits(), v[2].to_bits()];
-        let (origin, direction) = (bits(&rays[0].o), bits(&rays[0].d));
-        let parallel = rays.len() > 1 && bits(&rays[1].o) != origin;
-        let mut alike = 0_u64;
-        for (i, ray) in rays.iter().enumerate() {
-            let own = if parallel {
-                bits(&ray.d) == direction && tree.is_near(frame.point(ray.o))
-            } else {
-                bits(&ray.o) == origin
-            };
-            alike |= u64::from(own) << i;
-        }
-        if !parallel && !tree.is_near(frame.point(rays[0].o)) {
-            alike = 0;
+        // Rays that share nothing with the first ones go singly, and so do all from far away.
+        let (parallel, mut alike) = bundle::alike(rays);
+        for i in lanes(if parallel { alike } else { 1 }) {
+            if !tree.is_near(frame.point(rays[i].o)) {
+                alike = 0;
+            }
         }
         let live = beam.rows.live;
         let mut rest = live & !alike;

@@ -12,11 +12,13 @@
 //! singly. So no answer changes.
 
 use super::batch::{Batch, Walk};
+use super::block_boxes::BlockBoxes;
 use super::bundle::{LANES, RAYS, Row, Rows, all, lanes, load};
 use super::frame::FrameRay;
 use super::lanes::{Free, Plane};
+use super::light_cube;
 use super::query::{Any, Best, Count, Counters, NoCount};
-use super::ray::{Hit, Ray, RayCounters};
+use super::ray::{Hit, RayCounters};
 use super::shadow_cache::ShadowCache;
 use super::shaft::{Extent, Shaft};
 use crate::build::octree_nodes::Octree;
@@ -31,9 +33,6 @@ const STEPS_PER_RAY: u32 = 2;
 
 /// It may put one triangle to its rays for so many of them.
 const RAYS_PER_TRIANGLE: u32 = 4;
-
-/// Bits of a place on a cube's face, per direction.
-const PLACE_BITS: u32 = 10;
 
 /// The rays of a beam.
 struct Beam {
@@ -61,7 +60,7 @@ impl Batch<'_> {
         mut write: impl FnMut(usize, Hit),
         counters: Option<&mut [RayCounters]>,
     ) {
-        let sorted = self.by_light();
+        let sorted = light_cube::sorted(self.rays, self.scene.bounds());
         match counters {
             None => {
                 let mut none = vec![NoCount; self.rays.len()];
@@ -78,21 +77,6 @@ impl Batch<'_> {
         }
     }
 
-    /// The rays by light, face and place: a key each, whose low half is the ray's number.
-    fn by_light(&self) -> Vec<u64> {
-        let lights = ShadowCache::new(self.scene.bounds());
-        let size = self.scene.bounds().magnitude().max(f32::MIN_POSITIVE);
-        let mut keys: Vec<_> = (0_u64..)
-            .zip(self.rays)
-            .map(|(i, ray)| {
-                let light = lights.entry(ray) as u64;
-                (light << 6 | face(ray)) << (2 * PLACE_BITS + 32) | place(ray, size) << 32 | i
-            })
-            .collect();
-        radsort::sort(&mut keys);
-        keys
-    }
-
     #[inline(always)]
     fn each_beam<S: Simd, W: Walk, C: Counters>(
         &self,
@@ -105,8 +89,7 @@ impl Batch<'_> {
         let mut scratch = walk.scratch();
         let mut beam = Beam::new();
         let mut cache = ShadowCache::new(self.scene.bounds());
-        let light_and_face = |key: &u64| key >> (2 * PLACE_BITS + 32);
-        for run in sorted.chunk_by(|a, b| light_and_face(a) == light_and_face(b)) {
+        for run in sorted.chunk_by(|a, b| light_cube::same_face(*a, *b)) {
             for keys in run.chunks(RAYS) {
                 beam.fill(self, keys, write);
                 let Some(&first) = beam.ids.first() else {
@@ -117,15 +100,8 @@ impl Batch<'_> {
                 if beam.open.count_ones() >= LEAST {
                     let id = cache.blocker(entry);
                     if id != Hit::NONE {
-                        let corners = self.scene.corners(id).map(|p| self.frame.point(p));
-                        self.put(
-                            simd,
-                            &mut beam,
-                            (id, corners),
-                            &mut blocker,
-                            write,
-                            counters,
-                        );
+                        let known = (id, self.scene.corners(id).map(|p| self.frame.point(p)));
+                        self.put(simd, &mut beam, known, &mut blocker, write, counters);
                         for i in lanes(beam.everyone() & !beam.open) {
                             counters[beam.ids[i]].spared();
                         }
@@ -180,7 +156,7 @@ impl Batch<'_> {
                 counters[charged].leaf(count);
                 let (mut at, mut left) = (first as usize, count);
                 while left > 0 {
-                    let block = self.blocks.block(simd, at, left);
+                    let block = BlockBoxes::new(simd, self.blocks, at, left);
                     counters[charged].tests(block.n);
                     let met = shaft.meets(simd, &block.low, &block.high);
                     for lane in lanes(met & ((1 << block.n) - 1)) {
@@ -374,45 +350,4 @@ impl Beam {
         }
         true
     }
-}
-
-/// The face of the cube around the light through which a ray reaches it.
-fn face(ray: &Ray) -> u64 {
-    let axis = dominant(ray.d);
-    2 * axis as u64 + u64::from(ray.d[axis] > 0.0)
-}
-
-fn dominant(d: [f32; 3]) -> usize {
-    let size = d.map(f32::abs);
-    if size[0] >= size[1] && size[0] >= size[2] {
-        0
-    } else if size[1] >= size[2] {
-        1
-    } else {
-        2
-    }
-}
-
-/// Where on that face, so that near places have near numbers (Morton 1966). For a ray that does not
-/// end the face is a plane across the direction, as large as the scene.
-fn place(ray: &Ray, size: f32) -> u64 {
-    let k = dominant(ray.d);
-    let slope = 1.0 / ray.d[k];
-    let [u, v] = [(k + 1) % 3, (k + 2) % 3].map(|a| {
-        let tangent = ray.d[a] * slope;
-        let x = if ray.t_max.is_finite() {
-            tangent
-        } else {
-            0.5 * (ray.o[a] - tangent * ray.o[k]) / size
-        };
-        let cells = (1_u32 << PLACE_BITS) as f32;
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "saturates, which is as good as any other order"
-        )]
-        let cell = ((0.5 + 0.5 * x) * cells).clamp(0.0, cells - 1.0) as u64;
-        (0..PLACE_BITS).fold(0, |m, bit| m | (cell >> bit & 1) << (2 * bit))
-    });
-    u | v << 1
 }
