@@ -27,7 +27,7 @@ pub struct Rows {
 impl Rows {
     /// All zero.
     #[inline(always)]
-    pub fn new() -> Self {
+    pub fn blank() -> Self {
         Self {
             o: [[0.0; RAYS]; 3],
             d: [[0.0; RAYS]; 3],

@@ -25,9 +25,9 @@ pub struct FrameRows {
 
 impl FrameRows {
     /// No rays.
-    pub fn new() -> Self {
+    pub fn blank() -> Self {
         Self {
-            rays: Rows::new(),
+            rays: Rows::blank(),
             inv: [[0.0; RAYS]; 3],
             enter: [0.0; RAYS],
             reach: [0.0; RAYS],
@@ -151,7 +151,7 @@ mod tests {
             rays in prop::collection::vec(ray(), 1..=RAYS), size in prop_oneof![0.5f32..4.0, 1e-20f32..1e-12],
         ) {
             let frame = Frame::new(Aabb { min: [-size; 3], max: [size; 3] });
-            let mut rows = FrameRows::new();
+            let mut rows = FrameRows::blank();
             dispatch!(Level::new(), simd => rows.fill(simd, &frame, &rays));
             for (i, ray) in rays.iter().enumerate() {
                 let Some(one) = frame.ray(ray) else {

@@ -50,7 +50,7 @@ impl TileWalk for Walk<'_> {
     fn scratch(&self) -> Scratch {
         Scratch {
             beam: Beam {
-                rows: FrameRows::new(),
+                rows: FrameRows::blank(),
                 at: [[0.0; RAYS]; 3],
                 leave: [0.0; RAYS],
                 best: Vec::with_capacity(RAYS),

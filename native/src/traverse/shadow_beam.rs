@@ -271,7 +271,7 @@ impl Beam {
         Self {
             ids: Vec::with_capacity(RAYS),
             framed: Vec::with_capacity(RAYS),
-            rays: Rows::new(),
+            rays: Rows::blank(),
             start: [[0.0; RAYS]; 3],
             end: [[0.0; RAYS]; 3],
             reach: [0.0; RAYS],

@@ -44,9 +44,9 @@ impl Extent {
     /// Takes in a point.
     #[inline(always)]
     pub fn add(&mut self, p: [f32; 3]) {
-        for k in 0..3 {
-            self.low[k] = self.low[k].min(p[k]);
-            self.high[k] = self.high[k].max(p[k]);
+        for (k, x) in p.into_iter().enumerate() {
+            self.low[k] = self.low[k].min(x);
+            self.high[k] = self.high[k].max(x);
         }
     }
 }
