@@ -62,9 +62,9 @@ class Statistics(TypedDict):
     """What a build made.
 
     build_seconds: by the clock. bytes: nodes and leaves, without the scene's own arrays.
-    references: triangles in all leaves together. links: from leaves to
-    their neighbours, where a structure stores them. depth_max, depth_mean: of the leaves, the root
-    at 0. leaf_max: triangles in the largest leaf. sah_cost: expected cost of a random ray in the
+    references: triangles in all leaves together. links: from leaves to their neighbours, where a
+    structure stores them. depth_max, depth_mean: of the leaves, the root at 0. leaf_max: triangles
+    in the largest leaf. leaves_large: leaves of more than 64. sah_cost: expected cost of a random ray in the
     thesis's units (80 a triangle, 1 an axis step, 5 an oblique step), the same for all structures.
     left_out: what the scene did not need, each with its reason. dropped_triangles: those without
     area or with a vertex that is not finite.
@@ -77,6 +77,7 @@ class Statistics(TypedDict):
     leaves: int
     leaves_empty: int
     leaf_max: int
+    leaves_large: int
     references: int
     links: int
     depth_max: int
@@ -101,6 +102,9 @@ class SplitPolygons(TypedDict):
 
 def level() -> str:
     """The instruction set chosen for this machine: avx512, avx2, sse4.2, neon or fallback."""
+
+def free_memory() -> int:
+    """Bytes that a build may take now where no limit is given: seven eighths of what the machine has free."""
 
 def structures() -> list[StructureRow]:
     """The registry: every structure and its parameters, in the order in which lists show them."""
@@ -157,7 +161,8 @@ class Structure:
 
         origins, directions: (n, 3), scene frame; directions of any length, a zero direction meets
         nothing. t_min, t_max: the closed interval that counts, in units of the direction, one
-        number or (n,); 0 and inf when not given. order: "tile8" promises that every 64 consecutive
+        number or (n,), negative behind the origin; 0 and inf when not given. A hit whose distance
+        is beyond all floats is none. order: "tile8" promises that every 64 consecutive
         rays are an 8x8-pixel tile. threads: 0 = one per core.
         Raises ShapeError, NonFiniteError (NaN or infinite rays, NaN distances), SpecError (order).
         """
@@ -190,13 +195,17 @@ def build(
     *,
     threads: int = 0,
     monitor: Monitor | None = None,
+    memory_limit: int | None = None,
 ) -> Structure:
     """Builds a structure over triangles.
 
     vertices: (n, 3). triangles: (m, 3) indices; those without area or not finite are dropped and
     counted, and all keep their numbers. spec: "id" or "id:key=value,...", see structures(). The
     result is a function of these alone, on any number of threads; 0 = one per core.
-    Raises SpecError, ShapeError, Cancelled, and MemoryError when the tree cannot be addressed.
+    memory_limit: bytes that the build may take beside the scene, counted while it works; None = seven
+    eighths of what the machine has free when it begins.
+    Raises SpecError, ShapeError, Cancelled, and MemoryError when the limit is met or the tree cannot be
+    addressed; RuntimeError for an internal error.
     """
 
 def exact_closest(

@@ -65,6 +65,7 @@ def parser() -> argparse.ArgumentParser:
     add("--reference", choices=benchmark.REFERENCES, default="brute", help="what answers are compared with")
     add("--check-rays", type=int, default=20_000, metavar="N", help="rays per set to compare (default: 20000)")
     add("--ray-seed", type=int, default=1, help="seed of the rays (default: 1)")
+    add("--memory-limit", type=float, metavar="GB", help="what a build may take (default: most of what is free)")
     add("--preset", choices=sorted(PRESETS), help="a named choice of scenes, structures and ray sets")
     add("--out", type=Path, metavar="DIR", help="write bench.json, bench.csv and report.html; an earlier run resumes")
     return made
@@ -80,6 +81,7 @@ def main(arguments: Sequence[str]) -> int:
         specs.SpecError,
         workload.WorkloadError,
         results.FolderError,
+        MemoryError,
     ) as error:
         print(f"bench: {' '.join(str(error).split())}", file=sys.stderr)
         return BAD_INPUT
@@ -174,7 +176,7 @@ def read_options(asked: argparse.Namespace) -> benchmark.Options:
     if unknown:
         raise UsageError(f"--rays: unknown set {unknown[0]!r}; there are {', '.join(rays.NAMES)}")
     width, by, height = asked.size.partition("x")
-    if not (by and width.isdigit() and height.isdigit()):
+    if not (by and specs.is_whole(width) and specs.is_whole(height)):
         raise UsageError(f"--size: expected WIDTHxHEIGHT, got {asked.size!r}")
     size = int(width), int(height)
     if not all(0 < side <= 1 << 14 and side % rays.TILE == 0 for side in size):
@@ -184,8 +186,10 @@ def read_options(asked: argparse.Namespace) -> benchmark.Options:
             raise UsageError(f"--{name.replace('_', '-')}: expected at least {least}, got {getattr(asked, name)}")
     if asked.reference == yardstick.SPEC and (reason := yardstick.problem()):
         raise UsageError(f"--reference embree: {reason}")
+    if asked.memory_limit is not None and not 0 <= asked.memory_limit < 1 << 30:
+        raise UsageError(f"--memory-limit: expected a number of gigabytes, got {asked.memory_limit}")
     samples = [] if asked.curve is None else specs.numbers(asked.curve)
-    if not all(value.isdigit() and int(value) > 0 for value in samples):
+    if not all(specs.is_whole(value) and 0 < int(value) <= 1 << 24 for value in samples):
         raise UsageError(f"--curve: expected numbers of samples such as 1,2,4, got {asked.curve!r}")
     return benchmark.Options(
         size=size,
@@ -196,6 +200,7 @@ def read_options(asked: argparse.Namespace) -> benchmark.Options:
         check_rays=asked.check_rays,
         seed=asked.ray_seed,
         curve=tuple(sorted({int(value) for value in samples})),
+        memory_limit=None if asked.memory_limit is None else int(asked.memory_limit * 1e9),
     )
 
 
@@ -235,7 +240,7 @@ def loader(scene: str, size: tuple[int, int]) -> Callable[[], workload.Workload]
         except OSError as error:
             raise UsageError(f"{scene}: cannot be read: {error.strerror}") from error
     if path.suffix.lower() == ".npz":
-        return lambda: workload.load_npz(path)
+        return lambda: workload.load_npz(path, memory_limit=native.load().free_memory())
     try:
         from addon.blender import workloads
     except ImportError as error:

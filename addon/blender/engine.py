@@ -13,7 +13,7 @@ import numpy as np
 from ..core import catalogue, native
 from ..core.notes import Notes
 from ..core.session import Cancelled, Session, watch
-from ..core.settings import RenderSettings
+from ..core.settings import RenderSettings, memory_limit
 from . import camera, extract, passes, properties, reports, trees
 from .viewport import Viewport
 
@@ -101,7 +101,14 @@ class _Picture:
         self._say(f"{label}: building over {count:,} triangles")
         if not self.group.overlay.show:
             trees.clear()  # so that two trees need not fit into memory
-        session = Session.start(module, scene, spec, threads=settings.threads, keep_going=self._building)
+        session = Session.start(
+            module,
+            scene,
+            spec,
+            threads=settings.threads,
+            memory_limit=memory_limit(self.group.memory_limit),
+            keep_going=self._building,
+        )
         self._note_dropped(scene.geometry, session.structure.statistics)
         trees.keep(self.scene, session.structure, origin, spec=spec, label=label, triangles=count)
 

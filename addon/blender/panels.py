@@ -61,6 +61,8 @@ class HALFSPACE_PT_structure(_Panel, bpy.types.Panel):
         column.prop(group, "structure")
         for parameter in properties.structure_parameters(group):
             column.prop(group, parameter.name)
+        column.separator()
+        column.prop(group, "memory_limit")
 
 
 class HALFSPACE_PT_sampling(_Panel, bpy.types.Panel):

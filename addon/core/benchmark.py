@@ -42,7 +42,8 @@ REFERENCES = ("brute", "exact", "embree")
 class Options:
     """What is measured. size: width and height of the view; check_rays: rays per set compared with the reference.
 
-    threads: for builds and tracing. seed: of the rays.
+    threads: for builds and tracing. seed: of the rays. memory_limit: bytes that a build may take, None for what the
+    native module allows; a configuration that needs more gives a row whose `error` says so.
     """
 
     size: tuple[int, int] = (1024, 1024)
@@ -53,6 +54,7 @@ class Options:
     check_rays: int = 20_000
     seed: int = 1
     curve: tuple[int, ...] = ()
+    memory_limit: int | None = None
 
     def as_dict(self) -> dict[str, Any]:
         """As JSON has it."""
@@ -154,10 +156,12 @@ def _reference(native: Any, workload: Workload, checked: dict[str, RaySet], opti
     return found
 
 
-def _build(native: Any, workload: Workload, spec: str, threads: int) -> Any:
+def _build(native: Any, workload: Workload, spec: str, options: Options) -> Any:
     if spec == yardstick.SPEC:
         return yardstick.EmbreeStructure(workload.vertices, workload.triangles)
-    return native.build(workload.vertices, workload.triangles, spec, threads=threads)
+    return native.build(
+        workload.vertices, workload.triangles, spec, threads=options.threads, memory_limit=options.memory_limit
+    )
 
 
 def _groups(
@@ -171,7 +175,7 @@ def _groups(
     for number, spec in enumerate(rest):
         say(f"{workload.name}: {spec}: building")
         try:
-            candidate = _Candidate(spec, _build(native, workload, spec, options.threads), [], {}, {}, {}, {})
+            candidate = _Candidate(spec, _build(native, workload, spec, options), [], {}, {}, {}, {})
         except (ValueError, RuntimeError, MemoryError) as error:
             group.append(_failed_row(native, workload, spec, options, error))
             continue
@@ -188,14 +192,14 @@ def _with_builds(
 ) -> list[_Candidate | Row]:
     """The group with its yardstick, every build timed again, interleaved."""
     if with_yardstick:
-        structure = _build(native, workload, yardstick.SPEC, 1)
+        structure = _build(native, workload, yardstick.SPEC, options)
         group = [_Candidate(yardstick.SPEC, structure, [], {}, {}, {}, {}), *group]
     candidates = [item for item in group if isinstance(item, _Candidate)]
     for candidate in candidates:
         candidate.build_seconds.append(candidate.structure.statistics["build_seconds"])
     for _ in range(min(options.repeats, BUILDS) - 1):
         for candidate in candidates:
-            again = _build(native, workload, candidate.spec, options.threads)
+            again = _build(native, workload, candidate.spec, options)
             candidate.build_seconds.append(again.statistics["build_seconds"])
     return group
 

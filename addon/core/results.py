@@ -99,10 +99,13 @@ class Journal:
         self._append(json.dumps({"key": row_key, "row": row}, allow_nan=False) + "\n")
 
     def _append(self, text: str) -> None:
-        with self._path.open("a", encoding="utf-8", newline="\n") as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
+        try:
+            with self._path.open("a", encoding="utf-8", newline="\n") as file:
+                file.write(text)
+                file.flush()
+                os.fsync(file.fileno())
+        except OSError as error:
+            raise FolderError(f"{self._path}: cannot be written: {error.strerror or error}") from error
 
 
 def document(native: Any, rows: list[Row], options: dict[str, Any]) -> dict[str, Any]:

@@ -24,14 +24,25 @@ def split(text: str) -> list[str]:
     return specs
 
 
+MOST_VALUES = 10_000
+"""A longer range is a slip of the keyboard."""
+
+
+def is_whole(text: str) -> bool:
+    """Whether the text is a whole number that `int` reads: digits as ASCII has them, and not too many."""
+    return text.isascii() and text.isdecimal() and len(text) <= 18
+
+
 def numbers(text: str) -> list[str]:
     """The values in a list with ranges of whole numbers: "2-4,8" is 2, 3, 4, 8. Raises SpecError."""
     values: list[str] = []
     for part in (part.strip() for part in text.split(",")):
         low, dash, high = part.partition("-")
-        if dash and low.isdigit() and high.isdigit():
+        if dash and is_whole(low) and is_whole(high):
             if int(low) > int(high):
                 raise SpecError(f"the range {part!r} runs backwards")
+            if int(high) - int(low) >= MOST_VALUES:
+                raise SpecError(f"the range {part!r} has more than {MOST_VALUES} values")
             values += [str(n) for n in range(int(low), int(high) + 1)]
             continue
         try:

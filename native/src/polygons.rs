@@ -1,12 +1,15 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The split planes of a tree as polygons, each cut to its cell: what the overlay draws.
 
+use crate::build::cell::{BoxCell, Cell, ConvexCell, Direction, Plane};
 use crate::build::octree_nodes::Octree;
 use crate::build::plane_tree::{Node, PlaneTree};
 use crate::geom::Aabb;
 use crate::structure::{Layout, Structure};
 use crate::traverse::nested::{Look, Nested};
 
+/// Kind of an oblique plane.
+const OBLIQUE: u8 = 3;
 /// Kind of a plane that bounds a child of an interval hierarchy.
 const SLAB: u8 = 4;
 /// Kind of a mid plane of an octant.
@@ -41,9 +44,14 @@ pub fn split_polygons(structure: &Structure, max_depth: usize, max_count: usize)
         Layout::PlaneDir(tree) | Layout::PlaneTaB(tree) => {
             plane_tree(structure, tree, (max_depth, max_count), &mut polygons);
         }
-        Layout::Box2(tree) => object_tree(structure, tree, (max_depth, max_count), &mut polygons),
-        Layout::Box4(tree) => object_tree(structure, tree, (max_depth, max_count), &mut polygons),
-        Layout::Box8(tree) => object_tree(structure, tree, (max_depth, max_count), &mut polygons),
+        Layout::Objects(tree) => {
+            object_tree(
+                structure,
+                tree.nested(),
+                (max_depth, max_count),
+                &mut polygons,
+            );
+        }
         Layout::OctreeParam(tree)
         | Layout::OctreeNet(tree)
         | Layout::OctreeBeam(tree, _)
@@ -62,30 +70,62 @@ fn plane_tree(
     out: &mut Polygons,
 ) {
     let frame = &structure.built().frame;
-    let mut level = vec![(tree.root(), frame.bounds())];
+    let root = frame.bounds();
+    let mut level = vec![(
+        tree.root(),
+        ConvexCell::Box(BoxCell(root), root.magnitude()),
+    )];
     for depth in 0..=max_depth {
         let mut next = Vec::new();
         for (index, cell) in level {
-            let Node::Axis {
-                axis,
-                split,
-                children,
-                ..
-            } = tree.node(index)
-            else {
-                continue;
+            let (plane, children, kind) = match tree.node(index) {
+                Node::Axis {
+                    axis,
+                    split,
+                    children,
+                    ..
+                } => {
+                    let (direction, offset) = (Direction::Axis(axis), split);
+                    #[expect(clippy::cast_possible_truncation, reason = "an axis")]
+                    let kind = axis as u8;
+                    (Plane { direction, offset }, children, kind)
+                }
+                Node::Oblique {
+                    normal,
+                    offset,
+                    children,
+                    ..
+                } => {
+                    let direction = Direction::Oblique(normal);
+                    (Plane { direction, offset }, children, OBLIQUE)
+                }
+                Node::Leaf { .. } => continue,
             };
-            #[expect(clippy::cast_possible_truncation, reason = "an axis")]
-            let kind = axis as u8;
-            let corners = rectangle(&cell, axis, split).map(|p| frame.to_scene(p));
-            out.push(corners, (depth, kind), max_count);
-            let (mut below, mut above) = (cell, cell);
-            below.max[axis] = split;
-            above.min[axis] = split;
+            let corners = cross_section(&cell, plane);
+            if !corners.is_empty() {
+                let corners = corners.into_iter().map(|p| frame.to_scene(p));
+                out.push(corners, (depth, kind), max_count);
+            }
+            let (below, above) = cell.split(plane);
             next.extend([(children, below), (children + 1, above)]);
         }
         level = next;
     }
+}
+
+/// The face that a plane cuts through a cell, counter-clockwise seen from above the plane. Empty where
+/// rounding lost it.
+fn cross_section(cell: &ConvexCell, plane: Plane) -> Vec<[f32; 3]> {
+    if let (ConvexCell::Box(BoxCell(bounds), _), Direction::Axis(axis)) = (cell, plane.direction) {
+        return rectangle(bounds, axis, plane.offset).to_vec();
+    }
+    let Some((below, _)) = cell.polytope().split(plane) else {
+        return Vec::new();
+    };
+    let cap = below.facets().last().expect("a polytope has faces");
+    #[expect(clippy::cast_possible_truncation, reason = "for drawing")]
+    let corners = below.corners(cap).map(|p| p.map(|x| x as f32)).collect();
+    corners
 }
 
 /// The three mid planes of every inner octant.
@@ -115,9 +155,9 @@ fn octree(
 
 /// Boxes as six rectangles each, with the depth of the box's own node; slabs as the planes that cut
 /// something off the node's region, each cut to that region.
-fn object_tree<N: Nested>(
+fn object_tree(
     structure: &Structure,
-    tree: &N,
+    tree: &dyn Nested,
     (max_depth, max_count): (usize, usize),
     out: &mut Polygons,
 ) {
@@ -133,7 +173,7 @@ fn object_tree<N: Nested>(
                 let corners = rectangle(within, axis, at).map(|p| frame.to_scene(p));
                 out.push(corners, kind, max_count);
             };
-            for (_, child) in &children {
+            for (_, child) in children.iter().filter(|(_, child)| !child.is_empty()) {
                 match look {
                     Look::Boxes if depth < max_depth => {
                         for axis in 0..3 {
@@ -160,8 +200,13 @@ fn object_tree<N: Nested>(
 }
 
 impl Polygons {
-    /// Appends a rectangle, unless there are enough.
-    fn push(&mut self, corners: [[f32; 3]; 4], (depth, kind): (usize, u8), max_count: usize) {
+    /// Appends a polygon, unless there are enough.
+    fn push(
+        &mut self,
+        corners: impl IntoIterator<Item = [f32; 3]>,
+        (depth, kind): (usize, u8),
+        max_count: usize,
+    ) {
         if self.kinds.len() >= max_count {
             self.hidden += 1;
             return;

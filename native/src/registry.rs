@@ -16,7 +16,32 @@ use crate::trees;
 pub const TREES: &[StructureSpec] = &[
     trees::kd::SPEC,
     trees::kd_sah::SPEC,
+    trees::rbsp::PLAIN,
+    trees::rbsp::KD,
+    trees::bsp_ize::PLAIN,
+    trees::bsp_ize::KD,
+    trees::bsp_random::PLAIN,
+    trees::bsp_random::PLUS,
+    trees::bsp_random::PLUS_KD,
+    trees::bsp_wn::PLAIN,
+    trees::bsp_wn::PLUS,
+    trees::bsp_wn::PLUS_KD,
+    trees::bsp_wn_area::SPEC,
+    trees::bsp_cn::PLAIN,
+    trees::bsp_cn::PLUS,
+    trees::bsp_cn::PLUS_KD,
+    trees::bsp_cn_axial::SPEC,
+    trees::bsp_hybrid::SPEC,
     trees::bvh_sah::SPEC,
+    trees::bih::SPEC,
+    trees::bih_sah::SPEC,
+    trees::bih5::SPEC,
+    trees::bih1::SPEC,
+    trees::bih4::SPEC,
+    trees::bih_n::SPEC,
+    trees::bih_bvh::SPEC,
+    trees::bbox_gs::SPEC,
+    trees::bbox_gs::BRANCH_AND_BOUND,
     trees::octree_param::SPEC,
     trees::octree_arvo::SPEC,
     trees::octree_net::SPEC,
@@ -125,8 +150,13 @@ impl Default {
     }
 }
 
-/// The row of a structure.
-pub fn find(id: &str) -> Option<&'static StructureSpec> {
+/// Other names of structures: what they were called before.
+const ALIASES: &[(&str, &str)] = &[("skd", "bih"), ("boxtree", "bih")];
+
+/// The row of a structure, by its id or another name of it.
+pub fn find(name: &str) -> Option<&'static StructureSpec> {
+    let alias = ALIASES.iter().find(|(alias, _)| *alias == name);
+    let id = alias.map_or(name, |(_, id)| id);
     TREES.iter().find(|tree| tree.id == id)
 }
 
@@ -221,6 +251,16 @@ pub mod params {
         default: Default::Integer(1),
     };
 
+    /// Largest leaf of hierarchies parted by the surface area heuristic.
+    pub const LEAF_MAX: ParamSpec = ParamSpec {
+        name: "leaf_max",
+        label: "Largest Leaf",
+        doc: "Nodes of more triangles are always parted. More saves memory where triangles crowd",
+        unit: "triangles",
+        kind: Kind::Integer { min: 1, max: 4096 },
+        default: Default::Integer(64),
+    };
+
     const fn cost(
         name: &'static str,
         label: &'static str,
@@ -295,6 +335,7 @@ mod tests {
                 "{}",
                 tree.id
             );
+            assert!(ALIASES.iter().all(|(alias, _)| *alias != tree.id));
             for param in tree.all_params() {
                 let inside = match (param.kind, param.default) {
                     (Kind::Integer { min, max }, Default::Integer(x)) => (min..=max).contains(&x),
@@ -306,5 +347,10 @@ mod tests {
                 assert!(!param.doc.is_empty() && !param.label.is_empty());
             }
         }
+        assert!(
+            ALIASES
+                .iter()
+                .all(|(alias, id)| find(alias).is_some_and(|tree| tree.id == *id))
+        );
     }
 }

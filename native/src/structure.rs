@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! A built structure over a scene: rays in, answers out.
 
-use crate::build::Monitor;
 use crate::build::octree_nodes::Octree;
 use crate::build::plane_tree::{PlaneTree, Shape};
+use crate::build::{Monitor, footprint};
 use crate::error::{Error, Result};
 use crate::registry::Built;
 use crate::scene::Triangles;
 use crate::spec::Config;
 use crate::traverse::batch::{Batch, Walk};
-use crate::traverse::box_tree::{self, BoxTree};
+use crate::traverse::objects::Objects;
 use crate::traverse::query::{Any, Closest, Query};
 use crate::traverse::{Hit, Ray, RayCounters, Tracer, plane_dir, plane_ta_b};
 use crate::traverse::{
@@ -28,12 +28,8 @@ pub enum Layout {
     PlaneDir(PlaneTree),
     /// Axis-aligned planes, by entry and exit points.
     PlaneTaB(PlaneTree),
-    /// Boxes, two to a node.
-    Box2(BoxTree<2>),
-    /// Boxes, four to a node.
-    Box4(BoxTree<4>),
-    /// Boxes, eight to a node.
-    Box8(BoxTree<8>),
+    /// Objects, by boxes or intervals around them.
+    Objects(Objects),
     /// Octants, from the top.
     OctreeParam(Octree),
     /// Octants, from leaf to leaf by links.
@@ -59,13 +55,15 @@ impl Structure {
     /// Builds `config` over `scene` on `threads` threads, 0 for one per core.
     ///
     /// # Errors
-    /// [`Error::Cancelled`] when the monitor says so; [`Error::Memory`] when no threads can start.
+    /// [`Error::Cancelled`] when the monitor says so; [`Error::Memory`] when the build would need more than the
+    /// monitor allows, or when no threads can start.
     pub fn build(
         scene: Arc<Triangles>,
         config: Config,
         threads: usize,
         monitor: &Monitor,
     ) -> Result<Self> {
+        let _held = monitor.hold(scene.live().len() * footprint::TRIANGLE)?;
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(threads)
             .build()
@@ -116,9 +114,7 @@ impl Structure {
         let nodes = match &self.built.layout {
             Layout::Brute => 0,
             Layout::PlaneDir(tree) | Layout::PlaneTaB(tree) => tree.bytes(),
-            Layout::Box2(tree) => tree.bytes(),
-            Layout::Box4(tree) => tree.bytes(),
-            Layout::Box8(tree) => tree.bytes(),
+            Layout::Objects(tree) => tree.nested().bytes(),
             Layout::OctreeParam(tree)
             | Layout::OctreeNet(tree)
             | Layout::OctreeBeam(tree, _)
@@ -163,9 +159,7 @@ impl Structure {
             Layout::Brute => job.brute::<Q>(self.built.shape.references, write, counters),
             Layout::PlaneDir(tree) => job.walk::<_, Q>(&plane_dir::Walk(tree), write, counters),
             Layout::PlaneTaB(tree) => job.walk::<_, Q>(&plane_ta_b::Walk(tree), write, counters),
-            Layout::Box2(tree) => job.walk::<_, Q>(&box_tree::Walk(tree), write, counters),
-            Layout::Box4(tree) => job.walk::<_, Q>(&box_tree::Walk(tree), write, counters),
-            Layout::Box8(tree) => job.walk::<_, Q>(&box_tree::Walk(tree), write, counters),
+            Layout::Objects(tree) => tree.walk::<Q>(&job, write, counters),
             Layout::OctreeParam(tree) => {
                 self.octree::<Q, _>(&job, (tree, &octree_param::Walk(tree)), write, counters);
             }

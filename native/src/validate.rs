@@ -1,23 +1,24 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The invariants of a built tree, checked from outside: what must hold whatever built it.
 
-use crate::build::plane_tree::{MAX_DEPTH, Node, PlaneTree};
+use crate::build::plane_tree::{MAX_DEPTH, Node};
 use crate::geom::Aabb;
 use crate::structure::{Layout, Structure};
 use crate::traverse::nested::{Look, Nested, visit};
 use std::collections::BTreeSet;
 
 mod octree;
+mod planes;
 
 /// Broken invariants, in words; empty for a sound structure.
 pub fn validate(structure: &Structure) -> Vec<String> {
     let mut broken = Vec::new();
     match &structure.built().layout {
         Layout::Brute => {}
-        Layout::PlaneDir(tree) | Layout::PlaneTaB(tree) => plane_tree(structure, tree, &mut broken),
-        Layout::Box2(tree) => object_tree(structure, tree, &mut broken),
-        Layout::Box4(tree) => object_tree(structure, tree, &mut broken),
-        Layout::Box8(tree) => object_tree(structure, tree, &mut broken),
+        Layout::PlaneDir(tree) | Layout::PlaneTaB(tree) => {
+            planes::planes(structure, tree, &mut broken);
+        }
+        Layout::Objects(tree) => object_tree(structure, tree.nested(), &mut broken),
         Layout::OctreeParam(tree)
         | Layout::OctreeNet(tree)
         | Layout::OctreeSamet(tree)
@@ -60,15 +61,13 @@ impl Layout {
                 });
                 ids
             }
-            Self::Box2(tree) => nested_ids(structure, tree),
-            Self::Box4(tree) => nested_ids(structure, tree),
-            Self::Box8(tree) => nested_ids(structure, tree),
+            Self::Objects(tree) => nested_ids(structure, tree.nested()),
         }
     }
 }
 
 /// All triangles that some leaf of an object tree holds.
-fn nested_ids(structure: &Structure, tree: &impl Nested) -> BTreeSet<u32> {
+fn nested_ids(structure: &Structure, tree: &dyn Nested) -> BTreeSet<u32> {
     let mut ids = BTreeSet::new();
     visit(tree, structure.built().frame.bounds(), |_, _, look, _| {
         if let Look::Leaf { first, count } = look {
@@ -79,19 +78,24 @@ fn nested_ids(structure: &Structure, tree: &impl Nested) -> BTreeSet<u32> {
 }
 
 /// Object trees hold each triangle once, inside every box and between all planes on its path.
-fn object_tree(structure: &Structure, tree: &impl Nested, broken: &mut Vec<String>) {
+fn object_tree(structure: &Structure, tree: &dyn Nested, broken: &mut Vec<String>) {
     let (built, scene) = (structure.built(), structure.scene());
     let mut seen = BTreeSet::new();
     let (mut inner, mut leaves, mut references) = (0, 0, 0);
     visit(
         tree,
         built.frame.bounds(),
-        |region, depth, look, children| {
+        |(place, region), depth, look, children| {
             if depth > MAX_DEPTH {
                 broken.push(format!("a node lies at depth {depth}, beyond {MAX_DEPTH}"));
             }
             let Look::Leaf { first, count } = look else {
                 inner += 1;
+                if !tree.nests(place) {
+                    broken.push(format!(
+                        "the bounds of {region:?} do not hold its children's"
+                    ));
+                }
                 for (_, child) in children {
                     if !contains(region, child) {
                         broken.push(format!(
@@ -108,7 +112,8 @@ fn object_tree(structure: &Structure, tree: &impl Nested, broken: &mut Vec<Strin
                     broken.push(format!("triangle {id} lies in two leaves"));
                 }
                 let corners = scene.corners(id).map(|p| built.frame.point(p));
-                if !contains(region, &Aabb::of_triangle(corners)) {
+                let held = tree.holds(place, corners);
+                if !held || !contains(region, &Aabb::of_triangle(corners)) {
                     broken.push(format!(
                         "triangle {id} lies partly outside its leaf's region"
                     ));
@@ -129,63 +134,4 @@ fn object_tree(structure: &Structure, tree: &impl Nested, broken: &mut Vec<Strin
 /// Whether the second box lies inside the first.
 fn contains(outer: &Aabb, inner: &Aabb) -> bool {
     inner.is_empty() || (0..3).all(|k| outer.min[k] <= inner.min[k] && inner.max[k] <= outer.max[k])
-}
-
-fn plane_tree(structure: &Structure, tree: &PlaneTree, broken: &mut Vec<String>) {
-    let shape = *structure.shape();
-    let (mut inner, mut leaves, mut references) = (0, 0, 0);
-    let mut cells = vec![structure.built().frame.bounds()];
-    tree.visit(|index, node, depth| {
-        let cell = cells.pop().unwrap_or(Aabb::EMPTY);
-        if depth > MAX_DEPTH {
-            broken.push(format!(
-                "node {index} lies at depth {depth}, beyond {MAX_DEPTH}"
-            ));
-        }
-        match node {
-            Node::Axis { axis, split, .. } => {
-                inner += 1;
-                if !(cell.min[axis] <= split && split <= cell.max[axis]) {
-                    broken.push(format!(
-                        "node {index}: the plane {split} lies outside its cell"
-                    ));
-                }
-                let (mut below, mut above) = (cell, cell);
-                below.max[axis] = split;
-                above.min[axis] = split;
-                cells.extend([above, below]);
-            }
-            Node::Oblique { .. } => inner += 1,
-            Node::Leaf { first, count } => {
-                leaves += 1;
-                references += count;
-                let ids = structure.built().blocks.ids(first, count);
-                let unique: BTreeSet<_> = ids.iter().collect();
-                if unique.len() != ids.len() {
-                    broken.push(format!("leaf {index} holds a triangle twice"));
-                }
-                for id in ids {
-                    let frame = &structure.built().frame;
-                    let corners = structure.scene().corners(id).map(|p| frame.point(p));
-                    let bounds = Aabb::of_triangle(corners);
-                    let apart =
-                        (0..3).any(|k| bounds.max[k] < cell.min[k] || bounds.min[k] > cell.max[k]);
-                    if apart {
-                        broken.push(format!("leaf {index}: triangle {id} lies outside its cell"));
-                    }
-                }
-            }
-        }
-    });
-    let counted = (inner, leaves, references);
-    let stated = (
-        shape.nodes_axis + shape.nodes_oblique,
-        shape.leaves,
-        shape.references,
-    );
-    if counted != stated {
-        broken.push(format!(
-            "inner nodes, leaves and references are {counted:?}, the statistics say {stated:?}"
-        ));
-    }
 }

@@ -15,6 +15,7 @@ use halfspace_native::spec::Config;
 use halfspace_native::structure::Structure;
 use halfspace_native::traverse::{Hit, Ray, RayCounters, Tracer};
 use halfspace_native::validate::validate;
+use rayon::prelude::*;
 use std::sync::Arc;
 
 fn build(scene: &Arc<Triangles>, spec: &str, threads: usize) -> Structure {
@@ -80,25 +81,30 @@ fn differences(tracer: &impl Tracer, rays: &[Ray], reference: &[Hit]) -> usize {
 
 #[test]
 fn every_structure_answers_like_brute_force() {
-    for Case {
-        name, scene, rays, ..
-    } in cases(Size::Small, 7)
-    {
+    // The longest of all tests, so on all cores.
+    cases(Size::Small, 7).into_par_iter().for_each(|case| {
+        let Case {
+            name, scene, rays, ..
+        } = case;
         let reference = closest(&build(&scene, "brute", 1), &rays);
-        for spec in specs() {
-            let structure = build(&scene, &spec, 2);
+        for (i, spec) in specs().iter().enumerate() {
+            // A third of the rays each, not always the same.
+            let third = i % 3;
+            let rays: Vec<_> = rays.iter().copied().skip(third).step_by(3).collect();
+            let reference: Vec<_> = reference.iter().copied().skip(third).step_by(3).collect();
+            let structure = build(&scene, spec, 1);
             assert_eq!(validate(&structure), Vec::<String>::new(), "{name}, {spec}");
             let wrong = differences(&structure, &rays, &reference);
             assert_eq!(wrong, 0, "{name}, {spec}: of {} rays", rays.len());
             // Some of the rays on each instruction set: the portable one is slow without optimisation.
-            let some: Vec<_> = rays.iter().copied().step_by(16).collect();
-            let expected: Vec<_> = reference.iter().copied().step_by(16).collect();
+            let some: Vec<_> = rays.iter().copied().step_by(8).collect();
+            let expected: Vec<_> = reference.iter().copied().step_by(8).collect();
             for (set, level) in levels() {
                 let wrong = differences(&structure.at_level(level), &some, &expected);
                 assert_eq!(wrong, 0, "{name}, {spec}, {set}: of {} rays", some.len());
             }
         }
-    }
+    });
 }
 
 #[test]
@@ -178,7 +184,7 @@ fn a_longer_direction_meets_the_same_triangle() {
 #[test]
 fn trees_do_not_depend_on_the_number_of_threads() {
     // Large enough for several tasks.
-    let scene = soup(grid(12, 0.3));
+    let scene = soup(grid(7, 0.3));
     for spec in specs() {
         let (one, two, again) = (
             build(&scene, &spec, 1),
@@ -241,6 +247,32 @@ fn a_cancelled_build_ends_with_an_error() {
     }
 }
 
+/// What the builders count against the limit is not less than what they make, and not much more.
+#[test]
+fn a_build_beyond_its_memory_is_refused() {
+    let scene = soup(grid(12, 0.3));
+    for spec in specs() {
+        let bytes = build(&scene, &spec, 1).bytes() as u64;
+        let within = |limit: u64, threads: usize| {
+            let monitor = Monitor::new();
+            monitor.limit_memory(limit);
+            let config = Config::parse(&spec).unwrap();
+            Structure::build(scene.clone(), config, threads, &monitor)
+        };
+        for threads in [1, 2] {
+            for limit in [0, 1 << 20, bytes] {
+                let error = within(limit, threads).err();
+                assert!(
+                    matches!(&error, Some(Error::Memory(text)) if text.starts_with("memory_limit: ")),
+                    "{spec}, {limit} of {bytes} bytes: {error:?}"
+                );
+            }
+            let enough = within(6 * bytes, threads);
+            assert!(enough.is_ok(), "{spec}, {bytes} bytes: {:?}", enough.err());
+        }
+    }
+}
+
 #[test]
 fn extreme_parameters_build_right_trees() {
     let scene = soup(grid(3, 0.3));
@@ -271,7 +303,21 @@ fn walks_without_bounds_are_caught() {
     let mut rays = lattice_rays(5, &mut random, 4000);
     rays.extend(aimed(&scene, 4000, &mut random));
     let reference = closest(&build(&scene, "brute", 1), &rays);
-    for spec in ["kd:robust=none", "kd:robust=none,traversal=dir"] {
+    for spec in [
+        "kd:robust=none",
+        "kd:robust=none,traversal=dir",
+        "bsp-wn-plus-kd:robust=none,k=4,seed=1",
+        "bsp-random:robust=none",
+        "bih:robust=none",
+        "bih5:robust=none",
+        "bih1:robust=none",
+        "bih4:robust=none",
+        "bih-n:robust=none",
+        "bih-sah:robust=none",
+        "bih-bvh:robust=none",
+        "bbox-gs:robust=none",
+        "bbox-gs:slabs=7,robust=none",
+    ] {
         assert!(
             differences(&build(&scene, spec, 1), &rays, &reference) > 0,
             "{spec}"

@@ -117,7 +117,7 @@ def test_other_options_are_other_rows(scene: Path, tmp_path: Path) -> None:
         (["--structures", "kd:colour=3"], "has no key 'colour'"),
         (["--structures", "kd:max_depth=999"], "max_depth"),
         (["--k", "9-2"], "runs backwards"),
-        (["--k", "3"], "parameter 'k'"),
+        (["--structures", "kd", "--k", "3"], "parameter 'k'"),
         (["--rays", "primary,sideways"], "unknown set 'sideways'"),
         (["--size", "100x100"], "multiples of 8"),
         (["--size", "0x8"], "multiples of 8"),

@@ -94,10 +94,10 @@ def test_a_configuration_that_cannot_be_built_is_a_row_and_the_others_go_on() ->
         def __getattr__(self, name: str) -> Any:
             return getattr(halfspace_native, name)
 
-        def build(self, vertices: Any, triangles: Any, spec: str, *, threads: int = 0) -> Any:
+        def build(self, vertices: Any, triangles: Any, spec: str, **options: Any) -> Any:
             if spec == "kd-sah":
                 raise RuntimeError("too many references\nsecond line")
-            return halfspace_native.build(vertices, triangles, spec, threads=threads)
+            return halfspace_native.build(vertices, triangles, spec, **options)
 
     rows = measure(["kd-sah", "kd"], native=Failing())
     assert rows["kd-sah"]["error"] == "too many references"

@@ -103,20 +103,27 @@ def test_nothing_is_a_scene_too(spec: str) -> None:
     assert len(tree.split_polygons()["kind"]) == 0
 
 
-def test_split_polygons_lie_in_their_planes_and_in_the_scene() -> None:
+@pytest.mark.parametrize("spec", ["kd", "bih", "bih5", "bih1", "bih4", "bih-n"])
+def test_split_polygons_lie_in_their_planes_and_in_the_scene(spec: str) -> None:
     vertices, triangles = soup(400)
-    tree = native.build(vertices, triangles, "kd")
+    tree = native.build(vertices, triangles, spec)
     polygons = tree.split_polygons(max_depth=6, max_count=40)
     assert polygons["vertices"].shape == (polygons["offsets"][-1], 3)
     everything = tree.split_polygons(max_depth=6)
+    assert len(polygons["kind"]) == 40
     assert len(polygons["kind"]) + polygons["hidden"] == len(everything["kind"])
     used = vertices[triangles]
     low, high = used.min((0, 1)), used.max((0, 1))
     for i, kind in enumerate(polygons["kind"]):
         corners = polygons["vertices"][polygons["offsets"][i] : polygons["offsets"][i + 1]]
-        assert np.ptp(corners[:, kind]) == 0
+        flat = np.ptp(corners, axis=0) == 0
+        assert flat[kind] if spec == "kd" else kind == 4 and flat.any()
         assert (corners >= low).all()
         assert (corners <= high).all()
+        if spec != "kd":
+            # Planes of an interval hierarchy are coordinates of triangles.
+            axis = int(np.argmax(flat))
+            assert (used[..., axis] == corners[0, axis]).any()
     assert (np.diff(polygons["depth"].astype(int)) >= 0).all(), "breadth first"
 
 

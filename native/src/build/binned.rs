@@ -6,6 +6,7 @@
 use super::cost::Costs;
 use super::object::{Node, Object, ObjectPolicy, Parting};
 use crate::geom::Aabb;
+use crate::spec::Config;
 use rayon::prelude::*;
 
 /// Nodes of at most this many objects try every partition along each axis.
@@ -40,15 +41,16 @@ impl ObjectPolicy for SurfaceArea {
 
     fn part(&self, node: &Node<'_, ()>) -> Parting<()> {
         let n = node.objects.len();
+        let (bounds, centres) = node.measure();
         let best = if n <= SWEEP {
-            self.sweep(node)
+            self.sweep(node.objects, &centres)
         } else {
-            self.bins(node)
+            self.bins(node.objects, &centres)
         };
         let Some(best) = best else {
             return Parting::Leaf; // all centres coincide
         };
-        let area = node.bounds.area();
+        let area = bounds.area();
         let split = f64::from(self.costs.step) * area + best.cost;
         if n <= self.leaf_max && split >= self.leaf(n) * area {
             return Parting::Leaf;
@@ -62,22 +64,35 @@ impl ObjectPolicy for SurfaceArea {
 }
 
 impl SurfaceArea {
+    /// With the prices and the largest leaf that a configuration states.
+    pub fn configured(config: &Config, costs: Costs) -> Self {
+        Self {
+            costs: Costs {
+                step: config.float("step_cost"),
+                leaf: config.float("leaf_cost"),
+                triangle: config.float("triangle_cost"),
+                ..costs
+            },
+            leaf_max: config.integer("leaf_max"),
+        }
+    }
+
     #[expect(clippy::cast_precision_loss, reason = "a price")]
     fn leaf(&self, n: usize) -> f64 {
         f64::from(self.costs.leaf(n as f32))
     }
 
     /// Tries all partitions between different centres.
-    fn sweep(&self, node: &Node<'_, ()>) -> Option<Best> {
-        let n = node.objects.len();
+    fn sweep(&self, objects: &[Object], centres: &Aabb) -> Option<Best> {
+        let n = objects.len();
         let mut best: Option<Best> = None;
         let mut order: [u8; SWEEP] = std::array::from_fn(|i| u8::try_from(i).expect("few"));
         let mut areas = [0.0; SWEEP];
         for axis in 0..3 {
-            if node.centres.min[axis] >= node.centres.max[axis] {
+            if centres.min[axis] >= centres.max[axis] {
                 continue;
             }
-            let object = |i: u8| &node.objects[usize::from(i)];
+            let object = |i: u8| &objects[usize::from(i)];
             let order = &mut order[..n];
             order.sort_unstable_by(|&a, &b| {
                 let centres = (object(a).centre(axis), object(b).centre(axis));
@@ -109,19 +124,19 @@ impl SurfaceArea {
     }
 
     /// Tries the partitions between bins of centres.
-    fn bins(&self, node: &Node<'_, ()>) -> Option<Best> {
-        let grid = Grid::new(node.centres);
-        let bins = if node.objects.len() < PARALLEL {
-            grid.fill(node.objects)
+    fn bins(&self, objects: &[Object], centres: &Aabb) -> Option<Best> {
+        let grid = Grid::new(*centres);
+        let bins = if objects.len() < PARALLEL {
+            grid.fill(objects)
         } else {
-            node.objects
+            objects
                 .par_chunks(PARALLEL / 4)
                 .map(|objects| grid.fill(objects))
                 .reduce(|| [[Bin::EMPTY; BINS]; 3], join)
         };
         let mut best: Option<Best> = None;
         for (axis, bins) in bins.iter().enumerate() {
-            if node.centres.min[axis] >= node.centres.max[axis] {
+            if centres.min[axis] >= centres.max[axis] {
                 continue;
             }
             let mut costs = [0.0; BINS];
@@ -135,7 +150,7 @@ impl SurfaceArea {
                 let parts = bins[i - 1].count > 0;
                 below = below.union(&bins[i - 1]);
                 let cost = below.cost(self) + costs[i];
-                if parts && below.count < node.objects.len() && best.is_none_or(|b| cost < b.cost) {
+                if parts && below.count < objects.len() && best.is_none_or(|b| cost < b.cost) {
                     let at = below.last;
                     best = Some(Best { cost, axis, at });
                 }

@@ -6,6 +6,7 @@
 //! function of the triangles and the policy, for any number of threads.
 
 use super::Monitor;
+use super::footprint;
 use super::object_tree::{Item, ObjectTree};
 use super::plane_tree::MAX_DEPTH;
 use crate::error::Result;
@@ -41,12 +42,31 @@ impl Object {
 pub struct Node<'a, R> {
     /// Its objects.
     pub objects: &'a [Object],
-    /// The box around them.
-    pub bounds: Aabb,
-    /// The box around their centres.
-    pub centres: Aabb,
     /// What the policy said of it when it parted the parent.
     pub region: &'a R,
+}
+
+impl<R> Node<'_, R> {
+    /// The boxes around the objects and around their centres.
+    pub fn measure(&self) -> (Aabb, Aabb) {
+        if self.objects.len() < PARALLEL {
+            return measure(self.objects);
+        }
+        let join = |a: (Aabb, Aabb), b: (Aabb, Aabb)| (a.0.union(&b.0), a.1.union(&b.1));
+        self.objects
+            .par_chunks(PARALLEL / 4)
+            .map(measure)
+            .reduce(|| (Aabb::EMPTY, Aabb::EMPTY), join)
+    }
+}
+
+fn measure(objects: &[Object]) -> (Aabb, Aabb) {
+    let mut both = (Aabb::EMPTY, Aabb::EMPTY);
+    for object in objects {
+        both.0 = both.0.union(&object.bounds);
+        both.1.grow([0, 1, 2].map(|k| object.centre(k)));
+    }
+    both
 }
 
 /// How a node's objects are parted.
@@ -88,24 +108,26 @@ struct Builder<'a, P> {
     monitor: &'a Monitor,
 }
 
+/// The live triangles of `scene`, in the frame `frame`.
+pub fn gather(scene: &Triangles, frame: &Frame) -> Vec<Object> {
+    let object = |&id: &u32| Object {
+        bounds: Aabb::of_triangle(scene.corners(id).map(|p| frame.point(p))),
+        id,
+    };
+    scene.live().par_iter().map(object).collect()
+}
+
 /// Builds a tree over the live triangles of `scene`, in the frame `frame`, in the current rayon pool.
 ///
 /// # Errors
-/// [`crate::error::Error::Cancelled`] when the monitor says so.
+/// [`crate::error::Error::Cancelled`] and [`crate::error::Error::Memory`] when the monitor says so.
 pub fn build<P: ObjectPolicy>(
     scene: &Triangles,
     frame: &Frame,
     policy: &P,
     monitor: &Monitor,
 ) -> Result<ObjectTree> {
-    let mut objects: Vec<_> = scene
-        .live()
-        .par_iter()
-        .map(|&id| Object {
-            bounds: Aabb::of_triangle(scene.corners(id).map(|p| frame.point(p))),
-            id,
-        })
-        .collect();
+    let mut objects = gather(scene, frame);
     let builder = Builder { policy, monitor };
     let region = policy.root(frame.bounds());
     let items = builder.subtree(&mut objects, (region, 0), 1.0)?;
@@ -125,14 +147,15 @@ impl<P: ObjectPolicy> Builder<'_, P> {
         if objects.len() < TASK {
             items.reserve(objects.len() / 2);
             self.node(objects, at, &mut items)?;
+            self.monitor.take(footprint::boxes::<Item>(items.len()))?;
             self.monitor.advance(work);
             return Ok(items);
         }
-        let Some((split, regions, item)) = self.split(objects, &at)? else {
+        let Some((split, regions, axis)) = self.split(objects, &at)? else {
             self.monitor.advance(work);
             return Ok(vec![item_leaf(objects)]);
         };
-        items.push(item);
+        items.push(Item::inner(axis));
         let depth = at.1 + 1;
         let share = split as f64 / objects.len() as f64;
         let (below, above) = objects.split_at_mut(split);
@@ -143,8 +166,8 @@ impl<P: ObjectPolicy> Builder<'_, P> {
         );
         items.append(&mut first?);
         let distance = items.len();
-        items[0].link_above(distance);
         items.append(&mut second?);
+        Item::link(&mut items, distance);
         Ok(items)
     }
 
@@ -155,23 +178,24 @@ impl<P: ObjectPolicy> Builder<'_, P> {
         at: (P::Region, usize),
         items: &mut Vec<Item>,
     ) -> Result<()> {
-        let Some((split, regions, item)) = self.split(objects, &at)? else {
+        let Some((split, regions, axis)) = self.split(objects, &at)? else {
             items.push(item_leaf(objects));
             return Ok(());
         };
         let place = items.len();
-        items.push(item);
+        items.push(Item::inner(axis));
         let depth = at.1 + 1;
         let (below, above) = objects.split_at_mut(split);
         let [first, second] = regions;
         self.node(below, (first, depth), items)?;
         let distance = items.len() - place;
-        items[place].link_above(distance);
-        self.node(above, (second, depth), items)
+        self.node(above, (second, depth), items)?;
+        Item::link(&mut items[place..], distance);
+        Ok(())
     }
 
     /// Parts a node in place, or says that it is a leaf: how many objects are below, what the
-    /// children are told, and the node's own item.
+    /// children are told, and the axis.
     #[expect(
         clippy::type_complexity,
         reason = "three results, named in the sentence above"
@@ -180,18 +204,12 @@ impl<P: ObjectPolicy> Builder<'_, P> {
         &self,
         objects: &mut [Object],
         (region, depth): &(P::Region, usize),
-    ) -> Result<Option<(usize, [P::Region; 2], Item)>> {
+    ) -> Result<Option<(usize, [P::Region; 2], usize)>> {
         self.monitor.check()?;
         if objects.len() < 2 {
             return Ok(None);
         }
-        let (bounds, centres) = measure(objects);
-        let parting = self.policy.part(&Node {
-            objects,
-            bounds,
-            centres,
-            region,
-        });
+        let parting = self.policy.part(&Node { objects, region });
         // Halving reaches single objects in this many levels; from here on nothing else may be done.
         let last_resort = MAX_DEPTH - depth <= objects.len().next_power_of_two().ilog2() as usize;
         let (axis, regions, split) = match parting {
@@ -208,7 +226,7 @@ impl<P: ObjectPolicy> Builder<'_, P> {
         } else {
             split
         };
-        Ok(Some((split, regions, Item::inner(bounds, axis))))
+        Ok(Some((split, regions, axis)))
     }
 }
 
@@ -217,26 +235,6 @@ fn item_leaf(objects: &[Object]) -> Item {
         .iter()
         .fold(Aabb::EMPTY, |all, o| all.union(&o.bounds));
     Item::leaf(bounds, objects.len())
-}
-
-/// The boxes around the objects and around their centres.
-fn measure(objects: &[Object]) -> (Aabb, Aabb) {
-    let of = |objects: &[Object]| {
-        let mut both = (Aabb::EMPTY, Aabb::EMPTY);
-        for object in objects {
-            both.0 = both.0.union(&object.bounds);
-            both.1.grow([0, 1, 2].map(|k| object.centre(k)));
-        }
-        both
-    };
-    if objects.len() < PARALLEL {
-        return of(objects);
-    }
-    let join = |a: (Aabb, Aabb), b: (Aabb, Aabb)| (a.0.union(&b.0), a.1.union(&b.1));
-    objects
-        .par_chunks(PARALLEL / 4)
-        .map(of)
-        .reduce(|| (Aabb::EMPTY, Aabb::EMPTY), join)
 }
 
 /// Moves the objects of which `below` holds to the front; returns how many they are.
@@ -270,7 +268,8 @@ fn median(objects: &mut [Object], axis: usize) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::traverse::blocks::Blocks;
+    use crate::build::leaves::Leaves;
+    use crate::traverse::blocks::Keep;
     use crate::traverse::box_tree::BoxTree;
     use crate::traverse::nested;
 
@@ -283,7 +282,7 @@ mod tests {
         fn part(&self, node: &Node<'_, ()>) -> Parting<()> {
             Parting::Centre {
                 axis: 0,
-                at: node.centres.min[0],
+                at: node.measure().1.min[0],
                 regions: [(); 2],
             }
         }
@@ -300,8 +299,7 @@ mod tests {
         let scene = Triangles::new(vertices, indices).unwrap();
         let frame = Frame::new(scene.bounds());
         let tree = build(&scene, &frame, &Chain, &Monitor::new()).unwrap();
-        let mut blocks = Blocks::new();
-        let boxes = BoxTree::<2>::new(&tree, &scene, &frame, &mut blocks).unwrap();
+        let boxes = BoxTree::<2>::new(&tree, &mut Leaves::new(Keep::Corners)).unwrap();
         let shape = nested::shape(&boxes, frame.bounds());
         assert_eq!((shape.leaves, shape.depth_max), (1000, MAX_DEPTH));
         let mut ids = tree.ids.clone();

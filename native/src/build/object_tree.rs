@@ -2,6 +2,7 @@
 //! A binary tree of objects as the builder emits it: nodes in preorder with their boxes. Every
 //! layout of such a tree, by boxes or by planes, is made from this one.
 
+use crate::error::{Error, Result};
 use crate::geom::Aabb;
 
 /// A node in preorder: the child below follows at once.
@@ -33,10 +34,10 @@ pub enum Kind {
 }
 
 impl Item {
-    /// An inner node, the child above not yet linked.
-    pub fn inner(bounds: Aabb, axis: usize) -> Self {
+    /// An inner node, its children not yet linked.
+    pub fn inner(axis: usize) -> Self {
         Self {
-            bounds,
+            bounds: Aabb::EMPTY,
             above: 0,
             word: u32::try_from(axis).expect("an axis"),
         }
@@ -51,9 +52,11 @@ impl Item {
         }
     }
 
-    /// States how many items ahead the child above is.
-    pub fn link_above(&mut self, distance: usize) {
-        self.above = u32::try_from(distance).expect("fewer than 2^30 nodes");
+    /// Completes the first of `items`: its child below is the next, its child above the one that is
+    /// `distance` items ahead. Its box is that around theirs.
+    pub fn link(items: &mut [Self], distance: usize) {
+        items[0].bounds = items[1].bounds.union(&items[distance].bounds);
+        items[0].above = u32::try_from(distance).expect("fewer than 2^30 nodes");
     }
 }
 
@@ -93,5 +96,34 @@ impl ObjectTree {
                 first
             })
             .collect()
+    }
+
+    /// How many levels lie below each item.
+    pub fn heights(&self) -> Vec<u8> {
+        let mut heights = vec![0; self.items.len()];
+        for place in (0..self.items.len()).rev() {
+            if let Kind::Inner {
+                children: [below, above],
+                ..
+            } = self.kind(place)
+            {
+                heights[place] = 1 + u8::max(heights[below], heights[above]);
+            }
+        }
+        heights
+    }
+
+    /// Passes trees whose leaf data 32-bit links can name: blocks cost at most 11 words a triangle.
+    ///
+    /// # Errors
+    /// [`Error::Memory`].
+    pub fn check_size(&self) -> Result<()> {
+        if self.ids.len() >= 1 << 28 {
+            return Err(Error::Memory(format!(
+                "the tree would hold {} triangles; at most 2^28 are possible",
+                self.ids.len()
+            )));
+        }
+        Ok(())
     }
 }

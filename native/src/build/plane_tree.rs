@@ -86,6 +86,8 @@ pub struct Shape {
     pub links: usize,
     /// Triangles in the largest leaf.
     pub leaf_max: usize,
+    /// Leaves of more than 64 triangles.
+    pub leaves_large: usize,
     /// Largest depth of a leaf; the root has depth 0.
     pub depth_max: usize,
     /// Mean depth of the leaves.
@@ -148,13 +150,21 @@ impl PlaneTree {
                     tree.nodes.extend([[0; 2]; 2]);
                     places.extend([(children + 1, Some(place)), (children, Some(place))]);
                     let link = u32::try_from(children).expect("bounded by the budget") << LOW_BITS;
-                    let Direction::Axis(axis) = plane.direction;
-                    tree.nodes[place] = [plane.offset.to_bits(), link | axis as u32];
+                    tree.nodes[place] = match plane.direction {
+                        Direction::Axis(axis) => [plane.offset.to_bits(), link | axis as u32],
+                        Direction::Oblique([x, y, z]) => {
+                            tree.planes.push([x, y, z, plane.offset]);
+                            let index = tree.planes.len() - 1;
+                            let index = u32::try_from(index).expect("fewer than the nodes");
+                            [index, link | OBLIQUE]
+                        }
+                    };
                 }
             }
         }
         blocks.seal();
         tree.nodes.shrink_to_fit();
+        tree.planes.shrink_to_fit();
         Ok(tree)
     }
 
@@ -220,9 +230,16 @@ impl Shape {
             let depth = depths.pop().expect("preorder: every node has a depth");
             match *item {
                 Item::Inner { plane, share } => {
-                    let Direction::Axis(_) = plane.direction;
-                    shape.nodes_axis += 1;
-                    shape.sah_cost += f64::from(share);
+                    match plane.direction {
+                        Direction::Axis(_) => {
+                            shape.nodes_axis += 1;
+                            shape.sah_cost += f64::from(share);
+                        }
+                        Direction::Oblique(_) => {
+                            shape.nodes_oblique += 1;
+                            shape.sah_cost += 5.0 * f64::from(share);
+                        }
+                    }
                     depths.extend([depth + 1; 2]);
                 }
                 Item::Leaf { count, share } => {
@@ -231,6 +248,7 @@ impl Shape {
                     shape.leaves_empty += usize::from(count == 0);
                     shape.references += count;
                     shape.leaf_max = shape.leaf_max.max(count);
+                    shape.leaves_large += usize::from(count > 64);
                     shape.depth_max = shape.depth_max.max(depth);
                     shape.sah_cost += 80.0 * f64::from(share) * count as f64;
                     depth_sum += depth;

@@ -1,17 +1,20 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The space-partition loop: builds every tree of split planes, whatever its planes.
 //!
-//! A tree answers one question, "which candidates at this node?" ([`PlanePolicy`]); sweeping,
+//! A tree answers one question, "which directions at this node?" ([`PlanePolicy`]); sweeping,
 //! pricing, stopping, parting the triangles and going on in parallel happen here, once. The result
 //! is a pure function of the triangles and the parameters, for any number of threads.
 
 use super::Monitor;
 use super::cell::{Cell, Direction, Plane};
-use super::clip::clipped_bounds;
 use super::cost::Costs;
+use super::footprint;
+use super::groups::Groups;
+use super::piece::Piece;
 use super::plane_tree::MAX_DEPTH;
 use super::preorder::{Item, Preorder};
-use super::sweep::{self, Scratch, Ties, sweep};
+use super::profile::Profile;
+use super::sweep::{Best, Pricing, Scratch, Ties, Touching, sweep};
 use crate::error::Result;
 use crate::geom::Aabb;
 use crate::scene::Triangles;
@@ -21,29 +24,43 @@ use rayon::prelude::*;
 /// Subtrees of at least this many references become tasks of their own.
 const TASK: usize = 4096;
 
-/// Nodes of at least this many references sweep their candidates in parallel.
+/// Nodes of at least this many references sweep their directions in parallel.
 const PARALLEL_SWEEP: usize = 1 << 16;
 
 /// References per triangle that no tree exceeds. A node's share of this budget goes to its children
 /// in proportion to their references; a node that would overdraw it becomes a leaf.
 const BUDGET: usize = 1024;
 
-/// Something to try at a node.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Candidate {
-    /// Planes at all ends of the node's triangles along a direction.
-    Sweep(Direction),
-}
-
 /// The one thing that tells plane trees apart.
 pub trait PlanePolicy: Sync {
-    /// Boxes if all planes are axis-aligned, polytopes otherwise.
+    /// Boxes if all planes are axis-aligned, convex polytopes otherwise.
     type Cell: Cell;
+    /// What a node keeps of its triangles.
+    type Piece: Piece;
     /// The cell of the whole scene.
     fn root(&self, bounds: Aabb) -> Self::Cell;
-    /// The candidates at a node of `cell`, into the empty `out`. Of equally cheap planes the
-    /// earlier candidate's wins.
-    fn candidates(&self, cell: &Self::Cell, out: &mut Vec<Candidate>);
+    /// The directions to sweep at a node, into the empty `out`. Of equally cheap planes the earlier
+    /// direction's wins.
+    fn directions(&self, node: &Node<'_, Self::Piece>, out: &mut Vec<Direction>);
+    /// Single planes to try beside the sweeps, into the empty `out`.
+    fn planes(&self, _: &Node<'_, Self::Piece>, _: &mut Vec<Plane>) {}
+    /// Further directions, into the empty `out`, for a node that would otherwise become a leaf.
+    fn more(&self, _: &Node<'_, Self::Piece>, _: &mut Vec<Direction>) {}
+    /// Directions, into the empty `out`, for a node that is too large for a leaf and that those of
+    /// [`Self::directions`] do not part.
+    fn last_resort(&self, _: &Node<'_, Self::Piece>, _: &mut Vec<Direction>) {}
+}
+
+/// What a policy is told about a node.
+#[derive(Debug, Clone, Copy)]
+pub struct Node<'a, P> {
+    /// The node's triangles.
+    pub pieces: &'a [P],
+    /// The root has depth 0.
+    pub depth: usize,
+    /// A number that is the node's own, whatever is built before it: what its random choices
+    /// depend on.
+    pub key: u64,
 }
 
 /// When a node becomes a leaf.
@@ -56,34 +73,59 @@ pub enum Stop {
     Tolerant(u32),
 }
 
-/// What the loop is told besides the candidates.
+/// What a step through a node with an oblique plane costs (Ize, Wald and Parker 2008, section 4.2).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum ObliqueStep {
+    /// As much for every node.
+    Fixed(f32),
+    /// `alpha` triangles per triangle of the node but one, and an axis step. Where nothing is then
+    /// cheaper than the leaf, `fixed` is tried.
+    Linear {
+        /// Share of a triangle's price.
+        alpha: f32,
+        /// The price of the second attempt.
+        fixed: f32,
+        /// Whether the second attempt is made as Hoobergs's program makes it: where it succeeds, the
+        /// plane of the first attempt is used.
+        as_code: bool,
+    },
+}
+
+/// What the loop is told besides the directions.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Params {
     /// Prices.
     pub costs: Costs,
+    /// Price of an oblique step.
+    pub oblique: ObliqueStep,
     /// What happens to triangles that touch a plane.
     pub ties: Ties,
-    /// Whether triangles are cut to their cells (perfect splits).
-    pub clip: bool,
+    /// Thickness of the slabs that are tried around triangles parallel to the planes, as a share of
+    /// the scene's size; 0 for none.
+    pub slab: f32,
     /// Nodes of at most this many triangles are leaves.
     pub leaf_size: usize,
+    /// Larger nodes are parted whatever it costs, beyond `max_depth` if need be, as long as a plane
+    /// parts them.
+    pub leaf_most: usize,
     /// Leaves lie no deeper; at most [`MAX_DEPTH`].
     pub max_depth: usize,
     /// The stopping rule.
     pub stop: Stop,
-}
-
-/// A triangle in a node: its number, and the bounds of what the node's cell holds of it.
-#[derive(Debug, Clone, Copy)]
-struct Reference {
-    bounds: Aabb,
-    id: u32,
+    /// Whether pieces are sorted along a curve, which the counts of single planes want.
+    pub sorted: bool,
+    /// Whether the search ends once a plane parts the node's triangles without cutting any.
+    pub early: bool,
 }
 
 /// A node that is about to be built.
 struct Pending<C> {
-    cell: C,
+    /// `None` for nodes that are leaves by their size.
+    cell: Option<C>,
+    /// Share of the root's surface.
+    share: f32,
     depth: usize,
+    key: u64,
     /// Splits on the path that cost more than their leaf.
     bad: u32,
     /// References that the subtree may hold at most.
@@ -93,13 +135,24 @@ struct Pending<C> {
 }
 
 /// What one thread keeps while it builds a subtree.
-#[derive(Default)]
-struct Task {
-    references: Vec<Reference>,
+struct Task<P> {
+    pieces: Vec<P>,
     scratch: Scratch,
-    candidates: Vec<Candidate>,
+    profile: Profile,
+    directions: Vec<Direction>,
+    planes: Vec<Plane>,
+    groups: Groups,
     out: Preorder,
     done: f64,
+    /// Bytes that the monitor has not been told of.
+    gathered: usize,
+}
+
+/// A split that was decided on.
+struct Choice {
+    plane: Plane,
+    best: Best,
+    bad: u32,
 }
 
 struct Builder<'a, P: PlanePolicy> {
@@ -108,13 +161,12 @@ struct Builder<'a, P: PlanePolicy> {
     policy: &'a P,
     params: &'a Params,
     monitor: &'a Monitor,
-    root_area: f64,
 }
 
 /// Builds a tree over the live triangles of `scene`, in the frame `frame`, in the current rayon pool.
 ///
 /// # Errors
-/// [`crate::error::Error::Cancelled`] when the monitor says so.
+/// [`crate::error::Error::Cancelled`] and [`crate::error::Error::Memory`] when the monitor says so.
 pub fn build<P: PlanePolicy>(
     scene: &Triangles,
     frame: &Frame,
@@ -123,31 +175,29 @@ pub fn build<P: PlanePolicy>(
     monitor: &Monitor,
 ) -> Result<Preorder> {
     let root = policy.root(frame.bounds());
-    let references: Vec<_> = scene
+    let mut pieces: Vec<_> = scene
         .live()
         .par_iter()
-        .map(|&id| {
-            let corners = scene.corners(id).map(|p| frame.point(p));
-            Reference {
-                bounds: Aabb::of_triangle(corners),
-                id,
-            }
-        })
+        .map(|&id| P::Piece::new(id, scene.corners(id).map(|p| frame.point(p))))
         .collect();
+    if params.sorted {
+        sort_along_curve(&mut pieces, &frame.bounds());
+    }
     let builder = Builder {
         scene,
         frame,
         policy,
         params,
         monitor,
-        root_area: root.area().max(f64::MIN_POSITIVE),
     };
-    let budget = references.len().saturating_mul(BUDGET);
+    let budget = pieces.len().saturating_mul(BUDGET);
     builder.subtree(
-        references,
+        pieces,
         Pending {
-            cell: root,
+            share: f32::from(u8::from(root.area() > 0.0)),
+            cell: Some(root),
             depth: 0,
+            key: 0,
             bad: 0,
             budget,
             work: 1.0,
@@ -157,39 +207,63 @@ pub fn build<P: PlanePolicy>(
 
 impl<P: PlanePolicy> Builder<'_, P> {
     /// Builds a subtree as a task of its own.
-    fn subtree(&self, references: Vec<Reference>, node: Pending<P::Cell>) -> Result<Preorder> {
+    fn subtree(&self, pieces: Vec<P::Piece>, node: Pending<P::Cell>) -> Result<Preorder> {
+        let _held = self
+            .monitor
+            .hold(footprint::waiting::<P::Piece>(pieces.len()))?;
         let mut task = Task {
-            references,
-            ..Task::default()
+            pieces,
+            scratch: Scratch::default(),
+            profile: Profile::default(),
+            directions: Vec::new(),
+            planes: Vec::new(),
+            groups: Groups::default(),
+            out: Preorder::default(),
+            done: 0.0,
+            gathered: 0,
         };
         self.node(&mut task, 0, node)?;
+        self.monitor.take(task.gathered)?;
         self.monitor.advance(task.done);
         Ok(task.out)
     }
 
-    /// Builds the node whose references are those of the task from `from` on, and removes them.
-    fn node(&self, task: &mut Task, from: usize, node: Pending<P::Cell>) -> Result<()> {
+    /// Builds the node whose pieces are those of the task from `from` on, and removes them.
+    fn node(&self, task: &mut Task<P::Piece>, from: usize, node: Pending<P::Cell>) -> Result<()> {
         self.monitor.check()?;
-        #[expect(clippy::cast_possible_truncation, reason = "a share of the surface")]
-        let share = (node.cell.area() / self.root_area) as f32;
-        let Some((plane, best, bad)) = self.choose(task, from, &node) else {
-            task.out
-                .leaf(task.references[from..].iter().map(|r| r.id), share);
-            task.references.truncate(from);
+        let Some((cell, choice)) = self.choose(task, from, &node) else {
+            let bytes = footprint::leaf::<Item>(task.pieces.len() - from, 24);
+            self.monitor.charge(&mut task.gathered, bytes)?;
+            let ids = task.pieces[from..].iter().map(Piece::id);
+            task.out.leaf(ids, node.share);
+            task.pieces.truncate(from);
             task.done += node.work;
             return Ok(());
         };
 
-        // Part the references: those above the plane stay in place, those below follow them.
-        let count = task.references.len() - from;
+        // Part the pieces: those above the plane stay in place, those below follow them.
+        let count = task.pieces.len() - from;
+        let Choice { plane, best, bad } = choice;
         let above = self.part(task, from, plane, best);
-        let (n_above, n_below) = (above - from, task.references.len() - above);
+        let (n_above, n_below) = (above - from, task.pieces.len() - above);
+        let share = node.share;
         task.out.items.push(Item::Inner { plane, share });
-        let (cell_below, cell_above) = node.cell.split(plane);
+        let needed = |n: usize| n > self.params.leaf_size;
+        let (cell_below, cell_above) = if needed(n_below) || needed(n_above) {
+            let (below, above) = cell.split(plane);
+            (
+                needed(n_below).then_some(below),
+                needed(n_above).then_some(above),
+            )
+        } else {
+            (None, None)
+        };
         let portion = |n: usize| n as f64 / (n_below + n_above).max(1) as f64;
-        let child = |cell, n: usize| Pending {
+        let child = |cell, side: usize, n: usize| Pending {
             cell,
+            share: share * best.shares[side],
             depth: node.depth + 1,
+            key: child_key(node.key, side),
             bad,
             #[expect(
                 clippy::cast_possible_truncation,
@@ -199,13 +273,14 @@ impl<P: PlanePolicy> Builder<'_, P> {
             budget: (node.budget as f64 * portion(n)) as usize,
             work: node.work * portion(n),
         };
-        let (below, above_node) = (child(cell_below, n_below), child(cell_above, n_above));
+        let below = child(cell_below, 0, n_below);
+        let above_node = child(cell_above, 1, n_above);
         if count >= TASK {
-            let references_below = task.references.split_off(above);
-            let references_above = task.references.split_off(from);
+            let pieces_below = task.pieces.split_off(above);
+            let pieces_above = task.pieces.split_off(from);
             let (first, second) = rayon::join(
-                || self.subtree(references_below, below),
-                || self.subtree(references_above, above_node),
+                || self.subtree(pieces_below, below),
+                || self.subtree(pieces_above, above_node),
             );
             task.out.append(first?);
             task.out.append(second?);
@@ -215,134 +290,369 @@ impl<P: PlanePolicy> Builder<'_, P> {
         self.node(task, from, above_node)
     }
 
-    /// The plane to split the node by, or `None` for a leaf; and how many bad splits the path has.
-    fn choose(
+    /// The split of a node and its cell, or `None` for a leaf.
+    fn choose<'c>(
         &self,
-        task: &mut Task,
+        task: &mut Task<P::Piece>,
         from: usize,
-        node: &Pending<P::Cell>,
-    ) -> Option<(Plane, sweep::Best, u32)> {
-        let n = task.references.len() - from;
+        node: &'c Pending<P::Cell>,
+    ) -> Option<(&'c P::Cell, Choice)> {
+        let n = task.pieces.len() - from;
         let params = self.params;
-        if n <= params.leaf_size || node.depth >= params.max_depth.min(MAX_DEPTH) {
+        let cell = node.cell.as_ref()?;
+        if n <= params.leaf_size || node.depth >= MAX_DEPTH {
             return None;
         }
-        task.candidates.clear();
-        self.policy.candidates(&node.cell, &mut task.candidates);
-        let references = &task.references[from..];
-        let attempt = |candidate: &Candidate, scratch: &mut Scratch| {
-            let Candidate::Sweep(direction) = *candidate;
-            let profile = node.cell.profile(direction)?;
-            project(references, direction, scratch);
-            let best = sweep(scratch, &profile, &params.costs, params.ties)?;
-            Some((
-                Plane {
-                    direction,
-                    offset: best.at,
-                },
-                best,
-            ))
+        task.directions.clear();
+        task.planes.clear();
+        let view = Node {
+            pieces: &task.pieces[from..],
+            depth: node.depth,
+            key: node.key,
         };
-        let cheaper =
-            |a: Option<(Plane, sweep::Best)>, b: Option<(Plane, sweep::Best)>| match (a, b) {
-                (Some(a), Some(b)) => Some(if b.1.cost < a.1.cost { b } else { a }),
-                (a, b) => a.or(b),
-            };
-        let (plane, best) = if n >= PARALLEL_SWEEP {
-            let attempts: Vec<_> = task
-                .candidates
-                .par_iter()
-                .map(|candidate| attempt(candidate, &mut Scratch::default()))
-                .collect();
-            attempts.into_iter().fold(None, cheaper)?
-        } else {
-            let scratch = &mut task.scratch;
-            task.candidates
-                .iter()
-                .map(|c| attempt(c, scratch))
-                .fold(None, cheaper)?
+        self.policy.directions(&view, &mut task.directions);
+        self.policy.planes(&view, &mut task.planes);
+        let mut choice = None;
+        if node.depth < params.max_depth {
+            choice = self.affordable(task, from, cell, node.bad);
+            if choice.as_ref().is_none_or(|c| c.bad > node.bad) {
+                let tried = std::mem::take(&mut task.directions);
+                self.policy.more(
+                    &Node {
+                        pieces: &task.pieces[from..],
+                        depth: node.depth,
+                        key: node.key,
+                    },
+                    &mut task.directions,
+                );
+                if !task.directions.is_empty() {
+                    let second = self.affordable(task, from, cell, node.bad);
+                    choice = match (choice, second) {
+                        (Some(a), Some(b)) => Some(if b.best.cost < a.best.cost { b } else { a }),
+                        (a, b) => a.or(b),
+                    };
+                }
+                task.directions.extend(tried);
+            }
+        }
+        let choice = match choice {
+            None if n > params.leaf_most => self.forced(task, from, node)?,
+            choice => Choice {
+                bad: choice.as_ref().map_or(0, |c| c.bad),
+                ..choice?
+            },
         };
+        let total: usize = task.pieces[from..]
+            .iter()
+            .map(|piece| {
+                let (min, max) = piece.interval(choice.plane.direction);
+                let (below, above) = choice.best.touching.sides(choice.plane.offset, min, max);
+                usize::from(below) + usize::from(above)
+            })
+            .sum();
+        (total <= node.budget).then_some((cell, choice))
+    }
 
+    /// The split that the cost model wants.
+    fn affordable(
+        &self,
+        task: &mut Task<P::Piece>,
+        from: usize,
+        cell: &P::Cell,
+        bad: u32,
+    ) -> Option<Choice> {
+        let params = self.params;
+        let n = task.pieces.len() - from;
         let leaf = params.costs.leaf(n as f32);
+        #[expect(clippy::cast_precision_loss, reason = "a price")]
+        let steps = match params.oblique {
+            ObliqueStep::Fixed(step) => [step, f32::INFINITY],
+            ObliqueStep::Linear { alpha, fixed, .. } => [
+                alpha * params.costs.triangle * (n - 1) as f32 + params.costs.step,
+                fixed,
+            ],
+        };
+        let [first, second] = self.search(task, from, cell, steps);
+        let [first, second] = self.singles(task, from, cell, steps, [first, second]);
+        let (plane, best) = first?;
+        let as_code = matches!(params.oblique, ObliqueStep::Linear { as_code: true, .. });
+        let second = second.filter(|(_, best)| best.cost < leaf);
+        let (plane, best, cost) = match second {
+            Some(second) if best.cost >= leaf && as_code => (plane, best, second.1.cost),
+            Some(second) if best.cost >= leaf => (second.0, second.1, second.1.cost),
+            _ => (plane, best, best.cost),
+        };
         let bad = match params.stop {
-            Stop::Cheapest if best.cost >= leaf => return None,
+            Stop::Cheapest if cost >= leaf => return None,
             Stop::Cheapest => 0,
             Stop::Tolerant(limit) => {
-                let bad = node.bad + u32::from(best.cost > leaf);
-                if (best.cost > 4.0 * leaf && n < 16) || bad >= limit {
+                let bad = bad + u32::from(cost > leaf);
+                if (cost > 4.0 * leaf && n < 16) || bad >= limit {
                     return None;
                 }
                 bad
             }
         };
-        let total: usize = references
-            .iter()
-            .map(|r| {
-                let (min, max) = interval(r, plane.direction);
-                let (below, above) = best.touching.sides(best.at, min, max);
-                usize::from(below) + usize::from(above)
-            })
-            .sum();
-        (total <= node.budget).then_some((plane, best, bad))
+        Some(Choice { plane, best, bad })
     }
 
-    /// Parts the references from `from` on by a plane: first those above, then those below. Returns
+    /// The split that parts a node best which is too large for a leaf.
+    fn forced(
+        &self,
+        task: &mut Task<P::Piece>,
+        from: usize,
+        node: &Pending<P::Cell>,
+    ) -> Option<Choice> {
+        let cell = node.cell.as_ref()?;
+        let costs = Costs {
+            step: 0.0,
+            leaf: 0.0,
+            // A part without triangles parts nothing.
+            empty: f32::INFINITY,
+            ..self.params.costs
+        };
+        let pricing = Pricing {
+            costs: &costs,
+            steps: [0.0, f32::INFINITY],
+            by_count: true,
+        };
+        let n = (task.pieces.len() - from) as f32;
+        let attempt = |task: &mut Task<P::Piece>| {
+            let [best, _] = self.sweep_all(task, from, cell, |_| pricing);
+            best.filter(|(_, Best { counts, .. })| {
+                // Triangles that cross each other would go on being cut for ever.
+                counts[0].max(counts[1]) <= 0.95 * n && counts[0] + counts[1] <= 1.7 * n
+            })
+        };
+        let found = attempt(task).or_else(|| {
+            task.directions.clear();
+            self.policy.last_resort(
+                &Node {
+                    pieces: &task.pieces[from..],
+                    depth: node.depth,
+                    key: node.key,
+                },
+                &mut task.directions,
+            );
+            attempt(task)
+        });
+        let (plane, best) = found?;
+        Some(Choice {
+            plane,
+            best,
+            bad: 0,
+        })
+    }
+
+    /// The cheapest planes for both prices of an oblique step.
+    fn search(
+        &self,
+        task: &mut Task<P::Piece>,
+        from: usize,
+        cell: &P::Cell,
+        steps: [f32; 2],
+    ) -> Found {
+        let costs = &self.params.costs;
+        self.sweep_all(task, from, cell, |direction| Pricing {
+            costs,
+            steps: match direction {
+                Direction::Axis(_) => [costs.step, f32::INFINITY],
+                Direction::Oblique(_) => steps,
+            },
+            by_count: false,
+        })
+    }
+
+    /// The cheapest planes for both prices, those of the sweeps or single ones.
+    fn singles(
+        &self,
+        task: &mut Task<P::Piece>,
+        from: usize,
+        cell: &P::Cell,
+        steps: [f32; 2],
+        found: Found,
+    ) -> Found {
+        if task.planes.is_empty() {
+            return found;
+        }
+        let pieces = &task.pieces[from..];
+        task.groups.fill(pieces, self.frame.bounds().magnitude());
+        let (groups, planes, costs) = (&task.groups, &task.planes, &self.params.costs);
+        let search = |planes: &[Plane], profile: &mut Profile| {
+            let mut found = found;
+            for &plane in planes {
+                let [below, above, planar] = groups.count(pieces, plane).map(|n| n as f32);
+                // Both parts together have at least the whole surface: no plane costs less.
+                let least = costs.leaf(below.min(above));
+                let hopeless = |i: usize| {
+                    found[i].is_some_and(|(_, best): (Plane, Best)| {
+                        (steps[i] + least) * costs.empty >= best.cost
+                    }) || steps[i] == f32::INFINITY
+                };
+                if (hopeless(0) && hopeless(1)) || !cell.profile(plane.direction, profile) {
+                    continue;
+                }
+                let at = plane.offset;
+                let inside =
+                    profile.low + profile.margin < at && at < profile.high - profile.margin;
+                if !inside {
+                    continue;
+                }
+                let shares = profile.shares(at);
+                for (step, best) in steps.into_iter().zip(&mut found) {
+                    let costs = Costs { step, ..*costs };
+                    for (counts, touching) in [
+                        ((below + planar, above), Touching::PlanarBelow),
+                        ((below, above + planar), Touching::PlanarAbove),
+                    ] {
+                        let cost = costs.split(shares, counts);
+                        if cost < best.map_or(f32::INFINITY, |(_, b)| b.cost) {
+                            let (shares, counts) = (shares.into(), counts.into());
+                            let new = Best {
+                                cost,
+                                at,
+                                touching,
+                                shares,
+                                counts,
+                            };
+                            *best = Some((plane, new));
+                        }
+                    }
+                }
+            }
+            found
+        };
+        if pieces.len() < TASK {
+            return search(planes, &mut task.profile);
+        }
+        // In parts of fixed size, so that the result does not depend on the number of threads.
+        let parts: Vec<_> = planes
+            .par_chunks(TASK)
+            .map(|part| search(part, &mut Profile::default()))
+            .collect();
+        parts.into_iter().fold(found, better)
+    }
+
+    /// The cheapest planes of all directions of the task.
+    fn sweep_all<'p>(
+        &self,
+        task: &mut Task<P::Piece>,
+        from: usize,
+        cell: &P::Cell,
+        pricing: impl Fn(Direction) -> Pricing<'p> + Sync,
+    ) -> Found {
+        let Task {
+            pieces,
+            scratch,
+            profile,
+            directions,
+            ..
+        } = task;
+        let pieces = &pieces[from..];
+        let magnitude = self.frame.bounds().magnitude();
+        let attempt = |direction: Direction, scratch: &mut Scratch, profile: &mut Profile| {
+            if !cell.profile(direction, profile) {
+                return [None; 2];
+            }
+            P::Piece::project(pieces, direction, scratch);
+            scratch.add_slabs(self.params.slab * magnitude);
+            let pricing = pricing(direction);
+            if pricing.by_count {
+                // What must be parted is parted, however thin the parts.
+                profile.margin /= 1024.0;
+            }
+            sweep(scratch, profile, &pricing, self.params.ties).map(|best| {
+                best.map(|best| {
+                    let offset = best.at;
+                    (Plane { direction, offset }, best)
+                })
+            })
+        };
+        if pieces.len() >= PARALLEL_SWEEP {
+            let attempts: Vec<_> = directions
+                .par_iter()
+                .map(|&d| attempt(d, &mut Scratch::default(), &mut Profile::default()))
+                .collect();
+            return attempts.into_iter().fold([None; 2], better);
+        }
+        let mut found = [None; 2];
+        for &direction in &*directions {
+            found = better(found, attempt(direction, scratch, profile));
+            let parted = |best: &Option<(Plane, Best)>| {
+                best.is_some_and(|(_, b)| {
+                    b.counts[0] + b.counts[1] <= pieces.len() as f32
+                        && b.counts[0] > 0.0
+                        && b.counts[1] > 0.0
+                })
+            };
+            if self.params.early && parted(&found[0]) {
+                break;
+            }
+        }
+        found
+    }
+
+    /// Parts the pieces from `from` on by a plane: first those above, then those below. Returns
     /// where those below begin.
-    fn part(&self, task: &mut Task, from: usize, plane: Plane, best: sweep::Best) -> usize {
-        let Direction::Axis(axis) = plane.direction;
-        let end = task.references.len();
+    fn part(&self, task: &mut Task<P::Piece>, from: usize, plane: Plane, best: Best) -> usize {
+        let end = task.pieces.len();
         let mut above_end = from;
         for i in from..end {
-            let reference = task.references[i];
-            let (min, max) = interval(&reference, plane.direction);
-            let (below, above) = match best.touching.sides(best.at, min, max) {
-                (true, true) if self.params.clip => self.clip(reference, axis, best.at),
-                (below, above) => (below.then_some(reference), above.then_some(reference)),
+            let piece = task.pieces[i];
+            let (min, max) = piece.interval(plane.direction);
+            let (below, above) = match best.touching.sides(plane.offset, min, max) {
+                (true, true) => piece.cut(plane, (self.scene, self.frame)),
+                (below, above) => (below.then_some(piece), above.then_some(piece)),
             };
-            if let Some(reference) = above {
-                task.references[above_end] = reference;
+            if let Some(piece) = above {
+                task.pieces[above_end] = piece;
                 above_end += 1;
             }
-            task.references.extend(below);
+            task.pieces.extend(below);
         }
-        task.references.drain(above_end..end);
+        task.pieces.drain(above_end..end);
         above_end
     }
-
-    /// The parts of a reference on both sides of an axis plane.
-    fn clip(&self, r: Reference, axis: usize, at: f32) -> (Option<Reference>, Option<Reference>) {
-        let corners = self.scene.corners(r.id).map(|p| self.frame.point(p));
-        let (mut low, mut high) = (r.bounds, r.bounds);
-        low.max[axis] = at;
-        high.min[axis] = at;
-        let magnitude = self.frame.bounds().magnitude();
-        let part = |cell: &Aabb| {
-            clipped_bounds(corners, cell, magnitude).map(|bounds| Reference { bounds, id: r.id })
-        };
-        match (part(&low), part(&high)) {
-            (None, None) => (
-                Some(Reference { bounds: low, ..r }),
-                Some(Reference { bounds: high, ..r }),
-            ),
-            parts => parts,
-        }
-    }
 }
 
-/// The ends of a reference along a direction.
-#[inline(always)]
-fn interval(reference: &Reference, direction: Direction) -> (f32, f32) {
-    let Direction::Axis(k) = direction;
-    (reference.bounds.min[k], reference.bounds.max[k])
+/// The best planes for both prices.
+type Found = [Option<(Plane, Best)>; 2];
+
+/// The cheaper of two; of equal ones the first.
+fn better(a: Found, b: Found) -> Found {
+    std::array::from_fn(|i| match (a[i], b[i]) {
+        (Some(x), Some(y)) => Some(if y.1.cost < x.1.cost { y } else { x }),
+        (x, y) => x.or(y),
+    })
 }
 
-/// The ends of all references along a direction, for the sweep.
-fn project(references: &[Reference], direction: Direction, scratch: &mut Scratch) {
-    scratch.min.clear();
-    scratch.max.clear();
-    for reference in references {
-        let (min, max) = interval(reference, direction);
-        scratch.min.push(min);
-        scratch.max.push(max);
-    }
+/// Sorts pieces along Morton's curve through the scene's box.
+fn sort_along_curve<P: Piece>(pieces: &mut [P], bounds: &Aabb) {
+    let code = |piece: &P| {
+        let own = piece.bounds();
+        (0..3).fold(0_u32, |code, k| {
+            let extent = bounds.extent(k).max(f64::MIN_POSITIVE);
+            let centre = 0.5 * (f64::from(own.min[k]) + f64::from(own.max[k]));
+            let at = (centre - f64::from(bounds.min[k])) / extent;
+            #[expect(
+                clippy::cast_possible_truncation,
+                clippy::cast_sign_loss,
+                reason = "ten bits"
+            )]
+            let cell = (at * 1024.0).clamp(0.0, 1023.0) as u32;
+            code | (0..10).fold(0, |bits, i| bits | (cell >> i & 1) << (3 * i + k as u32))
+        })
+    };
+    pieces.sort_by_cached_key(code);
+}
+
+/// The key of a node's child: a bijection that scatters all bits (Steele, Lea and Flood 2014).
+fn child_key(key: u64, side: usize) -> u64 {
+    let mut x = key
+        .wrapping_mul(2)
+        .wrapping_add(side as u64 + 1)
+        .wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    x ^ (x >> 31)
 }

@@ -18,11 +18,13 @@ impl Aabb {
     };
 
     /// Whether no point lies inside.
+    #[inline]
     pub fn is_empty(&self) -> bool {
         (0..3).any(|k| self.min[k] > self.max[k])
     }
 
     /// The smallest box around this one and `p`.
+    #[inline]
     pub fn grow(&mut self, p: [f32; 3]) {
         for ((lo, hi), x) in self.min.iter_mut().zip(&mut self.max).zip(p) {
             // `+ 0.0` turns -0.0 into +0.0, so that stored bounds have one zero.
@@ -32,15 +34,19 @@ impl Aabb {
     }
 
     /// The smallest box around three points.
-    pub fn of_triangle(v: [[f32; 3]; 3]) -> Self {
+    #[inline]
+    pub fn of_triangle([a, b, c]: [[f32; 3]; 3]) -> Self {
         let mut bounds = Self::EMPTY;
-        for p in v {
-            bounds.grow(p);
+        for k in 0..3 {
+            // As in `grow`.
+            bounds.min[k] = a[k].min(b[k]).min(c[k]) + 0.0;
+            bounds.max[k] = a[k].max(b[k]).max(c[k]) + 0.0;
         }
         bounds
     }
 
     /// The smallest box around both; either may be empty.
+    #[inline]
     pub fn union(&self, other: &Self) -> Self {
         Self {
             min: std::array::from_fn(|k| self.min[k].min(other.min[k])),
@@ -49,11 +55,13 @@ impl Aabb {
     }
 
     /// Edge length along axis `k`, in f64 so that it never overflows.
+    #[inline]
     pub fn extent(&self, k: usize) -> f64 {
         f64::from(self.max[k]) - f64::from(self.min[k])
     }
 
     /// Surface area; 0 for a box that is empty, a line or a point.
+    #[inline]
     pub fn area(&self) -> f64 {
         if self.is_empty() {
             return 0.0;

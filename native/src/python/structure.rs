@@ -4,6 +4,8 @@
 use super::arrays::{self, Threads};
 use super::trace::{self, Hits};
 use crate::build::Monitor as BuildMonitor;
+use crate::error::{Error, caught};
+use crate::memory;
 use crate::polygons;
 use crate::scene::Triangles;
 use crate::spec::Config;
@@ -107,6 +109,7 @@ impl Structure {
         dict.set_item("leaves", shape.leaves)?;
         dict.set_item("leaves_empty", shape.leaves_empty)?;
         dict.set_item("leaf_max", shape.leaf_max)?;
+        dict.set_item("leaves_large", shape.leaves_large)?;
         dict.set_item("references", shape.references)?;
         dict.set_item("links", shape.links)?;
         dict.set_item("depth_max", shape.depth_max)?;
@@ -143,7 +146,7 @@ impl Structure {
 }
 
 #[pyfunction]
-#[pyo3(signature = (vertices, triangles, spec="kd", *, threads=Threads::ALL, monitor=None))]
+#[pyo3(signature = (vertices, triangles, spec="kd", *, threads=Threads::ALL, monitor=None, memory_limit=None))]
 fn build(
     py: Python<'_>,
     vertices: &Bound<'_, PyAny>,
@@ -151,14 +154,28 @@ fn build(
     spec: &str,
     threads: Threads,
     monitor: Option<&Monitor>,
+    memory_limit: Option<i64>,
 ) -> PyResult<Structure> {
+    let limit = match memory_limit.map(u64::try_from) {
+        None => memory::default_limit(),
+        Some(Ok(bytes)) => bytes,
+        Some(Err(_)) => {
+            return Err(Error::Spec(
+                "memory_limit: expected a number of bytes of at least 0".to_owned(),
+            )
+            .into());
+        }
+    };
     let config = Config::parse(spec)?;
     let vertices = arrays::points("vertices", vertices)?;
     let indices = arrays::indices("triangles", triangles, vertices.len())?;
     let monitor = monitor.map_or_else(|| Arc::new(BuildMonitor::new()), |m| m.0.clone());
+    monitor.limit_memory(limit);
     let built = py.detach(|| {
-        let scene = Arc::new(Triangles::new(vertices, indices)?);
-        structure::Structure::build(scene, config, threads.0, &monitor)
+        caught(|| {
+            let scene = Arc::new(Triangles::new(vertices, indices)?);
+            structure::Structure::build(scene, config, threads.0, &monitor)
+        })
     })?;
     Ok(Structure(Arc::new(built)))
 }

@@ -2,7 +2,8 @@
 //! Rays from arrays, hits to arrays, and the exact oracle.
 
 use super::arrays::{self, PerRay, Points, Threads};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, caught};
+use crate::memory::check_room;
 use crate::oracle::exact_closest;
 use crate::scene::Triangles;
 use crate::traverse::{Hit, Order, Ray, RayCounters, Tracer};
@@ -11,6 +12,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::num::NonZero;
 use std::sync::Mutex;
+use std::thread::Builder;
 
 /// Rays handed to a worker at once: enough to forget the cost of handing them over, few enough to
 /// stay in its cache.
@@ -210,8 +212,10 @@ fn in_chunks<T: Clone + Send>(
     counted: bool,
     blank: T,
     work: impl Fn(&[Ray], &mut [T], Option<&mut [RayCounters]>) + Sync,
-) -> (Vec<T>, Option<Counts>) {
+) -> Result<(Vec<T>, Option<Counts>)> {
     let n = rays.origins.len();
+    let counter = if counted { size_of::<RayCounters>() } else { 0 };
+    check_room("origins", (n * (size_of::<T>() + counter)) as u64)?;
     let mut answers = vec![blank; n];
     let mut counts = if counted {
         vec![RayCounters::default(); n]
@@ -249,13 +253,19 @@ fn in_chunks<T: Clone + Send>(
             work(&buffer, answers, counted.then_some(counts));
         }
     };
-    std::thread::scope(|scope| {
-        for _ in 1..threads {
-            scope.spawn(worker);
-        }
-        worker();
-    });
-    (answers, counted.then_some(Counts(counts)))
+    caught(|| {
+        std::thread::scope(|scope| {
+            for _ in 1..threads {
+                // Where no more threads can start, those that did do all the work.
+                if Builder::new().spawn_scoped(scope, worker).is_err() {
+                    break;
+                }
+            }
+            worker();
+        });
+        Ok(())
+    })?;
+    Ok((answers, counted.then_some(Counts(counts))))
 }
 
 /// Nearest hits.
@@ -268,7 +278,7 @@ pub fn closest(
     let order = rays.order;
     let (hits, counts) = in_chunks(rays, threads, counters, Hit::MISS, |rays, hits, counts| {
         tracer.closest_ordered(rays, hits, counts, order);
-    });
+    })?;
     Ok(Hits {
         hits,
         counts,
@@ -283,15 +293,9 @@ pub fn occluded(
     threads: usize,
     counters: bool,
 ) -> Result<(Vec<bool>, Option<Counts>)> {
-    Ok(in_chunks(
-        rays,
-        threads,
-        counters,
-        false,
-        |rays, answers, counts| {
-            tracer.occluded(rays, answers, counts);
-        },
-    ))
+    in_chunks(rays, threads, counters, false, |rays, answers, counts| {
+        tracer.occluded(rays, answers, counts);
+    })
 }
 
 #[pyfunction]
@@ -319,7 +323,7 @@ fn exact(
                 let exact = exact_closest(&scene, ray);
                 *answer = (exact.hit, exact.on_boundary);
             }
-        });
+        })?;
         Ok::<_, Error>(answers.into_iter().unzip::<_, _, Vec<_>, Vec<_>>())
     })?;
     Ok(Hits {

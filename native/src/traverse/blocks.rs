@@ -8,7 +8,7 @@
 //! The test is that of Möller and Trumbore 1997, with an error bound on each of its quantities. It
 //! rejects a triangle only when the bound proves the miss; all others go to the exact verdict.
 
-use super::frame::{Frame, FrameRay, U, keep_min};
+use super::frame::{Frame, FrameRay, U, keep_max, keep_min};
 use super::query::{Best, Counters, Query};
 use super::ray::Ray;
 use crate::scene::Triangles;
@@ -39,12 +39,56 @@ pub(super) const T_ERROR: f32 = 64.0 * U;
 /// Absolute part of every bound, where products lost bits below the normal numbers.
 pub(super) const UNDERFLOW: f32 = 1e-36;
 
+/// What leaves keep of their triangles.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Keep {
+    /// Corners and number, in blocks ready for the test.
+    #[default]
+    Corners,
+    /// The numbers of the corners and of the triangle, four words: less than half the memory. The
+    /// corners are fetched from the scene for each test.
+    Indices,
+}
+
+impl Keep {
+    /// How many words a leaf of `count` triangles takes.
+    pub fn words(self, count: usize) -> usize {
+        match self {
+            Self::Corners => count.div_ceil(LANES) + WORDS * count,
+            Self::Indices => 4 * count,
+        }
+    }
+
+    /// Writes the triangles of one leaf into words that are zero.
+    pub fn write(self, words: &mut [f32], scene: &Triangles, frame: &Frame, ids: &[u32]) {
+        match self {
+            Self::Corners => {
+                let blocks = words.chunks_mut(1 + WORDS * LANES);
+                for (block, ids) in blocks.zip(ids.chunks(LANES)) {
+                    for (lane, &id) in ids.iter().enumerate() {
+                        let corners = scene.corners(id).map(|p| frame.point(p));
+                        let size = write_lane(block, (lane, ids.len()), id, corners);
+                        block[0] = block[0].max(size);
+                    }
+                }
+            }
+            Self::Indices => {
+                for (words, &id) in words.chunks_mut(4).zip(ids) {
+                    let [a, b, c] = scene.indices()[id as usize];
+                    words.copy_from_slice(&[a, b, c, id].map(f32::from_bits));
+                }
+            }
+        }
+    }
+}
+
 /// All leaf triangles of a structure, in one array.
 #[derive(Debug, Clone, Default)]
 pub struct Blocks {
     words: Vec<f32>,
-    /// Whether corners are in another frame than the scene's.
-    scaled: bool,
+    /// The scale of the frame that corners are in, 1 for the scene's own; 0 as long as there are none.
+    scale: f32,
+    keep: Keep,
 }
 
 impl PartialEq for Blocks {
@@ -61,34 +105,27 @@ impl Blocks {
         Self::default()
     }
 
+    /// Leaves that `fill` writes into `words` words: copies of the corners, or their numbers.
+    pub fn filled(frame: &Frame, keep: Keep, words: usize, fill: impl FnOnce(&mut [f32])) -> Self {
+        let mut blocks = Self {
+            words: vec![0.0; words + SPAN],
+            scale: frame.scale(),
+            keep,
+        };
+        fill(&mut blocks.words[..words]);
+        blocks
+    }
+
     /// Appends the triangles of one leaf, in blocks; returns where they begin.
     ///
     /// # Panics
     /// When the array outgrows 2^32 words, which the builders' budgets exclude.
     pub fn push_leaf(&mut self, scene: &Triangles, frame: &Frame, ids: &[u32]) -> u32 {
-        let first = u32::try_from(self.words.len()).expect("leaf data is bounded by the budget");
-        for block in ids.chunks(LANES) {
-            self.push_block(scene, frame, block);
-        }
-        first
-    }
-
-    fn push_block(&mut self, scene: &Triangles, frame: &Frame, ids: &[u32]) {
-        self.scaled = !frame.is_scene();
-        let n = ids.len();
+        self.scale = frame.scale();
         let at = self.words.len();
-        self.words.resize(at + 1 + WORDS * n, 0.0);
-        let block = &mut self.words[at..];
-        for (lane, &id) in ids.iter().enumerate() {
-            let [a, b, c] = scene.corners(id).map(|p| frame.point(p));
-            for k in 0..3 {
-                block[1 + k * n + lane] = a[k];
-                block[1 + (3 + k) * n + lane] = b[k];
-                block[1 + (6 + k) * n + lane] = c[k];
-                block[0] = block[0].max((b[k] - a[k]).abs()).max((c[k] - a[k]).abs());
-            }
-            block[1 + 9 * n + lane] = f32::from_bits(id);
-        }
+        self.words.resize(at + Keep::Corners.words(ids.len()), 0.0);
+        Keep::Corners.write(&mut self.words[at..], scene, frame, ids);
+        u32::try_from(at).expect("leaf data is bounded by the budget")
     }
 
     /// Adds the words that loads may run over at the end.
@@ -104,6 +141,12 @@ impl Blocks {
         (index / LANES * (1 + WORDS * LANES)) as u32
     }
 
+    /// Whether corners are in another frame than the scene's.
+    #[inline(always)]
+    fn scaled(&self) -> bool {
+        self.scale != 1.0
+    }
+
     /// Size in bytes.
     pub fn bytes(&self) -> usize {
         self.words.len() * size_of::<f32>()
@@ -111,8 +154,12 @@ impl Blocks {
 
     /// The triangle numbers of the leaf of `count` triangles that begins at `first`.
     pub fn ids(&self, first: u32, count: usize) -> Vec<u32> {
-        let mut ids = Vec::with_capacity(count);
         let mut at = first as usize;
+        if self.keep == Keep::Indices {
+            let words = self.words[at..at + 4 * count].chunks(4);
+            return words.map(|triangle| triangle[3].to_bits()).collect();
+        }
+        let mut ids = Vec::with_capacity(count);
         while ids.len() < count {
             let n = (count - ids.len()).min(LANES);
             let row = at + 1 + 9 * n;
@@ -122,7 +169,7 @@ impl Blocks {
         ids
     }
 
-    /// The triangles of a leaf, number and corners in the frame, one after another.
+    /// The triangles of a leaf of blocks, number and corners in the frame, one after another.
     #[inline(always)]
     pub fn each(&self, (first, count): (u32, usize), mut see: impl FnMut(u32, [[f32; 3]; 3])) {
         let mut at = first as usize;
@@ -162,7 +209,7 @@ impl Blocks {
         id: u32,
         corners: [[f32; 3]; 3],
     ) -> [[f32; 3]; 3] {
-        if self.scaled {
+        if self.scaled() {
             scene.corners(id)
         } else {
             corners
@@ -171,9 +218,36 @@ impl Blocks {
 
     /// Tests the leaf of `count` triangles that begins at `first`, for hits not beyond `leave`, where
     /// the ray leaves the leaf's cell; says whether the walk may end. A hit farther away lies in
-    /// another leaf too.
+    /// another leaf too. Leaves are blocks.
     #[inline(always)]
     pub fn test<S: Simd, Q: Query, C: Counters>(
+        &self,
+        simd: S,
+        leaf: (u32, usize),
+        scene: &Triangles,
+        ray: (&Ray, &FrameRay, f32),
+        best: &mut Best,
+        counters: &mut C,
+    ) -> bool {
+        self.test_kind::<S, Q, C, false>(simd, leaf, scene, ray, best, counters)
+    }
+
+    /// The same for leaves of either kind.
+    #[inline(always)]
+    pub fn test_any<S: Simd, Q: Query, C: Counters>(
+        &self,
+        simd: S,
+        leaf: (u32, usize),
+        scene: &Triangles,
+        ray: (&Ray, &FrameRay, f32),
+        best: &mut Best,
+        counters: &mut C,
+    ) -> bool {
+        self.test_kind::<S, Q, C, true>(simd, leaf, scene, ray, best, counters)
+    }
+
+    #[inline(always)]
+    fn test_kind<S: Simd, Q: Query, C: Counters, const ANY: bool>(
         &self,
         simd: S,
         (first, count): (u32, usize),
@@ -182,20 +256,27 @@ impl Blocks {
         best: &mut Best,
         counters: &mut C,
     ) -> bool {
+        let indices = ANY && self.keep == Keep::Indices;
         let mut at = first as usize;
         let mut left = count;
+        let mut fetched = [0.0; SPAN];
         while left > 0 {
             let n = left.min(LANES);
             counters.tests(n);
-            let block = self.words[at..]
-                .first_chunk()
-                .expect("sealed: no block is the last");
+            let block = if indices {
+                self.fetch(scene, &self.words[at..at + 4 * n], &mut fetched);
+                &fetched
+            } else {
+                self.words[at..]
+                    .first_chunk()
+                    .expect("sealed: no block is the last")
+            };
             let mut open = Candidates::new(simd, block, n, frame, keep_min(leave, best.reach));
             while let Some(lane) = open.next::<Q>() {
                 let id = block[1 + 9 * n + lane].to_bits();
                 // The corners are at hand, unless the frame had to scale them.
                 let corners = || {
-                    if self.scaled {
+                    if self.scaled() {
                         return scene.corners(id);
                     }
                     [0, 3, 6].map(|r| [r, r + 1, r + 2].map(|r| block[1 + r * n + lane]))
@@ -205,11 +286,48 @@ impl Blocks {
                 }
                 open.drop_beyond(simd, best.reach);
             }
-            at += 1 + WORDS * n;
+            at += if indices { 4 * n } else { 1 + WORDS * n };
             left -= n;
         }
         false
     }
+
+    /// Makes a block of triangles of which only indices are stored.
+    #[inline(always)]
+    fn fetch(&self, scene: &Triangles, words: &[f32], block: &mut [f32; SPAN]) {
+        let vertices = scene.vertices();
+        let n = words.len() / 4;
+        let mut size = 0.0;
+        for lane in 0..n.min(LANES) {
+            let triangle = &words[4 * lane..4 * lane + 4];
+            let corners = [0, 1, 2].map(|i| {
+                let p = vertices[triangle[i].to_bits() as usize];
+                p.map(|x| x * self.scale)
+            });
+            let own = write_lane(block, (lane, n), triangle[3].to_bits(), corners);
+            size = keep_max(own, size);
+        }
+        block[0] = size;
+    }
+}
+
+/// Writes one of the `n` triangles of a block; returns its largest edge component.
+#[inline(always)]
+fn write_lane(
+    block: &mut [f32],
+    (lane, n): (usize, usize),
+    id: u32,
+    [a, b, c]: [[f32; 3]; 3],
+) -> f32 {
+    let mut size = 0.0;
+    for k in 0..3 {
+        block[1 + k * n + lane] = a[k];
+        block[1 + (3 + k) * n + lane] = b[k];
+        block[1 + (6 + k) * n + lane] = c[k];
+        size = keep_max((b[k] - a[k]).abs(), keep_max((c[k] - a[k]).abs(), size));
+    }
+    block[1 + 9 * n + lane] = f32::from_bits(id);
+    size
 }
 
 /// The triangles of one block that the ray may hit, the nearest first.
@@ -257,8 +375,10 @@ impl<S: Simd> Candidates<S> {
         let (det, u, v, t) = (det * sign, u * sign, v * sign, t * sign);
         let least = u.min(v).min(det - u - v);
 
-        // A corner of a triangle that is hit within reach is no farther than that, and its size.
-        let span = keep_min(2.0 * reach + size, ray.span);
+        // A corner of a triangle that is hit within reach, or behind the origin where the ray begins there, is
+        // no farther than that, and its size.
+        let farthest = keep_max(-ray.t_min, reach);
+        let span = keep_min(2.0 * farthest + size, ray.span);
         // Zero, or NaN where some product may have overflowed: NaN bounds reject nothing.
         let overflow = 0.0 * (64.0 * span * size * size.max(1.0));
         let floor = UNDERFLOW + overflow;
@@ -365,6 +485,8 @@ mod tests {
             o in point(),
             weights in [0.0f32..1.0, 0.0f32..1.0],
             pick in any::<prop::sample::Index>(),
+            t_min in prop_oneof![Just(0.0f32), Just(-1.0), Just(-1e3), Just(f32::NEG_INFINITY)],
+            turned in any::<bool>(),
         ) {
             let count = corners.len() / 3;
             let indices = (0..u32::try_from(count).unwrap()).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
@@ -377,22 +499,29 @@ mod tests {
             // Aim at a point in or near one of the triangles.
             let [a, b, c] = scene.corners(scene.live()[pick.index(scene.live().len())]);
             let d: [f32; 3] = std::array::from_fn(|k| {
-                a[k] * (1.0 - weights[0]) * (1.0 - weights[1]) + b[k] * weights[0] + c[k] * weights[1] - o[k]
+                let target = a[k] * (1.0 - weights[0]) * (1.0 - weights[1]) + b[k] * weights[0] + c[k] * weights[1];
+                if turned { o[k] - target } else { target - o[k] }
             });
             prop_assume!(d.iter().all(|x| x.is_finite()));
-            let ray = Ray { o, d, t_min: 0.0, t_max: f32::INFINITY };
-            let hit = |id: u32| verdict(o, d, scene.corners(id)).is_some_and(|v| v.t >= 0.0 && v.t.is_finite());
+            let ray = Ray { o, d, t_min, t_max: f32::INFINITY };
+            let hit = |id: u32| verdict(o, d, scene.corners(id)).map(|v| v.t).filter(|t| *t >= t_min && t.is_finite());
             let Some(framed) = frame.ray(&ray) else {
-                prop_assert!(!scene.live().iter().any(|&id| hit(id)), "the box test lost a hit");
+                prop_assert!(scene.live().iter().all(|&id| hit(id).is_none()), "the box test lost a hit");
                 return Ok(());
             };
+            // As far as the whole ray, and only as far as each hit: nearer ones must stay.
+            let hits: Vec<_> = scene.live().iter().filter_map(|&id| hit(id)).collect();
+            let reaches: Vec<_> = hits.iter().map(|&t| (t, framed.reach(t))).chain([(f32::MAX, framed.t_max)]).collect();
             let mut at = first as usize;
             for ids in scene.live().chunks(LANES) {
                 let n = ids.len();
                 let block = blocks.words[at..].first_chunk().unwrap();
-                let mask = dispatch!(Level::new(), simd => Candidates::new(simd, block, n, &framed, framed.t_max).lanes);
-                for (lane, &id) in ids.iter().enumerate() {
-                    prop_assert!(mask >> lane & 1 == 1 || !hit(id), "triangle {id} was rejected");
+                for &(farthest, reach) in &reaches {
+                    let mask = dispatch!(Level::new(), simd => Candidates::new(simd, block, n, &framed, reach).lanes);
+                    for (lane, &id) in ids.iter().enumerate() {
+                        let lost = mask >> lane & 1 == 0 && hit(id).is_some_and(|t| t <= farthest);
+                        prop_assert!(!lost, "triangle {id} was rejected");
+                    }
                 }
                 at += 1 + WORDS * n;
             }

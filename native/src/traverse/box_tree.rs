@@ -9,13 +9,14 @@
 
 use super::batch;
 use super::blocks::Blocks;
-use super::frame::{Frame, FrameRay, keep_max, keep_min};
-use super::nested::{Look, Nested};
+use super::frame::{FrameRay, keep_max, keep_min};
+use super::nested::{Look, Nested, Place};
 use super::query::{Best, Counters, Query};
 use super::ray::{Hit, Ray};
+use crate::build::leaves::Leaves;
 use crate::build::object_tree::{Kind, ObjectTree};
 use crate::build::plane_tree::MAX_DEPTH;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::geom::Aabb;
 use crate::scene::Triangles;
 use fearless_simd::{Simd, SimdFloat, SimdMask, f32x4, f32x8};
@@ -58,19 +59,14 @@ impl<const W: usize> BoxTree<W> {
         count: [0; W],
     };
 
-    /// Lays out a binary tree, its leaves' triangles in `blocks`. A node takes the place of up to
+    /// Lays out a binary tree, its leaves in `leaves`. A node takes the place of up to
     /// `W - 1` binary ones: while it has room, its largest inner child is replaced by that child's own
     /// children.
     ///
     /// # Errors
-    /// [`Error::Memory`] when the leaf data is more than links can name.
-    pub fn new(
-        binary: &ObjectTree,
-        scene: &Triangles,
-        frame: &Frame,
-        blocks: &mut Blocks,
-    ) -> Result<Self> {
-        check_size(binary)?;
+    /// [`crate::error::Error::Memory`] when the leaf data is more than links can name.
+    pub fn new(binary: &ObjectTree, leaves: &mut Leaves) -> Result<Self> {
+        binary.check_size()?;
         let firsts = binary.firsts();
         let mut nodes = vec![Self::BLANK];
         // Nodes to fill, the next one last: their own place and their children's places in `binary`.
@@ -86,9 +82,7 @@ impl<const W: usize> BoxTree<W> {
                 }
                 match binary.kind(child) {
                     Kind::Leaf { count } => {
-                        let first = firsts[child] as usize;
-                        let ids = &binary.ids[first..first + count];
-                        node.link[lane] = blocks.push_leaf(scene, frame, ids);
+                        node.link[lane] = leaves.push(firsts[child], count);
                         node.count[lane] = u32::try_from(count).expect("bounded by the scene");
                     }
                     Kind::Inner { .. } => {
@@ -102,7 +96,6 @@ impl<const W: usize> BoxTree<W> {
             nodes[place] = node;
             open.extend(inner.into_iter().rev());
         }
-        blocks.seal();
         nodes.shrink_to_fit();
         Ok(Self { nodes })
     }
@@ -129,27 +122,15 @@ impl<const W: usize> BoxTree<W> {
         }
         children
     }
-
-    /// Size in bytes.
-    pub fn bytes(&self) -> usize {
-        size_of_val(&*self.nodes)
-    }
 }
 
 impl<const W: usize> Nested for BoxTree<W> {
-    /// Link and count, as nodes state them.
-    type Place = (u32, u32);
-
-    fn top(&self) -> (u32, u32) {
+    fn top(&self) -> Place {
         (0, INNER)
     }
 
-    fn look(
-        &self,
-        (link, count): (u32, u32),
-        _: &Aabb,
-        children: &mut Vec<((u32, u32), Aabb)>,
-    ) -> Look {
+    /// A place is link and count, as nodes state them.
+    fn look(&self, (link, count): Place, _: &Aabb, children: &mut Vec<(Place, Aabb)>) -> Look {
         if count != INNER {
             let count = count as usize;
             return Look::Leaf { first: link, count };
@@ -166,20 +147,10 @@ impl<const W: usize> Nested for BoxTree<W> {
         }
         Look::Boxes
     }
-}
 
-/// Passes trees whose leaf data 32-bit links can name: blocks cost at most 11 words a triangle.
-///
-/// # Errors
-/// [`Error::Memory`].
-pub fn check_size(binary: &ObjectTree) -> Result<()> {
-    if binary.ids.len() >= 1 << 28 {
-        return Err(Error::Memory(format!(
-            "the tree would hold {} triangles; at most 2^28 are possible",
-            binary.ids.len()
-        )));
+    fn bytes(&self) -> usize {
+        size_of_val(&*self.nodes)
     }
-    Ok(())
 }
 
 /// What slab tests need of a ray: a plane `x_k = p` lies at `p * inv + near` or a little later, and at
@@ -220,6 +191,28 @@ impl Slabs {
             slabs.entry[k] = if ray.negative[k] == 1 { 3 + k } else { k };
         }
         slabs
+    }
+
+    /// Which of two rows, lowest and highest planes, holds those of entry.
+    #[inline(always)]
+    pub fn entry_row(&self, axis: usize) -> usize {
+        usize::from(self.entry[axis] >= 3)
+    }
+
+    /// Where the ray enters a box that it may hit something in before `reach`.
+    #[inline(always)]
+    pub fn meet(&self, bounds: &Aabb, (start, reach): (f32, f32)) -> Option<f32> {
+        let (mut enter, mut leave) = (start, reach);
+        for k in 0..3 {
+            let (near, far) = if self.entry[k] < 3 {
+                (bounds.min[k], bounds.max[k])
+            } else {
+                (bounds.max[k], bounds.min[k])
+            };
+            enter = keep_max(near * self.inv[k] + self.near[k], enter);
+            leave = keep_min(far * self.inv[k] + self.far[k], leave);
+        }
+        (enter <= leave).then_some(enter)
     }
 
     /// Where the ray enters the boxes of the lanes of `V`, and a bit for each that it may hit before

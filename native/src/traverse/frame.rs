@@ -71,6 +71,12 @@ impl Frame {
         [p[0] * self.scale, p[1] * self.scale, p[2] * self.scale]
     }
 
+    /// The power of two by which coordinates are scaled.
+    #[inline(always)]
+    pub fn scale(&self) -> f32 {
+        self.scale
+    }
+
     /// Whether coordinates are the scene's own, bit for bit.
     #[inline(always)]
     pub fn is_scene(&self) -> bool {

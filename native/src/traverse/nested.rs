@@ -24,37 +24,47 @@ pub enum Look {
     },
 }
 
+/// Where a node is found: what the number means is the layout's own affair.
+pub type Place = (u32, u32);
+
 /// A layout of an object tree.
 pub trait Nested {
-    /// Where a node is found.
-    type Place: Copy;
-
     /// Where the root is found.
-    fn top(&self) -> Self::Place;
+    fn top(&self) -> Place;
 
     /// What is found at `place`. The children of an inner node are appended, each with the region that
     /// the nodes on its path leave it; `region` is that of the node itself.
-    fn look(
-        &self,
-        place: Self::Place,
-        region: &Aabb,
-        children: &mut Vec<(Self::Place, Aabb)>,
-    ) -> Look;
+    fn look(&self, place: Place, region: &Aabb, children: &mut Vec<(Place, Aabb)>) -> Look;
+
+    /// Size of the nodes in bytes.
+    fn bytes(&self) -> usize;
+
+    /// Whether the bounds of a node hold those of its children, as far as regions do not say it.
+    fn nests(&self, place: Place) -> bool {
+        let _ = place;
+        true
+    }
+
+    /// Whether the bounds of a leaf hold a triangle, as far as its region does not say it.
+    fn holds(&self, leaf: Place, corners: [[f32; 3]; 3]) -> bool {
+        let _ = (leaf, corners);
+        true
+    }
 }
 
-/// Visits all nodes below `bounds`, parents before children: region, depth, what is there, and the
-/// regions of the children.
-pub fn visit<N: Nested>(
-    tree: &N,
+/// Visits all nodes below `bounds`, parents before children: place and region, depth, what is there,
+/// and the places and regions of the children.
+pub fn visit(
+    tree: &dyn Nested,
     bounds: Aabb,
-    mut see: impl FnMut(&Aabb, usize, Look, &[(N::Place, Aabb)]),
+    mut see: impl FnMut((Place, &Aabb), usize, Look, &[(Place, Aabb)]),
 ) {
     let mut waiting = vec![(tree.top(), bounds, 0)];
     let mut children = Vec::new();
     while let Some((place, region, depth)) = waiting.pop() {
         children.clear();
         let look = tree.look(place, &region, &mut children);
-        see(&region, depth, look, &children);
+        see((place, &region), depth, look, &children);
         waiting.extend(
             children
                 .iter()
@@ -65,11 +75,11 @@ pub fn visit<N: Nested>(
 }
 
 /// Measures a tree over a scene of these bounds.
-pub fn shape<N: Nested>(tree: &N, bounds: Aabb) -> Shape {
+pub fn shape(tree: &dyn Nested, bounds: Aabb) -> Shape {
     let mut shape = Shape::default();
     let root_area = bounds.area();
     let mut depth_sum = 0;
-    visit(tree, bounds, |region, depth, look, _| {
+    visit(tree, bounds, |(_, region), depth, look, _| {
         let share = if root_area > 0.0 && !region.is_empty() {
             region.area() / root_area
         } else {

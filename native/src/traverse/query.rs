@@ -154,8 +154,9 @@ impl Best {
         let Some(found) = verdict_within(ray.o, ray.d, corners(), span) else {
             return false;
         };
-        // An infinite distance is what a miss reports.
-        if !(ray.t_min <= found.t && found.t <= ray.t_max && found.t < f32::INFINITY) {
+        // An infinite distance is what a miss reports; one that no float can hold has no order, behind the origin
+        // either.
+        if !(ray.t_min <= found.t && found.t <= ray.t_max && found.t.abs() < f32::INFINITY) {
             return false;
         }
         if found.t < self.hit.t || (found.t == self.hit.t && id < self.hit.triangle) {

@@ -5,16 +5,18 @@
 use crate::build::Monitor;
 use crate::build::binned::SurfaceArea;
 use crate::build::cost::Costs;
+use crate::build::leaves::Leaves;
 use crate::build::object;
 use crate::error::Result;
 use crate::registry::{Built, Default, Kind, ParamSpec, StructureSpec, params};
 use crate::scene::Triangles;
 use crate::spec::Config;
 use crate::structure::Layout;
-use crate::traverse::blocks::Blocks;
+use crate::traverse::blocks::Keep;
 use crate::traverse::box_tree::BoxTree;
 use crate::traverse::frame::Frame;
 use crate::traverse::nested;
+use crate::traverse::objects::Objects;
 
 /// Fitted to nodes of eight boxes: a step shares its price with up to six others of the binary tree.
 const COSTS: Costs = Costs {
@@ -37,7 +39,7 @@ pub const SPEC: StructureSpec = StructureSpec {
         params::step_cost(COSTS),
         params::leaf_cost(COSTS),
         params::triangle_cost(COSTS),
-        LEAF_MAX,
+        params::LEAF_MAX,
     ],
     build,
 };
@@ -51,50 +53,22 @@ const WIDTH: ParamSpec = ParamSpec {
     default: Default::Choice("8"),
 };
 
-const LEAF_MAX: ParamSpec = ParamSpec {
-    name: "leaf_max",
-    label: "Largest Leaf",
-    doc: "Nodes of more triangles are always parted. More saves memory where triangles crowd",
-    unit: "triangles",
-    kind: Kind::Integer { min: 1, max: 4096 },
-    default: Default::Integer(64),
-};
-
 fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built> {
     let frame = Frame::new(scene.bounds());
-    let policy = SurfaceArea {
-        costs: Costs {
-            step: config.float("step_cost"),
-            leaf: config.float("leaf_cost"),
-            triangle: config.float("triangle_cost"),
-            ..COSTS
-        },
-        leaf_max: config.integer("leaf_max"),
-    };
+    let policy = SurfaceArea::configured(config, COSTS);
     let binary = object::build(scene, &frame, &policy, monitor)?;
-    let mut blocks = Blocks::new();
-    let bounds = frame.bounds();
-    let (layout, shape) = match config.choice("width") {
-        "2" => {
-            let tree = BoxTree::<2>::new(&binary, scene, &frame, &mut blocks)?;
-            let shape = nested::shape(&tree, bounds);
-            (Layout::Box2(tree), shape)
-        }
-        "4" => {
-            let tree = BoxTree::<4>::new(&binary, scene, &frame, &mut blocks)?;
-            let shape = nested::shape(&tree, bounds);
-            (Layout::Box4(tree), shape)
-        }
-        _ => {
-            let tree = BoxTree::<8>::new(&binary, scene, &frame, &mut blocks)?;
-            let shape = nested::shape(&tree, bounds);
-            (Layout::Box8(tree), shape)
-        }
+    let mut leaves = Leaves::new(Keep::Corners);
+    let tree = match config.choice("width") {
+        "2" => Objects::Boxes2(BoxTree::new(&binary, &mut leaves)?),
+        "4" => Objects::Boxes4(BoxTree::new(&binary, &mut leaves)?),
+        _ => Objects::Boxes8(BoxTree::new(&binary, &mut leaves)?),
     };
+    let blocks = leaves.write(scene, &frame, &binary.ids);
+    let shape = nested::shape(tree.nested(), frame.bounds());
     Ok(Built {
         frame: frame.with_robust(config.choice("robust") != "none"),
         blocks,
-        layout,
+        layout: Layout::Objects(tree),
         shape,
         left_out: vec!["split planes: this structure parts triangles, not space".to_owned()],
     })

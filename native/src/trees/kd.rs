@@ -5,8 +5,9 @@
 use crate::build::Monitor;
 use crate::build::cell::{BoxCell, Direction};
 use crate::build::cost::Costs;
+use crate::build::piece::{ClippedBox, Piece};
 use crate::build::plane_tree::{MAX_DEPTH, PlaneTree, Shape};
-use crate::build::space::{self, Candidate, Params, PlanePolicy, Stop};
+use crate::build::space::{self, Node, ObliqueStep, Params, PlanePolicy, Stop};
 use crate::build::sweep::Ties;
 use crate::error::Result;
 use crate::geom::Aabb;
@@ -16,6 +17,7 @@ use crate::spec::Config;
 use crate::structure::Layout;
 use crate::traverse::blocks::Blocks;
 use crate::traverse::frame::Frame;
+use std::marker::PhantomData;
 
 /// The registry's row.
 pub const SPEC: StructureSpec = StructureSpec {
@@ -37,23 +39,25 @@ pub const SPEC: StructureSpec = StructureSpec {
     build,
 };
 
-/// The three axes, everywhere.
-pub struct Axes;
+/// The three axes, everywhere, for pieces of this kind.
+#[derive(Debug)]
+pub struct Axes<P>(pub PhantomData<P>);
 
-impl PlanePolicy for Axes {
+impl<P: Piece> PlanePolicy for Axes<P> {
     type Cell = BoxCell;
+    type Piece = P;
 
     fn root(&self, bounds: Aabb) -> BoxCell {
         BoxCell(bounds)
     }
 
-    fn candidates(&self, _: &BoxCell, out: &mut Vec<Candidate>) {
-        out.extend((0..3).map(|k| Candidate::Sweep(Direction::Axis(k))));
+    fn directions(&self, _: &Node<'_, P>, out: &mut Vec<Direction>) {
+        out.extend((0..3).map(Direction::Axis));
     }
 }
 
 /// The depth limit where the user gives none. Costs end nearly all paths well before.
-fn default_depth(triangles: usize) -> usize {
+pub fn default_depth(triangles: usize) -> usize {
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
@@ -72,16 +76,26 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built>
             empty: config.float("empty_factor"),
             ..Costs::BLOCKS
         },
+        oblique: ObliqueStep::Fixed(f32::INFINITY),
         ties: Ties::Clean,
-        clip: true,
+        slab: 0.0,
         leaf_size: 0,
+        leaf_most: usize::MAX,
         max_depth: match config.integer("max_depth") {
             0 => default_depth(scene.live().len()),
             depth => depth,
         },
         stop: Stop::Cheapest,
+        sorted: false,
+        early: false,
     };
-    plane_tree(scene, config, &Axes, &params, monitor)
+    plane_tree(
+        scene,
+        config,
+        &Axes::<ClippedBox>(PhantomData),
+        &params,
+        monitor,
+    )
 }
 
 /// Builds an axis-aligned tree and lays it out.

@@ -4,13 +4,15 @@
 
 use crate::build::Monitor;
 use crate::build::cost::Costs;
-use crate::build::space::{Params, Stop};
+use crate::build::piece::Boxed;
+use crate::build::space::{ObliqueStep, Params, Stop};
 use crate::build::sweep::Ties;
 use crate::error::Result;
 use crate::registry::{Built, StructureSpec, params};
 use crate::scene::Triangles;
 use crate::spec::Config;
 use crate::trees::kd::{Axes, plane_tree};
+use std::marker::PhantomData;
 
 /// The registry's row.
 pub const SPEC: StructureSpec = StructureSpec {
@@ -51,16 +53,20 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built>
             empty: config.float("empty_factor"),
             ..Costs::THESIS
         },
+        oblique: ObliqueStep::Fixed(f32::INFINITY),
         ties: Ties::StartsFirst,
-        clip: false,
+        slab: 0.0,
         leaf_size: config.integer("leaf_size"),
+        leaf_most: usize::MAX,
         max_depth: match config.integer("max_depth") {
             0 => thesis_depth(scene.live().len()),
             depth => depth,
         },
         stop: Stop::Tolerant(3),
+        sorted: false,
+        early: false,
     };
-    plane_tree(scene, config, &Axes, &params, monitor)
+    plane_tree(scene, config, &Axes::<Boxed>(PhantomData), &params, monitor)
 }
 
 #[cfg(test)]

@@ -1,0 +1,399 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Hierarchies of boxes that grow object by object (Goldsmith and Salmon 1987): each is put where it
+//! adds least to the expected number of box tests of a ray.
+//!
+//! A ray that meets a node tests all its children, so a node costs its surface times their number.
+//! An object may become another child of a node, at the price of that node's surface, or the
+//! sibling of an object in a new node, at twice the new node's; on the way down each node that
+//! grows costs the growth times its children. The search follows the child that grows least or,
+//! as branch and bound, every child that may still lead to something cheaper.
+
+use super::Monitor;
+use super::object::Object;
+use super::plane_tree::MAX_DEPTH;
+use crate::error::Result;
+use crate::geom::Aabb;
+use std::cmp::{Ordering, Reverse};
+use std::collections::BinaryHeap;
+
+/// More children than this no node has.
+pub const WIDEST: usize = 8;
+
+/// Set in a link that leads to an object instead of a node.
+const OBJECT: u32 = 1 << 31;
+
+/// Instead of the next object: none.
+const END: u32 = u32::MAX;
+
+/// Objects between two looks at the monitor.
+const STRIDE: usize = 1024;
+
+/// How a place for an object is searched for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Search {
+    /// Down the children that grow least.
+    Greedy,
+    /// Down all children that a lower bound does not exclude.
+    BranchAndBound,
+}
+
+/// How a tree is grown.
+#[derive(Debug, Clone, Copy)]
+pub struct Growth {
+    /// How places are searched for.
+    pub search: Search,
+    /// Nodes have at most this many children, 2 to [`WIDEST`].
+    pub children: usize,
+    /// Shuffles the order in which objects come.
+    pub seed: u64,
+}
+
+/// A node, with the boxes of its children side by side.
+#[derive(Debug, Clone)]
+struct Node {
+    low: [[f32; WIDEST]; 3],
+    high: [[f32; WIDEST]; 3],
+    link: [u32; WIDEST],
+    /// How many objects each child holds.
+    objects: [u32; WIDEST],
+    len: usize,
+}
+
+/// A child of a node of a grown tree.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Child {
+    /// A node.
+    Node(usize),
+    /// A chain of objects, nearly always one.
+    Objects(usize),
+}
+
+/// A grown tree; node 0 is the root.
+#[derive(Debug)]
+pub struct Grown {
+    nodes: Vec<Node>,
+    /// The next object of a chain.
+    next: Vec<u32>,
+}
+
+impl Node {
+    const EMPTY: Self = Self {
+        low: [[f32::INFINITY; WIDEST]; 3],
+        high: [[f32::NEG_INFINITY; WIDEST]; 3],
+        link: [0; WIDEST],
+        objects: [0; WIDEST],
+        len: 0,
+    };
+
+    fn bounds(&self, lane: usize) -> Aabb {
+        Aabb {
+            min: [0, 1, 2].map(|k| self.low[k][lane]),
+            max: [0, 1, 2].map(|k| self.high[k][lane]),
+        }
+    }
+
+    fn grow(&mut self, lane: usize, object: &Aabb) {
+        for k in 0..3 {
+            self.low[k][lane] = self.low[k][lane].min(object.min[k]);
+            self.high[k][lane] = self.high[k][lane].max(object.max[k]);
+        }
+        self.objects[lane] += 1;
+    }
+
+    fn push(&mut self, link: u32, bounds: &Aabb, objects: u32) {
+        let lane = self.len;
+        self.len += 1;
+        self.grow(lane, bounds);
+        self.link[lane] = link;
+        self.objects[lane] = objects;
+    }
+
+    /// Surfaces of the children's boxes, and of those with an object added; of missing children NaN.
+    fn surfaces(&self, object: &Aabb) -> ([f32; WIDEST], [f32; WIDEST]) {
+        let (mut old, mut new) = ([0.0; WIDEST], [0.0; WIDEST]);
+        for lane in 0..WIDEST {
+            let side = |k: usize| self.high[k][lane] - self.low[k][lane];
+            old[lane] = surface([side(0), side(1), side(2)]);
+            let side = |k: usize| {
+                let (low, high) = (self.low[k][lane], self.high[k][lane]);
+                let low = if object.min[k] < low {
+                    object.min[k]
+                } else {
+                    low
+                };
+                let high = if object.max[k] > high {
+                    object.max[k]
+                } else {
+                    high
+                };
+                high - low
+            };
+            new[lane] = surface([side(0), side(1), side(2)]);
+        }
+        (old, new)
+    }
+}
+
+/// Half of a box's surface.
+fn surface([x, y, z]: [f32; 3]) -> f32 {
+    x * y + y * z + z * x
+}
+
+fn surface_of(bounds: &Aabb) -> f32 {
+    if bounds.is_empty() {
+        return 0.0;
+    }
+    surface([0, 1, 2].map(|k| bounds.max[k] - bounds.min[k]))
+}
+
+/// What is done with an object at a node.
+#[derive(Debug, Clone, Copy)]
+enum Place {
+    /// It becomes another child.
+    Child,
+    /// It shares a new node with the object of a lane.
+    Pair(usize),
+    /// It joins the chain of a lane.
+    Chain(usize),
+}
+
+/// A node that the search has reached.
+#[derive(Debug, Clone, Copy)]
+struct Reached {
+    node: usize,
+    bounds: Aabb,
+    depth: usize,
+    /// Where it was reached from: the entry of its parent, and the lane.
+    from: (usize, usize),
+}
+
+/// An entry of the queue: the cheapest first, of equal ones the earliest.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Waiting(f32, usize);
+
+impl Eq for Waiting {}
+
+impl PartialOrd for Waiting {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl Ord for Waiting {
+    fn cmp(&self, other: &Self) -> Ordering {
+        self.0.total_cmp(&other.0).then(self.1.cmp(&other.1))
+    }
+}
+
+/// Buffers of the search.
+#[derive(Default)]
+struct Scratch {
+    reached: Vec<Reached>,
+    queue: BinaryHeap<Reverse<Waiting>>,
+}
+
+/// Grows a tree over `objects`, whose numbers count for nothing but ties.
+///
+/// # Errors
+/// [`crate::error::Error::Cancelled`] when the monitor says so.
+pub fn grow(objects: &[Object], growth: &Growth, monitor: &Monitor) -> Result<Grown> {
+    let mut order: Vec<_> = (0..objects.len()).collect();
+    order.sort_by_cached_key(|&i| (shuffled(growth.seed, objects[i].id), i));
+    let mut tree = Grown {
+        nodes: vec![Node::EMPTY],
+        next: vec![END; objects.len()],
+    };
+    let mut bounds = Aabb::EMPTY;
+    let mut scratch = Scratch::default();
+    monitor.check()?;
+    for part in order.chunks(STRIDE) {
+        monitor.check()?;
+        for &i in part {
+            tree.insert(i, &objects[i].bounds, &bounds, growth, &mut scratch);
+            bounds = bounds.union(&objects[i].bounds);
+        }
+        monitor.advance(part.len() as f64 / objects.len() as f64);
+    }
+    Ok(tree)
+}
+
+/// A key that depends on the seed and the object alone (Steele, Lea and Flood 2014).
+fn shuffled(seed: u64, id: u32) -> u64 {
+    let mut x = seed.wrapping_add((u64::from(id) + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15));
+    x = (x ^ x >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    x = (x ^ x >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
+    x ^ x >> 31
+}
+
+#[expect(clippy::cast_precision_loss, reason = "at most eight children")]
+fn as_f32(children: usize) -> f32 {
+    children as f32
+}
+
+impl Grown {
+    /// The children of a node.
+    pub fn children(&self, node: usize) -> impl Iterator<Item = (Child, usize)> + '_ {
+        let node = &self.nodes[node];
+        (0..node.len).map(|lane| {
+            let link = node.link[lane];
+            let place = (link & !OBJECT) as usize;
+            let child = if link & OBJECT == 0 {
+                Child::Node(place)
+            } else {
+                Child::Objects(place)
+            };
+            (child, node.objects[lane] as usize)
+        })
+    }
+
+    /// Appends all objects at or below a child.
+    pub fn objects(&self, child: Child, out: &mut Vec<usize>) {
+        let mut open = vec![child];
+        while let Some(child) = open.pop() {
+            match child {
+                Child::Node(node) => {
+                    let before = open.len();
+                    open.extend(self.children(node).map(|(child, _)| child));
+                    open[before..].reverse();
+                }
+                Child::Objects(first) => {
+                    out.push(first);
+                    let mut next = self.next[first];
+                    while next != END {
+                        out.push(next as usize);
+                        next = self.next[next as usize];
+                    }
+                }
+            }
+        }
+    }
+
+    fn insert(
+        &mut self,
+        object: usize,
+        bounds: &Aabb,
+        whole: &Aabb,
+        growth: &Growth,
+        scratch: &mut Scratch,
+    ) {
+        let (_, mut at, place) = self.search(bounds, whole, growth, scratch);
+        let link = OBJECT | u32::try_from(object).expect("checked by the layout");
+        let node = scratch.reached[at].node;
+        match place {
+            Place::Child => self.nodes[node].push(link, bounds, 1),
+            Place::Pair(lane) => {
+                let new = u32::try_from(self.nodes.len()).expect("fewer nodes than objects");
+                let mut pair = Node::EMPTY;
+                let parent = &mut self.nodes[node];
+                pair.push(
+                    parent.link[lane],
+                    &parent.bounds(lane),
+                    parent.objects[lane],
+                );
+                pair.push(link, bounds, 1);
+                parent.link[lane] = new;
+                parent.grow(lane, bounds);
+                self.nodes.push(pair);
+            }
+            Place::Chain(lane) => {
+                let parent = &mut self.nodes[node];
+                self.next[object] = parent.link[lane] & !OBJECT;
+                parent.link[lane] = link;
+                parent.grow(lane, bounds);
+            }
+        }
+        while at != 0 {
+            let (parent, lane) = scratch.reached[at].from;
+            self.nodes[scratch.reached[parent].node].grow(lane, bounds);
+            at = parent;
+        }
+    }
+
+    /// The cheapest place for an object that the search finds: what it costs, the entry of the node
+    /// there, and the place.
+    fn search(
+        &self,
+        object: &Aabb,
+        whole: &Aabb,
+        growth: &Growth,
+        scratch: &mut Scratch,
+    ) -> (f32, usize, Place) {
+        let own = surface_of(object);
+        let Scratch { reached, queue } = scratch;
+        reached.clear();
+        queue.clear();
+        reached.push(Reached {
+            node: 0,
+            bounds: *whole,
+            depth: 0,
+            from: (0, 0),
+        });
+        queue.push(Reverse(Waiting(0.0, 0)));
+        let mut best = (f32::INFINITY, 0, Place::Chain(0));
+        while let Some(Reverse(Waiting(inherited, at))) = queue.pop() {
+            // Whatever is done below costs at least the object's own surface.
+            if inherited + own >= best.0 {
+                break;
+            }
+            let Reached {
+                node,
+                bounds,
+                depth,
+                ..
+            } = reached[at];
+            let (index, node) = (node, &self.nodes[node]);
+            let grown = surface_of(&bounds.union(object));
+            let inherited = inherited + as_f32(node.len) * (grown - surface_of(&bounds));
+            if node.len < growth.children {
+                let cost = inherited + grown;
+                if cost < best.0 {
+                    best = (cost, at, Place::Child);
+                }
+            }
+            let (old, new) = node.surfaces(object);
+            // The inner child that grows least; of equal ones that with the fewest objects.
+            let mut least: Option<(f32, u32, usize)> = None;
+            for lane in 0..node.len {
+                if node.link[lane] & OBJECT != 0 {
+                    let cost = inherited + 2.0 * new[lane];
+                    if cost < best.0 {
+                        // At the depth limit there is no room for a new node.
+                        let place = if depth + 2 <= MAX_DEPTH {
+                            Place::Pair(lane)
+                        } else {
+                            Place::Chain(lane)
+                        };
+                        best = (cost, at, place);
+                    }
+                    continue;
+                }
+                let growth_here = new[lane] - old[lane];
+                if growth.search == Search::BranchAndBound {
+                    queue.push(Reverse(Waiting(inherited, reached.len())));
+                    reached.push(self.below((index, at), lane, depth));
+                } else if least.is_none_or(|(g, n, _)| {
+                    growth_here < g || (growth_here == g && node.objects[lane] < n)
+                }) {
+                    least = Some((growth_here, node.objects[lane], lane));
+                }
+            }
+            if let Some((_, _, lane)) = least {
+                queue.push(Reverse(Waiting(inherited, reached.len())));
+                reached.push(self.below((index, at), lane, depth));
+            }
+        }
+        best
+    }
+
+    fn below(&self, (node, at): (usize, usize), lane: usize, depth: usize) -> Reached {
+        Reached {
+            node: self.nodes[node].link[lane] as usize,
+            bounds: self.nodes[node].bounds(lane),
+            depth: depth + 1,
+            from: (at, lane),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,268 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! What a node keeps of each of its triangles.
+
+use super::cell::{Direction, Plane};
+use super::clip::clipped_bounds;
+use super::sweep::Scratch;
+use crate::geom::Aabb;
+use crate::geom::vec3::{Vec3, add_scaled, dot, sub, widen};
+use crate::scene::Triangles;
+use crate::traverse::frame::Frame;
+
+/// What a node keeps of a triangle.
+///
+/// A triangle belongs to every cell whose closed inside it meets, as far as these numbers tell; they
+/// may err towards more cells, and by no more than the walks allow for towards fewer.
+pub trait Piece: Copy + Send + Sync {
+    /// The whole triangle, its corners in the frame of the walk.
+    fn new(id: u32, corners: [[f32; 3]; 3]) -> Self;
+
+    /// The triangle's number.
+    fn id(&self) -> u32;
+
+    /// The ends of the piece along a direction.
+    fn interval(&self, direction: Direction) -> (f32, f32);
+
+    /// A box around the piece.
+    fn bounds(&self) -> Aabb;
+
+    /// The pieces on both sides of a plane that goes through this one.
+    fn cut(self, plane: Plane, triangles: (&Triangles, &Frame)) -> (Option<Self>, Option<Self>);
+
+    /// The ends of all pieces along a direction, for the sweep.
+    #[inline(always)]
+    fn project(pieces: &[Self], direction: Direction, scratch: &mut Scratch) {
+        scratch.min.clear();
+        scratch.max.clear();
+        for piece in pieces {
+            let (min, max) = piece.interval(direction);
+            scratch.min.push(min);
+            scratch.max.push(max);
+        }
+    }
+}
+
+/// The bounds of a whole triangle, for axis-aligned planes.
+#[derive(Debug, Clone, Copy)]
+pub struct Boxed {
+    bounds: Aabb,
+    id: u32,
+}
+
+impl Piece for Boxed {
+    fn new(id: u32, corners: [[f32; 3]; 3]) -> Self {
+        Self {
+            bounds: Aabb::of_triangle(corners),
+            id,
+        }
+    }
+
+    #[inline(always)]
+    fn id(&self) -> u32 {
+        self.id
+    }
+
+    #[inline(always)]
+    fn interval(&self, direction: Direction) -> (f32, f32) {
+        let Direction::Axis(k) = direction else {
+            unreachable!("boxes are for axis-aligned planes");
+        };
+        (self.bounds.min[k], self.bounds.max[k])
+    }
+
+    fn bounds(&self) -> Aabb {
+        self.bounds
+    }
+
+    fn cut(self, _: Plane, _: (&Triangles, &Frame)) -> (Option<Self>, Option<Self>) {
+        (Some(self), Some(self))
+    }
+}
+
+/// The bounds of the part of a triangle that lies in the node's cell, for axis-aligned planes.
+#[derive(Debug, Clone, Copy)]
+pub struct ClippedBox(Boxed);
+
+impl Piece for ClippedBox {
+    fn new(id: u32, corners: [[f32; 3]; 3]) -> Self {
+        Self(Boxed::new(id, corners))
+    }
+
+    #[inline(always)]
+    fn id(&self) -> u32 {
+        self.0.id
+    }
+
+    #[inline(always)]
+    fn interval(&self, direction: Direction) -> (f32, f32) {
+        self.0.interval(direction)
+    }
+
+    fn bounds(&self) -> Aabb {
+        self.0.bounds
+    }
+
+    fn cut(
+        self,
+        plane: Plane,
+        (scene, frame): (&Triangles, &Frame),
+    ) -> (Option<Self>, Option<Self>) {
+        let Direction::Axis(axis) = plane.direction else {
+            unreachable!("boxes are for axis-aligned planes");
+        };
+        let corners = scene.corners(self.0.id).map(|p| frame.point(p));
+        let (mut low, mut high) = (self.0.bounds, self.0.bounds);
+        low.max[axis] = plane.offset;
+        high.min[axis] = plane.offset;
+        let magnitude = frame.bounds().magnitude();
+        let piece = |bounds: Aabb| Self(Boxed { bounds, ..self.0 });
+        let part = |cell: &Aabb| clipped_bounds(corners, cell, magnitude).map(piece);
+        match (part(&low), part(&high)) {
+            (None, None) => (Some(piece(low)), Some(piece(high))),
+            parts => parts,
+        }
+    }
+}
+
+/// A whole triangle, for planes of any direction.
+#[derive(Debug, Clone, Copy)]
+pub struct Whole {
+    corners: [[f32; 3]; 3],
+    id: u32,
+}
+
+impl Piece for Whole {
+    fn new(id: u32, corners: [[f32; 3]; 3]) -> Self {
+        // One zero, as in the bounds of boxes.
+        Self {
+            corners: corners.map(|p| p.map(|x| x + 0.0)),
+            id,
+        }
+    }
+
+    #[inline(always)]
+    fn id(&self) -> u32 {
+        self.id
+    }
+
+    #[inline(always)]
+    fn interval(&self, direction: Direction) -> (f32, f32) {
+        let [a, b, c] = self.corners.map(|p| direction.height(p));
+        (a.min(b).min(c), a.max(b).max(c))
+    }
+
+    fn bounds(&self) -> Aabb {
+        Aabb::of_triangle(self.corners)
+    }
+
+    fn cut(self, _: Plane, _: (&Triangles, &Frame)) -> (Option<Self>, Option<Self>) {
+        (Some(self), Some(self))
+    }
+}
+
+/// A triangle cut by six planes or fewer has at most this many corners; more cuts are left out.
+const CORNERS: usize = 9;
+
+/// The part of a triangle that lies in the node's cell, for planes of any direction: perfect splits
+/// (Havran and Bittner 2002; Ize, Wald and Parker 2008, section 4.1).
+///
+/// Cuts are made in f64 at planes moved outwards by 2^-40 of the scene's size, far more than f64 loses
+/// and far less than walks see. A cut that would need too many corners is left out, which keeps
+/// more of the triangle than need be.
+#[derive(Debug, Clone, Copy)]
+pub struct Clipped {
+    corners: [Vec3; CORNERS],
+    count: u32,
+    id: u32,
+}
+
+impl Clipped {
+    /// The part where `sign * (n . x - offset) >= -margin`.
+    fn part(&self, sign: f64, n: Vec3, offset: f64, margin: f64) -> Option<Self> {
+        let count = self.count as usize;
+        let mut out = Self { count: 0, ..*self };
+        let mut room = true;
+        let mut push = |p: Vec3| {
+            if let Some(corner) = out.corners.get_mut(out.count as usize) {
+                *corner = p;
+                out.count += 1;
+            } else {
+                room = false;
+            }
+        };
+        let height = |p: Vec3| sign * (dot(n, p) - offset) + margin;
+        for i in 0..count {
+            let (a, b) = (self.corners[i], self.corners[(i + 1) % count]);
+            let (ha, hb) = (height(a), height(b));
+            if ha >= 0.0 {
+                push(a);
+            }
+            if (ha < 0.0) != (hb < 0.0) {
+                push(add_scaled(a, ha / (ha - hb), sub(b, a)));
+            }
+        }
+        if !room {
+            return Some(*self);
+        }
+        (out.count > 0).then_some(out)
+    }
+}
+
+impl Piece for Clipped {
+    fn new(id: u32, corners: [[f32; 3]; 3]) -> Self {
+        let mut out = Self {
+            corners: [[0.0; 3]; CORNERS],
+            count: 3,
+            id,
+        };
+        for (corner, p) in out.corners.iter_mut().zip(corners) {
+            *corner = widen(p);
+        }
+        out
+    }
+
+    #[inline(always)]
+    fn id(&self) -> u32 {
+        self.id
+    }
+
+    #[inline(always)]
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "planes have f32 heights; the walks allow for the rounding"
+    )]
+    fn interval(&self, direction: Direction) -> (f32, f32) {
+        let corners = &self.corners[..self.count as usize];
+        let n = widen(direction.vector());
+        let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+        for &corner in corners {
+            let height = dot(n, corner);
+            low = if height < low { height } else { low };
+            high = if height > high { height } else { high };
+        }
+        // Positive zero, as in the bounds of boxes.
+        (low as f32 + 0.0, high as f32 + 0.0)
+    }
+
+    fn bounds(&self) -> Aabb {
+        let mut bounds = Aabb::EMPTY;
+        for k in 0..3 {
+            (bounds.min[k], bounds.max[k]) = self.interval(Direction::Axis(k));
+        }
+        bounds
+    }
+
+    fn cut(self, plane: Plane, (_, frame): (&Triangles, &Frame)) -> (Option<Self>, Option<Self>) {
+        let n = widen(plane.direction.vector());
+        let offset = f64::from(plane.offset);
+        let margin = f64::from(frame.bounds().magnitude()) / (1_u64 << 40) as f64;
+        let parts = (
+            self.part(-1.0, n, offset, margin),
+            self.part(1.0, n, offset, margin),
+        );
+        match parts {
+            (None, None) => (Some(self), Some(self)),
+            parts => parts,
+        }
+    }
+}

@@ -1,0 +1,114 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+
+use super::*;
+use crate::geom::verdict::verdict;
+use num_bigint::BigInt;
+use proptest::prelude::*;
+
+fn coordinate() -> impl Strategy<Value = f32> {
+    prop_oneof![
+        (-8i8..8).prop_map(f32::from),
+        -1.0f32..1.0,
+        -1e-3f32..1e-3,
+        -1e6f32..1e6,
+        prop::num::f32::NORMAL | prop::num::f32::SUBNORMAL | prop::num::f32::ZERO,
+    ]
+}
+
+fn point() -> impl Strategy<Value = [f32; 3]> {
+    [coordinate(), coordinate(), coordinate()]
+}
+
+/// A float as a whole number of the smallest float.
+fn whole(x: f32) -> BigInt {
+    let bits = x.to_bits() & 0x7fff_ffff;
+    let (exponent, mantissa) = (bits >> 23, bits & 0x007f_ffff);
+    let magnitude = if exponent == 0 {
+        BigInt::from(mantissa)
+    } else {
+        BigInt::from(mantissa | 0x0080_0000) << (exponent - 1)
+    };
+    if x.is_sign_negative() {
+        -magnitude
+    } else {
+        magnitude
+    }
+}
+
+fn triangle_node(corners: [[f32; 3]; 3]) -> Node<13> {
+    let mut node = Node::EMPTY;
+    for p in corners {
+        node.grow(p);
+    }
+    node
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(20_000))]
+
+    #[test]
+    fn heights_are_enclosed(p in point()) {
+        for n in NORMALS {
+            let exact = (0..3).fold(BigInt::from(0), |sum, k| match n[k] {
+                x if x > 0.0 => sum + whole(p[k]),
+                x if x < 0.0 => sum - whole(p[k]),
+                _ => sum,
+            });
+            let (low, high) = height(n, p);
+            prop_assert!(low == f32::NEG_INFINITY || whole(low) <= exact);
+            prop_assert!(high == f32::INFINITY || exact <= whole(high));
+        }
+    }
+
+    #[test]
+    fn no_slab_rejects_a_hit(
+        corners in [point(), point(), point()], o in point(), s in 0.0f32..1.0, t in 0.0f32..1.0,
+    ) {
+        let scene = Triangles::new(corners.to_vec(), vec![[0, 1, 2]]).unwrap();
+        prop_assume!(!scene.live().is_empty());
+        let frame = Frame::new(scene.bounds());
+        // Aimed at a point in or near the triangle.
+        let [a, b, c] = corners;
+        let d: [f32; 3] = std::array::from_fn(|k| {
+            a[k] * (1.0 - s) * (1.0 - t) + b[k] * s + c[k] * t - o[k]
+        });
+        prop_assume!(d.iter().all(|x| x.is_finite()));
+        let ray = Ray { o, d, t_min: 0.0, t_max: f32::INFINITY };
+        let hit = verdict(o, d, corners).filter(|v| v.t >= 0.0 && v.t.is_finite());
+        if let (Some(hit), Some(framed)) = (hit, frame.ray(&ray)) {
+            let node = triangle_node(corners.map(|p| frame.point(p)));
+            let enter = Planes::<13>::new(&framed).meet(&node, (framed.t_min, framed.t_max));
+            prop_assert!(enter.is_some_and(|enter| enter <= framed.reach(hit.t)));
+        }
+    }
+}
+
+/// The comparison above can fail: without error bounds slabs are too thin for rounded distances.
+#[test]
+fn slabs_without_bounds_reject_hits() {
+    let corners = [[0.1_f32, 0.2, 0.3], [0.7, 0.2, 0.9], [0.3, 0.8, 0.6]];
+    let frame = Frame::new(Aabb::of_triangle(corners)).with_robust(false);
+    let node = triangle_node(corners);
+    let mut rejected = 0;
+    for i in 0..2000_u16 {
+        // Towards the edge, and in it at the corners.
+        let s = f32::from(i) / 2000.0;
+        let o = [-3.1, 2.3 + s, -1.7];
+        let target: [f32; 3] =
+            std::array::from_fn(|k| corners[0][k] + s * (corners[1][k] - corners[0][k]));
+        let d = std::array::from_fn(|k| target[k] - o[k]);
+        let ray = Ray {
+            o,
+            d,
+            t_min: 0.0,
+            t_max: f32::INFINITY,
+        };
+        let hit = verdict(o, d, corners).is_some();
+        let met = frame.ray(&ray).is_some_and(|framed| {
+            let range = (framed.t_min, framed.t_max);
+            Planes::<13>::new(&framed).meet(&node, range).is_some()
+        });
+        rejected += usize::from(hit && !met);
+    }
+    assert!(rejected > 0);
+}

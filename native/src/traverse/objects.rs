@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The layouts of object trees, and which walk belongs to each.
+
+use super::batch::Batch;
+use super::box_tree::{self, BoxTree};
+use super::dop_tree::{self, DopTree};
+use super::nested::Nested;
+use super::query::Query;
+use super::ray::{Hit, RayCounters};
+use super::slab_boxes;
+use super::slab_node::{Double, Single};
+use super::slab_tree::{self, SlabTree};
+use super::slab_wide::{self, WideSlabs};
+
+/// An object tree, laid out for one way of walking.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Objects {
+    /// Boxes, two to a node.
+    Boxes2(BoxTree<2>),
+    /// Boxes, four to a node.
+    Boxes4(BoxTree<4>),
+    /// Boxes, eight to a node.
+    Boxes8(BoxTree<8>),
+    /// Two planes to a node.
+    Slabs(SlabTree<Double>),
+    /// One plane to a node.
+    Single(SlabTree<Single>),
+    /// Two planes to a node, walked as boxes.
+    SlabBoxes(SlabTree<Double>),
+    /// Two intervals to a node.
+    Slabs2(WideSlabs<2>),
+    /// Four intervals to a node.
+    Slabs4(WideSlabs<4>),
+    /// Eight intervals to a node.
+    Slabs8(WideSlabs<8>),
+    /// Boxes, any number to a node.
+    Dops3(DopTree<3>),
+    /// Seven slabs around each node.
+    Dops7(DopTree<7>),
+    /// Thirteen slabs around each node.
+    Dops13(DopTree<13>),
+}
+
+impl Objects {
+    /// The tree as validation, statistics and drawing see it.
+    pub fn nested(&self) -> &dyn Nested {
+        match self {
+            Self::Boxes2(tree) => tree,
+            Self::Boxes4(tree) => tree,
+            Self::Boxes8(tree) => tree,
+            Self::Slabs(tree) | Self::SlabBoxes(tree) => tree,
+            Self::Single(tree) => tree,
+            Self::Slabs2(tree) => tree,
+            Self::Slabs4(tree) => tree,
+            Self::Slabs8(tree) => tree,
+            Self::Dops3(tree) => tree,
+            Self::Dops7(tree) => tree,
+            Self::Dops13(tree) => tree,
+        }
+    }
+
+    /// Walks a batch of rays.
+    pub fn walk<Q: Query>(
+        &self,
+        job: &Batch<'_>,
+        write: impl FnMut(usize, Hit),
+        counters: Option<&mut [RayCounters]>,
+    ) {
+        match self {
+            Self::Boxes2(tree) => job.walk::<_, Q>(&box_tree::Walk(tree), write, counters),
+            Self::Boxes4(tree) => job.walk::<_, Q>(&box_tree::Walk(tree), write, counters),
+            Self::Boxes8(tree) => job.walk::<_, Q>(&box_tree::Walk(tree), write, counters),
+            Self::Slabs(tree) => job.walk::<_, Q>(&slab_tree::Walk(tree), write, counters),
+            Self::Single(tree) => job.walk::<_, Q>(&slab_tree::Walk(tree), write, counters),
+            Self::SlabBoxes(tree) => {
+                let walk = slab_boxes::Walk(tree, job.frame.bounds());
+                job.walk::<_, Q>(&walk, write, counters);
+            }
+            Self::Slabs2(tree) => job.walk::<_, Q>(&slab_wide::Walk(tree), write, counters),
+            Self::Slabs4(tree) => job.walk::<_, Q>(&slab_wide::Walk(tree), write, counters),
+            Self::Slabs8(tree) => job.walk::<_, Q>(&slab_wide::Walk(tree), write, counters),
+            Self::Dops3(tree) => job.walk::<_, Q>(&dop_tree::Walk(tree), write, counters),
+            Self::Dops7(tree) => job.walk::<_, Q>(&dop_tree::Walk(tree), write, counters),
+            Self::Dops13(tree) => job.walk::<_, Q>(&dop_tree::Walk(tree), write, counters),
+        }
+    }
+}

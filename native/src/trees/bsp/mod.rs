@@ -1,0 +1,316 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! What all trees with oblique planes share: their parameters, their prices, and the loop's policy.
+//!
+//! A family is a [`Source`] of directions; a [`Variant`] says what is done with the axes.
+
+pub mod clusters;
+pub mod fixed;
+pub mod hybrid;
+pub mod normals;
+pub mod params;
+pub mod random;
+
+use crate::build::Monitor;
+use crate::build::cell::{BoxCell, ConvexCell, Direction};
+use crate::build::cost::Costs;
+use crate::build::piece::{Boxed, Clipped, ClippedBox, Piece, Whole};
+use crate::build::plane_tree::{PlaneTree, Shape};
+use crate::build::preorder::Preorder;
+use crate::build::space::{self, Node, ObliqueStep, Params, PlanePolicy, Stop};
+use crate::build::sweep::Ties;
+use crate::error::Result;
+use crate::geom::Aabb;
+use crate::registry::Built;
+use crate::scene::Triangles;
+use crate::spec::{Config, Value};
+use crate::structure::Layout;
+use crate::traverse::blocks::Blocks;
+use crate::traverse::frame::{Frame, U};
+use crate::trees::kd::{Axes, default_depth};
+use crate::trees::kd_sah::thesis_depth;
+use normals::Normals;
+use std::marker::PhantomData;
+use std::sync::Arc;
+
+/// What is done with the axes. K counts all directions of a node, the axes among them included.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Variant {
+    /// No special axes.
+    Plain,
+    /// The first three directions are the axes.
+    Plus,
+    /// And their nodes are walked and priced as those of a kd-tree.
+    PlusKd,
+}
+
+/// Directions for a node.
+pub trait Source: Sync {
+    /// Adds directions until `out` holds `k`, or until there are no more worth trying. What is in `out`
+    /// already is not added again.
+    fn directions<P: Piece>(&self, node: &Node<'_, P>, k: usize, out: &mut Vec<[f32; 3]>);
+
+    /// Further directions for a node that would otherwise become a leaf.
+    fn more<P: Piece>(&self, _: &Node<'_, P>, _: &mut Vec<[f32; 3]>) {}
+}
+
+/// Two directions with a larger cosine count as one.
+const SAME: f32 = 0.999_99;
+
+/// Adds a direction unless it, or its opposite, is among `out`. Says whether it was added.
+pub fn add_distinct(out: &mut Vec<[f32; 3]>, n: [f32; 3]) -> bool {
+    let known = out
+        .iter()
+        .any(|m| (m[0] * n[0] + m[1] * n[1] + m[2] * n[2]).abs() > SAME);
+    if !known {
+        out.push(n);
+    }
+    !known
+}
+
+/// The policy of the loop: axes as the variant wants them, then the source's directions.
+struct Policy<'a, S, P> {
+    source: &'a S,
+    variant: Variant,
+    k: usize,
+    /// Nodes above this depth try the axes only.
+    axes_depth: usize,
+    pieces: PhantomData<P>,
+}
+
+/// The axes as vectors.
+pub const AXES: [[f32; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+
+impl<S: Source, P: Piece> Policy<'_, S, P> {
+    fn emit(&self, vectors: &[[f32; 3]], out: &mut Vec<Direction>) {
+        out.extend(vectors.iter().map(|&n| {
+            match self.variant {
+                Variant::PlusKd => AXES
+                    .iter()
+                    .position(|axis| *axis == n)
+                    .map_or(Direction::Oblique(n), Direction::Axis),
+                _ => Direction::Oblique(n),
+            }
+        }));
+    }
+}
+
+impl<S: Source, P: Piece> PlanePolicy for Policy<'_, S, P> {
+    type Cell = ConvexCell;
+    type Piece = P;
+
+    fn root(&self, bounds: Aabb) -> ConvexCell {
+        ConvexCell::Box(BoxCell(bounds), bounds.magnitude())
+    }
+
+    fn directions(&self, node: &Node<'_, P>, out: &mut Vec<Direction>) {
+        let mut vectors = Vec::with_capacity(self.k);
+        if self.variant != Variant::Plain || node.depth < self.axes_depth {
+            vectors.extend(AXES);
+        }
+        if node.depth >= self.axes_depth {
+            self.source.directions(node, self.k, &mut vectors);
+        }
+        self.emit(&vectors, out);
+    }
+
+    fn more(&self, node: &Node<'_, P>, out: &mut Vec<Direction>) {
+        let mut vectors = Vec::new();
+        self.source.more(node, &mut vectors);
+        self.emit(&vectors, out);
+    }
+
+    fn last_resort(&self, node: &Node<'_, P>, out: &mut Vec<Direction>) {
+        self.emit(&anything(node), out);
+    }
+}
+
+/// Directions for a node that nothing else parts: the axes, and many at random.
+pub fn anything<P>(node: &Node<'_, P>) -> Vec<[f32; 3]> {
+    let mut random = random::generator(0, node.key);
+    let mut vectors = AXES.to_vec();
+    vectors.extend((0..16).map(|_| random::direction(&mut random)));
+    vectors
+}
+
+/// Builds a tree along a source's directions and lays it out.
+///
+/// # Errors
+/// As [`space::build`] and [`PlaneTree::new`].
+pub fn build<S: Source>(
+    scene: &Triangles,
+    config: &Config,
+    monitor: &Monitor,
+    variant: Variant,
+    source: impl FnOnce(Arc<Normals>) -> S,
+) -> Result<Built> {
+    let params = loop_params(scene, config, variant);
+    build_with(
+        scene,
+        config,
+        monitor,
+        (variant, &params),
+        |frame, normals, needed| {
+            let k = if needed { config.integer("k") } else { 3 };
+            let source = source(normals);
+            let task = (&source, variant, k, config.integer("axes_depth"));
+            if config.choice("clip") == "1" {
+                oblique::<S, Clipped>(scene, frame, &params, task, monitor)
+            } else {
+                oblique::<S, Whole>(scene, frame, &params, task, monitor)
+            }
+        },
+    )
+}
+
+/// Builds a tree and lays it out: the kd-tree where oblique planes are of no use, otherwise what `grow`
+/// makes of the frame, the normals, and whether oblique planes are of use.
+///
+/// # Errors
+/// Those of `grow`, and as [`PlaneTree::new`].
+pub fn build_with(
+    scene: &Triangles,
+    config: &Config,
+    monitor: &Monitor,
+    (variant, params): (Variant, &Params),
+    grow: impl FnOnce(&Frame, Arc<Normals>, bool) -> Result<Preorder>,
+) -> Result<Built> {
+    let frame = Frame::new(scene.bounds());
+    let normals = Arc::new(Normals::new(scene, &frame));
+    let few = config
+        .values()
+        .any(|(name, k)| name == "k" && *k == Value::Integer(3));
+    let needless = if variant == Variant::Plain {
+        None
+    } else if few {
+        Some("K = 3 leaves only the axes")
+    } else if normals.all_parallel_to_axes() {
+        Some("every triangle is parallel to two axes")
+    } else {
+        None
+    };
+    let mut left_out = Vec::new();
+    let preorder = match needless {
+        None => grow(&frame, normals, true)?,
+        Some(reason) if variant == Variant::PlusKd => {
+            left_out.push(format!("oblique planes: {reason}"));
+            axes_only(scene, &frame, params, config.choice("clip") == "1", monitor)?
+        }
+        Some(reason) => {
+            left_out.push(format!("planes not parallel to two axes: {reason}"));
+            grow(&frame, normals, false)?
+        }
+    };
+    lay_out(scene, config, frame, &preorder, left_out)
+}
+
+fn oblique<S: Source, P: Piece>(
+    scene: &Triangles,
+    frame: &Frame,
+    params: &Params,
+    (source, variant, k, axes_depth): (&S, Variant, usize, usize),
+    monitor: &Monitor,
+) -> Result<Preorder> {
+    let policy = Policy::<S, P> {
+        source,
+        variant,
+        k,
+        axes_depth,
+        pieces: PhantomData,
+    };
+    space::build(scene, frame, &policy, params, monitor)
+}
+
+/// The tree of the axes alone: that of the kd-tree.
+fn axes_only(
+    scene: &Triangles,
+    frame: &Frame,
+    params: &Params,
+    clip: bool,
+    monitor: &Monitor,
+) -> Result<Preorder> {
+    // Planes in the walls of boxes do for planar triangles what slabs do elsewhere.
+    let params = &Params {
+        slab: 0.0,
+        sorted: false,
+        ..*params
+    };
+    if clip {
+        space::build(
+            scene,
+            frame,
+            &Axes::<ClippedBox>(PhantomData),
+            params,
+            monitor,
+        )
+    } else {
+        space::build(scene, frame, &Axes::<Boxed>(PhantomData), params, monitor)
+    }
+}
+
+/// Lays out a tree that may hold oblique planes.
+///
+/// # Errors
+/// As [`PlaneTree::new`].
+pub fn lay_out(
+    scene: &Triangles,
+    config: &Config,
+    frame: Frame,
+    preorder: &Preorder,
+    left_out: Vec<String>,
+) -> Result<Built> {
+    let shape = Shape::new(preorder);
+    let mut blocks = Blocks::new();
+    let tree = PlaneTree::new(preorder, scene, &frame, &mut blocks)?;
+    Ok(Built {
+        frame: frame.with_robust(config.choice("robust") != "none"),
+        blocks,
+        layout: Layout::PlaneDir(tree),
+        shape,
+        left_out,
+    })
+}
+
+/// Prices and rules, as the configuration wants them.
+pub fn loop_params(scene: &Triangles, config: &Config, variant: Variant) -> Params {
+    let thesis = config.choice("costs") == "thesis";
+    let costs = if thesis { Costs::THESIS } else { Costs::BLOCKS };
+    let fixed = if thesis { 5.0 } else { params::OBLIQUE_STEP };
+    let oblique = match variant {
+        Variant::PlusKd => ObliqueStep::Linear {
+            alpha: config.float("alpha"),
+            fixed,
+            as_code: config.choice("rule") == "code",
+        },
+        _ => ObliqueStep::Fixed(fixed),
+    };
+    let triangles = scene.live().len();
+    Params {
+        costs,
+        oblique,
+        ties: match config.choice("ties") {
+            "pbrt" => Ties::StartsFirst,
+            _ => Ties::Clean,
+        },
+        slab: if config.choice("slab") == "1" {
+            20.0 * U
+        } else {
+            0.0
+        },
+        leaf_size: usize::from(thesis),
+        leaf_most: params::LEAF_MOST,
+        max_depth: match config.integer("max_depth") {
+            0 if thesis => thesis_depth(triangles),
+            0 => default_depth(triangles),
+            depth => depth,
+        },
+        stop: if thesis {
+            Stop::Tolerant(3)
+        } else {
+            Stop::Cheapest
+        },
+        sorted: false,
+        early: config
+            .values()
+            .any(|(name, v)| name == "early" && *v == Value::Choice("1")),
+    }
+}

@@ -1,0 +1,140 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Parameters of the trees with oblique planes.
+
+use crate::registry::params::{MAX_DEPTH, ROBUST};
+use crate::registry::{Default, Kind, ParamSpec};
+
+/// Fitted price of a step through an oblique node, in the units of
+/// [`crate::build::cost::Costs::BLOCKS`].
+pub const OBLIQUE_STEP: f32 = 12.0;
+
+/// Leaves hold no more triangles unless no plane parts them.
+pub const LEAF_MOST: usize = 64;
+
+/// K, and its smallest and usual value.
+pub const fn k(min: i64, usual: i64) -> ParamSpec {
+    ParamSpec {
+        name: "k",
+        label: "K",
+        doc: "Directions tried at each node, the axes included where they are tried. More finds better \
+              planes and builds in proportion longer",
+        unit: "directions",
+        kind: Kind::Integer { min, max: 32 },
+        default: Default::Integer(usual),
+    }
+}
+
+/// Alpha.
+pub const ALPHA: ParamSpec = ParamSpec {
+    name: "alpha",
+    label: "Alpha",
+    doc: "Share of a triangle's price that a step through an oblique node costs for each triangle of the \
+          node. More keeps oblique planes away from the top of the tree (Ize, Wald and Parker 2008)",
+    unit: "",
+    kind: Kind::Float {
+        min: 0.0,
+        max: 1000.0,
+    },
+    default: Default::Float(0.1),
+};
+
+/// Seed.
+pub const SEED: ParamSpec = ParamSpec {
+    name: "seed",
+    label: "Seed",
+    doc: "Which random choices are made. The same seed always builds the same tree",
+    unit: "",
+    kind: Kind::Integer {
+        min: 0,
+        max: 0xffff_ffff,
+    },
+    default: Default::Integer(0),
+};
+
+const COSTS: ParamSpec = ParamSpec {
+    name: "costs",
+    label: "Costs",
+    doc: "fitted: prices measured for leaves that test eight triangles at once. thesis: 80 a triangle, 1 an \
+          axis step, 5 an oblique step, one triangle per leaf, pbrt's stopping rule (Hoobergs 2019)",
+    unit: "",
+    kind: Kind::Choice(&["fitted", "thesis"]),
+    default: Default::Choice("fitted"),
+};
+
+const RULE: ParamSpec = ParamSpec {
+    name: "rule",
+    label: "Fallback Rule",
+    doc: "Where no plane pays at the linear price of oblique planes but one does at the fixed price: text \
+          takes that one, code takes the first attempt's, as the thesis's program does",
+    unit: "",
+    kind: Kind::Choice(&["text", "code"]),
+    default: Default::Choice("text"),
+};
+
+const TIES: ParamSpec = ParamSpec {
+    name: "ties",
+    label: "Ties",
+    doc: "Triangles that touch a plane. clean: stay on their side (Wald and Havran 2006). pbrt: starts sort \
+          before ends, so that some land on both sides; larger trees",
+    unit: "",
+    kind: Kind::Choice(&["clean", "pbrt"]),
+    default: Default::Choice("clean"),
+};
+
+const SLAB: ParamSpec = ParamSpec {
+    name: "slab",
+    label: "Slabs",
+    doc: "Whether planes close to both sides of a flat group of triangles are tried, which keeps it away \
+          from rays that pass. Fewer tests on walls, a longer build",
+    unit: "",
+    kind: Kind::Choice(&["1", "0"]),
+    default: Default::Choice("1"),
+};
+
+const CLIP: ParamSpec = ParamSpec {
+    name: "clip",
+    label: "Clip",
+    doc: "Whether triangles are cut to their cells. Fewer tests where triangles are long, a longer build",
+    unit: "",
+    kind: Kind::Choice(&["1", "0"]),
+    default: Default::Choice("1"),
+};
+
+const EARLY: ParamSpec = ParamSpec {
+    name: "early",
+    label: "Early Stop",
+    doc: "Whether a node tries no further direction once a plane parts its triangles without cutting any. \
+          Builds faster, tests slightly more",
+    unit: "",
+    kind: Kind::Choice(&["0", "1"]),
+    default: Default::Choice("0"),
+};
+
+const AXES_DEPTH: ParamSpec = ParamSpec {
+    name: "axes_depth",
+    label: "Axes Above",
+    doc: "Nodes above this depth try the axes only. More builds faster",
+    unit: "levels",
+    kind: Kind::Integer { min: 0, max: 60 },
+    default: Default::Integer(0),
+};
+
+/// Parameters of a variant without cheap axis nodes.
+pub const fn usual(k: ParamSpec) -> [ParamSpec; 10] {
+    [
+        k, SEED, COSTS, TIES, SLAB, CLIP, EARLY, AXES_DEPTH, ROBUST, MAX_DEPTH,
+    ]
+}
+
+/// Parameters of a variant with cheap axis nodes.
+pub const fn kd(k: ParamSpec) -> [ParamSpec; 12] {
+    [
+        k, ALPHA, SEED, COSTS, RULE, TIES, SLAB, CLIP, EARLY, AXES_DEPTH, ROBUST, MAX_DEPTH,
+    ]
+}
+
+/// Parameters of a tree that sweeps nothing but the axes.
+pub const SINGLE: [ParamSpec; 6] = [COSTS, TIES, SLAB, CLIP, ROBUST, MAX_DEPTH];
+
+/// The same, with cheap axis nodes.
+pub const SINGLE_KD: [ParamSpec; 8] = [ALPHA, COSTS, RULE, TIES, SLAB, CLIP, ROBUST, MAX_DEPTH];

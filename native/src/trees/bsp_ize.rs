@@ -1,0 +1,166 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The general BSP tree of Ize, Wald and Parker 2008: sweeps along the axes, and for each triangle of a node
+//! its own plane and the three planes through an edge perpendicular to it.
+
+use crate::build::Monitor;
+use crate::build::cell::{BoxCell, ConvexCell, Direction, Plane};
+use crate::build::piece::{Clipped, Piece, Whole};
+use crate::build::space::{self, Node, Params, PlanePolicy};
+use crate::error::Result;
+use crate::geom::Aabb;
+use crate::geom::vec3::{cross, dot, length, sub, widen};
+use crate::registry::{Built, StructureSpec};
+use crate::scene::Triangles;
+use crate::spec::Config;
+use crate::traverse::frame::Frame;
+use crate::trees::bsp::normals::{Normals, oriented};
+use crate::trees::bsp::{AXES, Variant, anything, build_with, loop_params, params};
+use std::marker::PhantomData;
+
+const PAPER: &str = "Ize, Wald and Parker 2008, Ray tracing with the BSP tree";
+
+/// The registry's row: all nodes alike.
+pub const PLAIN: StructureSpec = StructureSpec {
+    id: "bsp-ize",
+    code: 24,
+    label: "BSP, Ize",
+    family: "space",
+    summary: "Planes along the axes, in the triangles and through their edges.",
+    paper: PAPER,
+    params: &params::SINGLE,
+    build: |scene, config, monitor| grow(scene, config, monitor, Variant::Plus),
+};
+
+/// The registry's row: with the axes as cheap nodes.
+pub const KD: StructureSpec = StructureSpec {
+    id: "bsp-ize-kd",
+    code: 25,
+    label: "BSP, Ize + Kd",
+    family: "space",
+    summary: "Planes along the axes, cheap to walk, in the triangles and through their edges.",
+    paper: PAPER,
+    params: &params::SINGLE_KD,
+    build: |scene, config, monitor| grow(scene, config, monitor, Variant::PlusKd),
+};
+
+/// An edge whose perpendicular is shorter than this share of its square is a sliver's.
+const SLIVER: f64 = 1.0 / (1 << 20) as f64;
+
+struct Policy<'a, P> {
+    scene: &'a Triangles,
+    frame: &'a Frame,
+    normals: &'a Normals,
+    variant: Variant,
+    /// Whether planes other than the axes' are tried.
+    oblique: bool,
+    pieces: PhantomData<P>,
+}
+
+impl<P: Piece> PlanePolicy for Policy<'_, P> {
+    type Cell = ConvexCell;
+    type Piece = P;
+
+    fn root(&self, bounds: Aabb) -> ConvexCell {
+        ConvexCell::Box(BoxCell(bounds), bounds.magnitude())
+    }
+
+    fn directions(&self, _: &Node<'_, P>, out: &mut Vec<Direction>) {
+        match self.variant {
+            Variant::PlusKd => out.extend((0..3).map(Direction::Axis)),
+            _ => out.extend(AXES.map(Direction::Oblique)),
+        }
+    }
+
+    fn last_resort(&self, node: &Node<'_, P>, out: &mut Vec<Direction>) {
+        out.extend(anything(node).into_iter().map(Direction::Oblique));
+    }
+
+    fn planes(&self, node: &Node<'_, P>, out: &mut Vec<Plane>) {
+        if self.oblique {
+            for piece in node.pieces {
+                self.planes_of(piece.id(), out);
+            }
+        }
+    }
+}
+
+impl<P: Piece> Policy<'_, P> {
+    /// The planes of one triangle. Rounding leaves the corners that a plane goes through a little above
+    /// and below it; each plane is put where it leaves the whole triangle on one side.
+    fn planes_of(&self, id: u32, out: &mut Vec<Plane>) {
+        let Some(normal) = self.normals.get(id) else {
+            return;
+        };
+        let corners = self.scene.corners(id).map(|p| self.frame.point(p));
+        let mut add = |n: [f32; 3], sides: &[bool]| {
+            // Planes of the axes are swept.
+            if AXES.contains(&n) {
+                return;
+            }
+            let direction = Direction::Oblique(n);
+            let heights = corners.map(|p| direction.height(p));
+            for &above in sides {
+                let offset = heights
+                    .into_iter()
+                    .reduce(|a, b| if above { a.max(b) } else { a.min(b) });
+                let offset = offset.expect("three corners");
+                out.push(Plane { direction, offset });
+            }
+        };
+        add(normal, &[false, true]);
+        let points = corners.map(widen);
+        let exact = cross(sub(points[1], points[0]), sub(points[2], points[0]));
+        let unit = exact.map(|x| x / length(exact));
+        for i in 0..3 {
+            let edge = sub(points[(i + 1) % 3], points[i]);
+            let inward = cross(unit, edge);
+            let norm = length(inward);
+            let height = dot(inward, sub(points[(i + 2) % 3], points[i]));
+            if height <= SLIVER * norm * norm {
+                continue;
+            }
+            let n = inward.map(|x| x / norm);
+            let turned = oriented(n);
+            // The triangle lies above its edge, seen inwards.
+            let above = dot(widen(turned), n) < 0.0;
+            add(turned, &[above]);
+        }
+    }
+}
+
+fn grow(scene: &Triangles, config: &Config, monitor: &Monitor, variant: Variant) -> Result<Built> {
+    let params = Params {
+        sorted: true,
+        ..loop_params(scene, config, variant)
+    };
+    build_with(
+        scene,
+        config,
+        monitor,
+        (variant, &params),
+        |frame, normals, oblique| {
+            let task = (scene, frame, &params, variant, oblique);
+            if config.choice("clip") == "1" {
+                tree::<Clipped>(task, &normals, monitor)
+            } else {
+                tree::<Whole>(task, &normals, monitor)
+            }
+        },
+    )
+}
+
+fn tree<P: Piece>(
+    (scene, frame, params, variant, oblique): (&Triangles, &Frame, &Params, Variant, bool),
+    normals: &Normals,
+    monitor: &Monitor,
+) -> Result<crate::build::preorder::Preorder> {
+    let policy = Policy::<P> {
+        scene,
+        frame,
+        normals,
+        variant,
+        oblique,
+        pieces: PhantomData,
+    };
+    space::build(scene, frame, &policy, params, monitor)
+}

@@ -1,0 +1,142 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! What trees with oblique planes promise beyond the contract of all structures.
+
+use halfspace_native::build::Monitor;
+use halfspace_native::oracle::cases::{Case, Random, Size, cases, grid, soup};
+use halfspace_native::registry::TREES;
+use halfspace_native::scene::Triangles;
+use halfspace_native::spec::Config;
+use halfspace_native::structure::Structure;
+use std::sync::Arc;
+
+fn build(scene: &Arc<Triangles>, spec: &str) -> Structure {
+    let config = Config::parse(spec).unwrap();
+    Structure::build(scene.clone(), config, 2, &Monitor::new()).unwrap()
+}
+
+/// Small triangles in all directions, near each other but hardly ever crossing.
+fn scattered(count: usize) -> Arc<Triangles> {
+    let mut random = Random(5);
+    let triangles = (0..count).flat_map(|_| {
+        let centre = random.point(-1.0, 1.0);
+        [[0.0_f32; 3]; 3].map(|_| {
+            let step = random.point(-0.02, 0.02);
+            std::array::from_fn(|k| centre[k] + step[k])
+        })
+    });
+    soup(triangles.collect())
+}
+
+fn same_tree(scene: &Arc<Triangles>, a: &str, b: &str) {
+    let (one, other) = (build(scene, a), build(scene, b));
+    assert!(
+        one.built().layout == other.built().layout,
+        "{a} and {b}: nodes"
+    );
+    assert!(
+        one.built().blocks == other.built().blocks,
+        "{a} and {b}: leaves"
+    );
+}
+
+#[test]
+fn three_directions_make_the_kd_tree() {
+    let scene = scattered(3000);
+    for id in [
+        "bsp-wn-plus-kd",
+        "bsp-cn-plus-kd",
+        "bsp-random-plus-kd",
+        "rbsp-kd",
+    ] {
+        same_tree(&scene, &format!("{id}:k=3"), "kd:traversal=dir");
+        let thesis = format!("{id}:k=3,costs=thesis,ties=pbrt,clip=0");
+        same_tree(&scene, &thesis, "kd-sah:traversal=dir");
+    }
+}
+
+#[test]
+fn walls_parallel_to_axes_leave_out_oblique_planes() {
+    let walls = soup(grid(3, 0.0));
+    let turned = scattered(300);
+    for tree in TREES.iter().filter(|t| t.id.ends_with("-kd")) {
+        let structure = build(&walls, tree.id);
+        assert_eq!(structure.shape().nodes_oblique, 0, "{}", tree.id);
+        assert!(
+            structure
+                .left_out()
+                .iter()
+                .any(|s| s.contains("oblique planes")),
+            "{}: {:?}",
+            tree.id,
+            structure.left_out()
+        );
+        let structure = build(&turned, tree.id);
+        assert!(structure.shape().nodes_oblique > 0, "{}", tree.id);
+        assert_eq!(structure.left_out(), [""; 0], "{}", tree.id);
+    }
+}
+
+#[test]
+fn seeds_choose_the_tree() {
+    let scene = scattered(400);
+    for tree in TREES
+        .iter()
+        .filter(|t| t.params.iter().any(|p| p.name == "seed"))
+    {
+        let spec = |seed: u32| format!("{}:k=5,seed={seed}", tree.id);
+        same_tree(&scene, &spec(3), &spec(3));
+        let (one, other) = (build(&scene, &spec(3)), build(&scene, &spec(4)));
+        assert!(one.built().layout != other.built().layout, "{}", tree.id);
+    }
+}
+
+/// Leaves hold at most 64 triangles wherever planes tell triangles apart, whatever limits the depth.
+#[test]
+fn large_leaves_hold_what_no_plane_parts() {
+    let cases = cases(Size::Small, 7);
+    let case = |name: &str| -> &Arc<Triangles> {
+        let case: Option<&Case> = cases.iter().find(|c| c.name == name);
+        &case.expect("a case of this name").scene
+    };
+    let scattered = scattered(3000);
+    for id in ["bsp-wn-plus-kd", "bsp-cn", "rbsp", "bsp-ize-kd"] {
+        for (scene, limit) in [(&scattered, 3), (case("fan"), 10)] {
+            let shape = *build(scene, &format!("{id}:max_depth={limit}")).shape();
+            assert!(shape.leaf_max <= 64, "{id}: {}", shape.leaf_max);
+            assert_eq!(shape.leaves_large, 0, "{id}");
+        }
+        let shape = *build(case("identical"), id).shape();
+        assert_eq!((shape.leaf_max, shape.leaves_large), (100, 1), "{id}");
+    }
+}
+
+#[test]
+fn bad_values_name_the_key_and_its_range() {
+    for (spec, part) in [
+        (
+            "bsp-wn-plus-kd:k=2",
+            "k=2 is not a whole number from 3 to 32",
+        ),
+        ("bsp-wn:k=0", "k=0 is not a whole number from 1 to 32"),
+        (
+            "bsp-cn-plus:k=33",
+            "k=33 is not a whole number from 3 to 32",
+        ),
+        ("rbsp:k=27", "k=27 is not a whole number from 3 to 26"),
+        ("bsp-wn-plus-kd:alpha=-1", "alpha=-1 is not a number from 0"),
+        ("bsp-wn-plus-kd:alpha=nan", "alpha=nan is not a number"),
+        ("bsp-wn:seed=-1", "seed=-1 is not a whole number from 0"),
+        ("rbsp:set=star", "set=star is not one of auto, cube, spiral"),
+    ] {
+        let message = Config::parse(spec).unwrap_err().to_string();
+        assert!(message.contains(part), "{spec}: {message}");
+    }
+    let config = Config::parse("rbsp:k=14,set=cube").unwrap();
+    let error = Structure::build(scattered(10), config, 1, &Monitor::new()).unwrap_err();
+    assert!(
+        error
+            .to_string()
+            .contains("k=14 is not a whole number from 3 to 13"),
+        "{error}"
+    );
+}
