@@ -62,10 +62,10 @@ class Statistics(TypedDict):
     """What a build made.
 
     build_seconds: by the clock. bytes: nodes and leaves, without the scene's own arrays.
-    references: triangles in all leaves together. depth_max, depth_mean: of the leaves, the root
-    at 0. leaf_max: triangles in the largest leaf. leaves_large: leaves of more than 64. sah_cost:
-    expected cost of a random ray in the thesis's units (80 a triangle, 1 an axis step, 5 an oblique
-    step), the same for all structures.
+    references: triangles in all leaves together. links: from leaves to their neighbours, where a
+    structure stores them. depth_max, depth_mean: of the leaves, the root at 0. leaf_max: triangles
+    in the largest leaf. leaves_large: leaves of more than 64. sah_cost: expected cost of a random ray in the
+    thesis's units (80 a triangle, 1 an axis step, 5 an oblique step), the same for all structures.
     left_out: what the scene did not need, each with its reason. dropped_triangles: those without
     area or with a vertex that is not finite.
     """
@@ -79,6 +79,7 @@ class Statistics(TypedDict):
     leaf_max: int
     leaves_large: int
     references: int
+    links: int
     depth_max: int
     depth_mean: float
     sah_cost: float
@@ -125,7 +126,7 @@ class Hits:
     u, v: (n,) float32, weights of the second and third corner: the point is
     (1 - u - v) a + u b + v c. Each access makes a new array.
     counters: None, or per ray (n,) uint32 under "steps", "steps_axis", "steps_oblique", "leaves",
-    "leaves_empty", "tests", "verdicts"; from TA-B also the cases of ray and split plane, "case_n1" to
+    "leaves_empty", "tests", "verdicts", "spared" (1: answered without a walk of its own); from TA-B also the cases of ray and split plane, "case_n1" to
     "case_n5" (origin below the plane: 1 away from it, 2 along it, 3 towards it but the cell ends
     before, 4 through it inside the cell, 5 through it before the cell), "case_p1" to "case_p5" (above),
     "case_z1" (in the plane: upwards), "case_z2" (downwards), "case_z3" (along).

@@ -118,6 +118,11 @@ def _without_outliers(rows: Sequence[Row]) -> tuple[list[Row], list[str]]:
     return close, [row["spec"] for row in rows if row not in close]
 
 
+def figure(draw: Callable[[Any], None], height: float) -> str:
+    """One plot as an SVG element. draw: told the axes. height: inches, at a width of nine."""
+    return _svg(lambda page: draw(page.add_subplot()), height)
+
+
 def _svg(draw: Callable[[Any], None], height: float) -> str:
     import matplotlib as mpl
     from matplotlib.figure import Figure

@@ -188,6 +188,7 @@ impl Structure {
             blocks: &self.built.blocks,
             rays,
             level,
+            shadow_cache: self.config.choice("shadow") == "cache",
         }
     }
 
@@ -213,6 +214,9 @@ impl Structure {
         let write = |i: usize, hit: Hit| answers[i] = answer(hit);
         if let Layout::Brute = &self.built.layout {
             return job.brute::<Q>(self.built.shape.references, write, counters);
+        }
+        if Q::ANY && self.config.choice("shadow") == "beam" {
+            return self.shadow_beams(&job, write, counters);
         }
         struct Trace<'a, F, Q>(
             &'a Batch<'a>,
@@ -326,6 +330,36 @@ impl Structure {
             self.with_walk(Player::<Closest>(&job, record, &mut seconds, PhantomData))
         };
         (seconds, strayed)
+    }
+
+    /// Walks shadow rays through an octree as beams.
+    ///
+    /// # Panics
+    /// For other structures, which do not offer it.
+    fn shadow_beams(
+        &self,
+        job: &Batch<'_>,
+        write: impl FnMut(usize, Hit),
+        counters: Option<&mut [RayCounters]>,
+    ) {
+        match &self.built.layout {
+            Layout::OctreeParam(tree) => {
+                job.shadow_beams((tree, &octree_param::Walk(tree)), write, counters);
+            }
+            Layout::OctreeNet(tree) | Layout::OctreeBeam(tree, _) => {
+                let walk = octree_step::Walk(tree, octree_net::Links);
+                job.shadow_beams((tree, &walk), write, counters);
+            }
+            Layout::OctreeSamet(tree) => {
+                let walk = octree_step::Walk(tree, octree_samet::Ascent);
+                job.shadow_beams((tree, &walk), write, counters);
+            }
+            Layout::OctreeGlassner(tree) => {
+                let walk = octree_step::Walk(tree, octree_glassner::Location);
+                job.shadow_beams((tree, &walk), write, counters);
+            }
+            _ => unreachable!("only octrees offer shadow beams"),
+        }
     }
 }
 

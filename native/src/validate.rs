@@ -19,9 +19,12 @@ pub fn validate(structure: &Structure) -> Vec<String> {
         Layout::Objects(tree) => object_tree(structure, tree.nested(), &mut broken),
         Layout::OctreeParam(tree)
         | Layout::OctreeNet(tree)
-        | Layout::OctreeBeam(tree, _)
         | Layout::OctreeSamet(tree)
         | Layout::OctreeGlassner(tree) => octree::octree(structure, tree, &mut broken),
+        Layout::OctreeBeam(tree, _) => {
+            octree::octree(structure, tree, &mut broken);
+            octree::pixels(structure, tree, &mut broken);
+        }
     }
     let count = structure.built().layout.leaves(structure).len();
     if count != structure.scene().live().len() {

@@ -160,6 +160,7 @@ impl Structure {
         dict.set_item("leaf_max", shape.leaf_max)?;
         dict.set_item("leaves_large", shape.leaves_large)?;
         dict.set_item("references", shape.references)?;
+        dict.set_item("links", shape.links)?;
         dict.set_item("depth_max", shape.depth_max)?;
         dict.set_item("depth_mean", shape.depth_mean)?;
         dict.set_item("sah_cost", shape.sah_cost)?;

@@ -190,7 +190,7 @@ pub fn counters<'py>(
     counters: &[RayCounters],
 ) -> PyResult<Bound<'py, PyDict>> {
     type Column = (&'static str, fn(&RayCounters) -> u32);
-    const COLUMNS: [Column; 7] = [
+    const COLUMNS: [Column; 8] = [
         ("steps", |c| c.steps_axis + c.steps_oblique),
         ("steps_axis", |c| c.steps_axis),
         ("steps_oblique", |c| c.steps_oblique),
@@ -198,6 +198,7 @@ pub fn counters<'py>(
         ("leaves_empty", |c| c.leaves_empty),
         ("tests", |c| c.tests),
         ("verdicts", |c| c.verdicts),
+        ("spared", |c| c.spared),
     ];
     let dict = PyDict::new(py);
     for (name, get) in COLUMNS {

@@ -4,9 +4,10 @@
 
 use super::blocks::{Blocks, LANES};
 use super::frame::{Frame, FrameRay};
-use super::query::{Best, Count, Counters, NoCount, Query};
+use super::query::{Any, Best, Count, Counters, NoCount, Query};
 use super::ray::{Hit, Ray, RayCounters};
 use super::replay::{CHUNK, Record};
+use super::shadow_cache::ShadowCache;
 use crate::scene::Triangles;
 use fearless_simd::{Level, Simd, dispatch};
 use std::time::{Duration, Instant};
@@ -43,6 +44,12 @@ pub trait TileWalk: Sync {
     /// Rays of a tile at most.
     const RAYS: usize;
 
+    /// Buffers that tiles can share one after another.
+    type Scratch;
+
+    /// New buffers.
+    fn scratch(&self) -> Self::Scratch;
+
     /// Finds the nearest hits of up to [`Self::RAYS`] rays, at least one, and hands each to `write`
     /// with the ray's place, the last time with its answer.
     fn cast_tile<S: Simd, C: Counters>(
@@ -50,6 +57,7 @@ pub trait TileWalk: Sync {
         simd: S,
         triangles: (&Triangles, &Blocks),
         rays: (&Frame, &[Ray]),
+        scratch: &mut Self::Scratch,
         write: &mut impl FnMut(usize, Hit),
         counters: &mut [C],
     );
@@ -67,6 +75,8 @@ pub struct Batch<'a> {
     pub rays: &'a [Ray],
     /// The instruction set.
     pub level: Level,
+    /// Whether any-hit rays ask the shadow cache first.
+    pub shadow_cache: bool,
 }
 
 impl Batch<'_> {
@@ -172,20 +182,70 @@ impl Batch<'_> {
         mut counter: impl FnMut(usize) -> C,
     ) {
         let mut scratch = walk.scratch();
+        let mut cache = self.cache::<Q>();
         for (i, ray) in self.rays.iter().enumerate() {
             let mut counters = counter(i);
-            let hit = match self.frame.ray(ray) {
-                Some(framed) => walk.cast::<S, Q, C>(
-                    simd,
-                    (self.scene, self.blocks),
-                    (ray, &framed),
-                    &mut scratch,
-                    &mut counters,
-                ),
-                None => Hit::MISS,
+            let Some(framed) = self.frame.ray(ray) else {
+                write(i, Hit::MISS);
+                continue;
             };
+            if Q::ANY
+                && let Some(hit) = self.cached(&cache, (ray, &framed), &mut counters)
+            {
+                write(i, hit);
+                continue;
+            }
+            let hit = walk.cast::<S, Q, C>(
+                simd,
+                (self.scene, self.blocks),
+                (ray, &framed),
+                &mut scratch,
+                &mut counters,
+            );
+            if Q::ANY
+                && let Some(cache) = &mut cache
+            {
+                cache.remember(cache.entry(ray), &hit);
+            }
             write(i, hit);
         }
+    }
+
+    /// An empty shadow cache, where one is wanted.
+    fn cache<Q: Query>(&self) -> Option<ShadowCache> {
+        (Q::ANY && self.shadow_cache).then(|| ShadowCache::new(self.scene.bounds()))
+    }
+
+    /// The hit with the triangle that blocked this ray's light last, if that blocks it again.
+    #[inline(always)]
+    fn cached<C: Counters>(
+        &self,
+        cache: &Option<ShadowCache>,
+        ray: (&Ray, &FrameRay),
+        counters: &mut C,
+    ) -> Option<Hit> {
+        let cache = cache.as_ref()?;
+        self.blocked(cache.blocker(cache.entry(ray.0)), ray, counters)
+    }
+
+    /// The hit with this triangle, if it blocks the ray.
+    #[inline(always)]
+    pub fn blocked<C: Counters>(
+        &self,
+        id: u32,
+        ray: (&Ray, &FrameRay),
+        counters: &mut C,
+    ) -> Option<Hit> {
+        if id == Hit::NONE {
+            return None;
+        }
+        let mut best = Best::new(ray.1);
+        counters.tests(1);
+        let blocked = best.offer::<Any, C>(ray, id, || self.scene.corners(id), counters);
+        if blocked {
+            counters.spared();
+        }
+        blocked.then(|| best.hit())
     }
 
     /// Walks the rays tile by tile.
@@ -219,6 +279,7 @@ impl Batch<'_> {
         mut counter: impl FnMut(usize) -> C,
     ) {
         let mut counters = Vec::with_capacity(W::RAYS);
+        let mut scratch = walk.scratch();
         for (tile, rays) in self.rays.chunks(W::RAYS).enumerate() {
             let first = tile * W::RAYS;
             counters.clear();
@@ -227,6 +288,7 @@ impl Batch<'_> {
                 simd,
                 (self.scene, self.blocks),
                 (self.frame, rays),
+                &mut scratch,
                 &mut |i, hit| write(first + i, hit),
                 &mut counters,
             );
@@ -244,17 +306,27 @@ impl Batch<'_> {
         let mut none = vec![RayCounters::default(); self.rays.len()];
         let counters = counters.unwrap_or(&mut none);
         let groups = self.rays.chunks(RAYS).zip(counters.chunks_mut(RAYS));
+        let mut cache = self.cache::<Q>();
         for (group, (rays, counters)) in groups.enumerate() {
             let mut open: Vec<_> = rays
                 .iter()
                 .zip(counters)
                 .map(|(ray, counters)| {
-                    self.frame
-                        .ray(ray)
-                        .map(|framed| (framed, Best::new(&framed), counters, false))
+                    let framed = self.frame.ray(ray)?;
+                    // Rays of a group go together, so the blockers are those of the group before.
+                    let known = self.cached(&cache, (ray, &framed), &mut Count(counters, None));
+                    let best = known.map_or_else(|| Best::new(&framed), Best::known);
+                    Some((framed, best, counters, known.is_some()))
                 })
                 .collect();
             dispatch!(self.level, simd => self.all_triangles::<_, Q>(simd, count, rays, &mut open));
+            if let Some(cache) = &mut cache {
+                for (ray, state) in rays.iter().zip(&open) {
+                    if let Some((_, best, ..)) = state {
+                        cache.remember(cache.entry(ray), &best.hit());
+                    }
+                }
+            }
             for (i, state) in open.iter().enumerate() {
                 write(
                     group * RAYS + i,

@@ -138,7 +138,12 @@ impl Blocks {
                 .first_chunk()
                 .expect("sealed: no block is the last");
             for lane in 0..n {
-                let corners = [0, 3, 6].map(|r| [r, r + 1, r + 2].map(|r| block[1 + r * n + lane]));
+                let at = |r: usize| block[1 + r * n + lane];
+                let corners = [
+                    [at(0), at(1), at(2)],
+                    [at(3), at(4), at(5)],
+                    [at(6), at(7), at(8)],
+                ];
                 see(block[1 + 9 * n + lane].to_bits(), corners);
             }
             at += 1 + WORDS * n;
@@ -154,6 +159,14 @@ impl Blocks {
             .expect("sealed: no block is the last");
         #[expect(clippy::cast_possible_truncation, reason = "at most 81")]
         (block, at + (1 + WORDS * n) as u32)
+    }
+
+    /// The words of the block that begins at `at`, and some behind it.
+    #[inline(always)]
+    pub(super) fn block_words(&self, at: usize) -> &[f32; SPAN] {
+        self.words[at..]
+            .first_chunk()
+            .expect("sealed: no block is the last")
     }
 
     /// A triangle's corners in the scene's frame, of which those in this frame are at hand.

@@ -19,6 +19,9 @@ pub struct Walk<'a, const W: usize, const R: usize>(pub &'a BoxTree<W>);
 
 impl<const W: usize, const R: usize> TileWalk for Walk<'_, W, R> {
     const RAYS: usize = R * LANES;
+    type Scratch = ();
+
+    fn scratch(&self) {}
 
     #[inline(always)]
     fn cast_tile<S: Simd, C: Counters>(
@@ -26,6 +29,7 @@ impl<const W: usize, const R: usize> TileWalk for Walk<'_, W, R> {
         simd: S,
         triangles: (&Triangles, &Blocks),
         (frame, rays): (&Frame, &[Ray]),
+        _: &mut (),
         write: &mut impl FnMut(usize, Hit),
         counters: &mut [C],
     ) {

@@ -7,14 +7,18 @@
 //! as its bounds allow, and the answer is still the same for all of them.
 
 pub mod batch;
+pub mod block_boxes;
 pub mod blocks;
 pub mod box_tile;
 pub mod box_tree;
+pub mod bundle;
 pub mod cases;
 pub mod dop_tree;
 pub mod frame;
+pub mod frame_rows;
 pub mod keep;
 pub mod lanes;
+pub mod light_cube;
 pub mod nested;
 pub mod objects;
 pub mod octree_beam;
@@ -34,6 +38,9 @@ pub mod plane_tile;
 pub mod query;
 pub mod ray;
 pub mod replay;
+pub mod shadow_beam;
+pub mod shadow_cache;
+pub mod shaft;
 pub mod slab_boxes;
 pub mod slab_node;
 pub mod slab_tree;

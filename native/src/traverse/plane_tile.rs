@@ -37,6 +37,9 @@ struct Pending {
 
 impl<const R: usize> TileWalk for Walk<'_, R> {
     const RAYS: usize = R * LANES;
+    type Scratch = ();
+
+    fn scratch(&self) {}
 
     #[inline(always)]
     fn cast_tile<S: Simd, C: Counters>(
@@ -44,6 +47,7 @@ impl<const R: usize> TileWalk for Walk<'_, R> {
         simd: S,
         triangles: (&Triangles, &Blocks),
         (frame, rays): (&Frame, &[Ray]),
+        _: &mut (),
         write: &mut impl FnMut(usize, Hit),
         counters: &mut [C],
     ) {

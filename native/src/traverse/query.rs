@@ -58,9 +58,13 @@ pub trait Counters {
     fn replay(&mut self) -> Option<Hit> {
         None
     }
+
+    /// The answer came without a walk of the ray's own.
+    fn spared(&mut self);
 }
 
 /// Counts nothing, costs nothing.
+#[derive(Clone, Copy)]
 pub struct NoCount;
 
 impl Counters for NoCount {
@@ -74,6 +78,8 @@ impl Counters for NoCount {
     fn tests(&mut self, _: usize) {}
     #[inline(always)]
     fn verdict(&mut self) {}
+    #[inline(always)]
+    fn spared(&mut self) {}
 }
 
 /// Counts into the counters of one ray, and records what its leaves answer if there is a record.
@@ -124,6 +130,10 @@ impl Counters for Count<'_> {
             record.improved(hit);
         }
     }
+    #[inline(always)]
+    fn spared(&mut self) {
+        self.0.spared += 1;
+    }
 }
 
 /// The best hit of a walk so far, and how far the walk still has to look.
@@ -140,6 +150,24 @@ impl Best {
         Self {
             hit: Hit::MISS,
             reach: ray.t_max,
+        }
+    }
+
+    /// Nothing found yet, by a walk that keeps its own reach.
+    #[inline(always)]
+    pub fn blank() -> Self {
+        Self {
+            hit: Hit::MISS,
+            reach: f32::INFINITY,
+        }
+    }
+
+    /// An answer found elsewhere.
+    #[inline(always)]
+    pub fn known(hit: Hit) -> Self {
+        Self {
+            hit,
+            reach: f32::NEG_INFINITY,
         }
     }
 

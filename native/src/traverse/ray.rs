@@ -64,6 +64,9 @@ pub struct RayCounters {
     pub verdicts: u32,
     /// Cases of ray and plane, in the order of [`super::cases::NAMES`], from walks that tell them apart.
     pub cases: [u32; CASES],
+    /// 1 where the tree was not walked for this ray: the shadow cache knew a blocker, or its shadow
+    /// beam was empty.
+    pub spared: u32,
 }
 
 /// How the rays of a batch follow one another: a hint, which changes no answer.

@@ -89,6 +89,8 @@ impl Counters for Replay<'_> {
     fn tests(&mut self, _: usize) {}
     #[inline(always)]
     fn verdict(&mut self) {}
+    #[inline(always)]
+    fn spared(&mut self) {}
 
     const REPLAY: bool = true;
 
