@@ -62,10 +62,10 @@ class Statistics(TypedDict):
     """What a build made.
 
     build_seconds: by the clock. bytes: nodes and leaves, without the scene's own arrays.
-    references: triangles in all leaves together. depth_max, depth_mean: of the leaves, the root
-    at 0. leaf_max: triangles in the largest leaf. leaves_large: leaves of more than 64. sah_cost:
-    expected cost of a random ray in the thesis's units (80 a triangle, 1 an axis step, 5 an
-    oblique step), the same for all structures.
+    references: triangles in all leaves together. links: from leaves to their neighbours, where a
+    structure stores them. depth_max, depth_mean: of the leaves, the root at 0. leaf_max: triangles
+    in the largest leaf. leaves_large: leaves of more than 64. sah_cost: expected cost of a random ray in the
+    thesis's units (80 a triangle, 1 an axis step, 5 an oblique step), the same for all structures.
     left_out: what the scene did not need, each with its reason. dropped_triangles: those without
     area or with a vertex that is not finite.
     """
@@ -79,6 +79,7 @@ class Statistics(TypedDict):
     leaf_max: int
     leaves_large: int
     references: int
+    links: int
     depth_max: int
     depth_mean: float
     sah_cost: float
@@ -102,6 +103,9 @@ class SplitPolygons(TypedDict):
 def level() -> str:
     """The instruction set chosen for this machine: avx512, avx2, sse4.2, neon or fallback."""
 
+def free_memory() -> int:
+    """Bytes that a build may take now where no limit is given: seven eighths of what the machine has free."""
+
 def structures() -> list[StructureRow]:
     """The registry: every structure and its parameters, in the order in which lists show them."""
 
@@ -122,7 +126,11 @@ class Hits:
     u, v: (n,) float32, weights of the second and third corner: the point is
     (1 - u - v) a + u b + v c. Each access makes a new array.
     counters: None, or per ray (n,) uint32 under "steps", "steps_axis", "steps_oblique", "leaves",
-    "leaves_empty", "tests", "verdicts".
+    "leaves_empty", "tests", "verdicts", "spared" (1: answered without a walk of its own); from TA-B
+    also the cases of ray and split plane, "case_n1" to "case_n5" (origin below the plane: 1 away from
+    it, 2 along it, 3 towards it but the cell ends before, 4 through it inside the cell, 5 through it
+    before the cell), "case_p1" to "case_p5" (above), "case_z1" (in the plane: upwards), "case_z2"
+    (downwards), "case_z3" (along).
     on_boundary: None, or from exact_closest (n,) bool: the ray passes exactly through an edge or
     a corner of the triangle that it hits.
     """
@@ -216,7 +224,8 @@ class Structure:
 
         origins, directions: (n, 3), scene frame; directions of any length, a zero direction meets
         nothing. t_min, t_max: the closed interval that counts, in units of the direction, one
-        number or (n,); 0 and inf when not given. order: "tile8" promises that every 64 consecutive
+        number or (n,), negative behind the origin; 0 and inf when not given. A hit whose distance
+        is beyond all floats is none. order: "tile8" promises that every 64 consecutive
         rays are an 8x8-pixel tile. threads: 0 = one per core.
         Raises ShapeError, NonFiniteError (NaN or infinite rays, NaN distances), SpecError (order).
         """
@@ -234,6 +243,22 @@ class Structure:
     ) -> Any:
         """Whether each ray meets anything at all: (n,) bool; with counters=True a pair of that
         and the counters of Hits. Arguments and errors as for closest().
+        """
+
+    def record(
+        self,
+        origins: F32,
+        directions: F32,
+        t_min: float | F32 | None = None,
+        t_max: float | F32 | None = None,
+        *,
+        any_hit: bool = False,
+    ) -> Recording:
+        """Traces the rays one by one, on one thread, and records what every leaf answers, so that the
+        walks can be repeated without triangle tests.
+
+        any_hit: as occluded() does, else as closest(). Arguments and errors as for closest(); also
+        SpecError for "brute", which walks nothing.
         """
 
     def validate(self) -> list[str]:
@@ -257,6 +282,25 @@ class Structure:
         Raises NonFiniteError.
         """
 
+class Recording:
+    """Rays and what each leaf of a structure answered to them, from Structure.record()."""
+
+    @property
+    def counters(self) -> dict[str, npt.NDArray[np.uint32]]:
+        """What each ray cost when it was recorded, as Hits.counters."""
+
+    def replay(self) -> npt.NDArray[np.float64]:
+        """Walks the rays again on the calling thread, through the same nodes in the same order but with
+        the recorded answers in place of triangle tests.
+
+        The seconds of each 1024 rays, the last of the rest: the time of traversal alone, from the ray
+        in the structure's frame to the last leaf. To compare walks on a busy machine take the median of
+        each chunk over several replays, interleaved, and add them up. RuntimeError if a ray visits
+        other leaves than recorded, which is a bug.
+        """
+
+    def __len__(self) -> int: ...
+
 def build(
     vertices: F32,
     triangles: Indices,
@@ -264,13 +308,17 @@ def build(
     *,
     threads: int = 0,
     monitor: Monitor | None = None,
+    memory_limit: int | None = None,
 ) -> Structure:
     """Builds a structure over triangles.
 
     vertices: (n, 3). triangles: (m, 3) indices; those without area or not finite are dropped and
     counted, and all keep their numbers. spec: "id" or "id:key=value,...", see structures(). The
     result is a function of these alone, on any number of threads; 0 = one per core.
-    Raises SpecError, ShapeError, Cancelled, and MemoryError when the tree cannot be addressed.
+    memory_limit: bytes that the build may take beside the scene, counted while it works; None = seven
+    eighths of what the machine has free when it begins.
+    Raises SpecError, ShapeError, Cancelled, and MemoryError when the limit is met or the tree cannot be
+    addressed; RuntimeError for an internal error.
     """
 
 def exact_closest(

@@ -98,6 +98,7 @@ def parser() -> argparse.ArgumentParser:
     add("--reference", choices=benchmark.REFERENCES, default="brute", help="what answers are compared with")
     add("--check-rays", type=int, default=20_000, metavar="N", help="rays per set to compare (default: 20000)")
     add("--ray-seed", type=int, default=1, help="seed of the rays (default: 1)")
+    add("--memory-limit", type=float, metavar="GB", help="what a build may take (default: most of what is free)")
     add(
         "--only-rays",
         action="store_true",
@@ -126,6 +127,7 @@ def main(arguments: Sequence[str]) -> int:
         workload.WorkloadError,
         results.FolderError,
         cluster.ClusterError,
+        MemoryError,
     ) as error:
         print(f"bench: {' '.join(str(error).split())}", file=sys.stderr)
         return BAD_INPUT
@@ -223,7 +225,7 @@ def read_shard(asked: argparse.Namespace) -> sweep.Shard:
     if asked.shard is None:
         return sweep.Shard()
     number, slash, count = asked.shard.partition("/")
-    if not (slash and number.isdigit() and count.isdigit() and 1 <= int(number) <= int(count)):
+    if not (slash and specs.is_whole(number) and specs.is_whole(count) and 1 <= int(number) <= int(count)):
         raise UsageError(f"--shard: expected I/N with I from 1 to N, got {asked.shard!r}")
     if asked.out is None:
         raise UsageError("--shard: name a folder for the rows with --out")
@@ -249,7 +251,7 @@ def read_options(asked: argparse.Namespace, configurations: int) -> benchmark.Op
     if unknown:
         raise UsageError(f"--rays: unknown set {unknown[0]!r}; there are {', '.join(rays.NAMES)}")
     width, by, height = asked.size.partition("x")
-    if not (by and width.isdigit() and height.isdigit()):
+    if not (by and specs.is_whole(width) and specs.is_whole(height)):
         raise UsageError(f"--size: expected WIDTHxHEIGHT, got {asked.size!r}")
     size = int(width), int(height)
     if not all(0 < side <= 1 << 14 and side % rays.TILE == 0 for side in size):
@@ -259,10 +261,12 @@ def read_options(asked: argparse.Namespace, configurations: int) -> benchmark.Op
             raise UsageError(f"--{name.replace('_', '-')}: expected at least {least}, got {getattr(asked, name)}")
     if asked.reference == yardstick.SPEC and (reason := yardstick.problem()):
         raise UsageError(f"--reference embree: {reason}")
+    if asked.memory_limit is not None and not 0 <= asked.memory_limit < 1 << 30:
+        raise UsageError(f"--memory-limit: expected a number of gigabytes, got {asked.memory_limit}")
     if not 0 < asked.seconds < float("inf"):
         raise UsageError(f"--seconds: expected more than 0, got {asked.seconds:g}")
     samples = [] if asked.curve == "none" else specs.numbers(asked.curve)
-    if not all(value.isdigit() and int(value) > 0 for value in samples):
+    if not all(specs.is_whole(value) and 0 < int(value) <= 1 << 24 for value in samples):
         raise UsageError(f"--curve: expected numbers of samples such as 1,2,4, got {asked.curve!r}")
     return benchmark.Options(
         size=size,
@@ -273,6 +277,7 @@ def read_options(asked: argparse.Namespace, configurations: int) -> benchmark.Op
         check_rays=asked.check_rays,
         seed=asked.ray_seed,
         curve=tuple(sorted({int(value) for value in samples})),
+        memory_limit=None if asked.memory_limit is None else int(asked.memory_limit * 1e9),
         offsets=() if asked.only_rays else offsets.OFFSETS,
         scaling=not asked.only_rays,
         peak=not asked.only_rays,
@@ -316,7 +321,7 @@ def loader(scene: str, size: tuple[int, int]) -> Callable[[], workload.Workload]
         except OSError as error:
             raise UsageError(f"{scene}: cannot be read: {error.strerror}") from error
     if path.suffix.lower() == ".npz":
-        return lambda: workload.load_npz(path)
+        return lambda: workload.load_npz(path, memory_limit=native.load().free_memory())
     try:
         from addon.blender import workloads
     except ImportError as error:

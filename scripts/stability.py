@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """How often each structure answers wrongly on extreme scenes, against brute force and exact arithmetic.
 
-`python scripts/stability.py [options]`. Exit status: 0 no structure differs; 1 some structure does; 2 bad usage.
+`python scripts/stability.py [options]` prints structure by case and what leaks out of closed surfaces; with `--long N`
+it compares N answers on random and extreme scenes instead, and goes on where an earlier run with the same `--out`
+ended. Exit status: 0 no structure differs; 1 some structure does; 2 bad usage.
 """
 
 from __future__ import annotations
@@ -16,7 +18,16 @@ from typing import Any, NoReturn
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from addon.core import leaks, native, results, specs, stability
+from addon.core import leaks, native, results, specs, stability, trials
+
+BUNNY = Path(__file__).resolve().parents[2] / "shared" / "scenes" / "stanford-bunny.npz"
+"""A scanned surface whose few holes are closed by fans."""
+
+INSIDE_BUNNY = (-0.025, 0.1, 0.0), 0.015
+"""A point in its body and the radius of a ball inside."""
+
+SAY_SECONDS = 30.0
+"""How often a long run tells how far it is."""
 
 
 class UsageError(ValueError):
@@ -34,7 +45,10 @@ def parser() -> argparse.ArgumentParser:
     add = made.add_argument
     add("--size", choices=("small", "large"), default="small", help="hundreds or tens of thousands of triangles")
     add("--structures", default="all", metavar="SPEC[,SPEC...]", help="configurations, families, or all (default)")
-    add("--rays", type=int, default=0, metavar="N", help="go on with new seeds until N answers have been compared")
+    add("--long", type=float, metavar="N", help="compare N answers on random and extreme scenes, e.g. 1e9")
+    add("--seconds", type=float, metavar="S", help="with --long: end after this time")
+    add("--threads", type=int, default=0, metavar="N", help="threads of long runs and leaks, 0 = all (default)")
+    add("--leaks-only", action="store_true", help="only send rays out of closed surfaces")
     add("--seed", type=int, default=7, help="seed of the scenes (default: 7)")
     add("--leak-rays", type=int, metavar="N", help="rays from inside each closed surface (default: 10^4, large 10^6)")
     add("--out", type=Path, metavar="DIR", help="write stability.json, stability.csv and stability.html")
@@ -52,8 +66,9 @@ def main(arguments: Sequence[str]) -> int:
 
 def run(asked: argparse.Namespace) -> int:
     """Check everything, then measure. Raises one of the errors that `main` turns into a line."""
-    if asked.rays < 0 or asked.seed < 0 or (asked.leak_rays or 0) < 0:
-        raise UsageError("--rays, --seed, --leak-rays: expected no negative number")
+    for name in ("long", "seconds", "threads", "seed", "leak_rays"):
+        if not 0 <= (getattr(asked, name) or 0) < 1e18:
+            raise UsageError(f"--{name.replace('_', '-')}: expected a number of at least 0")
     module = native.load()
     chosen = stability.configurations(module.structures(), specs.expand(asked.structures, module.structures(), {}))
     for spec in chosen:
@@ -63,13 +78,16 @@ def run(asked: argparse.Namespace) -> int:
             raise specs.SpecError(f"{spec}: {error}") from error
     if asked.out is not None:
         results.prepare_folder(asked.out)
+    if asked.long is not None:
+        return run_long(module, chosen, asked)
     start = time.monotonic()
-    if asked.rays:
-        rows = stability.run_until(module, chosen, asked.rays, asked.size, asked.seed, say)
-    else:
-        rows = []
-        for case in module.cases(asked.size, seed=asked.seed):
-            rows += stability.measure_case(module, case, chosen, exact_pairs=stability.EXACT_PAIRS[asked.size])
+    if asked.leaks_only:
+        leaking = find_leaks(module, [spec for spec in chosen if not stability.allowed_to_fail(spec)], asked)
+        say(f"seed {asked.seed}, {time.monotonic() - start:.0f} s")
+        return int(leaking)
+    rows: list[stability.Row] = []
+    for case in module.cases(asked.size, seed=asked.seed):
+        rows += stability.measure_case(module, case, chosen, exact_pairs=stability.EXACT_PAIRS[asked.size])
     leaking = find_leaks(module, chosen, asked)
     wrong = [row for row in rows if not stability.allowed_to_fail(row["spec"]) and stability.differs(row)]
     print(stability.table(rows), "\n", stability.table(stability.sums(rows)), sep="\n")
@@ -81,19 +99,71 @@ def run(asked: argparse.Namespace) -> int:
     return 1 if wrong or leaking else 0
 
 
+def run_long(module: Any, chosen: list[str], asked: argparse.Namespace) -> int:
+    """Compare answers until there are enough. Returns the exit status."""
+    chosen = [spec for spec in chosen if not stability.allowed_to_fail(spec) and spec != "brute"]
+    journal = results.Journal(asked.out) if asked.out is not None else None
+    fixed = [module.__version__, results.native_fingerprint(module), trials.VERSION, chosen, asked.seed]
+    machine = results.machine(module)
+    start = said = time.monotonic()
+    totals: dict[str, stability.Row] = {}
+    done = number = earlier = 0
+    seconds = 0.0
+    while done < asked.long:
+        key = results.key(*fixed, number)
+        found = journal.entries.get(key) if journal is not None else None
+        kept = None if found is None else found.row
+        if kept is None:
+            if asked.seconds is not None and time.monotonic() - start >= asked.seconds:
+                break
+            began = time.process_time()
+            rows = trials.block(module, chosen, asked.seed, number, threads=asked.threads)
+            kept = {"block": number, "seconds": time.process_time() - began, "rows": rows}
+            if journal is not None:
+                journal.add(results.Entry(key, (0, number), kept), machine)
+        else:
+            earlier += 1
+        for row in kept["rows"]:
+            totals[row["spec"]] = stability.add(totals.get(row["spec"]), row)
+            done += row["rays"]
+            for trial in row["wrong_in"]:
+                say(f"{row['spec']} differs in trial {trial} of seed {asked.seed}")
+        seconds += kept["seconds"]
+        number += 1
+        if time.monotonic() - said >= SAY_SECONDS:
+            said = time.monotonic()
+            say(f"{number:,} blocks, {done:,} of {asked.long:,.0f} answers")
+    rows = list(totals.values())
+    print(stability.table(rows))
+    verdict = stability.limit(rows)
+    say(
+        f"{verdict}; seed {asked.seed}, {number:,} blocks ({earlier:,} of an earlier run), {seconds:.0f} s of processor"
+    )
+    if asked.out is not None and rows:
+        document = {**results.document(module, rows, {"seed": asked.seed, "blocks": number}), "verdict": verdict}
+        save(asked.out, document)
+    return 1 if any(stability.differs(row) for row in rows) else 0
+
+
 def find_leaks(module: Any, chosen: list[str], asked: argparse.Namespace) -> bool:
     """Send rays out of closed surfaces; tell what leaks. Whether anything does that should not."""
-    count = asked.leak_rays if asked.leak_rays is not None else {"small": 10_000, "large": 1_000_000}[asked.size]
+    large = asked.size == "large"
+    count = asked.leak_rays if asked.leak_rays is not None else (1_000_000 if large else 10_000)
     if not count:
         return False
-    leaking = False
-    for spec in chosen:
-        if spec == "brute" and asked.size == "large":
-            continue
-        found = leaks.count_leaks(module, spec, {"small": 3, "large": 5}[asked.size], count, asked.seed)
-        leaking |= any(found.values()) and not stability.allowed_to_fail(spec)
-        say(f"leaks of {spec} in {count:,} rays: " + ", ".join(f"{name} {n}" for name, n in found.items()))
-    return leaking
+    specs = [spec for spec in chosen if not (large and spec == "brute")]
+    surfaces = list(leaks.surfaces(5 if large else 3))
+    if BUNNY.is_file():
+        surfaces.append(leaks.from_file(BUNNY, *INSIDE_BUNNY))
+    else:
+        say(f"the bunny is left out: {BUNNY} is not there")
+    found = leaks.count_leaks(module, specs, surfaces, count, asked.seed, threads=asked.threads)
+    for spec, leaking in found.items():
+        told = ", ".join(f"{name} {leaking[name]:,}" for name, *_ in surfaces)
+        say(f"leaks of {spec} in {count:,} rays from inside each: {told}")
+    ours = [spec for spec in specs if not stability.allowed_to_fail(spec)]
+    say(f"{len(ours) * len(surfaces) * count:,} rays in all, {sum(found[spec].total() for spec in ours):,} leaks")
+    return any(found[spec].total() for spec in ours)
 
 
 def _nothing() -> tuple[Any, Any]:

@@ -117,6 +117,7 @@ CHECKS: dict[str, Callable[[], Counts]] = {
     "clippy-python": gate(
         "cargo", "clippy", *MANIFEST, "--all-targets", "--features", "python", "--", "-D", "warnings"
     ),
+    "deny": gate("cargo", "deny", *MANIFEST, "--offline", "check", "bans", "licenses", "sources"),
     "ruff": python_tool("ruff", "check", "."),
     "ruff-format": python_tool("ruff", "format", "--check", "."),
     "mypy": python_tool("mypy"),
@@ -132,7 +133,8 @@ def why_not(name: str, lts_problem: str | None) -> str | None:
     """Why a check cannot be run on this machine, or None."""
     if name == "blender-lts":
         return lts_problem
-    component = {"rustfmt": "rustfmt", "clippy": "cargo-clippy", "clippy-python": "cargo-clippy"}.get(name)
+    tools = {"rustfmt": "rustfmt", "clippy": "cargo-clippy", "clippy-python": "cargo-clippy", "deny": "cargo-deny"}
+    component = tools.get(name)
     if component and shutil.which(component) is None:
         return f"{component} is not installed"
     return None

@@ -15,6 +15,7 @@ import bpy
 from ..core import catalogue, native
 from ..core.notes import Notes
 from ..core.session import POLL_SECONDS, Building
+from ..core.settings import memory_limit
 from . import extract, properties, trees
 
 REST_SECONDS = 0.4
@@ -37,7 +38,7 @@ class Job:
         self.scene_uid = scene.original.session_uid
         self.triangles = len(geometry.triangles)
         self._origin = geometry.origin
-        self._building = Building(module, geometry, self.spec)
+        self._building = Building(module, geometry, self.spec, memory_limit=memory_limit(group.memory_limit))
 
     @property
     def progress(self) -> float:

@@ -14,7 +14,7 @@ from ..core import auto, catalogue, choice, native
 from ..core.background import Background
 from ..core.notes import Notes
 from ..core.session import POLL_SECONDS, Cancelled, Session, watch
-from ..core.settings import RenderSettings
+from ..core.settings import RenderSettings, memory_limit
 from . import camera, comparing, extract, passes, properties, reports, trees, workloads
 from .viewport import Viewport
 
@@ -108,7 +108,14 @@ class _Picture:
             session = Session.over(module, scene, chosen.structure)
         else:
             self._say(f"{label}: building over {count:,} triangles")
-            session = Session.start(module, scene, spec, threads=settings.threads, keep_going=self._building)
+            session = Session.start(
+                module,
+                scene,
+                spec,
+                threads=settings.threads,
+                memory_limit=memory_limit(self.group.memory_limit),
+                keep_going=self._building,
+            )
         self._note_dropped(scene.geometry, session.structure.statistics)
         trees.keep(self.scene, session.structure, origin, spec=spec, label=label, triangles=count)
 

@@ -72,6 +72,8 @@ class HALFSPACE_PT_structure(_Panel, bpy.types.Panel):
         if group.automatic:
             wrapped(column, "The viewport and the overlay use:", icon="INFO")
         structure(column, group)
+        column.separator()
+        column.prop(group, "memory_limit")
 
 
 class HALFSPACE_PT_sampling(_Panel, bpy.types.Panel):

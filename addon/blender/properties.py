@@ -131,6 +131,13 @@ RENDER_PROPERTIES: dict[str, Any] = {
     "render_seed": IntProperty(
         name="Noise Seed", description="Another number gives other noise in the same picture", default=0, min=0
     ),
+    "memory_limit": IntProperty(
+        name="Memory Limit",
+        description="Megabytes that building the structure may take; a build that needs more ends with an error. "
+        "0 is most of what the computer has free",
+        default=0,
+        min=0,
+    ),
     "overlay": PointerProperty(type=HalfspaceOverlaySettings),
     "settings_version": IntProperty(options={"HIDDEN"}, default=1),
 }

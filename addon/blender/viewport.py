@@ -15,7 +15,7 @@ from ..core import native
 from ..core.notes import Notes
 from ..core.scene import Camera
 from ..core.session import Session
-from ..core.settings import RenderSettings
+from ..core.settings import RenderSettings, memory_limit
 from . import extract, properties
 from .camera import window
 
@@ -61,7 +61,11 @@ class Viewport:
             group = context.scene.halfspace
             scene = extract.extract(depsgraph, Notes())
             self._session = Session.start(
-                native.load(), scene, properties.spec(group), keep_going=lambda _progress: True
+                native.load(),
+                scene,
+                properties.spec(group),
+                memory_limit=memory_limit(group.memory_limit),
+                keep_going=lambda _progress: True,
             )
             self._origin = scene.geometry.origin
             self._settings = RenderSettings(

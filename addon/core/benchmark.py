@@ -125,7 +125,7 @@ class _Run:
         if self._anchor_spec is not None:
             yield self._step(f"{self._anchor_spec}: building")
             try:
-                anchor = Candidate(self._anchor_spec, self._build(self._anchor_spec))
+                anchor = self._candidate(self._anchor_spec)
             except (ValueError, RuntimeError, MemoryError) as error:
                 yield self._failed(self._anchor_spec, error)
         waiting = [] if anchor is None else [anchor]
@@ -133,7 +133,7 @@ class _Run:
         for spec in self._specs:
             yield self._step(f"{spec}: building")
             try:
-                candidate = Candidate(spec, self._build(spec))
+                candidate = self._candidate(spec)
             except (ValueError, RuntimeError, MemoryError) as error:
                 yield self._failed(spec, error)
                 continue
@@ -157,12 +157,23 @@ class _Run:
         self._total = max(self._total - self._steps_each, 1)
         return Finished(rows.failed(self._native, self._workload, spec, self._options.threads, error))
 
-    def _build(self, spec: str) -> Any:
+    def _candidate(self, spec: str) -> Candidate:
+        structure, seconds = self._build(spec)
+        return Candidate(spec, structure, [seconds])
+
+    def _build(self, spec: str) -> tuple[Any, float]:
+        """A structure, and the seconds that its build took: on one thread the processor's, else by the clock."""
+        vertices, triangles = self._workload.vertices, self._workload.triangles
         if spec == yardstick.SPEC:
-            return yardstick.EmbreeStructure(self._workload.vertices, self._workload.triangles)
-        return self._native.build(
-            self._workload.vertices, self._workload.triangles, spec, threads=self._options.threads
+            # It builds on as many threads as it likes.
+            found = yardstick.EmbreeStructure(vertices, triangles)
+            return found, float(found.statistics["build_seconds"])
+        clock = timing.clock(self._options.threads)
+        start = clock()
+        structure = self._native.build(
+            vertices, triangles, spec, threads=self._options.threads, memory_limit=self._options.memory_limit
         )
+        return structure, clock() - start
 
     def _measure(self, group: list[Candidate], anchor: Candidate | None) -> Iterator[Event]:
         """Everything about the built configurations of one group, then their rows."""
@@ -190,13 +201,11 @@ class _Run:
             yield Finished(self._row(candidate, beside, timed, round_id))
 
     def _time_builds(self, group: list[Candidate]) -> Iterator[Event]:
-        for candidate in group:
-            candidate.build_seconds.append(candidate.structure.statistics["build_seconds"])
         for _ in range(min(self._options.repeats, BUILDS) - 1):
             for candidate in group:
                 yield self._step(f"{candidate.spec}: building again")
                 if candidate.build_seconds[0] <= BUILD_SECONDS:
-                    candidate.build_seconds.append(self._build(candidate.spec).statistics["build_seconds"])
+                    candidate.build_seconds.append(self._build(candidate.spec)[1])
 
     def _prove(self, candidate: Candidate) -> None:
         """Compare closest and any hits with the reference, count steps, and choose how many rays can be timed."""

@@ -24,8 +24,8 @@ GREY = "#8a93a3"
 LABELLED = 12
 """With more lines than this a legend names them in columns below the plot."""
 
-COLUMNS = 5
-"""Of a legend below a plot."""
+LONG = 24
+"""Longer names take the place of the plot beside them."""
 
 SPEEDS = (
     "Speed of each ray set: median, and from the slowest to the fastest round. Structures are in the order of their "
@@ -284,14 +284,20 @@ def _plain_numbers(axis: Any) -> None:
 def _legend(where: Any, count: int, handles_of: Any = None, *, title: str | None = None) -> None:
     """Beside the plot for a few, in columns below it for many."""
     handles, labels = (handles_of or where).get_legend_handles_labels()
-    if hasattr(where, "subplots"):
-        where.legend(handles, labels, loc="outside lower center", ncols=COLUMNS)
-    elif count <= LABELLED:
-        where.legend(handles, labels, loc="center left", bbox_to_anchor=(1.0, 0.5), title=title)
+    below = where if hasattr(where, "subplots") else where.figure
+    if below is where or count > LABELLED or max(map(len, labels)) > LONG:
+        below.legend(handles, labels, loc="outside lower center", ncols=_columns(labels), title=title)
     else:
-        where.figure.legend(handles, labels, loc="outside lower center", ncols=COLUMNS, title=title)
+        where.legend(handles, labels, loc="center left", bbox_to_anchor=(1.0, 0.5), title=title)
 
 
-def room_for_legend(count: int) -> float:
-    """Inches that the legend of so many lines takes below a plot."""
-    return 0.17 * -(-count // COLUMNS) if count > LABELLED else 0.0
+def _columns(labels: Sequence[str]) -> int:
+    """As many as the page has room for."""
+    return max(1, min(5, 150 // (max(map(len, labels)) + 6)))
+
+
+def room_for_legend(labels: Sequence[str]) -> float:
+    """Inches that the legend of these lines takes below a plot."""
+    if len(labels) <= LABELLED and max(map(len, labels)) <= LONG:
+        return 0.0
+    return 0.17 * -(-len(labels) // _columns(labels))

@@ -18,7 +18,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from . import benchmark, native, results, rows, sweep
+from . import benchmark, native, results, rows, specs, sweep
 from .benchmark import Finished, Options, Prepared
 from .sweep import Measured, Measurer
 from .workload import Workload
@@ -55,7 +55,7 @@ def local_workers(address: str) -> int | None:
     kind, _, number = address.partition(":")
     if kind != "local":
         return None
-    return int(number) if number.isdigit() else 0
+    return int(number) if specs.is_whole(number) else 0
 
 
 @contextlib.contextmanager

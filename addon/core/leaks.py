@@ -3,11 +3,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from . import workload
 
 F32 = NDArray[np.float32]
 I32 = NDArray[np.int32]
@@ -41,8 +45,15 @@ def _unit(points: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(points / lengths, np.float64)
 
 
-def surfaces(levels: int) -> Iterator[tuple[str, F32, I32, NDArray[np.float64], float]]:
-    """Name, vertices, triangles, a point inside, and the radius of a ball around it that lies inside, of each."""
+BLOCK = 1 << 16
+"""Rays asked at once."""
+
+Surface = tuple[str, F32, I32, NDArray[np.float64], float]
+"""Name, vertices, triangles, a point inside, and the radius of a ball around it that lies inside."""
+
+
+def surfaces(levels: int) -> Iterator[Surface]:
+    """Closed surfaces of 20 * 4**levels triangles."""
     sphere, triangles = icosphere(levels)
     for offset in OFFSETS:
         centre = offset * np.array([1.0, -1.0, 0.5])
@@ -53,11 +64,45 @@ def surfaces(levels: int) -> Iterator[tuple[str, F32, I32, NDArray[np.float64], 
     yield "bumpy sphere", bumpy.astype(np.float32), triangles, np.zeros(3), 0.3
 
 
+def from_file(path: Path, centre: Sequence[float], radius: float) -> Surface:
+    """A surface from a scene file, its holes closed by fans. Raises workload.WorkloadError."""
+    scene = workload.load_npz(path)
+    return path.stem, *closed(scene.vertices, scene.triangles), np.array(centre), radius
+
+
+def closed(vertices: F32, triangles: I32) -> tuple[F32, I32]:
+    """The surface with a fan over each loop of edges that only one triangle has; equal vertices become one."""
+    points, place = np.unique(vertices, axis=0, return_inverse=True)
+    corners = place.reshape(-1)[triangles]
+    edges = np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]])
+    present = set(map(tuple, edges.tolist()))
+    # Backwards along the rims, so that the fans face as the surface does.
+    following = {a: b for b, a in present if (a, b) not in present}
+    fans: list[list[int]] = []
+    tips: list[Any] = []
+    while following:
+        start, at = following.popitem()
+        rim = [start]
+        while at != start:
+            rim.append(at)
+            at = following.pop(at)
+        tip = len(points) + len(tips)
+        tips.append(points[rim].mean(axis=0))
+        fans += [[a, b, tip] for a, b in zip(rim, [*rim[1:], start], strict=True)]
+    if not fans:
+        return points, corners.astype(np.int32)
+    return np.concatenate([points, np.array(tips, np.float32)]), np.concatenate([corners, fans]).astype(np.int32)
+
+
 def rays_from_inside(
     vertices: F32, triangles: I32, centre: NDArray[np.float64], radius: float, count: int, rng: np.random.Generator
 ) -> tuple[F32, F32]:
-    """Origins and directions, (n, 3) each: a quarter to vertices, a quarter to edge midpoints, half anywhere."""
+    """Origins and directions, (n, 3) each: a quarter to vertices, a quarter to edge midpoints, half anywhere.
+
+    Every third ray starts at the centre, from where the spheres' vertices are met exactly.
+    """
     origins = (centre + rng.uniform(-radius, radius, (count, 3)) / 3**0.5).astype(np.float32)
+    origins[::3] = centre
     corners = vertices[triangles[rng.integers(0, len(triangles), count)]]
     half = np.float32(0.5)
     middles = half * corners[:, 0] + half * corners[:, 1]
@@ -67,13 +112,25 @@ def rays_from_inside(
     return origins, directions.astype(np.float32)
 
 
-def count_leaks(native: Any, spec: str, levels: int, rays: int, seed: int = 1) -> dict[str, int]:
-    """How many of `rays` rays leave each closed surface through `spec`; all zero when there is no leak."""
-    found = {}
-    for name, vertices, triangles, centre, radius in surfaces(levels):
-        structure = native.build(vertices, triangles, spec)
-        rng = np.random.default_rng(seed)
-        origins, directions = rays_from_inside(vertices, triangles, centre, radius, rays, rng)
-        found[name] = int((~structure.occluded(origins, directions)).sum())
-        found[name] += int((structure.closest(origins, directions).triangle < 0).sum())
+def count_leaks(
+    native: Any, specs: Sequence[str], chosen: Sequence[Surface], rays: int, seed: int = 1, *, threads: int = 0
+) -> dict[str, Counter[str]]:
+    """How many of `rays` rays leave each closed surface through each configuration: spec to name to number, no zeros.
+
+    Every second block of rays is asked for any hit instead of the closest.
+    """
+    found: dict[str, Counter[str]] = {spec: Counter() for spec in specs}
+    for name, vertices, triangles, centre, radius in chosen:
+        structures = {spec: native.build(vertices, triangles, spec, threads=threads) for spec in specs}
+        for block, first in enumerate(range(0, rays, BLOCK)):
+            rng = np.random.default_rng([seed, block])
+            count = min(BLOCK, rays - first)
+            origins, directions = rays_from_inside(vertices, triangles, centre, radius, count, rng)
+            for spec, structure in structures.items():
+                if block % 2:
+                    met = structure.occluded(origins, directions, threads=threads)
+                else:
+                    met = structure.closest(origins, directions, threads=threads).triangle >= 0
+                if not met.all():
+                    found[spec][name] += int((~met).sum())
     return found

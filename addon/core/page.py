@@ -92,7 +92,7 @@ def _facts(document: dict[str, Any]) -> str:
 
 def _columns(rows: Sequence[Row]) -> list[Column]:
     columns = [
-        Column("s", "build", "seconds by the clock, median"),
+        Column("s", "build", "seconds, median; on one thread the processor's, else by the clock"),
         Column("MB", "memory", "nodes and leaves"),
         Column("peak", "memory", "the most that a build took in a process of its own, megabytes"),
     ]

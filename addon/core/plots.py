@@ -74,7 +74,7 @@ def scene_figures(rows: Sequence[Row], published: Any = None) -> list[Picture]:
     fitted = costs.fit(ours_close)
     found = []
 
-    below = charts.room_for_legend(len(measured))
+    below = charts.room_for_legend([row["spec"] for row in measured])
 
     def add(title: str, caption: str, height: float, draw: Callable[[Any], None]) -> None:
         found.append(Picture(title, _svg(draw, height), caption))
@@ -116,6 +116,11 @@ def _without_outliers(rows: Sequence[Row]) -> tuple[list[Row], list[str]]:
     limit = FAR * min((time for time in times if time), default=0.0)
     close = [row for row, time in zip(rows, times, strict=True) if 0 < time <= limit]
     return close, [row["spec"] for row in rows if row not in close]
+
+
+def figure(draw: Callable[[Any], None], height: float) -> str:
+    """One plot as an SVG element. draw: told the axes. height: inches, at a width of nine."""
+    return _svg(lambda page: draw(page.add_subplot()), height)
 
 
 def _svg(draw: Callable[[Any], None], height: float) -> str:

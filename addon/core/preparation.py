@@ -29,6 +29,8 @@ class Options:
     threads: for builds and tracing. seed: of the rays. curve: samples per pixel of the pictures. offsets: how far away
     the grid of touching boxes is put. scaling: whether views of fewer pixels are timed. peak: whether each build is
     done once more in a process of its own, for its memory. pass_seconds: how long one timed pass may take.
+    memory_limit: bytes that a build may take, None for what the native module allows; a configuration that needs more
+    gives a row whose `error` says so.
     """
 
     size: tuple[int, int] = (1024, 1024)
@@ -43,6 +45,7 @@ class Options:
     scaling: bool = False
     peak: bool = False
     pass_seconds: float = PASS_SECONDS
+    memory_limit: int | None = None
 
     def as_dict(self) -> dict[str, Any]:
         """As JSON has it."""

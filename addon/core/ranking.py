@@ -24,8 +24,8 @@ LEAST_ROUNDS = 6
 class Ranking:
     """One ray set of one scene. best: fastest by the median; equal: what cannot be told from it, itself left out.
 
-    second: the fastest that can, how many times slower it is, and between which rounds. noise: of the machine,
-    relative. rounds: the fewest of any row.
+    second: the fastest that can, how many times slower it is, and between which rounds. noise: of the machine while
+    these were timed, relative. rounds: the fewest of any row.
     """
 
     best: Row
@@ -59,7 +59,7 @@ def rank(rows: Sequence[Row], name: str) -> Ranking | None:
         float(np.median(ratios)),
         float(ratios.min()),
         float(ratios.max()),
-        max(noise(row, name) for row in timed),
+        max(noise(row, name) for row in (first, *equal, *slower[:1])),
         min(len(row["rays"][name]["rounds"]) for row in timed),
     )
 

@@ -125,7 +125,7 @@ class Journal:
             self._read(path)
 
     def add(self, entry: Entry, machine: dict[str, Any]) -> None:
-        """Keep a finished row, on disk before this returns. Raises OSError."""
+        """Keep a finished row, on disk before this returns. Raises FolderError."""
         if self.machines.get(machine["name"]) != machine:
             self._append({"machine": machine})
             self.machines[machine["name"]] = machine
@@ -173,10 +173,13 @@ class Journal:
         self._write(json.dumps(line, allow_nan=False) + "\n")
 
     def _write(self, text: str) -> None:
-        with self._path.open("a", encoding="utf-8", newline="\n") as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
+        try:
+            with self._path.open("a", encoding="utf-8", newline="\n") as file:
+                file.write(text)
+                file.flush()
+                os.fsync(file.fileno())
+        except OSError as error:
+            raise FolderError(f"{self._path}: cannot be written: {error.strerror or error}") from error
 
 
 def document(

@@ -30,8 +30,13 @@ class RenderError(RuntimeError):
 class Building:
     """A structure that is being built on a thread of its own, so that the caller's thread stays free."""
 
-    def __init__(self, native: Any, geometry: Geometry, spec: str, *, threads: int = 0) -> None:
-        """Begin to build `spec` over these triangles; 0 threads means one per core."""
+    def __init__(
+        self, native: Any, geometry: Geometry, spec: str, *, threads: int = 0, memory_limit: int | None = None
+    ) -> None:
+        """Begin to build `spec` over these triangles; 0 threads means one per core.
+
+        memory_limit: bytes that the build may take; None leaves it to the native module.
+        """
         self._monitor = native.Monitor()
         self._structure: Any = None
         self._error: BaseException | None = None
@@ -39,7 +44,12 @@ class Building:
         def work() -> None:
             try:
                 self._structure = native.build(
-                    geometry.vertices, geometry.triangles, spec, threads=threads, monitor=self._monitor
+                    geometry.vertices,
+                    geometry.triangles,
+                    spec,
+                    threads=threads,
+                    monitor=self._monitor,
+                    memory_limit=memory_limit,
                 )
             except BaseException as error:
                 self._error = error
@@ -70,12 +80,20 @@ class Building:
         return self._structure
 
 
-def build(native: Any, geometry: Geometry, spec: str, *, threads: int = 0, keep_going: KeepGoing) -> Any:
+def build(
+    native: Any,
+    geometry: Geometry,
+    spec: str,
+    *,
+    threads: int = 0,
+    memory_limit: int | None = None,
+    keep_going: KeepGoing,
+) -> Any:
     """The native structure `spec` over these triangles, built while `keep_going` is asked.
 
     Raises Cancelled, or whatever the native module raises.
     """
-    building = Building(native, geometry, spec, threads=threads)
+    building = Building(native, geometry, spec, threads=threads, memory_limit=memory_limit)
     while not building.wait(POLL_SECONDS):
         if not keep_going(building.progress):
             building.cancel()
@@ -92,9 +110,20 @@ class Session:
     render_scene: Any
 
     @classmethod
-    def start(cls, native: Any, scene: Scene, spec: str, *, threads: int = 0, keep_going: KeepGoing) -> Session:
+    def start(
+        cls,
+        native: Any,
+        scene: Scene,
+        spec: str,
+        *,
+        threads: int = 0,
+        memory_limit: int | None = None,
+        keep_going: KeepGoing,
+    ) -> Session:
         """Build the structure and hand over materials, lights and world. Raises as `build` does."""
-        structure = build(native, scene.geometry, spec, threads=threads, keep_going=keep_going)
+        structure = build(
+            native, scene.geometry, spec, threads=threads, memory_limit=memory_limit, keep_going=keep_going
+        )
         return cls.over(native, scene, structure)
 
     @classmethod

@@ -31,6 +31,11 @@ def spec(structure: Structure, values: Mapping[str, Value]) -> str:
     return structure.id + ":" * bool(keys) + ",".join(f"{key}={_text(value)}" for key, value in keys.items())
 
 
+def memory_limit(megabytes: int) -> int | None:
+    """What a build may take, in bytes, from a setting in which 0 leaves it to the native module."""
+    return megabytes * 1_000_000 if megabytes else None
+
+
 def same(a: Value, b: Value) -> bool:
     """Whether two values are the same number or name, as far as f32 can tell, in which Blender stores numbers."""
     if isinstance(a, float) or isinstance(b, float):

@@ -28,6 +28,11 @@ MOST = 100_000
 """Configurations that one list may grow to."""
 
 
+def is_whole(text: str) -> bool:
+    """Whether the text is a whole number that `int` reads: digits as ASCII has them, and not too many."""
+    return text.isascii() and text.isdecimal() and len(text) <= 18
+
+
 def numbers(text: str) -> list[str]:
     """The values in a list with ranges of whole numbers: "2-4,8" or "2..4,8" is 2, 3, 4, 8. Raises SpecError."""
     return [value for part in text.split(",") for value in _values(part.strip())]
@@ -36,7 +41,7 @@ def numbers(text: str) -> list[str]:
 def _values(part: str) -> list[str]:
     """The values of one number or one range, as text. Raises SpecError."""
     low, dash, high = part.partition(".." if ".." in part else "-")
-    if dash and low.isdigit() and high.isdigit():
+    if dash and is_whole(low) and is_whole(high):
         if int(low) > int(high):
             raise SpecError(f"the range {part!r} runs backwards")
         if int(high) - int(low) >= MOST:

@@ -8,7 +8,7 @@ is the noise of the machine, measured where it matters.
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -68,19 +68,21 @@ def affordable(whole: RaySet, mrays_s: float, seconds: float, seed: int) -> RayS
     return whole.take(rays.blocks(len(whole), max(count, min(LEAST_RAYS, len(whole))), seed))
 
 
-def one_pass(candidate: Candidate, some: RaySet, threads: int) -> float:
-    """Seconds that one pass over these rays takes.
+def clock(threads: int) -> Callable[[], float]:
+    """On one thread the processor's own clock: it counts what the work costs, however busy the machine is."""
+    return time.process_time if threads == 1 else time.perf_counter
 
-    On one thread the processor's own clock counts what the work costs, however busy the machine is.
-    """
-    clock = time.process_time if threads == 1 else time.perf_counter
+
+def one_pass(candidate: Candidate, some: RaySet, threads: int) -> float:
+    """Seconds that one pass over these rays takes."""
+    now = clock(threads)
     arguments: dict[str, Any] = {"t_max": some.t_max, "order": some.order, "threads": threads}
     ask = candidate.structure.occluded if some.any_hit else candidate.structure.closest
     if candidate.spec == yardstick.SPEC and not some.any_hit:
         ask, arguments = candidate.structure.closest_ids, {"t_max": some.t_max}
-    start = clock()
+    start = now()
     ask(some.origins, some.directions, **arguments)
-    return clock() - start
+    return now() - start
 
 
 def rounds(candidates: Sequence[Candidate], name: str, repeats: int, threads: int) -> Iterator[str]:
@@ -125,7 +127,8 @@ def count(candidate: Candidate, some: RaySet, arguments: dict[str, Any]) -> dict
         _, counters = candidate.structure.occluded(some.origins, some.directions, counters=True, **arguments)
     else:
         counters = candidate.structure.closest(some.origins, some.directions, counters=True, **arguments).counters
-    return {name: float(np.mean(counters[name])) for name in COUNTERS if name in counters}
+    names = [name for name in counters if name in COUNTERS or name.startswith(CASE)]
+    return {name: float(np.mean(counters[name])) for name in names}
 
 
 def noise(candidates: Sequence[Candidate], name: str) -> float | None:
@@ -152,6 +155,9 @@ def speeds(candidate: Candidate, name: str, anchor: Candidate | None, machine_no
         **{key: counted.get(key) for key in COUNTERS},
         "hits": counted["hits"],
     }
+    cases = {name.removeprefix(CASE): mean for name, mean in counted.items() if name.startswith(CASE)}
+    if cases:
+        found["cases"] = cases
     if len(some):
         rates = candidate.mrays(name)
         found["mrays_s"] = {"min": float(rates.min()), "med": float(np.median(rates)), "max": float(rates.max())}
@@ -162,6 +168,9 @@ def speeds(candidate: Candidate, name: str, anchor: Candidate | None, machine_no
                 found["times_embree"] = float(np.median(rates / anchor.mrays(name)))
     return found
 
+
+CASE = "case_"
+"""Counters of the cases of ray and split plane begin with this."""
 
 COUNTERS = ("steps", "steps_axis", "steps_oblique", "tests")
 """Means per ray that a row tells: nodes visited, those with an axis plane and an oblique one, triangles tested."""

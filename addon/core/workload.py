@@ -4,8 +4,6 @@
 from __future__ import annotations
 
 import hashlib
-import zipfile
-import zlib
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -109,31 +107,49 @@ def framing_view(vertices: F32, triangles: I32) -> View:
     return View(eye, centre, np.array([0.0, 0.0, 1.0]), 40.0)
 
 
-def load_npz(path: Path) -> Workload:
-    """A scene from numpy's format, keys as in the README. Raises WorkloadError."""
+def load_npz(path: Path, *, memory_limit: int | None = None) -> Workload:
+    """A scene from numpy's format, keys as in the README. Raises WorkloadError.
+
+    memory_limit: bytes that its arrays may take; they are packed, and may be a thousand times larger than the file.
+    """
     try:
         # Opened here, because numpy leaves a broken file open.
         with path.open("rb") as raw, np.load(raw, allow_pickle=False) as file:
+            unpacked = sum(member.file_size for member in file.zip.infolist())
+            if memory_limit is not None and unpacked > memory_limit:
+                raise WorkloadError(f"{path}: needs {unpacked:,} bytes of memory, of {memory_limit:,} that are free")
             missing = [key for key in _KEYS if key not in file.files]
             if missing:
                 raise WorkloadError(f"{path}: the key {missing[0]!r} is missing")
             arrays = {key: file[key] for key in _KEYS}
-    except (OSError, ValueError, EOFError, TypeError, zipfile.BadZipFile, zlib.error) as error:
-        if isinstance(error, WorkloadError):
-            raise
+    except WorkloadError:
+        raise
+    except Exception as error:
+        # A damaged archive makes its readers raise anything, from struct.error to NotImplementedError.
         raise WorkloadError(f"{path}: cannot be read as .npz: {_first_line(error)}") from error
     try:
-        eye, target, up = (np.asarray(arrays[f"camera_{k}"], np.float64).reshape(-1) for k in ("eye", "target", "up"))
-        view = View(eye, target, up, float(np.asarray(arrays["camera_vfov_deg"], np.float64).reshape(())))
-        vertices = np.ascontiguousarray(arrays["vertices"], np.float32)
+        camera = {key: _real(arrays[key], key).astype(np.float64) for key in _KEYS if key.startswith("camera_")}
+        eye, target, up = (camera[f"camera_{k}"].reshape(-1) for k in ("eye", "target", "up"))
+        view = View(eye, target, up, float(camera["camera_vfov_deg"].reshape(())))
+        with np.errstate(over="ignore"):  # what is beyond float32 becomes infinite, and is dropped
+            vertices = np.ascontiguousarray(_real(arrays["vertices"], "vertices"), np.float32)
         if arrays["triangles"].dtype.kind not in "iu":
             raise WorkloadError(f"triangles: expected whole numbers, got {arrays['triangles'].dtype}")
+        if arrays["triangles"].size and int(arrays["triangles"].max()) > np.iinfo(np.int32).max:
+            raise WorkloadError(f"triangles: an index is out of range for {len(vertices)} vertices")
         return Workload(path.stem, vertices, np.ascontiguousarray(arrays["triangles"], np.int32), view)
     except ValueError as error:
         raise WorkloadError(f"{path}: {_first_line(error)}") from error
 
 
 _KEYS = ("vertices", "triangles", "camera_eye", "camera_target", "camera_up", "camera_vfov_deg")
+
+
+def _real(array: Any, key: str) -> Any:
+    """The array, if it holds real numbers. Raises WorkloadError."""
+    if array.dtype.kind not in "fiu":
+        raise WorkloadError(f"{key}: expected numbers, got {array.dtype}")
+    return array
 
 
 def _first_line(error: BaseException) -> str:

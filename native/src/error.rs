@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Everything that can go wrong, in words that name the argument at fault.
 
+use std::any::Any;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
 /// An error of this crate. Every message names the argument or key, the first bad index where
 /// there is one, and what was expected.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -20,7 +23,63 @@ pub enum Error {
     /// The build would have needed more memory than it may use.
     #[error("{0}")]
     Memory(String),
+    /// A mistake in this crate, met while it worked.
+    #[error("internal error: {0}")]
+    Internal(String),
 }
 
 /// The result type of this crate.
 pub type Result<T> = std::result::Result<T, Error>;
+
+/// Runs `work`; what panics in it, or on a thread that it waits for, comes back as an error.
+///
+/// # Errors
+/// [`Error::Internal`] with the panic's own words, or whatever `work` returns.
+pub fn caught<T>(work: impl FnOnce() -> Result<T>) -> Result<T> {
+    catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|panic| Err(Error::of_panic(&*panic)))
+}
+
+impl Error {
+    /// What a panic said.
+    pub fn of_panic(panic: &(dyn Any + Send)) -> Self {
+        let text = panic
+            .downcast_ref::<&str>()
+            .map(ToString::to_string)
+            .or_else(|| panic.downcast_ref::<String>().cloned());
+        Self::Internal(text.unwrap_or_else(|| "unknown".to_owned()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rayon::prelude::*;
+
+    #[test]
+    fn a_panic_on_any_thread_becomes_an_error_with_its_words() {
+        let here = || -> Result<()> { panic!("here {}", 1) };
+        let pool = || -> Result<()> {
+            let fail = |i: usize| assert!(i < 500, "in the pool");
+            (0..1000).into_par_iter().for_each(fail);
+            Ok(())
+        };
+        let scoped = || -> Result<()> {
+            std::thread::scope(|scope| {
+                scope.spawn(|| panic!("in a scope"));
+            });
+            Ok(())
+        };
+        for (said, error) in [
+            ("internal error: here 1", caught(here)),
+            ("internal error: in the pool", caught(pool)),
+            ("internal error: a scoped thread panicked", caught(scoped)),
+        ] {
+            assert_eq!(error.unwrap_err().to_string(), said);
+        }
+        assert_eq!(caught(|| Ok(1)), Ok(1));
+        assert_eq!(
+            caught::<()>(|| Err(Error::Cancelled)),
+            Err(Error::Cancelled)
+        );
+    }
+}

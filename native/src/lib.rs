@@ -7,6 +7,7 @@
 //! - [`geom`]: vectors, boxes, the ray, and the exact verdict on one ray and one triangle;
 //! - [`scene`]: the triangles that every structure indexes;
 //! - [`spec`]: configuration strings, `id:key=value,...`;
+//! - [`memory`]: how much of it work may take;
 //! - [`build`]: the loops that build trees, their cost model, the monitor;
 //! - [`traverse`]: how rays walk a built tree; one file per node layout and way of walking;
 //! - [`trees`]: one file per structure: which planes or boxes it proposes, and its paper;
@@ -23,6 +24,7 @@ pub mod build;
 pub mod error;
 pub mod geom;
 pub mod leaf_cells;
+pub mod memory;
 pub mod oracle;
 pub mod polygons;
 #[cfg(feature = "python")]

@@ -41,7 +41,7 @@ pub fn split_polygons(structure: &Structure, max_depth: usize, max_count: usize)
     };
     match &structure.built().layout {
         Layout::Brute => {}
-        Layout::PlaneDir(tree) | Layout::PlaneTaB(tree) => {
+        Layout::Plane(tree, _) => {
             plane_tree(structure, tree, (max_depth, max_count), &mut polygons);
         }
         Layout::Objects(tree) => {

@@ -8,7 +8,7 @@
 use crate::geom::Aabb;
 use crate::regions::{self, Cells, Face, Line, Region, Task, each_leaf};
 use crate::structure::Structure;
-use crate::traverse::record::Record;
+use crate::traverse::path::Path;
 use crate::traverse::{Hit, Ray, RayCounters};
 use std::collections::HashMap;
 
@@ -58,7 +58,7 @@ pub struct RayPath {
 
 /// Follows a ray to its nearest hit, or out of the scene.
 pub fn ray_path(structure: &Structure, ray: &Ray) -> RayPath {
-    let (hit, record) = structure.record(ray);
+    let (hit, path) = structure.path(ray);
     let built = structure.built();
     let scale = built.frame.point([1.0; 3]).map(f64::from);
     let line = Line {
@@ -69,25 +69,25 @@ pub fn ray_path(structure: &Structure, ray: &Ray) -> RayPath {
         bounds: built.frame.bounds(),
         line,
         span: (f64::from(ray.t_min), f64::from(ray.t_max.min(hit.t))),
-        record: &record,
+        path: &path,
     };
     match regions::with_cells(structure, task) {
         Some((visits, crossings)) => RayPath {
             hit,
-            counters: record.counters,
+            counters: path.counters,
             visits,
             crossings,
         },
-        None => alone(structure, &line, (hit, &record)),
+        None => alone(structure, &line, (hit, &path)),
     }
 }
 
 /// Without a tree the scene's box is the only cell.
-fn alone(structure: &Structure, line: &Line, (hit, record): (Hit, &Record)) -> RayPath {
+fn alone(structure: &Structure, line: &Line, (hit, path): (Hit, &Path)) -> RayPath {
     let built = structure.built();
     let region = Region::of_box(built.frame.bounds());
     let whole = (f64::NEG_INFINITY, f64::INFINITY);
-    let tested = record.counters.tests > 0;
+    let tested = path.counters.tests > 0;
     let visits = region.interval(line, whole).map(|span| Visit {
         region: region.clone(),
         depth: 0,
@@ -98,7 +98,7 @@ fn alone(structure: &Structure, line: &Line, (hit, record): (Hit, &Record)) -> R
     });
     RayPath {
         hit,
-        counters: record.counters,
+        counters: path.counters,
         visits: visits.into_iter().collect(),
         crossings: Vec::new(),
     }
@@ -108,7 +108,7 @@ struct Follow<'a> {
     bounds: Aabb,
     line: Line,
     span: (f64, f64),
-    record: &'a Record,
+    path: &'a Path,
 }
 
 impl Task for Follow<'_> {
@@ -174,24 +174,20 @@ impl Follow<'_> {
         let mut tested: HashMap<u32, Visit> = HashMap::new();
         let mut others = Vec::new();
         for visit in passed {
-            let walked = self.record.leaves.iter().any(|leaf| leaf.0 == visit.first);
+            let walked = self.path.leaves.iter().any(|leaf| leaf.0 == visit.first);
             if visit.count > 0 && walked {
                 tested.insert(visit.first, visit);
             } else if visit.span.0 < visit.span.1 {
                 others.push(visit);
             }
         }
-        let missing = self
-            .record
-            .leaves
-            .iter()
-            .any(|l| !tested.contains_key(&l.0));
+        let missing = self.path.leaves.iter().any(|l| !tested.contains_key(&l.0));
         if missing {
             self.find_missing(tree, &mut tested);
         }
         let mut visits = Vec::new();
         let mut others = others.into_iter().peekable();
-        for (first, _) in &self.record.leaves {
+        for (first, _) in &self.path.leaves {
             let Some(mut visit) = tested.remove(first) else {
                 continue;
             };
@@ -208,7 +204,7 @@ impl Follow<'_> {
     /// Looks through the whole tree for the leaves that the walk tested and the line passes by.
     fn find_missing<T: Cells>(&self, tree: &T, tested: &mut HashMap<u32, Visit>) {
         each_leaf(tree, self.bounds, |leaf| {
-            let wanted = self.record.leaves.iter().any(|l| l.0 == leaf.first);
+            let wanted = self.path.leaves.iter().any(|l| l.0 == leaf.first);
             if leaf.count > 0 && wanted && !tested.contains_key(&leaf.first) {
                 let visit = Visit {
                     region: leaf.region.clone(),

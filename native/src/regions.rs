@@ -378,7 +378,7 @@ pub trait Task {
 pub fn with_cells<K: Task>(structure: &Structure, task: K) -> Option<K::Result> {
     Some(match &structure.built().layout {
         Layout::Brute => return None,
-        Layout::PlaneDir(tree) | Layout::PlaneTaB(tree) => task.run(tree),
+        Layout::Plane(tree, _) => task.run(tree),
         Layout::Objects(tree) => task.run(&Boxes(tree.nested())),
         Layout::OctreeParam(tree)
         | Layout::OctreeNet(tree)

@@ -51,6 +51,9 @@ pub const TREES: &[StructureSpec] = &[
     trees::brute::SPEC,
 ];
 
+/// Parameters that every structure has, unless its row has one of the same name.
+pub const COMMON: &[ParamSpec] = &[params::SHADOW];
+
 /// A structure's row.
 #[derive(Debug)]
 pub struct StructureSpec {
@@ -66,7 +69,7 @@ pub struct StructureSpec {
     pub summary: &'static str,
     /// Where it comes from.
     pub paper: &'static str,
-    /// Its parameters.
+    /// Its own parameters; see [`Self::all_params`].
     pub params: &'static [ParamSpec],
     /// Builds it over the live triangles, in the current rayon pool.
     pub build: fn(&Triangles, &Config, &Monitor) -> Result<Built>,
@@ -158,6 +161,15 @@ pub fn find(name: &str) -> Option<&'static StructureSpec> {
 }
 
 impl StructureSpec {
+    /// Its parameters, and those that all structures have.
+    pub fn all_params(&self) -> impl Iterator<Item = &'static ParamSpec> + use<> {
+        let own = self.params;
+        let common = COMMON
+            .iter()
+            .filter(move |c| own.iter().all(|p| p.name != c.name));
+        own.iter().chain(common)
+    }
+
     /// The ways of walking that it offers, the default first.
     pub fn traversals(&self) -> &'static [&'static str] {
         let traversal = self.params.iter().find(|p| p.name == "traversal");
@@ -178,11 +190,24 @@ pub mod params {
     pub const TRAVERSAL_AXIS: ParamSpec = ParamSpec {
         name: "traversal",
         label: "Traversal",
-        doc: "How rays walk the tree: by entry and exit points (TA-B, Havran et al. 1997) or by plane \
-              distances in the order of the direction. The answer is the same",
+        doc: "How rays walk the tree: by entry and exit points (TA-B, Havran et al. 1997); by plane \
+              distances in the order of the direction (dir); or by the side of the origin and distances, \
+              as TA-A, as Sung and Shirley 1992, as Arvo 1988. tile8, tile16: as dir, but camera rays go in tiles of 64 \
+              or 256. The answer is the same",
         unit: "",
-        kind: Kind::Choice(&["ta-b", "dir"]),
+        kind: Kind::Choice(&["ta-b", "dir", "tile8", "tile16", "ta-a", "sung", "arvo"]),
         default: Default::Choice("ta-b"),
+    };
+
+    /// Walks of trees with oblique planes.
+    pub const TRAVERSAL_ANY: ParamSpec = ParamSpec {
+        name: "traversal",
+        label: "Traversal",
+        doc: "How rays walk the tree: one by one, by plane distances in the order of the direction, or camera \
+              rays in tiles of 64 or 256. The answer is the same",
+        unit: "",
+        kind: Kind::Choice(&["dir", "tile8", "tile16"]),
+        default: Default::Choice("dir"),
     };
 
     /// Whether a walk allows for rounding.
@@ -194,6 +219,25 @@ pub mod params {
         unit: "",
         kind: Kind::Choice(&["widen", "none"]),
         default: Default::Choice("widen"),
+    };
+
+    /// What shadow rays ask before the tree.
+    pub const SHADOW: ParamSpec = ParamSpec {
+        name: "shadow",
+        label: "Shadow Rays",
+        doc: "cache: what blocked a light last is tested first (Wilt 1994). Saves where shadows are large,               and costs a test where they end. The answer is the same",
+        unit: "",
+        kind: Kind::Choice(&["none", "cache"]),
+        default: Default::Choice("none"),
+    };
+
+    /// The same on octrees.
+    pub const SHADOW_OCTREE: ParamSpec = ParamSpec {
+        doc: "cache: what blocked a light last is tested first (Wilt 1994). beam: rays to one light go \
+              through the octree together; mostly one walk shows that nothing is in the way of all 64. \
+              The answer is the same",
+        kind: Kind::Choice(&["none", "cache", "beam"]),
+        ..SHADOW
     };
 
     /// Depth limit.
@@ -305,7 +349,7 @@ mod tests {
                 tree.id
             );
             assert!(ALIASES.iter().all(|(alias, _)| *alias != tree.id));
-            for param in tree.params {
+            for param in tree.all_params() {
                 let inside = match (param.kind, param.default) {
                     (Kind::Integer { min, max }, Default::Integer(x)) => (min..=max).contains(&x),
                     (Kind::Float { min, max }, Default::Float(x)) => (min..=max).contains(&x),

@@ -48,8 +48,7 @@ impl Config {
             ))
         })?;
         let mut values: Vec<_> = structure
-            .params
-            .iter()
+            .all_params()
             .map(|p| (p, p.default.value()))
             .collect();
         for pair in rest
@@ -60,21 +59,16 @@ impl Config {
             let (key, text) = pair.split_once('=').ok_or_else(|| {
                 Error::Spec(format!("spec: '{pair}' in '{id}' should read key=value"))
             })?;
-            let slot = values
-                .iter_mut()
-                .find(|(p, _)| p.name == key.trim())
-                .ok_or_else(|| {
-                    let known: Vec<_> = structure.params.iter().map(|p| p.name).collect();
-                    Error::Spec(format!(
-                        "spec: '{id}' has no key '{}'; it has {}",
-                        key.trim(),
-                        if known.is_empty() {
-                            "none".to_owned()
-                        } else {
-                            known.join(", ")
-                        }
-                    ))
-                })?;
+            let slot = values.iter().position(|(p, _)| p.name == key.trim());
+            let slot = slot.ok_or_else(|| {
+                let known: Vec<_> = values.iter().map(|(p, _)| p.name).collect();
+                Error::Spec(format!(
+                    "spec: '{id}' has no key '{}'; it has {}",
+                    key.trim(),
+                    known.join(", ")
+                ))
+            })?;
+            let slot = &mut values[slot];
             slot.1 = slot.0.parse(text.trim())?;
         }
         Ok(Self { structure, values })

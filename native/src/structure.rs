@@ -1,34 +1,36 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! A built structure over a scene: rays in, answers out.
 
-use crate::build::Monitor;
 use crate::build::octree_nodes::Octree;
 use crate::build::plane_tree::{PlaneTree, Shape};
+use crate::build::{Monitor, footprint};
 use crate::error::{Error, Result};
 use crate::registry::Built;
 use crate::scene::Triangles;
-use crate::spec::Config;
-use crate::traverse::batch::Batch;
+use crate::spec::{Config, Value};
+use crate::traverse::batch::{Batch, Walk, WithWalk};
+use crate::traverse::box_tile;
 use crate::traverse::objects::Objects;
+use crate::traverse::path::Path;
 use crate::traverse::query::{Any, Closest, Query};
-use crate::traverse::record::{Record, Watch};
-use crate::traverse::{Hit, Ray, RayCounters, Tracer, plane_dir, plane_ta_b};
+use crate::traverse::replay::{Record, Recording};
+use crate::traverse::{Hit, Ray, RayCounters, Tracer, plane_dir, plane_ta_b, plane_ta_b_1997};
 use crate::traverse::{
     Order, octree_beam, octree_glassner, octree_net, octree_param, octree_samet, octree_step,
+    plane_arvo, plane_sung, plane_ta_a, plane_tile,
 };
 use fearless_simd::Level;
+use std::marker::PhantomData;
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// A tree, laid out for one way of walking: matched once per batch of rays, never per ray.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Layout {
     /// No tree.
     Brute,
-    /// Planes, by distances in the order of the direction.
-    PlaneDir(PlaneTree),
-    /// Axis-aligned planes, by entry and exit points.
-    PlaneTaB(PlaneTree),
+    /// Planes.
+    Plane(PlaneTree, PlaneWalk),
     /// Objects, by boxes or intervals around them.
     Objects(Objects),
     /// Octants, from the top.
@@ -43,11 +45,57 @@ pub enum Layout {
     OctreeGlassner(Octree),
 }
 
+/// A way of walking a tree of planes. All but the first need axis-aligned planes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum PlaneWalk {
+    /// By distances in the order of the direction.
+    Dir,
+    /// By entry and exit points.
+    TaB,
+    /// The same as published.
+    TaB1997,
+    /// By the side of the origin and distances, case by case.
+    TaA,
+    /// The same as published.
+    TaA1997,
+    /// By the side of the origin and distances, as Sung and Shirley.
+    Sung,
+    /// The same as published.
+    Sung1992,
+    /// By the side of the origin and distances, as Arvo.
+    Arvo,
+    /// The same as published.
+    Arvo1988,
+}
+
+/// How camera rays that come in tiles are walked.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Tiles {
+    /// As the layout walks single rays, or its own tiles.
+    Own,
+    /// In tiles of 8 x 8.
+    Eight,
+    /// Four such tiles at once.
+    Sixteen,
+}
+
+impl Tiles {
+    fn new(config: &Config) -> Self {
+        let chosen = config.values().find(|(name, _)| *name == "traversal");
+        match chosen {
+            Some((_, Value::Choice("tile8"))) => Self::Eight,
+            Some((_, Value::Choice("tile16"))) => Self::Sixteen,
+            _ => Self::Own,
+        }
+    }
+}
+
 /// A built structure.
 #[derive(Debug)]
 pub struct Structure {
     scene: Arc<Triangles>,
     config: Config,
+    tiles: Tiles,
     built: Built,
     build_seconds: f64,
 }
@@ -56,13 +104,15 @@ impl Structure {
     /// Builds `config` over `scene` on `threads` threads, 0 for one per core.
     ///
     /// # Errors
-    /// [`Error::Cancelled`] when the monitor says so; [`Error::Memory`] when no threads can start.
+    /// [`Error::Cancelled`] when the monitor says so; [`Error::Memory`] when the build would need more than the
+    /// monitor allows, or when no threads can start.
     pub fn build(
         scene: Arc<Triangles>,
         config: Config,
         threads: usize,
         monitor: &Monitor,
     ) -> Result<Self> {
+        let _held = monitor.hold(scene.live().len() * footprint::TRIANGLE)?;
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(threads)
             .build()
@@ -72,6 +122,7 @@ impl Structure {
         let build_seconds = start.elapsed().as_secs_f64();
         Ok(Self {
             scene,
+            tiles: Tiles::new(&config),
             config,
             built,
             build_seconds,
@@ -108,11 +159,19 @@ impl Structure {
         &self.built
     }
 
+    /// Whether counted walks tell the cases of ray and plane apart.
+    pub fn tells_cases(&self) -> bool {
+        matches!(
+            self.built.layout,
+            Layout::Plane(_, PlaneWalk::TaB | PlaneWalk::TaB1997)
+        )
+    }
+
     /// Bytes of nodes and leaves, without the scene's own arrays.
     pub fn bytes(&self) -> usize {
         let nodes = match &self.built.layout {
             Layout::Brute => 0,
-            Layout::PlaneDir(tree) | Layout::PlaneTaB(tree) => tree.bytes(),
+            Layout::Plane(tree, _) => tree.bytes(),
             Layout::Objects(tree) => tree.nested().bytes(),
             Layout::OctreeParam(tree)
             | Layout::OctreeNet(tree)
@@ -123,15 +182,6 @@ impl Structure {
         nodes + self.built.blocks.bytes()
     }
 
-    /// The nearest hit of one ray, and what its walk did.
-    pub fn record(&self, ray: &Ray) -> (Hit, Record) {
-        let (mut hit, mut record) = ([Hit::MISS], Record::default());
-        let rays = std::slice::from_ref(ray);
-        let watch = Watch::Record(&mut record);
-        self.trace::<Closest, _>(Level::new(), rays, &mut hit, watch, |hit| hit);
-        (hit[0], record)
-    }
-
     fn batch<'a>(&'a self, level: Level, rays: &'a [Ray]) -> Batch<'a> {
         Batch {
             scene: &self.scene,
@@ -139,6 +189,7 @@ impl Structure {
             blocks: &self.built.blocks,
             rays,
             level,
+            shadow_cache: self.config.choice("shadow") == "cache",
         }
     }
 
@@ -156,34 +207,179 @@ impl Structure {
         level: Level,
         rays: &[Ray],
         answers: &mut [T],
-        counters: Watch<'_>,
+        counters: Option<&mut [RayCounters]>,
         answer: impl Fn(Hit) -> T + Copy,
     ) {
         assert_eq!(rays.len(), answers.len(), "one answer per ray");
         let job = self.batch(level, rays);
         let write = |i: usize, hit: Hit| answers[i] = answer(hit);
-        match &self.built.layout {
-            Layout::Brute => {
-                job.brute::<Q>(self.built.shape.references, write, counters.counters());
+        if let Layout::Brute = &self.built.layout {
+            return job.brute::<Q>(self.built.shape.references, write, counters);
+        }
+        if Q::ANY && self.config.choice("shadow") == "beam" {
+            return self.shadow_beams(&job, write, counters);
+        }
+        struct Trace<'a, F, Q>(
+            &'a Batch<'a>,
+            F,
+            Option<&'a mut [RayCounters]>,
+            PhantomData<Q>,
+        );
+        impl<F: FnMut(usize, Hit), Q: Query> WithWalk for Trace<'_, F, Q> {
+            type Output = ();
+            fn with<W: Walk>(self, walk: &W) {
+                self.0.walk::<_, Q>(walk, self.1, self.2);
             }
-            Layout::PlaneDir(tree) => job.walk::<_, Q>(&plane_dir::Walk(tree), write, counters),
-            Layout::PlaneTaB(tree) => job.walk::<_, Q>(&plane_ta_b::Walk(tree), write, counters),
-            Layout::Objects(tree) => tree.walk::<Q>(&job, write, counters),
+        }
+        self.with_walk(Trace::<_, Q>(&job, write, counters, PhantomData));
+    }
+
+    /// Hands the way of walking single rays to `then`.
+    ///
+    /// # Panics
+    /// For brute force, which walks nothing.
+    fn with_walk<F: WithWalk>(&self, then: F) -> F::Output {
+        match &self.built.layout {
+            Layout::Brute => unreachable!("brute force has no tree to walk"),
+            Layout::Plane(tree, walk) => match walk {
+                PlaneWalk::Dir => then.with(&plane_dir::Walk(tree)),
+                PlaneWalk::TaB => then.with(&plane_ta_b::Walk(tree)),
+                PlaneWalk::TaB1997 => then.with(&plane_ta_b_1997::Walk(tree)),
+                PlaneWalk::TaA => then.with(&plane_ta_a::Walk::<false>(tree)),
+                PlaneWalk::TaA1997 => then.with(&plane_ta_a::Walk::<true>(tree)),
+                PlaneWalk::Sung => then.with(&plane_sung::Walk::<false>(tree)),
+                PlaneWalk::Sung1992 => then.with(&plane_sung::Walk::<true>(tree)),
+                PlaneWalk::Arvo => then.with(&plane_arvo::Walk::<false>(tree)),
+                PlaneWalk::Arvo1988 => then.with(&plane_arvo::Walk::<true>(tree)),
+            },
+            Layout::Objects(tree) => tree.with_walk(self.built.frame.bounds(), then),
+            Layout::OctreeParam(tree) => then.with(&octree_param::Walk(tree)),
+            Layout::OctreeNet(tree) | Layout::OctreeBeam(tree, _) => {
+                then.with(&octree_step::Walk(tree, octree_net::Links))
+            }
+            Layout::OctreeSamet(tree) => then.with(&octree_step::Walk(tree, octree_samet::Ascent)),
+            Layout::OctreeGlassner(tree) => {
+                then.with(&octree_step::Walk(tree, octree_glassner::Location))
+            }
+        }
+    }
+
+    /// The nearest hit of one ray, and what its walk did.
+    pub fn path(&self, ray: &Ray) -> (Hit, Path) {
+        struct Follow<'a>(&'a Batch<'a>);
+        impl WithWalk for Follow<'_> {
+            type Output = (Hit, Path);
+            fn with<W: Walk>(self, walk: &W) -> (Hit, Path) {
+                self.0.path(walk)
+            }
+        }
+        let job = self.batch(Level::new(), std::slice::from_ref(ray));
+        if let Layout::Brute = &self.built.layout {
+            let (mut nearest, mut path) = (Hit::MISS, Path::default());
+            let counters = std::slice::from_mut(&mut path.counters);
+            let count = self.built.shape.references;
+            job.brute::<Closest>(count, |_, hit| nearest = hit, Some(counters));
+            return (nearest, path);
+        }
+        self.with_walk(Follow(&job))
+    }
+
+    /// Walks rays one by one and records what each leaf answers, for [`Self::replay`].
+    ///
+    /// # Errors
+    /// [`Error::Spec`] for brute force, which walks nothing.
+    pub fn record(&self, rays: Vec<Ray>, any: bool) -> Result<Recording> {
+        struct Recorder<'a, Q>(
+            &'a Batch<'a>,
+            &'a mut [RayCounters],
+            &'a mut Record,
+            PhantomData<Q>,
+        );
+        impl<Q: Query> WithWalk for Recorder<'_, Q> {
+            type Output = ();
+            fn with<W: Walk>(self, walk: &W) {
+                self.0.record::<_, Q>(walk, self.1, self.2);
+            }
+        }
+        if let Layout::Brute = &self.built.layout {
+            return Err(Error::Spec("brute walks no tree".to_owned()));
+        }
+        let mut counters = vec![RayCounters::default(); rays.len()];
+        let mut record = Record::default();
+        let job = self.batch(Level::new(), &rays);
+        if any {
+            self.with_walk(Recorder::<Any>(
+                &job,
+                &mut counters,
+                &mut record,
+                PhantomData,
+            ));
+        } else {
+            self.with_walk(Recorder::<Closest>(
+                &job,
+                &mut counters,
+                &mut record,
+                PhantomData,
+            ));
+        }
+        Ok(Recording {
+            rays,
+            any,
+            counters,
+            record,
+        })
+    }
+
+    /// Walks recorded rays of this structure again, on the calling thread, through the same nodes but
+    /// without testing triangles; returns the seconds that each chunk of rays took, and how many
+    /// rays went astray, which are none.
+    pub fn replay(&self, recording: &Recording) -> (Vec<f64>, usize) {
+        struct Player<'a, Q>(&'a Batch<'a>, &'a Record, &'a mut Vec<f64>, PhantomData<Q>);
+        impl<Q: Query> WithWalk for Player<'_, Q> {
+            type Output = usize;
+            fn with<W: Walk>(self, walk: &W) -> usize {
+                let took = |time: Duration| self.2.push(time.as_secs_f64());
+                self.0.replay::<_, Q>(walk, self.1, took)
+            }
+        }
+        let job = self.batch(Level::new(), &recording.rays);
+        let mut seconds = Vec::new();
+        let record = &recording.record;
+        let strayed = if recording.any {
+            self.with_walk(Player::<Any>(&job, record, &mut seconds, PhantomData))
+        } else {
+            self.with_walk(Player::<Closest>(&job, record, &mut seconds, PhantomData))
+        };
+        (seconds, strayed)
+    }
+
+    /// Walks shadow rays through an octree as beams.
+    ///
+    /// # Panics
+    /// For other structures, which do not offer it.
+    fn shadow_beams(
+        &self,
+        job: &Batch<'_>,
+        write: impl FnMut(usize, Hit),
+        counters: Option<&mut [RayCounters]>,
+    ) {
+        match &self.built.layout {
             Layout::OctreeParam(tree) => {
-                job.walk::<_, Q>(&octree_param::Walk(tree), write, counters);
+                job.shadow_beams((tree, &octree_param::Walk(tree)), write, counters);
             }
             Layout::OctreeNet(tree) | Layout::OctreeBeam(tree, _) => {
                 let walk = octree_step::Walk(tree, octree_net::Links);
-                job.walk::<_, Q>(&walk, write, counters);
+                job.shadow_beams((tree, &walk), write, counters);
             }
             Layout::OctreeSamet(tree) => {
                 let walk = octree_step::Walk(tree, octree_samet::Ascent);
-                job.walk::<_, Q>(&walk, write, counters);
+                job.shadow_beams((tree, &walk), write, counters);
             }
             Layout::OctreeGlassner(tree) => {
                 let walk = octree_step::Walk(tree, octree_glassner::Location);
-                job.walk::<_, Q>(&walk, write, counters);
+                job.shadow_beams((tree, &walk), write, counters);
             }
+            _ => unreachable!("only octrees offer shadow beams"),
         }
     }
 }
@@ -201,7 +397,7 @@ impl Tracer for AtLevel<'_> {
 
     fn closest(&self, rays: &[Ray], hits: &mut [Hit], counters: Option<&mut [RayCounters]>) {
         let (structure, level) = (self.structure, self.level);
-        structure.trace::<Closest, _>(level, rays, hits, counters.into(), |hit| hit);
+        structure.trace::<Closest, _>(level, rays, hits, counters, |hit| hit);
     }
 
     fn closest_ordered(
@@ -211,15 +407,27 @@ impl Tracer for AtLevel<'_> {
         counters: Option<&mut [RayCounters]>,
         order: Order,
     ) {
-        match (&self.structure.built.layout, order) {
-            (Layout::OctreeBeam(tree, least), Order::Tiles) => {
-                assert_eq!(rays.len(), hits.len(), "one answer per ray");
-                let walk = octree_beam::Walk(tree, *least);
-                self.structure.batch(self.level, rays).tiles(
-                    &walk,
-                    |i, hit| hits[i] = hit,
-                    counters,
-                );
+        assert_eq!(rays.len(), hits.len(), "one answer per ray");
+        let job = self.structure.batch(self.level, rays);
+        let write = |i: usize, hit: Hit| hits[i] = hit;
+        if order != Order::Tiles {
+            return self.closest(rays, hits, counters);
+        }
+        match (&self.structure.built.layout, self.structure.tiles) {
+            (Layout::OctreeBeam(tree, least), _) => {
+                job.tiles(&octree_beam::Walk(tree, *least), write, counters);
+            }
+            (Layout::Plane(tree, _), Tiles::Eight) => {
+                job.tiles(&plane_tile::Walk::<4>(tree), write, counters);
+            }
+            (Layout::Plane(tree, _), Tiles::Sixteen) => {
+                job.tiles(&plane_tile::Walk::<16>(tree), write, counters);
+            }
+            (Layout::Objects(Objects::Boxes8(tree)), Tiles::Eight) => {
+                job.tiles(&box_tile::Walk::<8, 4>(tree), write, counters);
+            }
+            (Layout::Objects(Objects::Boxes8(tree)), Tiles::Sixteen) => {
+                job.tiles(&box_tile::Walk::<8, 16>(tree), write, counters);
             }
             _ => self.closest(rays, hits, counters),
         }
@@ -227,7 +435,7 @@ impl Tracer for AtLevel<'_> {
 
     fn occluded(&self, rays: &[Ray], occluded: &mut [bool], counters: Option<&mut [RayCounters]>) {
         let (structure, level) = (self.structure, self.level);
-        structure.trace::<Any, _>(level, rays, occluded, counters.into(), |hit| hit.is_hit());
+        structure.trace::<Any, _>(level, rays, occluded, counters, |hit| hit.is_hit());
     }
 }
 

@@ -15,15 +15,16 @@ pub fn validate(structure: &Structure) -> Vec<String> {
     let mut broken = Vec::new();
     match &structure.built().layout {
         Layout::Brute => {}
-        Layout::PlaneDir(tree) | Layout::PlaneTaB(tree) => {
-            planes::planes(structure, tree, &mut broken);
-        }
+        Layout::Plane(tree, _) => planes::planes(structure, tree, &mut broken),
         Layout::Objects(tree) => object_tree(structure, tree.nested(), &mut broken),
         Layout::OctreeParam(tree)
         | Layout::OctreeNet(tree)
-        | Layout::OctreeBeam(tree, _)
         | Layout::OctreeSamet(tree)
         | Layout::OctreeGlassner(tree) => octree::octree(structure, tree, &mut broken),
+        Layout::OctreeBeam(tree, _) => {
+            octree::octree(structure, tree, &mut broken);
+            octree::pixels(structure, tree, &mut broken);
+        }
     }
     let count = structure.built().layout.leaves(structure).len();
     if count != structure.scene().live().len() {
@@ -49,7 +50,7 @@ impl Layout {
             | Self::OctreeBeam(tree, _)
             | Self::OctreeSamet(tree)
             | Self::OctreeGlassner(tree) => octree::leaves(structure, tree),
-            Self::PlaneDir(tree) | Self::PlaneTaB(tree) => {
+            Self::Plane(tree, _) => {
                 let mut ids = BTreeSet::new();
                 tree.visit(|_, node, _| {
                     if let Node::Leaf { first, count } = node {

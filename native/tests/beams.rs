@@ -45,11 +45,18 @@ fn traced(structure: &Structure, rays: &[Ray], order: Order) -> Vec<[u32; 4]> {
     hits.iter().map(bits).collect()
 }
 
-const SPECS: [&str; 4] = [
+const SPECS: [&str; 11] = [
     "octree-beam",
     "octree-beam:beam_least=1",
     "octree-beam:beam_least=65",
     "octree-beam:beam_least=30,leaf_size=0,max_depth=9",
+    "kd:traversal=tile8",
+    "kd:traversal=tile16",
+    "kd-sah:traversal=tile8",
+    "bvh-sah:traversal=tile8",
+    "bvh-sah:traversal=tile16",
+    "bsp-random:traversal=tile8",
+    "bsp-wn-plus-kd:traversal=tile16",
 ];
 
 fn compare(name: &str, scene: &Arc<Triangles>, images: &[Vec<Ray>]) {
@@ -97,13 +104,26 @@ fn wide_angles_parallel_rays_and_apexes_on_cell_corners_change_nothing() {
                 [(x * 32.5).round() / 8.0, 1.0, (y * 32.5).round() / 8.0],
             )
         }),
-        // Orthographic: no common origin.
+        // Orthographic: no common origin, but a common direction.
         image(size, |x, y| {
             ray([2.0 + 3.0 * x, -5.0, 2.0 + 3.0 * y], [0.0, 1.0, 0.0])
         }),
         image(size, |x, y| {
             ray([2.0 + 3.0 * x, -5.0, 2.0 + 3.0 * y], [0.1, 1.0, -0.2])
         }),
+        // One pixel per edge of a cell, straight along the edges and walls.
+        image((17, 17), |x, y| {
+            ray([2.0 + 2.125 * x, -5.0, 2.0 + 2.125 * y], [-0.0, 1.0, 0.0])
+        }),
+        image((17, 17), |x, y| {
+            ray([2.0 + 2.125 * x, 7.0 - y, 9.0], [0.0, -1.0, -1.0])
+        }),
+        // Shifted: the window lies aside of the axis.
+        image(size, |x, y| {
+            ray([1.9, -3.0, 2.2], [0.8 * x + 0.9, 1.0, 0.5 * y - 0.7])
+        }),
+        // Each ray its own way.
+        image(size, |x, y| ray([2.0 + x, -3.0, 2.0 + y], [y, 1.0, x])),
         // Too far away to walk from cell to cell.
         image(size, pinhole([2.0, -1.0e6, 2.0], 4.0e-6)),
         // Limits of their own, and rays that are no rays.
@@ -197,15 +217,104 @@ fn every_walk_ends_after_as_many_cells_as_the_grid_has_planes() {
 #[test]
 fn beams_take_fewer_steps_and_count_them() {
     let scene = soup(grid(4, 0.3));
-    let rays = image((320, 200), pinhole([1.9, -7.0, 2.2], 0.6));
     let structure = build(&scene, "octree-beam");
-    let steps = |order| {
-        let mut hits = vec![Hit::MISS; rays.len()];
-        let mut counters = vec![RayCounters::default(); rays.len()];
-        structure.closest_ordered(&rays, &mut hits, Some(&mut counters), order);
-        let sum = |c: &RayCounters| u64::from(c.steps_axis + c.leaves + c.leaves_empty);
-        counters.iter().map(sum).sum::<u64>()
+    let perspective = image((320, 200), pinhole([1.9, -7.0, 2.2], 0.6));
+    let parallel = image((320, 200), |x, y| {
+        ray([2.0 + 3.0 * x, -5.0, 2.0 + 3.0 * y], [0.1, 1.0, -0.2])
+    });
+    for rays in [perspective, parallel] {
+        let (beams, single) = (
+            steps(&structure, &rays, Order::Tiles),
+            steps(&structure, &rays, Order::None),
+        );
+        assert!(4 * beams < single, "{beams} against {single}");
+    }
+}
+
+fn steps(structure: &Structure, rays: &[Ray], order: Order) -> u64 {
+    let mut hits = vec![Hit::MISS; rays.len()];
+    let mut counters = vec![RayCounters::default(); rays.len()];
+    structure.closest_ordered(rays, &mut hits, Some(&mut counters), order);
+    let sum = |c: &RayCounters| u64::from(c.steps_axis + c.leaves + c.leaves_empty);
+    counters.iter().map(sum).sum()
+}
+
+/// Shadow rays from a plane of points below a scene, in no order, to one light.
+fn shadow_rays(count: usize, target: impl Fn([f32; 3]) -> Ray) -> Vec<Ray> {
+    let mut random = Random(31);
+    (0..count)
+        .map(|_| {
+            let p = random.point(-2.0, 6.0);
+            target([p[0], p[1], -0.5])
+        })
+        .collect()
+}
+
+fn shadows(structure: &Structure, rays: &[Ray]) -> (Vec<bool>, Vec<RayCounters>) {
+    let mut blocked = vec![false; rays.len()];
+    let mut counters = vec![RayCounters::default(); rays.len()];
+    structure.occluded(rays, &mut blocked, Some(&mut counters));
+    (blocked, counters)
+}
+
+#[test]
+fn shadow_beams_answer_like_single_rays_and_mostly_at_once() {
+    // A floor that receives, and boxes above it.
+    let mut corners = grid(4, 0.3);
+    corners.extend([[-2.0, -2.0, -0.6], [6.0, -2.0, -0.6], [2.0, 9.0, -0.6]]);
+    let scene = soup(corners);
+    let to = |light: [f32; 3]| {
+        move |o: [f32; 3]| Ray {
+            t_max: 0.9999,
+            ..ray(o, std::array::from_fn(|k| light[k] - o[k]))
+        }
     };
-    let (beams, single) = (steps(Order::Tiles), steps(Order::None));
-    assert!(4 * beams < single, "{beams} against {single}");
+    let lights = [
+        shadow_rays(20_000, to([9.0, 9.0, 12.0])),
+        // Inside, on a corner of boxes, and below the floor.
+        shadow_rays(20_000, to([2.2, 1.7, 2.1])),
+        shadow_rays(20_000, to([2.0, 2.0, 2.0])),
+        shadow_rays(20_000, to([2.0, 2.0, -9.0])),
+        // Suns, one straight along the walls.
+        shadow_rays(20_000, |o| ray(o, [0.3, 0.2, 1.0])),
+        shadow_rays(20_000, |o| ray(o, [0.0, -0.0, 1.0])),
+    ];
+    let single = build(&scene, "octree-net");
+    let beams = build(&scene, "octree-net:shadow=beam");
+    for (i, rays) in lights.iter().enumerate() {
+        let (expected, plain) = shadows(&single, rays);
+        let (found, counted) = shadows(&beams, rays);
+        assert_eq!(found, expected, "light {i}");
+        let steps = |all: &[RayCounters]| all.iter().map(|c| u64::from(c.steps_axis)).sum::<u64>();
+        let saved = (steps(&counted), steps(&plain));
+        assert!(saved.0 < saved.1, "light {i}: {saved:?}");
+        // Rays in the light that needed no walk were in empty beams; the cache spares others.
+        let lit = counted.iter().zip(&found).filter(|(_, blocked)| !**blocked);
+        let empty = lit.clone().filter(|(c, _)| c.spared == 1).count();
+        let lit = lit.count();
+        assert!(i % 4 != 0 || 4 * empty > lit, "light {i}: {empty} of {lit}");
+    }
+}
+
+#[test]
+fn shadow_beams_lose_nothing_on_hard_scenes() {
+    for case in cases(Size::Small, 8) {
+        let bounds = case.scene.bounds();
+        if bounds.is_empty() {
+            continue;
+        }
+        let single = build(&case.scene, "octree-net");
+        let beams = build(&case.scene, "octree-param:shadow=beam");
+        // The rays of the case, and rays from the places they start at to the corners of the scene.
+        let mut rays = case.rays.clone();
+        for light in [bounds.min, bounds.max] {
+            rays.extend(case.rays.iter().take(2000).map(|r| Ray {
+                t_max: 1.0,
+                ..ray(r.o, std::array::from_fn(|k| light[k] - r.o[k]))
+            }));
+        }
+        let (expected, found) = (shadows(&single, &rays).0, shadows(&beams, &rays).0);
+        let wrong = found.iter().zip(&expected).filter(|(a, b)| a != b).count();
+        assert_eq!(wrong, 0, "{}: of {}", case.name, rays.len());
+    }
 }

@@ -54,8 +54,7 @@ fn spec() -> impl Strategy<Value = String> {
     (0..TREES.len()).prop_flat_map(|i| {
         let tree = &TREES[i];
         let pairs: Vec<_> = tree
-            .params
-            .iter()
+            .all_params()
             .filter(|param| param.name != "robust")
             .map(|param| {
                 prop::option::of(value(param))

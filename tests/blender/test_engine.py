@@ -186,6 +186,16 @@ def test_an_error_while_rendering_is_one_readable_line(stage: Any, monkeypatch: 
         bpy.ops.render.render()
 
 
+def test_a_scene_that_needs_more_than_its_memory_limit_is_refused(stage: Any) -> None:
+    finer = stage.objects["Cube"].modifiers.new("Finer", "SUBSURF")
+    finer.subdivision_type, finer.render_levels = "SIMPLE", 6
+    stage.halfspace.memory_limit = 1
+    with pytest.raises(RuntimeError, match="memory_limit: the build needs more than the 1 MB"):
+        bpy.ops.render.render()
+    stage.halfspace.memory_limit = 0
+    bpy.ops.render.render()
+
+
 @pytest.mark.parametrize("during", ["build", "trace"])
 def test_a_cancelled_render_ends_without_an_error(stage: Any, monkeypatch: pytest.MonkeyPatch, during: str) -> None:
     """`test_break` cannot be triggered in background, so the question is answered in its place."""

@@ -54,10 +54,14 @@ class FakeNative:
         self.error = error
         self.job_error = job_error
         self.monitor: Monitor | None = None
+        self.memory_limit: int | None = None
         self.jobs: list[Job] = []
 
-    def build(self, vertices: Any, triangles: Any, spec: str, *, threads: int, monitor: Monitor) -> Structure:
+    def build(
+        self, vertices: Any, triangles: Any, spec: str, *, threads: int, monitor: Monitor, memory_limit: int | None
+    ) -> Structure:
         self.monitor = monitor
+        self.memory_limit = memory_limit
         if self.error is not None:
             raise self.error
         end = time.monotonic() + self.build_seconds

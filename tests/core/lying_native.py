@@ -58,6 +58,6 @@ class LyingNative:
     def __getattr__(self, name: str) -> Any:
         return getattr(halfspace_native, name)
 
-    def build(self, vertices: Any, triangles: Any, spec: str, *, threads: int = 0) -> Any:
-        structure = halfspace_native.build(vertices, triangles, spec, threads=threads)
+    def build(self, vertices: Any, triangles: Any, spec: str, *, threads: int = 0, **options: Any) -> Any:
+        structure = halfspace_native.build(vertices, triangles, spec, threads=threads, **options)
         return Lying(structure, self._lie) if spec == "kd" and threads == 1 else structure

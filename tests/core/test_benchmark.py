@@ -41,6 +41,7 @@ def test_a_row_has_every_key_and_counts_what_it_claims() -> None:
         assert one.keys() >= RAY_KEYS
         assert 0 < one["mrays_s"]["min"] <= one["mrays_s"]["med"] <= one["mrays_s"]["max"]
         assert one["steps"] > 0
+        assert sum(one["cases"].values()) == pytest.approx(one["steps"]), "TA-B's cases"
     assert row["errors"].keys() >= ERROR_KEYS
     assert row["rays"]["primary"]["n"] == 64 * 64
     assert row["errors"]["rays"] == 4 * 512 + 2048, "the scene's own rays are all checked"
@@ -95,10 +96,10 @@ def test_a_configuration_that_cannot_be_built_is_a_row_and_the_others_go_on() ->
         def __getattr__(self, name: str) -> Any:
             return getattr(halfspace_native, name)
 
-        def build(self, vertices: Any, triangles: Any, spec: str, *, threads: int = 0) -> Any:
+        def build(self, vertices: Any, triangles: Any, spec: str, **options: Any) -> Any:
             if spec == "kd-sah":
                 raise RuntimeError("too many references\nsecond line")
-            return halfspace_native.build(vertices, triangles, spec, threads=threads)
+            return halfspace_native.build(vertices, triangles, spec, **options)
 
     rows = measure(["kd-sah", "kd"], native=Failing())
     assert rows["kd-sah"]["error"] == "too many references"
@@ -162,7 +163,7 @@ def test_a_structure_that_fails_while_it_is_asked_is_a_row() -> None:
             raise RuntimeError("the walk went astray")
 
     class Failing(LyingNative):
-        def build(self, vertices: Any, triangles: Any, spec: str, *, threads: int = 0) -> Any:
+        def build(self, vertices: Any, triangles: Any, spec: str, **_: Any) -> Any:
             return Broken() if spec == "kd-sah" else halfspace_native.build(vertices, triangles, spec)
 
     rows = measure(["kd-sah", "kd"], native=Failing(""))

@@ -40,6 +40,12 @@ def test_a_cancelled_build_stops_and_joins_its_thread() -> None:
     assert not [thread for thread in threading.enumerate() if thread.name == "halfspace-build"]
 
 
+def test_the_memory_limit_reaches_the_build() -> None:
+    native = FakeNative()
+    Session.start(native, SCENE, "kd", memory_limit=123, keep_going=lambda _progress: True)
+    assert native.memory_limit == 123
+
+
 def test_an_error_of_the_build_reaches_the_caller() -> None:
     with pytest.raises(ValueError, match="spec: unknown structure"):
         start(FakeNative(error=ValueError("spec: unknown structure 'x'")))

@@ -13,7 +13,7 @@ import pytest
 import stability as command
 from lying_native import LIES, LyingNative
 
-from addon.core import leaks, stability
+from addon.core import leaks, stability, trials
 
 LIMIT = 1500
 
@@ -83,26 +83,63 @@ def test_a_wrong_structure_sets_the_status(monkeypatch: pytest.MonkeyPatch) -> N
     assert command.main(["--structures", "kd:robust=none", "--leak-rays", "0"]) == 1
 
 
-@pytest.mark.parametrize("bad", [["--structures", "tree"], ["--rays", "-1"], ["--size", "huge"], ["--rays", "x"]])
+@pytest.mark.parametrize("bad", [["--structures", "tree"], ["--long", "-1"], ["--size", "huge"], ["--long", "x"]])
 def test_bad_usage_is_one_line(bad: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     assert command.main(bad) == 2
     assert capsys.readouterr().err.count("\n") == 1
 
 
-def test_a_long_run_ends_when_enough_rays_agree() -> None:
-    said: list[str] = []
-    rows = stability.run_until(halfspace_native, ["kd", "kd:robust=none"], 60_000, "small", 3, said.append)
-    kd = next(row for row in rows if row["spec"] == "kd")
-    assert kd["rays"] >= 60_000
-    assert not stability.differs(kd)
-    assert stability.limit(rows).startswith(f"no difference in {kd['rays']:,} rays")
+def long_run(folder: Path, *more: str) -> tuple[int, dict]:
+    status = command.main(["--structures", "kd,octree-net", "--seed", "3", "--out", str(folder), *more])
+    return status, json.loads((folder / "stability.json").read_text(encoding="utf-8"))
+
+
+def test_a_long_run_is_resumed_where_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(trials, "BLOCK", 4)
+    monkeypatch.setattr(trials, "MANY", 256)
+    status, first = long_run(tmp_path, "--long", "1")
+    assert (status, first["options"]["blocks"]) == (0, 1)
+    rays = first["rows"][0]["rays"]
+    assert "no difference in" in first["verdict"]
+    assert "fewer than" in first["verdict"]
+    made: list[int] = []
+    block = trials.block
+    monkeypatch.setattr(trials, "block", lambda *a, **k: made.append(a[3]) or block(*a, **k))
+    _, second = long_run(tmp_path, "--long", str(5 * rays))
+    assert 0 not in made
+    assert made
+    _, again = long_run(tmp_path / "other", "--long", str(5 * rays))
+    assert [row | {"case": ""} for row in again["rows"]] == [row | {"case": ""} for row in second["rows"]]
+    # No time is left, but what is there counts.
+    _, third = long_run(tmp_path, "--long", "1e12", "--seconds", "0")
+    assert third["rows"] == second["rows"]
+
+
+@pytest.mark.parametrize("lie", LIES)
+def test_a_trial_tells_a_lie(lie: str) -> None:
+    rows = [trials.trial(native, ["kd"], 3, 0)[0] for native in (halfspace_native, LyingNative(lie))]
+    assert [stability.differs(row) for row in rows] == [False, True]
+
+
+def test_trials_are_many_and_repeat() -> None:
+    names = set()
+    for number in range(8 * len(trials.SORTS) // 2):
+        pair = [trials._scene(halfspace_native, 1, number, np.random.default_rng([1, number])) for _ in range(2)]
+        assert pair[0][1].tobytes() == pair[1][1].tobytes()
+        assert all(a.tobytes() == b.tobytes() for a, b in zip(pair[0][3], pair[1][3], strict=True))
+        name, _, triangles, rays = pair[0]
+        names.add(name)
+        assert triangles.shape[1] == 3
+        assert all(np.isfinite(part).all() for part in rays[:2])
+        assert len(rays[0]) in (trials.FEWEST, trials.FEW, trials.MANY)
+    assert {name for name, _, _ in trials.SORTS} < names
 
 
 @pytest.mark.parametrize("row", halfspace_native.structures(), ids=lambda row: row["id"])
 def test_closed_surfaces_hold(row: dict) -> None:
     for spec in stability.configurations([row], [row["id"]]):
         if not stability.allowed_to_fail(spec):
-            assert not any(leaks.count_leaks(halfspace_native, spec, 2, 2000).values()), spec
+            assert not leaks.count_leaks(halfspace_native, [spec], list(leaks.surfaces(2)), 2000)[spec], spec
 
 
 def test_a_hole_is_a_leak() -> None:
@@ -115,3 +152,12 @@ def test_a_hole_is_a_leak() -> None:
     origins, directions = leaks.rays_from_inside(points, triangles, np.zeros(3), 0.3, 4000, rng)
     holed = halfspace_native.build(points, triangles[1:], "kd")
     assert not holed.occluded(origins, directions).all()
+    surface = ("holed", points, triangles[1:], np.zeros(3), 0.3)
+    assert leaks.count_leaks(halfspace_native, ["kd"], [surface], 4000)["kd"]["holed"] > 0
+    # The fan that closes it faces as the rest does: every edge is walked once each way.
+    closed_points, closed = leaks.closed(points, triangles[1:])
+    walked = np.concatenate([closed[:, [0, 1]], closed[:, [1, 2]], closed[:, [2, 0]]])
+    assert len(closed) == len(triangles) + 2
+    assert sorted(map(tuple, walked.tolist())) == sorted(map(tuple, walked[:, ::-1].tolist()))
+    surface = ("closed", closed_points, closed, np.zeros(3), 0.3)
+    assert not leaks.count_leaks(halfspace_native, ["kd"], [surface], 4000)["kd"]

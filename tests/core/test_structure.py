@@ -79,6 +79,27 @@ def test_threads_and_counting_change_nothing(spec: str) -> None:
     assert counted["steps"].shape == (10_000,)
 
 
+@pytest.mark.parametrize("robust", ["widen", "none"])
+def test_ta_b_counts_its_cases(robust: str) -> None:
+    tree = native.build(*soup(300), f"kd:robust={robust}")
+    found = tree.closest(*random_rays(10_000), counters=True).counters
+    cases = {name: count for name, count in found.items() if name.startswith("case_")}
+    assert len(cases) == 13
+    np.testing.assert_array_equal(sum(cases.values()), found["steps"])
+    # Rays in all directions from around the scene: every case but those of origins in planes and of rays along them.
+    often = {name for name, count in cases.items() if count.any()}
+    assert often == {f"case_{side}{number}" for side in "np" for number in (1, 3, 4, 5)}
+    # Straight up from below everything: no plane of x and y is ever approached.
+    up = np.array([[0.5, 0.5, -9]], np.float32), np.array([[0, 0, 1]], np.float32)
+    found = tree.closest(*up, counters=True).counters
+    assert found["case_n2"] + found["case_p2"] > 0
+    assert {name for name, count in found.items() if name.startswith("case_") and count.any()} <= {
+        *("case_n2", "case_p2", "case_n3", "case_n4", "case_n5"),
+    }
+    other = native.build(*soup(300), f"kd:traversal=dir,robust={robust}")
+    assert "case_n1" not in other.closest(*up, counters=True).counters
+
+
 def test_the_interval_may_differ_from_ray_to_ray() -> None:
     tree = native.build(VERTICES, TRIANGLES)
     origins, directions = (np.repeat(a, 4, axis=0) for a in DOWN)
@@ -258,3 +279,20 @@ def test_ulps_are_counted_through_zero() -> None:
     assert native.ulp_distance(a, b).tolist() == [1, 0, 2, 0, 1]
     with pytest.raises(native.ShapeError, match="b: expected 5 numbers, got 1"):
         native.ulp_distance(a, b[:1])
+
+
+def test_recorded_walks_are_replayed() -> None:
+    tree = native.build(*soup(300))
+    rays = random_rays(3000)
+    recording = tree.record(*rays)
+    assert len(recording) == 3000
+    seconds = recording.replay()
+    assert seconds.shape == (3,), "1024 rays at a time"
+    assert (seconds > 0).all()
+    counters = tree.closest(*rays, counters=True).counters
+    for name, count in recording.counters.items():
+        np.testing.assert_array_equal(count, counters[name])
+    _, shadows = tree.occluded(*rays, counters=True)
+    np.testing.assert_array_equal(tree.record(*rays, any_hit=True).counters["steps"], shadows["steps"])
+    with pytest.raises(native.SpecError, match="brute"):
+        native.build(*soup(3), "brute").record(*rays)

@@ -3,8 +3,9 @@
 //! which leaves there are, and all are then written at once, in parallel.
 
 use crate::scene::Triangles;
-use crate::traverse::blocks::{Blocks, Keep};
+use crate::traverse::blocks::Blocks;
 use crate::traverse::frame::Frame;
+use crate::traverse::keep::Keep;
 
 /// More leaves than this are written in parallel.
 const TASK: usize = 4096;

@@ -6,6 +6,7 @@ pub mod binned;
 pub mod cell;
 pub mod clip;
 pub mod cost;
+pub mod footprint;
 pub mod global;
 pub mod groups;
 pub mod insertion;

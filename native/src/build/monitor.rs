@@ -1,21 +1,53 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Progress out of, and cancellation into, long work.
+//! Progress out of, and cancellation and a memory limit into, long work.
 
 use crate::error::{Error, Result};
+use crate::memory::megabytes;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 /// Fixed-point one: progress is summed in integers, so that its order does not matter.
 const ONE: f64 = (1_u64 << 40) as f64;
 
+/// Bytes that a thread gathers before it tells: threads that told of every leaf would wait for each other.
+const GATHERED: usize = 1 << 18;
+
 /// Shared between the thread that waits and the threads that work.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub struct Monitor {
     done: AtomicU64,
     cancelled: AtomicBool,
+    used: AtomicU64,
+    limit: AtomicU64,
+    exhausted: AtomicBool,
+}
+
+impl Default for Monitor {
+    fn default() -> Self {
+        Self {
+            done: AtomicU64::new(0),
+            cancelled: AtomicBool::new(false),
+            used: AtomicU64::new(0),
+            limit: AtomicU64::new(u64::MAX),
+            exhausted: AtomicBool::new(false),
+        }
+    }
+}
+
+/// Memory that is needed for a while: given back when this is dropped.
+#[derive(Debug)]
+pub struct Held<'a> {
+    monitor: &'a Monitor,
+    bytes: u64,
+}
+
+impl Drop for Held<'_> {
+    fn drop(&mut self) {
+        self.monitor.used.fetch_sub(self.bytes, Ordering::Relaxed);
+    }
 }
 
 impl Monitor {
-    /// Nothing done, not cancelled.
+    /// Nothing done, not cancelled, no limit.
     pub fn new() -> Self {
         Self::default()
     }
@@ -45,15 +77,72 @@ impl Monitor {
         self.cancelled.load(Ordering::Relaxed)
     }
 
-    /// Passes unless somebody asked the work to stop.
+    /// Passes unless somebody asked the work to stop, or it has met its limit on another thread.
     ///
     /// # Errors
-    /// [`Error::Cancelled`].
+    /// [`Error::Cancelled`], [`Error::Memory`].
     pub fn check(&self) -> Result<()> {
         if self.is_cancelled() {
             Err(Error::Cancelled)
+        } else if self.exhausted.load(Ordering::Relaxed) {
+            Err(self.refusal())
         } else {
             Ok(())
         }
+    }
+
+    /// Sets how many bytes the work may take, and forgets what earlier work took.
+    pub fn limit_memory(&self, bytes: u64) {
+        self.limit.store(bytes, Ordering::Relaxed);
+        self.used.store(0, Ordering::Relaxed);
+        self.exhausted.store(false, Ordering::Relaxed);
+    }
+
+    /// As [`Self::take`], in larger steps: `gathered` is the thread's own sum of what it has not told yet,
+    /// and told by [`Self::take`] in the end.
+    ///
+    /// # Errors
+    /// As there.
+    #[inline(always)]
+    pub fn charge(&self, gathered: &mut usize, bytes: usize) -> Result<()> {
+        *gathered += bytes;
+        if *gathered < GATHERED {
+            return Ok(());
+        }
+        self.take(std::mem::take(gathered))
+    }
+
+    /// Tells that the work needs `bytes` more until the returned value is dropped.
+    ///
+    /// # Errors
+    /// [`Error::Memory`] when that is more than the work may take.
+    pub fn hold(&self, bytes: usize) -> Result<Held<'_>> {
+        self.take(bytes)?;
+        Ok(Held {
+            monitor: self,
+            bytes: bytes as u64,
+        })
+    }
+
+    /// Tells that the work keeps `bytes` more until its end.
+    ///
+    /// # Errors
+    /// [`Error::Memory`] when that is more than the work may take.
+    pub fn take(&self, bytes: usize) -> Result<()> {
+        let bytes = bytes as u64;
+        let used = self.used.fetch_add(bytes, Ordering::Relaxed);
+        if used.saturating_add(bytes) <= self.limit.load(Ordering::Relaxed) {
+            return Ok(());
+        }
+        self.exhausted.store(true, Ordering::Relaxed);
+        Err(self.refusal())
+    }
+
+    fn refusal(&self) -> Error {
+        Error::Memory(format!(
+            "memory_limit: the build needs more than the {} it may take; a smaller depth limit, larger leaves or \
+             another structure need less",
+            megabytes(self.limit.load(Ordering::Relaxed))
+        ))
     }
 }

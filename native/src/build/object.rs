@@ -6,6 +6,7 @@
 //! function of the triangles and the policy, for any number of threads.
 
 use super::Monitor;
+use super::footprint;
 use super::object_tree::{Item, ObjectTree};
 use super::plane_tree::MAX_DEPTH;
 use crate::error::Result;
@@ -119,7 +120,7 @@ pub fn gather(scene: &Triangles, frame: &Frame) -> Vec<Object> {
 /// Builds a tree over the live triangles of `scene`, in the frame `frame`, in the current rayon pool.
 ///
 /// # Errors
-/// [`crate::error::Error::Cancelled`] when the monitor says so.
+/// [`crate::error::Error::Cancelled`] and [`crate::error::Error::Memory`] when the monitor says so.
 pub fn build<P: ObjectPolicy>(
     scene: &Triangles,
     frame: &Frame,
@@ -146,6 +147,7 @@ impl<P: ObjectPolicy> Builder<'_, P> {
         if objects.len() < TASK {
             items.reserve(objects.len() / 2);
             self.node(objects, at, &mut items)?;
+            self.monitor.take(footprint::boxes::<Item>(items.len()))?;
             self.monitor.advance(work);
             return Ok(items);
         }
@@ -267,8 +269,8 @@ fn median(objects: &mut [Object], axis: usize) -> usize {
 mod tests {
     use super::*;
     use crate::build::leaves::Leaves;
-    use crate::traverse::blocks::Keep;
     use crate::traverse::box_tree::BoxTree;
+    use crate::traverse::keep::Keep;
     use crate::traverse::nested;
 
     /// Cuts one object off at a time, as long as the loop lets it.

@@ -7,6 +7,7 @@
 //! threads.
 
 use super::Monitor;
+use super::footprint;
 use super::overlap::TriangleBox;
 use crate::error::Result;
 use crate::scene::Triangles;
@@ -22,6 +23,9 @@ pub const FAR: f32 = 4.0;
 
 /// References that any tree may hold, so that small scenes are divided to the end.
 const FREE: usize = 1 << 13;
+
+/// Bytes of a node with its links, and of those that the links are found with.
+const NODE: usize = 16 + 24 + 24;
 
 /// Nodes of at least this many references build their children in parallel.
 const TASK: usize = 4096;
@@ -182,12 +186,14 @@ struct Task {
     references: Vec<Reference>,
     out: Octants,
     done: f64,
+    /// Bytes that the monitor has not been told of.
+    gathered: usize,
 }
 
 /// Builds an octree over the live triangles of `scene`, in the current rayon pool.
 ///
 /// # Errors
-/// [`crate::error::Error::Cancelled`] when the monitor says so.
+/// [`crate::error::Error::Cancelled`] and [`crate::error::Error::Memory`] when the monitor says so.
 pub fn build(
     scene: &Triangles,
     frame: &Frame,
@@ -214,11 +220,15 @@ pub fn build(
 impl Builder<'_> {
     /// Builds a subtree as a task of its own.
     fn subtree(&self, references: Vec<Reference>, node: Pending) -> Result<Octants> {
+        let _held = self
+            .monitor
+            .hold(footprint::waiting::<Reference>(references.len()))?;
         let mut task = Task {
             references,
             ..Task::default()
         };
         self.node(&mut task, 0, node)?;
+        self.monitor.take(task.gathered)?;
         self.monitor.advance(task.done);
         Ok(task.out)
     }
@@ -236,6 +246,8 @@ impl Builder<'_> {
             counts.iter().sum::<usize>() <= node.budget
         };
         if !inner {
+            let bytes = footprint::leaf::<Item>(count, NODE);
+            self.monitor.charge(&mut task.gathered, bytes)?;
             let ids = task.references[from..].iter().map(|r| r.id);
             task.out.ids.extend(ids);
             #[expect(clippy::cast_possible_truncation, reason = "at most 2^29 triangles")]

@@ -13,7 +13,7 @@ use crate::error::{Error, Result};
 use crate::geom::Aabb;
 use crate::scene::Triangles;
 use crate::traverse::blocks::Blocks;
-use crate::traverse::frame::{Frame, FrameRay};
+use crate::traverse::frame::Frame;
 
 /// A link out of the root.
 pub const OUTSIDE: u32 = u32::MAX;
@@ -213,10 +213,11 @@ impl Octree {
         &self.cube
     }
 
-    /// Whether walks from cell to cell are right for a ray; see [`Cube::step_margin`].
+    /// Whether walks from cell to cell are right for rays from this origin; see
+    /// [`Cube::step_margin`].
     #[inline(always)]
-    pub fn is_near(&self, ray: &FrameRay) -> bool {
-        ray.o[0].abs().max(ray.o[1].abs()).max(ray.o[2].abs()) <= self.far
+    pub fn is_near(&self, o: [f32; 3]) -> bool {
+        o[0].abs().max(o[1].abs()).max(o[2].abs()) <= self.far
     }
 
     /// Size in bytes.
@@ -282,6 +283,12 @@ impl Octree {
             shape.sah_cost += 80.0 * share * count as f64;
             depth_sum += depth;
         });
+        shape.links = self
+            .links
+            .iter()
+            .flatten()
+            .filter(|&&l| l != OUTSIDE)
+            .count();
         shape.depth_mean = depth_sum as f64 / shape.leaves.max(1) as f64;
         shape
     }

@@ -82,6 +82,8 @@ pub struct Shape {
     pub leaves_empty: usize,
     /// Triangle references in all leaves.
     pub references: usize,
+    /// Links from leaves to their neighbours; those that lead out of the tree do not count.
+    pub links: usize,
     /// Triangles in the largest leaf.
     pub leaf_max: usize,
     /// Leaves of more than 64 triangles.

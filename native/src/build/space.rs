@@ -8,6 +8,7 @@
 use super::Monitor;
 use super::cell::{Cell, Direction, Plane};
 use super::cost::Costs;
+use super::footprint;
 use super::groups::Groups;
 use super::piece::Piece;
 use super::plane_tree::MAX_DEPTH;
@@ -143,6 +144,8 @@ struct Task<P> {
     groups: Groups,
     out: Preorder,
     done: f64,
+    /// Bytes that the monitor has not been told of.
+    gathered: usize,
 }
 
 /// A split that was decided on.
@@ -163,7 +166,7 @@ struct Builder<'a, P: PlanePolicy> {
 /// Builds a tree over the live triangles of `scene`, in the frame `frame`, in the current rayon pool.
 ///
 /// # Errors
-/// [`crate::error::Error::Cancelled`] when the monitor says so.
+/// [`crate::error::Error::Cancelled`] and [`crate::error::Error::Memory`] when the monitor says so.
 pub fn build<P: PlanePolicy>(
     scene: &Triangles,
     frame: &Frame,
@@ -205,6 +208,9 @@ pub fn build<P: PlanePolicy>(
 impl<P: PlanePolicy> Builder<'_, P> {
     /// Builds a subtree as a task of its own.
     fn subtree(&self, pieces: Vec<P::Piece>, node: Pending<P::Cell>) -> Result<Preorder> {
+        let _held = self
+            .monitor
+            .hold(footprint::waiting::<P::Piece>(pieces.len()))?;
         let mut task = Task {
             pieces,
             scratch: Scratch::default(),
@@ -214,8 +220,10 @@ impl<P: PlanePolicy> Builder<'_, P> {
             groups: Groups::default(),
             out: Preorder::default(),
             done: 0.0,
+            gathered: 0,
         };
         self.node(&mut task, 0, node)?;
+        self.monitor.take(task.gathered)?;
         self.monitor.advance(task.done);
         Ok(task.out)
     }
@@ -224,6 +232,8 @@ impl<P: PlanePolicy> Builder<'_, P> {
     fn node(&self, task: &mut Task<P::Piece>, from: usize, node: Pending<P::Cell>) -> Result<()> {
         self.monitor.check()?;
         let Some((cell, choice)) = self.choose(task, from, &node) else {
+            let bytes = footprint::leaf::<Item>(task.pieces.len() - from, 24);
+            self.monitor.charge(&mut task.gathered, bytes)?;
             let ids = task.pieces[from..].iter().map(Piece::id);
             task.out.leaf(ids, node.share);
             task.pieces.truncate(from);

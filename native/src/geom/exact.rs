@@ -281,8 +281,9 @@ fn round_to_f32(numerator: &BigInt, denominator: &BigInt, unit: i32) -> f32 {
 }
 
 /// The corners of a triangle seen from `o`.
+#[inline(always)]
 pub fn from_origin(o: Vec3, v: [Vec3; 3]) -> [Vec3; 3] {
-    v.map(|p| sub(p, o))
+    [sub(v[0], o), sub(v[1], o), sub(v[2], o)]
 }
 
 #[cfg(test)]

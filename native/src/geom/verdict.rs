@@ -66,6 +66,41 @@ fn determinant(row: Sized, p: Sized, q: Sized) -> Bounded {
     }
 }
 
+/// What the verdict knows of a triangle and an origin before it knows the direction, for directions
+/// whose components are below 2.
+#[derive(Debug, Clone, Copy)]
+pub struct FromOrigin {
+    /// The weight of each corner is the product of its normal with the direction.
+    pub normals: [Vec3; 3],
+    /// Bounds on the errors of the weights.
+    pub errors: [f64; 3],
+    /// The distance times the sum of the weights, and a bound on its error.
+    pub distance: (f64, f64),
+}
+
+impl FromOrigin {
+    /// `t` is certain where the sum of the weights is this many times its own error.
+    pub const WELL_CONDITIONED: f64 = WELL_CONDITIONED;
+
+    /// From an origin and corners.
+    #[inline(always)]
+    pub fn new(o: [f32; 3], [a, b, c]: [[f32; 3]; 3]) -> Self {
+        let [a, b, c] = from_origin(widen(o), [widen(a), widen(b), widen(c)]);
+        let (a, b, c) = (Sized::new(a), Sized::new(b), Sized::new(c));
+        let distance = determinant(a, b, c);
+        let error = |p: Sized, q: Sized| DETERMINANT_ERROR * (2.0 * (p.size * q.size));
+        Self {
+            normals: [
+                cross(b.vector, c.vector),
+                cross(c.vector, a.vector),
+                cross(a.vector, b.vector),
+            ],
+            errors: [error(b, c), error(c, a), error(a, b)],
+            distance: (distance.value, distance.error),
+        }
+    }
+}
+
 /// Decides on the line `o + t d` and the closed triangle `v`. A line in the triangle's plane
 /// misses it, and so does every line a triangle without area. `d` need not be of unit length.
 #[inline(always)]

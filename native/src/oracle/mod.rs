@@ -38,7 +38,7 @@ pub fn exact_closest(scene: &Triangles, ray: &Ray) -> ExactAnswer {
             continue;
         };
         let t = exact.t + 0.0;
-        if ray.t_min <= t && t <= ray.t_max && t < answer.hit.t {
+        if ray.t_min <= t && t <= ray.t_max && t.is_finite() && t < answer.hit.t {
             answer.hit = Hit {
                 t,
                 triangle: id,

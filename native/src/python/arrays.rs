@@ -2,6 +2,7 @@
 //! numpy arrays in, checked: shapes, types, finiteness. Every message names the argument.
 
 use crate::error::{Error, Result};
+use crate::memory::check_room;
 use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 
@@ -22,6 +23,17 @@ pub fn describe(value: &Bound<'_, PyAny>) -> String {
             .name()
             .map_or_else(|_| "?".to_owned(), |n| n.to_string()),
     }
+}
+
+/// Passes when a copy of `array` with elements of `element` bytes fits into memory. An array may be larger than
+/// its own memory: one row, broadcast, is any number of rows.
+pub fn check_copy<'py>(
+    name: &str,
+    array: &impl PyUntypedArrayMethods<'py>,
+    element: usize,
+) -> Result<()> {
+    let bytes = (array.len() as u64).saturating_mul(element as u64);
+    check_room(name, bytes)
 }
 
 /// The rows of an (n, 3) array, converted by `convert`.
@@ -52,8 +64,10 @@ fn rows<T: numpy::Element + Copy, U>(
 /// Points or directions: (n, 3) float32, or float64 rounded to float32.
 pub fn points(name: &str, value: &Bound<'_, PyAny>) -> Result<Vec<[f32; 3]>> {
     let found = if let Ok(array) = value.extract::<PyReadonlyArray2<'_, f32>>() {
+        check_copy(name, &*array, size_of::<f32>())?;
         rows(&array, |x| x)
     } else if let Ok(array) = value.extract::<PyReadonlyArray2<'_, f64>>() {
+        check_copy(name, &*array, size_of::<f32>())?;
         #[expect(
             clippy::cast_possible_truncation,
             reason = "coordinates are f32 from here on"
@@ -145,11 +159,15 @@ pub fn check_finite(name: &str, points: &[[f32; 3]]) -> Result<()> {
 
 /// Vertex indices: (m, 3) int32, uint32 or int64.
 pub fn indices(name: &str, value: &Bound<'_, PyAny>, vertices: usize) -> Result<Vec<[u32; 3]>> {
+    let both = size_of::<i64>() + size_of::<u32>();
     let found = if let Ok(array) = value.extract::<PyReadonlyArray2<'_, i32>>() {
+        check_copy(name, &*array, both)?;
         rows(&array, i64::from)
     } else if let Ok(array) = value.extract::<PyReadonlyArray2<'_, u32>>() {
+        check_copy(name, &*array, both)?;
         rows(&array, i64::from)
     } else if let Ok(array) = value.extract::<PyReadonlyArray2<'_, i64>>() {
+        check_copy(name, &*array, both)?;
         rows(&array, |x| x)
     } else {
         None
@@ -203,8 +221,10 @@ pub fn per_ray(name: &str, value: &Bound<'_, PyAny>, rays: usize) -> Result<PerR
         reason = "distances are f32 from here on"
     )]
     let found = if let Ok(array) = value.extract::<PyReadonlyArray1<'_, f32>>() {
+        check_copy(name, &*array, size_of::<f32>())?;
         PerRay::Each(array.as_array().iter().copied().collect())
     } else if let Ok(array) = value.extract::<PyReadonlyArray1<'_, f64>>() {
+        check_copy(name, &*array, size_of::<f32>())?;
         PerRay::Each(array.as_array().iter().map(|&x| x as f32).collect())
     } else if let Ok(number) = value.extract::<f64>() {
         PerRay::Same(number as f32)

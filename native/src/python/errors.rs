@@ -39,6 +39,7 @@ impl From<Error> for PyErr {
             Error::NonFinite(_) => NonFiniteError::new_err(message),
             Error::Spec(_) => SpecError::new_err(message),
             Error::Cancelled => Cancelled::new_err(message),
+            Error::Internal(_) => PyRuntimeError::new_err(message),
             Error::Memory(_) => pyo3::exceptions::PyMemoryError::new_err(message),
         }
     }

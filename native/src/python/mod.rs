@@ -39,10 +39,17 @@ fn level() -> &'static str {
     "fallback"
 }
 
+/// What a build may take where no limit is given.
+#[pyfunction]
+fn free_memory() -> u64 {
+    crate::memory::default_limit()
+}
+
 #[pymodule]
 fn halfspace_native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add_function(wrap_pyfunction!(level, module)?)?;
+    module.add_function(wrap_pyfunction!(free_memory, module)?)?;
     cases::register(module)?;
     errors::register(module)?;
     registry::register(module)?;

@@ -52,7 +52,7 @@ fn row<'py>(py: Python<'py>, spec: &StructureSpec) -> PyResult<Bound<'py, PyDict
     dict.set_item("summary", spec.summary)?;
     dict.set_item("paper", spec.paper)?;
     let parameters = PyList::empty(py);
-    for param in spec.params {
+    for param in spec.all_params() {
         parameters.append(parameter(py, param)?)?;
     }
     dict.set_item("parameters", parameters)?;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Dictionaries that describe a scene and a render, checked. Every message names the key.
 
-use super::arrays::describe;
+use super::arrays::{check_copy, describe};
 use crate::error::{Error, Result};
 use crate::render::camera::{CameraParams, Projection};
 use crate::render::filter::FilterKind;
@@ -393,6 +393,7 @@ pub fn material_index(value: &Bound<'_, PyAny>) -> Result<Vec<i32>> {
             describe(value)
         ))
     })?;
+    check_copy("material_index", &*array, size_of::<i32>())?;
     Ok(array.as_array().iter().copied().collect())
 }
 
@@ -408,6 +409,7 @@ pub fn corner_normals(value: &Bound<'_, PyAny>) -> Result<Vec<[[f32; 3]; 3]>> {
     if array.shape()[1..] != [3, 3] {
         return Err(wrong());
     }
+    check_copy("corner_normals", &*array, size_of::<f32>())?;
     let triangle = |t: numpy::ndarray::ArrayView2<'_, f32>| {
         [0, 1, 2].map(|corner| [0, 1, 2].map(|axis| t[[corner, axis]]))
     };

@@ -5,12 +5,15 @@ use super::arrays::{self, Threads};
 use super::seeing;
 use super::trace::{self, Hits};
 use crate::build::Monitor as BuildMonitor;
+use crate::error::{Error, caught};
+use crate::memory;
 use crate::scene::Triangles;
 use crate::spec::Config;
 use crate::structure;
-use crate::traverse::Ray;
+use crate::traverse::{Ray, replay};
 use crate::validate;
-use numpy::ToPyArray;
+use numpy::{PyArray1, ToPyArray};
+use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::sync::Arc;
@@ -41,6 +44,35 @@ impl Monitor {
     }
 }
 
+/// Rays whose walks through a structure were recorded.
+#[pyclass(frozen)]
+pub struct Recording {
+    structure: Arc<structure::Structure>,
+    recording: replay::Recording,
+}
+
+#[pymethods]
+impl Recording {
+    #[getter]
+    fn counters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        trace::counters(py, &self.structure, &self.recording.counters)
+    }
+
+    fn replay<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let (seconds, strayed) = py.detach(|| self.structure.replay(&self.recording));
+        if strayed > 0 {
+            return Err(PyRuntimeError::new_err(format!(
+                "{strayed} rays did not visit the leaves that were recorded"
+            )));
+        }
+        Ok(seconds.to_pyarray(py))
+    }
+
+    fn __len__(&self) -> usize {
+        self.recording.rays.len()
+    }
+}
+
 /// A built structure.
 #[pyclass(frozen)]
 pub struct Structure(pub Arc<structure::Structure>);
@@ -67,8 +99,7 @@ impl Structure {
     ) -> PyResult<Hits> {
         let arguments = trace::RayArrays::new(origins, directions, t_min, t_max, order)?;
         let rays = arguments.rays();
-        py.detach(|| trace::closest(&*self.0, rays, threads.0, counters))
-            .map_err(Into::into)
+        Ok(py.detach(|| trace::closest(&self.0, rays, threads.0, counters))?)
     }
 
     #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, order="none", threads=Threads::ALL, counters=false))]
@@ -87,14 +118,33 @@ impl Structure {
         let arguments = trace::RayArrays::new(origins, directions, t_min, t_max, order)?;
         let rays = arguments.rays();
         let (occluded, counts) =
-            py.detach(|| trace::occluded(&*self.0, rays, threads.0, counters))?;
+            py.detach(|| trace::occluded(&self.0, rays, threads.0, counters))?;
         let occluded = occluded.to_pyarray(py).into_any();
         match counts {
             None => Ok(occluded),
-            Some(counts) => Ok((occluded, counts.to_dict(py)?)
+            Some(counts) => Ok((occluded, trace::counters(py, &self.0, &counts)?)
                 .into_pyobject(py)?
                 .into_any()),
         }
+    }
+
+    #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, any_hit=false))]
+    fn record(
+        &self,
+        py: Python<'_>,
+        origins: &Bound<'_, PyAny>,
+        directions: &Bound<'_, PyAny>,
+        t_min: Option<&Bound<'_, PyAny>>,
+        t_max: Option<&Bound<'_, PyAny>>,
+        any_hit: bool,
+    ) -> PyResult<Recording> {
+        let arguments = trace::RayArrays::new(origins, directions, t_min, t_max, "none")?;
+        let rays = arguments.rays().all();
+        let recording = py.detach(|| self.0.record(rays, any_hit))?;
+        Ok(Recording {
+            structure: self.0.clone(),
+            recording,
+        })
     }
 
     #[getter]
@@ -110,6 +160,7 @@ impl Structure {
         dict.set_item("leaf_max", shape.leaf_max)?;
         dict.set_item("leaves_large", shape.leaves_large)?;
         dict.set_item("references", shape.references)?;
+        dict.set_item("links", shape.links)?;
         dict.set_item("depth_max", shape.depth_max)?;
         dict.set_item("depth_mean", shape.depth_mean)?;
         dict.set_item("sah_cost", shape.sah_cost)?;
@@ -164,7 +215,7 @@ impl Structure {
 }
 
 #[pyfunction]
-#[pyo3(signature = (vertices, triangles, spec="kd", *, threads=Threads::ALL, monitor=None))]
+#[pyo3(signature = (vertices, triangles, spec="kd", *, threads=Threads::ALL, monitor=None, memory_limit=None))]
 fn build(
     py: Python<'_>,
     vertices: &Bound<'_, PyAny>,
@@ -172,14 +223,28 @@ fn build(
     spec: &str,
     threads: Threads,
     monitor: Option<&Monitor>,
+    memory_limit: Option<i64>,
 ) -> PyResult<Structure> {
+    let limit = match memory_limit.map(u64::try_from) {
+        None => memory::default_limit(),
+        Some(Ok(bytes)) => bytes,
+        Some(Err(_)) => {
+            return Err(Error::Spec(
+                "memory_limit: expected a number of bytes of at least 0".to_owned(),
+            )
+            .into());
+        }
+    };
     let config = Config::parse(spec)?;
     let vertices = arrays::points("vertices", vertices)?;
     let indices = arrays::indices("triangles", triangles, vertices.len())?;
     let monitor = monitor.map_or_else(|| Arc::new(BuildMonitor::new()), |m| m.0.clone());
+    monitor.limit_memory(limit);
     let built = py.detach(|| {
-        let scene = Arc::new(Triangles::new(vertices, indices)?);
-        structure::Structure::build(scene, config, threads.0, &monitor)
+        caught(|| {
+            let scene = Arc::new(Triangles::new(vertices, indices)?);
+            structure::Structure::build(scene, config, threads.0, &monitor)
+        })
     })?;
     Ok(Structure(Arc::new(built)))
 }
@@ -188,5 +253,6 @@ fn build(
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<Monitor>()?;
     module.add_class::<Structure>()?;
+    module.add_class::<Recording>()?;
     module.add_function(wrap_pyfunction!(build, module)?)
 }

@@ -2,15 +2,18 @@
 //! Rays from arrays, hits to arrays, and the exact oracle.
 
 use super::arrays::{self, PerRay, Points, Threads};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, caught};
+use crate::memory::check_room;
 use crate::oracle::exact_closest;
 use crate::scene::Triangles;
-use crate::traverse::{Hit, Order, Ray, RayCounters, Tracer};
+use crate::structure::Structure;
+use crate::traverse::{Hit, Order, Ray, RayCounters, Tracer, cases};
 use numpy::{PyReadonlyArray1, ToPyArray};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::num::NonZero;
-use std::sync::Mutex;
+use std::sync::{Arc, Mutex};
+use std::thread::Builder;
 
 /// Rays handed to a worker at once: enough to forget the cost of handing them over, few enough to
 /// stay in its cache.
@@ -99,6 +102,11 @@ impl<'py> RayArrays<'py> {
 }
 
 impl Rays<'_> {
+    /// All of them.
+    pub fn all(&self) -> Vec<Ray> {
+        (0..self.origins.len()).map(|i| self.ray(i)).collect()
+    }
+
     fn ray(&self, i: usize) -> Ray {
         Ray {
             o: self.origins[i],
@@ -113,7 +121,7 @@ impl Rays<'_> {
 #[pyclass(frozen)]
 pub struct Hits {
     hits: Vec<Hit>,
-    counts: Option<Counts>,
+    counts: Option<(Arc<Structure>, Vec<RayCounters>)>,
     on_boundary: Option<Vec<bool>>,
 }
 
@@ -144,7 +152,7 @@ impl Hits {
     fn counters<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
         self.counts
             .as_ref()
-            .map(|counts| counts.to_dict(py))
+            .map(|(structure, counts)| counters(py, structure, counts))
             .transpose()
     }
 
@@ -175,31 +183,35 @@ impl Hits {
     }
 }
 
-/// What each ray cost.
-pub struct Counts(Vec<RayCounters>);
-
-impl Counts {
-    /// Name to (n,) uint32.
-    pub fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        type Column = (&'static str, fn(&RayCounters) -> u32);
-        const COLUMNS: [Column; 7] = [
-            ("steps", |c| c.steps_axis + c.steps_oblique),
-            ("steps_axis", |c| c.steps_axis),
-            ("steps_oblique", |c| c.steps_oblique),
-            ("leaves", |c| c.leaves),
-            ("leaves_empty", |c| c.leaves_empty),
-            ("tests", |c| c.tests),
-            ("verdicts", |c| c.verdicts),
-        ];
-        let dict = PyDict::new(py);
-        for (name, get) in COLUMNS {
-            dict.set_item(
-                name,
-                self.0.iter().map(get).collect::<Vec<_>>().to_pyarray(py),
-            )?;
-        }
-        Ok(dict)
+/// What each ray cost: name to (n,) uint32.
+pub fn counters<'py>(
+    py: Python<'py>,
+    structure: &Structure,
+    counters: &[RayCounters],
+) -> PyResult<Bound<'py, PyDict>> {
+    type Column = (&'static str, fn(&RayCounters) -> u32);
+    const COLUMNS: [Column; 8] = [
+        ("steps", |c| c.steps_axis + c.steps_oblique),
+        ("steps_axis", |c| c.steps_axis),
+        ("steps_oblique", |c| c.steps_oblique),
+        ("leaves", |c| c.leaves),
+        ("leaves_empty", |c| c.leaves_empty),
+        ("tests", |c| c.tests),
+        ("verdicts", |c| c.verdicts),
+        ("spared", |c| c.spared),
+    ];
+    let dict = PyDict::new(py);
+    for (name, get) in COLUMNS {
+        let column: Vec<_> = counters.iter().map(get).collect();
+        dict.set_item(name, column.to_pyarray(py))?;
     }
+    if structure.tells_cases() {
+        for (i, name) in cases::NAMES.iter().enumerate() {
+            let column: Vec<_> = counters.iter().map(|c| c.cases[i]).collect();
+            dict.set_item(name, column.to_pyarray(py))?;
+        }
+    }
+    Ok(dict)
 }
 
 /// Runs `work` on chunks of rays, their answers and their counters, on `threads` threads.
@@ -209,8 +221,10 @@ fn in_chunks<T: Clone + Send>(
     counted: bool,
     blank: T,
     work: impl Fn(&[Ray], &mut [T], Option<&mut [RayCounters]>) + Sync,
-) -> (Vec<T>, Option<Counts>) {
+) -> Result<(Vec<T>, Option<Vec<RayCounters>>)> {
     let n = rays.origins.len();
+    let counter = if counted { size_of::<RayCounters>() } else { 0 };
+    check_room("origins", (n * (size_of::<T>() + counter)) as u64)?;
     let mut answers = vec![blank; n];
     let mut counts = if counted {
         vec![RayCounters::default(); n]
@@ -248,49 +262,49 @@ fn in_chunks<T: Clone + Send>(
             work(&buffer, answers, counted.then_some(counts));
         }
     };
-    std::thread::scope(|scope| {
-        for _ in 1..threads {
-            scope.spawn(worker);
-        }
-        worker();
-    });
-    (answers, counted.then_some(Counts(counts)))
+    caught(|| {
+        std::thread::scope(|scope| {
+            for _ in 1..threads {
+                // Where no more threads can start, those that did do all the work.
+                if Builder::new().spawn_scoped(scope, worker).is_err() {
+                    break;
+                }
+            }
+            worker();
+        });
+        Ok(())
+    })?;
+    Ok((answers, counted.then_some(counts)))
 }
 
 /// Nearest hits.
 pub fn closest(
-    tracer: &impl Tracer,
+    structure: &Arc<Structure>,
     rays: Rays<'_>,
     threads: usize,
     counters: bool,
 ) -> Result<Hits> {
     let order = rays.order;
     let (hits, counts) = in_chunks(rays, threads, counters, Hit::MISS, |rays, hits, counts| {
-        tracer.closest_ordered(rays, hits, counts, order);
-    });
+        structure.closest_ordered(rays, hits, counts, order);
+    })?;
     Ok(Hits {
         hits,
-        counts,
+        counts: counts.map(|counts| (structure.clone(), counts)),
         on_boundary: None,
     })
 }
 
 /// Any hits.
 pub fn occluded(
-    tracer: &impl Tracer,
+    structure: &Structure,
     rays: Rays<'_>,
     threads: usize,
     counters: bool,
-) -> Result<(Vec<bool>, Option<Counts>)> {
-    Ok(in_chunks(
-        rays,
-        threads,
-        counters,
-        false,
-        |rays, answers, counts| {
-            tracer.occluded(rays, answers, counts);
-        },
-    ))
+) -> Result<(Vec<bool>, Option<Vec<RayCounters>>)> {
+    in_chunks(rays, threads, counters, false, |rays, answers, counts| {
+        structure.occluded(rays, answers, counts);
+    })
 }
 
 #[pyfunction]
@@ -318,7 +332,7 @@ fn exact(
                 let exact = exact_closest(&scene, ray);
                 *answer = (exact.hit, exact.on_boundary);
             }
-        });
+        })?;
         Ok::<_, Error>(answers.into_iter().unzip::<_, _, Vec<_>, Vec<_>>())
     })?;
     Ok(Hits {

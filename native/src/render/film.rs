@@ -99,6 +99,14 @@ pub struct Film {
 }
 
 impl Film {
+    /// How much memory the film of these settings takes.
+    pub fn bytes(settings: &Settings) -> u64 {
+        let [x0, y0, x1, y1] = settings.region();
+        // A pass asked for twice is kept once; at most that is counted too much.
+        let channels: usize = settings.passes.iter().map(|p| p.channels()).sum();
+        u64::from(x1 - x0) * u64::from(y1 - y0) * (channels * size_of::<f64>()) as u64
+    }
+
     /// An empty film.
     pub fn new(settings: &Settings) -> Self {
         let region @ [x0, y0, x1, y1] = settings.region();

@@ -18,6 +18,7 @@ use super::filter::Filter;
 use super::integrator::{Context, Wavefront, Work};
 use super::scene::RenderScene;
 use super::settings::{Pass, Settings};
+use crate::memory::check_room;
 
 /// Numbers of a render so far.
 #[derive(Debug, Clone, Copy, Default)]
@@ -76,6 +77,7 @@ impl Job {
         threads: usize,
     ) -> Result<Self> {
         settings.check()?;
+        check_room("settings: the film", Film::bytes(&settings))?;
         let camera = Camera::new(camera, settings.width, settings.height)?;
         let filter = Filter::new(settings.filter, settings.filter_width)?;
         let film = Film::new(&settings);
@@ -222,15 +224,10 @@ impl Shared {
     /// The life of one thread.
     fn run(&self) {
         if let Err(panic) = catch_unwind(AssertUnwindSafe(|| self.work())) {
-            let text = panic
-                .downcast_ref::<&str>()
-                .map(ToString::to_string)
-                .or_else(|| panic.downcast_ref::<String>().cloned())
-                .unwrap_or_else(|| "unknown".into());
             self.stop.store(true, Ordering::Relaxed);
             self.state()
                 .error
-                .get_or_insert(format!("internal error while rendering: {text}"));
+                .get_or_insert(Error::of_panic(&*panic).to_string());
         }
         self.leave();
     }

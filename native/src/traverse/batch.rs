@@ -4,12 +4,14 @@
 
 use super::blocks::{Blocks, LANES};
 use super::frame::{Frame, FrameRay};
-use super::octree_beam::RAYS;
-use super::query::{Best, Count, Counters, NoCount, Query};
+use super::path::{Follow, Path};
+use super::query::{Any, Best, Closest, Count, Counters, NoCount, Query};
 use super::ray::{Hit, Ray, RayCounters};
-use super::record::Watch;
+use super::replay::{CHUNK, Record};
+use super::shadow_cache::ShadowCache;
 use crate::scene::Triangles;
 use fearless_simd::{Level, Simd, dispatch};
+use std::time::{Duration, Instant};
 
 /// A way of walking a tree with single rays.
 pub trait Walk: Sync {
@@ -30,15 +32,33 @@ pub trait Walk: Sync {
     ) -> Hit;
 }
 
+/// What is done with a way of walking, whichever it is.
+pub trait WithWalk {
+    /// What comes of it.
+    type Output;
+    /// Does it.
+    fn with<W: Walk>(self, walk: &W) -> Self::Output;
+}
+
 /// A way of walking a tree with tiles of rays.
 pub trait TileWalk: Sync {
-    /// Finds the nearest hits of up to 64 rays, at least one, and hands each to `write` with the
-    /// ray's place, the last time with its answer.
+    /// Rays of a tile at most.
+    const RAYS: usize;
+
+    /// Buffers that tiles can share one after another.
+    type Scratch;
+
+    /// New buffers.
+    fn scratch(&self) -> Self::Scratch;
+
+    /// Finds the nearest hits of up to [`Self::RAYS`] rays, at least one, and hands each to `write`
+    /// with the ray's place, the last time with its answer.
     fn cast_tile<S: Simd, C: Counters>(
         &self,
         simd: S,
         triangles: (&Triangles, &Blocks),
         rays: (&Frame, &[Ray]),
+        scratch: &mut Self::Scratch,
         write: &mut impl FnMut(usize, Hit),
         counters: &mut [C],
     );
@@ -56,6 +76,8 @@ pub struct Batch<'a> {
     pub rays: &'a [Ray],
     /// The instruction set.
     pub level: Level,
+    /// Whether any-hit rays ask the shadow cache first.
+    pub shadow_cache: bool,
 }
 
 impl Batch<'_> {
@@ -64,18 +86,108 @@ impl Batch<'_> {
         &self,
         walk: &W,
         mut write: impl FnMut(usize, Hit),
-        watch: Watch<'_>,
+        counters: Option<&mut [RayCounters]>,
     ) {
-        match watch.counts() {
+        match counters {
             None => dispatch!(self.level, simd => {
                 self.each::<_, _, Q, _>(simd, walk, &mut write, |_| NoCount);
             }),
-            Some(mut counts) => dispatch!(self.level, simd => {
-                self.each::<_, _, Q, _>(simd, walk, &mut write, |_| {
-                    counts.next().expect("one set of counters per ray")
+            Some(counters) => {
+                let mut counters = counters.iter_mut();
+                dispatch!(self.level, simd => {
+                    self.each::<_, _, Q, _>(simd, walk, &mut write, |_| {
+                        Count(counters.next().expect("one set of counters per ray"), None)
+                    });
                 });
-            }),
+            }
         }
+    }
+
+    /// Walks the rays one by one, counts what each costs and records what its leaves answer.
+    pub fn record<W: Walk, Q: Query>(
+        &self,
+        walk: &W,
+        counters: &mut [RayCounters],
+        record: &mut Record,
+    ) {
+        // One at a time: the counters of all rays share the record.
+        for (ray, counters) in self.rays.iter().zip(counters) {
+            record.begin();
+            let mut both = Some((counters, &mut *record));
+            let one = Batch {
+                rays: std::slice::from_ref(ray),
+                ..*self
+            };
+            dispatch!(self.level, simd => {
+                one.each::<_, _, Q, _>(simd, walk, &mut |_, _| (), |_| {
+                    let (counters, record) = both.take().expect("one ray");
+                    Count(counters, Some(record))
+                });
+            });
+        }
+    }
+
+    /// Walks the only ray to its nearest hit, and tells what the walk did.
+    ///
+    /// # Panics
+    /// When there is not one ray.
+    pub fn path<W: Walk>(&self, walk: &W) -> (Hit, Path) {
+        assert_eq!(self.rays.len(), 1, "one ray");
+        let (mut nearest, mut path) = (Hit::MISS, Path::default());
+        let mut only = Some(&mut path);
+        dispatch!(self.level, simd => {
+            self.each::<_, _, Closest, _>(simd, walk, &mut |_, hit| nearest = hit, |_| {
+                Follow::new(only.take().expect("one ray"))
+            });
+        });
+        (nearest, path)
+    }
+
+    /// Walks recorded rays again without testing triangles. Tells how long each [`CHUNK`] of them
+    /// took, without the time of bringing them into the frame, and returns how many did not visit
+    /// the leaves that were recorded.
+    pub fn replay<W: Walk, Q: Query>(
+        &self,
+        walk: &W,
+        record: &Record,
+        mut took: impl FnMut(Duration),
+    ) -> usize {
+        dispatch!(self.level, simd => {
+            self.replay_each::<_, _, Q>(simd, walk, record, &mut took)
+        })
+    }
+
+    #[inline(always)]
+    fn replay_each<S: Simd, W: Walk, Q: Query>(
+        &self,
+        simd: S,
+        walk: &W,
+        record: &Record,
+        took: &mut impl FnMut(Duration),
+    ) -> usize {
+        let mut scratch = walk.scratch();
+        let mut framed = Vec::with_capacity(CHUNK);
+        let mut strayed = 0;
+        for (chunk, rays) in self.rays.chunks(CHUNK).enumerate() {
+            framed.clear();
+            framed.extend(rays.iter().map(|ray| self.frame.ray(ray)));
+            let start = Instant::now();
+            for (i, (ray, framed)) in rays.iter().zip(&framed).enumerate() {
+                let mut replay = record.replay(chunk * CHUNK + i);
+                if let Some(framed) = framed {
+                    walk.cast::<S, Q, _>(
+                        simd,
+                        (self.scene, self.blocks),
+                        (ray, framed),
+                        &mut scratch,
+                        &mut replay,
+                    );
+                }
+                strayed += usize::from(!replay.is_over());
+            }
+            took(start.elapsed());
+        }
+        strayed
     }
 
     #[inline(always)]
@@ -87,20 +199,70 @@ impl Batch<'_> {
         mut counter: impl FnMut(usize) -> C,
     ) {
         let mut scratch = walk.scratch();
+        let mut cache = self.cache::<Q>();
         for (i, ray) in self.rays.iter().enumerate() {
             let mut counters = counter(i);
-            let hit = match self.frame.ray(ray) {
-                Some(framed) => walk.cast::<S, Q, C>(
-                    simd,
-                    (self.scene, self.blocks),
-                    (ray, &framed),
-                    &mut scratch,
-                    &mut counters,
-                ),
-                None => Hit::MISS,
+            let Some(framed) = self.frame.ray(ray) else {
+                write(i, Hit::MISS);
+                continue;
             };
+            if Q::ANY
+                && let Some(hit) = self.cached(&cache, (ray, &framed), &mut counters)
+            {
+                write(i, hit);
+                continue;
+            }
+            let hit = walk.cast::<S, Q, C>(
+                simd,
+                (self.scene, self.blocks),
+                (ray, &framed),
+                &mut scratch,
+                &mut counters,
+            );
+            if Q::ANY
+                && let Some(cache) = &mut cache
+            {
+                cache.remember(cache.entry(ray), &hit);
+            }
             write(i, hit);
         }
+    }
+
+    /// An empty shadow cache, where one is wanted.
+    fn cache<Q: Query>(&self) -> Option<ShadowCache> {
+        (Q::ANY && self.shadow_cache).then(|| ShadowCache::new(self.scene.bounds()))
+    }
+
+    /// The hit with the triangle that blocked this ray's light last, if that blocks it again.
+    #[inline(always)]
+    fn cached<C: Counters>(
+        &self,
+        cache: &Option<ShadowCache>,
+        ray: (&Ray, &FrameRay),
+        counters: &mut C,
+    ) -> Option<Hit> {
+        let cache = cache.as_ref()?;
+        self.blocked(cache.blocker(cache.entry(ray.0)), ray, counters)
+    }
+
+    /// The hit with this triangle, if it blocks the ray.
+    #[inline(always)]
+    pub fn blocked<C: Counters>(
+        &self,
+        id: u32,
+        ray: (&Ray, &FrameRay),
+        counters: &mut C,
+    ) -> Option<Hit> {
+        if id == Hit::NONE {
+            return None;
+        }
+        let mut best = Best::new(ray.1);
+        counters.tests(1);
+        let blocked = best.offer::<Any, C>(ray, id, || self.scene.corners(id), counters);
+        if blocked {
+            counters.spared();
+        }
+        blocked.then(|| best.hit())
     }
 
     /// Walks the rays tile by tile.
@@ -118,7 +280,7 @@ impl Batch<'_> {
                 let mut counters = counters.iter_mut();
                 dispatch!(self.level, simd => {
                     self.each_tile(simd, walk, &mut write, |_| {
-                        Count::new(counters.next().expect("one set of counters per ray"))
+                        Count(counters.next().expect("one set of counters per ray"), None)
                     });
                 });
             }
@@ -133,15 +295,17 @@ impl Batch<'_> {
         write: &mut impl FnMut(usize, Hit),
         mut counter: impl FnMut(usize) -> C,
     ) {
-        let mut counters = Vec::with_capacity(RAYS);
-        for (tile, rays) in self.rays.chunks(RAYS).enumerate() {
-            let first = tile * RAYS;
+        let mut counters = Vec::with_capacity(W::RAYS);
+        let mut scratch = walk.scratch();
+        for (tile, rays) in self.rays.chunks(W::RAYS).enumerate() {
+            let first = tile * W::RAYS;
             counters.clear();
             counters.extend((first..first + rays.len()).map(&mut counter));
             walk.cast_tile(
                 simd,
                 (self.scene, self.blocks),
                 (self.frame, rays),
+                &mut scratch,
                 &mut |i, hit| write(first + i, hit),
                 &mut counters,
             );
@@ -159,17 +323,27 @@ impl Batch<'_> {
         let mut none = vec![RayCounters::default(); self.rays.len()];
         let counters = counters.unwrap_or(&mut none);
         let groups = self.rays.chunks(RAYS).zip(counters.chunks_mut(RAYS));
+        let mut cache = self.cache::<Q>();
         for (group, (rays, counters)) in groups.enumerate() {
             let mut open: Vec<_> = rays
                 .iter()
                 .zip(counters)
                 .map(|(ray, counters)| {
-                    self.frame
-                        .ray(ray)
-                        .map(|framed| (framed, Best::new(&framed), counters, false))
+                    let framed = self.frame.ray(ray)?;
+                    // Rays of a group go together, so the blockers are those of the group before.
+                    let known = self.cached(&cache, (ray, &framed), &mut Count(counters, None));
+                    let best = known.map_or_else(|| Best::new(&framed), Best::known);
+                    Some((framed, best, counters, known.is_some()))
                 })
                 .collect();
             dispatch!(self.level, simd => self.all_triangles::<_, Q>(simd, count, rays, &mut open));
+            if let Some(cache) = &mut cache {
+                for (ray, state) in rays.iter().zip(&open) {
+                    if let Some((_, best, ..)) = state {
+                        cache.remember(cache.entry(ray), &best.hit());
+                    }
+                }
+            }
             for (i, state) in open.iter().enumerate() {
                 write(
                     group * RAYS + i,
@@ -195,7 +369,7 @@ impl Batch<'_> {
                     continue;
                 };
                 if !*done {
-                    let mut count = Count::new(counters);
+                    let mut count = Count(counters, None);
                     let blocks = self.blocks;
                     *done = blocks.test::<S, Q, _>(
                         simd,

@@ -9,6 +9,7 @@
 //! rejects a triangle only when the bound proves the miss; all others go to the exact verdict.
 
 use super::frame::{Frame, FrameRay, U, keep_max, keep_min};
+use super::keep::{Keep, write_lane};
 use super::query::{Best, Counters, Query};
 use super::ray::Ray;
 use crate::scene::Triangles;
@@ -18,11 +19,11 @@ use fearless_simd::{Simd, SimdBase, SimdFloat, SimdMask, f32x8};
 pub const LANES: usize = 8;
 
 /// Words per triangle.
-const WORDS: usize = 10;
+pub(super) const WORDS: usize = 10;
 
 /// Words that the test may read from the beginning of any block, however few triangles it has: all
 /// loads then lie provably inside, and are checked once per block.
-const SPAN: usize = 1 + WORDS * LANES + LANES;
+pub(super) const SPAN: usize = 1 + WORDS * LANES + LANES;
 
 // With |d| < 2 per component, |e| <= E, |o - v| <= S and all inputs of the test rounded once, the
 // roundings of each quantity add up to less than (per component bounds, worst case of signs):
@@ -38,49 +39,6 @@ pub(super) const T_ERROR: f32 = 64.0 * U;
 
 /// Absolute part of every bound, where products lost bits below the normal numbers.
 pub(super) const UNDERFLOW: f32 = 1e-36;
-
-/// What leaves keep of their triangles.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Keep {
-    /// Corners and number, in blocks ready for the test.
-    #[default]
-    Corners,
-    /// The numbers of the corners and of the triangle, four words: less than half the memory. The
-    /// corners are fetched from the scene for each test.
-    Indices,
-}
-
-impl Keep {
-    /// How many words a leaf of `count` triangles takes.
-    pub fn words(self, count: usize) -> usize {
-        match self {
-            Self::Corners => count.div_ceil(LANES) + WORDS * count,
-            Self::Indices => 4 * count,
-        }
-    }
-
-    /// Writes the triangles of one leaf into words that are zero.
-    pub fn write(self, words: &mut [f32], scene: &Triangles, frame: &Frame, ids: &[u32]) {
-        match self {
-            Self::Corners => {
-                let blocks = words.chunks_mut(1 + WORDS * LANES);
-                for (block, ids) in blocks.zip(ids.chunks(LANES)) {
-                    for (lane, &id) in ids.iter().enumerate() {
-                        let corners = scene.corners(id).map(|p| frame.point(p));
-                        let size = write_lane(block, (lane, ids.len()), id, corners);
-                        block[0] = block[0].max(size);
-                    }
-                }
-            }
-            Self::Indices => {
-                for (words, &id) in words.chunks_mut(4).zip(ids) {
-                    let [a, b, c] = scene.indices()[id as usize];
-                    words.copy_from_slice(&[a, b, c, id].map(f32::from_bits));
-                }
-            }
-        }
-    }
-}
 
 /// All leaf triangles of a structure, in one array.
 #[derive(Debug, Clone, Default)]
@@ -180,12 +138,35 @@ impl Blocks {
                 .first_chunk()
                 .expect("sealed: no block is the last");
             for lane in 0..n {
-                let corners = [0, 3, 6].map(|r| [r, r + 1, r + 2].map(|r| block[1 + r * n + lane]));
+                let at = |r: usize| block[1 + r * n + lane];
+                let corners = [
+                    [at(0), at(1), at(2)],
+                    [at(3), at(4), at(5)],
+                    [at(6), at(7), at(8)],
+                ];
                 see(block[1 + 9 * n + lane].to_bits(), corners);
             }
             at += 1 + WORDS * n;
             left -= n;
         }
+    }
+
+    /// The block of `n` triangles at a place, and the place of the next.
+    #[inline(always)]
+    pub(super) fn block(&self, at: u32, n: usize) -> (&[f32; SPAN], u32) {
+        let block = self.words[at as usize..]
+            .first_chunk()
+            .expect("sealed: no block is the last");
+        #[expect(clippy::cast_possible_truncation, reason = "at most 81")]
+        (block, at + (1 + WORDS * n) as u32)
+    }
+
+    /// The words of the block that begins at `at`, and some behind it.
+    #[inline(always)]
+    pub(super) fn block_words(&self, at: usize) -> &[f32; SPAN] {
+        self.words[at..]
+            .first_chunk()
+            .expect("sealed: no block is the last")
     }
 
     /// A triangle's corners in the scene's frame, of which those in this frame are at hand.
@@ -243,7 +224,10 @@ impl Blocks {
         best: &mut Best,
         counters: &mut C,
     ) -> bool {
-        counters.tested_leaf(first, count);
+        if C::REPLAY {
+            return best.take::<Q>(frame, counters.replay());
+        }
+        counters.visit(first, count);
         let indices = ANY && self.keep == Keep::Indices;
         let mut at = first as usize;
         let mut left = count;
@@ -299,25 +283,6 @@ impl Blocks {
     }
 }
 
-/// Writes one of the `n` triangles of a block; returns its largest edge component.
-#[inline(always)]
-fn write_lane(
-    block: &mut [f32],
-    (lane, n): (usize, usize),
-    id: u32,
-    [a, b, c]: [[f32; 3]; 3],
-) -> f32 {
-    let mut size = 0.0;
-    for k in 0..3 {
-        block[1 + k * n + lane] = a[k];
-        block[1 + (3 + k) * n + lane] = b[k];
-        block[1 + (6 + k) * n + lane] = c[k];
-        size = keep_max((b[k] - a[k]).abs(), keep_max((c[k] - a[k]).abs(), size));
-    }
-    block[1 + 9 * n + lane] = f32::from_bits(id);
-    size
-}
-
 /// The triangles of one block that the ray may hit, the nearest first.
 struct Candidates<S: Simd> {
     lanes: u64,
@@ -363,8 +328,10 @@ impl<S: Simd> Candidates<S> {
         let (det, u, v, t) = (det * sign, u * sign, v * sign, t * sign);
         let least = u.min(v).min(det - u - v);
 
-        // A corner of a triangle that is hit within reach is no farther than that, and its size.
-        let span = keep_min(2.0 * reach + size, ray.span);
+        // A corner of a triangle that is hit within reach, or behind the origin where the ray begins there, is
+        // no farther than that, and its size.
+        let farthest = keep_max(-ray.t_min, reach);
+        let span = keep_min(2.0 * farthest + size, ray.span);
         // Zero, or NaN where some product may have overflowed: NaN bounds reject nothing.
         let overflow = 0.0 * (64.0 * span * size * size.max(1.0));
         let floor = UNDERFLOW + overflow;
@@ -443,65 +410,4 @@ impl<S: Simd> Candidates<S> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::geom::verdict::verdict;
-    use fearless_simd::{Level, dispatch};
-    use proptest::prelude::*;
-
-    fn coordinate() -> impl Strategy<Value = f32> {
-        prop_oneof![
-            (-8i8..8).prop_map(f32::from),
-            -1.0f32..1.0,
-            -1e-3f32..1e-3,
-            -1e6f32..1e6,
-            prop::num::f32::NORMAL | prop::num::f32::SUBNORMAL | prop::num::f32::ZERO,
-        ]
-    }
-
-    fn point() -> impl Strategy<Value = [f32; 3]> {
-        [coordinate(), coordinate(), coordinate()]
-    }
-
-    proptest! {
-        #![proptest_config(ProptestConfig::with_cases(20_000))]
-        #[test]
-        fn no_hit_is_ever_rejected(
-            corners in prop::collection::vec(point(), 3..30),
-            o in point(),
-            weights in [0.0f32..1.0, 0.0f32..1.0],
-            pick in any::<prop::sample::Index>(),
-        ) {
-            let count = corners.len() / 3;
-            let indices = (0..u32::try_from(count).unwrap()).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
-            let scene = Triangles::new(corners, indices).unwrap();
-            prop_assume!(!scene.live().is_empty());
-            let frame = Frame::new(scene.bounds());
-            let mut blocks = Blocks::new();
-            let first = blocks.push_leaf(&scene, &frame, scene.live());
-            blocks.seal();
-            // Aim at a point in or near one of the triangles.
-            let [a, b, c] = scene.corners(scene.live()[pick.index(scene.live().len())]);
-            let d: [f32; 3] = std::array::from_fn(|k| {
-                a[k] * (1.0 - weights[0]) * (1.0 - weights[1]) + b[k] * weights[0] + c[k] * weights[1] - o[k]
-            });
-            prop_assume!(d.iter().all(|x| x.is_finite()));
-            let ray = Ray { o, d, t_min: 0.0, t_max: f32::INFINITY };
-            let hit = |id: u32| verdict(o, d, scene.corners(id)).is_some_and(|v| v.t >= 0.0 && v.t.is_finite());
-            let Some(framed) = frame.ray(&ray) else {
-                prop_assert!(!scene.live().iter().any(|&id| hit(id)), "the box test lost a hit");
-                return Ok(());
-            };
-            let mut at = first as usize;
-            for ids in scene.live().chunks(LANES) {
-                let n = ids.len();
-                let block = blocks.words[at..].first_chunk().unwrap();
-                let mask = dispatch!(Level::new(), simd => Candidates::new(simd, block, n, &framed, framed.t_max).lanes);
-                for (lane, &id) in ids.iter().enumerate() {
-                    prop_assert!(mask >> lane & 1 == 1 || !hit(id), "triangle {id} was rejected");
-                }
-                at += 1 + WORDS * n;
-            }
-        }
-    }
-}
+mod tests;

@@ -25,24 +25,24 @@ use fearless_simd::{Simd, SimdFloat, SimdMask, f32x4, f32x8};
 const WIDEST: usize = 8;
 
 /// Instead of a count: the link leads to an inner node.
-const INNER: u32 = u32::MAX;
+pub(super) const INNER: u32 = u32::MAX;
 
 /// A node: 32 bytes a child.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[repr(align(64))]
-struct Wide<const W: usize> {
+pub(super) struct Wide<const W: usize> {
     /// Rows: lowest x, y, z, highest x, y, z of each child's box.
-    bounds: [[f32; W]; 6],
+    pub(super) bounds: [[f32; W]; 6],
     /// An inner child's place, or where a leaf's blocks begin.
-    link: [u32; W],
+    pub(super) link: [u32; W],
     /// A leaf's number of triangles, or [`INNER`].
-    count: [u32; W],
+    pub(super) count: [u32; W],
 }
 
 /// A tree of boxes over a scene.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BoxTree<const W: usize> {
-    nodes: Vec<Wide<W>>,
+    pub(super) nodes: Vec<Wide<W>>,
 }
 
 impl<const W: usize> BoxTree<W> {
@@ -268,9 +268,9 @@ impl Slabs {
 /// A box still to visit.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Pending {
-    enter: f32,
-    link: u32,
-    count: u32,
+    pub(super) enter: f32,
+    pub(super) link: u32,
+    pub(super) count: u32,
 }
 
 /// The walk over one tree.

@@ -13,10 +13,13 @@ use crate::geom::Aabb;
 pub const U: f32 = 1.0 / 16_777_216.0;
 
 /// Relative slack for pruning by the best hit: three roundings of `t` and the scale of the frame.
-const PRUNE: f32 = 1.0 + 1.0 / 1_048_576.0;
+pub(super) const PRUNE: f32 = 1.0 + 1.0 / 1_048_576.0;
+
+/// The padding of [`FrameRay::pad`], per unit of coordinate.
+pub const PARALLEL_PAD: f32 = 8.0 * U;
 
 /// Added where products may have lost a subnormal part.
-const TINY: f32 = 1e-37;
+pub(super) const TINY: f32 = 1e-37;
 
 /// A power-of-two scale and the scene's box after it.
 #[derive(Debug, Clone, Copy)]
@@ -90,6 +93,49 @@ impl Frame {
         self.bounds
     }
 
+    /// How far a plane must be from an origin to be told from it, per axis, and the bound on the error
+    /// of the origin's height over an oblique plane that meets the scene: [`FrameRay::pad`] and
+    /// [`FrameRay::oblique_pad`] for all rays from there, in a frame that [`Self::is_scene`].
+    pub fn pads(&self, o: [f32; 3]) -> ([f32; 3], f32) {
+        let far = o[0].abs().max(o[1].abs()).max(o[2].abs());
+        let pad = o.map(|x| self.robust * 8.0 * U * (x.abs() + self.magnitude));
+        (pad, self.robust * 28.0 * U * (far + self.magnitude))
+    }
+
+    /// The power of two by which a ray's direction is divided; `None` for what wants more care: a
+    /// scaled frame, a number that is not finite, a direction near the ends of the range.
+    #[inline(always)]
+    pub fn unit_of(&self, ray: &Ray) -> Option<f32> {
+        let longest = ray.d[0].abs().max(ray.d[1].abs()).max(ray.d[2].abs());
+        let zeros = [
+            ray.o[0] * 0.0 + ray.d[0] * 0.0,
+            ray.o[1] * 0.0 + ray.d[1] * 0.0,
+            ray.o[2] * 0.0 + ray.d[2] * 0.0,
+        ];
+        let finite = zeros[0] + zeros[1] + zeros[2] == 0.0;
+        let plain = longest > 2.0 * f32::MIN_POSITIVE && longest < 1e38;
+        (finite && plain && self.is_scene())
+            .then(|| f32::from_bits(longest.to_bits() & 0x7f80_0000))
+    }
+
+    /// A ray's interval in this frame, widened by its rounding.
+    #[inline(always)]
+    pub fn interval(&self, ray: &Ray, unit: f32) -> [f32; 2] {
+        let limits = self.limits(unit);
+        [limits.lower(ray.t_min), limits.reach(ray.t_max)]
+    }
+
+    /// What [`FrameRay::reach`] needs, and nothing else.
+    #[inline(always)]
+    pub fn limits(&self, unit: f32) -> FrameRay {
+        let mut out = FrameRay {
+            to_frame: f64::from(unit) * f64::from(self.scale),
+            ..FrameRay::NOTHING
+        };
+        out.last_place = out.scaled(f32::from_bits(1)) + TINY;
+        out
+    }
+
     /// The ray in this frame, cut to the scene's box; `None` when it certainly misses the box, when
     /// its direction is zero, or when a number of it is not finite.
     #[inline(always)]
@@ -138,7 +184,7 @@ impl Frame {
         for k in 0..3 {
             // A plane distance (p - o) / d is off by less than 3 u |p - o| / |d|, the point it
             // stands for by less than 5 u (|o| + |p|); 8 leaves room for the additions.
-            let pad = 8.0 * U * (o[k].abs() + self.magnitude);
+            let pad = PARALLEL_PAD * (o[k].abs() + self.magnitude);
             let slowest = parallel * pad;
             let dk = if d[k].abs() < slowest {
                 slowest.copysign(d[k])

@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! One triangle against eight rays of a common origin: what depends on the origin and the triangle
-//! alone is worked out once, and each ray is left with three dot products.
+//! One triangle against eight rays of a common origin or direction: what depends on the shared half
+//! and the triangle alone is worked out once, and each ray is left with three dot products.
 //!
 //! The test and its error bounds are those of [`super::blocks`], with the triple products turned
-//! around so that the direction comes last; the bounds there hold for this order as well: the
-//! cross products of edges and offsets are off by 8 u E^2 and 8 u S E per component, the dot
-//! products with |d| < 2 make that 48 and add 36, which is 84 u E^2 and 84 u S E again.
+//! around so that what differs comes last; the bounds there hold for these orders as well. With the
+//! direction last, the cross products of edges and offsets are off by 8 u E^2 and 8 u S E per
+//! component, the dot products with |d| < 2 make that 48 and add 36, which is 84 u E^2 and
+//! 84 u S E again. With the offset last, those of direction and edge are off by 12 u E, those of
+//! edges by 8 u E^2; offset and dot product make that 84 u S E and 48 u S E^2 again.
 
 use super::blocks::{DET_ERROR, T_ERROR, UNDERFLOW, UV_ERROR};
 use fearless_simd::{Simd, SimdBase, SimdFloat, SimdMask, f32x8};
@@ -52,14 +54,190 @@ impl Seen {
             dot(simd, self.u, d),
             dot(simd, self.v, d),
         );
-        let sign = splat(1.0).copysign(det);
-        let (det, u, v, t) = (det * sign, u * sign, v * sign, splat(self.t) * sign);
-        let least = u.min(v).min(det - u - v);
-        let doubt = reach
-            .abs()
-            .mul_add(splat(3.0 * self.det_error), splat(self.t_error));
-        let rejected = least.simd_lt(splat(-self.uv_error)) | t.simd_gt(det.mul_add(reach, doubt));
-        !rejected.to_bitmask() & 0xff
+        let errors = [
+            splat(self.det_error),
+            splat(self.uv_error),
+            splat(self.t_error),
+        ];
+        within(simd, [det, u, v, splat(self.t)], errors, reach)
+    }
+}
+
+/// The lanes whose determinants, with their errors, do not exclude a hit within `reach`.
+#[inline(always)]
+fn within<S: Simd>(
+    simd: S,
+    [det, u, v, t]: [f32x8<S>; 4],
+    [det_error, uv_error, t_error]: [f32x8<S>; 3],
+    reach: f32x8<S>,
+) -> u64 {
+    let sign = f32x8::splat(simd, 1.0).copysign(det);
+    let (det, u, v, t) = (det * sign, u * sign, v * sign, t * sign);
+    let least = u.min(v).min(det - u - v);
+    let doubt = reach.abs().mul_add(det_error * 3.0, t_error);
+    let rejected = least.simd_lt(-uv_error) | t.simd_gt(det.mul_add(reach, doubt));
+    !rejected.to_bitmask() & 0xff
+}
+
+/// A triangle as seen along one direction.
+pub struct Along {
+    corner: [f32; 3],
+    det: f32,
+    u: [f32; 3],
+    v: [f32; 3],
+    t: [f32; 3],
+    size: f32,
+}
+
+impl Along {
+    /// From corners and a direction in the same frame.
+    #[inline(always)]
+    pub fn new(d: [f32; 3], [a, b, c]: [[f32; 3]; 3]) -> Self {
+        let (e1, e2) = (sub(b, a), sub(c, a));
+        let p = cross(d, e2);
+        Self {
+            corner: a,
+            det: e1[0] * p[0] + (e1[1] * p[1] + e1[2] * p[2]),
+            u: p,
+            v: cross(e1, d),
+            t: cross(e1, e2),
+            size: largest(e1).max(largest(e2)),
+        }
+    }
+
+    /// The lanes whose rays may hit the triangle no farther away than `reach`.
+    #[inline(always)]
+    pub fn candidates<S: Simd>(&self, simd: S, o: [f32x8<S>; 3], reach: f32x8<S>) -> u64 {
+        let splat = |x: f32| f32x8::splat(simd, x);
+        let s = [
+            o[0] - splat(self.corner[0]),
+            o[1] - splat(self.corner[1]),
+            o[2] - splat(self.corner[2]),
+        ];
+        let found = [
+            splat(self.det),
+            dot(simd, self.u, s),
+            dot(simd, self.v, s),
+            dot(simd, self.t, s),
+        ];
+        within(simd, found, errors(simd, s, self.size), reach)
+    }
+}
+
+/// A triangle for rays that share nothing; the test of [`super::blocks`], a lane per ray.
+pub struct Free {
+    corner: [f32; 3],
+    e1: [f32; 3],
+    e2: [f32; 3],
+    size: f32,
+}
+
+impl Free {
+    /// From corners in the rays' frame.
+    #[inline(always)]
+    pub fn new([a, b, c]: [[f32; 3]; 3]) -> Self {
+        let (e1, e2) = (sub(b, a), sub(c, a));
+        Self {
+            corner: a,
+            e1,
+            e2,
+            size: largest(e1).max(largest(e2)),
+        }
+    }
+
+    /// The lanes whose rays may hit the triangle no farther away than `reach`.
+    #[inline(always)]
+    pub fn candidates<S: Simd>(
+        &self,
+        simd: S,
+        o: [f32x8<S>; 3],
+        d: [f32x8<S>; 3],
+        reach: f32x8<S>,
+    ) -> u64 {
+        let splat = |x: f32| f32x8::splat(simd, x);
+        let s = [
+            o[0] - splat(self.corner[0]),
+            o[1] - splat(self.corner[1]),
+            o[2] - splat(self.corner[2]),
+        ];
+        let [ax, ay, az] = self.e1;
+        let p = across(simd, d, self.e2);
+        let q = across(simd, s, self.e1);
+        let det = p[0].mul_add(splat(ax), p[1].mul_add(splat(ay), p[2] * splat(az)));
+        let u = s[0].mul_add(p[0], s[1].mul_add(p[1], s[2] * p[2]));
+        let v = d[0].mul_add(q[0], d[1].mul_add(q[1], d[2] * q[2]));
+        let t = dot(simd, self.e2, q);
+        within(simd, [det, u, v, t], errors(simd, s, self.size), reach)
+    }
+}
+
+/// The errors of the determinants of a triangle of this size, per lane.
+#[inline(always)]
+fn errors<S: Simd>(simd: S, s: [f32x8<S>; 3], size: f32) -> [f32x8<S>; 3] {
+    let splat = |x: f32| f32x8::splat(simd, x);
+    let span = s[0].abs().max(s[1].abs()).max(s[2].abs());
+    // Zero, or NaN where some product may have overflowed: NaN bounds reject nothing.
+    let overflow = (span * splat(64.0 * size * size.max(1.0))) * splat(0.0);
+    let floor = overflow + splat(UNDERFLOW);
+    let det_error = DET_ERROR * size * size + UNDERFLOW;
+    [
+        splat(det_error),
+        span.mul_add(splat(2.0 * UV_ERROR * size), floor + splat(3.0 * det_error)),
+        span.mul_add(splat(T_ERROR * size * size), floor),
+    ]
+}
+
+/// `v x e` for eight vectors.
+#[inline(always)]
+fn across<S: Simd>(simd: S, v: [f32x8<S>; 3], e: [f32; 3]) -> [f32x8<S>; 3] {
+    let [ex, ey, ez] = [
+        f32x8::splat(simd, e[0]),
+        f32x8::splat(simd, e[1]),
+        f32x8::splat(simd, e[2]),
+    ];
+    [
+        v[1].mul_sub(ez, v[2] * ey),
+        v[2].mul_sub(ex, v[0] * ez),
+        v[0].mul_sub(ey, v[1] * ex),
+    ]
+}
+
+/// The plane of a triangle.
+pub struct Plane {
+    corner: [f32; 3],
+    normal: [f32; 3],
+    size: f32,
+}
+
+impl Plane {
+    /// From corners.
+    #[inline(always)]
+    pub fn new([a, b, c]: [[f32; 3]; 3]) -> Self {
+        let (e1, e2) = (sub(b, a), sub(c, a));
+        Self {
+            corner: a,
+            normal: cross(e1, e2),
+            size: largest(e1).max(largest(e2)),
+        }
+    }
+
+    /// Which of eight points, each off by at most `pad` per axis, certainly lie above it, and which
+    /// below. The height is the `t` of the triangle test with the same bound, and the normal's components
+    /// are at most 2 E^2.
+    #[inline(always)]
+    pub fn sides<S: Simd>(&self, simd: S, p: [f32x8<S>; 3], pad: f32) -> [u64; 2] {
+        let splat = |x: f32| f32x8::splat(simd, x);
+        let s = [
+            p[0] - splat(self.corner[0]),
+            p[1] - splat(self.corner[1]),
+            p[2] - splat(self.corner[2]),
+        ];
+        let height = dot(simd, self.normal, s);
+        let [_, _, t_error] = errors(simd, s, self.size);
+        let error = t_error + splat(8.0 * self.size * self.size * pad);
+        let above = height.simd_gt(error).to_bitmask() & 0xff;
+        let below = height.simd_lt(-error).to_bitmask() & 0xff;
+        [above, below]
     }
 }
 
@@ -140,6 +318,27 @@ mod tests {
                     seen.candidates(simd, [x, y, z], f32x8::splat(simd, framed.t_max))
                 });
                 prop_assert_eq!(mask, 0xff);
+                let along = Along::new(framed.d, corners.map(|p| frame.point(p)));
+                let mask = dispatch!(Level::new(), simd => {
+                    let [x, y, z] = framed.o.map(|x| f32x8::splat(simd, x));
+                    along.candidates(simd, [x, y, z], f32x8::splat(simd, framed.t_max))
+                });
+                prop_assert_eq!(mask, 0xff, "along its direction");
+                let free = Free::new(corners.map(|p| frame.point(p)));
+                let plane = Plane::new(corners.map(|p| frame.point(p)));
+                let (mask, sides) = dispatch!(Level::new(), simd => {
+                    let splat = |v: [f32; 3]| [
+                        f32x8::splat(simd, v[0]), f32x8::splat(simd, v[1]), f32x8::splat(simd, v[2]),
+                    ];
+                    let at = |t: f32| splat(std::array::from_fn(|k| framed.o[k] + t * framed.d[k]));
+                    let reach = f32x8::splat(simd, framed.t_max);
+                    let pad = framed.pad[0].max(framed.pad[1]).max(framed.pad[2]);
+                    let ends = [framed.t_min, framed.t_max].map(|t| plane.sides(simd, at(t), pad));
+                    let sides = ends[0][0] & ends[1][0] | ends[0][1] & ends[1][1];
+                    (free.candidates(simd, splat(framed.o), splat(framed.d), reach), sides)
+                });
+                prop_assert_eq!(mask, 0xff, "alone");
+                prop_assert_eq!(sides, 0, "beside its plane");
             }
         }
     }

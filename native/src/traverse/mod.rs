@@ -7,11 +7,18 @@
 //! as its bounds allow, and the answer is still the same for all of them.
 
 pub mod batch;
+pub mod block_boxes;
 pub mod blocks;
+pub mod box_tile;
 pub mod box_tree;
+pub mod bundle;
+pub mod cases;
 pub mod dop_tree;
 pub mod frame;
+pub mod frame_rows;
+pub mod keep;
 pub mod lanes;
+pub mod light_cube;
 pub mod nested;
 pub mod objects;
 pub mod octree_beam;
@@ -20,15 +27,27 @@ pub mod octree_net;
 pub mod octree_param;
 pub mod octree_samet;
 pub mod octree_step;
+pub mod path;
+pub mod plane_arvo;
 pub mod plane_dir;
+pub mod plane_origin;
+pub mod plane_sung;
+pub mod plane_ta_a;
 pub mod plane_ta_b;
+pub mod plane_ta_b_1997;
+pub mod plane_tile;
 pub mod query;
 pub mod ray;
-pub mod record;
+pub mod replay;
+pub mod shadow_beam;
+pub mod shadow_cache;
+pub mod shaft;
 pub mod slab_boxes;
 pub mod slab_node;
 pub mod slab_tree;
 pub mod slab_wide;
+pub mod tile;
+pub mod tile_leaf;
 
 pub use ray::Order;
 pub use ray::{Hit, Ray, RayCounters, Tracer};

@@ -1,17 +1,15 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The layouts of object trees, and which walk belongs to each.
 
-use super::batch::Batch;
+use super::batch::WithWalk;
 use super::box_tree::{self, BoxTree};
 use super::dop_tree::{self, DopTree};
 use super::nested::Nested;
-use super::query::Query;
-use super::ray::Hit;
-use super::record::Watch;
 use super::slab_boxes;
 use super::slab_node::{Double, Single};
 use super::slab_tree::{self, SlabTree};
 use super::slab_wide::{self, WideSlabs};
+use crate::geom::Aabb;
 
 /// An object tree, laid out for one way of walking.
 #[derive(Debug, Clone, PartialEq)]
@@ -60,29 +58,21 @@ impl Objects {
         }
     }
 
-    /// Walks a batch of rays.
-    pub fn walk<Q: Query>(
-        &self,
-        job: &Batch<'_>,
-        write: impl FnMut(usize, Hit),
-        counters: Watch<'_>,
-    ) {
+    /// Hands the way of walking to `then`. `bounds` is the scene's box.
+    pub fn with_walk<F: WithWalk>(&self, bounds: Aabb, then: F) -> F::Output {
         match self {
-            Self::Boxes2(tree) => job.walk::<_, Q>(&box_tree::Walk(tree), write, counters),
-            Self::Boxes4(tree) => job.walk::<_, Q>(&box_tree::Walk(tree), write, counters),
-            Self::Boxes8(tree) => job.walk::<_, Q>(&box_tree::Walk(tree), write, counters),
-            Self::Slabs(tree) => job.walk::<_, Q>(&slab_tree::Walk(tree), write, counters),
-            Self::Single(tree) => job.walk::<_, Q>(&slab_tree::Walk(tree), write, counters),
-            Self::SlabBoxes(tree) => {
-                let walk = slab_boxes::Walk(tree, job.frame.bounds());
-                job.walk::<_, Q>(&walk, write, counters);
-            }
-            Self::Slabs2(tree) => job.walk::<_, Q>(&slab_wide::Walk(tree), write, counters),
-            Self::Slabs4(tree) => job.walk::<_, Q>(&slab_wide::Walk(tree), write, counters),
-            Self::Slabs8(tree) => job.walk::<_, Q>(&slab_wide::Walk(tree), write, counters),
-            Self::Dops3(tree) => job.walk::<_, Q>(&dop_tree::Walk(tree), write, counters),
-            Self::Dops7(tree) => job.walk::<_, Q>(&dop_tree::Walk(tree), write, counters),
-            Self::Dops13(tree) => job.walk::<_, Q>(&dop_tree::Walk(tree), write, counters),
+            Self::Boxes2(tree) => then.with(&box_tree::Walk(tree)),
+            Self::Boxes4(tree) => then.with(&box_tree::Walk(tree)),
+            Self::Boxes8(tree) => then.with(&box_tree::Walk(tree)),
+            Self::Slabs(tree) => then.with(&slab_tree::Walk(tree)),
+            Self::Single(tree) => then.with(&slab_tree::Walk(tree)),
+            Self::SlabBoxes(tree) => then.with(&slab_boxes::Walk(tree, bounds)),
+            Self::Slabs2(tree) => then.with(&slab_wide::Walk(tree)),
+            Self::Slabs4(tree) => then.with(&slab_wide::Walk(tree)),
+            Self::Slabs8(tree) => then.with(&slab_wide::Walk(tree)),
+            Self::Dops3(tree) => then.with(&dop_tree::Walk(tree)),
+            Self::Dops7(tree) => then.with(&dop_tree::Walk(tree)),
+            Self::Dops13(tree) => then.with(&dop_tree::Walk(tree)),
         }
     }
 }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Octrees walked by beams: up to 64 rays of one origin go from leaf to leaf together (González López
-//! and Gisbert Cantó, Trazado de haces, section 2).
+//! Octrees walked by beams: up to 64 rays of one origin, or of one direction, go from leaf to leaf
+//! together (González López and Gisbert Cantó, Trazado de haces, section 2).
 //!
 //! As there, a beam in an empty leaf goes on to the neighbours behind the faces by which its rays leave,
 //! cut in parts where there are several; in a full leaf its rays are tested one by one, those
@@ -13,8 +13,9 @@
 
 use super::batch::{TileWalk, Walk as _};
 use super::blocks::Blocks;
+use super::bundle::{self, Bundle, Common, LANES, Parallel, RAYS, Row, all, lanes, load};
 use super::frame::{Frame, FrameRay, keep_min};
-use super::lanes::Seen;
+use super::frame_rows::FrameRows;
 use super::octree_net::Links;
 use super::octree_step::{self, Grid};
 use super::query::{Best, Closest, Counters};
@@ -23,157 +24,161 @@ use crate::build::octree_nodes::{Node, OUTSIDE, Octree};
 use crate::scene::Triangles;
 use fearless_simd::{Select, Simd, SimdBase, SimdFloat, SimdMask, f32x8, mask32x8};
 
-/// Rays in a beam at most.
-pub const RAYS: usize = 64;
-
-const LANES: usize = 8;
-
 /// The walk over one tree, and the number of rays below which they go on singly.
 pub struct Walk<'a>(pub &'a Octree, pub u32);
 
-type Row = [f32; RAYS];
-
 /// The rays of a beam, a row per quantity.
 struct Beam {
-    d: [Row; 3],
-    inv: [Row; 3],
+    rows: FrameRows,
     /// The smallest cell where each ray is, counted along its direction.
     at: [Row; 3],
-    /// When it entered its leaf.
-    enter: Row,
-    /// When it leaves it.
+    /// When it leaves its leaf.
     leave: Row,
-    /// How far it still has to look.
-    reach: Row,
-}
-
-/// The rays of a tile: as asked, in the frame, and their best hits.
-struct Tile<'a> {
-    rays: &'a [Ray],
-    framed: Vec<FrameRay>,
     best: Vec<Best>,
 }
 
+/// What tiles share one after another.
+pub struct Scratch {
+    beam: Beam,
+    /// Parts of the beam that wait at a node.
+    waiting: Vec<(u32, u64)>,
+}
+
 impl TileWalk for Walk<'_> {
+    const RAYS: usize = RAYS;
+    type Scratch = Scratch;
+
+    fn scratch(&self) -> Scratch {
+        Scratch {
+            beam: Beam {
+                rows: FrameRows::blank(),
+                at: [[0.0; RAYS]; 3],
+                leave: [0.0; RAYS],
+                best: Vec::with_capacity(RAYS),
+            },
+            waiting: Vec::with_capacity(64),
+        }
+    }
+
     #[inline(always)]
     fn cast_tile<S: Simd, C: Counters>(
         &self,
         simd: S,
         triangles: (&Triangles, &Blocks),
         (frame, rays): (&Frame, &[Ray]),
+        scratch: &mut Scratch,
         write: &mut impl FnMut(usize, Hit),
         counters: &mut [C],
     ) {
         let tree = self.0;
-        let mut tile = Tile {
-            rays,
-            framed: Vec::with_capacity(RAYS),
-            best: Vec::with_capacity(RAYS),
-        };
-        let mut beam = Beam {
-            d: [[0.0; RAYS]; 3],
-            inv: [[0.0; RAYS]; 3],
-            at: [[0.0; RAYS]; 3],
-            enter: [0.0; RAYS],
-            leave: [0.0; RAYS],
-            reach: [0.0; RAYS],
-        };
-        // Rays that meet the scene, per octant of directions. Others are done, or go singly.
-        let mut groups = [0_u64; 8];
-        let origin = rays[0].o.map(f32::to_bits);
-        let mut rest = 0_u64;
-        for (i, ray) in rays.iter().enumerate() {
-            let framed = frame.ray(ray);
-            write(i, Hit::MISS);
-            if let Some(framed) = &framed {
-                if ray.o.map(f32::to_bits) == origin && tree.is_near(framed) {
-                    groups[(framed.signs & 7) as usize] |= 1 << i;
-                } else {
-                    rest |= 1 << i;
-                }
-                for k in 0..3 {
-                    beam.d[k][i] = framed.d[k];
-                    beam.inv[k][i] = framed.inv[k];
-                }
-                beam.enter[i] = framed.t_min;
-                beam.reach[i] = framed.t_max;
+        let Scratch { beam, waiting } = scratch;
+        beam.rows.fill(simd, frame, rays);
+        beam.best.clear();
+        beam.best.resize_with(rays.len(), Best::blank);
+        // Rays that share nothing with the first ones go singly, and so do all from far away.
+        let (parallel, mut alike) = bundle::alike(rays);
+        for i in lanes(if parallel { alike } else { 1 }) {
+            if !tree.is_near(frame.point(rays[i].o)) {
+                alike = 0;
             }
-            // A ray that misses the scene keeps its lane, and never a bit in a mask.
-            let framed = framed.unwrap_or(FrameRay::NOTHING);
-            tile.best.push(Best::new(&framed));
-            tile.framed.push(framed);
         }
-        for (signs, group) in (0_u32..).zip(groups) {
+        let live = beam.rows.live;
+        let mut rest = live & !alike;
+        for signs in 0..8_u32 {
+            let mut group = live & alike;
+            for (k, negative) in beam.rows.negative.iter().enumerate() {
+                group &= if signs >> k & 1 == 1 {
+                    *negative
+                } else {
+                    !negative
+                };
+            }
             if group.count_ones() < self.1.max(1) {
                 rest |= group;
                 continue;
             }
             let grid = Grid::new(tree, signs);
-            for i in lanes(group) {
-                let ray = &tile.framed[i];
-                for k in 0..3 {
-                    let x = ray.o[k] + ray.t_min * ray.d[k];
-                    beam.at[k][i] = grid.cell(k, x, 0, grid.size - 1) as f32;
-                }
-            }
-            self.follow(
-                simd,
-                triangles,
-                (&grid, group),
-                &mut beam,
-                &mut tile,
-                counters,
-            );
-            for i in lanes(group) {
-                write(i, tile.best[i].hit());
+            let first = group.trailing_zeros() as usize;
+            let of = |rows: &[Row; 3]| [rows[0][first], rows[1][first], rows[2][first]];
+            let all = (frame, rays);
+            if parallel {
+                let shared = Parallel(of(&beam.rows.rays.d));
+                start(simd, &grid, &shared, (beam, group));
+                let beam = (&mut *beam, group, &mut *waiting);
+                self.follow(simd, triangles, &shared, (&grid, all), beam, counters);
+            } else {
+                let shared = Common(of(&beam.rows.rays.o));
+                start(simd, &grid, &shared, (beam, group));
+                let beam = (&mut *beam, group, &mut *waiting);
+                self.follow(simd, triangles, &shared, (&grid, all), beam, counters);
             }
         }
         if rest != 0 {
             let single = octree_step::Walk(tree, Links);
             let mut scratch = single.scratch();
             for i in lanes(rest) {
-                let ray = (&rays[i], &tile.framed[i]);
+                let framed = frame.ray(&rays[i]).unwrap_or(FrameRay::NOTHING);
+                let ray = (&rays[i], &framed);
                 let count = &mut counters[i];
                 let hit = single.cast::<S, Closest, C>(simd, triangles, ray, &mut scratch, count);
-                write(i, hit);
+                beam.best[i] = Best::known(hit);
             }
+        }
+        for (i, best) in beam.best.iter().enumerate() {
+            write(i, best.hit());
         }
     }
 }
 
-/// The places of the bits of a mask.
+/// Puts each ray into the smallest cell where it enters the scene.
 #[inline(always)]
-fn lanes(mut mask: u64) -> impl Iterator<Item = usize> {
-    std::iter::from_fn(move || {
-        if mask == 0 {
-            return None;
+fn start<S: Simd, B: Bundle>(simd: S, grid: &Grid, shared: &B, (beam, mask): (&mut Beam, u64)) {
+    for row in (0..RAYS).step_by(LANES) {
+        if mask >> row & 0xff == 0 {
+            continue;
         }
-        let lane = mask.trailing_zeros() as usize;
-        mask &= mask - 1;
-        Some(lane)
-    })
+        let o = shared.origins(simd, &beam.rows.rays, row);
+        let d = shared.directions(simd, &beam.rows.rays, row);
+        let enter = load(simd, &beam.rows.enter, row);
+        for k in 0..3 {
+            let moved = enter * d[k];
+            let number = grid.numbers(simd, k, o[k] + moved);
+            let inside = number
+                .max(f32x8::splat(simd, 0.0))
+                .min(f32x8::splat(simd, (grid.size - 1) as f32))
+                .floor();
+            let own = mask32x8::from_bitmask(simd, mask >> row & 0xff);
+            let at: f32x8<S> = own.select(inside, load(simd, &beam.at[k], row));
+            at.store_slice(&mut beam.at[k][row..row + LANES]);
+        }
+    }
 }
 
 impl Walk<'_> {
     /// Walks a beam to its end.
     #[inline(always)]
-    fn follow<S: Simd, C: Counters>(
+    fn follow<S: Simd, C: Counters, B: Bundle>(
         &self,
         simd: S,
         triangles: (&Triangles, &Blocks),
-        (grid, group): (&Grid, u64),
-        beam: &mut Beam,
-        tile: &mut Tile<'_>,
+        shared: &B,
+        (grid, (frame, rays)): (&Grid, (&Frame, &[Ray])),
+        (beam, group, waiting): (&mut Beam, u64, &mut Vec<(u32, u64)>),
         counters: &mut [C],
     ) {
         let tree = self.0;
-        let mut waiting = Vec::with_capacity(64);
+        waiting.clear();
         waiting.push((0_u32, group));
         while let Some((index, mask)) = waiting.pop() {
             let first = mask.trailing_zeros() as usize;
             if mask.count_ones() < self.1 {
                 for i in lanes(mask) {
-                    let ray = (&tile.rays[i], &tile.framed[i], grid);
+                    let Some(framed) = frame.ray(&rays[i]) else {
+                        continue;
+                    };
+                    let ray = (&rays[i], &framed, grid);
+                    let best = &mut beam.best[i];
+                    best.reach = keep_min(best.reach, beam.rows.reach[i]);
                     let at = std::array::from_fn(|k| whole(beam.at[k][i]));
                     let leaf = grid.descend(tree, index, at, &mut counters[i]);
                     octree_step::go_on::<S, Closest, C, Links>(
@@ -181,8 +186,8 @@ impl Walk<'_> {
                         tree,
                         triangles,
                         ray,
-                        (leaf, at, beam.enter[i]),
-                        &mut tile.best[i],
+                        (leaf, at, beam.rows.enter[i]),
+                        best,
                         &mut counters[i],
                     );
                 }
@@ -199,12 +204,12 @@ impl Walk<'_> {
                     (node, grid.signs),
                     low.map(|x| x + edge / 2),
                     (beam, mask),
-                    &mut waiting,
+                    waiting,
                 );
                 continue;
             }
             let next = low.map(|x| x + edge);
-            let by_axis = leave(simd, (grid, next), &tile.framed[first].o, (beam, mask));
+            let by_axis = leave(simd, (grid, next), shared, (beam, mask));
             let (block, count) = node.blocks();
             counters[first].leaf(count);
             if count != 0 {
@@ -212,18 +217,13 @@ impl Walk<'_> {
                     simd,
                     triangles,
                     (block, count),
+                    shared,
                     (beam, mask),
-                    tile,
+                    (frame, rays),
                     counters,
                 );
             }
-            let open = advance(
-                simd,
-                (grid, next),
-                &tile.framed[first].o,
-                (beam, mask),
-                by_axis,
-            );
+            let open = advance(simd, (grid, next), shared, (beam, mask), by_axis);
             for (axis, by) in by_axis.into_iter().enumerate() {
                 if by & open != 0 && next[axis] != grid.size {
                     let side = usize::from(grid.signs >> axis & 1 == 0);
@@ -245,12 +245,6 @@ impl Walk<'_> {
 )]
 fn whole(x: f32) -> u32 {
     x as u32
-}
-
-/// Eight places of a row.
-#[inline(always)]
-fn load<S: Simd>(simd: S, from: &Row, row: usize) -> f32x8<S> {
-    f32x8::from_slice(simd, &from[row..row + LANES])
 }
 
 /// Parts a beam in an inner node by the octants where its rays are.
@@ -290,30 +284,31 @@ fn part<S: Simd>(
 
 /// When each ray leaves the cell that ends at the planes `next`; returns the rays by exit axis.
 #[inline(always)]
-fn leave<S: Simd>(
+fn leave<S: Simd, B: Bundle>(
     simd: S,
     (grid, next): (&Grid, [u32; 3]),
-    o: &[f32; 3],
+    shared: &B,
     (beam, mask): (&mut Beam, u64),
 ) -> [u64; 3] {
-    let ahead: [f32; 3] = std::array::from_fn(|k| grid.ahead(k, next[k], o[k]));
     let mut by_axis = [0_u64; 3];
     for row in (0..RAYS).step_by(LANES) {
         let bits = mask >> row & 0xff;
         if bits == 0 {
             continue;
         }
+        let o = shared.origins(simd, &beam.rows.rays, row);
+        let inv = all(simd, &beam.rows.inv, row);
         let times = [
-            f32x8::splat(simd, ahead[0]) * load(simd, &beam.inv[0], row),
-            f32x8::splat(simd, ahead[1]) * load(simd, &beam.inv[1], row),
-            f32x8::splat(simd, ahead[2]) * load(simd, &beam.inv[2], row),
+            grid.all_ahead(simd, 0, next[0], o[0]) * inv[0],
+            grid.all_ahead(simd, 1, next[1], o[1]) * inv[1],
+            grid.all_ahead(simd, 2, next[2], o[2]) * inv[2],
         ];
         let second = times[1].simd_lt(times[0]);
         let nearer = second.select(times[1], times[0]);
         let third = times[2].simd_lt(nearer);
         let leave = third
             .select(times[2], nearer)
-            .max(load(simd, &beam.enter, row));
+            .max(load(simd, &beam.rows.enter, row));
         leave.store_slice(&mut beam.leave[row..row + LANES]);
         let third = third.to_bitmask() & bits;
         let second = second.to_bitmask() & bits & !third;
@@ -326,10 +321,10 @@ fn leave<S: Simd>(
 
 /// Moves each ray on into the cell behind the face by which it leaves; returns those that go on.
 #[inline(always)]
-fn advance<S: Simd>(
+fn advance<S: Simd, B: Bundle>(
     simd: S,
     (grid, next): (&Grid, [u32; 3]),
-    o: &[f32; 3],
+    shared: &B,
     (beam, mask): (&mut Beam, u64),
     by_axis: [u64; 3],
 ) -> u64 {
@@ -340,20 +335,21 @@ fn advance<S: Simd>(
             continue;
         }
         let leave = load(simd, &beam.leave, row);
-        let reach = load(simd, &beam.reach, row);
+        let reach = load(simd, &beam.rows.reach, row);
         let done = leave.simd_gt(reach).to_bitmask();
         open |= (bits & !done) << row;
         // Lanes of other beams stay as they are.
         let own = mask32x8::from_bitmask(simd, bits);
-        let enter = load(simd, &beam.enter, row);
+        let enter = load(simd, &beam.rows.enter, row);
         let enter: f32x8<S> = own.select(leave, enter);
-        enter.store_slice(&mut beam.enter[row..row + LANES]);
+        enter.store_slice(&mut beam.rows.enter[row..row + LANES]);
+        let o = shared.origins(simd, &beam.rows.rays, row);
+        let d = shared.directions(simd, &beam.rows.rays, row);
         for k in 0..3 {
-            let d = load(simd, &beam.d[k], row);
             let at = load(simd, &beam.at[k], row);
             // Products and sums round one by one, as for single rays.
-            let moved = leave * d;
-            let x = f32x8::splat(simd, o[k]) + moved;
+            let moved = leave * d[k];
+            let x = o[k] + moved;
             let number = grid.numbers(simd, k, x);
             let inside = number
                 .max(at)
@@ -370,38 +366,40 @@ fn advance<S: Simd>(
 
 /// Tests the rays of a beam against the triangles of its leaf.
 #[inline(always)]
-fn test<S: Simd, C: Counters>(
+fn test<S: Simd, C: Counters, B: Bundle>(
     simd: S,
     (scene, blocks): (&Triangles, &Blocks),
     leaf: (u32, usize),
+    shared: &B,
     (beam, mask): (&mut Beam, u64),
-    tile: &mut Tile<'_>,
+    (frame, rays): (&Frame, &[Ray]),
     counters: &mut [C],
 ) {
-    let o = tile.framed[mask.trailing_zeros() as usize].o;
     for i in lanes(mask) {
         counters[i].tests(leaf.1);
     }
     blocks.each(leaf, |id, corners| {
-        let seen = Seen::new(o, corners);
+        let seen = shared.see(corners);
         for row in (0..RAYS).step_by(LANES) {
             let bits = mask >> row & 0xff;
             if bits == 0 {
                 continue;
             }
-            let d = [
-                load(simd, &beam.d[0], row),
-                load(simd, &beam.d[1], row),
-                load(simd, &beam.d[2], row),
-            ];
-            let reach = load(simd, &beam.leave, row).min(load(simd, &beam.reach, row));
-            for lane in lanes(seen.candidates(simd, d, reach) & bits) {
+            let reach = load(simd, &beam.leave, row).min(load(simd, &beam.rows.reach, row));
+            for lane in lanes(shared.candidates(simd, &seen, (&beam.rows.rays, row), reach) & bits)
+            {
                 let i = row + lane;
-                let ray = (&tile.rays[i], &tile.framed[i]);
-                let best = &mut tile.best[i];
+                // Of the ray in the frame, only the scale of its distances is needed.
+                let unit = frame.unit_of(&rays[i]);
+                let framed = match unit {
+                    Some(unit) => frame.limits(unit),
+                    None => frame.ray(&rays[i]).unwrap_or(FrameRay::NOTHING),
+                };
+                let ray = (&rays[i], &framed);
+                let best = &mut beam.best[i];
                 let scene_corners = || blocks.scene_corners(scene, id, corners);
                 best.offer::<Closest, C>(ray, id, scene_corners, &mut counters[i]);
-                beam.reach[i] = keep_min(best.reach, beam.reach[i]);
+                beam.rows.reach[i] = keep_min(best.reach, beam.rows.reach[i]);
             }
         }
     });

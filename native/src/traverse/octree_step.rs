@@ -100,6 +100,17 @@ impl Grid {
         }
     }
 
+    /// The same for eight rays.
+    #[inline(always)]
+    pub fn all_ahead<S: Simd>(&self, simd: S, axis: usize, number: u32, o: f32x8<S>) -> f32x8<S> {
+        let splat = |x: f32| f32x8::splat(simd, x);
+        if number == self.size {
+            splat(f32::INFINITY.copysign(self.step[axis]))
+        } else {
+            splat(self.plane(axis, number)) - o
+        }
+    }
+
     /// The smallest cell that holds a coordinate, not below `least` nor above `most`.
     #[inline(always)]
     #[expect(
@@ -163,7 +174,7 @@ impl<N: Neighbours> batch::Walk for Walk<'_, N> {
         counters: &mut C,
     ) -> Hit {
         let tree = self.0;
-        if !tree.is_near(frame) {
+        if !tree.is_near(frame.o) {
             let walk = octree_param::Walk(tree);
             return walk.cast::<S, Q, C>(simd, triangles, (ray, frame), stack, counters);
         }

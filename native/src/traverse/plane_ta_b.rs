@@ -11,6 +11,7 @@
 
 use super::batch;
 use super::blocks::Blocks;
+use super::cases::{Turn, case};
 use super::frame::{FrameRay, keep_max, keep_min};
 use super::query::{Best, Counters, Query};
 use super::ray::{Hit, Ray};
@@ -114,13 +115,22 @@ impl batch::Walk for Walk<'_> {
                     counters.step_axis();
                     let near = near_child(link, frame.signs);
                     let height = f32::from_bits(split.to_bits() ^ ray_up.flip[axis]);
+                    // The turn to the near side, or to the other.
+                    let turn = |far: u32| match frame.negative[axis] ^ far {
+                        0 => Turn::Below,
+                        _ => Turn::Above,
+                    };
+                    let which = |turn| case(frame.o[axis], frame.d[axis], split, turn);
                     if segment.exit[axis] < height {
+                        counters.case(|| which(turn(0)));
                         node = near; // N1 N2 N3 P5 and their mirror images: the plane is not reached
                     } else if segment.entry[axis] > height {
+                        counters.case(|| which(turn(1)));
                         node = near ^ 1; // P1 P2 P3 N5: the plane is behind
                     } else {
                         // N4 P4, and every Z case: both, the far side waits; of two children on the
                         // way an empty one is not visited.
+                        counters.case(|| which(Turn::Both));
                         let distance = (split - frame.o[axis]) * frame.inv[axis];
                         let slack = frame.slack[axis];
                         let far_from = keep_max(distance - slack, segment.enter);

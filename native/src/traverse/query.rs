@@ -2,8 +2,10 @@
 //! What a walk is asked and what it counts: compile-time parameters of every walk, so that closest
 //! hit and any hit are one text and an uncounted walk has no trace of counting.
 
+use super::cases::CASES;
 use super::frame::{FrameRay, keep_min};
 use super::ray::{Hit, Ray, RayCounters};
+use super::replay::Record;
 use crate::geom::verdict::verdict_within;
 
 /// The question put to a walk.
@@ -38,14 +40,33 @@ pub trait Counters {
     fn tests(&mut self, triangles: usize);
     /// A candidate was put to the exact verdict.
     fn verdict(&mut self);
-    /// The triangles of the leaf whose blocks begin at `first` are about to be tested.
+    /// A walk that tells cases apart met this one, a place in [`super::cases::NAMES`]; it is worked out
+    /// only when it is counted.
     #[inline(always)]
-    fn tested_leaf(&mut self, first: u32, triangles: usize) {
+    fn case(&mut self, _: impl FnOnce() -> usize) {}
+
+    /// Whether leaves answer from a recording instead of their triangles.
+    const REPLAY: bool = false;
+    /// The triangles of the leaf whose blocks begin at `first`, of none too, are about to be tested.
+    #[inline(always)]
+    fn visit(&mut self, first: u32, triangles: usize) {
         let _ = (first, triangles);
     }
+    /// The best hit so far, whenever there is a better one.
+    #[inline(always)]
+    fn improved(&mut self, _: Hit) {}
+    /// What the next leaf answered when the walk was recorded.
+    #[inline(always)]
+    fn replay(&mut self) -> Option<Hit> {
+        None
+    }
+
+    /// The answer came without a walk of the ray's own.
+    fn spared(&mut self);
 }
 
 /// Counts nothing, costs nothing.
+#[derive(Clone, Copy)]
 pub struct NoCount;
 
 impl Counters for NoCount {
@@ -59,41 +80,28 @@ impl Counters for NoCount {
     fn tests(&mut self, _: usize) {}
     #[inline(always)]
     fn verdict(&mut self) {}
+    #[inline(always)]
+    fn spared(&mut self) {}
 }
 
-/// Counts into the counters of one ray, and lists the leaves that it tests where that is wished.
-pub struct Count<'a> {
-    /// The sums.
-    pub counters: &'a mut RayCounters,
-    /// Where the blocks of each leaf begin, and how many triangles they hold.
-    pub leaves: Option<&'a mut Vec<(u32, usize)>>,
-}
-
-impl<'a> Count<'a> {
-    /// Counts, and lists nothing.
-    pub fn new(counters: &'a mut RayCounters) -> Self {
-        Self {
-            counters,
-            leaves: None,
-        }
-    }
-}
+/// Counts into the counters of one ray, and records what its leaves answer if there is a record.
+pub struct Count<'a>(pub &'a mut RayCounters, pub Option<&'a mut Record>);
 
 impl Counters for Count<'_> {
     #[inline(always)]
     fn step_axis(&mut self) {
-        self.counters.steps_axis += 1;
+        self.0.steps_axis += 1;
     }
     #[inline(always)]
     fn step_oblique(&mut self) {
-        self.counters.steps_oblique += 1;
+        self.0.steps_oblique += 1;
     }
     #[inline(always)]
     fn leaf(&mut self, triangles: usize) {
         if triangles == 0 {
-            self.counters.leaves_empty += 1;
+            self.0.leaves_empty += 1;
         } else {
-            self.counters.leaves += 1;
+            self.0.leaves += 1;
         }
     }
     #[inline(always)]
@@ -102,20 +110,31 @@ impl Counters for Count<'_> {
         reason = "a leaf holds fewer than 2^29 triangles"
     )]
     fn tests(&mut self, triangles: usize) {
-        self.counters.tests += triangles as u32;
+        self.0.tests += triangles as u32;
     }
     #[inline(always)]
     fn verdict(&mut self) {
-        self.counters.verdicts += 1;
+        self.0.verdicts += 1;
     }
     #[inline(always)]
-    fn tested_leaf(&mut self, first: u32, triangles: usize) {
-        // An empty leaf begins where the next one does.
-        if let Some(leaves) = &mut self.leaves
-            && triangles > 0
-        {
-            leaves.push((first, triangles));
+    fn case(&mut self, case: impl FnOnce() -> usize) {
+        self.0.cases[case() % CASES] += 1;
+    }
+    #[inline(always)]
+    fn visit(&mut self, _: u32, _: usize) {
+        if let Some(record) = &mut self.1 {
+            record.visit();
         }
+    }
+    #[inline(always)]
+    fn improved(&mut self, hit: Hit) {
+        if let Some(record) = &mut self.1 {
+            record.improved(hit);
+        }
+    }
+    #[inline(always)]
+    fn spared(&mut self) {
+        self.0.spared += 1;
     }
 }
 
@@ -133,6 +152,24 @@ impl Best {
         Self {
             hit: Hit::MISS,
             reach: ray.t_max,
+        }
+    }
+
+    /// Nothing found yet, by a walk that keeps its own reach.
+    #[inline(always)]
+    pub fn blank() -> Self {
+        Self {
+            hit: Hit::MISS,
+            reach: f32::INFINITY,
+        }
+    }
+
+    /// An answer found elsewhere.
+    #[inline(always)]
+    pub fn known(hit: Hit) -> Self {
+        Self {
+            hit,
+            reach: f32::NEG_INFINITY,
         }
     }
 
@@ -156,8 +193,9 @@ impl Best {
         let Some(found) = verdict_within(ray.o, ray.d, corners(), span) else {
             return false;
         };
-        // An infinite distance is what a miss reports.
-        if !(ray.t_min <= found.t && found.t <= ray.t_max && found.t < f32::INFINITY) {
+        // An infinite distance is what a miss reports; one that no float can hold has no order, behind the origin
+        // either.
+        if !(ray.t_min <= found.t && found.t <= ray.t_max && found.t.abs() < f32::INFINITY) {
             return false;
         }
         if found.t < self.hit.t || (found.t == self.hit.t && id < self.hit.triangle) {
@@ -168,7 +206,19 @@ impl Best {
                 v: found.v,
             };
             self.reach = frame.reach(found.t);
+            counters.improved(self.hit);
         }
+        Q::ANY
+    }
+
+    /// Takes a hit from a recording; says whether the walk may end.
+    #[inline(always)]
+    pub fn take<Q: Query>(&mut self, frame: &FrameRay, hit: Option<Hit>) -> bool {
+        let Some(hit) = hit else {
+            return false;
+        };
+        self.hit = hit;
+        self.reach = frame.reach(hit.t);
         Q::ANY
     }
 

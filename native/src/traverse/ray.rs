@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Rays and their answers, as callers see them.
 
+use super::cases::CASES;
 use crate::scene::Triangles;
 
 /// A ray `o + t d` with `t` in the closed interval `[t_min, t_max]`.
@@ -61,6 +62,11 @@ pub struct RayCounters {
     pub tests: u32,
     /// Candidates put to the exact verdict.
     pub verdicts: u32,
+    /// Cases of ray and plane, in the order of [`super::cases::NAMES`], from walks that tell them apart.
+    pub cases: [u32; CASES],
+    /// 1 where the tree was not walked for this ray: the shadow cache knew a blocker, or its shadow
+    /// beam was empty.
+    pub spared: u32,
 }
 
 /// How the rays of a batch follow one another: a hint, which changes no answer.

@@ -7,14 +7,14 @@ use crate::build::binned::SurfaceArea;
 use crate::build::cost::Costs;
 use crate::build::leaves::Leaves;
 use crate::build::object;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::registry::{Built, Default, Kind, ParamSpec, StructureSpec, params};
 use crate::scene::Triangles;
 use crate::spec::Config;
 use crate::structure::Layout;
-use crate::traverse::blocks::Keep;
 use crate::traverse::box_tree::BoxTree;
 use crate::traverse::frame::Frame;
+use crate::traverse::keep::Keep;
 use crate::traverse::nested;
 use crate::traverse::objects::Objects;
 
@@ -34,6 +34,7 @@ pub const SPEC: StructureSpec = StructureSpec {
     paper: "Wald 2007, On fast construction of SAH-based bounding volume hierarchies; Wald, Benthin and \
             Boulos 2008, Getting rid of packets",
     params: &[
+        TRAVERSAL,
         WIDTH,
         params::ROBUST,
         params::step_cost(COSTS),
@@ -42,6 +43,16 @@ pub const SPEC: StructureSpec = StructureSpec {
         params::LEAF_MAX,
     ],
     build,
+};
+
+const TRAVERSAL: ParamSpec = ParamSpec {
+    name: "traversal",
+    label: "Traversal",
+    doc: "How camera rays walk the tree: one by one, the nearest box first, or in tiles of 64 or 256, \
+          which need eight boxes to a node. The answer is the same",
+    unit: "",
+    kind: Kind::Choice(&["ordered", "tile8", "tile16"]),
+    default: Default::Choice("ordered"),
 };
 
 const WIDTH: ParamSpec = ParamSpec {
@@ -54,6 +65,12 @@ const WIDTH: ParamSpec = ParamSpec {
 };
 
 fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built> {
+    let (traversal, width) = (config.choice("traversal"), config.choice("width"));
+    if traversal != "ordered" && width != "8" {
+        return Err(Error::Spec(format!(
+            "traversal={traversal} needs width=8, got width={width}"
+        )));
+    }
     let frame = Frame::new(scene.bounds());
     let policy = SurfaceArea::configured(config, COSTS);
     let binary = object::build(scene, &frame, &policy, monitor)?;

@@ -13,8 +13,8 @@ use crate::registry::{Built, Default, Kind, ParamSpec};
 use crate::scene::Triangles;
 use crate::spec::Config;
 use crate::structure::Layout;
-use crate::traverse::blocks::Keep;
 use crate::traverse::frame::Frame;
+use crate::traverse::keep::Keep;
 use crate::traverse::nested;
 use crate::traverse::objects::Objects;
 

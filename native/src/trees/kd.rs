@@ -14,7 +14,7 @@ use crate::geom::Aabb;
 use crate::registry::{Built, StructureSpec, params};
 use crate::scene::Triangles;
 use crate::spec::Config;
-use crate::structure::Layout;
+use crate::structure::{Layout, PlaneWalk};
 use crate::traverse::blocks::Blocks;
 use crate::traverse::frame::Frame;
 use std::marker::PhantomData;
@@ -111,11 +111,20 @@ pub fn plane_tree<P: PlanePolicy>(
     let shape = Shape::new(&preorder);
     let mut blocks = Blocks::new();
     let tree = PlaneTree::new(&preorder, scene, &frame, &mut blocks)?;
-    let layout = match config.choice("traversal") {
-        "dir" => Layout::PlaneDir(tree),
-        _ => Layout::PlaneTaB(tree),
+    let robust = config.choice("robust") != "none";
+    let walk = match (config.choice("traversal"), robust) {
+        ("dir" | "tile8" | "tile16", _) => PlaneWalk::Dir,
+        ("ta-a", true) => PlaneWalk::TaA,
+        ("ta-a", false) => PlaneWalk::TaA1997,
+        ("sung", true) => PlaneWalk::Sung,
+        ("sung", false) => PlaneWalk::Sung1992,
+        ("arvo", true) => PlaneWalk::Arvo,
+        ("arvo", false) => PlaneWalk::Arvo1988,
+        (_, true) => PlaneWalk::TaB,
+        (_, false) => PlaneWalk::TaB1997,
     };
-    let frame = frame.with_robust(config.choice("robust") != "none");
+    let layout = Layout::Plane(tree, walk);
+    let frame = frame.with_robust(robust);
     Ok(Built {
         frame,
         blocks,

@@ -58,13 +58,23 @@ fn default_depth(triangles: usize) -> u32 {
     (5.0 + 0.5 * (triangles.max(1) as f64).log2()).round() as u32
 }
 
-/// Builds an octree and lays it out. With `steps` its leaves allow for the rounding of walks from
-/// cell to cell.
+/// How rays will walk an octree, which decides what has to be built.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Walked {
+    /// From the top.
+    FromTop,
+    /// From leaf to leaf: leaves allow for the rounding of the steps.
+    FromLeafToLeaf,
+    /// The same by stored links.
+    ByLinks,
+}
+
+/// Builds an octree and lays it out.
 pub fn build(
     scene: &Triangles,
     config: &Config,
     monitor: &Monitor,
-    steps: bool,
+    walked: Walked,
     layout: impl FnOnce(Octree) -> Layout,
 ) -> Result<Built> {
     let frame = Frame::new(scene.bounds());
@@ -72,6 +82,7 @@ pub fn build(
         0 => default_depth(scene.live().len()),
         depth => u32::try_from(depth).expect("in range"),
     };
+    let steps = walked != Walked::FromTop;
     let cube = Cube::new(&frame, depth, steps);
     let params = Params {
         cube,
@@ -81,7 +92,10 @@ pub fn build(
     };
     let octants = octree::build(scene, &frame, &params, monitor)?;
     let mut blocks = Blocks::new();
-    let tree = Octree::new(&octants, cube, (scene, &frame), &mut blocks)?;
+    let mut tree = Octree::new(&octants, cube, (scene, &frame), &mut blocks)?;
+    if walked == Walked::ByLinks {
+        tree = tree.with_links();
+    }
     let shape = tree.shape(&frame);
     Ok(Built {
         frame,

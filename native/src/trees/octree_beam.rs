@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! T.Haces: the octree whose camera rays go as beams.
 
-use super::octree::{self, LEAF_SIZE, MAX_DEPTH_PARAM, REFERENCES};
+use super::octree::{self, LEAF_SIZE, MAX_DEPTH_PARAM, REFERENCES, Walked};
 use crate::build::Monitor;
 use crate::error::Result;
+use crate::registry::params::SHADOW_OCTREE;
 use crate::registry::{Built, StructureSpec};
 use crate::registry::{Default, Kind, ParamSpec};
 use crate::scene::Triangles;
@@ -29,13 +30,19 @@ pub const SPEC: StructureSpec = StructureSpec {
     family: "octants",
     summary: "The octree with links, on which 64 camera rays of a tile go as one beam until they part.",
     paper: "Gonzalez Lopez and Gisbert Canto, Trazado de haces de rayos en escenas estructuradas espacialmente mediante arboles octales",
-    params: &[LEAF_SIZE, REFERENCES, MAX_DEPTH_PARAM, BEAM_LEAST],
+    params: &[
+        LEAF_SIZE,
+        REFERENCES,
+        MAX_DEPTH_PARAM,
+        BEAM_LEAST,
+        SHADOW_OCTREE,
+    ],
     build,
 };
 
 fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built> {
     let least = u32::try_from(config.integer("beam_least")).expect("in range");
-    octree::build(scene, config, monitor, true, |tree| {
-        Layout::OctreeBeam(tree.with_links(), least)
+    octree::build(scene, config, monitor, Walked::ByLinks, |tree| {
+        Layout::OctreeBeam(tree, least)
     })
 }

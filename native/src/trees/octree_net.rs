@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Samet-Net: the octree with stored links.
 
-use super::octree::{self, LEAF_SIZE, MAX_DEPTH_PARAM, REFERENCES};
+use super::octree::{self, LEAF_SIZE, MAX_DEPTH_PARAM, REFERENCES, Walked};
 use crate::build::Monitor;
 use crate::error::Result;
+use crate::registry::params::SHADOW_OCTREE;
 use crate::registry::{Built, StructureSpec};
 use crate::scene::Triangles;
 use crate::spec::Config;
@@ -17,12 +18,10 @@ pub const SPEC: StructureSpec = StructureSpec {
     family: "octants",
     summary: "Cubes halved along all axes; rays walk from leaf to leaf by six stored links each.",
     paper: "Endl and Sommer 1994, Classification of ray-generators in uniform subdivisions and octrees for ray tracing",
-    params: &[LEAF_SIZE, REFERENCES, MAX_DEPTH_PARAM],
+    params: &[LEAF_SIZE, REFERENCES, MAX_DEPTH_PARAM, SHADOW_OCTREE],
     build,
 };
 
 fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built> {
-    octree::build(scene, config, monitor, true, |tree| {
-        Layout::OctreeNet(tree.with_links())
-    })
+    octree::build(scene, config, monitor, Walked::ByLinks, Layout::OctreeNet)
 }

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The octree walked from the top.
 
-use super::octree::{self, LEAF_SIZE, MAX_DEPTH_PARAM, REFERENCES};
+use super::octree::{self, LEAF_SIZE, MAX_DEPTH_PARAM, REFERENCES, Walked};
 use crate::build::Monitor;
 use crate::error::Result;
+use crate::registry::params::SHADOW_OCTREE;
 use crate::registry::{Built, StructureSpec};
 use crate::scene::Triangles;
 use crate::spec::Config;
@@ -17,10 +18,10 @@ pub const SPEC: StructureSpec = StructureSpec {
     family: "octants",
     summary: "Cubes halved along all axes; rays walk down from the root, octants in the order of the direction.",
     paper: "Revelles, Urena and Lastra 2000, An efficient parametric algorithm for octree traversal",
-    params: &[LEAF_SIZE, REFERENCES, MAX_DEPTH_PARAM],
+    params: &[LEAF_SIZE, REFERENCES, MAX_DEPTH_PARAM, SHADOW_OCTREE],
     build,
 };
 
 fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built> {
-    octree::build(scene, config, monitor, false, Layout::OctreeParam)
+    octree::build(scene, config, monitor, Walked::FromTop, Layout::OctreeParam)
 }

@@ -4,6 +4,8 @@
 use crate::build::octree_nodes::{Node, OUTSIDE, Octree};
 use crate::build::overlap::TriangleBox;
 use crate::structure::Structure;
+use crate::traverse::bundle::RAYS;
+use crate::traverse::{Hit, Order, Ray, Tracer};
 use std::collections::BTreeSet;
 
 /// All triangles that some leaf holds.
@@ -22,7 +24,7 @@ pub fn leaves(structure: &Structure, tree: &Octree) -> BTreeSet<u32> {
 pub fn octree(structure: &Structure, tree: &Octree, broken: &mut Vec<String>) {
     let shape = structure.shape();
     let cube = tree.cube();
-    let (mut inner, mut leaves, mut references) = (0, 0, 0);
+    let (mut inner, mut leaves, mut references, mut linked) = (0, 0, 0, 0);
     tree.visit(|index, node, place| {
         if node.level() > cube.depth {
             broken.push(format!("node {index} lies below level {}", cube.depth));
@@ -60,15 +62,82 @@ pub fn octree(structure: &Structure, tree: &Octree, broken: &mut Vec<String>) {
         references += node.blocks().1;
         contents(structure, tree, (index, node, place), broken);
         if tree.has_links() {
+            linked += tree
+                .links(node.place())
+                .iter()
+                .filter(|&&l| l != OUTSIDE)
+                .count();
             links(tree, (index, node, place), broken);
         }
     });
-    let counted = (inner, leaves, references);
-    let stated = (shape.nodes_axis, shape.leaves, shape.references);
+    let counted = (inner, leaves, references, linked);
+    let stated = (
+        shape.nodes_axis,
+        shape.leaves,
+        shape.references,
+        shape.links,
+    );
     if counted != stated {
         broken.push(format!(
-            "inner nodes, leaves and references are {counted:?}, the statistics say {stated:?}"
+            "inner nodes, leaves, references and links are {counted:?}, the statistics say {stated:?}"
         ));
+    }
+}
+
+/// Every pixel of a beam belongs to one cell after the other, and to no two at once: then it has the
+/// answer of the single ray. Views from the middle of the scene, which is a corner of cells, and
+/// from its lowest corner, in all directions; and parallel ones.
+pub fn pixels(structure: &Structure, tree: &Octree, broken: &mut Vec<String>) {
+    let frame = &structure.built().frame;
+    let bounds = structure.scene().bounds();
+    if bounds.is_empty() {
+        return;
+    }
+    let half = 0.5 * tree.cube().side;
+    let corner = frame.to_scene(tree.cube().corner.map(|x| x + half));
+    let size: [f32; 3] = std::array::from_fn(|k| bounds.max[k] - bounds.min[k]);
+    for apex in [corner, bounds.min] {
+        for face in 0..6 {
+            let (axis, sign) = (face / 2, if face % 2 == 1 { 1.0 } else { -1.0 });
+            let mut rays = Vec::with_capacity(4 * RAYS);
+            for pixel in 0..2 * RAYS {
+                let place = [pixel % 16, pixel / 16].map(|i| i as f32 / 8.0 - 1.0);
+                let mut d = [sign; 3];
+                (d[(axis + 1) % 3], d[(axis + 2) % 3]) = (place[0], place[1]);
+                let mut ray = Ray {
+                    o: apex,
+                    d,
+                    t_min: 0.0,
+                    t_max: f32::INFINITY,
+                };
+                rays.push(ray);
+                // The same window, and parallel rays from it.
+                ray.o = std::array::from_fn(|k| apex[k] + 0.5 * d[k] * size[k]);
+                ray.d = [0.0; 3];
+                ray.d[axis] = sign;
+                rays.push(ray);
+            }
+            // The first kind before the second.
+            let rays: Vec<_> = (0..2)
+                .flat_map(|kind| rays.iter().skip(kind).step_by(2))
+                .copied()
+                .collect();
+            let mut hits = [(); 2].map(|()| vec![Hit::MISS; rays.len()]);
+            structure.closest(&rays, &mut hits[0], None);
+            structure.closest_ordered(&rays, &mut hits[1], None, Order::Tiles);
+            let bits = |h: &Hit| (h.t.to_bits(), h.triangle, h.u.to_bits(), h.v.to_bits());
+            let wrong = hits[0]
+                .iter()
+                .zip(&hits[1])
+                .filter(|(a, b)| bits(a) != bits(b));
+            match wrong.count() {
+                0 => {}
+                n => broken.push(format!(
+                    "{n} of {} rays got lost in beams from {apex:?}",
+                    rays.len()
+                )),
+            }
+        }
     }
 }
 

@@ -55,6 +55,12 @@ pub(super) const CASES: &[Recipe] = &[
         extremes: &["X10", "X11"],
         make: interval_ends,
     },
+    Recipe {
+        name: "behind the origin",
+        summary: "intervals that begin before the ray does: the farthest behind is the nearest hit",
+        extremes: &["X11"],
+        make: behind,
+    },
 ];
 
 fn signs_of_zero(size: Size, random: &mut Random) -> Draft {
@@ -113,6 +119,18 @@ fn walls(size: Size, random: &mut Random) -> Draft {
         rays.push(ray(o, [random.pick(&[0.0, 1e-7, -1e-7, 1e-30]), 1.0, 0.5]));
     }
     (corners, rays)
+}
+
+fn behind(size: Size, random: &mut Random) -> Draft {
+    let n = size.pick(4, 12);
+    let mut rays = lattice_rays(n, random, size.rays());
+    for limited in &mut rays {
+        let length = random.pick(&[1.0, 2.5, 1e-3, 1e3]);
+        limited.d = limited.d.map(|x| x * length);
+        limited.t_min = random.pick(&[-1.0, -0.4, -100.0, f32::NEG_INFINITY]);
+        limited.t_max = random.pick(&[0.0, 1.0, nudged(1.0, 1), -0.2, f32::INFINITY]);
+    }
+    (grid(n, 0.0), rays)
 }
 
 fn interval_ends(size: Size, random: &mut Random) -> Draft {

@@ -86,16 +86,19 @@ proptest! {
 /// The comparison above can fail: without error bounds slabs are too thin for rounded distances.
 #[test]
 fn slabs_without_bounds_reject_hits() {
-    let corners = [[0.1_f32, 0.2, 0.3], [0.7, 0.2, 0.9], [0.3, 0.8, 0.6]];
+    let corners = [[1.0_f32, 2.0, 3.0], [7.0, 2.0, 5.0], [3.0, 6.0, 4.0]];
     let frame = Frame::new(Aabb::of_triangle(corners)).with_robust(false);
     let node = triangle_node(corners);
     let mut rejected = 0;
     for i in 0..2000_u16 {
-        // Towards the edge, and in it at the corners.
-        let s = f32::from(i) / 2000.0;
-        let o = [-3.1, 2.3 + s, -1.7];
-        let target: [f32; 3] =
-            std::array::from_fn(|k| corners[0][k] + s * (corners[1][k] - corners[0][k]));
+        // From far away exactly to a corner, where planes of all slabs meet.
+        let x = f32::from(i);
+        let o = [
+            -90_000.0 - 7.0 * x,
+            30_001.0 + 13.0 * x,
+            -70_003.0 - 5.0 * x,
+        ];
+        let target = corners[usize::from(i) % 3];
         let d = std::array::from_fn(|k| target[k] - o[k]);
         let ray = Ray {
             o,

@@ -23,7 +23,7 @@ use crate::geom::Aabb;
 use crate::registry::Built;
 use crate::scene::Triangles;
 use crate::spec::{Config, Value};
-use crate::structure::Layout;
+use crate::structure::{Layout, PlaneWalk};
 use crate::traverse::blocks::Blocks;
 use crate::traverse::frame::{Frame, U};
 use crate::trees::kd::{Axes, default_depth};
@@ -264,7 +264,7 @@ pub fn lay_out(
     Ok(Built {
         frame: frame.with_robust(config.choice("robust") != "none"),
         blocks,
-        layout: Layout::PlaneDir(tree),
+        layout: Layout::Plane(tree, PlaneWalk::Dir),
         shape,
         left_out,
     })

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Parameters of the trees with oblique planes.
 
-use crate::registry::params::{MAX_DEPTH, ROBUST};
+use crate::registry::params::{MAX_DEPTH, ROBUST, TRAVERSAL_ANY};
 use crate::registry::{Default, Kind, ParamSpec};
 
 /// Fitted price of a step through an oblique node, in the units of
@@ -120,21 +120,53 @@ const AXES_DEPTH: ParamSpec = ParamSpec {
 };
 
 /// Parameters of a variant without cheap axis nodes.
-pub const fn usual(k: ParamSpec) -> [ParamSpec; 10] {
+pub const fn usual(k: ParamSpec) -> [ParamSpec; 11] {
     [
-        k, SEED, COSTS, TIES, SLAB, CLIP, EARLY, AXES_DEPTH, ROBUST, MAX_DEPTH,
+        k,
+        TRAVERSAL_ANY,
+        SEED,
+        COSTS,
+        TIES,
+        SLAB,
+        CLIP,
+        EARLY,
+        AXES_DEPTH,
+        ROBUST,
+        MAX_DEPTH,
     ]
 }
 
 /// Parameters of a variant with cheap axis nodes.
-pub const fn kd(k: ParamSpec) -> [ParamSpec; 12] {
+pub const fn kd(k: ParamSpec) -> [ParamSpec; 13] {
     [
-        k, ALPHA, SEED, COSTS, RULE, TIES, SLAB, CLIP, EARLY, AXES_DEPTH, ROBUST, MAX_DEPTH,
+        k,
+        TRAVERSAL_ANY,
+        ALPHA,
+        SEED,
+        COSTS,
+        RULE,
+        TIES,
+        SLAB,
+        CLIP,
+        EARLY,
+        AXES_DEPTH,
+        ROBUST,
+        MAX_DEPTH,
     ]
 }
 
 /// Parameters of a tree that sweeps nothing but the axes.
-pub const SINGLE: [ParamSpec; 6] = [COSTS, TIES, SLAB, CLIP, ROBUST, MAX_DEPTH];
+pub const SINGLE: [ParamSpec; 7] = [TRAVERSAL_ANY, COSTS, TIES, SLAB, CLIP, ROBUST, MAX_DEPTH];
 
 /// The same, with cheap axis nodes.
-pub const SINGLE_KD: [ParamSpec; 8] = [ALPHA, COSTS, RULE, TIES, SLAB, CLIP, ROBUST, MAX_DEPTH];
+pub const SINGLE_KD: [ParamSpec; 9] = [
+    TRAVERSAL_ANY,
+    ALPHA,
+    COSTS,
+    RULE,
+    TIES,
+    SLAB,
+    CLIP,
+    ROBUST,
+    MAX_DEPTH,
+];

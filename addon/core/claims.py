@@ -1,0 +1,233 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the papers claim, measured again: a table of claims, one file per paper, and the lab that they measure in.
+
+A paper is a module with a constant `CLAIMS`; add it to `claims_table.PAPERS`. A claim names what was published and a
+function that measures it in one or two configurations, *faithful* (the paper's constants) and *best* (ours). Every
+outcome holds, does not hold, or cannot be tested here, and says which counters explain it. No time stands without the
+answers checked beside it.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from . import accuracy
+from .accuracy import Answers
+from .rays import RaySet, blocks
+from .workload import Workload, load_npz
+
+HOLDS = "holds"
+FAILS = "does not hold"
+UNTESTED = "cannot be tested here"
+VERDICTS = (HOLDS, FAILS, UNTESTED)
+
+CHECKED = 20_000
+"""Rays per configuration and scene whose answers are compared with brute force."""
+
+
+REPEATS = {True: 3, False: 7}
+"""Timed passes, after one that warms up: in a quick run, and else."""
+
+
+@dataclass(frozen=True)
+class Chart:
+    """What a plot shows: lines of (x, y) points by name. level: a dashed line at this height, with its label."""
+
+    title: str
+    x: str
+    y: str
+    lines: Mapping[str, Sequence[tuple[float, float]]]
+    bars: bool = False
+    level: tuple[float, str] | None = None
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What one configuration gave.
+
+    configuration: "faithful" or "best". verdict: one of VERDICTS. measured: the number in words. why: the counters
+    that explain it. values: the numbers, for JSON. error: what was checked, and what differed.
+    """
+
+    configuration: str
+    verdict: str
+    measured: str
+    why: str = ""
+    error: str = ""
+    values: Mapping[str, float] = field(default_factory=dict)
+    charts: tuple[Chart, ...] = ()
+
+
+@dataclass(frozen=True)
+class Claim:
+    """A sentence of a paper that can be measured."""
+
+    id: str
+    paper: str
+    says: str
+    measure: Callable[[Lab], Iterable[Outcome]]
+
+
+@dataclass(frozen=True)
+class Result:
+    """A claim and what came out."""
+
+    claim: Claim
+    outcomes: tuple[Outcome, ...]
+
+    def as_rows(self) -> Iterator[dict[str, Any]]:
+        """One row per configuration, as JSON has it."""
+        for outcome in self.outcomes:
+            row = asdict(outcome)
+            charts = [{**chart, "lines": {k: list(v) for k, v in chart["lines"].items()}} for chart in row["charts"]]
+            yield {"claim": self.claim.id, "paper": self.claim.paper, "says": self.claim.says, **row, "charts": charts}
+
+
+@dataclass(frozen=True)
+class Timing:
+    """Median seconds of one structure on one set of rays, and the mean counters of a ray."""
+
+    rays: int
+    seconds: float
+    counters: Mapping[str, float]
+
+    @property
+    def nanoseconds(self) -> float:
+        """Per ray."""
+        return self.seconds / max(self.rays, 1) * 1e9
+
+
+class Lab:
+    """Builds, checks and times structures on one thread; what was measured once is not measured again."""
+
+    def __init__(self, native: Any, *, quick: bool, say: Callable[[str], None], scenes: Path | None = None) -> None:
+        self.native = native
+        self.scenes = scenes
+        self.quick = quick
+        self.say = say
+        self.repeats = REPEATS[quick]
+        self._ids = {row["id"] for row in native.structures()}
+        self._structures: dict[tuple[str, str], Any] = {}
+        self._timings: dict[tuple[str, str, str], Timing] = {}
+        self._right: dict[tuple[str, str], Answers] = {}
+        self._rays: dict[tuple[str, str], RaySet] = {}
+        self._errors: dict[tuple[str, str, str], tuple[int, int]] = {}
+
+    def lacks(self, *specs: str) -> str:
+        """Which of the structures do not exist in this build, as a sentence; empty when all do."""
+        missing = [spec for spec in specs if spec.partition(":")[0] not in self._ids]
+        return f"this build has no {', '.join(missing)}" if missing else ""
+
+    def shared(self, name: str) -> Workload | None:
+        """A scene from the shared folder; None where it is not there."""
+        path = None if self.scenes is None else self.scenes / f"{name}.npz"
+        if path is None or not path.is_file():
+            self.say(f"{name} is left out: there is no such file")
+            return None
+        return load_npz(path)
+
+    def build(self, workload: Workload, spec: str) -> Any:
+        """The structure, built once."""
+        key = (workload.name, spec)
+        if key not in self._structures:
+            self._structures[key] = self.native.build(workload.vertices, workload.triangles, spec, threads=1)
+        return self._structures[key]
+
+    def statistics(self, workload: Workload, spec: str) -> Mapping[str, Any]:
+        """What the build made."""
+        statistics: Mapping[str, Any] = self.build(workload, spec).statistics
+        return statistics
+
+    def rays(self, workload: Workload, name: str, make: Callable[[], RaySet]) -> RaySet:
+        """The scene's rays of this name, made once."""
+        key = (workload.name, name)
+        if key not in self._rays:
+            self._rays[key] = make()
+        return self._rays[key]
+
+    def seconds(self, workload: Workload, specs: Sequence[str], rays: RaySet) -> dict[str, Timing]:
+        """Median seconds of each structure on the rays, taken in turns; answers are checked first.
+
+        The clock is that of the processor: on one thread it counts the work, however busy the machine is.
+        """
+        wanted = [spec for spec in specs if (workload.name, spec, rays.name) not in self._timings]
+        if wanted:
+            self.say(f"{workload.name}: {rays.name}: {', '.join(wanted)}")
+        for spec in wanted:
+            self._check(workload, spec, rays)
+        taken: dict[str, list[float]] = {spec: [] for spec in wanted}
+        for repeat in range(self.repeats + 1):
+            for spec in wanted:
+                seconds = self._ask(self.build(workload, spec), rays)
+                if repeat:
+                    taken[spec].append(seconds)
+        for spec in wanted:
+            counters = self._count(self.build(workload, spec), rays)
+            key = (workload.name, spec, rays.name)
+            self._timings[key] = Timing(len(rays), float(np.median(taken[spec])), counters)
+        return {spec: self._timings[workload.name, spec, rays.name] for spec in specs}
+
+    def error(self, workload: Workload, specs: Iterable[str]) -> str:
+        """How many of the checked rays of these structures on this scene were not brute force's, in words."""
+        own = [v for (scene, spec, _), v in self._errors.items() if scene == workload.name and spec in set(specs)]
+        wrong, of = (sum(column) for column in zip(*own, strict=True)) if own else (0, 0)
+        return f"{wrong:,} of {of:,} answers differ from brute force"
+
+    def wrong(self) -> int:
+        """How many of all checked answers were not brute force's."""
+        return sum(wrong for wrong, _ in self._errors.values())
+
+    def _ask(self, structure: Any, rays: RaySet) -> float:
+        ask = structure.occluded if rays.any_hit else structure.closest
+        start = time.process_time()
+        ask(rays.origins, rays.directions, t_max=rays.t_max, order=rays.order, threads=1)
+        return time.process_time() - start
+
+    def _count(self, structure: Any, rays: RaySet) -> dict[str, float]:
+        arguments = {"t_max": rays.t_max, "order": rays.order, "threads": 1, "counters": True}
+        if rays.any_hit:
+            counters = structure.occluded(rays.origins, rays.directions, **arguments)[1]
+        else:
+            counters = structure.closest(rays.origins, rays.directions, **arguments).counters
+        return {name: float(np.mean(column)) for name, column in counters.items()} if len(rays) else {}
+
+    def _check(self, workload: Workload, spec: str, rays: RaySet) -> None:
+        """Compare with brute force, bit for bit."""
+        some = rays.take(blocks(len(rays), CHECKED, seed=1))
+        arguments = {"t_max": some.t_max, "threads": 1}
+        structure = self.build(workload, spec)
+        key = (workload.name, rays.name)
+        if key not in self._right:
+            brute = self.build(workload, "brute")
+            self._right[key] = Answers.of(brute.closest(some.origins, some.directions, t_max=some.t_max, threads=0))
+        right = self._right[key]
+        blocked = structure.occluded(some.origins, some.directions, order=some.order, **arguments)
+        found = Answers.of(structure.closest(some.origins, some.directions, order=some.order, **arguments))
+        errors = accuracy.compare(right, found, blocked, self.native.ulp_distance, bitwise=True)
+        row = errors.as_row("brute")
+        kinds = ("false_miss", "false_hit", "wrong_triangle", "wrong_any_hit", "wrong_values")
+        self._errors[workload.name, spec, rays.name] = (sum(int(row[kind]) for kind in kinds), len(some))
+
+
+def measure(lab: Lab, claims: Iterable[Claim]) -> Iterator[Result]:
+    """Measure claim by claim."""
+    for claim in claims:
+        lab.say(f"{claim.paper}: {claim.id}")
+        yield Result(claim, tuple(claim.measure(lab)))
+
+
+def verdict(*, holds: bool) -> str:
+    """A measured claim holds or does not."""
+    return HOLDS if holds else FAILS
+
+
+def slope(points: Iterable[tuple[float, float]]) -> float:
+    """The slope of the line through (x, y) points, by least squares."""
+    x, y = np.array(list(points), np.float64).T
+    return float(np.polyfit(x, y, 1)[0])

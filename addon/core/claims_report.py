@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Measured claims as text, and as one HTML page that opens offline: published beside measured, with plots."""
+
+from __future__ import annotations
+
+import html
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+from . import plots
+from .claims import FAILS, HOLDS, VERDICTS, Chart, Result
+
+CLASSES = {HOLDS: "holds", FAILS: "fails"}
+
+
+def as_text(result: Result) -> str:
+    """A claim and its outcomes, for a terminal."""
+    lines = [f"{result.claim.id}: {result.claim.says}"]
+    for outcome in result.outcomes:
+        lines.append(f"  {outcome.verdict.upper()} ({outcome.configuration}): {outcome.measured}")
+        lines += [f"      {line}" for line in (outcome.why, outcome.error) if line]
+    return "\n".join(lines)
+
+
+def summary(results: Iterable[Result]) -> str:
+    """How many outcomes there are of each kind."""
+    counts = Counter(outcome.verdict for result in results for outcome in result.outcomes)
+    return ", ".join(f"{counts[kind]} {kind}" for kind in VERDICTS)
+
+
+def as_html(results: Sequence[Result], machine: Mapping[str, Any], *, quick: bool) -> str:
+    """The page."""
+    shown = ", ".join(f"{key} {html.escape(str(value))}" for key, value in machine.items())
+    note = " Quick run: three repeats." if quick else ""
+    return (
+        '<!doctype html><html lang="en"><meta charset="utf-8"><title>Claims</title>'
+        "<style>body{font:15px/1.45 sans-serif;margin:2em auto;max-width:64em;padding:0 1em}"
+        "table{border-collapse:collapse;width:100%}td,th{padding:.3em .6em;text-align:left;vertical-align:top;"
+        "border-bottom:1px solid #8884}.holds{color:#087a55;font-weight:bold}.fails{color:#b83500;font-weight:bold}"
+        ".why{color:#666;font-size:90%}svg{max-width:100%;height:auto}</style>"
+        f"<h1>What the papers claim, measured again</h1><p>{summary(results)}. One thread, processor time, medians; "
+        f"{shown}.{note} <em>Faithful</em> is the paper's configuration, <em>best</em> ours.</p>"
+        f"{''.join(_paper(name, own) for name, own in _by_paper(results).items())}</html>\n"
+    )
+
+
+def _by_paper(results: Iterable[Result]) -> dict[str, list[Result]]:
+    found: dict[str, list[Result]] = {}
+    for result in results:
+        found.setdefault(result.claim.paper, []).append(result)
+    return found
+
+
+def _paper(name: str, results: Iterable[Result]) -> str:
+    return f"<h2>{html.escape(name)}</h2>" + "".join(map(_claim, results))
+
+
+def _claim(result: Result) -> str:
+    rows = []
+    for outcome in result.outcomes:
+        kind = CLASSES.get(outcome.verdict, "")
+        why = ". ".join(html.escape(part) for part in (outcome.why, outcome.error) if part)
+        rows.append(
+            f'<tr><td class="{kind}">{outcome.verdict}</td><td>{html.escape(outcome.configuration)}</td>'
+            f'<td>{html.escape(outcome.measured)}<div class="why">{why}</div></td></tr>'
+        )
+    charts = [chart for outcome in result.outcomes for chart in outcome.charts]
+    return (
+        f'<h3 id="{result.claim.id}">{html.escape(result.claim.id)}</h3>'
+        f"<p><em>Published:</em> {html.escape(result.claim.says)}</p>"
+        f"<table><tr><th>verdict</th><th>configuration</th><th>measured</th></tr>{''.join(rows)}</table>"
+        f"{''.join(map(draw, charts))}"
+    )
+
+
+def draw(chart: Chart) -> str:
+    """The plot as an SVG element; nothing without matplotlib."""
+    if plots.problem():
+        return ""
+    return plots.figure(lambda axes: _lines(axes, chart), 4.0)
+
+
+def _lines(axes: Any, chart: Chart) -> None:
+    for number, (name, points) in enumerate(chart.lines.items()):
+        colour, marker = plots.COLOURS[number % len(plots.COLOURS)], plots.MARKERS[number % len(plots.MARKERS)]
+        x, y = zip(*points, strict=True)
+        if chart.bars:
+            width = 0.8 / len(chart.lines)
+            axes.bar([place + number * width for place in x], y, width * 0.92, color=colour, label=name)
+        else:
+            axes.plot(x, y, marker + "-", color=colour, label=name)
+    if chart.level is not None:
+        axes.axhline(chart.level[0], linestyle=":", color="#555555", label=chart.level[1])
+    axes.set_ylim(bottom=0)
+    axes.set_title(chart.title)
+    axes.set_xlabel(chart.x)
+    axes.set_ylabel(chart.y)
+    axes.legend(frameon=False)

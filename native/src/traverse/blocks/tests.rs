@@ -1,0 +1,71 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+
+use super::*;
+use crate::geom::verdict::verdict;
+use fearless_simd::{Level, dispatch};
+use proptest::prelude::*;
+
+fn coordinate() -> impl Strategy<Value = f32> {
+    prop_oneof![
+        (-8i8..8).prop_map(f32::from),
+        -1.0f32..1.0,
+        -1e-3f32..1e-3,
+        -1e6f32..1e6,
+        prop::num::f32::NORMAL | prop::num::f32::SUBNORMAL | prop::num::f32::ZERO,
+    ]
+}
+
+fn point() -> impl Strategy<Value = [f32; 3]> {
+    [coordinate(), coordinate(), coordinate()]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(20_000))]
+    #[test]
+    fn no_hit_is_ever_rejected(
+        corners in prop::collection::vec(point(), 3..30),
+        o in point(),
+        weights in [0.0f32..1.0, 0.0f32..1.0],
+        pick in any::<prop::sample::Index>(),
+        t_min in prop_oneof![Just(0.0f32), Just(-1.0), Just(-1e3), Just(f32::NEG_INFINITY)],
+        turned in any::<bool>(),
+    ) {
+        let count = corners.len() / 3;
+        let indices = (0..u32::try_from(count).unwrap()).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+        let scene = Triangles::new(corners, indices).unwrap();
+        prop_assume!(!scene.live().is_empty());
+        let frame = Frame::new(scene.bounds());
+        let mut blocks = Blocks::new();
+        let first = blocks.push_leaf(&scene, &frame, scene.live());
+        blocks.seal();
+        // Aim at a point in or near one of the triangles.
+        let [a, b, c] = scene.corners(scene.live()[pick.index(scene.live().len())]);
+        let d: [f32; 3] = std::array::from_fn(|k| {
+            let target = a[k] * (1.0 - weights[0]) * (1.0 - weights[1]) + b[k] * weights[0] + c[k] * weights[1];
+            if turned { o[k] - target } else { target - o[k] }
+        });
+        prop_assume!(d.iter().all(|x| x.is_finite()));
+        let ray = Ray { o, d, t_min, t_max: f32::INFINITY };
+        let hit = |id: u32| verdict(o, d, scene.corners(id)).map(|v| v.t).filter(|t| *t >= t_min && t.is_finite());
+        let Some(framed) = frame.ray(&ray) else {
+            prop_assert!(scene.live().iter().all(|&id| hit(id).is_none()), "the box test lost a hit");
+            return Ok(());
+        };
+        // As far as the whole ray, and only as far as each hit: nearer ones must stay.
+        let hits: Vec<_> = scene.live().iter().filter_map(|&id| hit(id)).collect();
+        let reaches: Vec<_> = hits.iter().map(|&t| (t, framed.reach(t))).chain([(f32::MAX, framed.t_max)]).collect();
+        let mut at = first as usize;
+        for ids in scene.live().chunks(LANES) {
+            let n = ids.len();
+            let block = blocks.words[at..].first_chunk().unwrap();
+            for &(farthest, reach) in &reaches {
+                let mask = dispatch!(Level::new(), simd => Candidates::new(simd, block, n, &framed, reach).lanes);
+                for (lane, &id) in ids.iter().enumerate() {
+                    let lost = mask >> lane & 1 == 0 && hit(id).is_some_and(|t| t <= farthest);
+                    prop_assert!(!lost, "triangle {id} was rejected");
+                }
+            }
+            at += 1 + WORDS * n;
+        }
+    }
+}

@@ -1,0 +1,233 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Plane trees walked by tiles of rays with a common origin: at each node one comparison of intervals
+//! decides for all of them (algorithms of Reshetov et al. 2005 and of beam tracing, on any plane).
+//!
+//! The child that holds the origin is near. All rays that cross the plane do so between the distance
+//! of the quickest and that of the slowest; so the near child ends at the latest crossing, the far one
+//! begins at the earliest. Every ray passes through every node that its own walk would visit, and
+//! through others, where it hits nothing. When a tile does much more than a tile that stays together
+//! needs, its rays go on singly, each as far as the best hit that the tile found.
+
+use super::batch::TileWalk;
+use super::blocks::Blocks;
+use super::frame::{Frame, U};
+use super::plane_dir;
+use super::query::Counters;
+use super::ray::{Hit, Ray};
+use super::tile::{self, BUDGET, LANES, Tile, load, splat};
+use super::tile_leaf;
+use crate::build::plane_tree::{MAX_DEPTH, Node, PlaneTree};
+use crate::scene::Triangles;
+use fearless_simd::{Select, Simd, SimdBase, SimdFloat, SimdMask, f32x16, mask32x16};
+
+/// Bound on the error of `n . d` for `|n| <= 1` and components of `d` below 2: 3 roundings of at most
+/// `sqrt(3) 2` each.
+const SPEED_ERROR: f32 = 16.0 * U;
+
+/// The walk over one tree by tiles of `16 R` rays.
+pub struct Walk<'a, const R: usize>(pub &'a PlaneTree);
+
+/// A child still to visit, and where rays are inside it.
+#[derive(Clone, Copy, Default)]
+struct Pending {
+    node: u32,
+    enter: f32,
+    leave: f32,
+}
+
+impl<const R: usize> TileWalk for Walk<'_, R> {
+    const RAYS: usize = R * LANES;
+    type Scratch = ();
+
+    fn scratch(&self) {}
+
+    #[inline(always)]
+    fn cast_tile<S: Simd, C: Counters>(
+        &self,
+        simd: S,
+        triangles: (&Triangles, &Blocks),
+        (frame, rays): (&Frame, &[Ray]),
+        _: &mut (),
+        write: &mut impl FnMut(usize, Hit),
+        counters: &mut [C],
+    ) {
+        let mut tile = Tile::<R>::new(simd, frame, rays);
+        if tile.inside.0 <= tile.inside.1
+            && !self.follow(simd, triangles.1, (&mut tile, rays), counters)
+        {
+            tile.give_up();
+        }
+        let single = plane_dir::Walk(self.0);
+        tile::finish(
+            simd,
+            &tile,
+            (&single, triangles),
+            (frame, rays),
+            write,
+            counters,
+        );
+    }
+}
+
+impl<const R: usize> Walk<'_, R> {
+    /// Walks the tile to its end; says whether it came there within its budget.
+    #[inline(always)]
+    fn follow<S: Simd, C: Counters>(
+        &self,
+        simd: S,
+        blocks: &Blocks,
+        (tile, rays): (&mut Tile<R>, &[Ray]),
+        counters: &mut [C],
+    ) -> bool {
+        let tree = self.0;
+        let mut stack = [Pending::default(); MAX_DEPTH + 1];
+        let mut waiting = 0;
+        let mut budget = BUDGET * R * LANES;
+        let mut node = tree.root();
+        let (mut enter, mut leave) = tile.inside;
+        loop {
+            match tree.node(node) {
+                Node::Axis {
+                    axis,
+                    split,
+                    children,
+                    empty,
+                    ..
+                } => {
+                    // Steps of a tile are charged to its first ray.
+                    counters[0].step_axis();
+                    let gap = split - tile.o[axis];
+                    let (size, pad) = (gap.abs(), tile.pad[axis]);
+                    let part = if size > pad {
+                        let up = gap > 0.0;
+                        let pace = &tile.pace[axis][usize::from(up)];
+                        let crossing = ((size - pad) * pace.least, (size + pad) * pace.most);
+                        (children + u32::from(!up), crossing)
+                    } else {
+                        let near = children + u32::from(!tile.up[axis]);
+                        (near, (f32::NEG_INFINITY, f32::INFINITY))
+                    };
+                    (node, enter, leave) =
+                        step(part, empty, (enter, leave), (&mut stack, &mut waiting));
+                    continue;
+                }
+                Node::Oblique {
+                    normal,
+                    offset,
+                    children,
+                    empty,
+                } => {
+                    counters[0].step_oblique();
+                    let part = oblique(simd, tile, (normal, offset), children);
+                    (node, enter, leave) =
+                        step(part, empty, (enter, leave), (&mut stack, &mut waiting));
+                    continue;
+                }
+                Node::Leaf { first, count } => {
+                    counters[0].leaf(count);
+                    if count != 0 {
+                        let leaf = (first, count);
+                        let kept = tile_leaf::test(
+                            simd,
+                            blocks,
+                            leaf,
+                            (enter, leave),
+                            (&mut *tile, rays),
+                            counters,
+                        );
+                        let Some(left) = budget.checked_sub(4 + kept) else {
+                            return false;
+                        };
+                        budget = left;
+                    }
+                }
+            }
+            loop {
+                if waiting == 0 {
+                    return true;
+                }
+                waiting -= 1;
+                let next = stack[waiting];
+                if next.enter <= tile.far {
+                    (node, enter, leave) = (next.node, next.enter, next.leave.min(tile.far));
+                    break;
+                }
+            }
+        }
+    }
+}
+
+/// The child to go on with and its part of the rays, the other one waiting if it is on the way too. Of
+/// two children on the way an empty one is not visited.
+#[inline(always)]
+fn step(
+    (near, (first, last)): (u32, (f32, f32)),
+    empty: u32,
+    (enter, leave): (f32, f32),
+    (stack, waiting): (&mut [Pending; MAX_DEPTH + 1], &mut usize),
+) -> (u32, f32, f32) {
+    if first > leave {
+        return (near, enter, leave);
+    }
+    let far = (near ^ 1, enter.max(first), leave);
+    if last < enter || empty >> (near & 1) & 1 == 1 {
+        return far;
+    }
+    if empty == 0 {
+        stack[*waiting] = Pending {
+            node: far.0,
+            enter: far.1,
+            leave: far.2,
+        };
+        *waiting += 1;
+    }
+    (near, enter, leave.min(last))
+}
+
+/// The near child of an oblique node, and between which distances rays cross its plane.
+#[inline(always)]
+fn oblique<S: Simd, const R: usize>(
+    simd: S,
+    tile: &Tile<R>,
+    (normal, offset): ([f32; 3], f32),
+    children: u32,
+) -> (u32, (f32, f32)) {
+    let mut low = splat(simd, f32::INFINITY);
+    let mut high = splat(simd, f32::NEG_INFINITY);
+    for row in 0..R {
+        let active = mask32x16::from_bitmask(simd, u64::from(tile.active[row]));
+        let [x, y, z] = &tile.d[row];
+        let planar = load(simd, z) * splat(simd, normal[2]);
+        let planar = load(simd, y).mul_add(splat(simd, normal[1]), planar);
+        let speed = load(simd, x).mul_add(splat(simd, normal[0]), planar);
+        let below: f32x16<S> = active.select(speed, splat(simd, f32::INFINITY));
+        let above: f32x16<S> = active.select(speed, splat(simd, f32::NEG_INFINITY));
+        low = low.min(below);
+        high = high.max(above);
+    }
+    let (low, high) = (
+        low.reduce_min() - SPEED_ERROR,
+        high.reduce_max() + SPEED_ERROR,
+    );
+    let o = tile.o;
+    let gap = offset - (normal[0] * o[0] + normal[1] * o[1] + normal[2] * o[2]);
+    let (size, pad) = (gap.abs(), tile.oblique_pad);
+    if size <= pad || size.is_nan() {
+        let near = children + u32::from(low + high <= 0.0);
+        return (near, (f32::NEG_INFINITY, f32::INFINITY));
+    }
+    let up = gap > 0.0;
+    let (slowest, quickest) = if up { (low, high) } else { (-high, -low) };
+    // Quotients are rounded outwards.
+    let first = if quickest > 0.0 {
+        (size - pad) / quickest * (1.0 - 4.0 * U)
+    } else {
+        f32::INFINITY
+    };
+    let last = if slowest > 0.0 {
+        (size + pad) / slowest * (1.0 + 4.0 * U)
+    } else {
+        f32::INFINITY
+    };
+    (children + u32::from(!up), (first, last))
+}

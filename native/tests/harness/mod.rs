@@ -1,0 +1,296 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! What any bytes must survive: every decoder of input and every builder, fed with numbers made from the bytes.
+//! The targets of `cargo fuzz` and the driver in `tests/bytes.rs` share this file.
+
+use halfspace_native::build::Monitor;
+use halfspace_native::error::Error;
+use halfspace_native::oracle::exact_closest;
+use halfspace_native::registry::{Kind, TREES};
+use halfspace_native::render::camera::{CameraParams, Projection};
+use halfspace_native::render::filter::FilterKind;
+use halfspace_native::render::job::Job;
+use halfspace_native::render::lights::{AreaShape, LightKind, LightParams};
+use halfspace_native::render::material::MaterialParams;
+use halfspace_native::render::scene::{RenderScene, SceneParams};
+use halfspace_native::render::settings::{Pass, Settings};
+use halfspace_native::scene::Triangles;
+use halfspace_native::spec::Config;
+use halfspace_native::structure::Structure;
+use halfspace_native::traverse::{Hit, Ray, Tracer};
+use halfspace_native::validate::validate;
+use std::sync::Arc;
+use std::time::Duration;
+
+/// What a build may take: small inputs that need more are a fault.
+const MEMORY: u64 = 256 << 20;
+
+/// A target: takes any bytes, and panics where something is wrong.
+pub type Target = fn(&[u8]);
+
+/// All targets, by name.
+pub const TARGETS: [(&str, Target); 4] = [
+    ("spec", spec),
+    ("scene", scene),
+    ("build_closest", build_closest),
+    ("render", render),
+];
+
+/// Bytes as numbers; after the end come zeros.
+struct Bytes<'a>(&'a [u8]);
+
+impl Bytes<'_> {
+    fn byte(&mut self) -> u8 {
+        let (&first, rest) = self.0.split_first().unwrap_or((&0, &[]));
+        self.0 = rest;
+        first
+    }
+
+    fn word(&mut self) -> u32 {
+        u32::from_le_bytes(std::array::from_fn(|_| self.byte()))
+    }
+
+    /// Whole numbers, eighths, or any bits at all.
+    fn number(&mut self) -> f32 {
+        match self.byte() % 8 {
+            0..=3 => f32::from(self.byte().cast_signed() / 8),
+            4 | 5 => f32::from(self.byte().cast_signed()) / 8.0,
+            6 => f32::from(self.byte()) / 255.0,
+            _ => f32::from_bits(self.word()),
+        }
+    }
+
+    fn numbers<const N: usize>(&mut self) -> [f32; N] {
+        std::array::from_fn(|_| self.number())
+    }
+
+    fn matrix(&mut self) -> [[f64; 4]; 4] {
+        std::array::from_fn(|_| self.numbers().map(f64::from))
+    }
+
+    /// A valid configuration of any structure.
+    fn config(&mut self) -> Config {
+        let tree = &TREES[usize::from(self.byte()) % TREES.len()];
+        let mut pairs = Vec::new();
+        for param in tree.params.iter().filter(|p| p.name != "robust") {
+            let value = match (self.byte() % 4, param.kind) {
+                (0, Kind::Integer { min, max }) => {
+                    (min + i64::from(self.word()).rem_euclid(max - min + 1)).to_string()
+                }
+                (0, Kind::Float { min, max }) => {
+                    (min + f64::from(self.byte()) / 255.0 * (max - min)).to_string()
+                }
+                (0, Kind::Choice(options)) => {
+                    options[usize::from(self.byte()) % options.len()].to_owned()
+                }
+                _ => continue,
+            };
+            pairs.push(format!("{}={value}", param.name));
+        }
+        Config::parse(&format!("{}:{}", tree.id, pairs.join(","))).expect("a valid configuration")
+    }
+
+    /// Up to 63 triangles over up to 255 vertices.
+    fn triangles(&mut self) -> Arc<Triangles> {
+        let vertices: Vec<_> = (0..self.byte().max(1)).map(|_| self.numbers()).collect();
+        let count = u32::try_from(vertices.len()).expect("at most 255");
+        let indices = (0..self.byte() % 64)
+            .map(|_| [0; 3].map(|_: u8| self.word() % count))
+            .collect();
+        Arc::new(Triangles::new(vertices, indices).expect("all indices are in range"))
+    }
+
+    fn ray(&mut self) -> Ray {
+        let limited = self.byte().is_multiple_of(4);
+        Ray {
+            o: self.numbers(),
+            d: self.numbers(),
+            t_min: if limited { self.number() } else { 0.0 },
+            t_max: if limited {
+                self.number()
+            } else {
+                f32::INFINITY
+            },
+        }
+    }
+}
+
+fn built(scene: &Arc<Triangles>, config: Config) -> Structure {
+    let monitor = Monitor::new();
+    monitor.limit_memory(MEMORY);
+    Structure::build(scene.clone(), config, 1, &monitor).expect("small input needs little memory")
+}
+
+/// Any text as a configuration: it is refused, or it reads back from its own canonical text.
+pub fn spec(bytes: &[u8]) {
+    let text = String::from_utf8_lossy(bytes);
+    match Config::parse(&text) {
+        Ok(config) => {
+            let again = Config::parse(&config.canonical()).expect("canonical text is valid");
+            assert_eq!(config.canonical(), again.canonical());
+        }
+        Err(error) => assert!(matches!(error, Error::Spec(_)), "{error:?}"),
+    }
+}
+
+/// Any vertices and any indices: refused by name, or a scene of which nothing is lost.
+pub fn scene(bytes: &[u8]) {
+    let mut bytes = Bytes(bytes);
+    let vertices: Vec<_> = (0..bytes.byte()).map(|_| bytes.numbers()).collect();
+    let indices: Vec<_> = (0..bytes.byte())
+        .map(|_| {
+            [0; 3].map(|_: u8| {
+                u32::from(bytes.byte()).wrapping_mul(u32::from(bytes.byte() / 250) * 77 + 1)
+            })
+        })
+        .collect();
+    let count = indices.len();
+    match Triangles::new(vertices, indices) {
+        Ok(scene) => assert_eq!(scene.live().len() + scene.dropped(), count),
+        Err(error) => assert!(matches!(error, Error::Shape(_)), "{error:?}"),
+    }
+}
+
+/// Any triangles, structure and rays: the tree is sound, and answers like brute force and like exact arithmetic.
+pub fn build_closest(bytes: &[u8]) {
+    let mut bytes = Bytes(bytes);
+    let config = bytes.config();
+    let name = config.canonical();
+    let scene = bytes.triangles();
+    let rays: Vec<_> = (0..bytes.byte() % 32 + 1).map(|_| bytes.ray()).collect();
+    let structure = built(&scene, config);
+    assert_eq!(validate(&structure), Vec::<String>::new(), "{name}");
+    let brute = built(
+        &scene,
+        Config::parse("brute").expect("brute force is there"),
+    );
+    let mut expected = vec![Hit::MISS; rays.len()];
+    let mut found = expected.clone();
+    let mut occluded = vec![false; rays.len()];
+    brute.closest(&rays, &mut expected, None);
+    structure.closest(&rays, &mut found, None);
+    structure.occluded(&rays, &mut occluded, None);
+    for (i, ray) in rays.iter().enumerate() {
+        let bits = |hit: &Hit| {
+            [
+                hit.t.to_bits(),
+                hit.triangle,
+                hit.u.to_bits(),
+                hit.v.to_bits(),
+            ]
+        };
+        assert_eq!(bits(&found[i]), bits(&expected[i]), "{name}: {ray:?}");
+        assert_eq!(occluded[i], expected[i].is_hit(), "{name}: {ray:?}");
+        if ray.o.iter().chain(&ray.d).all(|x| x.is_finite()) {
+            let exact = exact_closest(&scene, ray).hit;
+            assert_eq!(
+                (found[i].t, found[i].triangle),
+                (exact.t, exact.triangle),
+                "{name}: {ray:?}"
+            );
+        }
+    }
+}
+
+fn light(bytes: &mut Bytes<'_>) -> LightParams {
+    let shapes = [
+        AreaShape::Square,
+        AreaShape::Rectangle,
+        AreaShape::Disk,
+        AreaShape::Ellipse,
+    ];
+    let [a, b, c] = bytes.numbers();
+    LightParams {
+        kind: match bytes.byte() % 4 {
+            0 => LightKind::Point { radius: a },
+            1 => LightKind::Spot {
+                radius: a,
+                size: b,
+                blend: c,
+            },
+            2 => LightKind::Sun { angle: a },
+            _ => LightKind::Area {
+                shape: shapes[usize::from(bytes.byte()) % 4],
+                size: a,
+                size_y: b,
+            },
+        },
+        to_world: bytes.matrix(),
+        power: bytes.numbers(),
+        casts_shadow: bytes.byte().is_multiple_of(2),
+    }
+}
+
+fn material(bytes: &mut Bytes<'_>) -> MaterialParams {
+    let [metallic, roughness, ior, transmission, specular, alpha] = bytes.numbers();
+    MaterialParams {
+        name: String::new(),
+        base_color: bytes.numbers(),
+        metallic,
+        roughness,
+        ior,
+        transmission,
+        specular,
+        emission: bytes.numbers(),
+        alpha,
+    }
+}
+
+/// Any materials, lights, camera and settings: refused, or a picture that ends in time without an error.
+pub fn render(bytes: &[u8]) {
+    let mut bytes = Bytes(bytes);
+    let scene = bytes.triangles();
+    let params = SceneParams {
+        material_index: None,
+        materials: (0..bytes.byte() % 3)
+            .map(|_| material(&mut bytes))
+            .collect(),
+        corner_normals: (bytes.byte().is_multiple_of(2)).then(|| {
+            (0..scene.len())
+                .map(|_| [0; 3].map(|_: u8| bytes.numbers()))
+                .collect()
+        }),
+        lights: (0..bytes.byte() % 3).map(|_| light(&mut bytes)).collect(),
+        world: bytes.numbers(),
+    };
+    let structure = built(&scene, Config::parse("kd").expect("the kd-tree is there"));
+    let Ok(scene) = RenderScene::new(Arc::new(structure), params) else {
+        return;
+    };
+    let camera = CameraParams {
+        projection: if bytes.byte().is_multiple_of(2) {
+            Projection::Perspective
+        } else {
+            Projection::Orthographic
+        },
+        to_world: bytes.matrix(),
+        window: bytes.numbers().map(f64::from),
+        clip_start: f64::from(bytes.number()),
+        clip_end: f64::from(bytes.number()),
+    };
+    let settings = Settings {
+        width: u32::from(bytes.byte() % 16),
+        height: u32::from(bytes.byte() % 16),
+        border: (bytes.byte() % 4 == 0).then(|| [0; 4].map(|_: u8| u32::from(bytes.byte() % 20))),
+        samples: u32::from(bytes.byte() % 4),
+        max_bounces: u32::from(bytes.byte() % 5),
+        clamp_indirect: bytes.number(),
+        seed: bytes.word(),
+        film_transparent: bytes.byte().is_multiple_of(2),
+        passes: vec![Pass::Combined, Pass::Depth, Pass::Normal, Pass::Position],
+        step_samples: (bytes.byte().is_multiple_of(2)).then(|| u32::from(bytes.byte() % 3)),
+        filter: if bytes.byte().is_multiple_of(2) {
+            FilterKind::Box
+        } else {
+            FilterKind::BlackmanHarris
+        },
+        filter_width: bytes.number(),
+    };
+    let Ok(job) = Job::start(Arc::new(scene), &camera, settings, 1) else {
+        return;
+    };
+    assert!(
+        job.wait(Duration::from_secs(30)),
+        "a picture of 15 x 15 pixels takes too long"
+    );
+    assert_eq!(job.error(), None);
+}

@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the papers claim about their structures, measured again on this machine.
+
+`python scripts/claims.py [CLAIM ...] [options]`. Exit status: 0 every claim was measured, whether it holds or not; 1
+some answer differed from brute force; 2 bad usage.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NoReturn
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from addon.core import claims, claims_report, claims_table, native, results
+
+SCENES = Path(__file__).resolve().parents[2] / "shared" / "scenes"
+"""Where scenes are looked for that are not part of the project."""
+
+
+class UsageError(ValueError):
+    """The command line is wrong. The message is one line."""
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        raise UsageError(message)
+
+
+def parser() -> argparse.ArgumentParser:
+    """The command line."""
+    made = _Parser(prog="claims", description=(__doc__ or "").splitlines()[0])
+    add = made.add_argument
+    add("claims", nargs="*", metavar="CLAIM", help="which claims (default: all); `list` prints them")
+    add("--quick", action="store_true", help="three repeats instead of seven")
+    add("--out", type=Path, metavar="DIR", help="write claims.json and claims.html")
+    return made
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Measure and print. Returns the exit status."""
+    try:
+        return run(parser().parse_args(arguments))
+    except (UsageError, native.NativeError, results.FolderError) as error:
+        print(f"claims: {' '.join(str(error).split())}", file=sys.stderr)
+        return 2
+
+
+def run(asked: argparse.Namespace) -> int:
+    """Measure the claims. Raises one of the errors that `main` turns into a line."""
+    known = {claim.id: claim for claim in claims_table.CLAIMS}
+    if asked.claims == ["list"]:
+        print("\n".join(f"{claim.id}: {claim.says}" for claim in known.values()))
+        return 0
+    unknown = [name for name in asked.claims if name not in known]
+    if unknown:
+        raise UsageError(f"unknown claim {unknown[0]!r}; there are {', '.join(known)}")
+    module = native.load()
+    if asked.out is not None:
+        results.prepare_folder(asked.out)
+    lab = claims.Lab(module, quick=asked.quick, say=say, scenes=SCENES)
+    chosen = [known[name] for name in asked.claims] or list(known.values())
+    found = []
+    for result in claims.measure(lab, chosen):
+        found.append(result)
+        print("\n" + claims_report.as_text(result) + "\n", flush=True)
+    say(claims_report.summary(found))
+    if asked.out is not None:
+        save(asked.out, module, found, quick=asked.quick)
+    return 1 if lab.wrong() else 0
+
+
+def save(folder: Path, module: object, found: Sequence[claims.Result], *, quick: bool) -> None:
+    """Write the files, each whole or not at all."""
+    rows = [row for result in found for row in result.as_rows()]
+    document = results.document(module, rows, {"quick": quick})
+    page = claims_report.as_html(found, document["machine"], quick=quick)
+    try:
+        results.write(folder / "claims.json", json.dumps(document, indent=1, allow_nan=False) + "\n")
+        results.write(folder / "claims.html", page)
+    except OSError as error:
+        raise results.FolderError(f"{folder}: cannot be written: {error.strerror or error}") from error
+    say(f"wrote {folder / 'claims.html'} and claims.json")
+
+
+def say(text: str) -> None:
+    """Tell what is being done."""
+    print(f"[claims] {text}", flush=True)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,377 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Deliberate faults, one at a time, and whether a test notices: `python scripts/mutations.py [options]`.
+
+The faults are put into a copy of the sources, all at once, each behind a switch, so that one build serves all. Exit
+status: 0 every fault was caught; 1 some survived; 2 the list no longer fits the sources, or nothing could be built.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+LIST = ROOT / "tests" / "MUTATIONS.md"
+SECONDS = 600
+"""A test that takes more of a processor than this has noticed something: it does not end."""
+
+SWITCH = """
+/// Whether the fault of this number is switched on.
+pub(crate) fn fault(number: u32) -> bool {
+    static CHOSEN: std::sync::LazyLock<u32> = std::sync::LazyLock::new(|| {
+        std::env::var("HALFSPACE_FAULT").ok().and_then(|text| text.parse().ok()).unwrap_or(0)
+    });
+    *CHOSEN == number
+}
+"""
+
+
+class StaleError(ValueError):
+    """A fault cannot be put in. The message names it."""
+
+
+@dataclass(frozen=True)
+class Fault:
+    """In `file`, the expression `old` becomes `new`; `test` (program and name) must notice."""
+
+    what: str
+    file: str
+    old: str
+    new: str
+    test: tuple[str, str]
+
+    @property
+    def is_rust(self) -> bool:
+        """Whether it is behind a switch, in the native module."""
+        return self.file.startswith("native/")
+
+
+ALL = ("contract", "every_structure_answers_like_brute_force")
+"""Every structure on every extreme case."""
+
+EXACT = ("contract", "brute_force_answers_like_exact_arithmetic")
+"""What is wrong everywhere alike."""
+
+ENDS = ("contract", "the_ends_of_the_interval_count_and_nothing_beyond")
+BLOCK = ("lib", "traverse::blocks::tests::no_hit_is_ever_rejected")
+VERDICT = ("lib", "geom::verdict::tests")
+STABILITY = ("tests/core/test_stability.py", "lie")
+
+_FRAME = "native/src/traverse/frame.rs"
+_QUERY = "native/src/traverse/query.rs"
+_BLOCKS = "native/src/traverse/blocks.rs"
+_VERDICT = "native/src/geom/verdict.rs"
+_MONITOR = "native/src/build/monitor.rs"
+
+FAULTS = (
+    Fault("plane distances without their error bound", _FRAME, "self.robust * slack", "0.0 * slack", ALL),
+    Fault(
+        "the check for NaN directions dropped",
+        _FRAME,
+        "longest == 0.0 || !finite",
+        "longest == 0.0",
+        ("contract", "zero_and_nan_directions_meet_nothing"),
+    ),
+    Fault(
+        "no allowance for distances that round to zero",
+        _FRAME,
+        "out.scaled(f32::from_bits(1)) + TINY",
+        "0.0 * out.scaled(1.0)",
+        ("contract", "what_rounds_to_zero_is_met_at_zero"),
+    ),
+    Fault(
+        "the far child first",
+        "native/src/build/plane_tree.rs",
+        "signs.wrapping_shr(link) & 1",
+        "!signs.wrapping_shr(link) & 1",
+        ALL,
+    ),
+    Fault("ties to the larger number", _QUERY, "id < self.hit.triangle", "id > self.hit.triangle", EXACT),
+    Fault("an infinite distance is a hit", _QUERY, "found.t.abs() < f32::INFINITY", "!found.t.is_nan()", EXACT),
+    Fault(
+        "hits beyond the interval count",
+        _QUERY,
+        "found.t <= ray.t_max",
+        "!found.t.is_nan()",
+        ENDS,
+    ),
+    Fault(
+        "one kind of octree link wrong",
+        "native/src/build/octree_nodes.rs",
+        "self.node(node.parent()).children() + across",
+        "self.node(node.parent()).children() + node.octant()",
+        ALL,
+    ),
+    Fault(
+        "octree walks leave before the last cell",
+        "native/src/traverse/octree_step.rs",
+        "next[axis] == grid.size",
+        "next[axis] + 1 >= grid.size",
+        ALL,
+    ),
+    Fault(
+        "the empty child marked on the wrong side",
+        "native/src/build/plane_tree.rs",
+        "EMPTY << (place & 1)",
+        "EMPTY << (1 - (place & 1))",
+        ALL,
+    ),
+    Fault(
+        "triangles in the split plane lost",
+        "native/src/build/sweep.rs",
+        "min < at || max <= at",
+        "min < at",
+        ALL,
+    ),
+    Fault(
+        "triangles cut to the wrong side of a cell",
+        "native/src/build/clip.rs",
+        "bounds.max[k].min(round_up(high))",
+        "bounds.max[k].min(round_up(0.5 * (low + high)))",
+        ("lib", "build::clip::tests"),
+    ),
+    Fault(
+        "the f32 test without bounds on its weights",
+        _BLOCKS,
+        "2.0 * UV_ERROR * span * size + 3.0 * det_error + floor",
+        "0.0 * span",
+        BLOCK,
+    ),
+    Fault(
+        "the f32 test without a bound on its distance",
+        _BLOCKS,
+        "T_ERROR * span * size * size + floor",
+        "0.0 * span",
+        BLOCK,
+    ),
+    Fault("the f32 test blind behind the origin", _BLOCKS, "keep_max(-ray.t_min, reach)", "reach", BLOCK),
+    Fault(
+        "signs that f64 cannot tell taken as they are",
+        _VERDICT,
+        "!settle_signs(o, d, v, &mut w)",
+        "false",
+        VERDICT,
+    ),
+    Fault("distances that f64 cannot round taken as they are", _VERDICT, "low == high", "low <= high", VERDICT),
+    Fault("the ends of the interval left out", _VERDICT, "high < span[0]", "high <= span[0]", ENDS),
+    Fault(
+        "boxes without their error bound",
+        "native/src/traverse/box_tree.rs",
+        "-shift + ray.slack[k]",
+        "-shift",
+        ALL,
+    ),
+    Fault(
+        "cubes that a triangle touches denied",
+        "native/src/build/overlap.rs",
+        "low > limit",
+        "low > 0.99 * limit",
+        ("lib", "build::overlap::tests"),
+    ),
+    Fault(
+        "triangles that are not finite kept",
+        "native/src/scene.rs",
+        "v.as_flattened().iter().all(|x| x.is_finite())",
+        "true",
+        ("lib", "scene::tests"),
+    ),
+    Fault(
+        "the memory limit never met",
+        _MONITOR,
+        "used.saturating_add(bytes)",
+        "0 * used",
+        ("contract", "a_build_beyond_its_memory_is_refused"),
+    ),
+    Fault(
+        "a cancelled build goes on",
+        _MONITOR,
+        "self.cancelled.load(Ordering::Relaxed)",
+        "false",
+        ("contract", "a_cancelled_build_ends_with_an_error"),
+    ),
+    Fault(
+        "wrong triangles not counted",
+        "addon/core/accuracy.py",
+        "wrong_triangle = int(other.sum())",
+        "wrong_triangle = 0",
+        STABILITY,
+    ),
+    Fault(
+        "other u and v taken for equal",
+        "addon/core/trials.py",
+        "(a.u, b.u), (a.v, b.v)",
+        "(a.u, a.u), (b.v, b.v)",
+        STABILITY,
+    ),
+    Fault(
+        "distances not compared",
+        "addon/core/stability.py",
+        '(*COUNTS[1:], "t_ulp_max", "exact_wrong", "exact_t_ulp_max")',
+        '(*COUNTS[1:], "exact_wrong")',
+        STABILITY,
+    ),
+    Fault(
+        "reports written in place",
+        "addon/core/results.py",
+        'tempfile.mkstemp(dir=path.parent, prefix=path.name + ".")',
+        "(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC), str(path))",
+        ("tests/core/test_faults.py", "full_disk"),
+    ),
+)
+
+
+def table() -> str:
+    """The list, as Markdown."""
+    lines = [
+        "# Deliberate faults",
+        "",
+        "Made by `python scripts/mutations.py --write`. Each of these faults is put into the sources by",
+        "`python scripts/mutations.py`, and the test beside it must fail.",
+        "",
+        "| # | fault | file | what is written | instead of | noticed by |",
+        "| ---: | --- | --- | --- | --- | --- |",
+    ]
+    for number, fault in enumerate(FAULTS, 1):
+        cells = (
+            f"`{fault.file}`",
+            *(f"`{text}`".replace("|", "\\|") for text in (fault.new, fault.old)),
+            f"`{fault.test[0]}`, `{fault.test[1]}`",
+        )
+        lines.append(f"| {number} | {fault.what} | {' | '.join(cells)} |")
+    return "\n".join(lines) + "\n"
+
+
+def seeded(text: str, fault: Fault, number: int) -> str:
+    """The source with the fault in it. Raises StaleError when its place is not found, or several are."""
+    places = text.count(fault.old)
+    if places != 1:
+        raise StaleError(f"{fault.what}: {fault.old!r} stands {places} times in {fault.file}")
+    new = f"(if crate::fault({number}) {{ {fault.new} }} else {{ {fault.old} }})" if fault.is_rust else fault.new
+    return text.replace(fault.old, new)
+
+
+def seed_rust(copy: Path) -> None:
+    """Put all faults of the native module into a copy of the project. Raises StaleError."""
+    for number, fault in enumerate(FAULTS, 1):
+        if fault.is_rust:
+            path = copy / fault.file
+            path.write_text(seeded(path.read_text(encoding="utf-8"), fault, number), encoding="utf-8")
+    library = copy / "native/src/lib.rs"
+    library.write_text(library.read_text(encoding="utf-8") + SWITCH, encoding="utf-8")
+
+
+def check() -> None:
+    """Pass when every fault can be put in. Raises StaleError."""
+    for number, fault in enumerate(FAULTS, 1):
+        seeded((ROOT / fault.file).read_text(encoding="utf-8"), fault, number)
+
+
+def build(copy: Path) -> dict[str, Path]:
+    """Build the tests of the copy: program name to file. Raises CalledProcessError."""
+    programs = sorted({fault.test[0] for fault in FAULTS if fault.is_rust})
+    chosen = [part for name in programs for part in (["--lib"] if name == "lib" else ["--test", name])]
+    command = ["cargo", "test", "--release", "--no-run", "--message-format=json", *chosen]
+    release = {"LTO": "off", "CODEGEN_UNITS": "16"}
+    environment = {"CARGO_TARGET_DIR": str(ROOT / "build" / "mutations")} | dict(os.environ)
+    environment |= {f"CARGO_PROFILE_RELEASE_{key}": value for key, value in release.items()}
+    made = subprocess.run(command, cwd=copy / "native", env=environment, stdout=subprocess.PIPE, text=True, check=True)
+    found = {}
+    for line in made.stdout.splitlines():
+        message = json.loads(line)
+        if message.get("executable") and message["profile"]["test"]:
+            is_library = "lib" in message["target"]["kind"] or "rlib" in message["target"]["kind"]
+            found["lib" if is_library else message["target"]["name"]] = Path(message["executable"])
+    return found
+
+
+def passes(command: list[str], folder: Path, number: int) -> bool:
+    """Whether a test passes with a fault switched on, in time."""
+    environment = {**os.environ, "HALFSPACE_FAULT": str(number), "RUST_BACKTRACE": "0"}
+    # The processor's time, not the clock's: on a busy machine everything takes long.
+    limited = ["sh", "-c", f'ulimit -t {SECONDS}; exec "$@"', "sh", *command]
+    done = subprocess.run(limited, cwd=folder, env=environment, capture_output=True, check=False)
+    return done.returncode == 0
+
+
+def python_test(folder: Path, fault: Fault) -> list[str]:
+    """The command for a test in Python, over the sources in a folder."""
+    return [sys.executable, str(folder / "tests" / "run.py"), "-q", "-x", fault.test[0], "-k", fault.test[1]]
+
+
+def copy_sources(folder: Path) -> Path:
+    """A copy of everything that tests need."""
+    copy = folder / "halfspace"
+    everywhere = shutil.ignore_patterns("target", "__pycache__", ".git", ".venv*", ".hypothesis", ".*_cache")
+
+    def ignored(directory: str, names: list[str]) -> set[str]:
+        outputs = {"build", "out"} if Path(directory) == ROOT else set()
+        return {*everywhere(directory, names), *outputs.intersection(names)}
+
+    shutil.copytree(ROOT, copy, ignore=ignored)
+    return copy
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Try all faults, or those chosen. Returns the exit status."""
+    parser = argparse.ArgumentParser(prog="mutations", description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("numbers", nargs="*", type=int, help="only the faults of these numbers")
+    parser.add_argument("--write", action="store_true", help=f"only write {LIST.relative_to(ROOT)}")
+    asked = parser.parse_args(arguments)
+    if asked.write:
+        LIST.write_text(table(), encoding="utf-8")
+        return 0
+    chosen = [(n, fault) for n, fault in enumerate(FAULTS, 1) if not asked.numbers or n in asked.numbers]
+    try:
+        check()
+        with tempfile.TemporaryDirectory(prefix="halfspace-faults-") as folder:
+            survived = run(copy_sources(Path(folder)), chosen)
+    except (StaleError, subprocess.CalledProcessError) as error:
+        print(f"mutations: {error}", file=sys.stderr)
+        return 2
+    print(f"{len(chosen) - len(survived)} of {len(chosen)} faults caught")
+    return 1 if survived else 0
+
+
+def run(copy: Path, chosen: Sequence[tuple[int, Fault]]) -> list[int]:
+    """Switch on one fault after the other. Returns the numbers of those that survived, 0 for a test without a fault."""
+    programs = {}
+    if any(fault.is_rust for _, fault in chosen):
+        seed_rust(copy)
+        programs = build(copy)
+    survived = []
+    for test in sorted({fault.test for _, fault in chosen}):
+        fault = next(fault for _, fault in chosen if fault.test == test)
+        command = [str(programs[test[0]]), test[1]] if fault.is_rust else python_test(copy, fault)
+        if not passes(command, copy / "native" if fault.is_rust else copy, 0):
+            print(f"FAILS without any fault: {' '.join(test)}", flush=True)
+            survived.append(0)
+    for number, fault in chosen:
+        start = time.monotonic()
+        if fault.is_rust:
+            alive = passes([str(programs[fault.test[0]]), fault.test[1]], copy / "native", number)
+        else:
+            path = copy / fault.file
+            sound = path.read_text(encoding="utf-8")
+            path.write_text(seeded(sound, fault, number), encoding="utf-8")
+            alive = passes(python_test(copy, fault), copy, number)
+            path.write_text(sound, encoding="utf-8")
+        print(
+            f"{'SURVIVED' if alive else 'caught':8} {number:2} {fault.what} ({time.monotonic() - start:.0f} s)",
+            flush=True,
+        )
+        if alive:
+            survived.append(number)
+    return survived
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,87 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The claims: every one is measured beside checked answers, and a wrong answer is told."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import claims as command
+import halfspace_native
+import numpy as np
+import pytest
+from lying_native import LyingNative
+
+from addon.core import claims, claims_report, claims_scenes, claims_shadows, claims_table, native
+from addon.core.claims import FAILS, HOLDS, UNTESTED, VERDICTS, Claim, Lab, Outcome
+
+
+@pytest.fixture(autouse=True)
+def _small(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Small pictures and one repeat: what is tested is that all is measured, not how fast it is."""
+    monkeypatch.setattr(claims_scenes, "RESOLUTIONS", ((32, 24), (64, 48)))
+    monkeypatch.setattr(claims_shadows, "SHADOW_SIZE", (128, 128))
+    monkeypatch.setattr(claims, "REPEATS", {True: 1, False: 1})
+    monkeypatch.setattr(command, "SCENES", tmp_path)
+
+
+def test_the_scenes_have_the_published_numbers_of_objects_and_nodes() -> None:
+    for workload, objects, nodes in ((claims_scenes.scattered(), 400, 1250), (claims_scenes.concentrated(), 60, 450)):
+        assert len(workload.triangles) == objects
+        statistics = halfspace_native.build(workload.vertices, workload.triangles, "octree-net").statistics
+        count = statistics["nodes_axis"] + statistics["leaves"]
+        assert abs(count / nodes - 1) < 0.05
+        # Six links a leaf, but for those that lead out of the tree.
+        assert 4 * statistics["leaves"] < statistics["links"] < 6 * statistics["leaves"]
+        assert statistics["bytes"] > 16 * count + 24 * statistics["leaves"]
+
+
+def test_the_window_is_the_same_at_every_resolution() -> None:
+    workload = claims_scenes.scattered()
+    small, large = (claims_scenes.camera_rays(workload, size) for size in ((32, 24), (128, 64)))
+    assert len(small) == 32 * 24
+    angles = [np.degrees(np.arccos(rays.directions @ rays.directions[0])).max() for rays in (small, large)]
+    assert angles[0] == pytest.approx(angles[1], rel=0.05)
+
+
+def test_all_claims_are_measured_and_shown(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert command.main(["--quick", "--out", str(tmp_path)]) == 0
+    rows = json.loads((tmp_path / "claims.json").read_text())["rows"]
+    page, text = (tmp_path / "claims.html").read_text(), capsys.readouterr().out
+    assert {row["claim"] for row in rows} == {claim.id for claim in claims_table.CLAIMS}
+    for row in rows:
+        assert row["verdict"] in VERDICTS
+        assert row["configuration"] in ("faithful", "best")
+        assert row["measured"] in text
+        if row["verdict"] == UNTESTED and not row["values"]:
+            continue
+        assert row["error"].startswith("0 of ")
+        assert not row["error"].startswith("0 of 0 ")
+        assert row["why"]
+    for claim in claims_table.CLAIMS:
+        assert f'id="{claim.id}"' in page
+    assert "http" not in page.replace("http://www.w3.org", "").replace("http://purl.org", "").replace(
+        "http://creativecommons.org", ""
+    ).replace("https://matplotlib.org", "")
+
+
+def test_a_wrong_answer_is_told(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setattr(native, "load", lambda: LyingNative("wrong_any_hit"))
+    assert command.main(["shadow-cache", "--quick"]) == 1
+    assert "0 of" in capsys.readouterr().out
+
+
+def test_bad_usage_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+    assert command.main(["no-such-claim"]) == 2
+    assert "unknown claim 'no-such-claim'" in capsys.readouterr().err
+    assert command.main(["list"]) == 0
+    assert "beams-flat-line: " in capsys.readouterr().out
+
+
+def test_a_claim_fails_where_it_fails() -> None:
+    lab = Lab(halfspace_native, quick=True, say=lambda _: None)
+    assert lab.lacks("kd", "oak") == "this build has no oak"
+    outcomes = (Outcome("faithful", claims.verdict(holds=False), "slower"), Outcome("best", HOLDS, "faster"))
+    (result,) = claims.measure(lab, [Claim("id", "paper", "says", lambda _: outcomes)])
+    assert FAILS.upper() in claims_report.as_text(result)
+    assert claims_report.summary([result]) == "1 holds, 1 does not hold, 0 cannot be tested here"
