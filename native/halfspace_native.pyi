@@ -126,10 +126,11 @@ class Hits:
     u, v: (n,) float32, weights of the second and third corner: the point is
     (1 - u - v) a + u b + v c. Each access makes a new array.
     counters: None, or per ray (n,) uint32 under "steps", "steps_axis", "steps_oblique", "leaves",
-    "leaves_empty", "tests", "verdicts", "spared" (1: answered without a walk of its own); from TA-B also the cases of ray and split plane, "case_n1" to
-    "case_n5" (origin below the plane: 1 away from it, 2 along it, 3 towards it but the cell ends
-    before, 4 through it inside the cell, 5 through it before the cell), "case_p1" to "case_p5" (above),
-    "case_z1" (in the plane: upwards), "case_z2" (downwards), "case_z3" (along).
+    "leaves_empty", "tests", "verdicts", "spared" (1: answered without a walk of its own); from TA-B
+    also the cases of ray and split plane, "case_n1" to "case_n5" (origin below the plane: 1 away from
+    it, 2 along it, 3 towards it but the cell ends before, 4 through it inside the cell, 5 through it
+    before the cell), "case_p1" to "case_p5" (above), "case_z1" (in the plane: upwards), "case_z2"
+    (downwards), "case_z3" (along).
     on_boundary: None, or from exact_closest (n,) bool: the ray passes exactly through an edge or
     a corner of the triangle that it hits.
     """
