@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from . import plots
+from . import charts, plots
 from .claims import FAILS, HOLDS, VERDICTS, Chart, Result
 
 CLASSES = {HOLDS: "holds", FAILS: "fails"}
@@ -83,7 +83,7 @@ def draw(chart: Chart) -> str:
 
 def _lines(axes: Any, chart: Chart) -> None:
     for number, (name, points) in enumerate(chart.lines.items()):
-        colour, marker = plots.COLOURS[number % len(plots.COLOURS)], plots.MARKERS[number % len(plots.MARKERS)]
+        colour, marker = charts.COLOURS[number % len(charts.COLOURS)], charts.MARKERS[number % len(charts.MARKERS)]
         x, y = zip(*points, strict=True)
         if chart.bars:
             width = 0.8 / len(chart.lines)

@@ -13,6 +13,25 @@ use crate::scene::Triangles;
 use fearless_simd::{Level, Simd, dispatch};
 use std::time::{Duration, Instant};
 
+/// Runs the block with the instruction set that every build has. For walks that count or record, whose
+/// speed nobody reads: compiling each walk for every set is most of the time that the crate takes.
+macro_rules! baseline {
+    ($simd:ident => $block:expr) => {{
+        #[cfg(target_arch = "x86_64")]
+        {
+            let $simd = fearless_simd::Level::new()
+                .as_sse4_2()
+                .expect("the build's own target has SSE 4.2");
+            $block
+        }
+        #[cfg(not(target_arch = "x86_64"))]
+        {
+            dispatch!(fearless_simd::Level::new(), $simd => $block)
+        }
+    }};
+}
+pub(super) use baseline;
+
 /// A way of walking a tree with single rays.
 pub trait Walk: Sync {
     /// Buffers that rays can share one after another, such as a stack.
@@ -94,7 +113,7 @@ impl Batch<'_> {
             }),
             Some(counters) => {
                 let mut counters = counters.iter_mut();
-                dispatch!(self.level, simd => {
+                baseline!(simd => {
                     self.each::<_, _, Q, _>(simd, walk, &mut write, |_| {
                         Count(counters.next().expect("one set of counters per ray"), None)
                     });
@@ -118,7 +137,7 @@ impl Batch<'_> {
                 rays: std::slice::from_ref(ray),
                 ..*self
             };
-            dispatch!(self.level, simd => {
+            baseline!(simd => {
                 one.each::<_, _, Q, _>(simd, walk, &mut |_, _| (), |_| {
                     let (counters, record) = both.take().expect("one ray");
                     Count(counters, Some(record))
@@ -152,7 +171,7 @@ impl Batch<'_> {
         record: &Record,
         mut took: impl FnMut(Duration),
     ) -> usize {
-        dispatch!(self.level, simd => {
+        baseline!(simd => {
             self.replay_each::<_, _, Q>(simd, walk, record, &mut took)
         })
     }
@@ -278,7 +297,7 @@ impl Batch<'_> {
             }),
             Some(counters) => {
                 let mut counters = counters.iter_mut();
-                dispatch!(self.level, simd => {
+                baseline!(simd => {
                     self.each_tile(simd, walk, &mut write, |_| {
                         Count(counters.next().expect("one set of counters per ray"), None)
                     });

@@ -11,7 +11,7 @@
 //! put to them first. A beam that meets many cells or triangles is not worth its name; its rays go on
 //! singly. So no answer changes.
 
-use super::batch::{Batch, Walk};
+use super::batch::{Batch, Walk, baseline};
 use super::block_boxes::BlockBoxes;
 use super::bundle::{LANES, RAYS, Row, Rows, all, lanes, load};
 use super::frame::FrameRay;
@@ -70,7 +70,7 @@ impl Batch<'_> {
             }
             Some(counters) => {
                 let mut counters: Vec<_> = counters.iter_mut().map(|c| Count(c, None)).collect();
-                dispatch!(self.level, simd => {
+                baseline!(simd => {
                     self.each_beam(simd, (tree, walk), &sorted, &mut write, &mut counters);
                 });
             }
