@@ -18,6 +18,7 @@ from ..core import auto, benchmark, catalogue, choice, costmap, native, report, 
 from ..core.background import Background
 from ..core.choice import Comparison, Plan
 from ..core.session import POLL_SECONDS
+from ..core.settings import memory_limit
 from ..core.workload import Workload
 from . import presets, properties, trees, workloads
 
@@ -157,6 +158,7 @@ class _Work:
 def comparing(scene: Any) -> _Work:
     """Begin to compare what is ticked."""
     chosen, plan, threads, size = ticked(scene.halfspace), plan_of(scene), _threads(scene), _view(scene)
+    limit = memory_limit(scene.halfspace.memory_limit)
 
     def steps(module: Any, workload: Workload, keep: Callable[[Found], None]) -> Iterator[tuple[float, str]]:
         affordable = BRUTE_TESTS // max(len(workload.triangles) * len(choice.SETS), 1)
@@ -167,6 +169,7 @@ def comparing(scene: Any) -> _Work:
             threads=threads,
             check_rays=max(min(affordable, CHECKED), 64),
             pass_seconds=PASS_SECONDS,
+            memory_limit=limit,
         )
         rows = []
         for event in benchmark.events(module, workload, chosen, options):
@@ -175,7 +178,9 @@ def comparing(scene: Any) -> _Work:
             else:
                 yield event.done, event.text
         yield 1.0, "counting the rays of a small picture"
-        structure = module.build(workload.vertices, workload.triangles, chosen[0], threads=threads)
+        failed = {row["spec"] for row in rows if row["error"] is not None}
+        spec = next((spec for spec in chosen if spec not in failed), chosen[0])
+        structure = module.build(workload.vertices, workload.triangles, spec, threads=threads, memory_limit=limit)
         counted = choice.mix(module, structure, workload, size, plan.max_bounces)
         comparison = choice.compare(rows, counted, plan)
         keep(Found(comparison, [comparison.reason()], rows, options.as_dict()))
@@ -185,11 +190,11 @@ def comparing(scene: Any) -> _Work:
 
 def choosing(scene: Any) -> _Work:
     """Begin to choose."""
-    plan, threads = plan_of(scene), _threads(scene)
+    plan, threads, limit = plan_of(scene), _threads(scene), memory_limit(scene.halfspace.memory_limit)
     candidates = auto.candidates(catalogue.load())
 
     def steps(module: Any, workload: Workload, keep: Callable[[Found], None]) -> Iterator[tuple[float, str]]:
-        chooser = auto.Chooser(module, workload, plan, candidates, threads)
+        chooser = auto.Chooser(module, workload, plan, candidates, threads, limit)
         for number, text in enumerate(chooser.steps()):
             yield min(number / (len(candidates) + 6), 1.0), text
         if chooser.result is not None:

@@ -12,6 +12,7 @@ from bpy.props import IntProperty
 
 from ..core import catalogue, costmap, native
 from ..core.scene import F32
+from ..core.settings import memory_limit
 from ..core.workload import WorkloadError
 from . import lettering, properties, trees, workloads
 
@@ -69,9 +70,11 @@ def draw(scene: Any, width: int) -> F32:
         tree = trees.last(scene)
         usable = tree is not None and not tree.stale and tree.spec == spec
         module = native.load()
-        structure = (
-            tree.structure if usable and tree is not None else module.build(workload.vertices, workload.triangles, spec)
-        )
+        if usable and tree is not None:
+            structure = tree.structure
+        else:
+            limit = memory_limit(group.memory_limit)
+            structure = module.build(workload.vertices, workload.triangles, spec, memory_limit=limit)
         label = catalogue.load()[spec.partition(":")[0]].label
         maps.append((label, costmap.measure(structure, workload, size, group.cost)))
     return compose(maps, costmap.quantity(group.cost))

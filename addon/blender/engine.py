@@ -172,7 +172,8 @@ class _Picture:
         width, height = settings.size
         plan = choice.Plan(width * height, settings.samples, settings.max_bounces)
         workload = workloads.of_scene(self.scene.name, scene, view, Notes())
-        chooser = auto.Chooser(module, workload, plan, auto.candidates(catalogue.load()), settings.threads)
+        limit = memory_limit(self.group.memory_limit)
+        chooser = auto.Chooser(module, workload, plan, auto.candidates(catalogue.load()), settings.threads, limit)
         work = Background(chooser.steps(), lambda text: self._say(f"Choosing a structure: {text}"))
         while not work.wait(POLL_SECONDS):
             if not self._building(0.0):

@@ -95,13 +95,17 @@ class Choice:
 
 @dataclass
 class Chooser:
-    """One choice, step by step, for whoever shows progress and may want to stop."""
+    """One choice, step by step, for whoever shows progress and may want to stop.
+
+    memory_limit: bytes that each build over the whole scene may take, None for what the native module allows.
+    """
 
     native: Any
     workload: Workload
     plan: Plan
     specs: Sequence[str]
     threads: int = 0
+    memory_limit: int | None = None
     result: Choice | None = None
     _notes: list[str] = field(default_factory=list)
     _lines: dict[str, Line] = field(default_factory=dict)
@@ -113,7 +117,7 @@ class Chooser:
         began = clock()
         first, *others = self.specs
         yield f"{first}: building"
-        structure, build = check.timed_build(self.native, self.workload, first, self.threads)
+        structure, build = check.timed_build(self.native, self.workload, first, self.threads, self.memory_limit)
         sets = rays.make(self.workload, structure, size=SIZE, seed=1, names=choice.SETS)
         sets = [some for some in sets if len(some)]
         yield "counting the rays of a small picture"
@@ -134,7 +138,12 @@ class Chooser:
                 continue
             yield f"{trial.spec}: building"
             start = clock()
-            built = check.timed_build(self.native, self.workload, trial.spec, self.threads)
+            try:
+                built = check.timed_build(self.native, self.workload, trial.spec, self.threads, self.memory_limit)
+            except MemoryError as error:
+                spent += clock() - start
+                self._notes.append(f"{trial.spec}: left out, {error}")
+                continue
             yield f"{trial.spec}: timing rays"
             self._measured(trial.spec, built, sets, counted)
             spent += clock() - start

@@ -83,9 +83,14 @@ def rate(structure: Any, whole: rays.RaySet, threads: int, repeats: int = 1) -> 
     return len(whole) / max(best, 1e-9) / 1e6
 
 
-def timed_build(native: Any, workload: Workload, spec: str, threads: int) -> tuple[Any, float]:
-    """A structure and the seconds of its build, on one thread by the processor's own clock."""
+def timed_build(
+    native: Any, workload: Workload, spec: str, threads: int, memory_limit: int | None = None
+) -> tuple[Any, float]:
+    """A structure and the seconds of its build, on one thread by the processor's own clock.
+
+    memory_limit: bytes that the build may take, None for what the native module allows. Raises what it raises.
+    """
     start = time.process_time()
-    structure = native.build(workload.vertices, workload.triangles, spec, threads=threads)
+    structure = native.build(workload.vertices, workload.triangles, spec, threads=threads, memory_limit=memory_limit)
     worked = time.process_time() - start
     return structure, worked if threads == 1 else float(structure.statistics["build_seconds"])

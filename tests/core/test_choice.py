@@ -103,7 +103,7 @@ class Slow:
         return getattr(self.real, name)
 
 
-def timed_build(module: Any, scene: Workload, spec: str, _threads: int) -> tuple[Any, float]:
+def timed_build(module: Any, scene: Workload, spec: str, *_: Any) -> tuple[Any, float]:
     built = module.build(scene.vertices, scene.triangles, spec, threads=1)
     return built, built.statistics["build_seconds"]
 

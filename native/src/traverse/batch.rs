@@ -154,7 +154,7 @@ impl Batch<'_> {
         assert_eq!(self.rays.len(), 1, "one ray");
         let (mut nearest, mut path) = (Hit::MISS, Path::default());
         let mut only = Some(&mut path);
-        dispatch!(self.level, simd => {
+        baseline!(simd => {
             self.each::<_, _, Closest, _>(simd, walk, &mut |_, hit| nearest = hit, |_| {
                 Follow::new(only.take().expect("one ray"))
             });
