@@ -38,12 +38,12 @@ def test_every_structure_has_a_property_for_each_parameter_with_its_default(scen
 
 
 def test_a_value_that_the_user_set_survives_a_change_of_structure(scene: Any) -> None:
-    scene.halfspace.traversal = "dir"
+    scene.halfspace.traversal = "sung"
     scene.halfspace.structure = "kd-sah"
-    assert properties.spec(scene.halfspace) == "kd-sah:traversal=dir"
+    assert properties.spec(scene.halfspace) == "kd-sah:traversal=sung"
     scene.halfspace.structure = "brute"
     scene.halfspace.structure = "kd"
-    assert properties.spec(scene.halfspace) == "kd:traversal=dir"
+    assert properties.spec(scene.halfspace) == "kd:traversal=sung"
 
 
 def test_the_native_module_understands_what_the_properties_say(scene: Any) -> None:
@@ -70,12 +70,13 @@ def test_settings_survive_saving_and_loading(tmp_path: Path, scene: Any) -> None
 def test_the_structure_panel_shows_only_what_the_structure_has(scene: Any) -> None:
     scene.halfspace.structure = "brute"
     drawn = draw(panels.HALFSPACE_PT_structure, scene=scene)
-    assert (drawn[:2], " ".join(drawn[2:])) == (["automatic", "structure"], catalogue.load()["brute"].paper)
+    assert (drawn[:2], " ".join(drawn[2:-1])) == (["automatic", "structure"], catalogue.load()["brute"].paper)
+    assert drawn[-1] == "memory_limit"
     scene.halfspace.structure = "kd"
     expected = [p.name for p in catalogue.load()["kd"].parameters]
     drawn = draw(panels.HALFSPACE_PT_structure, scene=scene)
     assert drawn[: 2 + len(expected)] == ["automatic", "structure", *expected]
-    assert " ".join(drawn[2 + len(expected) :]) == catalogue.load()["kd"].paper
+    assert " ".join(drawn[2 + len(expected) : -1]) == catalogue.load()["kd"].paper
 
 
 def test_the_structure_panel_says_why_there_is_no_native_module(scene: Any, monkeypatch: pytest.MonkeyPatch) -> None:
