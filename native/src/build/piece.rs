@@ -233,12 +233,17 @@ impl Piece for Clipped {
     )]
     fn interval(&self, direction: Direction) -> (f32, f32) {
         let corners = &self.corners[..self.count as usize];
-        let n = widen(direction.vector());
         let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
-        for &corner in corners {
-            let height = dot(n, corner);
+        let mut see = |height: f64| {
             low = if height < low { height } else { low };
             high = if height > high { height } else { high };
+        };
+        match direction {
+            Direction::Axis(k) => corners.iter().for_each(|p| see(p[k])),
+            Direction::Oblique(n) => {
+                let n = widen(n);
+                corners.iter().for_each(|&p| see(dot(n, p)));
+            }
         }
         // Positive zero, as in the bounds of boxes.
         (low as f32 + 0.0, high as f32 + 0.0)
