@@ -68,15 +68,13 @@ def test_settings_survive_saving_and_loading(tmp_path: Path, scene: Any) -> None
 
 
 def test_the_structure_panel_shows_only_what_the_structure_has(scene: Any) -> None:
-    scene.halfspace.structure = "brute"
-    drawn = draw(panels.HALFSPACE_PT_structure, scene=scene)
-    assert (drawn[:2], " ".join(drawn[2:-1])) == (["automatic", "structure"], catalogue.load()["brute"].paper)
-    assert drawn[-1] == "memory_limit"
-    scene.halfspace.structure = "kd"
-    expected = [p.name for p in catalogue.load()["kd"].parameters]
-    drawn = draw(panels.HALFSPACE_PT_structure, scene=scene)
-    assert drawn[: 2 + len(expected)] == ["automatic", "structure", *expected]
-    assert " ".join(drawn[2 + len(expected) : -1]) == catalogue.load()["kd"].paper
+    for structure in ("brute", "kd"):
+        scene.halfspace.structure = structure
+        expected = [p.name for p in catalogue.load()[structure].parameters]
+        drawn = draw(panels.HALFSPACE_PT_structure, scene=scene)
+        assert drawn[: 2 + len(expected)] == ["automatic", "structure", *expected]
+        assert " ".join(drawn[2 + len(expected) : -1]) == catalogue.load()[structure].paper
+        assert drawn[-1] == "memory_limit"
 
 
 def test_the_structure_panel_says_why_there_is_no_native_module(scene: Any, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -132,7 +132,7 @@ impl Frame {
             to_frame: f64::from(unit) * f64::from(self.scale),
             ..FrameRay::NOTHING
         };
-        out.last_place = out.scaled(f32::from_bits(1)) + TINY;
+        out.last_place = TINY + out.scaled(f32::from_bits(1));
         out
     }
 
