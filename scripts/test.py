@@ -121,12 +121,31 @@ CHECKS: dict[str, Callable[[], Counts]] = {
     "ruff": python_tool("ruff", "check", "."),
     "ruff-format": python_tool("ruff", "format", "--check", "."),
     "mypy": python_tool("mypy"),
-    "rust": rust_tests,
     "core": pytest_tier(CURRENT, "tests/core"),
     "blender": pytest_tier(CURRENT, "tests/blender"),
     "blender-lts": pytest_tier(LTS, "tests/blender"),
+    "rust": rust_tests,
 }
-"""Name to check, in the order in which they run: the quick ones first."""
+"""Name to check, in the order in which they run: the quick ones first, and last what is compiled meanwhile."""
+
+
+AFTER_CARGO = ("core", "blender", "blender-lts", "rust")
+"""The checks after the last that locks cargo's folder."""
+
+
+def compile_rust_tests() -> subprocess.Popen[bytes]:
+    """Begin to compile the Rust tests, which keeps one core busy for minutes, beside the checks that follow.
+
+    Whatever it prints is told by the check itself, which finds the work done.
+    """
+    return subprocess.Popen(
+        ["cargo", "test", *MANIFEST, "--no-run", "--quiet"],
+        cwd=ROOT,
+        env={**os.environ, "PYO3_PYTHON": str(CURRENT.python), "CARGO_TERM_COLOR": "never"},
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
 
 
 def why_not(name: str, lts_problem: str | None) -> str | None:
@@ -167,7 +186,12 @@ def main(wanted: list[str]) -> int:
         print(f"The set-up failed: {error}\n\n{Counts(failed=1)}", flush=True)
         return 1
     results: dict[str, tuple[Counts, str]] = {}
+    compiling: subprocess.Popen[bytes] | None = None
     for name in names:
+        if compiling is None and "rust" in names and name in AFTER_CARGO:
+            compiling = compile_rust_tests()
+        if name == "rust" and compiling is not None:
+            compiling.wait()
         reason = why_not(name, lts_problem)
         print(f"\n==== {name}" + (f": skipped, {reason}" if reason else ""), flush=True)
         began = time.monotonic()
