@@ -3,7 +3,7 @@
 //! al. 2008).
 
 use crate::build::Monitor;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::registry::{Built, Default, Kind, ParamSpec, StructureSpec};
 use crate::scene::Triangles;
 use crate::spec::Config;
@@ -40,11 +40,11 @@ pub const KD: StructureSpec = StructureSpec {
 const SET: ParamSpec = ParamSpec {
     name: "set",
     label: "Directions",
-    doc: "cube: the axes, the cube's diagonals and its faces' (Klosowski et al. 1998), at most 13. spiral: \
-          even over the sphere, any number (Kammaje and Mora 2007). auto: cube as far as it reaches",
+    doc: "cube: the axes, the cube's diagonals and its faces' (Klosowski et al. 1998), up to 13, and a spiral \
+          beyond. spiral: always even over the sphere (Kammaje and Mora 2007)",
     unit: "",
-    kind: Kind::Choice(&["auto", "cube", "spiral"]),
-    default: Default::Choice("auto"),
+    kind: Kind::Choice(&["cube", "spiral"]),
+    default: Default::Choice("cube"),
 };
 
 const K: ParamSpec = ParamSpec {
@@ -63,25 +63,15 @@ const fn with_set<const N: usize>(mut params: [ParamSpec; N], seed: usize) -> [P
 
 fn grow(scene: &Triangles, config: &Config, monitor: &Monitor, variant: Variant) -> Result<Built> {
     let k = config.integer("k");
-    let spiral_wanted = match config.choice("set") {
-        "auto" => k > cube().len(),
-        set => set == "spiral",
+    let set = if config.choice("set") == "cube" && k <= cube().len() {
+        cube()
+    } else if variant == Variant::PlusKd {
+        let mut set = cube();
+        set.truncate(3);
+        set.extend(spiral(k - 3));
+        set
+    } else {
+        spiral(k)
     };
-    let set = match spiral_wanted {
-        true if variant == Variant::PlusKd => {
-            let mut set = cube();
-            set.truncate(3);
-            set.extend(spiral(k - 3));
-            set
-        }
-        true => spiral(k),
-        false => cube(),
-    };
-    if k > set.len() {
-        return Err(Error::Spec(format!(
-            "spec: k={k} is not a whole number from 3 to {} for set=cube; set=spiral has up to 26",
-            set.len()
-        )));
-    }
     build(scene, config, monitor, variant, |_| Fixed(set))
 }
