@@ -79,10 +79,11 @@ fn walls_parallel_to_axes_leave_out_oblique_planes() {
 #[test]
 fn seeds_choose_the_tree() {
     let scene = scattered(400);
-    for tree in TREES
-        .iter()
-        .filter(|t| t.params.iter().any(|p| p.name == "seed"))
-    {
+    for tree in TREES.iter().filter(|t| {
+        ["k", "seed"]
+            .iter()
+            .all(|name| t.params.iter().any(|p| p.name == *name))
+    }) {
         let spec = |seed: u32| format!("{}:k=5,seed={seed}", tree.id);
         same_tree(&scene, &spec(3), &spec(3));
         let (one, other) = (build(&scene, &spec(3)), build(&scene, &spec(4)));
