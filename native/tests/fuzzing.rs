@@ -3,6 +3,7 @@
 //! structure answers like brute force.
 
 use halfspace_native::build::Monitor;
+use halfspace_native::error::Error;
 use halfspace_native::oracle::exact_closest;
 use halfspace_native::registry::{Kind, ParamSpec, TREES};
 use halfspace_native::scene::Triangles;
@@ -108,7 +109,13 @@ proptest! {
             }));
         }
         let scene = Arc::new(Triangles::new(corners, indices).unwrap());
-        let (brute, structure) = (build(&scene, "brute"), build(&scene, &spec));
+        let config = Config::parse(&spec).unwrap();
+        let structure = match Structure::build(scene.clone(), config, 1, &Monitor::new()) {
+            // A value that is in its range may still not go with another: tiles with narrow nodes.
+            Err(Error::Spec(_)) => return Ok(()),
+            built => built.unwrap(),
+        };
+        let brute = build(&scene, "brute");
         let mut expected = vec![Hit::MISS; rays.len()];
         let mut found = expected.clone();
         let mut occluded = vec![false; rays.len()];

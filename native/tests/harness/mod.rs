@@ -117,7 +117,11 @@ impl Bytes<'_> {
 fn built(scene: &Arc<Triangles>, config: Config) -> Structure {
     let monitor = Monitor::new();
     monitor.limit_memory(MEMORY);
-    Structure::build(scene.clone(), config, 1, &monitor).expect("small input needs little memory")
+    match Structure::build(scene.clone(), config, 1, &monitor) {
+        // A value that is in its range may still not go with another.
+        Err(Error::Spec(_)) => built(scene, Config::parse("kd").expect("valid")),
+        built => built.expect("small input needs little memory"),
+    }
 }
 
 /// Any text as a configuration: it is refused, or it reads back from its own canonical text.
