@@ -46,6 +46,10 @@ pub const KD: StructureSpec = StructureSpec {
 /// An edge whose perpendicular is shorter than this share of its square is a sliver's.
 const SLIVER: f64 = 1.0 / (1 << 20) as f64;
 
+/// Triangles of a node whose planes are tried, evenly spread over it: trying all of a large node takes
+/// longer than the rest of the tree, and there the axes win.
+const TRIED: usize = 128;
+
 struct Policy<'a, P> {
     scene: &'a Triangles,
     frame: &'a Frame,
@@ -77,7 +81,8 @@ impl<P: Piece> PlanePolicy for Policy<'_, P> {
 
     fn planes(&self, node: &Node<'_, P>, out: &mut Vec<Plane>) {
         if self.oblique {
-            for piece in node.pieces {
+            let step = node.pieces.len().div_ceil(TRIED).max(1);
+            for piece in node.pieces.iter().step_by(step) {
                 self.planes_of(piece.id(), out);
             }
         }
