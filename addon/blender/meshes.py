@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..core.instances import InstancedGeometry, Mesh
 from ..core.scene import F32, F64, I32, Geometry, Source
 
 if TYPE_CHECKING:
@@ -142,6 +143,42 @@ def assemble(placements: list[Placement], *, uvs: bool = False) -> Geometry:
     return Geometry(vertices, triangles, material_index, corner_normals, uv, origin, tuple(sources))
 
 
+def keep_instances(placements: list[Placement]) -> InstancedGeometry:
+    """All placements with each mesh once, moved as `assemble` does, the triangles in the same order."""
+    placements = [placement for placement in placements if len(placement.mesh.triangles)]
+    origin = _centre(placements) if placements else np.zeros(3)
+    numbers: dict[int, int] = {}
+    kept: list[Mesh] = []
+    for placement in placements:
+        mesh = placement.mesh
+        if id(mesh) not in numbers:
+            numbers[id(mesh)] = len(kept)
+            normals = None if mesh.normals is None else mesh.normals.take(mesh.normal_rows, axis=0, mode="clip")
+            kept.append(Mesh(mesh.positions, np.ascontiguousarray(mesh.triangles, np.int32), mesh.slots, normals))
+    places = [len(placement.names) for placement in placements]
+    mesh_numbers = np.array([numbers[id(placement.mesh)] for placement in placements], np.int32)
+    slots = np.repeat([len(placement.materials) for placement in placements], places)
+    turns = [_normal_matrices(placement.matrices[:, :3, :3]) for placement in placements]
+    matrices = _stacked([placement.matrices for placement in placements], (4, 4), np.float64)
+    matrices[:, :3, 3] -= origin
+    return InstancedGeometry(
+        meshes=tuple(kept),
+        mesh=np.repeat(mesh_numbers, places),
+        matrices=matrices,
+        names=tuple(name for placement in placements for name in placement.names),
+        materials=_stacked([np.tile(p.materials, n) for p, n in zip(placements, places, strict=True)], (), np.int32),
+        first_material=np.concatenate([[0], np.cumsum(slots)]).astype(np.int32),
+        normal_matrices=_stacked([turn.transpose(0, 2, 1) for turn, _ in turns], (3, 3), np.float32),
+        keeps_length=np.repeat(np.array([keeps for _, keeps in turns], np.bool_), places),
+        origin=origin,
+    )
+
+
+def _stacked(parts: list[Any], shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:
+    """One C-ordered array of all parts, which may be none."""
+    return np.concatenate([np.zeros((0, *shape), dtype), *parts]).astype(dtype, copy=False)
+
+
 def _centre(placements: list[Placement]) -> F64:
     """The centre of the box around all placed boxes; positions that are not finite do not count."""
     lows, highs = [], []
@@ -231,7 +268,10 @@ def _corner_normals(placement: Placement, mirrored: NDArray[np.bool_], *, out: F
     """
     assert placement.mesh.normals is not None
     assert placement.mesh.normal_rows is not None
-    world = _world_normals(placement.mesh.normals, placement.matrices[:, :3, :3])
+    matrices, keeps_lengths = _normal_matrices(placement.matrices[:, :3, :3])
+    world = _products(placement.mesh.normals, matrices)
+    if not keeps_lengths:
+        world = _unit(world)
     rows = placement.mesh.normal_rows[None]
     places, count = world.shape[:2]
     if places > 1:
@@ -242,21 +282,24 @@ def _corner_normals(placement: Placement, mirrored: NDArray[np.bool_], *, out: F
     world.reshape(-1, 3).take(rows.reshape(-1), axis=0, out=out.reshape(-1, 3), mode="clip")
 
 
-def _world_normals(normals: F32, linear: F64) -> F32:
-    """Unit normals (n, 3) of a mesh in each of its places, (k, n, 3).
+def _normal_matrices(linear: F64) -> tuple[F32, bool]:
+    """What row vectors that are normals are multiplied with in each place, (k, 3, 3), and whether that keeps lengths.
 
     A normal is a covector: it goes by the inverse transpose, also in mirrored places.
     """
     inverse = np.linalg.inv(linear)
     inverse /= np.linalg.norm(inverse, axis=1).max(axis=1)[:, None, None]
-    world = _products(normals, inverse.astype(np.float32))
     # Turned, mirrored and evenly scaled objects, nearly all, keep the lengths.
     keeps_lengths = np.allclose(inverse @ inverse.transpose(0, 2, 1), np.eye(3), atol=1e-6)
-    return world if keeps_lengths else _unit(world)
+    return inverse.astype(np.float32), bool(keeps_lengths)
 
 
 def _unit(vectors: NDArray[Any]) -> F32:
     """Vectors of unit length as float32, computed in their own type; the zero vector stays."""
-    squares = np.einsum("...i,...i->...", vectors, vectors)
+    # Written out: the native module does the same for instances, in this order, to the last bit.
+    x, y, z = (vectors[..., axis] for axis in range(3))
+    squares = x * x
+    squares += y * y
+    squares += z * z
     squares[squares == 0] = 1
     return (vectors / np.sqrt(squares)[..., None]).astype(np.float32, copy=False)

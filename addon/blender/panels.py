@@ -73,6 +73,7 @@ class HALFSPACE_PT_structure(_Panel, bpy.types.Panel):
             wrapped(column, "The viewport and the overlay use:", icon="INFO")
         structure(column, group)
         column.separator()
+        column.prop(group, "instancing")
         column.prop(group, "memory_limit")
 
 
