@@ -12,11 +12,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..core import native
 from ..core.instances import InstancedGeometry, Mesh
-from ..core.scene import F32, F64, I32, Geometry, Source
+from ..core.scene import F32, F64, I32, Geometry, SceneError, Source
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+
+MOST_TRIANGLES = 1 << 29
+"""What one tree can name."""
 
 BLOCK = 1 << 14
 """How many vectors are transformed at a time."""
@@ -105,10 +109,11 @@ def assemble(placements: list[Placement], *, uvs: bool = False) -> Geometry:
     origin = _centre(placements)
     vertex_count = sum(len(p.names) * len(p.mesh.positions) for p in placements)
     triangle_count = sum(len(p.names) * len(p.mesh.triangles) for p in placements)
+    smooth = any(p.mesh.normals is not None for p in placements)
+    _check_room(triangle_count, 12 * vertex_count + (16 + 36 * smooth + 24 * uvs) * triangle_count)
     vertices = np.empty((vertex_count, 3), np.float32)
     triangles = np.empty((triangle_count, 3), np.int32)
     material_index = np.empty(triangle_count, np.int32)
-    smooth = any(p.mesh.normals is not None for p in placements)
     corner_normals = np.empty((triangle_count, 3, 3), np.float32) if smooth else None
     uv = np.zeros((triangle_count, 3, 2), np.float32) if uvs else None
 
@@ -141,6 +146,15 @@ def assemble(placements: list[Placement], *, uvs: bool = False) -> Geometry:
         sources.append(Source(t, m, placement.names))
         v, t = vertex_rows.stop, triangle_rows.stop
     return Geometry(vertices, triangles, material_index, corner_normals, uv, origin, tuple(sources))
+
+
+def _check_room(triangles: int, size: int) -> None:
+    """Raise SceneError where the copies would be more than a tree can name or than fits into memory."""
+    if triangles > MOST_TRIANGLES or size > native.load().free_memory():
+        raise SceneError(
+            f"Every copy of every instance together: {triangles:,} triangles, {size / 2**30:.1f} GiB, do not fit; "
+            "keep the instances in two levels"
+        )
 
 
 def keep_instances(placements: list[Placement]) -> InstancedGeometry:
@@ -176,7 +190,7 @@ def keep_instances(placements: list[Placement]) -> InstancedGeometry:
 
 def _stacked(parts: list[Any], shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:
     """One C-ordered array of all parts, which may be none."""
-    return np.concatenate([np.zeros((0, *shape), dtype), *parts]).astype(dtype, copy=False)
+    return np.ascontiguousarray(np.concatenate([np.zeros((0, *shape), dtype), *parts]), dtype)
 
 
 def _centre(placements: list[Placement]) -> F64:

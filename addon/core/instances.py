@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .scene import F32, F64, I32, SceneError, check, faulty
+from .scene import F32, F64, I32, Geometry, SceneError, check, faulty
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -107,6 +107,14 @@ class InstancedGeometry:
         per_mesh = np.array([len(mesh.triangles) for mesh in self.meshes], np.int64)
         return int(per_mesh[self.mesh].sum()) if len(self.mesh) else 0
 
+    def same_triangles(self, other: InstancedGeometry) -> bool:
+        """Whether a tree over the one is a tree over the other."""
+        return (
+            [mesh.shape for mesh in self.meshes] == [mesh.shape for mesh in other.meshes]
+            and np.array_equal(self.mesh, other.mesh)
+            and np.array_equal(self.matrices, other.matrices)
+        )
+
     def faulty_triangles(self) -> dict[str, int]:
         """How many triangles of each object can never be hit, as its mesh has them."""
         per_mesh = [int(np.count_nonzero(faulty(mesh.vertices, mesh.triangles))) for mesh in self.meshes]
@@ -115,6 +123,11 @@ class InstancedGeometry:
             if per_mesh[mesh]:
                 counts[name] = counts.get(name, 0) + per_mesh[mesh]
         return counts
+
+    @property
+    def size(self) -> int:
+        """Triangles that trees have to be built over: those of each mesh once."""
+        return sum(len(mesh.triangles) for mesh in self.meshes)
 
     def surfaces(self) -> dict[str, Any]:
         """What the renderer needs to know of them, as `native.RenderScene` takes it."""
@@ -125,6 +138,9 @@ class InstancedGeometry:
             "normal_matrix": self.normal_matrices,
             "keeps_length": self.keeps_length,
         }
+
+
+AnyGeometry = Geometry | InstancedGeometry
 
 
 @dataclass(frozen=True)

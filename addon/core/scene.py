@@ -101,6 +101,11 @@ class Geometry:
         """Triangles."""
         return len(self.triangles)
 
+    @property
+    def size(self) -> int:
+        """Triangles that trees have to be built over."""
+        return len(self.triangles)
+
     def faulty_triangles(self) -> dict[str, int]:
         """How many triangles of each object can never be hit: without area, or with a vertex that is not finite."""
         return self.count_by_object(faulty(self.vertices, self.triangles))

@@ -19,6 +19,8 @@ use crate::build::object_tree::{Kind, ObjectTree};
 use crate::error::{Error, Result};
 use crate::geom::{Aabb, Transform};
 use crate::memory::check_room;
+use crate::outline::Outline;
+use crate::scene::Triangles;
 use crate::structure::Structure;
 use crate::traverse::box_tree::Slabs;
 use crate::traverse::frame::{Frame, FrameRay, Placed};
@@ -261,6 +263,7 @@ impl Instances {
     ) {
         let mut walkers = Vec::with_capacity(TOGETHER);
         let mut stacks = vec![Vec::new(); TOGETHER.min(rays.len())];
+        let mut active = Vec::with_capacity(TOGETHER);
         let mut calls = Calls::default();
         for (group, rays) in rays.chunks(TOGETHER).enumerate() {
             let first = group * TOGETHER;
@@ -270,7 +273,7 @@ impl Instances {
                     write(first + i, Hit::MISS);
                     continue;
                 };
-                let stack = &mut stacks[i];
+                let stack: &mut Stack = &mut stacks[walkers.len()];
                 stack.clear();
                 if !self.tree.ids.is_empty() {
                     stack.push((NODE, frame.t_min));
@@ -283,13 +286,17 @@ impl Instances {
                     frame,
                 });
             }
-            while !walkers.is_empty() {
+            active.clear();
+            active.extend(0..walkers.len());
+            while !active.is_empty() {
                 let counters = counters.as_deref_mut();
                 let counters = counters.map(|all| &mut all[first..first + rays.len()]);
-                self.round::<Q>(level, &mut walkers, (&mut stacks, counters), &mut calls);
-                walkers.retain(|walker| {
+                let rays = (&mut walkers[..], &mut stacks[..], &active[..]);
+                self.round::<Q>(level, rays, counters, &mut calls);
+                active.retain(|&i| {
+                    let walker: &Walker<'_> = &walkers[i];
                     let found = walker.best.hit();
-                    let done = stacks[walker.index].is_empty() || (Q::ANY && found.is_hit());
+                    let done = stacks[i].is_empty() || (Q::ANY && found.is_hit());
                     if done {
                         write(first + walker.index, found);
                     }
@@ -299,49 +306,48 @@ impl Instances {
         }
     }
 
-    /// Takes every walker to the next instance that it may hit, and through that one's mesh.
+    /// Takes every active walker to the next instance that it may hit, and through that one's mesh.
     fn round<Q: Query>(
         &self,
         level: Level,
-        walkers: &mut [Walker<'_>],
-        (stacks, mut counters): (&mut [Stack], Option<&mut [RayCounters]>),
+        (walkers, stacks, active): (&mut [Walker<'_>], &mut [Stack], &[usize]),
+        mut counters: Option<&mut [RayCounters]>,
         calls: &mut Calls,
     ) {
-        calls.clear();
-        for (i, walker) in walkers.iter_mut().enumerate() {
+        calls.waiting.clear();
+        for &i in active {
+            let walker = &mut walkers[i];
             let mut unused = RayCounters::default();
             let counters = counters
                 .as_deref_mut()
                 .map_or(&mut unused, |all| &mut all[walker.index]);
-            if let Some((mesh, ray)) =
-                self.advance::<Q>(walker, &mut stacks[walker.index], counters)
-            {
-                calls.waiting.push((mesh, i, calls.framed.len()));
-                calls.framed.push(ray);
+            if let Some((mesh, ray)) = self.advance::<Q>(walker, &mut stacks[i], counters) {
+                calls.waiting.push((mesh, i, ray));
             }
         }
-        calls.waiting.sort_unstable();
+        calls.waiting.sort_by_key(|call| call.0);
         for call in calls.waiting.chunk_by(|a, b| a.0 == b.0) {
-            let rays: Vec<Ray> = call.iter().map(|&(_, i, _)| *walkers[i].ray).collect();
-            let framed: Vec<_> = call.iter().map(|&(.., at)| calls.framed[at]).collect();
-            let mut counts =
-                vec![RayCounters::default(); if counters.is_some() { call.len() } else { 0 }];
-            let counted = counters.is_some().then_some(&mut counts[..]);
-            let mut found = |place: usize, hit: Hit| {
-                let walker = &mut walkers[call[place].1];
-                let reach = walker.frame.reach(hit.t).min(walker.best.reach);
-                walker.best = Best::known(hit);
-                walker.best.reach = reach;
-            };
+            calls.rays.clear();
+            calls
+                .rays
+                .extend(call.iter().map(|(_, i, _)| *walkers[*i].ray));
+            calls.framed.clear();
+            calls.framed.extend(call.iter().map(|(.., ray)| *ray));
+            calls.counts.clear();
+            if counters.is_some() {
+                calls.counts.resize(call.len(), RayCounters::default());
+            }
+            let counted = counters.is_some().then_some(&mut calls.counts[..]);
+            let mut found = |place: usize, hit: Hit| walkers[call[place].1].found(hit);
             self.meshes[call[0].0 as usize].walk_placed::<Q>(
                 level,
-                (&rays, &framed),
+                (&calls.rays, &calls.framed),
                 &mut found,
                 counted,
             );
             if let Some(all) = counters.as_deref_mut() {
-                for (&(_, i, _), count) in call.iter().zip(&counts) {
-                    all[walkers[i].index].add(count);
+                for ((_, i, _), count) in call.iter().zip(&calls.counts) {
+                    all[walkers[*i].index].add(count);
                 }
             }
         }
@@ -422,45 +428,76 @@ impl Instances {
         counters: &mut RayCounters,
     ) -> Option<FrameRay> {
         let mesh = &self.meshes[place.mesh as usize];
-        let known = walker.best.hit();
-        let (mut framed, blind) = match mesh.built().frame.placed(walker.ray, place, known) {
-            Placed::Miss => return None,
-            Placed::Walk(framed) => (framed, false),
-            Placed::Blind => (FrameRay::blind(place, known), true),
-        };
-        let scene = mesh.scene();
-        let flat = &mesh.outline().flat;
-        if blind || !flat.is_empty() {
-            let mut best = Best::new(&framed);
-            let mut offer = |ids: &[u32]| {
-                ids.iter().any(|&id| {
-                    counters.tests += 1;
-                    let ray = (walker.ray, &framed);
-                    best.offer::<Q, _>(ray, id, || scene.corners(id), &mut Count(counters, None))
-                })
-            };
-            let slabs = Slabs::new(&framed);
-            let frame = &mesh.built().frame;
-            let near = |bounds: &Aabb| {
-                let bounds = Aabb {
-                    min: frame.point(bounds.min),
-                    max: frame.point(bounds.max),
-                };
-                blind || slabs.meet(&bounds, (framed.t_min, framed.t_max)).is_some()
-            };
-            let ended = (flat.iter()).any(|(bounds, ids)| near(bounds) && offer(ids))
-                || (blind && offer(scene.live()));
-            let hit = best.hit();
-            if hit != known {
-                walker.best = Best::known(hit);
-                walker.best.reach = walker.frame.reach(hit.t);
-                framed.known = hit;
-            }
-            if ended || blind {
-                return None;
+        let outline = mesh.outline();
+        if !outline.flat.is_empty() && enter_flat::<Q>(mesh, place, walker, counters) {
+            return None;
+        }
+        match mesh
+            .built()
+            .frame
+            .placed(walker.ray, place, walker.best.hit())
+        {
+            Placed::Miss => None,
+            Placed::Walk(framed) => Some(framed),
+            Placed::Blind => {
+                let framed = FrameRay::blind(place, walker.best.hit());
+                walker.offer::<Q>(&framed, mesh.scene(), mesh.scene().live(), counters);
+                None
             }
         }
-        Some(framed)
+    }
+}
+
+/// Tests the triangles without area; says whether the walk may end.
+fn enter_flat<Q: Query>(
+    mesh: &Structure,
+    place: &Place,
+    walker: &mut Walker<'_>,
+    counters: &mut RayCounters,
+) -> bool {
+    let Outline {
+        flat, flat_frame, ..
+    } = mesh.outline();
+    let (framed, blind) = match flat_frame.placed(walker.ray, place, walker.best.hit()) {
+        Placed::Miss => return false,
+        Placed::Walk(framed) => (framed, false),
+        Placed::Blind => (FrameRay::blind(place, walker.best.hit()), true),
+    };
+    let slabs = Slabs::new(&framed);
+    flat.iter().any(|(bounds, ids)| {
+        let bounds = Aabb {
+            min: flat_frame.point(bounds.min),
+            max: flat_frame.point(bounds.max),
+        };
+        let near = blind || slabs.meet(&bounds, (framed.t_min, framed.t_max)).is_some();
+        near && walker.offer::<Q>(&framed, mesh.scene(), ids, counters)
+    })
+}
+
+impl Walker<'_> {
+    /// Puts triangles of a mesh to the verdict; says whether the walk may end.
+    fn offer<Q: Query>(
+        &mut self,
+        framed: &FrameRay,
+        scene: &Triangles,
+        ids: &[u32],
+        counters: &mut RayCounters,
+    ) -> bool {
+        let mut best = Best::known(self.best.hit());
+        let ended = ids.iter().any(|&id| {
+            counters.tests += 1;
+            let counters = &mut Count(counters, None);
+            best.offer::<Q, _>((self.ray, framed), id, || scene.corners(id), counters)
+        });
+        self.found(best.hit());
+        ended
+    }
+
+    /// Takes over the best hit so far.
+    fn found(&mut self, hit: Hit) {
+        let reach = self.frame.reach(hit.t).min(self.best.reach);
+        self.best = Best::known(hit);
+        self.best.reach = reach;
     }
 }
 
@@ -480,19 +517,14 @@ struct Walker<'a> {
     best: Best,
 }
 
-/// Rays that are to walk a mesh.
+/// Rays that are to walk a mesh, and room for handing them over.
 #[derive(Default)]
 struct Calls {
-    /// Mesh, walker, place in `framed`.
-    waiting: Vec<(u32, usize, usize)>,
+    /// Mesh, walker, the ray in the instance's space.
+    waiting: Vec<(u32, usize, FrameRay)>,
+    rays: Vec<Ray>,
     framed: Vec<FrameRay>,
-}
-
-impl Calls {
-    fn clear(&mut self) {
-        self.waiting.clear();
-        self.framed.clear();
-    }
+    counts: Vec<RayCounters>,
 }
 
 /// Instances whose rays run on a given instruction set.

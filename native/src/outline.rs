@@ -3,6 +3,7 @@
 
 use crate::geom::Aabb;
 use crate::scene::Triangles;
+use crate::traverse::frame::Frame;
 
 /// Boxes around all triangles, together: enough of them that a turned mesh is held closely.
 const BOXES: usize = 64;
@@ -18,6 +19,8 @@ pub struct Outline {
     /// Triangles without area, in groups with their boxes. No tree holds them; but where they stand in the
     /// scene their corners are rounded, and then some do have an area.
     pub flat: Vec<(Aabb, Vec<u32>)>,
+    /// A frame around those.
+    pub flat_frame: Frame,
 }
 
 impl Outline {
@@ -45,7 +48,14 @@ impl Outline {
             .map(|group| group.0)
             .collect();
         boxes.extend(flat.iter().map(|group| group.0));
-        Self { boxes, flat }
+        let around = flat
+            .iter()
+            .fold(Aabb::EMPTY, |all, group| all.union(&group.0));
+        Self {
+            boxes,
+            flat,
+            flat_frame: Frame::new(around),
+        }
     }
 }
 

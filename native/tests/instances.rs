@@ -6,7 +6,7 @@ use fearless_simd::Level;
 use halfspace_native::build::Monitor;
 use halfspace_native::geom::Transform;
 use halfspace_native::instances::{Instance, Instances};
-use halfspace_native::oracle::cases::{Random, aimed, grid, lattice_rays, soup};
+use halfspace_native::oracle::cases::{Random, Size, aimed, cases, grid, lattice_rays, soup};
 use halfspace_native::registry::TREES;
 use halfspace_native::scene::Triangles;
 use halfspace_native::spec::Config;
@@ -265,6 +265,58 @@ fn two_levels_answer_like_brute_force_over_the_flattened_scene() {
                     "{name} {id}"
                 );
             }
+        }
+    }
+}
+
+#[test]
+fn every_extreme_case_is_the_same_in_a_place() {
+    // Moved nowhere, so that the flattened scene is the case itself; and mirrored and scaled by powers of two, which
+    // rounds nothing: the rays go along.
+    let exact = |scale: f64| Transform {
+        linear: [[-scale, 0.0, 0.0], [0.0, 0.0, scale], [0.0, scale, 0.0]],
+        offset: [0.0; 3],
+    };
+    let along = |ray: &Ray, scale: f32| Ray {
+        o: [-scale * ray.o[0], scale * ray.o[2], scale * ray.o[1]],
+        d: [-scale * ray.d[0], scale * ray.d[2], scale * ray.d[1]],
+        ..*ray
+    };
+    let specs = [
+        "kd",
+        "bvh-sah",
+        "bih",
+        "bsp-wn-plus-kd:k=6",
+        "rbsp",
+        "octree-net",
+        "bbox-gs:slabs=7",
+    ];
+    for case in cases(Size::Small, 7) {
+        let rays: Vec<_> = case.rays.iter().copied().step_by(3).collect();
+        let spec = specs[case.name.len() % specs.len()];
+        let mut expected = vec![Hit::MISS; rays.len()];
+        build(&case.scene, "brute").closest(&rays, &mut expected, None);
+        for scale in [0.0_f32, 1.0 / 8192.0, 16384.0] {
+            let transform = if scale == 0.0 {
+                translation([0.0; 3])
+            } else {
+                exact(f64::from(scale))
+            };
+            let place = [Instance { mesh: 0, transform }];
+            let meshes = vec![build(&case.scene, spec)];
+            let instances = Instances::build(meshes, &place, &Monitor::new()).unwrap();
+            let moved: Vec<_> = match scale {
+                0.0 => rays.clone(),
+                scale => rays.iter().map(|ray| along(ray, scale)).collect(),
+            };
+            let flat = flattened(&instances);
+            let mut wanted = vec![Hit::MISS; rays.len()];
+            build(&flat, "brute").closest(&moved, &mut wanted, None);
+            if scale == 0.0 {
+                assert!((wanted.iter().zip(&expected)).all(|(a, b)| bits(a) == bits(b)));
+            }
+            let wrong = differences(&instances, &moved, &wanted);
+            assert_eq!(wrong, 0, "{}, {spec}, scale {scale}", case.name);
         }
     }
 }

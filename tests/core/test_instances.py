@@ -62,8 +62,8 @@ def places(meshes: tuple[Mesh, ...], count: int, seed: int = 3, spread: float = 
         names=tuple(f"Ball {i}" for i in range(count)),
         materials=np.stack([np.arange(count) % 3, (np.arange(count) + 1) % 3], -1).reshape(-1).astype(np.int32),
         first_material=2 * np.arange(count + 1, dtype=np.int32),
-        normal_matrices=inverse.transpose(0, 2, 1).astype(np.float32),
-        keeps_length=np.arange(count) % 4 != 3,
+        normal_matrices=np.ascontiguousarray(inverse.transpose(0, 2, 1), np.float32),
+        keeps_length=(np.arange(count) % 4 != 3).astype(np.bool_),
     )
 
 

@@ -43,6 +43,17 @@ impl Place {
         let inverse = transform.inverse()?;
         let mut bounds = Aabb::EMPTY;
         let mut error = [0.0; 3];
+        if boxes.is_empty() {
+            return Some(Self {
+                transform,
+                inverse,
+                corner_error: error,
+                bounds,
+                first,
+                mesh,
+                mirrored,
+            });
+        }
         for k in 0..3 {
             let (mut low, mut high, mut size) = (f64::INFINITY, f64::NEG_INFINITY, 0.0_f64);
             for part in boxes {
