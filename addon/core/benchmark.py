@@ -317,6 +317,8 @@ class _Run:
         row["offsets"] = candidate.offsets or None
         if candidate.curve:
             row["curve"] = candidate.curve
+            pictures = self._prepared.pictures
+            row["independent"] = pictures.independent if pictures is not None else None
             row["render_s"] = candidate.curve[-1]["seconds"]
         left = [n for n in options.curve if n not in {point["spp"] for point in candidate.curve}]
         if left and candidate.spec != yardstick.SPEC:

@@ -11,6 +11,7 @@ import numpy as np
 from . import curve, ksweep
 from .costs import PARTS, Fit
 from .rows import Row, agrees
+from .thesis import Published
 
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#5b6472")
 """Told apart by people with any kind of colour vision (Okabe and Ito 2008), without the yellow that white swallows."""
@@ -188,14 +189,14 @@ def time_against_rays(figure: Any, rows: Sequence[Row], styles: Styles) -> None:
     _legend(axes, len(rows))
 
 
-def k_sweep(figure: Any, scene: str, base: str, lines: Sequence[ksweep.Line], published: Any) -> None:
+def k_sweep(figure: Any, scene: str, base: str, lines: Sequence[ksweep.Line], published: Published | None) -> None:
     """Percent of the base's time against k, with the published medians dashed."""
     axes = figure.subplots()
     for number, line in enumerate(lines):
         colour, marker = COLOURS[number % len(COLOURS)], MARKERS[number // len(COLOURS) % len(MARKERS)]
         axes.fill_between(line.k, line.low, line.high, color=colour, alpha=0.15, linewidth=0)
         axes.plot(line.k, line.median, marker + "-", color=colour, label=line.structure, markersize=5)
-        other = ksweep.published_for(scene, line.structure, published)
+        other = published.medians(scene, line.structure) if published is not None else {}
         if other:
             axes.plot(sorted(other), [other[k] for k in sorted(other)], "--", color=colour, linewidth=1)
     axes.axhline(100, color=GREY, linewidth=1)

@@ -10,9 +10,10 @@ from dataclasses import dataclass
 from importlib import resources
 from typing import Any
 
-from . import plots, ranking, yardstick
+from . import plots, ranking, thesis, yardstick
 from .report import by_scene, findings, heading, set_names
 from .rows import Row, agrees
+from .thesis import Published
 
 MOST_ROWS_INSIDE = 200
 """With more rows their whole content stays in `bench.json` and the numbers link to there."""
@@ -49,8 +50,8 @@ ERRORS = {
 }
 
 
-def as_html(document: dict[str, Any], published: Any = None) -> str:
-    """The whole report as one page. published: what `ksweep.read_published` gives, drawn beside the K sweep."""
+def as_html(document: dict[str, Any], published: Published | None = None) -> str:
+    """The whole report as one page. published: results of the thesis, set beside ours."""
     rows: list[Row] = document["rows"]
     number = {id(row): index for index, row in enumerate(rows)}
     inside = len(rows) <= MOST_ROWS_INSIDE
@@ -71,6 +72,7 @@ def as_html(document: dict[str, Any], published: Any = None) -> str:
     reason = plots.problem()
     if reason:
         parts.append(f"<p>Plots are left out: {_safe(reason)}.</p>")
+    parts.append(_thesis(rows, published))
     parts.append(_machines(document))
     if inside:
         parts.append(_appendix(rows))
@@ -189,6 +191,40 @@ def _left_out(rows: Sequence[Row]) -> str:
         for text, specs in reasons.items()
     )
     return f"<h3>Left out, and failed</h3><ul>{items}</ul>" if items else ""
+
+
+def _thesis(rows: Sequence[Row], published: Published | None) -> str:
+    """The tables of the thesis, ours beside the published numbers."""
+    found = thesis.tables(by_scene(rows), published)
+    if not found:
+        return ""
+    intro = (
+        "<section><h2>The tables of the thesis</h2><p>Percent of the kd-tree's, median over the seeds, and the smallest"
+        " and the largest. In italics what Hoobergs (2019) published for the scene that comes nearest; there each of"
+        " the three is divided by the same of the kd-tree, so that a smallest may be above a median.</p>"
+    )
+    parts = [intro]
+    for table in found:
+        parts.append(f"<h3>{_safe(table.title)}</h3>")
+        width = 2 * len(table.columns)
+        over = "".join(f'<th colspan="{width}" scope="colgroup">{_safe(scene)}</th>' for scene in table.scenes)
+        heads = "".join(f"<th>{name}</th>" for name in table.columns)
+        heads += "".join(f"<th><em>{name}</em></th>" for name in table.columns)
+        body = "".join(
+            f'<tr><th scope="row">{_safe(name)}</th>{"".join(_beside(cell, len(table.columns)) for cell in cells)}</tr>'
+            for name, cells in table.lines
+        )
+        parts.append(
+            f'<div class="wide"><table><thead><tr><td></td>{over}</tr><tr><td></td>{heads * len(table.scenes)}</tr>'
+            f"</thead><tbody>{body}</tbody></table></div>"
+        )
+    return "".join(parts) + "</section>"
+
+
+def _beside(cell: tuple[thesis.Numbers, thesis.Numbers], count: int) -> str:
+    """Cells of what was measured and of what was published."""
+    ours, theirs = ([f"{value:,.0f}" for value in part] or ["–"] * count for part in cell)
+    return "".join(f"<td>{text}</td>" for text in ours) + "".join(f"<td><em>{text}</em></td>" for text in theirs)
 
 
 def _machines(document: dict[str, Any]) -> str:

@@ -12,6 +12,7 @@ from typing import Any
 
 from . import charts, costs, ksweep, yardstick
 from .rows import Row
+from .thesis import Published
 
 STYLE: Any = {
     "svg.fonttype": "none",
@@ -54,7 +55,7 @@ def problem() -> str | None:
     return None if importlib.util.find_spec("matplotlib") else "matplotlib is not installed in this Python"
 
 
-def scene_figures(rows: Sequence[Row], published: Any = None) -> list[Picture]:
+def scene_figures(rows: Sequence[Row], published: Published | None = None) -> list[Picture]:
     """The figures for one scene's rows; those without data are left out."""
     everything = [row for row in rows if row["rays"]]
     if problem() or not everything:

@@ -11,7 +11,7 @@ import io
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
-from . import ranking, yardstick
+from . import curve, ranking, yardstick
 from .rows import Row, agrees
 
 ERRORS = {
@@ -172,6 +172,16 @@ def _about_pictures(measured: Sequence[Row]) -> Iterator[str]:
         f"All {len(drawn)} structures that rendered made the same pictures, to the last bit; with {samples} samples "
         f"per pixel that took {_seconds(times[0][0])} ({times[0][1]}) to {_seconds(times[-1][0])} ({times[-1][1]})."
     )
+    points = max((row["curve"] for row in drawn), key=len)
+    alone = drawn[0].get("independent") or []
+    if len(points) > 2:
+        text = f"Their error (RMSE) falls with the samples to the power {_signed(curve.slope(points))}"
+        if len(alone) > 2:
+            text += (
+                f"; that of independent samples to the power {_signed(curve.slope(alone))}, where theory says −0.50: "
+                "the difference is what spreading the samples gains"
+            )
+        yield text + "."
 
 
 def _about_yardstick(rows: Sequence[Row]) -> Iterator[str]:
@@ -223,6 +233,10 @@ def _because(found: ranking.Ranking, name: str) -> str:
         f"its steps are cheaper: it makes no fewer of them ({best['steps']:.1f} against {other['steps']:.1f}) "
         f"and no fewer tests ({best['tests']:.1f} against {other['tests']:.1f})"
     )
+
+
+def _signed(value: float) -> str:
+    return f"{value:.2f}".replace("-", "−")
 
 
 def _seconds(value: float) -> str:

@@ -44,6 +44,7 @@ def empty(native: Any, workload: Workload, spec: str, threads: int) -> Row:
         "rays": None,
         "errors": None,
         "curve": None,
+        "independent": None,
         "scaling": None,
         "offsets": None,
         "render_s": None,
@@ -80,7 +81,15 @@ def failed_scene(name: str, error: BaseException) -> Row:
             ),
             None,
         )
-        | {"curve": None, "scaling": None, "offsets": None, "render_s": None, "left_out": [], "too_slow": []}
+        | {
+            "curve": None,
+            "independent": None,
+            "scaling": None,
+            "offsets": None,
+            "render_s": None,
+            "left_out": [],
+            "too_slow": [],
+        }
         | {
             "machine": platform.node(),
             "error": first_line(error),
