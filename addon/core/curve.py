@@ -30,6 +30,9 @@ RELATIVE_FLOOR = 1e-2
 TRIMMED = 0.001
 """The share of the largest relative errors that relMSE leaves out: fireflies."""
 
+IMAGE_PIXELS, IMAGE_SAMPLES = 1024 * 1024, 16
+"""The picture whose time, build included, is told of each structure."""
+
 INDEPENDENT = 64
 """Up to so many samples per pixel the error of independent samples is measured too."""
 
@@ -85,6 +88,14 @@ class Curve:
             if count in self.samples:
                 mean = (total / count).astype(np.float32)
                 yield {"spp": count, **errors(mean, self._converged)}
+
+    def image_seconds(self, points: Sequence[Mapping[str, Any]]) -> float | None:
+        """What a picture of IMAGE_PIXELS with IMAGE_SAMPLES takes, by the picture here with the most samples."""
+        if not points:
+            return None
+        last = points[-1]
+        of_one = float(last["seconds"]) / (self._width * self._height * last["spp"])
+        return float(of_one * IMAGE_PIXELS * IMAGE_SAMPLES)
 
     def affordable(self, mrays_s: float) -> list[int]:
         """The numbers of samples that a structure of this speed renders in reasonable time."""

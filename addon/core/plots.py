@@ -70,6 +70,7 @@ def scene_figures(rows: Sequence[Row], published: Published | None = None) -> li
     ours_close = [row for row in close if row["spec"] != yardstick.SPEC]
     curves = [row for row in ours if row["curve"]]
     views = [row for row in close if row["scaling"] and len(row["scaling"]) > 1]
+    mapped = [row for row in ours if row.get("map")]
     moved = [row for row in ours if row["offsets"]]
     base, lines = ksweep.lines([row for row in everything if row["spec"] != yardstick.SPEC])
     fitted = costs.fit(ours_close)
@@ -92,6 +93,10 @@ def scene_figures(rows: Sequence[Row], published: Published | None = None) -> li
     if views:
         draw = partial(charts.time_against_rays, rows=views, styles=styles)
         add("Time against the number of rays", charts.SCALING, 4.4 + below, draw)
+    if mapped:
+        add(
+            "What each pixel costs", charts.MAPS, charts.cost_map_height(mapped), partial(charts.cost_maps, rows=mapped)
+        )
     if moved:
         draw = partial(charts.wrong_against_offset, rows=moved, styles=styles)
         add("Wrong answers far from the origin", charts.OFFSETS, 3.8 + below, draw)

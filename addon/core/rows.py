@@ -17,7 +17,7 @@ Row = dict[str, Any]
 
 OF_THE_CLOCK = {
     *("build_s", "peak_bytes", "build_seconds", "n", "mrays_s", "times_embree", "rounds", "anchor_rounds", "noise"),
-    *("seconds", "seconds_with_build", "render_s", "machine", "round_id", "anchor", "scaling", "too_slow"),
+    *("seconds", "seconds_with_build", "render_s", "image_s", "machine", "round_id", "anchor", "scaling", "too_slow"),
 }
 """Keys whose values differ from run to run. All others are the same on every machine."""
 
@@ -43,6 +43,8 @@ def empty(native: Any, workload: Workload, spec: str, threads: int) -> Row:
         "statistics": None,
         "rays": None,
         "errors": None,
+        "image_s": None,
+        "map": None,
         "curve": None,
         "independent": None,
         "scaling": None,
@@ -82,6 +84,8 @@ def failed_scene(name: str, error: BaseException) -> Row:
             None,
         )
         | {
+            "image_s": None,
+            "map": None,
             "curve": None,
             "independent": None,
             "scaling": None,

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from addon.core import charts, costs, ksweep, page, plots, report, thesis
+from addon.core import charts, costmap, costs, ksweep, page, plots, report, thesis
 
 RATE = {
     "n": 64,
@@ -175,6 +175,7 @@ def everything(spec: str, slowness: float, k: int | None = None) -> dict[str, An
         {"offset": offset, "rays": 100, "false_miss": 0, "wrong": 0, "false_miss_unguarded": 1, "wrong_unguarded": 2}
         for offset in (0.0, 10.0, 1e6)
     ]
+    made["map"] = costmap.packed(np.full((16, 24), 10 * slowness, np.float32))
     rate = made["rays"]["primary"]
     made["rays"]["primary"] = {**rate, "steps_axis": 10 * slowness, "steps_oblique": 0.0, "tests": 3.0}
     return made
@@ -191,6 +192,7 @@ def test_the_plots_are_svg_with_a_mark_for_each_structure() -> None:
         "Build against tracing",
         "How many directions",
         "Time against the number of rays",
+        "What each pixel costs",
         "Wrong answers far from the origin",
         "Fitted costs",
     ]
@@ -273,6 +275,20 @@ def test_the_tables_of_the_thesis_stand_beside_the_published_numbers(tmp_path: P
     assert lines["bsp-wn"][0][0][0] == pytest.approx(300.0)
     text = page.as_html(document([{**one, "scene": "sponza-dabrovic"} for one in rows]), thesis.read(path))
     assert "<em>20,000</em>" in text
+
+
+def test_where_oblique_planes_pay_for_one_picture_is_said() -> None:
+    rows = [everything("kd", 1.0), everything("bsp-wn", 1.0), everything("bvh-sah", 1.0)]
+    for one, seconds in zip(rows, (20.0, 10.0, 5.0), strict=True):
+        one["image_s"] = seconds
+    (sentence,) = (text for text in report.findings(rows) if "1024 × 1024" in text)
+    assert "10.2 s with bsp-wn" in sentence
+    assert "faster than the 20.2 s with kd; bvh-sah, the best of all, takes 5.2 s" in sentence
+    assert report.worth_it(rows) == [rows[0]["scene"]]
+    rows[1]["image_s"] = 30.0
+    assert report.worth_it(rows) == []
+    both = [*rows, *({**one, "scene": "other", "image_s": 1.0} for one in rows)]
+    assert "on 0 of 2 scenes." in page.as_html(document(both))
 
 
 def test_fitted_costs_are_those_that_made_the_times() -> None:
