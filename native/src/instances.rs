@@ -64,6 +64,9 @@ pub struct Instances {
     build_seconds: f64,
 }
 
+/// Vertices and triangles of a flattened scene.
+pub type Flattened = (Vec<[f32; 3]>, Vec<[u32; 3]>);
+
 /// An instance that was dropped.
 const NOWHERE: u32 = u32::MAX;
 
@@ -221,7 +224,7 @@ impl Instances {
     ///
     /// # Errors
     /// [`Error::Memory`] when they do not fit into what is free.
-    pub fn flattened(&self) -> Result<(Vec<[f32; 3]>, Vec<[u32; 3]>)> {
+    pub fn flattened(&self) -> Result<Flattened> {
         let scenes = || (self.mesh_of.iter()).map(|&mesh| self.meshes[mesh as usize].scene());
         let vertex_count: usize = scenes().map(|scene| scene.vertices().len()).sum();
         let bytes = 12 * (vertex_count + self.count());

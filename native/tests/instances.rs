@@ -180,8 +180,11 @@ fn specs() -> Vec<String> {
     specs
 }
 
-/// Scenes of instances: name, meshes, where they stand.
-fn scenes() -> Vec<(&'static str, Vec<Arc<Triangles>>, Vec<Instance>)> {
+/// Name, meshes, where they stand.
+type Scene = (&'static str, Vec<Arc<Triangles>>, Vec<Instance>);
+
+/// Scenes of instances.
+fn scenes() -> Vec<Scene> {
     let mut numbers = Numbers(Random(5));
     let mut place = |meshes: usize, count: usize, scales: &[f64], spread: f64| -> Vec<Instance> {
         (0..count)

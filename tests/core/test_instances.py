@@ -202,12 +202,13 @@ def test_only_what_changed_is_built_again() -> None:
 
 def test_bad_places_are_dropped_by_number() -> None:
     structure = native.build(ball(4).vertices, ball(4).triangles)
-    matrices = np.tile(np.eye(4), (5, 1, 1))
+    matrices = np.tile(np.eye(4), (6, 1, 1))
     matrices[0, 1, 1] = 0
+    matrices[5, :3, :3] = [[1, 2, 3], [4, 5, 6], [5, 7, 9]]
     matrices[2, 0, 3] = np.nan
     matrices[3, :3, :3] *= 1e-80
-    placed = native.build_instances([structure], np.zeros(5, np.int32), matrices)
-    assert placed.statistics["dropped_instances"] == [0, 2, 3]
+    placed = native.build_instances([structure], np.zeros(6, np.int32), matrices)
+    assert placed.statistics["dropped_instances"] == [0, 2, 3, 5]
     hits = placed.closest(np.array([[0.1, 0.2, 5]], np.float32), np.array([[0, 0, -1]], np.float32))
     assert hits.triangle[0] // len(ball(4).triangles) == 1
     empty = native.build_instances([], np.zeros(0, np.int32), np.zeros((0, 4, 4)))

@@ -46,8 +46,8 @@ impl Transform {
 
     /// Whether all numbers are finite.
     pub fn is_finite(&self) -> bool {
-        let numbers = self.linear.as_flattened().iter().chain(&self.offset);
-        numbers.fold(true, |all, x| all && x.is_finite())
+        let mut numbers = self.linear.as_flattened().iter().chain(&self.offset);
+        numbers.all(|x| x.is_finite())
     }
 
     /// Whether front and back change places.
@@ -84,17 +84,21 @@ impl Transform {
         let mut off = 0.0_f64;
         for (i, row) in rows.iter().enumerate() {
             let (mut sum, mut size) = (0.0, 0.0);
-            for j in 0..3 {
+            for j in [0, 1, 2] {
                 let terms = [0, 1, 2].map(|k| row[k] * even[k][j]);
                 let one = f64::from(u8::from(i == j));
                 sum += (one - terms.iter().sum::<f64>()).abs();
                 size += terms.iter().map(|x| x.abs()).sum::<f64>() + one;
             }
-            off = off.max(sum + 4.0 * f64::EPSILON * size);
+            let lacks = sum + 4.0 * f64::EPSILON * size;
+            if lacks.is_nan() || lacks > WORST {
+                return None;
+            }
+            off = off.max(lacks);
         }
         // A^-1 = (1 - R)^-1 rows, where R is what rows * even lacks.
         let doubt = off / (1.0 - off);
-        (doubt < WORST).then_some(Inverse { rows, scale, doubt })
+        Some(Inverse { rows, scale, doubt })
     }
 }
 
@@ -202,5 +206,7 @@ mod tests {
         assert!(diagonal(f64::INFINITY, 1.0, 1.0).inverse().is_none());
         let flat = [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0], [5.0, 7.0, 9.0]];
         assert!(with(flat).inverse().is_none());
+        let nearly = [[1.0, 0.0, 0.0], [0.0, 0.1, 0.3], [0.0, 0.2, 0.6 + 1e-15]];
+        assert!(with(nearly).inverse().is_none());
     }
 }

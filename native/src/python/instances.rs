@@ -126,7 +126,6 @@ fn transforms(value: &Bound<'_, PyAny>) -> Result<Vec<Transform>> {
 #[pyfunction]
 #[pyo3(signature = (structures, mesh, matrices, *, threads=Threads::ALL, monitor=None, memory_limit=None))]
 #[pyo3(name = "build_instances")]
-#[expect(clippy::too_many_arguments, reason = "Python keywords")]
 fn build(
     py: Python<'_>,
     structures: Vec<PyRef<'_, Structure>>,

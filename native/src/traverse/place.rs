@@ -54,7 +54,7 @@ impl Place {
                 mirrored,
             });
         }
-        for k in 0..3 {
+        for k in [0, 1, 2] {
             let (mut low, mut high, mut size) = (f64::INFINITY, f64::NEG_INFINITY, 0.0_f64);
             for part in boxes {
                 let (mut middle, mut reach, mut sum) = (transform.offset[k], 0.0, 0.0);
@@ -75,7 +75,7 @@ impl Place {
             error[k] = f64::from(f32::EPSILON) * 0.5 * magnitude * (1.0 + 1e-6)
                 + exact
                 + f64::from(f32::from_bits(1));
-            if !(magnitude < f64::from(f32::MAX) * 0.5) {
+            if magnitude.is_nan() || magnitude >= f64::from(f32::MAX) * 0.5 {
                 return None;
             }
             bounds.min[k] = outwards(low - error[k], -1.0);

@@ -15,7 +15,7 @@ from test_engine import render
 
 from addon.blender import engine, extract, reports
 from addon.core.notes import Notes
-from addon.core.session import Building
+from addon.core.trees import Trees
 
 
 @pytest.fixture
@@ -83,10 +83,14 @@ def test_the_picture_is_the_same_in_two_levels(forest: Any, tmp_path: Path) -> N
 
 def test_frames_build_only_what_changed(forest: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     built = []
-    place = Building._place
-    monkeypatch.setattr(
-        Building, "_place", lambda self, *parts: (place(self, *parts), built.append(self.meshes_built))[0]
-    )
+
+    def of(self: Trees, *parts: Any) -> Any:
+        found, count = known(self, *parts)
+        built.append(count)
+        return found, count
+
+    known = Trees.of
+    monkeypatch.setattr(Trees, "of", of)
     forest.halfspace.instancing = "two-level"
     forest.render.use_persistent_data = True
     render(forest, tmp_path)
