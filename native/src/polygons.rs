@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The split planes of a tree as polygons, each cut to its cell: what the overlay draws.
 
-use crate::build::cell::{BoxCell, Cell, ConvexCell, Direction, Plane};
+use crate::build::cell::{Cell, ConvexCell, Direction, Plane};
 use crate::build::octree_nodes::Octree;
 use crate::build::plane_tree::{Node, PlaneTree};
 use crate::geom::Aabb;
@@ -71,10 +71,7 @@ fn plane_tree(
 ) {
     let frame = &structure.built().frame;
     let root = frame.bounds();
-    let mut level = vec![(
-        tree.root(),
-        ConvexCell::Box(BoxCell(root), root.magnitude()),
-    )];
+    let mut level = vec![(tree.root(), ConvexCell::from_box(root, root.magnitude()))];
     for depth in 0..=max_depth {
         let mut next = Vec::new();
         for (index, cell) in level {
@@ -116,8 +113,9 @@ fn plane_tree(
 /// The face that a plane cuts through a cell, counter-clockwise seen from above the plane. Empty where
 /// rounding lost it.
 fn cross_section(cell: &ConvexCell, plane: Plane) -> Vec<[f32; 3]> {
-    if let (ConvexCell::Box(BoxCell(bounds), _), Direction::Axis(axis)) = (cell, plane.direction) {
-        return rectangle(bounds, axis, plane.offset).to_vec();
+    if let (ConvexCell::Box(flat), Direction::Axis(axis)) = (cell, plane.direction) {
+        let bounds = flat.bounds();
+        return rectangle(&bounds, axis, plane.offset).to_vec();
     }
     let Some((below, _)) = cell.polytope().split(plane) else {
         return Vec::new();
