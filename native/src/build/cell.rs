@@ -149,6 +149,15 @@ impl ConvexCell {
         })
     }
 
+    /// Largest coordinate of the scene.
+    pub fn magnitude(&self) -> f32 {
+        match self {
+            Self::Box(flat) => flat.magnitude,
+            #[expect(clippy::cast_possible_truncation, reason = "it was an f32")]
+            Self::Polytope(cell) => cell.magnitude() as f32,
+        }
+    }
+
     /// The cell as a polytope.
     pub fn polytope(&self) -> &Polytope {
         match self {
