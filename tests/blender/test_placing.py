@@ -99,7 +99,7 @@ def test_frames_build_only_what_changed(forest: Any, tmp_path: Path, monkeypatch
     bpy.data.meshes["Leaf"].vertices[3].co.z += 0.5
     bpy.data.meshes["Leaf"].update()
     edited = render(forest, tmp_path)
-    assert built == [3, 0, 1]
+    assert built == [2, 0, 1]  # both cubes have one shape
     forest.render.use_persistent_data = False
     fresh = render(forest, tmp_path)
     assert not engine._kept
