@@ -25,6 +25,8 @@ STATISTICS = (
     ("References", "references", "{:,}"),
     ("References per triangle", "references_per_triangle", "{:.2f}"),
     ("Triangles in the largest leaf", "leaf_max", "{:,}"),
+    ("Instances", "instances", "{:,}"),
+    ("Meshes", "meshes", "{:,}"),
     ("Depth, largest", "depth_max", "{:,}"),
     ("Depth, mean", "depth_mean", "{:.1f}"),
     ("Expected cost", "sah_cost", "{:.2f}"),

@@ -248,7 +248,7 @@ fn two_levels_answer_like_brute_force_over_the_flattened_scene() {
         build(&flat, "brute").closest(&rays, &mut expected, None);
         let hits = expected.iter().filter(|hit| hit.is_hit()).count();
         assert!(
-            hits > rays.len() / 5,
+            hits > rays.len() / 20,
             "{name}: {hits} of {} hit",
             rays.len()
         );
@@ -294,7 +294,9 @@ fn every_extreme_case_is_the_same_in_a_place() {
         "octree-net",
         "bbox-gs:slabs=7",
     ];
-    for case in cases(Size::Small, 7) {
+    let (mut placed, all) = (0, cases(Size::Small, 7));
+    let count = all.len();
+    for case in all {
         let rays: Vec<_> = case.rays.iter().copied().step_by(3).collect();
         let spec = specs[case.name.len() % specs.len()];
         let mut expected = vec![Hit::MISS; rays.len()];
@@ -315,13 +317,30 @@ fn every_extreme_case_is_the_same_in_a_place() {
             let flat = flattened(&instances);
             let mut wanted = vec![Hit::MISS; rays.len()];
             build(&flat, "brute").closest(&moved, &mut wanted, None);
-            if scale == 0.0 {
-                assert!((wanted.iter().zip(&expected)).all(|(a, b)| bits(a) == bits(b)));
+            // Only what is nearly out of the range of f32 has no place.
+            if scale == 0.0 && instances.dropped().next().is_none() {
+                assert_eq!(wanted, expected, "{}", case.name);
+                placed += 1;
             }
             let wrong = differences(&instances, &moved, &wanted);
             assert_eq!(wrong, 0, "{}, {spec}, scale {scale}", case.name);
         }
     }
+    assert!(placed + 2 > count, "{placed} of {count}");
+}
+
+#[test]
+fn without_allowance_for_rounding_answers_differ() {
+    let (_, meshes, places) = scenes().swap_remove(0);
+    let meshes = (meshes.iter())
+        .map(|mesh| build(mesh, "kd:robust=none"))
+        .collect();
+    let instances = Instances::build(meshes, &places, &Monitor::new()).unwrap();
+    let flat = flattened(&instances);
+    let rays = rays(&flat, 1500, &mut Random(11));
+    let mut expected = vec![Hit::MISS; rays.len()];
+    build(&flat, "brute").closest(&rays, &mut expected, None);
+    assert!(differences(&instances, &rays, &expected) > 0);
 }
 
 #[test]
