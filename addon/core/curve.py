@@ -36,7 +36,7 @@ IMAGE_PIXELS, IMAGE_SAMPLES = 1024 * 1024, 16
 INDEPENDENT = 64
 """Up to so many samples per pixel the error of independent samples is measured too."""
 
-POINT_SECONDS = 30.0
+POINT_SECONDS = 10.0
 """A picture that would take longer than about this is left out."""
 
 RAYS_PER_SAMPLE = 8
