@@ -238,9 +238,10 @@ impl Instances {
             let scene = self.meshes[mesh as usize].scene();
             let first = u32::try_from(vertices.len()).expect("checked above");
             let place = self.place(instance);
-            let point = |p: &[f32; 3]| place.map_or([f32::NAN; 3], |x| x.transform.point(*p));
+            let point =
+                |p: &[f32; 3]| place.map_or([f32::NAN; 3], |x| x.in_mesh.transform.point(*p));
             vertices.extend(scene.vertices().iter().map(point));
-            let mirrored = place.is_some_and(|place| place.mirrored);
+            let mirrored = place.is_some_and(|place| place.in_mesh.mirrored);
             triangles.extend(scene.indices().iter().map(|&[a, b, c]| {
                 let [b, c] = if mirrored { [c, b] } else { [b, c] };
                 [first + a, first + b, first + c]
@@ -310,12 +311,12 @@ impl Instances {
     }
 
     /// Takes every active walker to the next instance that it may hit, and through that one's mesh.
-    fn round<Q: Query>(
-        &self,
+    fn round<'a, Q: Query>(
+        &'a self,
         level: Level,
         (walkers, stacks, active): (&mut [Walker<'_>], &mut [Stack], &[usize]),
         mut counters: Option<&mut [RayCounters]>,
-        calls: &mut Calls,
+        calls: &mut Calls<'a>,
     ) {
         calls.waiting.clear();
         for &i in active {
@@ -358,12 +359,12 @@ impl Instances {
 
     /// Walks the upper tree to the next instance whose mesh the ray has to walk: the mesh, and the ray in its
     /// space.
-    fn advance<Q: Query>(
-        &self,
+    fn advance<'a, Q: Query>(
+        &'a self,
         walker: &mut Walker<'_>,
         stack: &mut Stack,
         counters: &mut RayCounters,
-    ) -> Option<(u32, FrameRay)> {
+    ) -> Option<(u32, FrameRay<'a>)> {
         while let Some((code, enter)) = stack.pop() {
             if enter > walker.best.reach {
                 continue;
@@ -424,12 +425,12 @@ impl Instances {
 
     /// Takes a ray into an instance's space. Triangles that no tree holds are tested on the way; so are all,
     /// when nothing is certain about the ray there.
-    fn enter<Q: Query>(
+    fn enter<'a, Q: Query>(
         &self,
-        place: &Place,
+        place: &'a Place,
         walker: &mut Walker<'_>,
         counters: &mut RayCounters,
-    ) -> Option<FrameRay> {
+    ) -> Option<FrameRay<'a>> {
         let mesh = &self.meshes[place.mesh as usize];
         let outline = mesh.outline();
         if !outline.flat.is_empty() && enter_flat::<Q>(mesh, place, walker, counters) {
@@ -481,7 +482,7 @@ impl Walker<'_> {
     /// Puts triangles of a mesh to the verdict; says whether the walk may end.
     fn offer<Q: Query>(
         &mut self,
-        framed: &FrameRay,
+        framed: &FrameRay<'_>,
         scene: &Triangles,
         ids: &[u32],
         counters: &mut RayCounters,
@@ -515,18 +516,18 @@ struct Walker<'a> {
     ray: &'a Ray,
     /// Its place in the group.
     index: usize,
-    frame: FrameRay,
+    frame: FrameRay<'static>,
     slabs: Slabs,
     best: Best,
 }
 
 /// Rays that are to walk a mesh, and room for handing them over.
 #[derive(Default)]
-struct Calls {
+struct Calls<'a> {
     /// Mesh, walker, the ray in the instance's space.
-    waiting: Vec<(u32, usize, FrameRay)>,
+    waiting: Vec<(u32, usize, FrameRay<'a>)>,
     rays: Vec<Ray>,
-    framed: Vec<FrameRay>,
+    framed: Vec<FrameRay<'a>>,
     counts: Vec<RayCounters>,
 }
 
@@ -572,7 +573,7 @@ impl Tracer for Instances {
             .corners(local);
         let placed = self
             .place(instance)
-            .and_then(|place| place.in_mesh().corners(corners));
+            .and_then(|place| place.in_mesh.corners(corners));
         placed.unwrap_or([[f32::NAN; 3]; 3])
     }
 

@@ -208,7 +208,7 @@ impl Structure {
     pub(crate) fn walk_placed<Q: Query>(
         &self,
         level: Level,
-        (rays, placed): (&[Ray], &[FrameRay]),
+        (rays, placed): (&[Ray], &[FrameRay<'_>]),
         write: Write<'_>,
         counters: Option<&mut [RayCounters]>,
     ) {

@@ -162,7 +162,7 @@ impl Attributes {
             (instance, local) = instances.locate(id);
             triangle = local as usize;
             let place = instances.place(instance);
-            (mesh, mirrored) = place.map_or((0, false), |p| (p.mesh as usize, p.mirrored));
+            (mesh, mirrored) = place.map_or((0, false), |p| (p.mesh as usize, p.in_mesh.mirrored));
         }
         At {
             all: self,

@@ -99,17 +99,17 @@ pub struct Batch<'a> {
     pub shadow_cache: bool,
     /// The rays in the space of the instance that the structure is visited for; `None` for rays of the
     /// structure's own scene.
-    pub placed: Option<&'a [FrameRay]>,
+    pub placed: Option<&'a [FrameRay<'a>]>,
 }
 
 /// Takes the answer of the ray with this place in the batch. Not a generic parameter, lest every walk is
 /// compiled for every caller.
 pub type Write<'a> = &'a mut dyn FnMut(usize, Hit);
 
-impl Batch<'_> {
+impl<'a> Batch<'a> {
     /// A ray in the frame of the structure.
     #[inline(always)]
-    fn framed(&self, i: usize) -> Option<FrameRay> {
+    fn framed(&self, i: usize) -> Option<FrameRay<'a>> {
         match self.placed {
             None => self.frame.ray(&self.rays[i]),
             Some(placed) => Some(placed[i]),
@@ -237,12 +237,18 @@ impl Batch<'_> {
         let mut cache = self.cache::<Q>();
         for (i, ray) in self.rays.iter().enumerate() {
             let mut counters = counter(i);
-            let Some(framed) = self.framed(i) else {
+            let own;
+            let framed = if let Some(placed) = self.placed {
+                &placed[i]
+            } else if let Some(framed) = self.frame.ray(ray) {
+                own = framed;
+                &own
+            } else {
                 write(i, Hit::MISS);
                 continue;
             };
             if Q::ANY
-                && let Some(hit) = self.cached(&cache, (ray, &framed), &mut counters)
+                && let Some(hit) = self.cached(&cache, (ray, framed), &mut counters)
             {
                 write(i, hit);
                 continue;
@@ -250,7 +256,7 @@ impl Batch<'_> {
             let hit = walk.cast::<S, Q, C>(
                 simd,
                 (self.scene, self.blocks),
-                (ray, &framed),
+                (ray, framed),
                 &mut scratch,
                 &mut counters,
             );
@@ -395,7 +401,7 @@ impl Batch<'_> {
         simd: S,
         count: usize,
         rays: &[Ray],
-        open: &mut [Option<(FrameRay, Best, &mut RayCounters, bool)>],
+        open: &mut [Option<(FrameRay<'_>, Best, &mut RayCounters, bool)>],
     ) {
         const TRIANGLES: usize = 32 * LANES;
         for first in (0..count).step_by(TRIANGLES) {

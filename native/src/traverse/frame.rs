@@ -130,7 +130,7 @@ impl Frame {
 
     /// What [`FrameRay::reach`] needs, and nothing else.
     #[inline(always)]
-    pub fn limits(&self, unit: f32) -> FrameRay {
+    pub fn limits(&self, unit: f32) -> FrameRay<'static> {
         let mut out = FrameRay {
             to_frame: f64::from(unit) * f64::from(self.scale),
             ..FrameRay::NOTHING
@@ -142,7 +142,7 @@ impl Frame {
     /// The ray in this frame, cut to the scene's box; `None` when it certainly misses the box, when
     /// its direction is zero, or when a number of it is not finite.
     #[inline(always)]
-    pub fn ray(&self, ray: &Ray) -> Option<FrameRay> {
+    pub fn ray(&self, ray: &Ray) -> Option<FrameRay<'static>> {
         let longest = ray.d[0].abs().max(ray.d[1].abs()).max(ray.d[2].abs());
         // Infinity and NaN times zero is NaN.
         let finite = (0..3).map(|k| ray.o[k] * 0.0 + ray.d[k] * 0.0).sum::<f32>() == 0.0;
@@ -177,9 +177,9 @@ impl Frame {
     /// one's corners are within [`Place::corner_error`] of the mesh's own. That, the errors of the map
     /// and the rounding of the ray to f32 make up `blur`, by which every bound of the walk grows.
     #[inline]
-    pub fn placed(&self, ray: &Ray, place: &Place, known: Hit) -> Placed {
+    pub fn placed<'a>(&self, ray: &Ray, place: &'a Place, known: Hit) -> Placed<'a> {
         let scale = f64::from(self.scale);
-        let back = |x: f32, k: usize| f64::from(x) - place.transform.offset[k];
+        let back = |x: f32, k: usize| f64::from(x) - place.in_mesh.transform.offset[k];
         let from = [back(ray.o[0], 0), back(ray.o[1], 1), back(ray.o[2], 2)];
         let (o, o_error) = place.inverse.vector(from);
         let (d, d_error) = place.inverse.vector(widen(ray.d));
@@ -205,7 +205,7 @@ impl Frame {
             shift,
             first: place.first,
             known,
-            place: Some(place.in_mesh()),
+            place: Some(&place.in_mesh),
             ..FrameRay::NOTHING
         };
         let (mut origin_error, mut speed_error) = ([0.0; 3], [0.0; 3]);
@@ -250,7 +250,12 @@ impl Frame {
     /// Fills in the bounds of a ray whose coordinates, anywhere in the scene, are off by at most `blur`
     /// before they are rounded, and cuts it to the scene's box.
     #[inline(always)]
-    fn complete(&self, ray: &Ray, mut out: FrameRay, blur: [f32; 3]) -> Option<FrameRay> {
+    fn complete<'a>(
+        &self,
+        ray: &Ray,
+        mut out: FrameRay<'a>,
+        blur: [f32; 3],
+    ) -> Option<FrameRay<'a>> {
         let (o, d) = (out.o, out.d);
         let far = o[0].abs().max(o[1].abs()).max(o[2].abs());
         let sum = far + self.magnitude;
@@ -302,11 +307,11 @@ impl Frame {
 
 /// What becomes of a ray in an instance's space.
 #[expect(clippy::large_enum_variant, reason = "nearly always the large one")]
-pub enum Placed {
+pub enum Placed<'a> {
     /// It certainly misses the mesh.
     Miss,
     /// It is to walk the mesh's tree.
-    Walk(FrameRay),
+    Walk(FrameRay<'a>),
     /// Nothing is certain about it: every triangle has to be put to the verdict.
     Blind,
 }
@@ -320,7 +325,7 @@ fn up(x: f64) -> f32 {
 
 /// A ray in the frame of the scene, with what every walk needs of it.
 #[derive(Debug, Clone, Copy)]
-pub struct FrameRay {
+pub struct FrameRay<'a> {
     /// Origin.
     pub o: [f32; 3],
     /// Direction, largest component in [1, 2).
@@ -358,7 +363,7 @@ pub struct FrameRay {
     /// The best hit that was found elsewhere.
     pub known: Hit,
     /// The instance whose space the ray is in.
-    pub place: Option<InMesh>,
+    pub place: Option<&'a InMesh>,
     to_frame: f64,
     /// How far along the ray its origin was moved, in the frame's units.
     shift: f64,
@@ -367,7 +372,7 @@ pub struct FrameRay {
     last_place: f32,
 }
 
-impl FrameRay {
+impl FrameRay<'static> {
     /// A ray that is over before it begins.
     pub const NOTHING: Self = Self {
         o: [0.0; 3],
@@ -391,27 +396,29 @@ impl FrameRay {
         shift: 0.0,
         last_place: 0.0,
     };
+}
 
+impl<'a> FrameRay<'a> {
     /// A ray about which nothing is certain in an instance's space, to put triangles to the verdict with.
-    pub fn blind(place: &Place, known: Hit) -> Self {
+    pub fn blind(place: &'a Place, known: Hit) -> Self {
         Self {
             first: place.first,
             known,
-            place: Some(place.in_mesh()),
-            ..Self::NOTHING
+            place: Some(&place.in_mesh),
+            ..FrameRay::NOTHING
         }
     }
 
     /// A distance in the frame that nothing at `t` or nearer can exceed, rounding included.
     #[inline(always)]
     pub fn reach(&self, t: f32) -> f32 {
-        self.slackened(t, f64::from(PRUNE)) + self.last_place
+        self.slackened(t, PRUNE) + self.last_place
     }
 
     /// A distance in the frame that nothing at `t` or farther can fall below.
     #[inline(always)]
     fn lower(&self, t: f32) -> f32 {
-        self.slackened(t, 2.0 - f64::from(PRUNE)) - self.last_place
+        self.slackened(t, 2.0 - PRUNE) - self.last_place
     }
 
     /// `t` in the frame's units, `factor` times as far for distances ahead, and moved by as much for those
@@ -421,11 +428,14 @@ impl FrameRay {
         clippy::cast_possible_truncation,
         reason = "the slack covers the rounding; what the shift rounds is added to it"
     )]
-    fn slackened(&self, t: f32, factor: f64) -> f32 {
+    fn slackened(&self, t: f32, factor: f32) -> f32 {
         let scaled = f64::from(t) * self.to_frame;
-        let room = (factor - 1.0) * self.shift;
-        let factor = if scaled >= 0.0 { factor } else { 2.0 - factor };
-        (scaled * factor - self.shift + room) as f32
+        let towards = if scaled >= 0.0 { factor } else { 2.0 - factor };
+        if self.shift == 0.0 {
+            return scaled as f32 * towards;
+        }
+        let room = f64::from(factor - 1.0) * self.shift;
+        (scaled * f64::from(towards) - self.shift + room) as f32
     }
 }
 

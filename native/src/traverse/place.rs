@@ -7,8 +7,8 @@ use crate::geom::{Aabb, vec3::Vec3};
 /// An instance of a mesh.
 #[derive(Debug, Clone, Copy)]
 pub struct Place {
-    /// Mesh to scene.
-    pub transform: Transform,
+    /// Mesh to scene, for the corners of triangles.
+    pub in_mesh: InMesh,
     /// Scene to mesh.
     pub inverse: Inverse,
     /// How far the corners as they stand in the scene, rounded there, are from the mesh's own when they are
@@ -20,15 +20,15 @@ pub struct Place {
     pub first: u32,
     /// Which mesh it is of.
     pub mesh: u32,
-    /// Whether the second and the third corner of each triangle change places, so that fronts stay fronts.
-    pub mirrored: bool,
 }
 
 /// What brings a triangle of a mesh to where it stands.
 #[derive(Debug, Clone, Copy)]
 pub struct InMesh {
-    transform: Transform,
-    mirrored: bool,
+    /// Mesh to scene.
+    pub transform: Transform,
+    /// Whether the second and the third corner of each triangle change places, so that fronts stay fronts.
+    pub mirrored: bool,
 }
 
 impl Place {
@@ -41,17 +41,20 @@ impl Place {
         mirrored: bool,
     ) -> Option<Self> {
         let inverse = transform.inverse()?;
+        let in_mesh = InMesh {
+            transform,
+            mirrored,
+        };
         let mut bounds = Aabb::EMPTY;
         let mut error = [0.0; 3];
         if boxes.is_empty() {
             return Some(Self {
-                transform,
+                in_mesh,
                 inverse,
                 corner_error: error,
                 bounds,
                 first,
                 mesh,
-                mirrored,
             });
         }
         for k in [0, 1, 2] {
@@ -82,23 +85,13 @@ impl Place {
             bounds.max[k] = outwards(high + error[k], 1.0);
         }
         Some(Self {
-            transform,
+            in_mesh,
             inverse,
             corner_error: inverse.reach(error),
             bounds,
             first,
             mesh,
-            mirrored,
         })
-    }
-
-    /// What brings its triangles to where they stand.
-    #[inline(always)]
-    pub fn in_mesh(&self) -> InMesh {
-        InMesh {
-            transform: self.transform,
-            mirrored: self.mirrored,
-        }
     }
 }
 

@@ -192,7 +192,7 @@ impl Best {
         }
         counters.verdict();
         let span = [ray.t_min, keep_min(self.hit.t, ray.t_max)];
-        let corners = match &frame.place {
+        let corners = match frame.place {
             None => corners(),
             Some(place) => match place.corners(corners()) {
                 Some(corners) => corners,

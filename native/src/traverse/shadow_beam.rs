@@ -38,7 +38,7 @@ const RAYS_PER_TRIANGLE: u32 = 4;
 struct Beam {
     /// Their places in the batch.
     ids: Vec<usize>,
-    framed: Vec<FrameRay>,
+    framed: Vec<FrameRay<'static>>,
     rays: Rows,
     /// From where each ray may be blocked, and to where.
     start: [Row; 3],
