@@ -5,6 +5,7 @@ use crate::build::octree_nodes::Octree;
 use crate::build::plane_tree::{PlaneTree, Shape};
 use crate::build::{Monitor, footprint};
 use crate::error::{Error, Result};
+use crate::leaf_depth::LeafDepths;
 use crate::registry::Built;
 use crate::scene::Triangles;
 use crate::spec::{Config, Value};
@@ -21,7 +22,7 @@ use crate::traverse::{
 };
 use fearless_simd::Level;
 use std::marker::PhantomData;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
 /// A tree, laid out for one way of walking: matched once per batch of rays, never per ray.
@@ -98,6 +99,8 @@ pub struct Structure {
     tiles: Tiles,
     built: Built,
     build_seconds: f64,
+    /// Gathered when somebody asks.
+    leaf_depths: OnceLock<LeafDepths>,
 }
 
 impl Structure {
@@ -126,6 +129,7 @@ impl Structure {
             config,
             built,
             build_seconds,
+            leaf_depths: OnceLock::new(),
         })
     }
 
@@ -457,6 +461,13 @@ impl Tracer for Structure {
     ) {
         self.at_level(Level::new())
             .closest_ordered(rays, hits, counters, order);
+    }
+
+    fn leaf_depths(&self, rays: &[Ray], depths: &mut [u32]) {
+        let known = self.leaf_depths.get_or_init(|| LeafDepths::new(self));
+        for (ray, depth) in rays.iter().zip(depths) {
+            *depth = known.of(self, ray);
+        }
     }
 
     fn occluded(&self, rays: &[Ray], occluded: &mut [bool], counters: Option<&mut [RayCounters]>) {

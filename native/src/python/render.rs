@@ -21,7 +21,8 @@ pub struct RenderScene(Arc<scene::RenderScene>);
 #[pymethods]
 impl RenderScene {
     #[new]
-    #[pyo3(signature = (structure, *, material_index=None, materials=None, corner_normals=None, lights=None, world=None))]
+    #[pyo3(signature = (structure, *, material_index=None, materials=None, corner_normals=None, lights=None, world=None, indices=None))]
+    #[expect(clippy::too_many_arguments, reason = "Python keywords")]
     fn new(
         py: Python<'_>,
         structure: &Structure,
@@ -30,6 +31,7 @@ impl RenderScene {
         corner_normals: Option<&Bound<'_, PyAny>>,
         lights: Option<&Bound<'_, PyAny>>,
         world: Option<&Bound<'_, PyDict>>,
+        indices: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
         let params = SceneParams {
             material_index: material_index.map(args::material_index).transpose()?,
@@ -37,6 +39,7 @@ impl RenderScene {
             corner_normals: corner_normals.map(args::corner_normals).transpose()?,
             lights: args::lights(lights)?,
             world: args::world(world)?,
+            indices: args::indices(indices)?,
         };
         let tracer = Arc::clone(&structure.0);
         let scene = py.detach(|| scene::RenderScene::new(tracer, params))?;

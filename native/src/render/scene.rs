@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use super::check::{Error, Result, finite, within};
 use super::features::Features;
+use super::indices::Indices;
 use super::lights::{LightParams, Lights};
 use super::material::{Material, MaterialParams};
 use super::vector::Vec3;
@@ -22,6 +23,7 @@ pub struct RenderScene {
     pub(super) corner_normals: Option<Vec<[[f32; 3]; 3]>>,
     pub(super) lights: Lights,
     pub(super) world: Vec3,
+    pub(super) indices: Indices,
     features: Features,
 }
 
@@ -38,6 +40,8 @@ pub struct SceneParams {
     pub lights: Vec<LightParams>,
     /// Background radiance.
     pub world: [f32; 3],
+    /// Numbers of objects and materials.
+    pub indices: Indices,
 }
 
 impl RenderScene {
@@ -71,6 +75,7 @@ impl RenderScene {
                 )));
             }
         }
+        params.indices.check()?;
         let lights = Lights::new(&params.lights)?;
         let mut used = vec![false; materials.len()];
         for &triangle in tracer.triangles().live() {
@@ -89,6 +94,7 @@ impl RenderScene {
             corner_normals: params.corner_normals,
             lights,
             world: Vec3::from(params.world),
+            indices: params.indices,
             features,
         })
     }

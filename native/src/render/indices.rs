@@ -1,0 +1,79 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The numbers that objects and materials carry, for the passes that tell them apart.
+
+use super::check::{Error, Result};
+
+/// Numbers by object and by material. Without any, all are 0.
+#[derive(Debug, Clone, Default)]
+pub struct Indices {
+    /// The first triangle of each run of triangles of one object, ascending from 0.
+    pub first: Vec<u32>,
+    /// The number of each run's object.
+    pub object: Vec<f32>,
+    /// The number of each material.
+    pub material: Vec<f32>,
+}
+
+impl Indices {
+    /// # Errors
+    /// When the lists do not fit each other.
+    pub fn check(&self) -> Result<()> {
+        if self.first.len() != self.object.len() {
+            return Err(Error::Shape(format!(
+                "indices: {} runs, but {} objects",
+                self.first.len(),
+                self.object.len()
+            )));
+        }
+        if self.first.first().is_some_and(|&first| first != 0) || !self.first.is_sorted() {
+            return Err(Error::Shape(
+                "indices['first'] must ascend from 0".to_owned(),
+            ));
+        }
+        Ok(())
+    }
+
+    /// The numbers of a triangle's object and material.
+    #[inline]
+    pub fn of(&self, triangle: usize, material: u32) -> (f32, f32) {
+        let run = self
+            .first
+            .partition_point(|&first| first as usize <= triangle);
+        let object = run.checked_sub(1).map_or(0.0, |run| self.object[run]);
+        let material = self.material.get(material as usize);
+        (object, material.copied().unwrap_or(0.0))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn triangles_find_their_object() {
+        let indices = Indices {
+            first: vec![0, 3, 3, 10],
+            object: vec![5.0, 6.0, 7.0, 8.0],
+            material: vec![1.0, 2.0],
+        };
+        indices.check().unwrap();
+        for (triangle, object) in [(0, 5.0), (2, 5.0), (3, 7.0), (9, 7.0), (10, 8.0), (99, 8.0)] {
+            assert_eq!(indices.of(triangle, 1), (object, 2.0));
+        }
+        assert_eq!(Indices::default().of(4, 0), (0.0, 0.0));
+        assert_eq!(indices.of(0, 9).1, 0.0);
+    }
+
+    #[test]
+    fn runs_that_do_not_ascend_are_refused() {
+        for first in [vec![1, 2], vec![0, 5, 4]] {
+            let object = vec![0.0; first.len()];
+            let wrong = Indices {
+                first,
+                object,
+                material: Vec::new(),
+            };
+            assert!(wrong.check().unwrap_err().to_string().contains("ascend"));
+        }
+    }
+}
