@@ -14,7 +14,7 @@ from ..core import auto, catalogue, choice, native
 from ..core.background import Background
 from ..core.notes import Notes
 from ..core.session import POLL_SECONDS, Cancelled, Session, watch
-from ..core.settings import RenderSettings, memory_limit
+from ..core.settings import Mist, RenderSettings, memory_limit
 from . import camera, comparing, extract, passes, properties, reports, trees, workloads
 from .viewport import Viewport
 
@@ -192,12 +192,14 @@ class _Picture:
 
     def _fill(self, job: Any, buffers: dict[str, np.ndarray[Any, Any]], origin: np.ndarray[Any, Any]) -> None:
         """Copy the picture so far into Blender's open result."""
+        names = passes.native_names()
         for render_pass in self.result.layers[0].passes:
-            buffer = buffers.get(render_pass.name)
+            name = names.get(render_pass.name, "")
+            buffer = buffers.get(name)
             if buffer is None:
                 continue
-            job.copy_into(render_pass.name, buffer)
-            if render_pass.name == "Position":
+            job.copy_into(name, buffer)
+            if name == "Position":
                 to_world(buffer, origin)
             if len(render_pass.rect) * render_pass.channels != len(buffer):
                 raise RuntimeError(f"Pass {render_pass.name}: Blender expects another size of picture")
@@ -238,8 +240,19 @@ def render_settings(engine: Any, depsgraph: Any) -> RenderSettings:
         seed=group.render_seed,
         film_transparent=render.film_transparent,
         passes=tuple(render_pass.name for render_pass in passes.wanted_passes(depsgraph.view_layer_eval)),
+        noise_threshold=group.noise_threshold if group.use_adaptive else 0.0,
+        time_limit=group.time_limit,
+        mist=_mist(scene.world),
         threads=render.threads if render.threads_mode == "FIXED" else 0,
     )
+
+
+def _mist(world: Any) -> Mist:
+    """How the mist pass grows, which is the world's to say."""
+    if world is None:
+        return Mist()
+    found = world.mist_settings
+    return Mist(found.start, found.depth, found.falloff)
 
 
 def border_pixels(render: Any, width: int, height: int) -> tuple[int, int, int, int]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..core.scene import Light, Scene
+from ..core.scene import Light, Numbers, Scene
 from . import lights, materials, meshes, world
 
 if TYPE_CHECKING:
@@ -53,6 +53,7 @@ def extract(depsgraph: Any, notes: Notes, *, uvs: bool = False) -> Scene:
         materials=reader.palette.materials(),
         lights=tuple(lights.moved(light, geometry.origin) for light in reader.lights),
         world=world.read_world(depsgraph.scene_eval.world, notes),
+        numbers=Numbers(reader.object_numbers, reader.palette.pass_indices()),
     )
 
 
@@ -62,6 +63,7 @@ class _Reader:
         self.uvs = uvs
         self.palette = materials.Palette(notes)
         self.lights: list[Light] = []
+        self.object_numbers: dict[str, float] = {}
         self._meshes: dict[tuple[str, int], meshes.MeshArrays] = {}
         self._groups: dict[tuple[tuple[str, int], tuple[int, ...]], _Group] = {}
         self._checked: set[str] = set()
@@ -126,6 +128,8 @@ class _Reader:
         if name in self._checked:
             return
         self._checked.add(name)
+        if item.pass_index:
+            self.object_numbers[name] = float(item.pass_index)
         if item.is_holdout:
             self.notes.add("Holdout is not supported yet, rendered as usual", name)
         if not all(getattr(item, ray) for ray in RAY_VISIBILITY):

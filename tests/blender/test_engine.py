@@ -9,8 +9,8 @@ from typing import Any
 
 import bpy
 import numpy as np
-import OpenImageIO
 import pytest
+from pictures import exr
 from shapes import cube, grid, material, node, with_nodes
 
 from addon.blender import engine, reports
@@ -37,23 +37,8 @@ def stage(add: Any, scene: Any) -> Any:
 
 
 def render(scene: Any, folder: Path) -> dict[str, np.ndarray[Any, Any]]:
-    """Render to a multilayer EXR; every channel as (h, w), rows from the bottom, by its name without the layer."""
-    image = scene.render.image_settings
-    if hasattr(image, "media_type"):
-        image.media_type = "MULTI_LAYER_IMAGE"
-    image.file_format, image.color_depth = "OPEN_EXR_MULTILAYER", "32"
-    scene.render.filepath = str(folder / "picture.exr")
-    bpy.ops.render.render(write_still=True)
-    channels = {}
-    part = 0
-    file = OpenImageIO.ImageInput.open(scene.render.filepath)
-    while file.seek_subimage(part, 0):
-        pixels = file.read_image(part, 0, 0, file.spec().nchannels, "float")
-        for i, name in enumerate(file.spec().channelnames):
-            channels[name.split(".", 1)[-1]] = np.flipud(pixels[..., i])
-        part += 1
-    file.close()
-    return channels
+    """The channels of the scene's picture."""
+    return exr(scene, folder / "picture.exr")
 
 
 def test_the_picture_shows_cube_and_background(stage: Any, tmp_path: Path) -> None:
