@@ -107,7 +107,8 @@ class _Reader:
 
     def _mesh(self, item: Any) -> tuple[tuple[str, int], meshes.MeshArrays | None, tuple[int, ...]]:
         """The object's mesh, read once however often it is placed, and its materials."""
-        if item.type in MESH_TYPES:
+        # In edit mode the mesh is a shell around the one that is edited, without attributes.
+        if item.type in MESH_TYPES and not item.data.is_editmode:
             data = item.data
             key = ("mesh", data.as_pointer())
             if key not in self._meshes:
@@ -115,7 +116,7 @@ class _Reader:
             return key, self._meshes[key], self.palette.indices(item, data)
         key = ("object", item.original.as_pointer())
         if key not in self._meshes:
-            # Other kinds of objects lend a mesh, which dies with `to_mesh_clear`.
+            # Edited meshes and other kinds of objects lend a mesh, which dies with `to_mesh_clear`.
             data = item.to_mesh()
             if data is None:
                 return key, None, ()
