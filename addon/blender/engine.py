@@ -15,7 +15,7 @@ from ..core.background import Background
 from ..core.notes import Notes
 from ..core.session import POLL_SECONDS, Cancelled, Session, watch
 from ..core.settings import Mist, RenderSettings, memory_limit
-from . import camera, comparing, extract, passes, properties, reports, trees, workloads
+from . import camera, comparing, extract, passes, properties, remarks, reports, trees, workloads
 from .viewport import Viewport
 
 if TYPE_CHECKING:
@@ -141,6 +141,7 @@ class _Picture:
         mebibytes = statistics["bytes"] / 2**20
         self.engine.update_memory_stats(memory_used=mebibytes, memory_peak=mebibytes)
         left_out = [*session.structure.statistics["left_out"], *session.left_out]
+        remarks.remark(self.scene, count, self.notes)
         report = reports.Report(label, count, extract_seconds, statistics, left_out, self.notes.lines(), reasons)
         reports.keep(self.scene, report)
         self._warn()

@@ -73,7 +73,7 @@ mod tests {
                     t_max: f32::INFINITY,
                 };
                 let tested = ray_path(&structure, &ray).visits.into_iter();
-                let expected = tested.filter(|visit| visit.tested).last();
+                let expected = tested.filter(|visit| visit.tested).next_back();
                 let expected = expected.map_or(0, |visit| visit.depth as u32);
                 assert_eq!(depths.of(&structure, &ray), expected, "{spec}, ray {i}");
                 deepest = deepest.max(expected);

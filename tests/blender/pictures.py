@@ -13,8 +13,11 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 
-def exr(scene: Any, path: Path) -> dict[str, np.ndarray[Any, Any]]:
-    """Render to a multilayer EXR; every channel as (h, w), rows from the bottom, by its name without the layer."""
+def exr(scene: Any, path: Path, *, layers: bool = False) -> dict[str, np.ndarray[Any, Any]]:
+    """Render to a multilayer EXR; every channel as (h, w), rows from the bottom, by its name.
+
+    layers: whether the names begin with that of the view layer.
+    """
     image = scene.render.image_settings
     if hasattr(image, "media_type"):
         image.media_type = "MULTI_LAYER_IMAGE"
@@ -27,7 +30,7 @@ def exr(scene: Any, path: Path) -> dict[str, np.ndarray[Any, Any]]:
     while file.seek_subimage(part, 0):
         pixels = file.read_image(part, 0, 0, file.spec().nchannels, "float")
         for i, name in enumerate(file.spec().channelnames):
-            channels[name.split(".", 1)[-1]] = np.flipud(pixels[..., i])
+            channels[name if layers else name.split(".", 1)[-1]] = np.flipud(pixels[..., i])
         part += 1
     file.close()
     return channels
