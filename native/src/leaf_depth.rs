@@ -72,8 +72,8 @@ mod tests {
                     t_min: 0.0,
                     t_max: f32::INFINITY,
                 };
-                let tested = ray_path(&structure, &ray).visits.into_iter();
-                let expected = tested.filter(|visit| visit.tested).next_back();
+                let visits = ray_path(&structure, &ray).visits;
+                let expected = visits.iter().rfind(|visit| visit.tested);
                 let expected = expected.map_or(0, |visit| visit.depth as u32);
                 assert_eq!(depths.of(&structure, &ray), expected, "{spec}, ray {i}");
                 deepest = deepest.max(expected);
