@@ -93,7 +93,7 @@ class _Picture:
 
         self._say("Reading the scene")
         start = time.perf_counter()
-        scene = extract.extract(self.depsgraph, self.notes)
+        scene = extract.extract(self.depsgraph, self.notes, uvs="UV" in settings.passes)
         origin = scene.geometry.origin
         view = self._camera(origin)
         extract_seconds = time.perf_counter() - start

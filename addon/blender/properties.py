@@ -170,6 +170,12 @@ RENDER_PROPERTIES: dict[str, Any] = {
 class HalfspaceViewLayerSettings(bpy.types.PropertyGroup):
     """The passes that only this engine has."""
 
+    use_pass_albedo: BoolProperty(  # type: ignore[valid-type]
+        name="Denoising Albedo",
+        description="How much of white light each pixel's first surface sends on: beside Normal, what the compositor's "
+        "Denoise node wants",
+        default=False,
+    )
     use_pass_samples: BoolProperty(  # type: ignore[valid-type]
         name="Sample Count", description="How many samples each pixel got", default=False
     )

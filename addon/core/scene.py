@@ -227,3 +227,10 @@ class Scene:
         indices = self.geometry.material_index
         if len(indices) and not 0 <= int(indices.min()) <= int(indices.max()) < len(self.materials):
             raise SceneError(f"material_index: an index is out of range for {len(self.materials)} materials")
+
+    def for_passes(self) -> dict[str, Any] | None:
+        """What the native module needs for passes alone, None if nothing."""
+        uvs = self.geometry.uvs
+        if not self.numbers and uvs is None:
+            return None
+        return {**self.numbers.arrays(self.geometry.runs()), "uvs": uvs}

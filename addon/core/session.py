@@ -159,7 +159,7 @@ class Session:
             corner_normals=geometry.corner_normals,
             lights=[asdict(light) for light in scene.lights],
             world=asdict(scene.world),
-            indices=scene.numbers.arrays(geometry.runs()) if scene.numbers else None,
+            indices=scene.for_passes(),
         )
         return cls(native, structure, render_scene)
 

@@ -70,7 +70,7 @@ def test_passes_are_those_of_cycles(stage: Any, tmp_path: Path, kind: str) -> No
     stage.camera.data.type = kind
     stage.camera.data.ortho_scale = 9.0
     layer = bpy.context.view_layer
-    names = ("z", "mist", "normal", "position", "object_index", "material_index")
+    names = ("z", "mist", "normal", "position", "uv", "object_index", "material_index")
     for name in names:
         setattr(layer, f"use_pass_{name}", True)
     ours, theirs = both(stage, tmp_path, 16)
@@ -89,6 +89,9 @@ def test_passes_are_those_of_cycles(stage: Any, tmp_path: Path, kind: str) -> No
     for axis in "XYZ":
         assert alike(ours[f"Position.{axis}"][seen], theirs[f"Position.{axis}"][seen], 0.5) > 0.9
         # Means over a pixel's samples, noisy at edges only.
+        uv = f"UV.{'UVA'['XYZ'.index(axis)]}"
+        assert alike(ours[uv], theirs[uv], 0.05) > 0.8
+        assert abs(ours[uv].mean() - theirs[uv].mean()) < 0.01
         assert alike(ours[f"Normal.{axis}"], theirs[f"Normal.{axis}"], 0.02) > 0.8
         assert abs(ours[f"Normal.{axis}"].mean() - theirs[f"Normal.{axis}"].mean()) < 0.01
     assert alike(ours["Mist.Z"], theirs["Mist.Z"], 0.03) > 0.93
@@ -165,6 +168,22 @@ def test_a_time_limit_ends_a_picture_that_would_take_forever(stage: Any, tmp_pat
     picture = exr(stage, tmp_path / "picture.exr")
     assert 1 <= picture["Sample Count.X"].min() < 1 << 20
     assert picture["Combined.G"].min() > 0.01
+
+
+def test_the_albedo_is_the_colour_of_matt_paint(stage: Any, tmp_path: Path) -> None:
+    set_up(stage, engine.ENGINE, 4)
+    stage.halfspace.max_bounces = 0
+    for name in ("Left", "Right"):
+        shader = node(bpy.data.materials[f"Paint {name}"].node_tree, "ShaderNodeBsdfPrincipled")
+        shader.inputs["Specular IOR Level"].default_value = 0.0
+    layer = bpy.context.view_layer
+    layer.halfspace.use_pass_albedo = layer.use_pass_material_index = True
+    picture = exr(stage, tmp_path / "picture.exr")
+    material_index = next(shown for shown in passes.PASSES if shown.name == "Material Index")
+    number = picture[f"{material_index.in_blender}.X"]
+    for paint, red in ((10, 0.2), (20, 0.4)):
+        assert np.median(picture["Denoising Albedo.R"][number == paint]) == pytest.approx(red, rel=0.01)
+        assert np.median(picture["Denoising Albedo.G"][number == paint]) == pytest.approx(0.5, rel=0.01)
 
 
 def test_the_depth_of_leaves_is_seen(stage: Any, tmp_path: Path) -> None:

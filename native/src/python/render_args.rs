@@ -342,7 +342,11 @@ pub fn indices(dict: Option<&Bound<'_, PyDict>>) -> Result<Indices> {
     let Some(dict) = dict else {
         return Ok(Indices::default());
     };
-    let keys = Keys::new(dict, "indices".into(), &["first", "object", "material"])?;
+    let keys = Keys::new(
+        dict,
+        "indices".into(),
+        &["first", "object", "material", "uvs"],
+    )?;
     fn array<T: numpy::Element + Copy>(
         keys: &Keys<'_, '_>,
         key: &str,
@@ -359,6 +363,20 @@ pub fn indices(dict: Option<&Bound<'_, PyDict>>) -> Result<Indices> {
         first: first.into_iter().map(i32::cast_unsigned).collect(),
         object: array(&keys, "object", "an (n,) float32 array")?,
         material: array(&keys, "material", "an (n,) float32 array")?,
+        uvs: match keys.find("uvs") {
+            None => Vec::new(),
+            Some(value) => {
+                let wrong = || keys.wrong("uvs", "an (m, 3, 2) float32 array", &value);
+                let array: PyReadonlyArray3<'_, f32> = value.extract().map_err(|_| wrong())?;
+                if array.shape()[1..] != [3, 2] {
+                    return Err(wrong());
+                }
+                let corner = |t: numpy::ndarray::ArrayView2<'_, f32>| {
+                    [0, 1, 2].map(|corner| [0, 1].map(|axis| t[[corner, axis]]))
+                };
+                array.as_array().outer_iter().map(corner).collect()
+            }
+        },
     })
 }
 

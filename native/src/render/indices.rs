@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! The numbers that objects and materials carry, for the passes that tell them apart.
+//! What surfaces carry for passes alone: the numbers of objects and materials, and UVs.
 
 use super::check::{Error, Result};
 
-/// Numbers by object and by material. Without any, all are 0.
+/// Numbers by object and by material, and UVs. Without any, all are 0.
 #[derive(Debug, Clone, Default)]
 pub struct Indices {
     /// The first triangle of each run of triangles of one object, ascending from 0.
@@ -12,12 +12,20 @@ pub struct Indices {
     pub object: Vec<f32>,
     /// The number of each material.
     pub material: Vec<f32>,
+    /// UVs of each triangle's corners; empty without any.
+    pub uvs: Vec<[[f32; 2]; 3]>,
 }
 
 impl Indices {
     /// # Errors
-    /// When the lists do not fit each other.
-    pub fn check(&self) -> Result<()> {
+    /// When the lists do not fit each other, or the number of triangles.
+    pub fn check(&self, triangles: usize) -> Result<()> {
+        if !self.uvs.is_empty() && self.uvs.len() != triangles {
+            return Err(Error::Shape(format!(
+                "indices['uvs'] must have one entry per triangle: {triangles}, got {}",
+                self.uvs.len()
+            )));
+        }
         if self.first.len() != self.object.len() {
             return Err(Error::Shape(format!(
                 "indices: {} runs, but {} objects",
@@ -43,6 +51,16 @@ impl Indices {
         let material = self.material.get(material as usize);
         (object, material.copied().unwrap_or(0.0))
     }
+
+    /// The UV of a point of a triangle, and 1 as third number; zeros where there are no UVs.
+    #[inline]
+    pub fn uv(&self, triangle: usize, u: f32, v: f32) -> [f32; 3] {
+        let Some([a, b, c]) = self.uvs.get(triangle) else {
+            return [0.0; 3];
+        };
+        let at = |k: usize| a[k] * (1.0 - u - v) + b[k] * u + c[k] * v;
+        [at(0), at(1), 1.0]
+    }
 }
 
 #[cfg(test)]
@@ -55,8 +73,12 @@ mod tests {
             first: vec![0, 3, 3, 10],
             object: vec![5.0, 6.0, 7.0, 8.0],
             material: vec![1.0, 2.0],
+            uvs: vec![[[0.0, 1.0], [4.0, 1.0], [0.0, 3.0]]],
         };
-        indices.check().unwrap();
+        indices.check(1).unwrap();
+        assert!(indices.check(2).is_err());
+        assert_eq!(indices.uv(0, 0.25, 0.5), [1.0, 2.0, 1.0]);
+        assert_eq!(indices.uv(1, 0.25, 0.5), [0.0; 3]);
         for (triangle, object) in [(0, 5.0), (2, 5.0), (3, 7.0), (9, 7.0), (10, 8.0), (99, 8.0)] {
             assert_eq!(indices.of(triangle, 1), (object, 2.0));
         }
@@ -71,9 +93,9 @@ mod tests {
             let wrong = Indices {
                 first,
                 object,
-                material: Vec::new(),
+                ..Default::default()
             };
-            assert!(wrong.check().unwrap_err().to_string().contains("ascend"));
+            assert!(wrong.check(0).unwrap_err().to_string().contains("ascend"));
         }
     }
 }

@@ -489,6 +489,7 @@ fn shade<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
             out.position = surface.point.array();
             let triangle = hit.triangle as usize;
             (out.object, out.material) = scene.indices.of(triangle, scene.material_index[triangle]);
+            out.uv = scene.indices.uv(triangle, hit.u, hit.v);
         }
         if features.emission {
             let emission = path.throughput * material.emission;
@@ -561,6 +562,14 @@ fn shade<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
                     add_color(out, value);
                 }
             }
+        }
+
+        // What a direction chosen in proportion to the light it brings weighs is, in the mean, the albedo.
+        if path.camera
+            && context.film.wants(Pass::Albedo)
+            && let Some(scatter) = bsdf.sample(choose_lobe, random(0))
+        {
+            out.albedo = scatter.weight.array();
         }
 
         // Scatter.

@@ -75,7 +75,7 @@ impl RenderScene {
                 )));
             }
         }
-        params.indices.check()?;
+        params.indices.check(count)?;
         let lights = Lights::new(&params.lights)?;
         let mut used = vec![false; materials.len()];
         for &triangle in tracer.triangles().live() {

@@ -261,6 +261,7 @@ pub fn render(bytes: &[u8]) {
             first: (0..bytes.byte() % 3).map(|_| bytes.word() % 8).collect(),
             object: (0..bytes.byte() % 3).map(|_| bytes.number()).collect(),
             material: (0..bytes.byte() % 3).map(|_| bytes.number()).collect(),
+            uvs: Vec::new(),
         },
     };
     let structure = built(&scene, Config::parse("kd").expect("the kd-tree is there"));
