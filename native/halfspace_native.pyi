@@ -410,7 +410,8 @@ class RenderScene:
     world: {"color": (3,)}, radiance of the background; None = black.
     indices: numbers that objects and materials carry, for the passes of that name; None = all 0. "first" (n,) int32,
         the first triangle of each run of triangles of one object, ascending from 0; "object" (n,) float32, the
-        runs' numbers; "material" float32, by material; "uvs" (m, 3, 2) float32 or None, for the UV pass.
+        runs' numbers; "material" float32, by material; "uvs" (m, 3, 2) float32, NaN where
+        there are none, or None, for the UV pass.
 
     Raises ShapeError (array of the wrong shape or type, index out of range), NonFiniteError,
     SpecError (a number out of range, a missing or unknown key); each names the key and its index.

@@ -54,7 +54,8 @@ class Geometry:
 
     vertices: (n, 3) float32, scene frame. triangles: (m, 3) int32. material_index: (m,) int32 into the scene's
     materials. corner_normals: (m, 3, 3) float32 unit vectors, or None when every triangle is flat. uvs: (m, 3, 2)
-    float32, or None when nobody asked. origin: (3,) float64, the world position of the scene frame's origin.
+    float32, NaN where a mesh has none, or None when nobody asked. origin: (3,) float64, the world position of the scene
+    frame's origin.
     sources: ascending, without gaps. Raises SceneError.
     """
 

@@ -12,7 +12,7 @@ pub struct Indices {
     pub object: Vec<f32>,
     /// The number of each material.
     pub material: Vec<f32>,
-    /// UVs of each triangle's corners; empty without any.
+    /// UVs of each triangle's corners, NaN where it has none; empty without any.
     pub uvs: Vec<[[f32; 2]; 3]>,
 }
 
@@ -59,6 +59,9 @@ impl Indices {
             return [0.0; 3];
         };
         let at = |k: usize| a[k] * (1.0 - u - v) + b[k] * u + c[k] * v;
+        if a[0].is_nan() {
+            return [0.0; 3];
+        }
         [at(0), at(1), 1.0]
     }
 }
@@ -73,12 +76,13 @@ mod tests {
             first: vec![0, 3, 3, 10],
             object: vec![5.0, 6.0, 7.0, 8.0],
             material: vec![1.0, 2.0],
-            uvs: vec![[[0.0, 1.0], [4.0, 1.0], [0.0, 3.0]]],
+            uvs: vec![[[0.0, 1.0], [4.0, 1.0], [0.0, 3.0]], [[f32::NAN; 2]; 3]],
         };
-        indices.check(1).unwrap();
-        assert!(indices.check(2).is_err());
+        indices.check(2).unwrap();
+        assert!(indices.check(3).is_err());
         assert_eq!(indices.uv(0, 0.25, 0.5), [1.0, 2.0, 1.0]);
         assert_eq!(indices.uv(1, 0.25, 0.5), [0.0; 3]);
+        assert_eq!(indices.uv(2, 0.25, 0.5), [0.0; 3]);
         for (triangle, object) in [(0, 5.0), (2, 5.0), (3, 7.0), (9, 7.0), (10, 8.0), (99, 8.0)] {
             assert_eq!(indices.of(triangle, 1), (object, 2.0));
         }
