@@ -488,7 +488,8 @@ fn shade<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
             out.normal = surface.shading.array();
             out.position = surface.point.array();
             let triangle = hit.triangle as usize;
-            (out.object, out.material) = scene.indices.of(triangle, scene.material_index[triangle]);
+            let material = scene.attributes.at(hit.triangle).material();
+            (out.object, out.material) = scene.indices.of(triangle, material as u32);
             out.uv = scene.indices.uv(triangle, hit.u, hit.v);
         }
         if features.emission {
@@ -541,7 +542,7 @@ fn shade<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
             if value.max_component() > 0.0 && value.is_finite() {
                 let value = settings.clamped(value, path.bounce > 0);
                 if light.casts_shadow {
-                    let o = surface.leave_to_light::<SMOOTH>(scene, light.direction);
+                    let o = surface.leave_to_light::<SMOOTH>(light.direction);
                     let (d, t_max) = if light.distance.is_finite() {
                         (
                             surface.point + light.direction * light.distance - o,

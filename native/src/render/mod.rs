@@ -7,6 +7,7 @@
 //! - [`sampler`], [`filter`], [`lens`], [`camera`]: random numbers, the pixel filter, camera rays;
 //! - [`fresnel`], [`ggx`], [`albedo`], [`material`], [`bsdf`]: what surfaces do with light;
 //! - [`light_shapes`], [`lights`]: where light comes from;
+//! - [`attributes`]: what triangles carry, of a flattened scene or of instances;
 //! - [`scene`], [`indices`], [`features`], [`surface`]: the scene, what it needs, a point of it;
 //! - [`settings`], [`film`], [`adaptive`], [`integrator`], [`job`]: the render itself.
 //!
@@ -16,6 +17,7 @@
 
 pub mod adaptive;
 pub mod albedo;
+pub mod attributes;
 pub mod bsdf;
 pub mod camera;
 pub mod check;
