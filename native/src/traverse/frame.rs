@@ -306,7 +306,6 @@ impl Frame {
 }
 
 /// What becomes of a ray in an instance's space.
-#[expect(clippy::large_enum_variant, reason = "nearly always the large one")]
 pub enum Placed<'a> {
     /// It certainly misses the mesh.
     Miss,
