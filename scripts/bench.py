@@ -53,8 +53,8 @@ CURVE = "1,4,16"
 
 PRESETS: dict[str, dict[str, str]] = {
     "yardstick": {
-        "scenes": "sponza-dabrovic,conference,killeroo-feet,stanford-dragon,country-kitchen",
-        "structures": "kd",
+        "scenes": "sponza-dabrovic,conference,country-kitchen,stanford-dragon,stanford-bunny",
+        "structures": "kd:traversal=auto|dir,bsp-wn-plus-kd:traversal=auto|dir,bvh-sah:traversal=tile8",
         "rays": "primary,shadow,diffuse,shuffled",
     },
     "thesis": {"scenes": "conference,killeroo-feet,sponza-dabrovic", "structures": "kd-sah", "rays": "primary,shadow"},

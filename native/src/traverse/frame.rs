@@ -8,6 +8,7 @@
 
 use super::ray::Ray;
 use crate::geom::Aabb;
+use crate::geom::vec3::map;
 
 /// Unit roundoff of f32.
 pub const U: f32 = 1.0 / 16_777_216.0;
@@ -98,7 +99,7 @@ impl Frame {
     /// [`FrameRay::oblique_pad`] for all rays from there, in a frame that [`Self::is_scene`].
     pub fn pads(&self, o: [f32; 3]) -> ([f32; 3], f32) {
         let far = o[0].abs().max(o[1].abs()).max(o[2].abs());
-        let pad = o.map(|x| self.robust * 8.0 * U * (x.abs() + self.magnitude));
+        let pad = map(o, |x| self.robust * 8.0 * U * (x.abs() + self.magnitude));
         (pad, self.robust * 28.0 * U * (far + self.magnitude))
     }
 
@@ -150,9 +151,9 @@ impl Frame {
         // The reciprocal of a power of two is one, unless it overflows.
         let d = if unit > f32::MIN_POSITIVE {
             let inverse = 1.0 / unit;
-            ray.d.map(|x| x * inverse)
+            map(ray.d, |x| x * inverse)
         } else {
-            ray.d.map(|x| x / unit)
+            map(ray.d, |x| x / unit)
         };
         let o = self.point(ray.o);
         let to_frame = f64::from(unit) * f64::from(self.scale);
