@@ -276,9 +276,9 @@ fn push<S: Simd>(
     let table = &SIGNS[signs as usize & 0x7f];
     let mut enters = splat(enter);
     let mut leaves: f32x8<S> = mask(used).select(splat(leave), splat(f32::NEG_INFINITY));
-    for level in 0..3 {
-        let near = mask(u32::from(table.near[level]));
-        let places = u8x32::from_slice(simd, &SPREAD[level]);
+    for (places, near) in SPREAD.iter().zip(&table.near) {
+        let near = mask(u32::from(*near));
+        let places = u8x32::from_slice(simd, places);
         let (low, high) = (low.swizzle_dyn(places), high.swizzle_dyn(places));
         leaves = near.select(high.min(leaves), leaves);
         enters = near.select(enters, low.max(enters));
