@@ -272,7 +272,7 @@ impl Batch<'_> {
         while let Some(ray) = self.rays.get(*following) {
             let place = *following;
             *following += 1;
-            let Some(framed) = self.frame.ray(ray) else {
+            let Some(framed) = self.framed(place) else {
                 write(place, Hit::MISS);
                 continue;
             };
