@@ -42,25 +42,27 @@ def extract(depsgraph: Any, notes: Notes, *, uvs: bool = False) -> Scene:
     Reads meshes, whatever has a mesh (curves, surfaces, text, metaballs) and lights, with every instance of them;
     what cannot be rendered goes into `notes` by name. Geometry is in the frame of `Scene.geometry.origin`.
     """
-    reader = _Reader(notes, uvs)
+    reader = _Reader(notes, uvs, depsgraph.ids)
     # Take everything from an item at once: Blender reuses its memory for the next one.
     for instance in depsgraph.object_instances:
         if instance.show_self:
             reader.visit(instance.object, instance.matrix_world)
-    geometry = meshes.assemble(reader.placements(), uvs=uvs)
+    needs = reader.palette.layers
+    geometry = meshes.assemble(reader.placements(), uvs=uvs, layers=needs.keys, objects=needs.objects)
     return Scene(
         geometry=geometry,
         materials=reader.palette.materials(),
         lights=tuple(lights.moved(light, geometry.origin) for light in reader.lights),
         world=world.read_world(depsgraph.scene_eval.world, notes),
+        images=reader.palette.images(),
     )
 
 
 class _Reader:
-    def __init__(self, notes: Notes, uvs: bool) -> None:
+    def __init__(self, notes: Notes, uvs: bool, blocks: Any) -> None:
         self.notes = notes
         self.uvs = uvs
-        self.palette = materials.Palette(notes)
+        self.palette = materials.Palette(notes, blocks)
         self.lights: list[Light] = []
         self._meshes: dict[tuple[str, int], meshes.MeshArrays] = {}
         self._groups: dict[tuple[tuple[str, int], tuple[int, ...]], _Group] = {}
@@ -109,7 +111,7 @@ class _Reader:
             data = item.data
             key = ("mesh", data.as_pointer())
             if key not in self._meshes:
-                self._meshes[key] = meshes.read_mesh(data, uvs=self.uvs)
+                self._meshes[key] = meshes.read_mesh(data, uvs=self.uvs, layers=self.palette.layers.keys)
             return key, self._meshes[key], self.palette.indices(item, data)
         key = ("object", item.original.as_pointer())
         if key not in self._meshes:
@@ -117,7 +119,7 @@ class _Reader:
             data = item.to_mesh()
             if data is None:
                 return key, None, ()
-            self._meshes[key] = meshes.read_mesh(data, uvs=self.uvs)
+            self._meshes[key] = meshes.read_mesh(data, uvs=self.uvs, layers=self.palette.layers.keys)
             item.to_mesh_clear()
         return key, self._meshes[key], self.palette.indices(item, item.data)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -101,6 +101,28 @@ def build(
     return building.result()
 
 
+def asdict_shallow(item: Any) -> dict[str, Any]:
+    """The fields of a dataclass; unlike `asdict` it copies no array, so a million lights take seconds, not minutes."""
+    return {entry.name: getattr(item, entry.name) for entry in fields(item)}
+
+
+def arguments(scene: Scene) -> dict[str, Any]:
+    """What the native `RenderScene` takes beside the structure."""
+    geometry = scene.geometry
+    return {
+        "material_index": geometry.material_index,
+        "materials": [material.as_dict() for material in scene.materials],
+        "corner_normals": geometry.corner_normals,
+        "lights": [asdict_shallow(light) for light in scene.lights],
+        "world": asdict(scene.world),
+        "images": [asdict_shallow(image) for image in scene.images],
+        "layers": list(geometry.layers),
+        "objects": [asdict(frame) for frame in geometry.objects],
+        "object_index": geometry.object_index,
+        "origin": tuple(geometry.origin),
+    }
+
+
 @dataclass(frozen=True)
 class Session:
     """A structure, and the scene around it in the form that the native renderer walks."""
@@ -129,15 +151,7 @@ class Session:
     @classmethod
     def over(cls, native: Any, scene: Scene, structure: Any) -> Session:
         """The same over a structure of this scene that is built already."""
-        geometry = scene.geometry
-        render_scene = native.RenderScene(
-            structure,
-            material_index=geometry.material_index,
-            materials=[asdict(material) for material in scene.materials],
-            corner_normals=geometry.corner_normals,
-            lights=[asdict(light) for light in scene.lights],
-            world=asdict(scene.world),
-        )
+        render_scene = native.RenderScene(structure, **arguments(scene))
         return cls(native, structure, render_scene)
 
     @property

@@ -3,6 +3,7 @@
 
 use super::arrays::{Threads, describe};
 use super::render_args as args;
+use super::shader_args;
 use super::structure::Structure;
 use crate::error::{Error, Result};
 use crate::render::job::Job;
@@ -21,7 +22,8 @@ pub struct RenderScene(Arc<scene::RenderScene>);
 #[pymethods]
 impl RenderScene {
     #[new]
-    #[pyo3(signature = (structure, *, material_index=None, materials=None, corner_normals=None, lights=None, world=None))]
+    #[pyo3(signature = (structure, *, material_index=None, materials=None, corner_normals=None, lights=None, world=None, images=None, layers=None, objects=None, object_index=None, origin=None))]
+    #[expect(clippy::too_many_arguments, reason = "keywords of a Python call")]
     fn new(
         py: Python<'_>,
         structure: &Structure,
@@ -30,11 +32,18 @@ impl RenderScene {
         corner_normals: Option<&Bound<'_, PyAny>>,
         lights: Option<&Bound<'_, PyAny>>,
         world: Option<&Bound<'_, PyDict>>,
+        images: Option<&Bound<'_, PyAny>>,
+        layers: Option<&Bound<'_, PyAny>>,
+        objects: Option<&Bound<'_, PyAny>>,
+        object_index: Option<&Bound<'_, PyAny>>,
+        origin: Option<[f64; 3]>,
     ) -> PyResult<Self> {
         let params = SceneParams {
             material_index: material_index.map(args::material_index).transpose()?,
             materials: args::materials(materials)?,
             corner_normals: corner_normals.map(args::corner_normals).transpose()?,
+            images: shader_args::images(images)?,
+            varying: shader_args::varying(layers, objects, object_index, origin)?,
             lights: args::lights(lights)?,
             world: args::world(world)?,
         };

@@ -2,6 +2,7 @@
 //! Dictionaries that describe a scene and a render, checked. Every message names the key.
 
 use super::arrays::{check_copy, describe};
+use super::shader_args;
 use crate::error::{Error, Result};
 use crate::render::camera::{CameraParams, Projection};
 use crate::render::filter::FilterKind;
@@ -13,14 +14,14 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 /// A dictionary argument and its name.
-struct Keys<'a, 'py> {
+pub(super) struct Keys<'a, 'py> {
     dict: &'a Bound<'py, PyDict>,
-    name: String,
+    pub(super) name: String,
 }
 
 impl<'a, 'py> Keys<'a, 'py> {
     /// Refuses keys that are not among `known`, which are misspellings.
-    fn new(dict: &'a Bound<'py, PyDict>, name: String, known: &[&str]) -> Result<Self> {
+    pub(super) fn new(dict: &'a Bound<'py, PyDict>, name: String, known: &[&str]) -> Result<Self> {
         for (key, _) in dict.iter() {
             let key = key.to_string();
             if !known.contains(&key.as_str()) {
@@ -33,7 +34,7 @@ impl<'a, 'py> Keys<'a, 'py> {
         Ok(Self { dict, name })
     }
 
-    fn wrong(&self, key: &str, expected: &str, value: &Bound<'_, PyAny>) -> Error {
+    pub(super) fn wrong(&self, key: &str, expected: &str, value: &Bound<'_, PyAny>) -> Error {
         Error::Spec(format!(
             "{}['{key}']: expected {expected}, got {}",
             self.name,
@@ -41,17 +42,17 @@ impl<'a, 'py> Keys<'a, 'py> {
         ))
     }
 
-    fn find(&self, key: &str) -> Option<Bound<'py, PyAny>> {
+    pub(super) fn find(&self, key: &str) -> Option<Bound<'py, PyAny>> {
         let value = self.dict.get_item(key).ok().flatten();
         value.filter(|v| !v.is_none())
     }
 
-    fn need(&self, key: &str) -> Result<Bound<'py, PyAny>> {
+    pub(super) fn need(&self, key: &str) -> Result<Bound<'py, PyAny>> {
         self.find(key)
             .ok_or_else(|| Error::Spec(format!("{}['{key}'] is missing", self.name)))
     }
 
-    fn number(&self, key: &str) -> Result<f64> {
+    pub(super) fn number(&self, key: &str) -> Result<f64> {
         let value = self.need(key)?;
         value
             .extract()
@@ -62,14 +63,14 @@ impl<'a, 'py> Keys<'a, 'py> {
         clippy::cast_possible_truncation,
         reason = "beyond f32 becomes infinite, which is refused"
     )]
-    fn number_or(&self, key: &str, default: f32) -> Result<f32> {
+    pub(super) fn number_or(&self, key: &str, default: f32) -> Result<f32> {
         match self.find(key) {
             None => Ok(default),
             Some(_) => self.number(key).map(|x| x as f32),
         }
     }
 
-    fn count(&self, key: &str) -> Result<u32> {
+    pub(super) fn count(&self, key: &str) -> Result<u32> {
         let value = self.need(key)?;
         let number: i64 = value
             .extract()
@@ -82,7 +83,7 @@ impl<'a, 'py> Keys<'a, 'py> {
         })
     }
 
-    fn flag_or(&self, key: &str, default: bool) -> Result<bool> {
+    pub(super) fn flag_or(&self, key: &str, default: bool) -> Result<bool> {
         match self.find(key) {
             None => Ok(default),
             Some(v) => v
@@ -91,7 +92,7 @@ impl<'a, 'py> Keys<'a, 'py> {
         }
     }
 
-    fn text(&self, key: &str) -> Result<String> {
+    pub(super) fn text(&self, key: &str) -> Result<String> {
         let value = self.need(key)?;
         value
             .extract()
@@ -99,7 +100,7 @@ impl<'a, 'py> Keys<'a, 'py> {
     }
 
     /// Numbers in an array or a sequence of exactly this shape, row by row.
-    fn numbers(&self, key: &str, shape: &[usize]) -> Result<Vec<f64>> {
+    pub(super) fn numbers(&self, key: &str, shape: &[usize]) -> Result<Vec<f64>> {
         let value = self.need(key)?;
         let dims: Vec<_> = shape.iter().map(ToString::to_string).collect();
         let expected = format!("numbers of shape ({})", dims.join(", "));
@@ -121,7 +122,7 @@ impl<'a, 'py> Keys<'a, 'py> {
         Ok(array.as_array().iter().copied().collect())
     }
 
-    fn matrix(&self, key: &str) -> Result<[[f64; 4]; 4]> {
+    pub(super) fn matrix(&self, key: &str) -> Result<[[f64; 4]; 4]> {
         let flat = self.numbers(key, &[4, 4])?;
         let mut out = [[0.0; 4]; 4];
         for (value, slot) in flat.iter().zip(out.as_flattened_mut()) {
@@ -134,12 +135,12 @@ impl<'a, 'py> Keys<'a, 'py> {
         clippy::cast_possible_truncation,
         reason = "beyond f32 becomes infinite, which is refused"
     )]
-    fn color(&self, key: &str) -> Result<[f32; 3]> {
+    pub(super) fn color(&self, key: &str) -> Result<[f32; 3]> {
         let c = self.numbers(key, &[3])?;
         Ok([c[0] as f32, c[1] as f32, c[2] as f32])
     }
 
-    fn choice<T>(&self, key: &str, options: &[(&str, T)]) -> Result<T>
+    pub(super) fn choice<T>(&self, key: &str, options: &[(&str, T)]) -> Result<T>
     where
         T: Copy,
     {
@@ -160,7 +161,7 @@ impl<'a, 'py> Keys<'a, 'py> {
 }
 
 /// The dictionaries of a list argument.
-fn list<'py, T>(
+pub(super) fn list<'py, T>(
     name: &str,
     value: Option<&Bound<'py, PyAny>>,
     read: impl Fn(&Bound<'py, PyDict>, usize) -> Result<T>,
@@ -287,6 +288,8 @@ pub fn materials(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<MaterialParams>
         "specular",
         "emission",
         "alpha",
+        "closures",
+        "program",
     ];
     list("materials", value, |dict, index| {
         let keys = Keys::new(dict, format!("materials[{index}]"), &known)?;
@@ -307,6 +310,8 @@ pub fn materials(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<MaterialParams>
             specular: keys.number_or("specular", default.specular)?,
             emission: color("emission", default.emission)?,
             alpha: keys.number_or("alpha", default.alpha)?,
+            closures: shader_args::closures(&keys)?,
+            program: shader_args::program(&keys)?,
         })
     })
 }

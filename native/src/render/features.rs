@@ -11,7 +11,9 @@ pub struct Features {
     pub lights: bool,
     /// Some light has a size and casts shadows: rays can meet it.
     pub lights_met: bool,
-    /// Some material has a metal or coat lobe.
+    /// Some material varies over its surface: run its program.
+    pub textures: bool,
+    /// Some material has a lobe that reflects off facets.
     pub glossy: bool,
     /// Some material has a glass lobe.
     pub glass: bool,
@@ -36,10 +38,11 @@ impl Features {
         Self {
             lights: !lights.is_empty(),
             lights_met: lights.any_met(),
-            glossy: any(|m| m.metal.is_some() || m.coat.is_some()),
-            glass: any(|m| m.glass.is_some()),
-            transparency: any(|m| m.alpha < 1.0),
-            emission: any(|m| m.emission.max_component() > 0.0),
+            textures: any(|m| !m.program.is_empty()),
+            glossy: any(|m| m.reflects),
+            glass: any(|m| m.refracts),
+            transparency: any(|m| m.transparent),
+            emission: any(|m| m.emits),
             smooth_normals,
             surfaces: any(|_| true),
         }
@@ -53,6 +56,10 @@ impl Features {
             (
                 self.lights_met,
                 "rays that meet lights: no light has a size",
+            ),
+            (
+                self.textures,
+                "textures: no material varies over its surface",
             ),
             (
                 self.glossy,

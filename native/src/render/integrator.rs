@@ -15,6 +15,8 @@ use super::features::Features;
 use super::film::{PixelSample, TileArea};
 use super::filter::Filter;
 use super::lights::{Receiver, power_heuristic};
+use super::place::RayKind;
+use super::program::Value;
 use super::sampler::PixelSampler;
 use super::scene::RenderScene;
 use super::settings::Settings;
@@ -37,7 +39,9 @@ pub struct Work {
     pub tests: u64,
     /// Surface points with a glass lobe.
     pub shaded_glass: u64,
-    /// Surface points with a metal or coat lobe.
+    /// Surface points whose material's program ran.
+    pub shaded_textures: u64,
+    /// Surface points with a lobe that reflects off facets.
     pub shaded_glossy: u64,
     /// Interpolated normals.
     pub normals_fetched: u64,
@@ -54,6 +58,7 @@ impl Work {
         self.steps += other.steps;
         self.tests += other.tests;
         self.shaded_glass += other.shaded_glass;
+        self.shaded_textures += other.shaded_textures;
         self.shaded_glossy += other.shaded_glossy;
         self.normals_fetched += other.normals_fetched;
         self.lights_asked += other.lights_asked;
@@ -104,6 +109,8 @@ struct Path {
     transparent: u16,
     /// Nothing has scattered yet.
     camera: bool,
+    /// How it scattered last.
+    kind: RayKind,
 }
 
 /// Random pairs of a pixel: 0 the filter, 1 the lens, 2 the time, 3 free; then four per vertex.
@@ -126,6 +133,8 @@ pub struct Wavefront {
     paths: Vec<Path>,
     shadows: Shadows,
     samples: Vec<PixelSample>,
+    /// What a material's program computes, from point to point.
+    registers: Vec<Value>,
     /// Rays per call of the structure.
     call: usize,
     shade: Shade,
@@ -151,6 +160,7 @@ impl Wavefront {
             paths: Vec::new(),
             shadows: Shadows::default(),
             samples: Vec::new(),
+            registers: Vec::new(),
             call: 64,
             shade: choose(features),
             work: Work::default(),
@@ -218,6 +228,7 @@ impl Wavefront {
                 vertex: 0,
                 transparent: 0,
                 camera: true,
+                kind: RayKind::Camera,
             });
         }
         self.work.rays_primary += self.rays.len() as u64;
@@ -318,10 +329,14 @@ impl Wavefront {
                     continue;
                 }
                 let d = Vec3::from(ray.d);
-                let surface = Surface::at::<false>(scene, &hit, d);
-                let through = 1.0 - surface.material.alpha;
+                let surface = Surface::at::<true>(scene, &hit, d);
+                let place = || surface.place(scene, d.normalized(), RayKind::Shadow);
+                let look = surface
+                    .material
+                    .look(&scene.images, place, &mut self.registers);
+                let value = value * look.transparent;
                 let left = ray.t_max - hit.t;
-                if through > 0.0 && left > 0.0 {
+                if value.max_component() > 0.0 && left > 0.0 {
                     let o = surface.leave(d).array();
                     rays[kept] = Ray {
                         o,
@@ -329,7 +344,7 @@ impl Wavefront {
                         t_min: 0.0,
                         t_max: left,
                     };
-                    light[kept] = (slot, value * through);
+                    light[kept] = (slot, value);
                     kept += 1;
                 }
             }
@@ -406,6 +421,7 @@ fn shade<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
     // Whether the ray after the last bounce can still find light.
     let last_ray_counts =
         features.lights_met || features.emission || scene.world.max_component() > 0.0;
+    let mut registers = std::mem::take(&mut wave.registers);
     let mut kept = 0;
     for i in 0..wave.rays.len() {
         let (ray, hit, mut path) = (wave.rays[i], wave.hits[i], wave.paths[i]);
@@ -430,8 +446,21 @@ fn shade<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
             }
             continue;
         }
-        let surface = Surface::at::<SMOOTH>(scene, &hit, d);
+        let mut surface = Surface::at::<SMOOTH>(scene, &hit, d);
         let material = surface.material;
+        if !material.program.is_empty() {
+            let place = surface.place(scene, d, path.kind);
+            material.program.run(&scene.images, &place, &mut registers);
+            wave.work.shaded_textures += 1;
+            if let Some(normal) = material.normal(&registers) {
+                surface.bend(normal, d);
+            }
+        }
+        let look = material.look_here(&registers);
+        if features.emission {
+            let emission = path.throughput * look.emission;
+            add_color(out, settings.clamped(emission, path.bounce > 1));
+        }
         let pair = FIRST_VERTEX + PAIRS_PER_VERTEX * u32::from(path.vertex);
         path.vertex += 1;
         let random = |k: u32| path.sampler.pair(sample, pair + k);
@@ -442,7 +471,14 @@ fn shade<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
         };
 
         // Pass through what is not there.
-        if features.transparency && opacity >= material.alpha {
+        let passing = look.transparent.mean();
+        let pass = if passing > 0.0 {
+            passing / (passing + look.solid)
+        } else {
+            0.0
+        };
+        if features.transparency && opacity < pass {
+            path.throughput = path.throughput * look.transparent * (1.0 / pass);
             path.transparent += 1;
             if path.transparent < MOST_PASSED {
                 path.passed += hit.t;
@@ -465,9 +501,8 @@ fn shade<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
             out.normal = surface.shading.array();
             out.position = surface.point.array();
         }
-        if features.emission {
-            let emission = path.throughput * material.emission;
-            add_color(out, settings.clamped(emission, path.bounce > 1));
+        if pass > 0.0 {
+            path.throughput *= 1.0 / (1.0 - pass);
         }
         if u32::from(path.bounce) > settings.max_bounces {
             continue;
@@ -485,8 +520,15 @@ fn shade<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
         let frame = surface.frame();
         let mut wi = frame.to_local(-d);
         wi.z = wi.z.max(1e-4);
-        let bsdf = Bsdf::<GLOSSY, GLASS>::new(material, wi, surface.inside);
-        wave.work.shaded_glossy += u64::from(GLOSSY && material.facets.is_some());
+        let unbent = surface.unbent(&frame);
+        let bsdf = Bsdf::<GLOSSY, GLASS>::new(
+            &material.closures,
+            &registers,
+            wi,
+            unbent,
+            surface.inside,
+        );
+        wave.work.shaded_glossy += u64::from(bsdf.reflects());
         wave.work.shaded_glass += u64::from(bsdf.transmits());
         wave.work.normals_fetched += u64::from(SMOOTH);
         let [choose_light, choose_lobe] = random(1);
@@ -502,7 +544,7 @@ fn shade<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
 
         // Sample a light.
         if LIGHTS
-            && material.has_density()
+            && bsdf.has_density()
             && let Some(light) = scene.lights.sample(path.receiver, choose_light, random(2))
         {
             let (f, pdf) = bsdf.eval(frame.to_local(light.direction));
@@ -557,6 +599,7 @@ fn shade<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
         path.pdf = scatter.pdf;
         path.passed = 0.0;
         path.camera = false;
+        path.kind = scatter.kind;
         path.bounce += 1;
         let o = surface.leave(direction);
         wave.rays[kept] = Ray {
@@ -570,6 +613,7 @@ fn shade<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
     }
     wave.rays.truncate(kept);
     wave.paths.truncate(kept);
+    wave.registers = registers;
 }
 
 /// Shadow rays end a little before the light, in units of the way to it.

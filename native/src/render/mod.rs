@@ -5,7 +5,9 @@
 //! From the ground up:
 //! - [`vector`], [`trig`], [`check`]: f32 vectors and frames; sines; checks that name the key;
 //! - [`sampler`], [`filter`], [`camera`]: random numbers, the pixel filter, camera rays;
-//! - [`fresnel`], [`ggx`], [`albedo`], [`material`], [`bsdf`]: what surfaces do with light;
+//! - [`image`], [`noise`], [`node_math`], [`place`], [`program`]: values that vary over a surface;
+//! - [`fresnel`], [`ggx`], [`albedo`], [`closure`], [`material`], [`bsdf`]: what surfaces do with
+//!   light;
 //! - [`light_shapes`], [`lights`]: where light comes from;
 //! - [`scene`], [`features`], [`surface`]: the scene, what it needs, a point of it;
 //! - [`settings`], [`film`], [`integrator`], [`job`]: the render itself.
@@ -18,16 +20,22 @@ pub mod albedo;
 pub mod bsdf;
 pub mod camera;
 pub mod check;
+pub mod closure;
 pub mod features;
 pub mod film;
 pub mod filter;
 pub mod fresnel;
 pub mod ggx;
+pub mod image;
 pub mod integrator;
 pub mod job;
 pub mod light_shapes;
 pub mod lights;
 pub mod material;
+pub mod node_math;
+pub mod noise;
+pub mod place;
+pub mod program;
 pub mod sampler;
 pub mod scene;
 pub mod settings;

@@ -3,10 +3,14 @@
 
 use std::sync::Arc;
 
+use super::albedo::Grids;
 use super::check::{Error, Result, finite, within};
 use super::features::Features;
+use super::image::Image;
 use super::lights::{LightParams, Lights};
 use super::material::{Material, MaterialParams};
+use super::place::Varying;
+use super::program::Op;
 use super::vector::Vec3;
 use crate::traverse::Tracer;
 
@@ -20,6 +24,8 @@ pub struct RenderScene {
     pub(super) materials: Vec<Material>,
     /// Per triangle, the shading normals of its corners, not necessarily of unit length.
     pub(super) corner_normals: Option<Vec<[[f32; 3]; 3]>>,
+    pub(super) images: Vec<Image>,
+    pub(super) varying: Varying,
     pub(super) lights: Lights,
     pub(super) world: Vec3,
     features: Features,
@@ -34,6 +40,10 @@ pub struct SceneParams {
     pub materials: Vec<MaterialParams>,
     /// Shading normals of each triangle's corners.
     pub corner_normals: Option<Vec<[[f32; 3]; 3]>>,
+    /// Images that materials show.
+    pub images: Vec<Image>,
+    /// What varies over the triangles.
+    pub varying: Varying,
     /// Lights.
     pub lights: Vec<LightParams>,
     /// Background radiance.
@@ -53,11 +63,17 @@ impl RenderScene {
             within(c.into(), 0.0, 1e30, || "world['color']".into())?;
         }
         let mut materials = Vec::with_capacity(params.materials.len().max(1));
+        let mut grids = Grids::default();
         for (index, material) in params.materials.iter().enumerate() {
-            materials.push(Material::new(material, index)?);
+            materials.push(Material::new(material, index, &mut grids)?);
         }
         if materials.is_empty() {
-            materials.push(Material::new(&MaterialParams::default(), 0)?);
+            materials.push(Material::new(&MaterialParams::default(), 0, &mut grids)?);
+        }
+        let mut varying = params.varying;
+        varying.check(count)?;
+        for (index, material) in materials.iter().enumerate() {
+            check_references(material, index, params.images.len(), varying.layers.len())?;
         }
         let material_index = indices(params.material_index, count, materials.len())?;
         if let Some(normals) = &params.corner_normals {
@@ -87,6 +103,8 @@ impl RenderScene {
             material_index,
             materials,
             corner_normals: params.corner_normals,
+            images: params.images,
+            varying,
             lights,
             world: Vec3::from(params.world),
             features,
@@ -97,6 +115,28 @@ impl RenderScene {
     pub fn features(&self) -> Features {
         self.features
     }
+}
+
+/// Refuses programs that name an image or a layer which is not there.
+fn check_references(
+    material: &Material,
+    index: usize,
+    images: usize,
+    layers: usize,
+) -> Result<()> {
+    for op in material.ops() {
+        let (what, asked, there) = match op {
+            Op::Image { image, .. } => ("image", *image, images),
+            Op::Attribute(layer) | Op::NormalMap(layer) => ("layer", *layer, layers),
+            _ => continue,
+        };
+        if usize::from(asked) >= there {
+            return Err(Error::Shape(format!(
+                "materials[{index}]['program']: {what} {asked} is out of range for {there}"
+            )));
+        }
+    }
+    Ok(())
 }
 
 fn indices(given: Option<Vec<i32>>, triangles: usize, materials: usize) -> Result<Vec<u32>> {

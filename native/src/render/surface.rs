@@ -2,6 +2,7 @@
 //! The point a ray meets: position, normals, material.
 
 use super::material::Material;
+use super::place::{Place, RayKind, reflecting_normal};
 use super::scene::RenderScene;
 use super::vector::{Frame, Vec3, offset_origin};
 use crate::traverse::Hit;
@@ -18,6 +19,9 @@ pub struct Surface<'a> {
     pub inside: bool,
     /// Its material.
     pub material: &'a Material,
+    /// Shading normal before the material bent it.
+    unbent: Vec3,
+    weights: [f32; 3],
     corners: [Vec3; 3],
     triangle: usize,
 }
@@ -64,9 +68,39 @@ impl<'a> Surface<'a> {
             shading,
             inside,
             material,
+            unbent: shading,
+            weights: [w, hit.u, hit.v],
             corners,
             triangle,
         }
+    }
+
+    /// The point as the material's program sees it, along the unit direction `d`.
+    pub fn place(&self, scene: &'a RenderScene, d: Vec3, ray: RayKind) -> Place<'a> {
+        Place {
+            varying: &scene.varying,
+            triangle: self.triangle,
+            weights: self.weights,
+            point: self.point,
+            normal: self.shading,
+            geometric: self.geometric,
+            incoming: -d,
+            inside: self.inside,
+            ray,
+        }
+    }
+
+    /// Takes the material's own shading normal, bent back where a mirror would look inside.
+    pub fn bend(&mut self, normal: Vec3, d: Vec3) {
+        let normal = normal.normalized_or(self.shading);
+        if normal != self.shading && self.geometric.dot(d) < 0.0 {
+            self.shading = reflecting_normal(self.geometric, -d, normal);
+        }
+    }
+
+    /// The surface's own shading normal in the frame, where the material has another one.
+    pub fn unbent(&self, frame: &Frame) -> Option<Vec3> {
+        (self.shading != self.unbent).then(|| frame.to_local(self.unbent))
     }
 
     /// The shading frame.
