@@ -48,13 +48,14 @@ def extract(depsgraph: Any, notes: Notes, *, uvs: bool = False) -> Scene:
         if instance.show_self:
             reader.visit(instance.object, instance.matrix_world)
     needs = reader.palette.layers
+    background, shown = world.read_world(depsgraph.scene_eval.world, notes, reader.palette.gallery)
     geometry = meshes.assemble(reader.placements(), uvs=uvs, layers=needs.keys, objects=needs.objects)
     return Scene(
         geometry=geometry,
         materials=reader.palette.materials(),
         lights=tuple(lights.moved(light, geometry.origin) for light in reader.lights),
-        world=world.read_world(depsgraph.scene_eval.world, notes),
-        images=reader.palette.images(),
+        world=background,
+        images=reader.palette.images(shown),
     )
 
 

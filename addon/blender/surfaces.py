@@ -235,5 +235,6 @@ SHADERS: dict[str, Callable[[Surface, Place, Any], None]] = {
     "ShaderNodeBsdfGlass": _glass,
     "ShaderNodeBsdfRefraction": _refraction,
     "ShaderNodeEmission": _emission,
+    "ShaderNodeBackground": _emission,
     "ShaderNodeBsdfTransparent": _transparent,
 }

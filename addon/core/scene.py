@@ -249,9 +249,14 @@ class Light:
 
 @dataclass(frozen=True)
 class World:
-    """The background; `color` is linear RGB and includes its strength."""
+    """The background; `color` is linear RGB and includes its strength.
+
+    Where it varies, `program` computes it from the direction, and `radiance` is the operand that holds it.
+    """
 
     color: RGB = (0.0, 0.0, 0.0)
+    program: tuple[Step, ...] = ()
+    radiance: Operand | None = None
 
 
 @dataclass(frozen=True, eq=False)

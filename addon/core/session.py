@@ -114,7 +114,7 @@ def arguments(scene: Scene) -> dict[str, Any]:
         "materials": [material.as_dict() for material in scene.materials],
         "corner_normals": geometry.corner_normals,
         "lights": [asdict_shallow(light) for light in scene.lights],
-        "world": asdict(scene.world),
+        "world": asdict_shallow(scene.world),
         "images": [asdict_shallow(image) for image in scene.images],
         "layers": list(geometry.layers),
         "objects": [asdict(frame) for frame in geometry.objects],

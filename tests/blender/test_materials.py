@@ -223,10 +223,26 @@ def test_a_world_is_a_colour(scene: Any) -> None:
     background.inputs["Color"].default_value = (0.5, 0.25, 0.125, 1)
     background.inputs["Strength"].default_value = 2
     notes = Notes()
-    assert read_world(world, notes).color == pytest.approx((1, 0.5, 0.25))
+    assert read_world(world, notes)[0].color == pytest.approx((1, 0.5, 0.25))
     assert not notes
     sky = world.node_tree.nodes.new("ShaderNodeTexSky")
     world.node_tree.links.new(sky.outputs[0], background.inputs["Color"])
-    assert read_world(world, notes).color == pytest.approx((1, 0.5, 0.25))
+    assert read_world(world, notes)[0].color == pytest.approx((1, 0.5, 0.25))
     assert any("Sky Texture" in line and "World" in line for line in notes.lines())
-    assert read_world(None, notes).color == (0, 0, 0)
+    assert read_world(None, notes)[0].color == (0, 0, 0)
+
+
+def test_a_panorama_is_a_program_over_the_direction(scene: Any) -> None:
+    from addon.blender.images import Gallery
+    from addon.blender.world import read_world
+
+    world = bpy.data.worlds.new("World")
+    with_nodes(world)
+    background = node(world.node_tree, "ShaderNodeBackground")
+    texture = world.node_tree.nodes.new("ShaderNodeTexEnvironment")
+    texture.image = bpy.data.images.new("Sky", 8, 4, float_buffer=True)
+    world.node_tree.links.new(texture.outputs[0], background.inputs["Color"])
+    notes = Notes()
+    found, images = read_world(world, notes, Gallery())
+    assert [step["op"] for step in found.program] == ["coordinate", "image", "mix"]
+    assert (found.program[1]["panorama"], found.radiance, images, notes.lines()) == (True, 2, {0}, [])

@@ -8,7 +8,8 @@ use crate::render::camera::{CameraParams, Projection};
 use crate::render::filter::FilterKind;
 use crate::render::lights::{AreaShape, LightKind, LightParams};
 use crate::render::material::MaterialParams;
-use crate::render::settings::{Pass, Settings};
+use crate::render::settings::{Integrator, Pass, Settings};
+use crate::render::world::WorldParams;
 use numpy::{PyReadonlyArray1, PyReadonlyArray3, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -214,6 +215,8 @@ pub fn settings(dict: &Bound<'_, PyDict>) -> Result<Settings> {
         "height",
         "border",
         "samples",
+        "integrator",
+        "ambient_distance",
         "max_bounces",
         "clamp_indirect",
         "seed",
@@ -256,12 +259,22 @@ pub fn settings(dict: &Bound<'_, PyDict>) -> Result<Settings> {
         ("blackman_harris", FilterKind::BlackmanHarris),
         ("box", FilterKind::Box),
     ];
+    let integrators = [
+        ("path", Integrator::Path),
+        ("whitted", Integrator::Whitted),
+        ("ao", Integrator::Ambient),
+    ];
     let optional = |key: &str| keys.find(key).map(|_| keys.count(key)).transpose();
     Ok(Settings {
         width: keys.count("width")?,
         height: keys.count("height")?,
         border,
         samples: keys.count("samples")?,
+        integrator: match keys.find("integrator") {
+            None => default.integrator,
+            Some(_) => keys.choice("integrator", &integrators)?,
+        },
+        ambient_distance: keys.number_or("ambient_distance", default.ambient_distance)?,
         max_bounces: optional("max_bounces")?.unwrap_or(default.max_bounces),
         clamp_indirect: keys.number_or("clamp_indirect", default.clamp_indirect)?,
         seed: optional("seed")?.unwrap_or(default.seed),
@@ -382,12 +395,20 @@ pub fn lights(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<LightParams>> {
     })
 }
 
-/// The world's colour.
-pub fn world(dict: Option<&Bound<'_, PyDict>>) -> Result<[f32; 3]> {
-    match dict {
-        None => Ok([0.0; 3]),
-        Some(dict) => Keys::new(dict, "world".into(), &["color"])?.color("color"),
-    }
+/// The background: a colour, or a program and its result.
+pub fn world(dict: Option<&Bound<'_, PyDict>>) -> Result<WorldParams> {
+    let Some(dict) = dict else {
+        return Ok(WorldParams::default());
+    };
+    let keys = Keys::new(dict, "world".into(), &["color", "program", "radiance"])?;
+    Ok(WorldParams {
+        color: keys.color("color")?,
+        program: shader_args::program(&keys)?,
+        radiance: keys
+            .find("radiance")
+            .map(|value| shader_args::operand(&keys, "radiance", &value))
+            .transpose()?,
+    })
 }
 
 /// The material of each triangle: (m,) int32.

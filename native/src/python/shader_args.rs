@@ -10,7 +10,7 @@ use crate::error::{Error, Result};
 use crate::render::closure::{ClosureParams, Input, Kind};
 use crate::render::image::{Extension, Image, Interpolation};
 use crate::render::node_math::{Blend, Math, VectorMath};
-use crate::render::place::{Varying, Layer, ObjectFrame};
+use crate::render::place::{Layer, ObjectFrame, Varying};
 use crate::render::program::{Coordinate, Ease, Gradient, Op, Operand, Step, Value};
 use numpy::{PyReadonlyArray1, PyReadonlyArray3, PyUntypedArrayMethods};
 use pyo3::prelude::*;
@@ -110,13 +110,17 @@ const STEP_KEYS: &[&str] = &[
     "object",
 ];
 
-fn operand(keys: &Keys<'_, '_>, key: &str, value: &Bound<'_, PyAny>) -> Result<Operand> {
-    let wrong = || keys.wrong(key, "a step's number, a float, or three or four floats", value);
+/// A constant or the number of a step.
+pub fn operand(keys: &Keys<'_, '_>, key: &str, value: &Bound<'_, PyAny>) -> Result<Operand> {
+    let wrong = || {
+        keys.wrong(
+            key,
+            "a step's number, a float, or three or four floats",
+            value,
+        )
+    };
     if value.is_instance_of::<PyInt>() && !value.is_instance_of::<PyBool>() {
-        return value
-            .extract()
-            .map(Operand::Register)
-            .map_err(|_| wrong());
+        return value.extract().map(Operand::Register).map_err(|_| wrong());
     }
     if value.is_instance_of::<PyFloat>() {
         return value.extract().map(Operand::number).map_err(|_| wrong());
@@ -259,7 +263,11 @@ fn table(keys: &Keys<'_, '_>) -> Result<Vec<Value>> {
 /// whether they are encoded.
 pub fn images(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<Image>> {
     list("images", value, |dict, index| {
-        let keys = Keys::new(dict, format!("images[{index}]"), &["name", "pixels", "srgb"])?;
+        let keys = Keys::new(
+            dict,
+            format!("images[{index}]"),
+            &["name", "pixels", "srgb"],
+        )?;
         let pixels = keys.need("pixels")?;
         let wrong = || keys.wrong("pixels", "an (h, w, 4) float32 array", &pixels);
         let array: PyReadonlyArray3<'_, f32> = pixels.extract().map_err(|_| wrong())?;
@@ -271,7 +279,13 @@ pub fn images(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<Image>> {
             Ok(flat) => flat.as_chunks::<4>().0.to_vec(),
             Err(_) => return Err(wrong()),
         };
-        Image::new(width, height, texels, keys.flag_or("srgb", false)?, &keys.name)
+        Image::new(
+            width,
+            height,
+            texels,
+            keys.flag_or("srgb", false)?,
+            &keys.name,
+        )
     })
 }
 
@@ -315,7 +329,11 @@ pub fn varying(
     origin: Option<[f64; 3]>,
 ) -> Result<Varying> {
     let frames = list("objects", objects, |dict, index| {
-        let keys = Keys::new(dict, format!("objects[{index}]"), &["to_object", "generated"])?;
+        let keys = Keys::new(
+            dict,
+            format!("objects[{index}]"),
+            &["to_object", "generated"],
+        )?;
         #[expect(clippy::cast_possible_truncation, reason = "infinite is refused")]
         let generated = keys.numbers("generated", &[2, 3])?;
         let generated = [0, 1].map(|r| [0, 1, 2].map(|c| generated[3 * r + c] as f32));

@@ -279,7 +279,10 @@ impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
         self.diffuse_probability = self.diffuse.mean();
         let mut total = self.diffuse_probability;
         if GLOSSY {
-            total += self.facets[..self.facet_count].iter().map(|f| f.p).sum::<f32>();
+            total += self.facets[..self.facet_count]
+                .iter()
+                .map(|f| f.p)
+                .sum::<f32>();
         }
         if GLASS {
             let boundaries = &self.boundaries[..self.boundary_count];
@@ -318,7 +321,10 @@ impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
     pub fn has_density(&self) -> bool {
         self.diffuse_probability > 0.0
             || (GLOSSY && self.facets[..self.facet_count].iter().any(|f| !f.smooth))
-            || (GLASS && self.boundaries[..self.boundary_count].iter().any(|b| !b.smooth))
+            || (GLASS
+                && self.boundaries[..self.boundary_count]
+                    .iter()
+                    .any(|b| !b.smooth))
     }
 
     /// BSDF × |cosine| and the density of [`Self::sample`] for a direction. Mirrors and windows
@@ -398,8 +404,7 @@ impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
                 1.0
             };
             let jacobian = eta * inverse_length;
-            let common =
-                boundary.ggx.d(h) / self.wi.z * jacobian * jacobian * (c * ct).abs();
+            let common = boundary.ggx.d(h) / self.wi.z * jacobian * jacobian * (c * ct).abs();
             let both = common / (1.0 + boundary.lambda_i + boundary.ggx.lambda(wo.z));
             let seen = common / (1.0 + boundary.lambda_i);
             f += boundary.scale * boundary.tint * (passed * both);
@@ -432,11 +437,7 @@ impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
         if self.diffuse_probability <= 0.0 {
             return None;
         }
-        // Malley's method: a uniform disc lifted onto the hemisphere.
-        let (sin, cos) = sin_cos_turns(u[0]);
-        let r = u[1].sqrt();
-        let wo = vec3(r * cos, r * sin, (1.0 - u[1]).max(0.0).sqrt());
-        self.finish(wo, RayKind::Diffuse)
+        self.finish(cosine_direction(u), RayKind::Diffuse)
     }
 
     #[inline(always)]
@@ -501,9 +502,7 @@ impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
             };
             return Some(Scatter {
                 wo,
-                weight: boundary.scale
-                    * boundary.tint
-                    * (passed / (boundary.p * (1.0 - reflect))),
+                weight: boundary.scale * boundary.tint * (passed / (boundary.p * (1.0 - reflect))),
                 pdf: f32::INFINITY,
                 kind: RayKind::Transmission,
             });
@@ -544,6 +543,15 @@ impl Boundary {
             1.0
         }
     }
+}
+
+/// A direction about the z axis in proportion to its cosine: Malley's method, a uniform disc
+/// lifted onto the hemisphere.
+#[inline(always)]
+pub fn cosine_direction(u: [f32; 2]) -> Vec3 {
+    let (sin, cos) = sin_cos_turns(u[0]);
+    let r = u[1].sqrt();
+    vec3(r * cos, r * sin, (1.0 - u[1]).max(0.0).sqrt())
 }
 
 /// How much brighter than a single bounce the lobe has to be so that no energy is lost, given the
@@ -617,9 +625,15 @@ mod tests {
             ("Glossy", Box::new(|r| node(Kind::Glossy, r, &[]))),
             ("Glass", Box::new(|r| node(Kind::Glass, r, &[]))),
             ("Principled", Box::new(principled(&[]))),
-            ("without a layer", Box::new(principled(&[(Input::Specular, 0.0)]))),
+            (
+                "without a layer",
+                Box::new(principled(&[(Input::Specular, 0.0)])),
+            ),
             ("metal", Box::new(principled(&[(Input::Metallic, 1.0)]))),
-            ("transmission", Box::new(principled(&[(Input::Transmission, 1.0)]))),
+            (
+                "transmission",
+                Box::new(principled(&[(Input::Transmission, 1.0)])),
+            ),
             (
                 "mixed",
                 Box::new(principled(&[
@@ -659,7 +673,10 @@ mod tests {
     fn a_furnace_is_white_where_the_inputs_vary_as_well() {
         // Roughness, index and specular from a program: the grids stand in for the tables.
         let mut closure = ClosureParams::new(Kind::Principled);
-        for (i, input) in [Input::Roughness, Input::Ior, Input::Specular].into_iter().enumerate() {
+        for (i, input) in [Input::Roughness, Input::Ior, Input::Specular]
+            .into_iter()
+            .enumerate()
+        {
             closure.inputs[input as usize] = Operand::Register(i as u16);
         }
         closure.inputs[Input::Color as usize] = Operand::number(1.0);
@@ -685,7 +702,10 @@ mod tests {
                     .map(|s| f64::from(s.weight.mean()))
                     .sum();
                 let a = sum / f64::from(n);
-                assert!((a - 1.0).abs() < 0.005, "{roughness} {ior} {specular} {cos}: {a}");
+                assert!(
+                    (a - 1.0).abs() < 0.005,
+                    "{roughness} {ior} {specular} {cos}: {a}"
+                );
             }
         }
     }

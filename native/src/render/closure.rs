@@ -160,9 +160,7 @@ impl Fresnel {
     fn mean(&self, of_index: impl Fn(f32) -> f32) -> Vec3 {
         match *self {
             // The integrals of 2 c (1 - c)⁵ and 2 c² (1 - c)⁶ are 1/21 and 1/126.
-            Self::Metal { f0, edge, dip } => {
-                f0 + (edge - f0) * (1.0 / 21.0) - dip * (1.0 / 126.0)
-            }
+            Self::Metal { f0, edge, dip } => f0 + (edge - f0) * (1.0 / 21.0) - dip * (1.0 / 126.0),
             Self::Dielectric { eta, own, f0 } => tinted(of_index(eta), own, f0),
         }
     }
@@ -344,15 +342,12 @@ impl Closure {
         let ior = self.constant(Input::Ior).map(|v| at_least_some(v.x));
         let boundary = ior.map_or(Axis::index(0.5), Axis::fixed);
         if self.may_reflect() {
-            self.grids.reflection =
-                Some(grids.get(Lobe::Reflection, roughness, Axis::fixed(1.0)));
+            self.grids.reflection = Some(grids.get(Lobe::Reflection, roughness, Axis::fixed(1.0)));
         }
         if self.kind == Kind::Principled && self.can_differ(Input::Specular, 0.0) {
             let index = match (ior, self.constant(Input::Specular)) {
                 (Some(ior), Some(specular)) => Axis::fixed(layer_index(ior, specular.x)),
-                (Some(ior), None) => {
-                    Axis::index((2.0 * fresnel::f0_from_ior(ior)).sqrt())
-                }
+                (Some(ior), None) => Axis::index((2.0 * fresnel::f0_from_ior(ior)).sqrt()),
                 (None, _) => Axis::index(0.6),
             };
             self.grids.layer = Some(grids.get(Lobe::Dielectric, roughness, index));
@@ -458,8 +453,10 @@ impl Closure {
                     let eta = at_least_some(get(Input::CoatIor).x);
                     let fresnel = Fresnel::dielectric(eta, Vec3::ONE);
                     let absorb = positive(get(Input::CoatTint)).map(|c| c.min(1.0));
-                    parts.coat =
-                        Some((reflector(coat, share(Input::CoatRoughness), fresnel), absorb));
+                    parts.coat = Some((
+                        reflector(coat, share(Input::CoatRoughness), fresnel),
+                        absorb,
+                    ));
                 }
                 let (metallic, transmission) = (share(Input::Metallic), share(Input::Transmission));
                 if metallic > CUTOFF {
@@ -517,7 +514,8 @@ fn layer_index(ior: f32, specular: f32) -> f32 {
 fn edge_dip(f0: Vec3, tint: Vec3) -> Vec3 {
     let f = 6.0_f32 / 7.0;
     let f5 = f * f * f * f * f;
-    let channel = |f0: f32, tint: f32| (f0 + (1.0 - f0) * f5) * 7.0 / (f5 * f) * (1.0 - tint.min(1.0));
+    let channel =
+        |f0: f32, tint: f32| (f0 + (1.0 - f0) * f5) * 7.0 / (f5 * f) * (1.0 - tint.min(1.0));
     vec3(
         channel(f0.x, tint.x),
         channel(f0.y, tint.y),

@@ -3,6 +3,7 @@
 
 use super::lights::Lights;
 use super::material::Material;
+use super::world::World;
 
 /// What the scene's triangles and lights can make a path do.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -21,6 +22,8 @@ pub struct Features {
     pub transparency: bool,
     /// Some material emits.
     pub emission: bool,
+    /// The background varies over the directions.
+    pub world: bool,
     /// Corner normals are given.
     pub smooth_normals: bool,
     /// Some material is there at all, that is, some triangle is.
@@ -32,6 +35,7 @@ impl Features {
     pub fn resolve<'a>(
         used: impl Iterator<Item = &'a Material> + Clone,
         lights: &Lights,
+        world: &World,
         smooth_normals: bool,
     ) -> Self {
         let any = |f: fn(&Material) -> bool| used.clone().any(f);
@@ -43,6 +47,7 @@ impl Features {
             glass: any(|m| m.refracts),
             transparency: any(|m| m.transparent),
             emission: any(|m| m.emits),
+            world: world.constant().is_none(),
             smooth_normals,
             surfaces: any(|_| true),
         }
@@ -71,6 +76,10 @@ impl Features {
                 "transparent shadows: every material is opaque",
             ),
             (self.emission, "emission: no material emits"),
+            (
+                self.world,
+                "a map of the background: it is the same in all directions",
+            ),
             (self.smooth_normals, "smooth normals: none given"),
         ];
         rows.iter()

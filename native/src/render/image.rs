@@ -217,7 +217,14 @@ mod tests {
         let none = Image::new(0, 7, Vec::new(), false, "none").unwrap();
         let seen = none.at(0.3, 0.3, Interpolation::Linear, Extension::Repeat);
         assert_eq!(seen, [1.0, 0.0, 1.0, 1.0]);
-        let nan = Image::new(1, 1, vec![[f32::NAN, 1.0, f32::INFINITY, 1.0]], false, "nan").unwrap();
+        let nan = Image::new(
+            1,
+            1,
+            vec![[f32::NAN, 1.0, f32::INFINITY, 1.0]],
+            false,
+            "nan",
+        )
+        .unwrap();
         let seen = nan.at(1e30, -1e30, Interpolation::Linear, Extension::Repeat);
         assert_eq!(seen, [0.0, 1.0, 0.0, 1.0]);
         assert_eq!(

@@ -9,17 +9,17 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use super::bsdf::Bsdf;
+use super::bsdf::{Bsdf, cosine_direction};
 use super::camera::Camera;
 use super::features::Features;
 use super::film::{PixelSample, TileArea};
 use super::filter::Filter;
-use super::lights::{Receiver, power_heuristic};
+use super::lights::{Arrival, Emitter, Receiver, power_heuristic};
 use super::place::RayKind;
 use super::program::Value;
 use super::sampler::PixelSampler;
 use super::scene::RenderScene;
-use super::settings::Settings;
+use super::settings::{Integrator, Settings};
 use super::surface::Surface;
 use super::vector::{Vec3, offset_origin};
 use crate::traverse::{Hit, Order as RayOrder, Ray, RayCounters};
@@ -135,6 +135,7 @@ pub struct Wavefront {
     samples: Vec<PixelSample>,
     /// What a material's program computes, from point to point.
     registers: Vec<Value>,
+    light_registers: Vec<Value>,
     /// Rays per call of the structure.
     call: usize,
     shade: Shade,
@@ -161,6 +162,7 @@ impl Wavefront {
             shadows: Shadows::default(),
             samples: Vec::new(),
             registers: Vec::new(),
+            light_registers: Vec::new(),
             call: 64,
             shade: choose(features),
             work: Work::default(),
@@ -419,9 +421,11 @@ fn shade<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
     } = *context;
     let features = scene.features();
     // Whether the ray after the last bounce can still find light.
-    let last_ray_counts =
-        features.lights_met || features.emission || scene.world.max_component() > 0.0;
+    let last_ray_counts = features.lights_met || features.emission || !scene.world.is_black();
+    let whitted = settings.integrator == Integrator::Whitted;
+    let ambient = settings.integrator == Integrator::Ambient;
     let mut registers = std::mem::take(&mut wave.registers);
+    let mut light_registers = std::mem::take(&mut wave.light_registers);
     let mut kept = 0;
     for i in 0..wave.rays.len() {
         let (ray, hit, mut path) = (wave.rays[i], wave.hits[i], wave.paths[i]);
@@ -438,9 +442,20 @@ fn shade<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
         }
         if !hit.is_hit() {
             if !(path.camera && settings.film_transparent) {
+                let mut light = scene.world.radiance(
+                    &scene.images,
+                    &scene.varying,
+                    d,
+                    path.kind,
+                    &mut registers,
+                );
+                if features.world && path.pdf.is_finite() {
+                    let density = scene.lights.world_pdf(path.receiver, d);
+                    light *= power_heuristic(path.pdf, density);
+                }
                 add_color(
                     out,
-                    settings.clamped(path.throughput * scene.world, path.bounce > 1),
+                    settings.clamped(path.throughput * light, path.bounce > 1),
                 );
                 out.alpha = 1.0;
             }
@@ -457,8 +472,16 @@ fn shade<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
             }
         }
         let look = material.look_here(&registers);
-        if features.emission {
-            let emission = path.throughput * look.emission;
+        if features.emission && !ambient && look.emission != Vec3::ZERO {
+            let mut emission = path.throughput * look.emission;
+            if path.pdf.is_finite() {
+                let cos = surface.geometric.dot(d).abs();
+                let distance = path.passed + hit.t;
+                let density = scene
+                    .lights
+                    .triangle_pdf(path.receiver, hit.triangle, distance, cos);
+                emission *= power_heuristic(path.pdf, density);
+            }
             add_color(out, settings.clamped(emission, path.bounce > 1));
         }
         let pair = FIRST_VERTEX + PAIRS_PER_VERTEX * u32::from(path.vertex);
@@ -518,16 +541,24 @@ fn shade<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
         }
 
         let frame = surface.frame();
+        if ambient {
+            let direction = frame.to_world(cosine_direction(random(0)));
+            if direction.dot(surface.geometric) > 0.0 {
+                wave.shadows.rays.push(Ray {
+                    o: surface.leave_to_light::<SMOOTH>(scene, direction).array(),
+                    d: direction.array(),
+                    t_min: 0.0,
+                    t_max: settings.ambient_distance,
+                });
+                wave.shadows.light.push((path.slot, path.throughput));
+            }
+            continue;
+        }
         let mut wi = frame.to_local(-d);
         wi.z = wi.z.max(1e-4);
         let unbent = surface.unbent(&frame);
-        let bsdf = Bsdf::<GLOSSY, GLASS>::new(
-            &material.closures,
-            &registers,
-            wi,
-            unbent,
-            surface.inside,
-        );
+        let bsdf =
+            Bsdf::<GLOSSY, GLASS>::new(&material.closures, &registers, wi, unbent, surface.inside);
         wave.work.shaded_glossy += u64::from(bsdf.reflects());
         wave.work.shaded_glass += u64::from(bsdf.transmits());
         wave.work.normals_fetched += u64::from(SMOOTH);
@@ -548,12 +579,16 @@ fn shade<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
             && let Some(light) = scene.lights.sample(path.receiver, choose_light, random(2))
         {
             let (f, pdf) = bsdf.eval(frame.to_local(light.direction));
-            let weight = if light.pdf.is_finite() {
+            // Whitted's rays follow mirrors only: nothing else would find the light.
+            let weight = if light.pdf.is_finite() && !whitted {
                 power_heuristic(light.pdf, pdf)
             } else {
                 1.0
             };
-            let value = path.throughput * f * light.radiance * weight;
+            let mut value = path.throughput * f * light.radiance * weight;
+            if value.max_component() > 0.0 && !matches!(light.emitter, Emitter::Lamp) {
+                value = value * sent(scene, &light, &mut light_registers);
+            }
             if value.max_component() > 0.0 && value.is_finite() {
                 let value = settings.clamped(value, path.bounce > 0);
                 if light.casts_shadow {
@@ -587,6 +622,9 @@ fn shade<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
         let Some(scatter) = bsdf.sample(choose_lobe, random(0)) else {
             continue;
         };
+        if whitted && scatter.pdf.is_finite() {
+            continue;
+        }
         let direction = frame.to_world(scatter.wo).normalized_or(surface.geometric);
         let across = direction.dot(surface.geometric) < 0.0;
         if across != (scatter.wo.z < 0.0) {
@@ -614,6 +652,35 @@ fn shade<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
     wave.rays.truncate(kept);
     wave.paths.truncate(kept);
     wave.registers = registers;
+    wave.light_registers = light_registers;
+}
+
+/// What the emitter of an arrival that is no lamp sends towards the receiver.
+fn sent(scene: &RenderScene, light: &Arrival, registers: &mut Vec<Value>) -> Vec3 {
+    match light.emitter {
+        Emitter::Lamp => Vec3::ONE,
+        Emitter::World => scene.world.radiance(
+            &scene.images,
+            &scene.varying,
+            light.direction,
+            RayKind::Diffuse,
+            registers,
+        ),
+        Emitter::Triangle(triangle, [u, v]) => {
+            let hit = Hit {
+                t: light.distance,
+                triangle,
+                u,
+                v,
+            };
+            let surface = Surface::at::<true>(scene, &hit, light.direction);
+            let place = || surface.place(scene, light.direction, RayKind::Diffuse);
+            surface
+                .material
+                .look(&scene.images, place, registers)
+                .emission
+        }
+    }
 }
 
 /// Shadow rays end a little before the light, in units of the way to it.

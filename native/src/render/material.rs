@@ -196,6 +196,11 @@ impl Material {
         }
     }
 
+    /// Whether it looks the same everywhere.
+    pub fn has_fixed_look(&self) -> bool {
+        self.fixed_look.is_some()
+    }
+
     /// The same where the material's own program has run already.
     #[inline(always)]
     pub fn look_here(&self, registers: &[Value]) -> Look {

@@ -8,7 +8,7 @@
 //! - [`image`], [`noise`], [`node_math`], [`place`], [`program`]: values that vary over a surface;
 //! - [`fresnel`], [`ggx`], [`albedo`], [`closure`], [`material`], [`bsdf`]: what surfaces do with
 //!   light;
-//! - [`light_shapes`], [`lights`]: where light comes from;
+//! - [`light_shapes`], [`light_tree`], [`world`], [`lights`]: where light comes from;
 //! - [`scene`], [`features`], [`surface`]: the scene, what it needs, a point of it;
 //! - [`settings`], [`film`], [`integrator`], [`job`]: the render itself.
 //!
@@ -30,6 +30,7 @@ pub mod image;
 pub mod integrator;
 pub mod job;
 pub mod light_shapes;
+pub mod light_tree;
 pub mod lights;
 pub mod material;
 pub mod node_math;
@@ -42,6 +43,7 @@ pub mod settings;
 pub mod surface;
 pub mod trig;
 pub mod vector;
+pub mod world;
 
 #[cfg(test)]
 mod tests;

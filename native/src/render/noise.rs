@@ -55,7 +55,13 @@ pub fn signed(p: Vec3) -> f32 {
         return 0.0;
     }
     // Beyond this the f32 grid is too coarse for noise; Blender repeats it too.
-    let p = p.map(|x| if x.abs() >= 100_000.0 { x % 100_000.0 } else { x });
+    let p = p.map(|x| {
+        if x.abs() >= 100_000.0 {
+            x % 100_000.0
+        } else {
+            x
+        }
+    });
     let cell = p.map(f32::floor);
     let f = p - cell;
     let fade = f.map(|t| t * t * t * (t * (t * 6.0 - 15.0) + 10.0));

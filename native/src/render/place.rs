@@ -298,7 +298,10 @@ pub fn reflecting_normal(geometric: Vec3, incoming: Vec3, mapped: Vec3) -> Vec3 
     let discriminant = (b * b - 4.0 * a * t * t).max(0.0).sqrt();
     let mut best = geometric;
     let mut nearest = f32::NEG_INFINITY;
-    for s in [(-b + discriminant) / (2.0 * a), (-b - discriminant) / (2.0 * a)] {
+    for s in [
+        (-b + discriminant) / (2.0 * a),
+        (-b - discriminant) / (2.0 * a),
+    ] {
         if !(0.0..=1.0 + 1e-6).contains(&s) {
             continue;
         }

@@ -459,11 +459,7 @@ fn pure(op: &Op, arg: impl Fn(usize) -> Value) -> Value {
         Op::Mean => number(v(0).mean()),
         Op::Math(math, clamp) => {
             let value = math.eval(x(0), x(1), x(2));
-            number(if *clamp {
-                value.clamp(0.0, 1.0)
-            } else {
-                value
-            })
+            number(if *clamp { value.clamp(0.0, 1.0) } else { value })
         }
         Op::VectorMath(math) => vector(math.eval(v(0), v(1), v(2))),
         Op::Mix(blend, clamp_factor, clamp_result) => {

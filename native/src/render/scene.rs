@@ -4,14 +4,16 @@
 use std::sync::Arc;
 
 use super::albedo::Grids;
-use super::check::{Error, Result, finite, within};
+use super::check::{Error, Result};
 use super::features::Features;
 use super::image::Image;
-use super::lights::{LightParams, Lights};
+use super::lights::{Glowing, LightParams, Lights};
 use super::material::{Material, MaterialParams};
 use super::place::Varying;
+use super::place::{Place, RayKind};
 use super::program::Op;
 use super::vector::Vec3;
+use super::world::{World, WorldParams};
 use crate::traverse::Tracer;
 
 /// A structure that several threads may share.
@@ -27,7 +29,7 @@ pub struct RenderScene {
     pub(super) images: Vec<Image>,
     pub(super) varying: Varying,
     pub(super) lights: Lights,
-    pub(super) world: Vec3,
+    pub(super) world: World,
     features: Features,
 }
 
@@ -46,8 +48,8 @@ pub struct SceneParams {
     pub varying: Varying,
     /// Lights.
     pub lights: Vec<LightParams>,
-    /// Background radiance.
-    pub world: [f32; 3],
+    /// Background.
+    pub world: WorldParams,
 }
 
 impl RenderScene {
@@ -58,10 +60,6 @@ impl RenderScene {
     /// structure's triangles.
     pub fn new(tracer: SharedTracer, params: SceneParams) -> Result<Self> {
         let count = tracer.triangles().len();
-        finite(&params.world, || "world['color']".into())?;
-        for &c in &params.world {
-            within(c.into(), 0.0, 1e30, || "world['color']".into())?;
-        }
         let mut materials = Vec::with_capacity(params.materials.len().max(1));
         let mut grids = Grids::default();
         for (index, material) in params.materials.iter().enumerate() {
@@ -87,7 +85,7 @@ impl RenderScene {
                 )));
             }
         }
-        let lights = Lights::new(&params.lights)?;
+        let mut world = World::new(&params.world, &params.images, &varying)?;
         let mut used = vec![false; materials.len()];
         for &triangle in tracer.triangles().live() {
             used[material_index[triangle as usize] as usize] = true;
@@ -97,7 +95,15 @@ impl RenderScene {
             .zip(&used)
             .filter(|(_, used)| **used)
             .map(|(m, _)| m);
-        let features = Features::resolve(used, &lights, params.corner_normals.is_some());
+        let seen = Seen {
+            tracer: &*tracer,
+            material_index: &material_index,
+            materials: &materials,
+            images: &params.images,
+            varying: &varying,
+        };
+        let lights = Lights::new(&params.lights, &seen.glowing(), world.take_map())?;
+        let features = Features::resolve(used, &lights, &world, params.corner_normals.is_some());
         Ok(Self {
             tracer,
             material_index,
@@ -106,7 +112,7 @@ impl RenderScene {
             images: params.images,
             varying,
             lights,
-            world: Vec3::from(params.world),
+            world,
             features,
         })
     }
@@ -117,13 +123,68 @@ impl RenderScene {
     }
 }
 
+/// What is needed to find the triangles that glow.
+struct Seen<'a> {
+    tracer: &'a dyn Tracer,
+    material_index: &'a [u32],
+    materials: &'a [Material],
+    images: &'a [Image],
+    varying: &'a Varying,
+}
+
+/// Where on a triangle its glow is looked at, to know about how bright it is.
+const PROBES: [[f32; 3]; 4] = [
+    [1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0],
+    [0.8, 0.1, 0.1],
+    [0.1, 0.8, 0.1],
+    [0.1, 0.1, 0.8],
+];
+
+impl Seen<'_> {
+    fn glowing(&self) -> Vec<Glowing> {
+        if !self.materials.iter().any(|m| m.emits) {
+            return Vec::new();
+        }
+        let mut registers = Vec::new();
+        let mut out = Vec::new();
+        for &triangle in self.tracer.triangles().live() {
+            let material = &self.materials[self.material_index[triangle as usize] as usize];
+            if !material.emits {
+                continue;
+            }
+            let corners = self.tracer.triangles().corners(triangle).map(Vec3::from);
+            let [a, b, c] = corners;
+            let normal = (b - a).cross(c - a).normalized();
+            let mut sum = 0.0;
+            for weights in PROBES {
+                let place = || Place {
+                    varying: self.varying,
+                    triangle: triangle as usize,
+                    weights,
+                    point: a * weights[0] + b * weights[1] + c * weights[2],
+                    normal,
+                    geometric: normal,
+                    incoming: normal,
+                    inside: false,
+                    ray: RayKind::Diffuse,
+                };
+                let look = material.look(self.images, place, &mut registers);
+                sum += look.emission.mean();
+            }
+            // A pattern may be dark at all probes and glow between them.
+            let least = if material.has_fixed_look() { 0.0 } else { 1e-3 };
+            out.push(Glowing {
+                triangle,
+                corners,
+                radiance: (sum / PROBES.len() as f32).max(least),
+            });
+        }
+        out
+    }
+}
+
 /// Refuses programs that name an image or a layer which is not there.
-fn check_references(
-    material: &Material,
-    index: usize,
-    images: usize,
-    layers: usize,
-) -> Result<()> {
+fn check_references(material: &Material, index: usize, images: usize, layers: usize) -> Result<()> {
     for op in material.ops() {
         let (what, asked, there) = match op {
             Op::Image { image, .. } => ("image", *image, images),

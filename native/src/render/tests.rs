@@ -571,7 +571,7 @@ fn white_furnace_on_solids() {
         };
         let params = SceneParams {
             materials: vec![material],
-            world: white,
+            world: white.into(),
             ..Default::default()
         };
         let mut camera = from_above(1.4);
@@ -649,7 +649,7 @@ fn rich() -> (Mesh, SceneParams) {
                 50.0,
             ),
         ],
-        world: [0.1, 0.2, 0.3],
+        world: [0.1, 0.2, 0.3].into(),
         ..Default::default()
     };
     (mesh, params)
@@ -659,7 +659,7 @@ fn overview() -> CameraParams {
     let (s, c) = 1.2_f64.sin_cos();
     CameraParams {
         to_world: [
-            [1.0, 0.0, 0.0, 0.2],
+            [1.0, 0.0, 0.0, 0.2].into(),
             [0.0, c, -s, -6.0 * s],
             [0.0, s, c, 6.0 * c],
             [0.0, 0.0, 0.0, 1.0],
@@ -823,7 +823,7 @@ fn passes_hold_what_they_say() {
     let mut mesh = Mesh::default();
     mesh.floor(1.0, 3.0, 0);
     let scene = mesh.scene(SceneParams {
-        world: [0.5; 3],
+        world: [0.5; 3].into(),
         ..Default::default()
     });
     let settings = Settings {
@@ -1072,7 +1072,7 @@ fn a_panic_in_a_worker_becomes_an_error_text() {
 fn an_empty_scene_shows_its_world() {
     let mesh = Mesh::default();
     let scene = mesh.scene(SceneParams {
-        world: [0.25, 0.5, 1.0],
+        world: [0.25, 0.5, 1.0].into(),
         ..Default::default()
     });
     let (image, stats) = run(&scene, &overview(), square(9, 2, 4), 2);
@@ -1134,7 +1134,7 @@ fn bad_scenes_are_refused_by_name() {
         (
             "world['color']",
             SceneParams {
-                world: [f32::INFINITY, 0.0, 0.0],
+                world: [f32::INFINITY, 0.0, 0.0].into(),
                 ..Default::default()
             },
         ),
