@@ -116,6 +116,8 @@ class HALFSPACE_PT_view_overlay(_SidebarPanel, bpy.types.Panel):
                 flow.prop_enum(settings, "kinds", kind)
         if "CELLS" in settings.parts:
             layout.prop(settings, "least")
+        if "BEAM" in settings.parts:
+            layout.prop(settings, "beam_spacing")
         layout.prop(settings, "max_count")
         if settings.show:
             if "PLANES" in settings.parts:
@@ -166,9 +168,10 @@ class HALFSPACE_PT_view_ray(_SidebarPanel, bpy.types.Panel):
         row = layout.row(align=True)
         row.operator(picking.HALFSPACE_OT_pick_ray.bl_idname, icon="EYEDROPPER")
         row.operator(picking.HALFSPACE_OT_forget_ray.bl_idname, text="", icon="X")
-        path = overlay.shown(context.scene, "RAY")
-        for line in path.lines() if path is not None else ():
-            layout.label(text=line)
+        for part in ("RAY", "BEAM"):
+            found = overlay.shown(context.scene, part) if part in context.scene.halfspace.overlay.parts else None
+            for line in found.lines() if found is not None else ():
+                layout.label(text=line)
 
 
 class HALFSPACE_PT_view_costs(_SidebarPanel, bpy.types.Panel):
