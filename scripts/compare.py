@@ -51,7 +51,13 @@ def parser() -> argparse.ArgumentParser:
     made = argparse.ArgumentParser(prog="compare", description=(__doc__ or "").splitlines()[0])
     made.add_argument("file", nargs="?", type=Path, help=".blend or .npz (default: the built-in showcase)")
     made.add_argument("--scene", metavar="NAME", help="judge furnace, cornell, spheres, textures, sky, forest, or all")
-    made.add_argument("--plant", type=float, default=0.0, metavar="SHARE", help="with --scene: darken a part of Halfspace's pictures, to see the verdict fall")
+    made.add_argument(
+        "--plant",
+        type=float,
+        default=0.0,
+        metavar="SHARE",
+        help="with --scene: darken a part of Halfspace's pictures, to see the verdict fall",
+    )
     made.add_argument("--size", default="960x540", metavar="WxH", help="pixels (default: 960x540)")
     made.add_argument("--samples", type=int, default=64, help="samples per pixel, all runs together (default: 64)")
     made.add_argument("--runs", type=int, default=4, help="independent pictures per engine (default: 4)")

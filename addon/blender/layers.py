@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What textures read at the corners of triangles: UV maps, colour attributes, tangents. And objects as they see them."""
+"""What textures read at the corners of triangles: UV maps, colours, tangents. And objects as they see them."""
 
 from __future__ import annotations
 
@@ -14,13 +14,12 @@ from .values import COLOR, TANGENT, UV
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from ..core.notes import Notes
     from .meshes import Placement
 
 Key = tuple[str, str]
 
 
-def read_layers(mesh: Any, keys: Sequence[Key], notes: Notes | None = None) -> dict[Key, F32]:
+def read_layers(mesh: Any, keys: Sequence[Key]) -> dict[Key, F32]:
     """Those of the layers that the mesh has, each (m, 3, 2 to 4) float32 by triangle and corner."""
     if not keys or not len(mesh.loop_triangles):
         return {}
@@ -28,7 +27,7 @@ def read_layers(mesh: Any, keys: Sequence[Key], notes: Notes | None = None) -> d
     mesh.loop_triangles.foreach_get("loops", corners)
     found = {}
     for kind, name in keys:
-        values = {UV: _uv, COLOR: _color, TANGENT: _tangents}[kind](mesh, name, corners, notes)
+        values = {UV: _uv, COLOR: _color, TANGENT: _tangents}[kind](mesh, name, corners)
         if values is not None:
             found[kind, name] = np.ascontiguousarray(values.reshape(len(corners) // 3, 3, -1), np.float32)
     return found
@@ -40,7 +39,7 @@ def _uv_map(mesh: Any, name: str) -> Any:
     return next((layer for layer in mesh.uv_layers if layer.active_render), None)
 
 
-def _uv(mesh: Any, name: str, corners: U32, notes: Notes | None) -> F32 | None:
+def _uv(mesh: Any, name: str, corners: U32) -> F32 | None:
     uv_map = _uv_map(mesh, name)
     if uv_map is None:
         return None
@@ -53,7 +52,7 @@ WIDTHS = {"FLOAT_COLOR": 4, "BYTE_COLOR": 4, "FLOAT_VECTOR": 3, "FLOAT2": 2, "FL
 FIELDS = {"FLOAT_COLOR": "color", "BYTE_COLOR": "color", "FLOAT": "value"}
 
 
-def _color(mesh: Any, name: str, corners: U32, notes: Notes | None) -> F32 | None:
+def _color(mesh: Any, name: str, corners: U32) -> F32 | None:
     """Any attribute of numbers, on points, faces or corners; without a name the active colour."""
     colors = mesh.color_attributes
     index = colors.render_color_index
@@ -77,7 +76,7 @@ def _color(mesh: Any, name: str, corners: U32, notes: Notes | None) -> F32 | Non
     return np.repeat(rows.take(faces, axis=0), 3, axis=0)
 
 
-def _tangents(mesh: Any, name: str, corners: U32, notes: Notes | None) -> F32 | None:
+def _tangents(mesh: Any, name: str, corners: U32) -> F32 | None:
     """Blender's own tangents (x, y, z) and the sign of the bitangent."""
     uv_map = _uv_map(mesh, name)
     if uv_map is None:
@@ -100,7 +99,7 @@ def _tangents(mesh: Any, name: str, corners: U32, notes: Notes | None) -> F32 | 
 
 def _triangle_tangents(mesh: Any, name: str, corners: U32) -> F32 | None:
     """Where u grows on each triangle: what meshes with larger faces get."""
-    uv = _uv(mesh, name, corners, None)
+    uv = _uv(mesh, name, corners)
     assert uv is not None
     positions = np.empty(len(mesh.vertices) * 3, np.float32)
     mesh.attributes["position"].data.foreach_get("vector", positions)

@@ -114,9 +114,11 @@ def _textures(scene: Any) -> None:
         _wear(item, _pictured("Tiles", tiles, rough, bumps, scale=2, metallic=True))
     colored = _sphere(scene, (2.2, 0.6, 0.95), 0.9)
     _wear(colored, _vertex_colors(colored.data))
-    leaf = _polygons(scene, "Leaf", [(-1.6, -1.4, 0.1), (-0.2, -1.4, 0.1), (-0.2, -1.1, 1.4), (-1.6, -1.1, 1.4)], [(0, 1, 2, 3)])
+    leaf = _polygons(
+        scene, "Leaf", [(-1.6, -1.4, 0.1), (-0.2, -1.4, 0.1), (-0.2, -1.1, 1.4), (-1.6, -1.1, 1.4)], [(0, 1, 2, 3)]
+    )
     _unwrap(leaf.data, np.array([(0, 0), (1, 0), (1, 1), (0, 1)]))
-    _wear(leaf, _cut_out(rng))
+    _wear(leaf, _cut_out())
     cloud = _sphere(scene, (1.0, -1.2, 0.6), 0.6)
     _wear(cloud, _noisy())
     _lamp(scene, "SUN", (0, 0, 5), (0.5, 0.8, 0), energy=2.5, angle=0.05)
@@ -226,7 +228,9 @@ def _unwrap(mesh: Any, uv: F64) -> None:
 
 
 def _plane(scene: Any, half: float) -> Any:
-    item = _polygons(scene, "Plane", [(-half, -half, 0), (half, -half, 0), (half, half, 0), (-half, half, 0)], [(0, 1, 2, 3)])
+    item = _polygons(
+        scene, "Plane", [(-half, -half, 0), (half, -half, 0), (half, half, 0), (-half, half, 0)], [(0, 1, 2, 3)]
+    )
     _unwrap(item.data, np.array([(0, 0), (1, 0), (1, 1), (0, 1)]))
     return item
 
@@ -289,7 +293,9 @@ def _tree(bark: Any, leaves: Any, levels: int) -> Any:
     def cone(low: float, high: float, wide: float, narrow: float, sides: int, slot: int) -> None:
         first = len(points)
         for z, r in ((low, wide), (high, narrow)):
-            points.extend((r * math.cos(6.283185 * i / sides), r * math.sin(6.283185 * i / sides), z) for i in range(sides))
+            points.extend(
+                (r * math.cos(6.283185 * i / sides), r * math.sin(6.283185 * i / sides), z) for i in range(sides)
+            )
         for i in range(sides):
             j = (i + 1) % sides
             faces.append((first + i, first + j, first + sides + j, first + sides + i))
@@ -387,9 +393,7 @@ def _tiles(rng: Any) -> Any:
 def _spots(rng: Any) -> Any:
     """Smooth spots between 0 and 1."""
     x, y = _grid(128)
-    values = sum(
-        np.sin(2 * np.pi * (a * x + b * y) + c) for a, b, c in rng.integers(1, 5, (6, 3))
-    )
+    values = sum(np.sin(2 * np.pi * (a * x + b * y) + c) for a, b, c in rng.integers(1, 5, (6, 3)))
     values = (values - values.min()) / np.ptp(values)
     return _picture("Spots", _opaque(np.repeat(values[..., None], 3, axis=2)), "Non-Color")
 
@@ -462,7 +466,7 @@ def _vertex_colors(mesh: Any) -> Any:
     return material
 
 
-def _cut_out(rng: Any) -> Any:
+def _cut_out() -> Any:
     """A leaf whose outline is in the picture's alpha."""
     x, y = _grid(128)
     inside = np.hypot((x - 0.5) * 1.4, y - 0.5) < 0.35 + 0.1 * np.sin(8 * np.arctan2(y - 0.5, x - 0.5))

@@ -63,12 +63,12 @@ class Values:
         """A property of the place that is shaded."""
         if kind in ("object", "generated", "object_normal") and not self.background:
             self.layers.objects = True
-        return self._once(("coordinate", kind), lambda: self.step("coordinate", kind=kind))
+        return self.once(("coordinate", kind), lambda: self.step("coordinate", kind=kind))
 
     def layer(self, kind: str, name: str) -> int:
         """What a layer holds at the place that is shaded."""
         number = self.layers.number(kind, name)
-        return self._once((kind, name), lambda: self.step("attribute", layer=number))
+        return self.once((kind, name), lambda: self.step("attribute", layer=number))
 
     def input(self, node: Place, name: str | int, absent: Operand = 0.0) -> Operand:
         """The value of a node's input; `absent` where this version of Blender has no such input."""
@@ -129,7 +129,8 @@ class Values:
             return operand
         return self.step("luminance" if have == "RGBA" else "mean", operand)
 
-    def _once(self, key: Any, write: Callable[[], int]) -> int:
+    def once(self, key: Any, write: Callable[[], int]) -> int:
+        """The step that `write` writes, written once for this key."""
         if key not in self._known:
             self._known[key] = write()
         return self._known[key]  # type: ignore[return-value]
@@ -165,7 +166,7 @@ def _image(values: Values, node: Place) -> Operand:
             values.remark("Cubic interpolation of images (linear is used)")
         number = values.gallery.number(item.image)
         values.images.add(number)
-        rgba = values._once(
+        rgba = values.once(
             ("image", tuple(g.as_pointer() for g in node.groups), item.as_pointer()),
             lambda: values.step(
                 "image",
@@ -278,9 +279,32 @@ def _math(values: Values, node: Place) -> Operand:
     return values.step("math", *args, kind=node.node.operation, clamp=node.node.use_clamp)
 
 
-VECTOR_MATH = set(
-    "ADD SUBTRACT MULTIPLY DIVIDE MULTIPLY_ADD CROSS_PRODUCT PROJECT REFLECT DOT_PRODUCT DISTANCE LENGTH SCALE "
-    "NORMALIZE ABSOLUTE MINIMUM MAXIMUM FLOOR CEIL FRACTION MODULO SINE COSINE TANGENT".split()
+VECTOR_MATH = frozenset(
+    [
+        "ADD",
+        "SUBTRACT",
+        "MULTIPLY",
+        "DIVIDE",
+        "MULTIPLY_ADD",
+        "CROSS_PRODUCT",
+        "PROJECT",
+        "REFLECT",
+        "DOT_PRODUCT",
+        "DISTANCE",
+        "LENGTH",
+        "SCALE",
+        "NORMALIZE",
+        "ABSOLUTE",
+        "MINIMUM",
+        "MAXIMUM",
+        "FLOOR",
+        "CEIL",
+        "FRACTION",
+        "MODULO",
+        "SINE",
+        "COSINE",
+        "TANGENT",
+    ]
 )
 
 
@@ -397,7 +421,9 @@ def _map_range(values: Values, node: Place) -> Operand:
 
 def _hue_saturation(values: Values, node: Place) -> Operand:
     factor = "Fac" if "Fac" in node.node.inputs else "Factor"
-    return values.step("hue_saturation", *(values.input(node, n) for n in ("Color", "Hue", "Saturation", "Value", factor)))
+    return values.step(
+        "hue_saturation", *(values.input(node, n) for n in ("Color", "Hue", "Saturation", "Value", factor))
+    )
 
 
 def _normal_map(values: Values, node: Place) -> Operand:
@@ -423,8 +449,8 @@ def _simple(op: str, *names: str | int) -> Callable[[Values, Place], Operand]:
 
 
 NODES: dict[str, Callable[[Values, Place], Operand]] = {
-    "ShaderNodeRGB": lambda values, node: _constant(node.socket),
-    "ShaderNodeValue": lambda values, node: _constant(node.socket),
+    "ShaderNodeRGB": lambda _, node: _constant(node.socket),
+    "ShaderNodeValue": lambda _, node: _constant(node.socket),
     "ShaderNodeTexImage": _image,
     "ShaderNodeTexEnvironment": _image,
     "ShaderNodeTexCoord": _texture_coordinate,

@@ -151,10 +151,11 @@ class Verdict:
     def lines(self) -> list[str]:
         """The numbers in words."""
         means = " ".join(f"{100 * mean:+.3f}" for mean in self.means)
+        size = f"{VERDICT_BLOCK} × {VERDICT_BLOCK}"
+        limits = f"(at most {self.limit:.2f}); beyond: {self.beyond}"
         return [
             f"means differ by {means} % (at most {100 * MOST_MEAN:g} %)",
-            f"worst of {self.tests:,} squares of {VERDICT_BLOCK} × {VERDICT_BLOCK} pixels: {self.worst:.2f} standard errors"
-            f" (at most {self.limit:.2f}); beyond: {self.beyond}",
+            f"worst of {self.tests:,} squares of {size} pixels: {self.worst:.2f} standard errors {limits}",
             "the same up to noise" if self.same else "NOT the same",
         ]
 

@@ -104,7 +104,15 @@ class Geometry:
             raise SceneError(f"triangles: an index is out of range for {len(self.vertices)} vertices")
         if not np.isfinite(self.origin).all():
             raise SceneError("origin: expected finite numbers")
-        for array in (self.vertices, self.triangles, self.material_index, self.corner_normals, self.uvs, self.origin, *self.layers):
+        for array in (
+            self.vertices,
+            self.triangles,
+            self.material_index,
+            self.corner_normals,
+            self.uvs,
+            self.origin,
+            *self.layers,
+        ):
             if array is not None:
                 array.flags.writeable = False
 

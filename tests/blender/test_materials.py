@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import bpy
 import pytest
-from shapes import material, node, triangle, with_nodes
+from shapes import material, node, with_nodes
 
 from addon.blender.materials import Palette, read_material
 from addon.core.notes import Notes

@@ -254,10 +254,13 @@ mod tests {
                 normal,
             };
             let all: f32 = (0..300).map(|i| tree.probability(receiver, i)).sum();
-            assert!((all - 1.0).abs() < 1e-4, "{all}");
+            // Below the horizon a bound can promise light that no child has: such choices are lost.
+            let lost = normal != Vec3::ZERO;
+            assert!(all < 1.0 + 1e-4 && (lost || all > 1.0 - 1e-4), "{all}");
             for k in 0..1000 {
                 let Some((light, p)) = tree.choose(receiver, k as f32 / 1000.0) else {
-                    panic!("a light is there");
+                    assert!(lost, "a light is there");
+                    continue;
                 };
                 let q = tree.probability(receiver, light);
                 assert!((p - q).abs() <= 1e-5 * p, "{p} {q}");

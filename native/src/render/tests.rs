@@ -724,7 +724,7 @@ fn what_a_scene_lacks_costs_nothing() {
     let world = [1.0; 3];
     let bare = mesh.scene(SceneParams {
         materials: vec![matte(0.5)],
-        world,
+        world: world.into(),
         ..Default::default()
     });
     let left_out = bare.features().left_out().join("\n");
@@ -757,7 +757,10 @@ fn what_a_scene_lacks_costs_nothing() {
     let sun = vec![light(LightKind::Sun { angle: 0.2 }, at(0.0, 0.0, 1.0), 1.0)];
     let normals = Some(vec![[[0.0, 0.0, 1.0]; 3]; mesh.triangles.len()]);
     let with = |params: SceneParams| {
-        let scene = mesh.scene(SceneParams { world, ..params });
+        let scene = mesh.scene(SceneParams {
+            world: world.into(),
+            ..params
+        });
         (
             run(&scene, &from_above(2.0), settings.clone(), 1).1.work,
             scene.features().left_out(),
