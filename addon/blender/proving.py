@@ -21,8 +21,13 @@ from . import stage
 Color = tuple[float, float, float]
 
 
-def build(name: str, scene: Any) -> None:
-    """Fill the empty scene with one of SCENES."""
+_detail = 1.0
+
+
+def build(name: str, scene: Any, *, detail: float = 1.0) -> None:
+    """Fill the empty scene with one of SCENES; with less `detail`, of fewer triangles."""
+    global _detail  # noqa: PLW0603 (passed to every ball otherwise)
+    _detail = detail
     SCENES[name](scene)
 
 
@@ -161,7 +166,7 @@ def _forest(scene: Any) -> None:
     leaves = _principled("Leaves", (0.06, 0.22, 0.04), Roughness=0.5)
     rng = np.random.default_rng(11)
     kinds = [_tree(bark, leaves, levels) for levels in (3, 5)]
-    for _ in range(1000):
+    for _ in range(max(int(1000 * _detail**2), 4)):
         item = bpy.data.objects.new("Tree", kinds[int(rng.integers(2))])
         x, y = rng.uniform(-20, 20, 2)
         item.location = (x, y, 0)
@@ -247,6 +252,7 @@ def _box(scene: Any, place: Color, half: Color) -> Any:
 
 def _sphere(scene: Any, place: Color, radius: float, *, rings: int = 48) -> Any:
     """A smooth ball of quads and two fans of triangles, with a map of longitude and latitude."""
+    rings = max(int(rings * _detail), 5)
     around = 2 * rings
     points = [(0.0, 0.0, -radius)]
     for ring in range(1, rings):

@@ -87,6 +87,8 @@ class Surface:
 
     def emitted(self, color: Operand, strength: Operand) -> Operand:
         """Colour times strength."""
+        if strength == 1.0:
+            return color
         if isinstance(color, tuple) and isinstance(strength, float):
             return tuple(c * strength for c in color[:3])
         return self.values.step("mix", 1.0, color, strength, kind="MULTIPLY")

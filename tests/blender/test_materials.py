@@ -244,5 +244,5 @@ def test_a_panorama_is_a_program_over_the_direction(scene: Any) -> None:
     world.node_tree.links.new(texture.outputs[0], background.inputs["Color"])
     notes = Notes()
     found, images = read_world(world, notes, Gallery())
-    assert [step["op"] for step in found.program] == ["coordinate", "image", "mix"]
-    assert (found.program[1]["panorama"], found.radiance, images, notes.lines()) == (True, 2, {0}, [])
+    assert [step["op"] for step in found.program] == ["coordinate", "image"]
+    assert (found.program[1]["panorama"], found.radiance, images, notes.lines()) == (True, 1, {0}, [])

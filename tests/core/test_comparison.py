@@ -94,7 +94,7 @@ def test_a_verdict_passes_equal_scenes_and_falls_for_a_planted_error() -> None:
     assert 4 < same.limit < 6
     assert same.noise == pytest.approx(1, rel=0.1)
     planted = noisy(6)
-    planted[:, 16:32, 48:64] *= 0.92
+    planted[:, 16:32, 48:64] *= 0.85
     found = judge(Runs("a", planted), Runs("b", noisy(7)))
     assert not found.same
     assert found.beyond >= 1

@@ -334,8 +334,8 @@ pub fn varying(
             format!("objects[{index}]"),
             &["to_object", "generated"],
         )?;
-        #[expect(clippy::cast_possible_truncation, reason = "infinite is refused")]
         let generated = keys.numbers("generated", &[2, 3])?;
+        #[expect(clippy::cast_possible_truncation, reason = "infinite is refused")]
         let generated = [0, 1].map(|r| [0, 1, 2].map(|c| generated[3 * r + c] as f32));
         Ok(ObjectFrame {
             to_object: rows(&keys, "to_object")?,

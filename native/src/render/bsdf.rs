@@ -145,7 +145,7 @@ impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
             let single = facets.at(reflector.roughness, 1.0, self.wi.z);
             let albedo = dielectric.at(reflector.roughness, eta, self.wi.z).0;
             let reflected = self.add_facets(reflector, weight, single, Some(albedo), true);
-            weight = weight * (1.0 - reflected).max(0.0);
+            weight *= (1.0 - reflected).max(0.0);
             if *absorb != Vec3::ONE {
                 // The way through the coat is longer when seen from the side.
                 let (_, cos_t) = fresnel::dielectric(self.wi.z, eta);
