@@ -659,7 +659,7 @@ fn overview() -> CameraParams {
     let (s, c) = 1.2_f64.sin_cos();
     CameraParams {
         to_world: [
-            [1.0, 0.0, 0.0, 0.2].into(),
+            [1.0, 0.0, 0.0, 0.2],
             [0.0, c, -s, -6.0 * s],
             [0.0, s, c, 6.0 * c],
             [0.0, 0.0, 0.0, 1.0],

@@ -55,7 +55,12 @@ impl World {
             radiance: roots[0],
             map: None,
         };
-        let mut size = [256, 128];
+        let pictures = |op: &Op| matches!(op, Op::Image { .. });
+        let mut size = if world.program.ops().any(pictures) {
+            [32, 16]
+        } else {
+            [256, 128]
+        };
         for op in world.program.ops() {
             match op {
                 Op::Image { image, .. } => {
@@ -141,19 +146,27 @@ impl DirectionMap {
         let mut values = Vec::with_capacity(width * height);
         let mut total = 0.0_f64;
         let mut area = 0.0_f64;
+        let mut at = |x: f32, y: f32| {
+            let uv = [x / width as f32, y / height as f32];
+            radiance(uv_to_direction(uv)).mean()
+        };
+        // Between texel centres images are interpolated: the largest of a texel's corners and its
+        // centre keeps narrow lights from being missed.
+        let mut corners = Vec::with_capacity(height + 1);
+        for y in 0..=height {
+            let row: Vec<f32> = (0..=width).map(|x| at(x as f32, y as f32)).collect();
+            corners.push(row);
+        }
         for y in 0..height {
+            let cosine = latitude_cosine((y as f32 + 0.5) / height as f32);
+            let low = std::mem::take(&mut corners[y]);
+            let high = &corners[y + 1];
             for x in 0..width {
-                // Between texel centres images are interpolated: the largest of a texel's corners
-                // and its centre keeps narrow lights from being missed.
-                let mut value = 0.0_f32;
-                for (dx, dy) in [(0.5, 0.5), (0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)] {
-                    let uv = [
-                        (x as f32 + dx) / width as f32,
-                        (y as f32 + dy) / height as f32,
-                    ];
-                    value = value.max(radiance(uv_to_direction(uv)).mean());
-                }
-                let cosine = latitude_cosine((y as f32 + 0.5) / height as f32);
+                let value = at(x as f32 + 0.5, y as f32 + 0.5)
+                    .max(low[x])
+                    .max(low[x + 1])
+                    .max(high[x])
+                    .max(high[x + 1]);
                 total += f64::from(value * cosine);
                 area += f64::from(cosine);
                 values.push(value);
