@@ -321,6 +321,89 @@ def build(
     addressed; RuntimeError for an internal error.
     """
 
+class InstanceStatistics(TypedDict):
+    """What instances are and take.
+
+    build_seconds: of the tree over the places alone. bytes: all of it, the structures of the meshes included;
+    bytes_instances: places and the tree over them. nodes_axis: nodes of that tree. instances, meshes: how many.
+    triangles: of all instances together. dropped_instances: those with a transform that is singular, not finite or out
+    of the range of float32. dropped_triangles: in the meshes of all others. left_out: as in Statistics.
+    """
+
+    build_seconds: float
+    bytes: int
+    bytes_instances: int
+    nodes_axis: int
+    instances: int
+    meshes: int
+    triangles: int
+    dropped_instances: list[int]
+    dropped_triangles: int
+    left_out: list[str]
+
+class Instances:
+    """Structures of meshes in places: two levels. Immutable; any number of threads may ask it.
+
+    Answers are bit for bit those of a structure over flattened(). Triangles are numbered as there: those of the first
+    instance, then those of the second.
+    """
+
+    statistics: InstanceStatistics
+
+    def __len__(self) -> int:
+        """How many instances there are, dropped ones included."""
+
+    def closest(
+        self,
+        origins: F32,
+        directions: F32,
+        t_min: float | F32 | None = None,
+        t_max: float | F32 | None = None,
+        *,
+        order: Literal["none", "tile8"] = "none",
+        threads: int = 0,
+        counters: bool = False,
+    ) -> Hits:
+        """As Structure.closest(). Steps count those of the tree over the places too."""
+
+    def occluded(
+        self,
+        origins: F32,
+        directions: F32,
+        t_min: float | F32 | None = None,
+        t_max: float | F32 | None = None,
+        *,
+        order: Literal["none", "tile8"] = "none",
+        threads: int = 0,
+        counters: bool = False,
+    ) -> Any:
+        """As Structure.occluded()."""
+
+    def flattened(self) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.int32]]:
+        """Vertices (n, 3) and triangles (m, 3) of the scene in which every mesh is copied to its places: a corner is
+        x * m[0] + y * m[1] + z * m[2] + m[3] for each row m of its matrix, in float64 and in this order, then rounded
+        to float32. In mirrored places the second and the third corner of each triangle change places. Instances that
+        were dropped have NaN vertices. Raises MemoryError.
+        """
+
+def build_instances(
+    structures: Sequence[Structure],
+    mesh: npt.NDArray[np.int32],
+    matrices: npt.NDArray[np.float64],
+    *,
+    threads: int = 0,
+    monitor: Monitor | None = None,
+    memory_limit: int | None = None,
+) -> Instances:
+    """Puts structures in places: only the tree over the places is built, the structures are shared.
+
+    structures: of the meshes, in the meshes' own space; their configurations may differ. mesh: (k,) int32, which of
+    them stands in each place. matrices: (k, 4, 4) or (k, 3, 4) float64, mesh to scene. threads, monitor, memory_limit:
+    as for build().
+    Instances whose matrix is singular, not finite or out of the range of float32 are dropped and named in the
+    statistics. Raises ShapeError (also for more than 2**31 - 2 triangles), Cancelled, MemoryError.
+    """
+
 def exact_closest(
     vertices: F32,
     triangles: Indices,
@@ -391,7 +474,7 @@ class RenderScene:
     All lengths and positions are in the structure's frame, all colours linear RGB. Unknown keys
     are refused, so that a misspelt one is not silently ignored.
 
-    structure: what rays ask; shared, not copied.
+    structure: what rays ask, a Structure or Instances; shared, not copied.
     material_index: (m,) int32, the material of each of the structure's m triangles, dropped ones
         included; None = all use the first.
     materials: dictionaries, all keys optional, the defaults being Blender's Principled BSDF:
@@ -407,6 +490,11 @@ class RenderScene:
         "multiscatter" (True). At most 8 closures, 4 of them principled.
     corner_normals: (m, 3, 3) float32, shading normals of each triangle's corners, any length;
         None = flat.
+    surfaces: for Instances instead of these two, None = the first material and flat: "meshes", a list of
+        {"material_index": (m,) int32 slots or None, "corner_normals": (m, 3, 3) float32 in the mesh's space or None};
+        "materials" (s,) int32, the materials of the slots, instance after instance; "first_material" (k + 1,) int32,
+        where each instance's begin, slots beyond its last using that; "normal_matrix" (k, 3, 3) float32, the inverse
+        transpose that turns normals to the scene, row by row; "keeps_length" (k,) bool, whether it keeps unit length.
     lights: dictionaries with "kind" ("point", "sun", "spot", "area"), "to_world" (4, 4), "power"
         (3,), and, as the kind needs, "radius", "angle", "spot_size", "spot_blend", "shape"
         ("SQUARE", "RECTANGLE", "DISK", "ELLIPSE"), "size", "size_y"; "casts_shadow" (True).
@@ -423,6 +511,10 @@ class RenderScene:
         (2, 3), what is added there and then multiplied to get 0..1 in its box.
     object_index: (m,) uint32, the object of each triangle; None = all are the first.
     origin: (3,), the world position of the scene frame's origin.
+    indices: numbers that objects and materials carry, for the passes of that name; None = all 0. "first" (n,) int32,
+        the first triangle of each run of triangles of one object, ascending from 0; "object" (n,) float32, the
+        runs' numbers; "material" float32, by material; "uvs" (m, 3, 2) float32, NaN where
+        there are none, or None, for the UV pass.
 
     Raises ShapeError (array of the wrong shape or type, index out of range), NonFiniteError,
     SpecError (a number out of range, a missing or unknown key); each names the key and its index.
@@ -431,11 +523,12 @@ class RenderScene:
 
     def __init__(
         self,
-        structure: Structure,
+        structure: Structure | Instances,
         *,
         material_index: npt.NDArray[np.int32] | None = None,
         materials: Sequence[Mapping[str, Any]] | None = None,
         corner_normals: npt.NDArray[np.float32] | None = None,
+        surfaces: Mapping[str, Any] | None = None,
         lights: Sequence[Mapping[str, Any]] | None = None,
         world: Mapping[str, Any] | None = None,
         images: Sequence[Mapping[str, Any]] | None = None,
@@ -443,6 +536,7 @@ class RenderScene:
         objects: Sequence[Mapping[str, Any]] | None = None,
         object_index: npt.NDArray[np.uint32] | None = None,
         origin: tuple[float, float, float] | None = None,
+        indices: Mapping[str, Any] | None = None,
     ) -> None: ...
     @property
     def left_out(self) -> list[str]:
@@ -481,7 +575,7 @@ class RenderJob:
 
     @property
     def samples_done(self) -> int:
-        """Samples that every pixel has."""
+        """Samples that every pixel has, or needs no more of."""
 
     @property
     def error(self) -> str | None:
@@ -502,8 +596,11 @@ class RenderJob:
             width and height are those of the border. Pixels without a sample yet are zero.
         "Combined" is the mean so far, premultiplied RGBA, scene linear. "Depth" (along the view
         axis, 1e10 = nothing seen) and "Position" are those of the first sample, because a mean
-        across an edge is a place where nothing is; "Normal" is a mean, not renormalised.
-        "Traversal Steps" and "Triangle Tests" are means per camera ray.
+        across an edge is a place where nothing is, and so are "Object Index" and "Material Index";
+        "Normal" and "UV" (with 1 as third channel) are means, not renormalised. "Mist" is a mean, 1
+        where nothing is seen, "Denoising Albedo" the mean share of light that the first surface
+        sends on. "Traversal Steps", "Triangle Tests" and "Leaf Depth" (of the last leaf that was
+        tested) are means per camera ray. "Sample Count" is each pixel's own.
 
         Raises SpecError (unknown pass, or one that was not asked for), ShapeError (type, size,
         contiguity or a read-only array). Releases the GIL.
@@ -521,7 +618,8 @@ def render(
     camera: "kind" ("perspective", "orthographic"), "to_world" (4, 4) (the camera looks along its
         -Z, +Y is up; scale is ignored), "window" (left, right, bottom, top) of the full frame at
         distance 1 (perspective) or in scene units (orthographic), "clip_start" and "clip_end" as
-        depths along -Z.
+        depths along -Z. Depth of field: "aperture_radius" (0: none) in scene units, "aperture_blades" (0: round),
+        "aperture_rotation" in radians, "aperture_ratio" (1: as high as wide), "focus_distance" along -Z.
     settings: "width" and "height" of the full frame in pixels; "border" (x0, y0, x1, y1) in pixels
         from the lower left, half open, or None; "samples" per pixel: cost in proportion;
         "integrator" ("path", "whitted": direct light, mirrors and clear glass, or "ao": openness within
@@ -530,12 +628,15 @@ def render(
         after its first bounce, as the mean of its channels, 0 = no limit; "seed" (0);
         "film_transparent" (False); "passes" (["Combined"]), names as in RenderJob.passes; "step_samples" (None):
         samples between two updates of a tile, None = 1, 1, 2, 4, then 8 at a time; "filter"
-        ("blackman_harris", or "box") and "filter_width" (1.5), as in Cycles.
+        ("blackman_harris", or "box") and "filter_width" (1.5), as in Cycles. "noise_threshold" (0: off): blocks of
+        8 x 8 pixels with less noise get no more samples, after "min_samples" (0: as suits the threshold); this is no
+        longer unbiased. "time_limit" (0: none): seconds after which no samples begin, once each pixel has one. "mist":
+        {"start" (5), "depth" (25), "falloff" ("QUADRATIC", "LINEAR", "INVERSE_QUADRATIC")} of the pass.
     threads: 0 = one per core.
 
     The image depends on scene, camera and settings alone, bit for bit: not on the structure, not
     on the number of threads, not on step_samples; and a border shows the same pixels as the full
-    frame.
+    frame. With a noise threshold a border may end other blocks; with a time limit the image depends on the machine too.
 
     Raises SpecError, ShapeError or NonFiniteError naming the key. An error while rendering does
     not raise: see RenderJob.error.

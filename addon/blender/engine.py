@@ -15,8 +15,8 @@ from ..core import auto, catalogue, choice, native
 from ..core.background import Background
 from ..core.notes import Notes
 from ..core.session import POLL_SECONDS, Cancelled, Session, watch
-from ..core.settings import RenderSettings, memory_limit
-from . import camera, comparing, extract, passes, properties, reports, trees, workloads
+from ..core.settings import Mist, RenderSettings, memory_limit
+from . import camera, comparing, extract, passes, properties, remarks, reports, trees, workloads
 from .viewport import Viewport
 
 if TYPE_CHECKING:
@@ -28,6 +28,9 @@ BUILD_SHARE = 0.1
 """The part of the progress bar that is the build's."""
 
 log = logging.getLogger(__name__)
+
+_kept: list[Any] = []
+"""Structures of the last picture's meshes, where the user lets Blender keep data from one picture to the next."""
 
 
 class HalfspaceEngine(bpy.types.RenderEngine):
@@ -94,16 +97,22 @@ class _Picture:
 
         self._say("Reading the scene")
         start = time.perf_counter()
-        scene = extract.extract(self.depsgraph, self.notes)
+        uvs = "UV" in settings.passes
+        found = extract.find(self.depsgraph, self.notes, uvs=uvs)
+        # Only triangles in their places carry UVs.
+        layout = found.layout("flatten" if uvs else self.group.instancing)
+        scene = found.instanced() if layout.two_level else found.flattened(uvs=uvs)
         origin = scene.geometry.origin
         view = self._camera(origin)
         extract_seconds = time.perf_counter() - start
 
-        count = len(scene.geometry.triangles)
+        count = scene.geometry.count
         if not self.group.overlay.show:
             trees.clear()  # so that two trees need not fit into memory
         reasons: list[str] = []
-        if self.group.automatic and count:
+        if self.group.automatic and layout.two_level:
+            reasons = ["as set: a choice would need every triangle in its place, see Instances"]
+        if self.group.automatic and count and not layout.two_level:
             chosen = self._choose(module, scene, view, settings)
             spec, label, reasons = chosen.spec, comparing.name(chosen.spec), list(chosen.notes)
             session = Session.over(module, scene, chosen.structure)
@@ -117,8 +126,13 @@ class _Picture:
                 memory_limit=memory_limit(self.group.memory_limit),
                 keep_going=self._building,
             )
+        meshes = session.building.meshes if session.building is not None else []
+        _kept[:] = meshes if self.scene.render.use_persistent_data else []
         self._note_dropped(scene.geometry, session.structure.statistics)
-        trees.keep(self.scene, session.structure, origin, spec=spec, label=label, triangles=count)
+        if layout.two_level:
+            trees.clear()  # the overlay shows one tree in the scene's own space
+        else:
+            trees.keep(self.scene, session.structure, origin, spec=spec, label=label, triangles=count)
 
         job = session.render(view, settings)
         width, height = settings.size
@@ -141,7 +155,8 @@ class _Picture:
         self._say(_summary(label, statistics, job))
         mebibytes = statistics["bytes"] / 2**20
         self.engine.update_memory_stats(memory_used=mebibytes, memory_peak=mebibytes)
-        left_out = [*session.structure.statistics["left_out"], *session.left_out]
+        left_out = [layout.reason, *session.structure.statistics["left_out"], *session.left_out]
+        remarks.remark(self.scene, count, self.notes)
         report = reports.Report(label, count, extract_seconds, statistics, left_out, self.notes.lines(), reasons)
         reports.keep(self.scene, report)
         self._warn()
@@ -193,18 +208,22 @@ class _Picture:
 
     def _fill(self, job: Any, buffers: dict[str, np.ndarray[Any, Any]], origin: np.ndarray[Any, Any]) -> None:
         """Copy the picture so far into Blender's open result."""
+        names = passes.native_names()
         for render_pass in self.result.layers[0].passes:
-            buffer = buffers.get(render_pass.name)
+            name = names.get(render_pass.name, "")
+            buffer = buffers.get(name)
             if buffer is None:
                 continue
-            job.copy_into(render_pass.name, buffer)
-            if render_pass.name == "Position":
+            job.copy_into(name, buffer)
+            if name == "Position":
                 to_world(buffer, origin)
             if len(render_pass.rect) * render_pass.channels != len(buffer):
                 raise RuntimeError(f"Pass {render_pass.name}: Blender expects another size of picture")
             render_pass.rect.foreach_set(buffer)
 
     def _note_dropped(self, geometry: Any, statistics: dict[str, Any]) -> None:
+        for index in statistics.get("dropped_instances", ()):
+            self.notes.add("Dropped, the transform is out of range", geometry.names[index])
         if statistics["dropped_triangles"]:
             for name, count in geometry.faulty_triangles().items():
                 self.notes.add("Dropped triangles without area or with coordinates that are not finite", name, count)
@@ -241,8 +260,19 @@ def render_settings(engine: Any, depsgraph: Any) -> RenderSettings:
         seed=group.render_seed,
         film_transparent=render.film_transparent,
         passes=tuple(render_pass.name for render_pass in passes.wanted_passes(depsgraph.view_layer_eval)),
+        noise_threshold=group.noise_threshold if group.use_adaptive else 0.0,
+        time_limit=group.time_limit,
+        mist=_mist(scene.world),
         threads=render.threads if render.threads_mode == "FIXED" else 0,
     )
+
+
+def _mist(world: Any) -> Mist:
+    """How the mist pass grows, which is the world's to say."""
+    if world is None:
+        return Mist()
+    found = world.mist_settings
+    return Mist(found.start, found.depth, found.falloff)
 
 
 def border_pixels(render: Any, width: int, height: int) -> tuple[int, int, int, int]:

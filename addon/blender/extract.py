@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..core.scene import Light, Scene
+from ..core.instances import Layout, choose
+from ..core.scene import Image, Light, Material, Numbers, Scene, World
 from . import lights, materials, meshes, world
 
 if TYPE_CHECKING:
@@ -36,26 +37,73 @@ class _Group:
     names: list[str] = field(default_factory=list)
 
 
+@dataclass(frozen=True)
+class Found:
+    """What was read, before anything is placed."""
+
+    placements: list[meshes.Placement]
+    materials: tuple[Material, ...]
+    lights: tuple[Light, ...]
+    world: World
+    numbers: Numbers
+    images: tuple[Image, ...] = ()
+    layers: tuple[tuple[str, str], ...] = ()
+    objects: bool = False
+
+    def layout(self, mode: str, *, interactive: bool = False) -> Layout:
+        """Whether to keep instances, and why."""
+        sizes: dict[int, list[int]] = {}
+        for placement in self.placements:
+            triangles, places = len(placement.mesh.triangles), len(placement.names)
+            sizes.setdefault(id(placement.mesh), [triangles, 0])[1] += places
+        if self.layers or self.objects:
+            why = "only triangles in their places carry what these textures read"
+            return Layout(two_level=False, reason=f"instances: flattened, since {why}")
+        smooth = any(placement.mesh.normals is not None for placement in self.placements)
+        return choose(mode, [(a, b) for a, b in sizes.values()], smooth=smooth, interactive=interactive)
+
+    def flattened(self, *, uvs: bool = False) -> Scene:
+        """Every triangle in its place."""
+        return self._scene(meshes.assemble(self.placements, uvs=uvs, layers=self.layers, objects=self.objects))
+
+    def instanced(self) -> Scene:
+        """Every mesh once, and its places."""
+        return self._scene(meshes.keep_instances(self.placements))
+
+    def _scene(self, geometry: Any) -> Scene:
+        moved = tuple(lights.moved(light, geometry.origin) for light in self.lights)
+        return Scene(geometry, self.materials, moved, self.world, self.numbers, self.images)
+
+
 def extract(depsgraph: Any, notes: Notes, *, uvs: bool = False) -> Scene:
-    """The scene as the depsgraph's mode (viewport or render) shows it, in arrays.
+    """The scene as the depsgraph's mode (viewport or render) shows it, in arrays, every triangle in its place.
+
+    As `find` reads it. Geometry is in the frame of `Scene.geometry.origin`.
+    """
+    return find(depsgraph, notes, uvs=uvs).flattened(uvs=uvs)
+
+
+def find(depsgraph: Any, notes: Notes, *, uvs: bool = False) -> Found:
+    """Everything that can be rendered as the depsgraph's mode shows it.
 
     Reads meshes, whatever has a mesh (curves, surfaces, text, metaballs) and lights, with every instance of them;
-    what cannot be rendered goes into `notes` by name. Geometry is in the frame of `Scene.geometry.origin`.
+    what cannot be rendered goes into `notes` by name.
     """
     reader = _Reader(notes, uvs, depsgraph.ids)
     # Take everything from an item at once: Blender reuses its memory for the next one.
     for instance in depsgraph.object_instances:
         if instance.show_self:
             reader.visit(instance.object, instance.matrix_world)
-    needs = reader.palette.layers
     background, shown = world.read_world(depsgraph.scene_eval.world, notes, reader.palette.gallery)
-    geometry = meshes.assemble(reader.placements(), uvs=uvs, layers=needs.keys, objects=needs.objects)
-    return Scene(
-        geometry=geometry,
+    return Found(
+        placements=reader.placements(),
         materials=reader.palette.materials(),
-        lights=tuple(lights.moved(light, geometry.origin) for light in reader.lights),
+        lights=tuple(reader.lights),
         world=background,
+        numbers=Numbers(reader.object_numbers, reader.palette.pass_indices()),
         images=reader.palette.images(shown),
+        layers=tuple(reader.palette.layers.keys),
+        objects=reader.palette.layers.objects,
     )
 
 
@@ -65,6 +113,7 @@ class _Reader:
         self.uvs = uvs
         self.palette = materials.Palette(notes, blocks)
         self.lights: list[Light] = []
+        self.object_numbers: dict[str, float] = {}
         self._meshes: dict[tuple[str, int], meshes.MeshArrays] = {}
         self._groups: dict[tuple[tuple[str, int], tuple[int, ...]], _Group] = {}
         self._checked: set[str] = set()
@@ -108,7 +157,8 @@ class _Reader:
 
     def _mesh(self, item: Any) -> tuple[tuple[str, int], meshes.MeshArrays | None, tuple[int, ...]]:
         """The object's mesh, read once however often it is placed, and its materials."""
-        if item.type in MESH_TYPES:
+        # In edit mode the mesh is a shell around the one that is edited, without attributes.
+        if item.type in MESH_TYPES and not item.data.is_editmode:
             data = item.data
             key = ("mesh", data.as_pointer())
             if key not in self._meshes:
@@ -116,7 +166,7 @@ class _Reader:
             return key, self._meshes[key], self.palette.indices(item, data)
         key = ("object", item.original.as_pointer())
         if key not in self._meshes:
-            # Other kinds of objects lend a mesh, which dies with `to_mesh_clear`.
+            # Edited meshes and other kinds of objects lend a mesh, which dies with `to_mesh_clear`.
             data = item.to_mesh()
             if data is None:
                 return key, None, ()
@@ -129,6 +179,8 @@ class _Reader:
         if name in self._checked:
             return
         self._checked.add(name)
+        if item.pass_index:
+            self.object_numbers[name] = float(item.pass_index)
         if item.is_holdout:
             self.notes.add("Holdout is not supported yet, rendered as usual", name)
         if not all(getattr(item, ray) for ray in RAY_VISIBILITY):

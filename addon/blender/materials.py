@@ -48,6 +48,7 @@ class Palette:
         self._notes = notes
         self._materials = [DEFAULT]
         self._numbers: dict[int, int] = {}
+        self._pass_indices = [0.0]
         self._read: dict[int, _Read] = {}
         self._images: set[int] = set()
         for block in blocks:
@@ -75,12 +76,17 @@ class Palette:
         """All images by number, with the pixels of those that materials met so far use, and `more`."""
         return self.gallery.read(self._images | set(more), self._notes)
 
+    def pass_indices(self) -> tuple[float, ...]:
+        """The number that the user gave each of these materials."""
+        return tuple(self._pass_indices)
+
     def _number(self, material: Any) -> int:
         if material is None:
             return 0
         key = material.original.as_pointer()
         if key not in self._numbers:
             self._numbers[key] = len(self._materials)
+            self._pass_indices.append(float(material.pass_index))
             found = self._of(material)
             self._materials.append(found.material)
             self._images |= found.images

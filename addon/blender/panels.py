@@ -11,6 +11,7 @@ import bpy
 from ..core import catalogue, native
 from . import checking, manual, presets, properties, reports, trees
 from .engine import ENGINE
+from .passes import PASSES
 
 STATISTICS = (
     ("Extraction", "extract_seconds", "{:.2f} s"),
@@ -25,6 +26,8 @@ STATISTICS = (
     ("References", "references", "{:,}"),
     ("References per triangle", "references_per_triangle", "{:.2f}"),
     ("Triangles in the largest leaf", "leaf_max", "{:,}"),
+    ("Instances", "instances", "{:,}"),
+    ("Meshes", "meshes", "{:,}"),
     ("Depth, largest", "depth_max", "{:,}"),
     ("Depth, mean", "depth_mean", "{:.1f}"),
     ("Expected cost", "sah_cost", "{:.2f}"),
@@ -73,6 +76,7 @@ class HALFSPACE_PT_structure(_Panel, bpy.types.Panel):
             wrapped(column, "The viewport and the overlay use:", icon="INFO")
         structure(column, group)
         column.separator()
+        column.prop(group, "instancing")
         column.prop(group, "memory_limit")
 
 
@@ -89,6 +93,10 @@ class HALFSPACE_PT_sampling(_Panel, bpy.types.Panel):
         if group.integrator == "ao":
             column.prop(group, "ambient_distance")
         column.prop(group, "samples")
+        column.prop(group, "use_adaptive")
+        if group.use_adaptive:
+            column.prop(group, "noise_threshold")
+        column.prop(group, "time_limit")
         column.prop(group, "preview_samples")
         if group.integrator != "ao":
             column.prop(group, "max_bounces")
@@ -146,12 +154,13 @@ class HALFSPACE_PT_passes(_Panel, bpy.types.Panel):
         column = self._column()
         layer = context.view_layer
         column.prop(layer, "use_pass_combined")
-        column.prop(layer, "use_pass_z")
-        column.prop(layer, "use_pass_normal")
-        column.prop(layer, "use_pass_position")
+        for render_pass in PASSES:
+            if render_pass.switch and not render_pass.own:
+                column.prop(layer, render_pass.switch)
         column.separator()
-        column.prop(layer.halfspace, "use_pass_steps")
-        column.prop(layer.halfspace, "use_pass_tests")
+        for render_pass in PASSES:
+            if render_pass.own:
+                column.prop(layer.halfspace, render_pass.switch)
 
 
 class HALFSPACE_PT_material(_Panel, bpy.types.Panel):

@@ -415,7 +415,7 @@ def _bumps() -> Any:
 
 def _panorama() -> F32:
     """A blue gradient over a brown ground, and a bright disc."""
-    height = max(int(256 * _detail), 16)
+    height = max(int(256 * _detail), 8)
     width = 2 * height
     v = (np.arange(height) + 0.5) / height
     u = (np.arange(width) + 0.5) / width

@@ -31,7 +31,7 @@ def rendered(scene: Any, arrays: Any, spec: str, threads: int = 1) -> bytes:
         pixel_aspect=(1, 1),
     )
     started = session.Session.start(module, arrays, spec, threads=threads, keep_going=lambda _: True)
-    job = started.render(view, RenderSettings(*SIZE, samples=2, max_bounces=3, threads=threads))
+    job = started.render(view, RenderSettings(*SIZE, samples=1, max_bounces=3, threads=threads))
     session.watch(job, milliseconds=1000, keep_going=lambda _: True, show=lambda: None)
     out = np.empty(SIZE[0] * SIZE[1] * 4, np.float32)
     job.copy_into("Combined", out)
@@ -42,7 +42,7 @@ def rendered(scene: Any, arrays: Any, spec: str, threads: int = 1) -> bytes:
 
 @pytest.mark.parametrize("name", list(proving.SCENES))
 def test_each_scene_is_understood_and_the_same_for_all_structures_and_threads(scene: Any, name: str) -> None:
-    proving.build(name, scene, detail=0.1)
+    proving.build(name, scene, detail=0.05)
     bpy.context.view_layer.update()
     arrays, notes = read()
     assert notes == []

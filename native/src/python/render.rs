@@ -2,12 +2,13 @@
 //! Scenes to render and renders in progress.
 
 use super::arrays::{Threads, describe};
+use super::instances::Instances;
 use super::render_args as args;
 use super::shader_args;
 use super::structure::Structure;
 use crate::error::{Error, Result};
 use crate::render::job::Job;
-use crate::render::scene::{self, SceneParams};
+use crate::render::scene::{self, SceneParams, SharedTracer};
 use crate::render::settings::Pass;
 use numpy::{PyArray1, PyArrayMethods};
 use pyo3::prelude::*;
@@ -22,23 +23,45 @@ pub struct RenderScene(Arc<scene::RenderScene>);
 #[pymethods]
 impl RenderScene {
     #[new]
-    #[pyo3(signature = (structure, *, material_index=None, materials=None, corner_normals=None, lights=None, world=None, images=None, layers=None, objects=None, object_index=None, origin=None))]
-    #[expect(clippy::too_many_arguments, reason = "keywords of a Python call")]
+    #[pyo3(signature = (structure, *, material_index=None, materials=None, corner_normals=None, surfaces=None, lights=None, world=None, indices=None, images=None, layers=None, objects=None, object_index=None, origin=None))]
+    #[expect(clippy::too_many_arguments, reason = "Python keywords")]
     fn new(
         py: Python<'_>,
-        structure: &Structure,
+        structure: &Bound<'_, PyAny>,
         material_index: Option<&Bound<'_, PyAny>>,
         materials: Option<&Bound<'_, PyAny>>,
         corner_normals: Option<&Bound<'_, PyAny>>,
+        surfaces: Option<&Bound<'_, PyDict>>,
         lights: Option<&Bound<'_, PyAny>>,
         world: Option<&Bound<'_, PyDict>>,
+        indices: Option<&Bound<'_, PyDict>>,
         images: Option<&Bound<'_, PyAny>>,
         layers: Option<&Bound<'_, PyAny>>,
         objects: Option<&Bound<'_, PyAny>>,
         object_index: Option<&Bound<'_, PyAny>>,
         origin: Option<[f64; 3]>,
     ) -> PyResult<Self> {
+        let (tracer, placed): (SharedTracer, _) = match structure.cast::<Instances>() {
+            Err(_) => {
+                let structure = structure.cast::<Structure>().map_err(|_| {
+                    let got = describe(structure);
+                    Error::Spec(format!(
+                        "structure: expected a Structure or Instances, got {got}"
+                    ))
+                })?;
+                (Arc::clone(&structure.get().0) as SharedTracer, None)
+            }
+            Ok(instances) => {
+                let instances = &instances.get().0;
+                let (meshes, each) = args::surfaces(surfaces, instances)?;
+                (
+                    Arc::clone(instances) as SharedTracer,
+                    Some((Arc::clone(instances), meshes, each)),
+                )
+            }
+        };
         let params = SceneParams {
+            placed,
             material_index: material_index.map(args::material_index).transpose()?,
             materials: args::materials(materials)?,
             corner_normals: corner_normals.map(args::corner_normals).transpose()?,
@@ -46,8 +69,8 @@ impl RenderScene {
             varying: shader_args::varying(layers, objects, object_index, origin)?,
             lights: args::lights(lights)?,
             world: args::world(world)?,
+            indices: args::indices(indices)?,
         };
-        let tracer = Arc::clone(&structure.0);
         let scene = py.detach(|| scene::RenderScene::new(tracer, params))?;
         Ok(Self(Arc::new(scene)))
     }

@@ -12,14 +12,14 @@ use std::time::{Duration, Instant};
 use super::bsdf::{Bsdf, cosine_direction};
 use super::camera::Camera;
 use super::features::Features;
-use super::film::{PixelSample, TileArea};
+use super::film::{Film, PixelSample, TileArea};
 use super::filter::Filter;
 use super::lights::{Arrival, Emitter, Receiver, power_heuristic};
 use super::place::RayKind;
 use super::program::Value;
 use super::sampler::PixelSampler;
 use super::scene::RenderScene;
-use super::settings::{Integrator, Settings};
+use super::settings::{Integrator, Pass, Settings};
 use super::surface::Surface;
 use super::vector::{Vec3, offset_origin};
 use crate::traverse::{Hit, Order as RayOrder, Ray, RayCounters};
@@ -80,8 +80,8 @@ pub struct Context<'a> {
     pub filter: &'a Filter,
     /// Settings.
     pub settings: &'a Settings,
-    /// Whether camera rays are counted.
-    pub counts: bool,
+    /// What the samples are for.
+    pub film: &'a Film,
     /// Raised to stop.
     pub stop: &'a AtomicBool,
 }
@@ -130,6 +130,7 @@ pub struct Wavefront {
     rays: Vec<Ray>,
     hits: Vec<Hit>,
     counters: Vec<RayCounters>,
+    depths: Vec<u32>,
     paths: Vec<Path>,
     shadows: Shadows,
     samples: Vec<PixelSample>,
@@ -158,6 +159,7 @@ impl Wavefront {
             rays: Vec::new(),
             hits: Vec::new(),
             counters: Vec::new(),
+            depths: Vec::new(),
             paths: Vec::new(),
             shadows: Shadows::default(),
             samples: Vec::new(),
@@ -169,7 +171,7 @@ impl Wavefront {
         }
     }
 
-    /// Renders samples `first..first + count` of a tile. Returns them sample by sample, each with
+    /// Renders samples `first..first + count` of the active blocks of a tile. Returns them sample by sample, each with
     /// all pixels row by row.
     ///
     /// # Errors
@@ -178,6 +180,7 @@ impl Wavefront {
         &mut self,
         context: &Context<'_>,
         area: TileArea,
+        active: &[bool],
         first: u32,
         count: u32,
     ) -> Result<&[PixelSample], Stopped> {
@@ -185,7 +188,8 @@ impl Wavefront {
         self.samples
             .resize(area.len() * count as usize, PixelSample::EMPTY);
         for index in 0..count {
-            self.start(context, area, first + index, index as usize * area.len());
+            let base = index as usize * area.len();
+            self.start(context, area, active, first + index, base);
             let mut primary = true;
             while !self.rays.is_empty() {
                 self.trace(context, primary)?;
@@ -198,7 +202,14 @@ impl Wavefront {
     }
 
     /// Fills the wavefront with the camera rays of one sample.
-    fn start(&mut self, context: &Context<'_>, area: TileArea, sample: u32, base: usize) {
+    fn start(
+        &mut self,
+        context: &Context<'_>,
+        area: TileArea,
+        active: &[bool],
+        sample: u32,
+        base: usize,
+    ) {
         let Context {
             camera,
             filter,
@@ -207,13 +218,14 @@ impl Wavefront {
         } = context;
         self.rays.clear();
         self.paths.clear();
-        for (dx, dy) in area.in_blocks() {
+        for (dx, dy) in area.in_blocks(active) {
             let (x, y) = (area.x + dx, area.y + dy);
             let sampler = PixelSampler::new(x, y, settings.seed);
             let [u, v] = sampler.pair(sample, 0);
             let ray = camera.ray(
                 x as f32 + 0.5 + filter.offset(u),
                 y as f32 + 0.5 + filter.offset(v),
+                || sampler.pair(sample, 1),
             );
             self.rays.push(ray);
             self.paths.push(Path {
@@ -245,14 +257,15 @@ impl Wavefront {
         if !primary {
             self.work.rays_secondary += n as u64;
         }
-        let counts = primary && context.counts;
+        let counts = primary && context.film.counts();
         if counts {
             self.counters.clear();
             self.counters.resize(n, RayCounters::default());
         }
         // Camera rays come in blocks of 8 x 8. What a beam does for all its rays cannot be told
-        // apart by pixel, so where pixels are counted each ray goes singly.
-        let order = if primary && !counts {
+        // apart by pixel, so where pixels are counted each ray goes singly. Through a lens they have no
+        // common origin.
+        let order = if primary && !counts && context.camera.is_sharp() {
             RayOrder::Tiles
         } else {
             RayOrder::None
@@ -273,6 +286,15 @@ impl Wavefront {
                 sample.tests = c.tests;
                 self.work.steps += u64::from(sample.steps);
                 self.work.tests += u64::from(sample.tests);
+            }
+        }
+        if primary && context.film.wants(Pass::LeafDepth) {
+            self.depths.resize(n, 0);
+            in_calls(n, &mut self.call, context.stop, |range| {
+                tracer.leaf_depths(&self.rays[range.clone()], &mut self.depths[range]);
+            })?;
+            for (path, depth) in self.paths.iter().zip(&self.depths) {
+                self.samples[path.slot as usize].leaf_depth = *depth;
             }
         }
         Ok(())
@@ -521,8 +543,13 @@ fn shade<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
         if path.camera {
             out.alpha = 1.0;
             out.depth = context.camera.depth(surface.point);
+            out.distance = context.camera.distance(surface.point);
             out.normal = surface.shading.array();
             out.position = surface.point.array();
+            let triangle = hit.triangle as usize;
+            let material = scene.attributes.at(hit.triangle).material();
+            (out.object, out.material) = scene.indices.of(triangle, material as u32);
+            out.uv = scene.indices.uv(triangle, hit.u, hit.v);
         }
         if pass > 0.0 {
             path.throughput *= 1.0 / (1.0 - pass);
@@ -545,7 +572,7 @@ fn shade<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
             let direction = frame.to_world(cosine_direction(random(0)));
             if direction.dot(surface.geometric) > 0.0 {
                 wave.shadows.rays.push(Ray {
-                    o: surface.leave_to_light::<SMOOTH>(scene, direction).array(),
+                    o: surface.leave_to_light::<SMOOTH>(direction).array(),
                     d: direction.array(),
                     t_min: 0.0,
                     t_max: settings.ambient_distance,
@@ -592,7 +619,7 @@ fn shade<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
             if value.max_component() > 0.0 && value.is_finite() {
                 let value = settings.clamped(value, path.bounce > 0);
                 if light.casts_shadow {
-                    let o = surface.leave_to_light::<SMOOTH>(scene, light.direction);
+                    let o = surface.leave_to_light::<SMOOTH>(light.direction);
                     let (d, t_max) = if light.distance.is_finite() {
                         (
                             surface.point + light.direction * light.distance - o,
@@ -613,6 +640,14 @@ fn shade<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
                     add_color(out, value);
                 }
             }
+        }
+
+        // What a direction chosen in proportion to the light it brings weighs is, in the mean, the albedo.
+        if path.camera
+            && context.film.wants(Pass::Albedo)
+            && let Some(scatter) = bsdf.sample(choose_lobe, random(0))
+        {
+            out.albedo = scatter.weight.array();
         }
 
         // Scatter.

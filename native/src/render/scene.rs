@@ -4,16 +4,18 @@
 use std::sync::Arc;
 
 use super::albedo::Grids;
+use super::attributes::{Attributes, InstanceAttributes, MeshAttributes};
 use super::check::{Error, Result};
 use super::features::Features;
 use super::image::Image;
+use super::indices::Indices;
 use super::lights::{Glowing, LightParams, Lights};
 use super::material::{Material, MaterialParams};
-use super::place::Varying;
-use super::place::{Place, RayKind};
+use super::place::{Place, RayKind, Varying};
 use super::program::Op;
 use super::vector::Vec3;
 use super::world::{World, WorldParams};
+use crate::instances::Instances;
 use crate::traverse::Tracer;
 
 /// A structure that several threads may share.
@@ -22,14 +24,13 @@ pub type SharedTracer = Arc<dyn Tracer + Send + Sync>;
 /// Everything that is lit and seen; the camera is not part of it.
 pub struct RenderScene {
     pub(super) tracer: SharedTracer,
-    pub(super) material_index: Vec<u32>,
+    pub(super) attributes: Attributes,
     pub(super) materials: Vec<Material>,
-    /// Per triangle, the shading normals of its corners, not necessarily of unit length.
-    pub(super) corner_normals: Option<Vec<[[f32; 3]; 3]>>,
     pub(super) images: Vec<Image>,
     pub(super) varying: Varying,
     pub(super) lights: Lights,
     pub(super) world: World,
+    pub(super) indices: Indices,
     features: Features,
 }
 
@@ -40,8 +41,10 @@ pub struct SceneParams {
     pub material_index: Option<Vec<i32>>,
     /// Materials; empty = one of Blender's default.
     pub materials: Vec<MaterialParams>,
-    /// Shading normals of each triangle's corners.
+    /// Shading normals of each triangle's corners, not necessarily of unit length.
     pub corner_normals: Option<Vec<[[f32; 3]; 3]>>,
+    /// Instead of these two, where the structure is instances: what their meshes and they themselves carry.
+    pub placed: Option<(Arc<Instances>, Vec<MeshAttributes>, InstanceAttributes)>,
     /// Images that materials show.
     pub images: Vec<Image>,
     /// What varies over the triangles.
@@ -50,6 +53,8 @@ pub struct SceneParams {
     pub lights: Vec<LightParams>,
     /// Background.
     pub world: WorldParams,
+    /// Numbers of objects and materials.
+    pub indices: Indices,
 }
 
 impl RenderScene {
@@ -59,7 +64,7 @@ impl RenderScene {
     /// When a number is not finite or out of range, naming its key, or an array does not fit the
     /// structure's triangles.
     pub fn new(tracer: SharedTracer, params: SceneParams) -> Result<Self> {
-        let count = tracer.triangles().len();
+        let count = tracer.count();
         let mut materials = Vec::with_capacity(params.materials.len().max(1));
         let mut grids = Grids::default();
         for (index, material) in params.materials.iter().enumerate() {
@@ -73,23 +78,25 @@ impl RenderScene {
         for (index, material) in materials.iter().enumerate() {
             check_references(material, index, params.images.len(), varying.layers.len())?;
         }
-        let material_index = indices(params.material_index, count, materials.len())?;
-        if let Some(normals) = &params.corner_normals {
-            check_length("corner_normals", normals.len(), count)?;
-            if let Some(i) = normals
-                .iter()
-                .position(|n| n.as_flattened().iter().any(|c| !c.is_finite()))
-            {
-                return Err(Error::NonFinite(format!(
-                    "corner_normals[{i}] must be finite"
-                )));
+        let attributes = match params.placed {
+            Some((instances, meshes, each)) => {
+                Attributes::placed(instances, meshes, each, materials.len())?
             }
-        }
+            None => {
+                let mesh = MeshAttributes {
+                    material_index: params.material_index,
+                    corner_normals: params.corner_normals,
+                };
+                Attributes::flattened(mesh, count, materials.len())?
+            }
+        };
+        params.indices.check(count)?;
         let mut world = World::new(&params.world, &params.images, &varying)?;
         let mut used = vec![false; materials.len()];
-        for &triangle in tracer.triangles().live() {
-            used[material_index[triangle as usize] as usize] = true;
-        }
+        let live = tracer
+            .triangles()
+            .map_or(&[][..], |triangles| triangles.live());
+        attributes.mark_used(live.iter().copied(), &mut used);
         let used = materials
             .iter()
             .zip(&used)
@@ -97,22 +104,22 @@ impl RenderScene {
             .map(|(m, _)| m);
         let seen = Seen {
             tracer: &*tracer,
-            material_index: &material_index,
+            attributes: &attributes,
             materials: &materials,
             images: &params.images,
             varying: &varying,
         };
         let lights = Lights::new(&params.lights, &seen.glowing(), world.take_map())?;
-        let features = Features::resolve(used, &lights, &world, params.corner_normals.is_some());
+        let features = Features::resolve(used, &lights, &world, attributes.smooth());
         Ok(Self {
             tracer,
-            material_index,
+            attributes,
             materials,
-            corner_normals: params.corner_normals,
             images: params.images,
             varying,
             lights,
             world,
+            indices: params.indices,
             features,
         })
     }
@@ -126,7 +133,7 @@ impl RenderScene {
 /// What is needed to find the triangles that glow.
 struct Seen<'a> {
     tracer: &'a dyn Tracer,
-    material_index: &'a [u32],
+    attributes: &'a Attributes,
     materials: &'a [Material],
     images: &'a [Image],
     varying: &'a Varying,
@@ -147,12 +154,16 @@ impl Seen<'_> {
         }
         let mut registers = Vec::new();
         let mut out = Vec::new();
-        for &triangle in self.tracer.triangles().live() {
-            let material = &self.materials[self.material_index[triangle as usize] as usize];
+        // Instances are found by scattered rays alone: each place would be a light of its own.
+        let Some(triangles) = self.tracer.triangles() else {
+            return out;
+        };
+        for &triangle in triangles.live() {
+            let material = &self.materials[self.attributes.at(triangle).material()];
             if !material.emits {
                 continue;
             }
-            let corners = self.tracer.triangles().corners(triangle).map(Vec3::from);
+            let corners = triangles.corners(triangle).map(Vec3::from);
             let [a, b, c] = corners;
             let normal = (b - a).cross(c - a).normalized();
             let mut sum = 0.0;
@@ -198,30 +209,4 @@ fn check_references(material: &Material, index: usize, images: usize, layers: us
         }
     }
     Ok(())
-}
-
-fn indices(given: Option<Vec<i32>>, triangles: usize, materials: usize) -> Result<Vec<u32>> {
-    let Some(given) = given else {
-        return Ok(vec![0; triangles]);
-    };
-    check_length("material_index", given.len(), triangles)?;
-    given
-        .iter()
-        .enumerate()
-        .map(|(i, &index)| match u32::try_from(index) {
-            Ok(index) if (index as usize) < materials => Ok(index),
-            _ => Err(Error::Shape(format!(
-                "material_index[{i}]: {index} is out of range for {materials} materials"
-            ))),
-        })
-        .collect()
-}
-
-fn check_length(name: &str, got: usize, triangles: usize) -> Result<()> {
-    if got == triangles {
-        return Ok(());
-    }
-    Err(Error::Shape(format!(
-        "{name} must have one entry per triangle: {triangles}, got {got}"
-    )))
 }

@@ -58,8 +58,16 @@ impl Plain {
 }
 
 impl Tracer for Plain {
-    fn triangles(&self) -> &Triangles {
-        &self.triangles
+    fn triangles(&self) -> Option<&Triangles> {
+        Some(&self.triangles)
+    }
+
+    fn count(&self) -> usize {
+        self.triangles.len()
+    }
+
+    fn corners(&self, id: u32) -> [[f32; 3]; 3] {
+        self.triangles.corners(id)
     }
 
     fn closest(&self, rays: &[Ray], hits: &mut [Hit], counters: Option<&mut [RayCounters]>) {
@@ -242,6 +250,7 @@ fn from_above(h: f64) -> CameraParams {
         window: [-h, h, -h, h],
         clip_start: 0.1,
         clip_end: 100.0,
+        ..Default::default()
     }
 }
 
@@ -995,8 +1004,16 @@ struct Troublesome {
 }
 
 impl Tracer for Troublesome {
-    fn triangles(&self) -> &Triangles {
-        &self.inner.triangles
+    fn triangles(&self) -> Option<&Triangles> {
+        Some(&self.inner.triangles)
+    }
+
+    fn count(&self) -> usize {
+        self.inner.triangles.len()
+    }
+
+    fn corners(&self, id: u32) -> [[f32; 3]; 3] {
+        self.inner.triangles.corners(id)
     }
 
     fn closest(&self, rays: &[Ray], hits: &mut [Hit], counters: Option<&mut [RayCounters]>) {
