@@ -60,13 +60,15 @@ impl Mirrored {
     /// The entry point of a segment that begins at `t`. Later is farther, rounding included.
     #[inline(always)]
     fn entry(&self, t: f32) -> [f32; 4] {
-        std::array::from_fn(|k| self.before[k] + t * self.speed[k])
+        let at = |k: usize| self.before[k] + t * self.speed[k];
+        [at(0), at(1), at(2), at(3)]
     }
 
     /// The exit point of a segment that ends at `t`.
     #[inline(always)]
     fn exit(&self, t: f32) -> [f32; 4] {
-        std::array::from_fn(|k| self.after[k] + t * self.speed[k])
+        let at = |k: usize| self.after[k] + t * self.speed[k];
+        [at(0), at(1), at(2), at(3)]
     }
 }
 
