@@ -204,7 +204,7 @@ runpy.run_path({script!r}, run_name="__main__")
     [
         (64, ["bench.py", "grid", "--structures", "kd", "--size", "8x8", "--repeats", "1", "--check-rays", "64"]),
         (4000, ["bench.py", "grid", "--structures", "kd", "--size", "8x8", "--repeats", "1", "--check-rays", "64"]),
-        (64, ["stability.py", "--structures", "kd", "--long", "1"]),
+        (64, ["stability.py", "--structures", "bih:shadow=none", "--scenes", "grid", "--rays", "64"]),
     ],
 )
 def test_a_command_on_a_full_disk_says_so_in_one_line(tmp_path: Path, room: int, command: list[str]) -> None:
