@@ -6,6 +6,7 @@ from __future__ import annotations
 from typing import Any
 
 import halfspace_native
+import numpy as np
 import pytest
 
 from addon.core import specs
@@ -77,10 +78,11 @@ SOURCES = [*TREES, *(f"{tree}:k={k}" for tree, k in K.items()), *OWN, *INTERVALS
 
 def test_every_name_of_the_sources_is_accepted() -> None:
     rows = halfspace_native.structures()
+    corners, triangle = np.eye(3, dtype=np.float32), np.array([[0, 1, 2]], np.int32)
     for name in SOURCES:
         (spec,) = specs.expand(name, rows, {})
         assert spec.partition(":")[0] in {row["id"] for row in rows}
-        assert halfspace_native.build([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]], name).statistics["triangles"] == 1
+        assert halfspace_native.build(corners, triangle, name).validate() == []
     assert specs.expand("skd,boxtree:leaf_size=2", rows, {}) == ["bih", "bih:leaf_size=2"]
     sweep = specs.expand("bsp-sweep", rows, {})
     assert {"bsp-random", "bsp-wn-plus-kd", "bsp-cn-axial-plus-kd", "bsp-hybrid-plus-kd"} < set(sweep)
