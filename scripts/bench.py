@@ -23,7 +23,6 @@ from addon.core import (
     benchmark,
     cluster,
     grid,
-    ksweep,
     native,
     offsets,
     page,
@@ -33,6 +32,7 @@ from addon.core import (
     results,
     specs,
     sweep,
+    thesis,
     workload,
     yardstick,
 )
@@ -51,13 +51,35 @@ SECONDS = 45.0
 CURVE = "1,4,16"
 """Samples per pixel of the pictures."""
 
+DIRECTIONS = [f"bsp-{kind}{plus}" for kind in ("random", "wn", "cn") for plus in ("", "-plus", "-plus-kd")]
+"""The structures that the thesis sweeps over k."""
+
+FAITHFUL = "costs=thesis,ties=pbrt,slab=0,clip=0"
+"""Its prices, stopping rule, ties, and triangles that are not cut; the rule of its program where there is one."""
+
+OF_THE_THESIS = {
+    "scenes": "killeroo-feet,sponza-dabrovic,conference",
+    "rays": "primary,shadow,diffuse",
+    "k": "2-10",
+    "seeds": "1-7",
+}
+
+
+def faithful() -> str:
+    """All structures of the thesis with its own prices and rules."""
+    swept = [*DIRECTIONS, "bsp-ize", "bsp-ize-kd", "rbsp:k=13", "rbsp-kd:k=13"]
+    made = [f"{spec}{',' if ':' in spec else ':'}{FAITHFUL}" for spec in swept]
+    return ",".join(f"{spec},rule=code" if "-kd:" in spec else spec for spec in made)
+
+
 PRESETS: dict[str, dict[str, str]] = {
     "yardstick": {
         "scenes": "sponza-dabrovic,conference,killeroo-feet,stanford-dragon,country-kitchen",
         "structures": "kd",
         "rays": "primary,shadow,diffuse,shuffled",
     },
-    "thesis": {"scenes": "conference,killeroo-feet,sponza-dabrovic", "structures": "kd-sah", "rays": "primary,shadow"},
+    "thesis": {**OF_THE_THESIS, "structures": f"kd-sah,{faithful()}"},
+    "directions": {**OF_THE_THESIS, "structures": f"kd,{','.join(DIRECTIONS)},bsp-ize,bsp-ize-kd,rbsp,rbsp-kd"},
     "beams": {"scenes": "sponza-dabrovic,conference", "structures": "kd", "rays": "primary,shadow"},
 }
 """What a preset chooses unless the command line says otherwise."""
@@ -102,7 +124,7 @@ def parser() -> argparse.ArgumentParser:
     add(
         "--only-rays",
         action="store_true",
-        help="no peak memory, no other view sizes, no moved grids: speeds and errors",
+        help="no peak memory, no other view sizes, no cost maps, no moved grids: speeds and errors",
     )
     add("--preset", choices=sorted(PRESETS), help="a named choice of scenes, structures and ray sets")
     add("--out", type=Path, metavar="DIR", help="write bench.json, bench.csv and report.html; an earlier run resumes")
@@ -174,6 +196,9 @@ def run(asked: argparse.Namespace) -> int:
             if own:
                 print("\n" + report.table(own) + "\n", flush=True)
     rows = todo.rows()
+    better = report.worth_it(rows)
+    if better:
+        say(f"build and one 1024x1024 picture at 16 spp faster with oblique planes than with kd: {', '.join(better)}")
     if asked.out is not None and not shard.name:
         machines = {} if journal is None else journal.machines
         save(asked.out, results.document(module, rows, options.as_dict(), machines), published)
@@ -208,7 +233,7 @@ def status(rows: Sequence[benchmark.Row]) -> int:
     return BAD_INPUT if any(row["error"] for row in ours) else 0
 
 
-def save(folder: Path, document: dict[str, Any], published: Any) -> None:
+def save(folder: Path, document: dict[str, Any], published: thesis.Published | None) -> None:
     """Write the files of a report, each whole or not at all. Raises FolderError."""
     texts = {
         "bench.json": json.dumps(document, indent=1, allow_nan=False) + "\n",
@@ -232,13 +257,13 @@ def read_shard(asked: argparse.Namespace) -> sweep.Shard:
     return sweep.Shard(int(number), int(count))
 
 
-def read_published(asked: argparse.Namespace) -> Any:
+def read_published(asked: argparse.Namespace) -> thesis.Published | None:
     """Published results for the plots, or None where there are none. Raises UsageError for a file that is no such."""
     path = asked.published or PUBLISHED
     if not path.is_file() and asked.published is None:
         return None
     try:
-        return ksweep.read_published(path)
+        return thesis.read(path)
     except (OSError, ValueError) as error:
         raise UsageError(f"--published: {path}: {error}") from error
 
@@ -281,6 +306,7 @@ def read_options(asked: argparse.Namespace, configurations: int) -> benchmark.Op
         offsets=() if asked.only_rays else offsets.OFFSETS,
         scaling=not asked.only_rays,
         peak=not asked.only_rays,
+        maps=not asked.only_rays,
         pass_seconds=min(preparation.PASS_SECONDS, asked.seconds / (configurations * len(sets) * (asked.repeats + 1))),
     )
 
@@ -288,9 +314,13 @@ def read_options(asked: argparse.Namespace, configurations: int) -> benchmark.Op
 def read_structures(asked: argparse.Namespace, module: Any) -> list[str]:
     """The configurations, each proved to be valid by a tiny build. Raises SpecError."""
     preset = PRESETS.get(asked.preset or "", {})
-    ranges = {"k": asked.k, "alpha": asked.alpha, "seed": asked.seeds}
+    ranges = {"k": asked.k or preset.get("k"), "alpha": asked.alpha, "seed": asked.seeds or preset.get("seeds")}
     given = {name: specs.numbers(text) for name, text in ranges.items() if text is not None}
-    chosen = specs.expand(asked.structures or preset.get("structures") or "all", module.structures(), given)
+    left_out: list[str] = []
+    wanted = asked.structures or preset.get("structures") or "all"
+    chosen = specs.expand(wanted, module.structures(), given, left_out)
+    for line in left_out:
+        say(f"left out: {line}")
     corners, triangle = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], [[0, 1, 2]]
     for spec in chosen:
         try:

@@ -28,9 +28,13 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument("file", nargs="?", type=Path, help=".blend or .npz (default: the built-in showcase)")
     made.add_argument("--structure", default="kd", metavar="ID", help="the acceleration structure (default: kd)")
     made.add_argument("--depth", default="0-6", metavar="FIRST-LAST", help="levels of the tree (default: 0-6)")
-    made.add_argument("--show", default="planes", metavar="PART[,...]", help="planes, cells, ray (default: planes)")
+    made.add_argument(
+        "--show", default="planes", metavar="PART[,...]", help="planes, cells, ray, beam (default: planes)"
+    )
     made.add_argument("--least", type=int, default=1, metavar="N", help="show cells of at least so many triangles")
     made.add_argument("--ray", type=float, nargs=6, metavar="N", help="from x y z towards x y z; shows its way")
+    made.add_argument("--traversal", metavar="NAME", help="of the structure, where it has several")
+    made.add_argument("--pixel", type=float, default=1e-3, metavar="N", help="between rays of a beam (default: 0.001)")
     made.add_argument("--opacity", type=float, default=0.9, metavar="SHARE", help="0 to 1 (default: 0.9)")
     made.add_argument("--style", default="BOTH", choices=("OUTLINE", "FILL", "BOTH"), help="default: BOTH")
     made.add_argument("--view", type=float, nargs=6, metavar="N", help="eye x y z and target x y z, z up, 40 degrees")
@@ -62,7 +66,7 @@ def run(asked: argparse.Namespace) -> None:
     import numpy as np
 
     import addon
-    from addon.blender import overlay, pictures, scenes, stage
+    from addon.blender import overlay, pictures, presets, scenes, stage
     from addon.core import workload
 
     if not hasattr(gpu, "init"):
@@ -75,16 +79,19 @@ def run(asked: argparse.Namespace) -> None:
     scene = bpy.context.scene  # another one: the file brought its own
     group = scene.halfspace
     group.structure, settings = asked.structure, group.overlay
+    if asked.traversal is not None:
+        presets.apply(group, f"{asked.structure}:traversal={asked.traversal}")
     settings.show, settings.style = True, asked.style
     settings.depth_min, settings.depth_max = int(first), int(last or first)
     settings.line_width *= SMOOTHING
-    settings.parts = {part.strip().upper() for part in asked.show.split(",")} | ({"RAY"} if asked.ray else set())
+    parts = {part.strip().upper() for part in asked.show.split(",")}
+    settings.parts = parts if parts & {"RAY", "BEAM"} or not asked.ray else parts | {"RAY"}
     settings.least, settings.opacity = asked.least, asked.opacity
     operators: Any = bpy.ops
     operators.halfspace.build_structure()
     if asked.ray is not None:
         start, towards = np.array(asked.ray[:3]), np.array(asked.ray[3:])
-        operators.halfspace.pick_ray(origin=start, direction=towards - start)
+        operators.halfspace.pick_ray(origin=start, direction=towards - start, pixel=asked.pixel)
     if asked.view is not None:
         eye, target = np.array(asked.view[:3]), np.array(asked.view[3:])
         stage.see(scene, workload.View(eye, target, np.array([0.0, 0.0, 1.0]), 40.0))
@@ -93,14 +100,15 @@ def run(asked: argparse.Namespace) -> None:
     picture = _drawn(bpy, gpu, overlay, scene, (int(width) * SMOOTHING, int(height) * SMOOTHING))
     pictures.save(asked.out, pictures.halved(picture))
     print(asked.out)
-    planes, cells, path = (overlay.shown(scene, part) for part in ("PLANES", "CELLS", "RAY"))
+    planes, cells, *picked = (overlay.shown(scene, part) for part in ("PLANES", "CELLS", "RAY", "BEAM"))
     if planes is not None:
         print(f"{len(planes):,} planes of {asked.structure}, {planes.hidden:,} hidden")
     if cells is not None:
         fullest = int(cells.count.max()) if len(cells) else 0
         print(f"{len(cells):,} cells of up to {fullest:,} triangles, {cells.hidden:,} hidden")
-    for line in path.lines() if path is not None else ():
-        print(line)
+    for found in picked:
+        for line in found.lines() if found is not None else ():
+            print(line)
 
 
 def _drawn(bpy: Any, gpu: Any, overlay: Any, scene: Any, size: tuple[int, int]) -> Any:

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The pictures of the documentation, each from a real run: `python scripts/pictures.py [--out DIR] [--width PIXELS]`.
 
-planes-ID.png, leaves-ID.png and ray-ID.png of the built-in scene as the viewport shows them, costs.png with the steps
-of two structures on one scale. Opens no window, which needs Blender 5.2 or newer. Exit status: 0 done; 2 something
-failed, said in one line.
+planes-ID.png, leaves-ID.png and ray-ID.png of the built-in scene as the viewport shows them, beam-ID.png of a tile of
+rays, costs.png with the steps of two structures on one scale. With --readme only those of the README, as small .jpg.
+Opens no window, which needs Blender 5.2 or newer. Exit status: 0 done; 2 something failed, said in one line.
 """
 
 from __future__ import annotations
@@ -20,13 +20,30 @@ import overlay_picture
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-STRUCTURES = ("kd", "bsp-wn-plus-kd", "bvh-sah", "octree-net")
-"""Those of them that there are: one for each way of dividing."""
+STRUCTURES = {"kd": "9-13", "bsp-wn-plus-kd": "9-13", "bvh-sah": "5-8", "octree-net": "1-5"}
+"""One for each way of dividing, and the levels at which its planes are as large as the things in the scene."""
 
-BESIDE = ("kd", "octree-net")
+BEAM = "octree-beam"
+
+README = ROOT / ".pictures"
+"""Where the README looks for its pictures."""
+
+SHOWN = ("planes-bsp-wn-plus-kd", "planes-octree-net", "leaves-kd", f"beam-{BEAM}")
+"""Those of the README, beside the costs."""
+
+LINES = {"octree-net": ("--style", "OUTLINE")}
+"""Where surfaces would hide everything."""
+
+BESIDE = ("kd", "bsp-wn-plus-kd")
 
 RAY = ("3.5", "-5", "2.4", "0", "0.4", "0.7")
 """From the right of the camera to the middle of the scene, so that it is seen from the side."""
+
+ASIDE = ("5.5", "-3", "3.2", "-0.35", "0.75", "1.0")
+"""Another, for the beam."""
+
+VIEW = ("-1.2", "-8.6", "4.4", "0.6", "-0.2", "1.0")
+"""From where the beam is seen."""
 
 BAD_INPUT = 2
 
@@ -34,8 +51,9 @@ BAD_INPUT = 2
 def parser() -> argparse.ArgumentParser:
     """The command line."""
     made = argparse.ArgumentParser(prog="pictures", description=(__doc__ or "").splitlines()[0])
-    made.add_argument("--out", type=Path, default=ROOT / "out" / "pictures", help="a folder (default: out/pictures)")
-    made.add_argument("--width", type=int, default=1280, help="pixels across (default: 1280)")
+    made.add_argument("--out", type=Path, help="a folder (default: out/pictures, with --readme .pictures)")
+    made.add_argument("--width", type=int, help="pixels across (default: 1280, with --readme 720)")
+    made.add_argument("--readme", action="store_true", help="only the pictures of the README")
     return made
 
 
@@ -49,19 +67,25 @@ def main(arguments: Sequence[str]) -> int:
     except native.NativeError as error:
         print(f"pictures: {error}", file=sys.stderr)
         return BAD_INPUT
-    size = ["--size", f"{asked.width}x{asked.width * 9 // 16}"]
-    jobs = []
-    for structure in (name for name in STRUCTURES if known.get(name) is not None):
-        common = [*size, "--structure", structure]
-        jobs.append([*common, "--depth", "0-7", "--out", str(asked.out / f"planes-{structure}.png")])
-        jobs.append([*common, "--show", "cells", "--least", "8", "--out", str(asked.out / f"leaves-{structure}.png")])
-        jobs.append([*common, "--show", "ray", "--ray", *RAY, "--out", str(asked.out / f"ray-{structure}.png")])
-    for job in jobs:
-        status = overlay_picture.main(job)
-        if status:
-            return status
+    width = asked.width or (720 if asked.readme else 1280)
+    out = asked.out or (README if asked.readme else ROOT / "out" / "pictures")
+    size = ["--size", f"{width}x{width * 9 // 16}"]
+    jobs: dict[str, list[str]] = {}
+    for structure, depth in STRUCTURES.items():
+        common = ["--structure", structure]
+        jobs[f"planes-{structure}"] = [*common, "--depth", depth, *LINES.get(structure, ())]
+        jobs[f"leaves-{structure}"] = [*common, "--show", "cells", "--least", "8"]
+        jobs[f"ray-{structure}"] = [*common, "--show", "ray", "--ray", *RAY]
+    beam = ["--structure", BEAM, "--show", "beam", "--pixel", "0.006"]
+    jobs[f"beam-{BEAM}"] = [*beam, "--ray", *ASIDE, "--view", *VIEW]
+    suffix = "jpg" if asked.readme else "png"
+    for name in SHOWN if asked.readme else jobs:
+        if known.get(jobs[name][1]) is not None:
+            status = overlay_picture.main([*jobs[name], *size, "--out", str(out / f"{name}.{suffix}")])
+            if status:
+                return status
     try:
-        costs(asked.out / "costs.png", asked.width // 2)
+        costs(out / f"costs.{suffix}", width // 2)
     except (OSError, RuntimeError, ValueError) as error:
         print("pictures: " + " ".join(str(error).split()), file=sys.stderr)
         return BAD_INPUT

@@ -21,6 +21,7 @@ from . import (
     presets,
     properties,
     reports,
+    viewport,
 )
 
 
@@ -48,6 +49,7 @@ def unregister() -> None:
     """The reverse of `register`."""
     compat.unregister(engine.ENGINE)
     bpy.utils.unregister_class(engine.HalfspaceEngine)
+    viewport.stop()
     overlay.unregister()
     compare_panels.unregister()
     overlay_panels.unregister()

@@ -31,6 +31,9 @@ REPEATS, PASS_SECONDS = 3, 0.5
 CHECKED, BRUTE_TESTS = 2000, 1_000_000_000
 """Rays per set compared with brute force, unless that takes more triangle tests than this."""
 
+TEXT = "Halfspace comparison"
+"""Texts with results are called so, with the scene's name."""
+
 STOP_SECONDS = 10.0
 """How long unregistering waits for the step that runs."""
 
@@ -218,7 +221,10 @@ class _Modal:
         raise NotImplementedError
 
     def _done(self, scene: Any) -> None:
-        """What follows when the result is there."""
+        """What follows when the result is there: it is written into the file as a text."""
+        found = last(scene)
+        if found is not None:
+            keep_text(scene, found)
 
     def execute(self, context: Any) -> set[str]:
         """Work and wait, for scripts."""
@@ -321,6 +327,7 @@ class HALFSPACE_OT_choose(_Modal, bpy.types.Operator):
         return choosing(scene)
 
     def _done(self, scene: Any) -> None:
+        super()._done(scene)
         found = last(scene)
         if found is not None and found.comparison.best is not None:
             presets.apply(scene.halfspace, found.comparison.best.spec)
@@ -357,6 +364,36 @@ class HALFSPACE_OT_write_report(bpy.types.Operator):
             return {"CANCELLED"}
         self.report({"INFO"}, f"Wrote {folder / 'report.html'}")
         return {"FINISHED"}
+
+
+def keep_text(scene: Any, found: Found) -> None:
+    """Keep a result in the .blend, as a text with the scene's name, in place of the last one."""
+    title = f"{TEXT}, {scene.name}"
+    text = bpy.data.texts.get(title) or bpy.data.texts.new(title)
+    text.from_string("\n".join(words(found)))
+
+
+def words(found: Found) -> Iterator[str]:
+    """A result in lines: what each configuration takes for the picture, why, and what was measured."""
+    plan = found.comparison.plan
+    yield f"{plan.pixels:,} pixels, {plan.samples:,} samples each, up to {plan.max_bounces} bounces"
+    yield ""
+    for line in found.comparison.lines:
+        marks = " (best)" * (line is found.comparison.best) + " (fastest rays)" * (line is found.comparison.fastest)
+        if line.problem:
+            yield f"{line.spec}: {line.problem}"
+        else:
+            yield (
+                f"{line.spec}: build {line.build:.2f} s + render {line.trace:.2f} s = {line.total:.2f} s; "
+                f"{line.wrong:,} of {line.checked:,} answers wrong{marks}"
+            )
+    yield ""
+    yield from found.notes
+    if found.rows:
+        yield ""
+        yield from report.table(found.rows).splitlines()
+        yield ""
+        yield from report.findings(found.rows)
 
 
 def save(folder: Path, found: Found) -> None:

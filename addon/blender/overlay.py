@@ -11,7 +11,7 @@ import gpu
 from bpy.app.handlers import persistent
 from gpu_extras.batch import batch_for_shader
 
-from ..core import cells, planes
+from ..core import beams, cells, planes
 from . import building, comparing, picking, trees
 
 OWN_COLOURS = {
@@ -45,8 +45,11 @@ class _Drawing:
     passes: tuple[tuple[str, list[_Batches]], ...]
 
 
-PARTS = ("CELLS", "PLANES", "RAY")
+PARTS = ("CELLS", "PLANES", "BEAM", "RAY")
 """What there is to see, in the order in which it is drawn."""
+
+PICKED = ("BEAM", "RAY")
+"""Those that follow the ray that was picked."""
 
 _drawings: dict[tuple[int, str], _Drawing] = {}
 """By the scene's number and the part."""
@@ -62,7 +65,7 @@ def colours() -> dict[str, tuple[float, float, float]]:
 
 
 def shown(scene: Any, part: str = "PLANES") -> Any:
-    """What was last drawn of this part for this scene, for the panel's numbers: Planes, Cells, Path, or None."""
+    """What was last drawn of this part for this scene, for the panel's numbers: Planes, Cells, Path, Beam, or None."""
     drawing = _drawings.get((scene.original.session_uid, part))
     tree = trees.last(scene)
     return drawing.chosen if drawing is not None and tree is not None and drawing.tree == tree.number else None
@@ -120,7 +123,7 @@ def _drawing(scene: Any, tree: trees.Tree, part: str) -> _Drawing | None:
     if chosen is None:
         _drawings.pop((uid, part), None)
         return None
-    style = "BOTH" if part == "RAY" else settings.style
+    style = "BOTH" if part in PICKED else settings.style
     passes = tuple(
         (test, [_batches(level, style) for level in _levels(part, chosen, tints, opacity, settings.line_width)])
         for test, opacity in _tests(settings, part)
@@ -137,6 +140,8 @@ def _chosen_by(scene: Any, part: str) -> tuple[Any, ...]:
         return (settings.least, settings.max_count)
     if part == "RAY":
         return (picking.last(scene),)
+    if part == "BEAM":
+        return picking.last(scene), settings.beam_spacing
     kinds = tuple(kind for kind in planes.KINDS if kind in settings.kinds)
     return ((settings.depth_min, settings.depth_max), kinds, settings.max_count)
 
@@ -147,6 +152,9 @@ def _choose(tree: trees.Tree, part: str, chosen_by: tuple[Any, ...]) -> Any:
     if part == "RAY":
         (ray,) = chosen_by
         return None if ray is None else cells.follow(tree.structure, *ray.within(tree.origin))
+    if part == "BEAM":
+        ray, spacing = chosen_by
+        return None if ray is None else beams.follow(tree.structure, *ray.tile(tree.origin, spacing))
     return planes.choose(tree.structure, *chosen_by)
 
 
@@ -155,6 +163,8 @@ def _levels(part: str, chosen: Any, tints: Any, opacity: float, width: float) ->
         return cells.levels(chosen, opacity, width)
     if part == "RAY":
         return cells.path_levels(chosen, tints, opacity, width)
+    if part == "BEAM":
+        return beams.levels(chosen, opacity, width)
     return planes.levels(chosen, tints, opacity, width)
 
 
@@ -162,7 +172,7 @@ def _tests(settings: Any, part: str) -> tuple[tuple[str, float], ...]:
     """How a part stands to the objects' depths, with its opacity for each. A ray is seen on its whole way; the
     triangles beside it lie in the surfaces of objects, which a comparison of depths would tear to strips.
     """
-    if part == "RAY":
+    if part in PICKED:
         return (("ALWAYS", settings.opacity),)
     return ("GREATER", settings.opacity * settings.behind), ("LESS_EQUAL", settings.opacity)
 

@@ -58,7 +58,8 @@ def _tree(layout: Any, scene: Any, group: Any) -> None:
     column.label(text=f"{tree.label}, {tree.triangles:,} triangles")
     column.label(text=f"Built in {numbers['build_seconds']:.2f} s, {numbers['bytes'] / 2**20:.1f} MiB")
     nodes = numbers["nodes_axis"] + numbers["nodes_oblique"]
-    column.label(text=f"{nodes:,} nodes, {numbers['leaves']:,} leaves, depth {numbers['depth_max']}")
+    column.label(text=f"{nodes:,} nodes, {numbers['leaves']:,} leaves")
+    column.label(text=f"Depth {numbers['depth_max']}")
     row.operator("halfspace.free_structure", text="", icon="X")
     if tree.stale:
         layout.label(text="The scene has changed since", icon="ERROR")
@@ -105,7 +106,10 @@ class HALFSPACE_PT_view_overlay(_SidebarPanel, bpy.types.Panel):
         layout.use_property_decorate = False
         settings = context.scene.halfspace.overlay
         layout.active = settings.show
-        layout.row().prop(settings, "parts")
+        parts = layout.grid_flow(row_major=True, columns=2, even_columns=True, align=True)
+        parts.use_property_split = False
+        for part in overlay.PARTS:
+            parts.prop_enum(settings, "parts", part)
         if "PLANES" in settings.parts:
             column = layout.column(align=True)
             column.prop(settings, "depth_min")
@@ -116,6 +120,8 @@ class HALFSPACE_PT_view_overlay(_SidebarPanel, bpy.types.Panel):
                 flow.prop_enum(settings, "kinds", kind)
         if "CELLS" in settings.parts:
             layout.prop(settings, "least")
+        if "BEAM" in settings.parts:
+            layout.prop(settings, "beam_spacing")
         layout.prop(settings, "max_count")
         if settings.show:
             if "PLANES" in settings.parts:
@@ -166,9 +172,10 @@ class HALFSPACE_PT_view_ray(_SidebarPanel, bpy.types.Panel):
         row = layout.row(align=True)
         row.operator(picking.HALFSPACE_OT_pick_ray.bl_idname, icon="EYEDROPPER")
         row.operator(picking.HALFSPACE_OT_forget_ray.bl_idname, text="", icon="X")
-        path = overlay.shown(context.scene, "RAY")
-        for line in path.lines() if path is not None else ():
-            layout.label(text=line)
+        for part in ("RAY", "BEAM"):
+            found = overlay.shown(context.scene, part) if part in context.scene.halfspace.overlay.parts else None
+            for line in found.lines() if found is not None else ():
+                layout.label(text=line)
 
 
 class HALFSPACE_PT_view_costs(_SidebarPanel, bpy.types.Panel):

@@ -63,6 +63,7 @@ class HalfspaceOverlaySettings(bpy.types.PropertyGroup):
             ("PLANES", "Planes", "The planes that split space, each cut to its cell", 1),
             ("CELLS", "Leaves", "The cells of leaves, the brighter the more triangles they hold", 2),
             ("RAY", "Ray", "The way of the ray that was picked: its cells in order, planes and triangles", 4),
+            ("BEAM", "Beam", "The tile of 64 rays around it: the leaves they visit, the brighter the more rays do", 8),
         ],
         options={"ENUM_FLAG"},
         default={"PLANES", "RAY"},
@@ -133,6 +134,17 @@ class HalfspaceOverlaySettings(bpy.types.PropertyGroup):
         default=2.5,
         min=1.0,
         max=10.0,
+        subtype="PIXEL",
+        update=_redraw,
+    )
+    beam_spacing: FloatProperty(  # type: ignore[valid-type]
+        name="Beam Spacing",
+        description="Between two rays of the tile, in pixels of the view in which the ray was picked. More gives a "
+        "wider beam, whose rays share less of their way",
+        default=4.0,
+        min=0.1,
+        soft_max=32.0,
+        max=1000.0,
         subtype="PIXEL",
         update=_redraw,
     )

@@ -7,23 +7,36 @@ from dataclasses import dataclass
 from typing import Any
 
 import bpy
-from bpy.props import FloatVectorProperty
+import numpy as np
+from bpy.props import FloatProperty, FloatVectorProperty
 from bpy_extras import view3d_utils
 
-from ..core import native
+from ..core import beams, native
 from . import trees
 
 
 @dataclass(frozen=True)
 class Ray:
-    """origin, direction: in the world, three numbers each."""
+    """origin, direction: in the world, three numbers each.
+
+    up: of the view in which it was picked. pixel: how far the rays of neighbouring pixels lie apart there, in
+    directions of length one, or in origins where `parallel`.
+    """
 
     origin: tuple[float, ...]
     direction: tuple[float, ...]
+    up: tuple[float, ...] = (0.0, 0.0, 1.0)
+    pixel: float = 1e-3
+    parallel: bool = False
 
     def within(self, origin: Any) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """The same ray in the frame whose origin lies at `origin` in the world."""
         return tuple(float(a) - float(b) for a, b in zip(self.origin, origin, strict=True)), self.direction
+
+    def tile(self, origin: Any, spacing: float) -> tuple[Any, Any]:
+        """The rays of a tile around it in that frame, `spacing` pixels apart."""
+        place, direction = (np.array(part, np.float64) for part in self.within(origin))
+        return beams.tile(place, direction, np.array(self.up), spacing * self.pixel, parallel=self.parallel)
 
 
 _rays: dict[int, Ray] = {}
@@ -60,9 +73,12 @@ def under(event: Any, screen: Any) -> Ray | None:
             if region.type != "WINDOW" or not (0 <= x < region.width and 0 <= y < region.height):
                 continue
             view = area.spaces.active.region_3d
-            origin = view3d_utils.region_2d_to_origin_3d(region, view, (x, y))
-            direction = view3d_utils.region_2d_to_vector_3d(region, view, (x, y))
-            return Ray(tuple(origin), tuple(direction))
+            origin, beside = (view3d_utils.region_2d_to_origin_3d(region, view, at) for at in ((x, y), (x + 1, y)))
+            direction, next_to = (view3d_utils.region_2d_to_vector_3d(region, view, at) for at in ((x, y), (x + 1, y)))
+            parallel = not view.is_perspective
+            pixel = (beside - origin).length if parallel else (next_to - direction).length
+            up = view.view_matrix.inverted().col[1][:3]
+            return Ray(tuple(origin), tuple(direction), tuple(up), pixel, parallel)
     return None
 
 
@@ -81,6 +97,15 @@ class HALFSPACE_OT_pick_ray(bpy.types.Operator):
         name="Direction", subtype="DIRECTION", default=(0.0, 0.0, -1.0), options={"SKIP_SAVE"}
     )
 
+    pixel: FloatProperty(  # type: ignore[valid-type]
+        name="Pixel",
+        description="How far the directions of two pixels lie apart, for the beam around the ray",
+        default=1e-3,
+        min=1e-6,
+        max=1.0,
+        options={"SKIP_SAVE"},
+    )
+
     _before: Ray | None = None
 
     @classmethod
@@ -92,7 +117,7 @@ class HALFSPACE_OT_pick_ray(bpy.types.Operator):
         if not any(self.direction):
             self.report({"ERROR"}, "A ray needs a direction")
             return {"CANCELLED"}
-        keep(context.scene, Ray(tuple(self.origin), tuple(self.direction)))
+        keep(context.scene, Ray(tuple(self.origin), tuple(self.direction), pixel=self.pixel))
         return {"FINISHED"}
 
     def invoke(self, context: Any, event: Any) -> set[str]:
@@ -102,7 +127,9 @@ class HALFSPACE_OT_pick_ray(bpy.types.Operator):
             return {"CANCELLED"}
         self._before = last(context.scene)
         settings = context.scene.halfspace.overlay
-        settings.show, settings.parts = True, settings.parts | {"RAY"}
+        settings.show = True
+        if not settings.parts & {"RAY", "BEAM"}:
+            settings.parts |= {"RAY"}
         context.window.cursor_modal_set("EYEDROPPER")
         context.workspace.status_text_set("Click: keep this ray   Esc: leave")
         context.window_manager.modal_handler_add(self)

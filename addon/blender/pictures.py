@@ -44,6 +44,9 @@ def load(path: Path) -> F32:
     return values.reshape(height, width, 4)
 
 
+JPEG_QUALITY = 88
+
+
 def save_displayed(path: Path, picture: F32, scene: Any) -> F32:
     """Write (height, width, 3 or 4) scene linear values as PNG as the scene's view transform shows them.
 
@@ -60,11 +63,11 @@ def save_displayed(path: Path, picture: F32, scene: Any) -> F32:
 
 
 def save(path: Path, picture: F32) -> None:
-    """Write (height, width, 3) display values, 0 to 1, as PNG as they are."""
+    """Write (height, width, 3) display values, 0 to 1, as they are: as JPEG if the name ends so, else as PNG."""
     image = _image(picture, float_buffer=False)
     try:
-        image.file_format = "PNG"
-        image.save(filepath=str(path))
+        image.file_format = "JPEG" if path.suffix in (".jpg", ".jpeg") else "PNG"
+        image.save(filepath=str(path), quality=JPEG_QUALITY)
     finally:
         bpy.data.images.remove(image)
 

@@ -1,150 +1,181 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The rendered viewport: a picture that starts coarse while the view moves and refines while it rests."""
+"""The rendered viewport: what a 3D view shows goes to `core.preview`, its pictures come back and are drawn."""
 
 from __future__ import annotations
 
 import logging
-from dataclasses import replace
+import time
+import weakref
 from typing import Any
 
+import bpy
 import gpu
 import numpy as np
 from gpu_extras.presets import draw_texture_2d
 
-from ..core import native
+from ..core import catalogue, native
 from ..core.notes import Notes
-from ..core.scene import Camera
-from ..core.session import Session
+from ..core.preview import Picture, Preview
 from ..core.settings import RenderSettings, memory_limit
-from . import extract, properties
-from .camera import window
+from ..core.stock import STOCK
+from . import extract, properties, views
 
-MOVING_SCALE = 4
-"""Pixels per ray along each side of the picture, while the view moves."""
+TICK_SECONDS = 0.01
+"""How often a view that works is looked at; Blender itself comes by about as often."""
 
-WAIT_MILLISECONDS = 15
+FIRST_SECONDS = 0.2
+"""The first picture is waited for so long, since drawing the window without it would take as long again."""
 
 log = logging.getLogger(__name__)
 
+_working: weakref.WeakSet[Viewport] = weakref.WeakSet()
+"""The views that still work."""
+
 
 class Viewport:
-    """The state of one 3D view: a session rebuilt on edits, a job restarted on movement.
+    """One 3D view in rendered mode.
 
     Holds no engine, so that it goes, and stops its work, as soon as Blender lets the engine go.
     """
 
     def __init__(self) -> None:
-        self._session: Session | None = None
+        self._preview: Preview | None = None
+        self._engine: weakref.ref[Any] | None = None
         self._origin = np.zeros(3)
-        self._settings = RenderSettings(width=1, height=1)
-        self._view: tuple[Any, ...] | None = None
-        self._camera: Camera | None = None
-        self._job: Any = None
-        self._scale = 1
+        self._problem = ""
+        self._skipped: list[str] = []
         self._texture: Any = None
-
-    def __del__(self) -> None:
-        self.stop()
-
-    def stop(self) -> None:
-        """End what runs, within the native module's time limit."""
-        if self._job is not None:
-            self._job.cancel()
-            self._job.wait(1000)
-            self._job = None
+        self._drawn: Picture | None = None
 
     def update(self, engine: Any, context: Any, depsgraph: Any) -> None:
         """Take over the scene after an edit."""
-        self.stop()
-        self._view = None
         try:
-            group = context.scene.halfspace
-            scene = extract.extract(depsgraph, Notes())
-            self._session = Session.start(
-                native.load(),
-                scene,
-                properties.spec(group),
-                memory_limit=memory_limit(group.memory_limit),
-                keep_going=lambda _progress: True,
-            )
+            notes = Notes()
+            scene = extract.extract(depsgraph, notes)
+            group = depsgraph.scene.halfspace
+            if self._preview is None:
+                self._preview = Preview(native.load(), STOCK)
+            spec, limit = properties.spec(group), memory_limit(group.memory_limit)
             self._origin = scene.geometry.origin
-            self._settings = RenderSettings(
-                width=1,
-                height=1,
-                samples=group.preview_samples,
-                max_bounces=group.max_bounces,
-                clamp_indirect=group.clamp_indirect,
-                seed=group.render_seed,
-            )
+            self._preview.edit(scene, spec, limit, preview_settings(depsgraph.scene))
+            self._problem, self._skipped = "", notes.lines()
         except Exception as error:
             log.exception("Halfspace could not read the scene for the viewport")
-            self._session = None
-            engine.update_stats("Halfspace", str(error))
+            self._preview = None
+            self._problem = " ".join(str(error).split()) or type(error).__name__
+        self._work(engine)
 
     def draw(self, engine: Any, context: Any) -> None:
-        """Show the newest picture; ask for another redraw while there is more to come."""
-        if self._session is None:
-            return
-        region, view = context.region, context.region_data
-        key = (region.width, region.height, tuple(tuple(row) for row in view.perspective_matrix))
-        if key != self._view:
-            self._view = key
-            self._camera = view_camera(view, self._origin, context.space_data)
-            self._start(region, MOVING_SCALE)
-        job = self._job
-        finished = job.wait(WAIT_MILLISECONDS)
-        if job.error is not None:
-            engine.update_stats("Halfspace", job.error)
-            return
-        if job.samples_done:
-            self._upload(region)
-        self._show(engine, context.scene, region)
-        if finished and self._scale > 1:
-            self._start(region, 1)
-            finished = False
-        engine.update_stats("Halfspace", f"Sample {job.samples_done} of {self._settings.samples}")
-        if not finished:
+        """Show the newest picture."""
+        preview = self._preview
+        if preview is not None:
+            pixel = max(int(engine.get_preview_pixel_size(context.scene)), 1)
+            preview.look(views.seen(context, self._origin, pixel))
+            preview.advance()
+            if preview.picture is None:
+                self._wait(preview)
+            start = time.perf_counter()
+            if preview.picture is not self._drawn:
+                self._upload(preview.picture)
+                preview.showing_seconds = time.perf_counter() - start
+            self._show(engine, context)
+        engine.update_stats("Halfspace", self.status())
+        self._work(engine)
+
+    def status(self) -> str:
+        """The line in the corner of the view."""
+        preview = self._preview
+        problem = self._problem or (preview.problem if preview is not None else "")
+        if preview is None or problem:
+            return problem
+        done, wanted = preview.samples
+        parts = [f"Sample {done} of {wanted}"]
+        if preview.preparing is not None:
+            spec, progress = preview.preparing
+            label = catalogue.load()[spec.partition(":")[0]].label
+            parts.insert(0, f"{label}: {progress:.0%}")
+        if self._skipped:
+            more = f" (and {len(self._skipped) - 1} more)" if len(self._skipped) > 1 else ""
+            parts.append(self._skipped[0] + more)
+        return " | ".join(parts)
+
+    def tick(self) -> bool:
+        """Go on working; ask Blender to draw if there is something new. Returns whether there is more to do."""
+        preview = self._preview
+        engine = self._engine() if self._engine is not None else None
+        if preview is None or engine is None:
+            return False
+        if preview.advance() or not preview.busy:
             engine.tag_redraw()
+        return preview.busy
 
-    def _start(self, region: Any, scale: int) -> None:
-        self.stop()
-        self._scale = scale
-        coarse = scale > 1
-        self._settings = replace(
-            self._settings, width=max(region.width // scale, 1), height=max(region.height // scale, 1)
-        )
-        settings = replace(self._settings, samples=1) if coarse else self._settings
-        self._job = self._session.render(self._camera, settings)  # type: ignore[union-attr, arg-type]
+    def _wait(self, preview: Preview) -> None:
+        """Give the very first picture a moment."""
+        end = time.perf_counter() + FIRST_SECONDS
+        while preview.picture is None and preview.busy and time.perf_counter() < end:
+            time.sleep(TICK_SECONDS / 4)
+            preview.advance()
 
-    def _upload(self, region: Any) -> None:
-        width, height = self._settings.size
-        pixels = np.empty(width * height * 4, np.float32)
-        self._job.copy_into("Combined", pixels)
-        self._texture = gpu.types.GPUTexture(
-            (width, height), format="RGBA16F", data=gpu.types.Buffer("FLOAT", len(pixels), pixels)
-        )
-
-    def _show(self, engine: Any, scene: Any, region: Any) -> None:
-        if self._texture is None:
+    def _work(self, engine: Any) -> None:
+        """See to it that `tick` is called while there is work."""
+        if self._preview is None or not self._preview.busy:
             return
+        self._engine = weakref.ref(engine)
+        _working.add(self)
+        if not bpy.app.timers.is_registered(_tick):
+            bpy.app.timers.register(_tick, first_interval=TICK_SECONDS)
+
+    def _upload(self, picture: Picture | None) -> None:
+        self._drawn = picture
+        if picture is None:
+            return
+        x0, y0, x1, y1 = picture.part
+        self._texture = gpu.types.GPUTexture(
+            (x1 - x0, y1 - y0), format="RGBA16F", data=gpu.types.Buffer("FLOAT", len(picture.pixels), picture.pixels)
+        )
+
+    def _show(self, engine: Any, context: Any) -> None:
+        picture, region = self._drawn, context.region
+        if picture is None:
+            return
+        across, up = region.width / picture.width, region.height / picture.height
+        x0, y0, x1, y1 = picture.part
         gpu.state.blend_set("ALPHA_PREMULT")
-        engine.bind_display_space_shader(scene)
-        draw_texture_2d(self._texture, (0, 0), region.width, region.height)
+        engine.bind_display_space_shader(context.scene)
+        draw_texture_2d(self._texture, (x0 * across, y0 * up), (x1 - x0) * across, (y1 - y0) * up)
         engine.unbind_display_space_shader()
         gpu.state.blend_set("NONE")
 
 
-def view_camera(view: Any, origin: np.ndarray[Any, Any], space: Any) -> Camera:
-    """What a 3D view shows, as a camera: works alike for perspective, parallel and camera views."""
-    to_world = np.linalg.inv(np.array(view.view_matrix, np.float64))
-    to_world[:3, :3] /= np.linalg.norm(to_world[:3, :3], axis=0)
-    to_world[:3, 3] -= origin
-    projection = np.array(view.window_matrix, np.float64)
-    parallel = projection[3, 3] == 1.0
-    return Camera(
-        kind="orthographic" if parallel else "perspective",
-        to_world=to_world,
-        window=window(projection),
-        clip_start=-space.clip_end if parallel else space.clip_start,
-        clip_end=space.clip_end,
+def _tick() -> float | None:
+    """What the timer calls: all views that work, until none does."""
+    for view in tuple(_working):
+        try:
+            more = view.tick()
+        except ReferenceError:  # Blender has freed the engine
+            more = False
+        if not more:
+            _working.discard(view)
+    return TICK_SECONDS if _working else None
+
+
+def stop() -> None:
+    """End the timer."""
+    _working.clear()
+    if bpy.app.timers.is_registered(_tick):
+        bpy.app.timers.unregister(_tick)
+
+
+def preview_settings(scene: Any) -> RenderSettings:
+    """How the viewport renders this scene; the size is each view's."""
+    group = scene.halfspace
+    return RenderSettings(
+        width=1,
+        height=1,
+        samples=group.preview_samples,
+        max_bounces=group.max_bounces,
+        clamp_indirect=group.clamp_indirect,
+        seed=group.render_seed,
+        film_transparent=scene.render.film_transparent,
+        threads=scene.render.threads if scene.render.threads_mode == "FIXED" else 0,
     )

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from . import accuracy, peak, rays, rows, timing, yardstick
+from . import accuracy, costmap, peak, rays, rows, timing, yardstick
 from .accuracy import Answers
 from .preparation import REFERENCES, Options, Prepared, Progress, prepare, prepared
 from .rows import Row, agrees, first_line
@@ -57,6 +57,9 @@ SELF_CHECK = 2048
 """Rays per set on which the reference is compared with itself."""
 
 SCALING_ROUNDS = 3
+
+MAP_SECONDS = 0.5
+"""Tracing the rays of a cost map may take so long."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +117,9 @@ class _Run:
         self._specs = [spec for spec in chosen if spec != self._anchor_spec]
         passes = len(shared.ray_sets) * (options.repeats + 1) + len(shared.views) * SCALING_ROUNDS
         # Builds, one comparison, timed passes, the peak, the moved grids, pictures.
-        self._steps_each = min(BUILDS, options.repeats) + 1 + passes + options.peak + bool(options.offsets)
+        self._steps_each = (
+            min(BUILDS, options.repeats) + 1 + passes + options.peak + bool(options.offsets) + options.maps
+        )
         self._steps_each += len(options.curve)
         self._total = max(len(chosen), 1) * self._steps_each
         self._count = 0
@@ -245,6 +250,8 @@ class _Run:
                     yield from self._peaks(candidates, scene)
                 finally:
                     scene.unlink(missing_ok=True)
+        if self._prepared.map_view is not None:
+            yield from self._maps(candidates)
         if self._prepared.moved is not None:
             for candidate in candidates:
                 yield self._step(f"{candidate.spec}: far from the origin")
@@ -252,6 +259,15 @@ class _Run:
                     candidate.offsets = self._prepared.moved.errors(candidate.spec)
                 except (ValueError, RuntimeError, MemoryError) as error:
                     candidate.left_out.append(f"answers far from the origin: {first_line(error)}")
+
+    def _maps(self, candidates: Sequence[Candidate]) -> Iterator[Event]:
+        """What each pixel costs, for those that answer so many rays in reasonable time."""
+        view, size = self._prepared.map_view, self._prepared.map_size
+        assert view is not None
+        for candidate in candidates:
+            yield self._step(f"{candidate.spec}: what each pixel costs")
+            if len(view) <= candidate.checked.get("primary", 1.0) * 1e6 * MAP_SECONDS:
+                candidate.cost_map = costmap.packed(costmap.work(candidate.structure, view, size))
 
     def _peaks(self, candidates: Sequence[Candidate], scene: Path) -> Iterator[Event]:
         """One process per core: nothing else is timed meanwhile."""
@@ -313,10 +329,14 @@ class _Run:
         row["errors"]["sets"] = {name: errors.as_row(options.reference) for name, errors in candidate.errors.items()}
         # Pixels in which a picture is not that of the first structure; 0 where nothing was rendered.
         row["errors"]["differing_pixels"] = candidate.differing_pixels
+        row["map"] = candidate.cost_map
         row["scaling"] = candidate.scaling or None
         row["offsets"] = candidate.offsets or None
         if candidate.curve:
             row["curve"] = candidate.curve
+            assert self._prepared.pictures is not None, "it drew the curve"
+            row["independent"] = self._prepared.pictures.independent
+            row["image_s"] = self._prepared.pictures.image_seconds(candidate.curve)
             row["render_s"] = candidate.curve[-1]["seconds"]
         left = [n for n in options.curve if n not in {point["spp"] for point in candidate.curve}]
         if left and candidate.spec != yardstick.SPEC:

@@ -184,15 +184,16 @@ def path_levels(path: Path, tints: Mapping[str, Sequence[float]], opacity: float
         shape = Shape(cells.vertices, cells.offsets, np.repeat(rgb, faces, axis=0), np.repeat(strength, faces))
         made.append(planes.level(shape, np.arange(cells.cells[-1]), 0, max(0.6 * width, 1.0), (0.05, 0.1)))
     if len(path.ids):
-        made.append(_triangles(path.corners, TESTED_RGB, 0.8 * opacity, 1.0, 0.35))
+        made.append(triangles(path.corners, TESTED_RGB, 0.8 * opacity, 1.0, 0.35))
         hit = path.corners[path.ids == path.triangle]
         if len(hit):
-            made.append(_triangles(hit, HIT_RGB, opacity, width, 0.9))
+            made.append(triangles(hit, HIT_RGB, opacity, width, 0.9))
     made.append(_ray(path, opacity, width))
     return made
 
 
-def _triangles(corners: F32, rgb: Sequence[float], strength: float, width: float, fill: float) -> Level:
+def triangles(corners: F32, rgb: Sequence[float], strength: float, width: float, fill: float) -> Level:
+    """Triangles, (n, 3, 3), in one colour."""
     count = len(corners)
     shape = Shape(
         np.ascontiguousarray(corners.reshape(-1, 3)),

@@ -8,14 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from . import curve, ksweep
+from . import costmap, curve, ksweep
 from .costs import PARTS, Fit
 from .rows import Row, agrees
+from .thesis import Published
 
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#5b6472")
 """Told apart by people with any kind of colour vision (Okabe and Ito 2008), without the yellow that white swallows."""
 
-MARKERS = "osD^vP*Xh<>p"
+MARKERS = "osD^vP*Xh<>pd8"
 
 WRONG = "#d55e00"
 INK = "#1c1f24"
@@ -59,26 +60,35 @@ OFFSETS = (
     "the rate that so many rays exclude with 95 % confidence."
 )
 
+APART = ("embree", "brute")
+"""The yardstick and the reference, in grey."""
+
+MAPS = (
+    "Nodes visited and triangles tested by the ray of each pixel, all on one scale, in the order of their means. Rays "
+    "that a tile or a beam takes together share its work evenly."
+)
+MAP_COLUMNS = 7
+
 Styles = dict[str, tuple[str, str]]
 """Configuration to colour and marker."""
 
 
 def styles(rows: Sequence[Row]) -> Styles:
     """A configuration keeps its colour and marker in all plots of a scene. Families of names share a colour."""
-    families = list(dict.fromkeys(_family(row["spec"]) for row in rows))
+    families = [name for name in dict.fromkeys(_family(row["spec"]) for row in rows) if name not in APART]
     found: Styles = {}
     members: dict[str, int] = {}
     for row in rows:
         family = _family(row["spec"])
         number = members.setdefault(family, 0)
         members[family] += 1
-        colour = COLOURS[families.index(family) % len(COLOURS)]
+        colour = GREY if family in APART else COLOURS[families.index(family) % len(COLOURS)]
         found[row["spec"]] = colour, MARKERS[number % len(MARKERS)]
     return found
 
 
 def _family(spec: str) -> str:
-    return spec.partition(":")[0].partition("-")[0]
+    return spec.partition(":")[0].partition("-")[0].rstrip("0123456789")
 
 
 def speeds(figure: Any, rows: Sequence[Row]) -> None:
@@ -188,14 +198,14 @@ def time_against_rays(figure: Any, rows: Sequence[Row], styles: Styles) -> None:
     _legend(axes, len(rows))
 
 
-def k_sweep(figure: Any, scene: str, base: str, lines: Sequence[ksweep.Line], published: Any) -> None:
+def k_sweep(figure: Any, scene: str, base: str, lines: Sequence[ksweep.Line], published: Published | None) -> None:
     """Percent of the base's time against k, with the published medians dashed."""
     axes = figure.subplots()
     for number, line in enumerate(lines):
         colour, marker = COLOURS[number % len(COLOURS)], MARKERS[number // len(COLOURS) % len(MARKERS)]
         axes.fill_between(line.k, line.low, line.high, color=colour, alpha=0.15, linewidth=0)
         axes.plot(line.k, line.median, marker + "-", color=colour, label=line.structure, markersize=5)
-        other = ksweep.published_for(scene, line.structure, published)
+        other = published.medians(scene, line.structure) if published is not None else {}
         if other:
             axes.plot(sorted(other), [other[k] for k in sorted(other)], "--", color=colour, linewidth=1)
     axes.axhline(100, color=GREY, linewidth=1)
@@ -254,6 +264,35 @@ def wrong_against_offset(figure: Any, rows: Sequence[Row], styles: Styles) -> No
     axes.set_ylabel(f"wrong answers to {rays:,} rays")
     axes.grid(visible=True)
     _legend(axes, len(rows), title="without bounds")
+
+
+def cost_maps(figure: Any, rows: Sequence[Row]) -> None:
+    """A picture for each structure, on one scale."""
+    maps = sorted(((costmap.unpacked(row["map"]), row["spec"]) for row in rows), key=lambda one: one[0].mean())
+    high = costmap.scale_end([values for values, _ in maps])
+    columns = min(MAP_COLUMNS, len(maps))
+    panels = figure.subplots(-(-len(maps) // columns), columns, squeeze=False)
+    image = None
+    for place, axes in enumerate(panels.flat):
+        axes.set_axis_off()
+        if place < len(maps):
+            values, spec = maps[place]
+            image = axes.imshow(values, cmap="inferno", vmin=0, vmax=high, origin="lower", interpolation="nearest")
+            axes.set_title(f"{_short(spec)}\n{costmap.summary(values)}", fontsize=6.5, fontweight="normal")
+    bar = figure.colorbar(image, ax=panels, location="bottom", fraction=0.02, pad=0.02, aspect=60)
+    bar.set_label("steps and tests per ray")
+
+
+def _short(spec: str) -> str:
+    """A name that fits over a small picture."""
+    return spec if len(spec) <= LONG else f"{spec[: LONG - 1]}…"
+
+
+def cost_map_height(rows: Sequence[Row]) -> float:
+    """Inches that the maps of so many structures take."""
+    columns = min(MAP_COLUMNS, len(rows))
+    height, width = rows[0]["map"]["height"], rows[0]["map"]["width"]
+    return -(-len(rows) // columns) * (9.6 / columns * float(height / width) + 0.32) + 0.7
 
 
 def _logarithmic(axes: Any) -> None:

@@ -3,9 +3,11 @@
 
 from __future__ import annotations
 
+import base64
 import math
 import time
-from collections.abc import Sequence
+import zlib
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -69,6 +71,41 @@ def measure(structure: Any, workload: Workload, size: tuple[int, int], key: str)
     picture = np.empty(width * height, np.float32)
     picture[tiles] = values
     return picture.reshape(height, width)[::-1].copy()
+
+
+def work(structure: Any, view: rays.RaySet, size: tuple[int, int]) -> F32:
+    """(height, width) float32, nodes visited and triangles tested by the ray of each pixel, rows from the bottom.
+
+    view: the primary rays of `size` pixels in tiles. Where a tile is walked together, its rays share the sum evenly.
+    """
+    width, height = size
+    walked, alone = (
+        sum(
+            found.counters[key].astype(np.float32)
+            for found in (structure.closest(view.origins, view.directions, order=order, counters=True),)
+            for key in ("steps", "tests")
+        )
+        for order in (view.order, "none")
+    )
+    if not np.array_equal(walked, alone):
+        side = rays.TILE**2
+        walked = np.repeat(walked.reshape(-1, side).mean(axis=1), side)
+    picture = np.empty(width * height, np.float32)
+    picture[rays.tile_order(width, height)] = walked
+    return picture.reshape(height, width)[::-1].copy()
+
+
+def packed(values: F32) -> dict[str, Any]:
+    """A map for JSON: whole numbers below 65,536, rows from the bottom."""
+    whole = np.minimum(np.rint(values), 65535).astype("<u2")
+    height, width = values.shape
+    return {"width": width, "height": height, "data": base64.b64encode(zlib.compress(whole.tobytes(), 9)).decode()}
+
+
+def unpacked(stored: Mapping[str, Any]) -> F32:
+    """The reverse of `packed`."""
+    whole = np.frombuffer(zlib.decompress(base64.b64decode(stored["data"])), "<u2")
+    return whole.reshape(stored["height"], stored["width"]).astype(np.float32)
 
 
 def _nanoseconds(structure: Any, primary: rays.RaySet) -> F32:

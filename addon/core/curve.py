@@ -7,7 +7,7 @@ time to the structure; that the pictures are the same is checked.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -29,6 +29,12 @@ RELATIVE_FLOOR = 1e-2
 
 TRIMMED = 0.001
 """The share of the largest relative errors that relMSE leaves out: fireflies."""
+
+IMAGE_PIXELS, IMAGE_SAMPLES = 1024 * 1024, 16
+"""The picture whose time, build included, is told of each structure."""
+
+INDEPENDENT = 64
+"""Up to so many samples per pixel the error of independent samples is measured too."""
 
 POINT_SECONDS = 30.0
 """A picture that would take longer than about this is left out."""
@@ -61,11 +67,35 @@ class Curve:
         self._max_bounces = max_bounces
         self._converged: Image | None = None
         self._pictures: dict[int, Image] = {}
+        self.independent: list[dict[str, float]] = []
 
     def converge(self, structure: Any) -> None:
-        """Render the picture that all are compared with, on all cores."""
+        """Render the picture that all are compared with, on all cores; then the errors of independent samples."""
         job = self._render(structure, self.samples[-1] * CONVERGED, self._seed + 1, 0)
         self._converged = self._image(job)
+        self.independent = list(self._independent(structure))
+
+    def _independent(self, structure: Any) -> Iterator[dict[str, float]]:
+        """The errors of means of pictures with one sample each and a seed of its own.
+
+        The samples of one picture are spread evenly, so its error falls faster than that of independent ones; these
+        show by how much, and that nothing but the spreading is behind it.
+        """
+        assert self._converged is not None, "the reference comes first"
+        total = np.zeros(self._converged.shape, np.float64)
+        for count in range(1, min(self.samples[-1], INDEPENDENT) + 1):
+            total += self._image(self._render(structure, 1, self._seed + 1 + count, 0))
+            if count in self.samples:
+                mean = (total / count).astype(np.float32)
+                yield {"spp": count, **errors(mean, self._converged)}
+
+    def image_seconds(self, points: Sequence[Mapping[str, Any]]) -> float | None:
+        """What a picture of IMAGE_PIXELS with IMAGE_SAMPLES takes, by the picture here with the most samples."""
+        if not points:
+            return None
+        last = points[-1]
+        of_one = float(last["seconds"]) / (self._width * self._height * last["spp"])
+        return float(of_one * IMAGE_PIXELS * IMAGE_SAMPLES)
 
     def affordable(self, mrays_s: float) -> list[int]:
         """The numbers of samples that a structure of this speed renders in reasonable time."""

@@ -10,9 +10,10 @@ from dataclasses import dataclass
 from importlib import resources
 from typing import Any
 
-from . import plots, ranking, yardstick
-from .report import by_scene, findings, heading, set_names
+from . import plots, ranking, thesis, yardstick
+from .report import by_scene, findings, heading, image_total, set_names, worth_it
 from .rows import Row, agrees
+from .thesis import Published
 
 MOST_ROWS_INSIDE = 200
 """With more rows their whole content stays in `bench.json` and the numbers link to there."""
@@ -49,12 +50,13 @@ ERRORS = {
 }
 
 
-def as_html(document: dict[str, Any], published: Any = None) -> str:
-    """The whole report as one page. published: what `ksweep.read_published` gives, drawn beside the K sweep."""
+def as_html(document: dict[str, Any], published: Published | None = None) -> str:
+    """The whole report as one page. published: results of the thesis, set beside ours."""
     rows: list[Row] = document["rows"]
     number = {id(row): index for index, row in enumerate(rows)}
     inside = len(rows) <= MOST_ROWS_INSIDE
     parts = []
+    parts.append(_overview(rows))
     for place, (scene, own) in enumerate(by_scene(rows).items(), 1):
         parts.append(f'<section id="scene-{place}"><h2>{_safe(scene)}</h2>')
         parts.append(f"<p>{_safe(heading(scene, own))}.</p>")
@@ -71,11 +73,25 @@ def as_html(document: dict[str, Any], published: Any = None) -> str:
     reason = plots.problem()
     if reason:
         parts.append(f"<p>Plots are left out: {_safe(reason)}.</p>")
+    parts.append(_thesis(rows, published))
     parts.append(_machines(document))
     if inside:
         parts.append(_appendix(rows))
     template = resources.files(__package__ or "").joinpath("page.html").read_text(encoding="utf-8")
     return template.replace("%FACTS%", _safe(_facts(document))).replace("%BODY%", "\n".join(parts))
+
+
+def _overview(rows: Sequence[Row]) -> str:
+    """What several scenes say together."""
+    scenes = by_scene(rows)
+    if len(scenes) < 2 or not any(image_total(row) is not None for row in rows):
+        return ""
+    better = worth_it(rows)
+    return (
+        f'<ul class="findings"><li>The build and one picture of 1024 × 1024 pixels with 16 samples are faster with a '
+        f"tree with oblique planes than with kd on {len(better)} of {len(scenes)} scenes"
+        f"{': ' if better else ''}{_safe(', '.join(better))}.</li></ul>"
+    )
 
 
 def _safe(text: Any) -> str:
@@ -96,6 +112,7 @@ def _columns(rows: Sequence[Row]) -> list[Column]:
         Column("MB", "memory", "nodes and leaves"),
         Column("peak", "memory", "the most that a build took in a process of its own, megabytes"),
     ]
+    columns.append(Column("s", "image", "the build, and a picture of 1024 × 1024 pixels with 16 samples, seconds"))
     for name in set_names(rows):
         columns.append(Column("Mray/s", name, "million rays per second, median of the rounds"))
         columns.append(Column("×Emb", name, "times Embree's speed in the same rounds, median"))
@@ -110,6 +127,7 @@ def _cells(row: Row, sets: Sequence[str], best: set[tuple[int, str]]) -> Iterato
     yield _cell(build, "build_s/med", 3)
     yield _cell(row["bytes"] and row["bytes"] / 1e6, "bytes", 1)
     yield _cell(row["peak_bytes"] and row["peak_bytes"] / 1e6, "peak_bytes", 1)
+    yield _cell(image_total(row), "image_s", 2)
     for name in sets:
         one = (row["rays"] or {}).get(name) or {}
         speed = one.get("mrays_s") and one["mrays_s"]["med"]
@@ -191,6 +209,40 @@ def _left_out(rows: Sequence[Row]) -> str:
     return f"<h3>Left out, and failed</h3><ul>{items}</ul>" if items else ""
 
 
+def _thesis(rows: Sequence[Row], published: Published | None) -> str:
+    """The tables of the thesis, ours beside the published numbers."""
+    found = thesis.tables(by_scene(rows), published)
+    if not found:
+        return ""
+    intro = (
+        "<section><h2>The tables of the thesis</h2><p>Percent of the kd-tree's, median over the seeds, and the smallest"
+        " and the largest. In italics what Hoobergs (2019) published for the scene that comes nearest; there each of"
+        " the three is divided by the same of the kd-tree, so that a smallest may be above a median.</p>"
+    )
+    parts = [intro]
+    for table in found:
+        parts.append(f"<h3>{_safe(table.title)}</h3>")
+        width = 2 * len(table.columns)
+        over = "".join(f'<th colspan="{width}" scope="colgroup">{_safe(scene)}</th>' for scene in table.scenes)
+        heads = "".join(f"<th>{name}</th>" for name in table.columns)
+        heads += "".join(f"<th><em>{name}</em></th>" for name in table.columns)
+        body = "".join(
+            f'<tr><th scope="row">{_safe(name)}</th>{"".join(_beside(cell, len(table.columns)) for cell in cells)}</tr>'
+            for name, cells in table.lines
+        )
+        parts.append(
+            f'<div class="wide"><table><thead><tr><td></td>{over}</tr><tr><td></td>{heads * len(table.scenes)}</tr>'
+            f"</thead><tbody>{body}</tbody></table></div>"
+        )
+    return "".join(parts) + "</section>"
+
+
+def _beside(cell: tuple[thesis.Numbers, thesis.Numbers], count: int) -> str:
+    """Cells of what was measured and of what was published."""
+    ours, theirs = ([f"{value:,.0f}" for value in part] or ["–"] * count for part in cell)
+    return "".join(f"<td>{text}</td>" for text in ours) + "".join(f"<td><em>{text}</em></td>" for text in theirs)
+
+
 def _machines(document: dict[str, Any]) -> str:
     """Where the rows were measured, if in more than one place."""
     machines = document.get("machines") or {}
@@ -209,7 +261,7 @@ def _appendix(rows: Sequence[Row]) -> str:
     """All rows as in bench.json, each value with an anchor that the tables link to."""
     parts = [
         f"<details><summary>rows[{index}]: {_safe(row['scene'])}, <b>{_safe(row['spec'])}</b></summary>"
-        f"<pre>{''.join(_json(row, f'/rows/{index}', 0))}</pre></details>"
+        f"<pre>{''.join(_json({key: row[key] for key in row if key != 'map'}, f'/rows/{index}', 0))}</pre></details>"
         for index, row in enumerate(rows)
     ]
     return f'<section class="appendix"><h2>All rows of bench.json</h2>{"".join(parts)}</section>'

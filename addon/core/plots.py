@@ -12,6 +12,7 @@ from typing import Any
 
 from . import charts, costs, ksweep, yardstick
 from .rows import Row
+from .thesis import Published
 
 STYLE: Any = {
     "svg.fonttype": "none",
@@ -54,7 +55,7 @@ def problem() -> str | None:
     return None if importlib.util.find_spec("matplotlib") else "matplotlib is not installed in this Python"
 
 
-def scene_figures(rows: Sequence[Row], published: Any = None) -> list[Picture]:
+def scene_figures(rows: Sequence[Row], published: Published | None = None) -> list[Picture]:
     """The figures for one scene's rows; those without data are left out."""
     everything = [row for row in rows if row["rays"]]
     if problem() or not everything:
@@ -69,6 +70,7 @@ def scene_figures(rows: Sequence[Row], published: Any = None) -> list[Picture]:
     ours_close = [row for row in close if row["spec"] != yardstick.SPEC]
     curves = [row for row in ours if row["curve"]]
     views = [row for row in close if row["scaling"] and len(row["scaling"]) > 1]
+    mapped = [row for row in ours if row.get("map")]
     moved = [row for row in ours if row["offsets"]]
     base, lines = ksweep.lines([row for row in everything if row["spec"] != yardstick.SPEC])
     fitted = costs.fit(ours_close)
@@ -91,6 +93,10 @@ def scene_figures(rows: Sequence[Row], published: Any = None) -> list[Picture]:
     if views:
         draw = partial(charts.time_against_rays, rows=views, styles=styles)
         add("Time against the number of rays", charts.SCALING, 4.4 + below, draw)
+    if mapped:
+        add(
+            "What each pixel costs", charts.MAPS, charts.cost_map_height(mapped), partial(charts.cost_maps, rows=mapped)
+        )
     if moved:
         draw = partial(charts.wrong_against_offset, rows=moved, styles=styles)
         add("Wrong answers far from the origin", charts.OFFSETS, 3.8 + below, draw)

@@ -7,7 +7,7 @@ from collections.abc import Generator, Iterator
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from . import curve, rays, yardstick
+from . import costmap, curve, rays, yardstick
 from .accuracy import Answers
 from .offsets import Moved
 from .rays import RaySet
@@ -16,8 +16,11 @@ from .workload import Workload
 PASS_SECONDS = 5.0
 """One timed pass over a ray set takes about this long at most; slower structures get fewer rays."""
 
-SCALING = (8, 4, 2)
+SCALING = (16, 8, 4, 2)
 """The view is also timed with its sides divided by these."""
+
+MAP_SIDE = 96
+"""Pixels along the longer side of the maps of what each pixel costs."""
 
 REFERENCES = ("brute", "exact", "embree")
 
@@ -28,7 +31,8 @@ class Options:
 
     threads: for builds and tracing. seed: of the rays. curve: samples per pixel of the pictures. offsets: how far away
     the grid of touching boxes is put. scaling: whether views of fewer pixels are timed. peak: whether each build is
-    done once more in a process of its own, for its memory. pass_seconds: how long one timed pass may take.
+    done once more in a process of its own, for its memory. maps: whether what each pixel costs is kept. pass_seconds:
+    how long one timed pass may take.
     memory_limit: bytes that a build may take, None for what the native module allows; a configuration that needs more
     gives a row whose `error` says so.
     """
@@ -44,6 +48,7 @@ class Options:
     offsets: tuple[float, ...] = ()
     scaling: bool = False
     peak: bool = False
+    maps: bool = False
     pass_seconds: float = PASS_SECONDS
     memory_limit: int | None = None
 
@@ -76,6 +81,8 @@ class Prepared:
     views: list[RaySet]
     pictures: curve.Curve | None
     moved: Moved | None
+    map_view: RaySet | None = None
+    map_size: tuple[int, int] = (0, 0)
 
 
 def prepare(native: Any, workload: Workload, options: Options) -> Generator[Progress, None, Prepared]:
@@ -100,7 +107,17 @@ def prepare(native: Any, workload: Workload, options: Options) -> Generator[Prog
         yield Progress(0.0, "rendering the converged picture")
         pictures.converge(tracer)
     views = list(_smaller_views(workload, tracer, options)) if options.scaling and "primary" in options.sets else []
-    return Prepared(workload, options, ray_sets, checked, expected, views, pictures, moved)
+    made = Prepared(workload, options, ray_sets, checked, expected, views, pictures, moved)
+    if options.maps:
+        width, height = (_scaled(side, options.size) for side in options.size)
+        made.map_size = costmap.rounded((width, height))
+        (made.map_view,) = rays.make(workload, tracer, size=made.map_size, seed=options.seed, names=("primary",))[:1]
+    return made
+
+
+def _scaled(side: int, size: tuple[int, int]) -> int:
+    """A side of the view in pixels of a map."""
+    return round(side * MAP_SIDE / max(size))
 
 
 def prepared(native: Any, workload: Workload, options: Options) -> Prepared:
@@ -121,8 +138,10 @@ def _tracer_spec(native: Any) -> str:
 
 def _smaller_views(workload: Workload, tracer: Any, options: Options) -> Iterator[RaySet]:
     """The primary rays of the same view in fewer pixels, the fewest first."""
-    for divisor in SCALING:
-        width, height = (max(rays.TILE, side // divisor // rays.TILE * rays.TILE) for side in options.size)
+    across, down = options.size
+    least = rays.TILE
+    sizes = [(max(least, across // n // least * least), max(least, down // n // least * least)) for n in SCALING]
+    for width, height in dict.fromkeys(sizes):
         (view,) = rays.make(workload, tracer, size=(width, height), seed=options.seed, names=("primary",))[:1]
         yield view
 

@@ -17,7 +17,7 @@ Row = dict[str, Any]
 
 OF_THE_CLOCK = {
     *("build_s", "peak_bytes", "build_seconds", "n", "mrays_s", "times_embree", "rounds", "anchor_rounds", "noise"),
-    *("seconds", "seconds_with_build", "render_s", "machine", "round_id", "anchor", "scaling", "too_slow"),
+    *("seconds", "seconds_with_build", "render_s", "image_s", "machine", "round_id", "anchor", "scaling", "too_slow"),
 }
 """Keys whose values differ from run to run. All others are the same on every machine."""
 
@@ -43,7 +43,10 @@ def empty(native: Any, workload: Workload, spec: str, threads: int) -> Row:
         "statistics": None,
         "rays": None,
         "errors": None,
+        "image_s": None,
+        "map": None,
         "curve": None,
+        "independent": None,
         "scaling": None,
         "offsets": None,
         "render_s": None,
@@ -80,7 +83,17 @@ def failed_scene(name: str, error: BaseException) -> Row:
             ),
             None,
         )
-        | {"curve": None, "scaling": None, "offsets": None, "render_s": None, "left_out": [], "too_slow": []}
+        | {
+            "image_s": None,
+            "map": None,
+            "curve": None,
+            "independent": None,
+            "scaling": None,
+            "offsets": None,
+            "render_s": None,
+            "left_out": [],
+            "too_slow": [],
+        }
         | {
             "machine": platform.node(),
             "error": first_line(error),

@@ -27,8 +27,18 @@ class RenderError(RuntimeError):
     """The native renderer failed. The message is its own."""
 
 
+class _Outcome:
+    """What the thread of a build leaves behind."""
+
+    structure: Any = None
+    error: BaseException | None = None
+
+
 class Building:
-    """A structure that is being built on a thread of its own, so that the caller's thread stays free."""
+    """A structure that is being built on a thread of its own, so that the caller's thread stays free.
+
+    Forgetting it stops the work, so whoever needs the structure keeps it; several may.
+    """
 
     def __init__(
         self, native: Any, geometry: Geometry, spec: str, *, threads: int = 0, memory_limit: int | None = None
@@ -37,30 +47,42 @@ class Building:
 
         memory_limit: bytes that the build may take; None leaves it to the native module.
         """
-        self._monitor = native.Monitor()
-        self._structure: Any = None
-        self._error: BaseException | None = None
+        self.geometry = geometry
+        self.spec = spec
+        self.memory_limit = memory_limit
+        self._monitor = monitor = native.Monitor()
+        self._outcome = outcome = _Outcome()
 
+        # Not a method: the thread must not keep this object alive.
         def work() -> None:
             try:
-                self._structure = native.build(
+                outcome.structure = native.build(
                     geometry.vertices,
                     geometry.triangles,
                     spec,
                     threads=threads,
-                    monitor=self._monitor,
+                    monitor=monitor,
                     memory_limit=memory_limit,
                 )
             except BaseException as error:
-                self._error = error
+                outcome.error = error
 
         self._thread = threading.Thread(target=work, name="halfspace-build", daemon=True)
         self._thread.start()
+
+    def __del__(self) -> None:
+        if hasattr(self, "_thread"):  # else it never began
+            self._monitor.cancel()
 
     @property
     def progress(self) -> float:
         """0 to 1."""
         return float(self._monitor.progress)
+
+    @property
+    def usable(self) -> bool:
+        """Whether the structure is there or still to come: neither failed nor stopped."""
+        return self._outcome.error is None and not self._monitor.cancelled
 
     def wait(self, seconds: float) -> bool:
         """Wait at most so long for the end, whichever it is. Returns whether it has come."""
@@ -75,9 +97,9 @@ class Building:
     def result(self) -> Any:
         """The structure, after the end. Raises whatever the native module raised."""
         self._thread.join()
-        if self._error is not None:
-            raise self._error
-        return self._structure
+        if self._outcome.error is not None:
+            raise self._outcome.error
+        return self._outcome.structure
 
 
 def build(

@@ -77,12 +77,18 @@ def _spread_out(spec: str) -> list[str]:
     return [f"{name}{colon}{','.join(pairs)}" for pairs in itertools.product(*choices)]
 
 
-def expand(text: str, structures: Sequence[Mapping[str, Any]], ranges: Mapping[str, Sequence[str]]) -> list[str]:
+def expand(
+    text: str,
+    structures: Sequence[Mapping[str, Any]],
+    ranges: Mapping[str, Sequence[str]],
+    left_out: list[str] | None = None,
+) -> list[str]:
     """The configurations that `--structures` and ranges of parameters ask for, each once, in order.
 
     text: configurations, in which `k=2..10` and `k=2|6` stand for several, names of families, or "all"; a structure
     may be called by another name of it. structures: the native registry. ranges: parameter to values; a structure that
-    lacks the parameter, or whose configuration sets it, is taken as it is. Raises SpecError.
+    lacks the parameter, or whose configuration sets it, is taken as it is, and one that allows some of the values only
+    gets those; left_out: told of the others, in lines. Raises SpecError.
     """
     rows = {row["id"]: row for row in structures}
     ids = {alias: row["id"] for row in structures for alias in row.get("aliases", ())}
@@ -106,7 +112,8 @@ def expand(text: str, structures: Sequence[Mapping[str, Any]], ranges: Mapping[s
     unused = set(ranges) - {p["name"] for spec in chosen for p in rows[spec.partition(":")[0]]["parameters"]}
     if unused:
         raise SpecError(f"none of the structures {', '.join(chosen)} has the parameter {min(unused)!r}")
-    found = dict.fromkeys(made for spec in chosen for made in _with_ranges(spec, rows, ranges))
+    told = left_out if left_out is not None else []
+    found = dict.fromkeys(made for spec in chosen for made in _with_ranges(spec, rows, ranges, told))
     if len(found) > MOST:
         raise SpecError(f"these are more than {MOST:,} configurations")
     return list(found)
@@ -131,13 +138,35 @@ def values(spec: str, structures: Sequence[Mapping[str, Any]]) -> dict[str, Any]
     return found
 
 
-def _with_ranges(spec: str, rows: Mapping[str, Any], ranges: Mapping[str, Sequence[str]]) -> list[str]:
+def _with_ranges(
+    spec: str, rows: Mapping[str, Any], ranges: Mapping[str, Sequence[str]], left_out: list[str]
+) -> list[str]:
     structure_id, _, rest = spec.partition(":")
     given = {pair.partition("=")[0].strip() for pair in rest.split(",")}
-    known = {parameter["name"] for parameter in rows[structure_id]["parameters"]}
+    known = {parameter["name"]: parameter for parameter in rows[structure_id]["parameters"]}
     keys = [key for key in ranges if key in known and key not in given]
+    allowed = []
+    for key in keys:
+        low, high = known[key].get("min"), known[key].get("max")
+        kept = [value for value in ranges[key] if _inside(value, low, high)]
+        others = [value for value in ranges[key] if value not in kept]
+        if others:
+            words = f"{spec}: {key}={','.join(others)}: it goes from {low:g} to {high:g}"
+            if not kept:
+                raise SpecError(words)
+            left_out.append(words)
+        allowed.append(kept)
     made = []
-    for combination in itertools.product(*(ranges[key] for key in keys)):
+    for combination in itertools.product(*allowed):
         pairs = [rest] * bool(rest) + [f"{key}={value}" for key, value in zip(keys, combination, strict=True)]
         made.append(structure_id + (":" + ",".join(pairs) if pairs else ""))
     return made
+
+
+def _inside(value: str, low: Any, high: Any) -> bool:
+    """Whether a parameter may have this value; what is no number is for its build to judge."""
+    try:
+        number = float(value)
+    except ValueError:
+        return True
+    return (low is None or number >= low) and (high is None or number <= high)

@@ -22,6 +22,9 @@ from .rays import RaySet
 STEP = 4
 """A structure too slow for a whole set is timed on a quarter of it, a sixteenth, ...: so that most share their rays."""
 
+VIEW_SECONDS = 0.1
+"""A pass over one of the smaller views may take as long as this in any case."""
+
 LEAST_RAYS = 64
 """One tile. No pass has fewer, however slow the structure."""
 
@@ -48,6 +51,7 @@ class Candidate:
     scaling: list[dict[str, float]] = field(default_factory=list)
     offsets: list[dict[str, float]] = field(default_factory=list)
     differing_pixels: int = 0
+    cost_map: dict[str, Any] | None = None
     left_out: list[str] = field(default_factory=list)
 
     def again(self) -> Candidate:
@@ -104,8 +108,9 @@ def scaling(candidates: Sequence[Candidate], views: Sequence[RaySet], repeats: i
 
     The full view's time comes from its own rounds. A structure too slow for a view, or for the next larger, has none.
     """
+    limit = max(options.pass_seconds, VIEW_SECONDS)
     for view in views:
-        able = [c for c in candidates if len(view) <= c.checked["primary"] * 1e6 * options.pass_seconds]
+        able = [c for c in candidates if len(view) <= c.checked["primary"] * 1e6 * limit]
         seconds: dict[str, list[float]] = {}
         for number in range(repeats):
             for candidate in able:

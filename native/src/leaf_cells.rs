@@ -92,7 +92,7 @@ fn alone(structure: &Structure, least: usize, max_count: usize) -> (Vec<Chosen>,
     if count < least || built.frame.bounds().is_empty() {
         return (Vec::new(), 0);
     }
-    let only = (count, 0, Region::of_box(built.frame.bounds()));
+    let only = (count, 0, Region::of_scene(built.frame.bounds()));
     (std::iter::once(only).take(max_count).collect(), 1)
 }
 

@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The split planes of a tree as polygons, each cut to its cell: what the overlay draws.
 
-use crate::build::cell::{BoxCell, Cell, ConvexCell, Direction, Plane};
-use crate::build::octree_nodes::Octree;
-use crate::build::plane_tree::{Node, PlaneTree};
 use crate::geom::Aabb;
+use crate::geom::vec3::Vec3;
+use crate::regions::{Cells, rectangle};
 use crate::structure::{Layout, Structure};
 use crate::traverse::nested::{Look, Nested};
 
@@ -42,7 +41,7 @@ pub fn split_polygons(structure: &Structure, max_depth: usize, max_count: usize)
     match &structure.built().layout {
         Layout::Brute => {}
         Layout::Plane(tree, _) => {
-            plane_tree(structure, tree, (max_depth, max_count), &mut polygons);
+            planes(structure, tree, (max_depth, max_count), &mut polygons);
         }
         Layout::Objects(tree) => {
             object_tree(
@@ -57,100 +56,41 @@ pub fn split_polygons(structure: &Structure, max_depth: usize, max_count: usize)
         | Layout::OctreeBeam(tree, _)
         | Layout::OctreeSamet(tree)
         | Layout::OctreeGlassner(tree) => {
-            octree(structure, tree, (max_depth, max_count), &mut polygons);
+            planes(structure, tree, (max_depth, max_count), &mut polygons);
         }
     }
     polygons
 }
 
-fn plane_tree(
+/// The planes that nodes state, each cut to its node.
+fn planes<T: Cells>(
     structure: &Structure,
-    tree: &PlaneTree,
+    tree: &T,
     (max_depth, max_count): (usize, usize),
     out: &mut Polygons,
 ) {
     let frame = &structure.built().frame;
-    let root = frame.bounds();
-    let mut level = vec![(
-        tree.root(),
-        ConvexCell::Box(BoxCell(root), root.magnitude()),
-    )];
+    let mut level = vec![tree.top(frame.bounds())];
     for depth in 0..=max_depth {
         let mut next = Vec::new();
-        for (index, cell) in level {
-            let (plane, children, kind) = match tree.node(index) {
-                Node::Axis {
-                    axis,
-                    split,
-                    children,
-                    ..
-                } => {
-                    let (direction, offset) = (Direction::Axis(axis), split);
-                    #[expect(clippy::cast_possible_truncation, reason = "an axis")]
-                    let kind = axis as u8;
-                    (Plane { direction, offset }, children, kind)
+        for (place, region) in level {
+            let mut found = tree.look(place, &region);
+            for (plane, kind) in &found.planes {
+                let corners = region.section(plane);
+                if !corners.is_empty() {
+                    let corners = corners.into_iter().map(|p| frame.to_scene(narrow(p)));
+                    out.push(corners, (depth, *kind), max_count);
                 }
-                Node::Oblique {
-                    normal,
-                    offset,
-                    children,
-                    ..
-                } => {
-                    let direction = Direction::Oblique(normal);
-                    (Plane { direction, offset }, children, OBLIQUE)
-                }
-                Node::Leaf { .. } => continue,
-            };
-            let corners = cross_section(&cell, plane);
-            if !corners.is_empty() {
-                let corners = corners.into_iter().map(|p| frame.to_scene(p));
-                out.push(corners, (depth, kind), max_count);
             }
-            let (below, above) = cell.split(plane);
-            next.extend([(children, below), (children + 1, above)]);
+            next.append(&mut found.children);
         }
         level = next;
     }
 }
 
-/// The face that a plane cuts through a cell, counter-clockwise seen from above the plane. Empty where
-/// rounding lost it.
-fn cross_section(cell: &ConvexCell, plane: Plane) -> Vec<[f32; 3]> {
-    if let (ConvexCell::Box(BoxCell(bounds), _), Direction::Axis(axis)) = (cell, plane.direction) {
-        return rectangle(bounds, axis, plane.offset).to_vec();
-    }
-    let Some((below, _)) = cell.polytope().split(plane) else {
-        return Vec::new();
-    };
-    let cap = below.facets().last().expect("a polytope has faces");
-    #[expect(clippy::cast_possible_truncation, reason = "for drawing")]
-    let corners = below.corners(cap).map(|p| p.map(|x| x as f32)).collect();
-    corners
-}
-
-/// The three mid planes of every inner octant.
-fn octree(
-    structure: &Structure,
-    tree: &Octree,
-    (max_depth, max_count): (usize, usize),
-    out: &mut Polygons,
-) {
-    let frame = &structure.built().frame;
-    let mut inner = Vec::new();
-    tree.visit(|_, node, place| {
-        if node.is_inner() && node.level() as usize <= max_depth {
-            inner.push((node.level(), tree.cell(node, place)));
-        }
-    });
-    // Breadth first; the sort is stable.
-    inner.sort_by_key(|(level, _)| *level);
-    for (level, cell) in inner {
-        for axis in 0..3 {
-            let at = cell.min[axis] + 0.5 * (cell.max[axis] - cell.min[axis]);
-            let corners = rectangle(&cell, axis, at).map(|p| frame.to_scene(p));
-            out.push(corners, (level as usize, OCTANT), max_count);
-        }
-    }
+#[expect(clippy::cast_possible_truncation, reason = "for drawing")]
+fn narrow(p: Vec3) -> [f32; 3] {
+    p.map(|x| x as f32)
 }
 
 /// Boxes as six rectangles each, with the depth of the box's own node; slabs as the planes that cut
@@ -170,7 +110,7 @@ fn object_tree(
             children.clear();
             let look = tree.look(place, &region, &mut children);
             let mut draw = |within: &Aabb, axis: usize, at: f32, kind: (usize, u8)| {
-                let corners = rectangle(within, axis, at).map(|p| frame.to_scene(p));
+                let corners = rectangle(within, axis, at).map(|p| frame.to_scene(narrow(p)));
                 out.push(corners, kind, max_count);
             };
             for (_, child) in children.iter().filter(|(_, child)| !child.is_empty()) {
@@ -218,21 +158,4 @@ impl Polygons {
         self.depths.push(depth as u32);
         self.kinds.push(kind);
     }
-}
-
-/// The cross section of a box, counter-clockwise seen from above the plane.
-fn rectangle(cell: &Aabb, axis: usize, at: f32) -> [[f32; 3]; 4] {
-    let (i, j) = ((axis + 1) % 3, (axis + 2) % 3);
-    let ends = [
-        (cell.min, cell.min),
-        (cell.max, cell.min),
-        (cell.max, cell.max),
-        (cell.min, cell.max),
-    ];
-    ends.map(|(u, v)| {
-        let mut corner = [at; 3];
-        corner[i] = u[i];
-        corner[j] = v[j];
-        corner
-    })
 }

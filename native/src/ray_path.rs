@@ -85,7 +85,7 @@ pub fn ray_path(structure: &Structure, ray: &Ray) -> RayPath {
 /// Without a tree the scene's box is the only cell.
 fn alone(structure: &Structure, line: &Line, (hit, path): (Hit, &Path)) -> RayPath {
     let built = structure.built();
-    let region = Region::of_box(built.frame.bounds());
+    let region = Region::of_scene(built.frame.bounds());
     let whole = (f64::NEG_INFINITY, f64::INFINITY);
     let tested = path.counters.tests > 0;
     let visits = region.interval(line, whole).map(|span| Visit {

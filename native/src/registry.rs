@@ -350,6 +350,17 @@ pub mod params {
             default: Default::Float(costs.empty as f64),
         }
     }
+
+    /// When a cell is too small to be parted.
+    pub const AREA_STOP: ParamSpec = ParamSpec {
+        name: "area_stop",
+        label: "Area Stop",
+        doc: "A node of n of N triangles becomes a leaf where n^2 N times its share of the scene's surface \
+              is no more than this: few rays come by. More gives a smaller tree and a shorter build",
+        unit: "",
+        kind: Kind::Float { min: 0.0, max: 1e6 },
+        default: Default::Float(16.0),
+    };
 }
 
 #[cfg(test)]

@@ -62,6 +62,26 @@ def test_ticked_structures_and_the_chosen_one_are_compared(seen: Any, tmp_path: 
     assert (tmp_path / "report" / "report.html").stat().st_size > 1000
 
 
+def test_a_result_is_kept_in_the_file_as_a_text(seen: Any, tmp_path: Path) -> None:
+    seen.name = "Still life"
+    assert bpy.ops.halfspace.compare() == {"FINISHED"}
+    found = comparing.last(seen)
+    assert found is not None
+    assert found.comparison.best is not None
+    file = tmp_path / "kept.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(file), copy=True)
+    with bpy.data.libraries.load(str(file)) as (inside, _):
+        assert "Halfspace comparison, Still life" in inside.texts
+    content = bpy.data.texts["Halfspace comparison, Still life"].as_string()
+    assert f"{found.comparison.best.spec}: build" in content
+    assert "(best)" in content
+    assert "false miss" in content
+    # The next result takes its place.
+    assert bpy.ops.halfspace.choose() == {"FINISHED"}
+    assert "Choosing took" in bpy.data.texts["Halfspace comparison, Still life"].as_string()
+    assert len([text for text in bpy.data.texts if text.name.startswith(comparing.TEXT)]) == 1
+
+
 def test_choosing_sets_structure_and_parameters(seen: Any) -> None:
     seen.halfspace.structure = "brute"
     assert bpy.ops.halfspace.choose() == {"FINISHED"}

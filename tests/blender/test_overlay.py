@@ -18,21 +18,25 @@ from mathutils import Euler, Matrix, Vector
 from shapes import cube, grid
 
 from addon.blender import building, overlay, picking, pictures, trees
-from addon.core import catalogue, colours, native, planes
+from addon.core import beams, catalogue, colours, native, planes
 
 WIDTH, HEIGHT = 200, 150
+
+
+def some_triangles() -> tuple[Any, Any]:
+    """Corners and triangles, tilted."""
+    rng = np.random.default_rng(3)
+    corners = (rng.random((40, 1, 3)) * 4 + 0.4 * rng.standard_normal((40, 3, 3))).astype(np.float32)
+    return corners.reshape(-1, 3), np.arange(120, dtype=np.int32).reshape(-1, 3)
 
 
 def representatives() -> list[str]:
     """One structure for each way of looking: the kinds of planes that it draws over a few tilted triangles."""
     if native.problem() is not None:
         return []
-    rng = np.random.default_rng(3)
-    corners = (rng.random((40, 1, 3)) * 4 + 0.4 * rng.standard_normal((40, 3, 3))).astype(np.float32)
-    triangles = np.arange(120, dtype=np.int32).reshape(-1, 3)
     chosen: dict[frozenset[int], str] = {}
     for structure in catalogue.load().structures:
-        tree = native.load().build(corners.reshape(-1, 3), triangles, structure.id)
+        tree = native.load().build(*some_triangles(), structure.id)
         chosen.setdefault(frozenset(tree.split_polygons()["kind"].tolist()), structure.id)
     return list(chosen.values())
 
@@ -508,6 +512,57 @@ def test_a_picked_ray_shows_its_cells_its_triangles_and_its_hit(
     assert not (drawn[..., :3].max(axis=2) > 0.02)[~covered & far].any()
     assert bpy.ops.halfspace.forget_ray() == {"FINISHED"}
     assert not picture(canvas, scene, view, projection).any()
+
+
+@pytest.mark.parametrize("structure", STRUCTURES)
+def test_a_beam_shows_what_its_rays_share(scene: Any, add: Any, canvas: Any, structure: str) -> None:
+    far_away(add)
+    tree = build(scene, structure, parts={"BEAM"}, opacity=1.0, line_width=3.0, beam_spacing=10.0)
+    box = next(item for item in scene.objects if item.name == "Box 3").location
+    start = box + Vector((9.0, -7.0, 5.0))
+    assert bpy.ops.halfspace.pick_ray(origin=start, direction=box - start, pixel=0.002) == {"FINISHED"}
+    view, projection = camera(tree)
+    drawn = picture(canvas, scene, view, projection)
+    beam = overlay.shown(scene, "BEAM")
+    # Eight by eight rays around the picked one, with ten pixels of 0.002 between neighbours.
+    along = beam.directions @ np.array((box - start).normalized())
+    assert along == pytest.approx(1.0, abs=1e-5)
+    steps = np.diff(beam.directions.reshape(8, 8, 3), axis=1)
+    assert np.linalg.norm(steps, axis=-1) == pytest.approx(0.02, rel=1e-4)
+    # What each ray meets is what the structure says, and each triangle is shown once.
+    origins, directions = (part.astype(np.float32) for part in (beam.origins, beam.directions))
+    expected = tree.structure.closest(origins, directions)
+    assert np.array_equal(beam.t.astype(np.float32), expected.t)
+    assert len(beam.hits) == len(set(expected.triangle.tolist()) - {-1})
+    assert beam.cells.count.max() <= 64
+    assert beam.cells.count.sum() == beam.visits
+    # Its four edges are white to where they end, and outside beam, cells and hits there is nothing.
+    ends = np.stack([beam.origins[list(beams.CORNERS)], beams.ends(beam)], axis=1) + tree.origin
+    edges = [pane(end, view, projection) for end in ends]
+    for first, last in edges:
+        points = first + np.linspace(0.03, 0.97, 40)[:, None] * (last - first)
+        points = points[((points >= 1) & (points < [WIDTH - 1, HEIGHT - 1])).all(axis=1)].astype(int)
+        assert drawn[points[:, 1], points[:, 0], :3].min() > 0.55
+    polygons = np.split(beam.cells.vertices + tree.origin, beam.cells.offsets[1:-1])
+    polygons += [corners + tree.origin for corners in beam.hits]
+    polygons += [np.array([*ends[i], ends[j][1]]) for i, j in zip(range(4), (1, 2, 3, 0), strict=True)]
+    flat = [pane(polygon.astype(np.float64), view, projection) for polygon in polygons if len(polygon)]
+    covered, far = np.any([inside(polygon) for polygon in flat], axis=0), distances(flat) > 4
+    assert not (drawn[..., :3].max(axis=2) > 0.02)[~covered & far].any()
+
+
+def test_a_tile_taken_together_takes_fewer_steps(scene: Any, add: Any) -> None:
+    boxes(add)
+    tree = build(scene, "octree-beam")
+    ray = picking.Ray((9.0, -7.0, 5.0), (-9.0, 7.0, -4.0), pixel=0.001)
+    beam = beams.follow(tree.structure, *ray.tile(tree.origin, 4.0))
+    assert beam.together[0] < beam.alone[0]
+    assert "Together" in beam.lines()[-1]
+    alone = beams.follow(native.load().build(*some_triangles(), "octree-net"), *ray.tile(tree.origin, 4.0))
+    assert alone.together == alone.alone
+    parallel = picking.Ray((0.0, 0.0, 9.0), (0.0, 0.0, -1.0), pixel=0.25, parallel=True).tile((0, 0, 0), 2.0)
+    assert np.ptp(parallel[0], axis=0) == pytest.approx([3.5, 3.5, 0.0])
+    assert np.ptp(parallel[1], axis=0) == pytest.approx(0.0)
 
 
 def test_the_cursor_picks_a_ray_and_esc_gives_the_last_one_back(scene: Any, add: Any) -> None:

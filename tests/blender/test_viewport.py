@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import gc
+import time
 import weakref
 from types import SimpleNamespace
 from typing import Any
@@ -15,8 +16,8 @@ import pytest
 from mathutils import Matrix
 from shapes import cube, node, with_nodes
 
-from addon.blender import viewport
-from addon.blender.viewport import Viewport, view_camera
+from addon.blender import viewport, views
+from addon.blender.viewport import Viewport
 
 WIDTH, HEIGHT = 64, 48
 MOST_REDRAWS = 5000
@@ -29,6 +30,9 @@ class Engine:
     def __init__(self) -> None:
         self.redraws = 0
         self.said = ""
+
+    def get_preview_pixel_size(self, scene: Any) -> int:
+        return 1
 
     def update_stats(self, _left: str, right: str) -> None:
         self.said = right
@@ -72,9 +76,14 @@ def context(add: Any, scene: Any) -> Any:
         scene=scene,
         region=SimpleNamespace(width=WIDTH, height=HEIGHT),
         region_data=SimpleNamespace(
-            view_matrix=view_matrix, window_matrix=window_matrix, perspective_matrix=window_matrix @ view_matrix
+            view_matrix=view_matrix,
+            window_matrix=window_matrix,
+            perspective_matrix=window_matrix @ view_matrix,
+            view_perspective="PERSP",
         ),
-        space_data=SimpleNamespace(clip_start=0.1, clip_end=100.0),
+        space_data=SimpleNamespace(
+            clip_start=0.1, clip_end=100.0, use_local_camera=False, camera=None, use_render_border=False
+        ),
     )
 
 
@@ -84,11 +93,15 @@ def draw_until_done(view: Viewport, engine: Engine, context: Any, canvas: Any) -
         gpu.matrix.load_projection_matrix(
             Matrix(((2 / WIDTH, 0, 0, -1), (0, 2 / HEIGHT, 0, -1), (0, 0, 1, 0), (0, 0, 0, 1)))
         )
-        for _ in range(MOST_REDRAWS):
+        view.draw(engine, context)
+        for _ in range(MOST_REDRAWS):  # in place of the timer, which needs a window
             before = engine.redraws
-            view.draw(engine, context)
-            if engine.redraws == before:
+            more = view.tick()
+            if engine.redraws > before:
+                view.draw(engine, context)
+            if not more:
                 break
+            time.sleep(0.001)
         else:
             pytest.fail("the picture never converges")
         pixels = gpu.state.active_framebuffer_get().read_color(0, 0, WIDTH, HEIGHT, 4, 0, "FLOAT")
@@ -119,12 +132,17 @@ def test_a_scene_that_cannot_be_read_is_said_and_drawing_goes_on(context: Any, m
 
 
 def test_a_viewport_that_goes_stops_its_work(context: Any) -> None:
-    view = Viewport()
+    view, engine = Viewport(), Engine()
     context.scene.halfspace.preview_samples = 1 << 16
-    view.update(Engine(), context, bpy.context.evaluated_depsgraph_get())
-    view._camera = view_camera(context.region_data, view._origin, context.space_data)
-    view._start(context.region, 1)
-    job, gone = view._job, weakref.ref(view)
+    view.update(engine, context, bpy.context.evaluated_depsgraph_get())
+    assert view._preview is not None
+    view._preview.look(views.seen(context, view._origin))
+    for _ in range(MOST_REDRAWS):
+        view.tick()
+        if view._preview._job is not None and view._preview._job.settings.samples > 1:
+            break
+        time.sleep(0.001)
+    job, gone = view._preview._job.native, weakref.ref(view)
     del view
     gc.collect()
     assert gone() is None
@@ -132,8 +150,26 @@ def test_a_viewport_that_goes_stops_its_work(context: Any) -> None:
     assert job.cancelled
 
 
+def test_a_border_is_rendered_and_nothing_else(context: Any) -> None:
+    space = context.space_data
+    space.use_render_border = True
+    space.render_border_min_x, space.render_border_max_x = 0.25, 0.5
+    space.render_border_min_y, space.render_border_max_y = 0.5, 2.0
+    assert views.seen(context, np.zeros(3)).border == (16, 24, 32, 48)
+
+
+def test_the_border_of_a_camera_view_lies_in_the_camera_s_frame(context: Any) -> None:
+    """Here the frame is the region, since the view is the camera's own."""
+    context.region_data.view_perspective = "CAMERA"
+    render = context.scene.render
+    render.resolution_x, render.resolution_y = WIDTH, HEIGHT
+    render.use_border = True
+    render.border_min_x, render.border_max_x, render.border_min_y, render.border_max_y = 0.5, 0.75, 0.25, 1.0
+    assert views.seen(context, np.zeros(3)).border == (32, 12, 48, 48)
+
+
 def test_the_view_of_a_camera_is_the_camera(context: Any) -> None:
-    seen = view_camera(context.region_data, np.zeros(3), context.space_data)
+    seen = views.view_camera(context.region_data, np.zeros(3), context.space_data)
     assert seen.kind == "perspective"
     assert np.allclose(seen.to_world, np.array(context.scene.camera.matrix_world), atol=1e-6)
     left, right, bottom, top = seen.window

@@ -56,12 +56,14 @@ class FakeNative:
         self.monitor: Monitor | None = None
         self.memory_limit: int | None = None
         self.jobs: list[Job] = []
+        self.builds = 0
 
     def build(
         self, vertices: Any, triangles: Any, spec: str, *, threads: int, monitor: Monitor, memory_limit: int | None
     ) -> Structure:
         self.monitor = monitor
         self.memory_limit = memory_limit
+        self.builds += 1
         if self.error is not None:
             raise self.error
         end = time.monotonic() + self.build_seconds
@@ -90,8 +92,12 @@ class Job:
         self.passes = {name: CHANNELS[name] for name in settings["passes"]}
         self.cancelled = False
         self.error = error
-        self.samples_done = 1
+        self.settings = settings
         self.statistics = {"mrays_s": 1.0, "seconds": seconds}
+
+    @property
+    def samples_done(self) -> int:
+        return int(self.settings["samples"]) if self.finished else 1
 
     @property
     def finished(self) -> bool:

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from lying_native import LIES, LyingNative
 
-from addon.core import benchmark, grid, peak, rays, workload, yardstick
+from addon.core import benchmark, costmap, grid, peak, rays, workload, yardstick
 from addon.core.benchmark import Options, Row
 
 QUICK = Options(size=(64, 64), repeats=2, check_rays=512)
@@ -135,9 +135,10 @@ def test_progress_grows_and_a_closed_iterator_stops_at_once() -> None:
 
 
 def test_what_is_asked_beside_the_speed_is_in_the_row() -> None:
-    options = replace(QUICK, repeats=1, scaling=True, peak=True, offsets=(0.0, 1e3), pass_seconds=5.0)
+    options = replace(QUICK, repeats=1, scaling=True, peak=True, maps=True, offsets=(0.0, 1e3), pass_seconds=5.0)
     rows = measure(["kd", "octree-net"], options)
     assert [point["rays"] for point in rows["kd"]["scaling"]] == [8 * 8, 16 * 16, 32 * 32, 64 * 64]
+    assert {(row["map"]["width"], row["map"]["height"]) for row in rows.values()} == {(96, 96)}
     # The list of references alone is as large, and no build needs a gigabyte for a few hundred triangles.
     assert rows["kd"]["statistics"]["references"] < rows["kd"]["peak_bytes"] < 1e9
     for row in rows.values():
@@ -145,6 +146,23 @@ def test_what_is_asked_beside_the_speed_is_in_the_row() -> None:
     # Without its bounds the same walk is wrong on touching boxes; the octree has no such walk.
     assert all(point["wrong_unguarded"] > 0 for point in rows["kd"]["offsets"])
     assert rows["octree-net"]["offsets"][0]["wrong_unguarded"] is None
+
+
+def test_a_cost_map_is_the_work_of_each_pixel_and_of_tiles_where_they_are_walked_together() -> None:
+    scene, size = grid.workload(2, 64), (32, 16)
+    trees = {
+        spec: halfspace_native.build(scene.vertices, scene.triangles, spec) for spec in ("octree-net", "octree-beam")
+    }
+    (view,) = rays.make(scene, trees["octree-net"], size=size, seed=1, names=("primary",))[:1]
+    alone, together = (costmap.work(tree, view, size) for tree in trees.values())
+    counters = trees["octree-net"].closest(view.origins, view.directions, counters=True).counters
+    expected = counters["steps"] + counters["tests"]
+    order = rays.tile_order(*size)
+    assert np.array_equal(alone[::-1].reshape(-1)[order], expected.astype(np.float32))
+    assert together.sum() < alone.sum()
+    for corner in range(0, 32, 8):
+        assert np.ptp(together[:8, corner : corner + 8]) == 0
+    assert np.array_equal(costmap.unpacked(costmap.packed(alone)), alone)
 
 
 def test_a_memory_measurement_that_fails_is_told_and_leaves_the_row(monkeypatch: pytest.MonkeyPatch) -> None:

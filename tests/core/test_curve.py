@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import halfspace_native
 import numpy as np
 import pytest
@@ -46,9 +48,19 @@ def test_error_falls_with_samples_and_is_the_same_for_every_structure(monkeypatc
     first, second = ([point["rmse"] for point in row["curve"]] for row in rows)
     assert first == second
     assert [row["errors"]["differing_pixels"] for row in rows] == [0, 0]
+    assert [point["spp"] for point in rows[0]["independent"]] == [1, 16]
+    assert rows[0]["independent"] == rows[1]["independent"]
     # Sixteen times the samples give a quarter of the noise, or less where the samples are well spread.
     assert 0.0 < first[1] / first[0] < 0.35
     assert all(row["render_s"] == row["curve"][-1]["seconds"] for row in rows)
+
+
+def test_independent_samples_converge_with_the_root() -> None:
+    outside = curve.View(np.array([-3.0, -4.0, 4.0]), np.ones(3), np.array([0.0, 0.0, 1.0]), 40.0)
+    small = grid.workload(boxes=2, rays=64)
+    pictures = curve.Curve(halfspace_native, replace(small, view=outside), (64, 64), (1, 2, 4, 8, 16, 32), 1)
+    pictures.converge(halfspace_native.build(small.vertices, small.triangles, "kd"))
+    assert curve.slope(pictures.independent) == pytest.approx(-0.5, abs=0.05)
 
 
 def test_the_slope_is_that_of_the_logarithms() -> None:

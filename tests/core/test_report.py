@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from addon.core import charts, costs, ksweep, page, plots, report
+from addon.core import charts, costmap, costs, ksweep, page, plots, report, thesis
 
 RATE = {
     "n": 64,
@@ -175,6 +175,7 @@ def everything(spec: str, slowness: float, k: int | None = None) -> dict[str, An
         {"offset": offset, "rays": 100, "false_miss": 0, "wrong": 0, "false_miss_unguarded": 1, "wrong_unguarded": 2}
         for offset in (0.0, 10.0, 1e6)
     ]
+    made["map"] = costmap.packed(np.full((16, 24), 10 * slowness, np.float32))
     rate = made["rays"]["primary"]
     made["rays"]["primary"] = {**rate, "steps_axis": 10 * slowness, "steps_oblique": 0.0, "tests": 3.0}
     return made
@@ -184,13 +185,14 @@ def everything(spec: str, slowness: float, k: int | None = None) -> dict[str, An
 def test_the_plots_are_svg_with_a_mark_for_each_structure() -> None:
     rows = [everything("kd", 1.0), everything("kd-sah", 1.5), everything("brute", 1000.0)]
     rows += [everything(f"bsp-wn:k={k},seed={seed}", 2.0 + k / 10, k) for k in (2, 3) for seed in (1, 2)]
-    found = plots.scene_figures(rows, {"sponza": {}})
+    found = plots.scene_figures(rows, thesis.Published())
     assert [picture.title for picture in found] == [
         "Error against run time",
         "Speed",
         "Build against tracing",
         "How many directions",
         "Time against the number of rays",
+        "What each pixel costs",
         "Wrong answers far from the origin",
         "Fitted costs",
     ]
@@ -243,13 +245,50 @@ def test_published_results_are_read_and_a_wrong_file_is_told(tmp_path: Path) -> 
     entry = {"scene": "sponza", "structure": "wn+^kd", "K": 6, "render_pct_of_kd": 80.4}
     path = tmp_path / "published.json"
     path.write_text(json.dumps({"final_by_K": [entry]}))
-    found = ksweep.read_published(path)
-    assert ksweep.published_for("sponza-dabrovic", "bsp-wn-plus-kd", found) == {6: 80.4}
-    assert ksweep.published_for("grid", "bsp-wn-plus-kd", found) == {}
+    found = thesis.read(path)
+    assert found.medians("sponza-dabrovic", "bsp-wn-plus-kd") == {6: 80.4}
+    assert found.medians("grid", "bsp-wn-plus-kd") == {}
     for wrong in ("[]", "{}", '{"final_by_K": [{}]}', "nonsense"):
         path.write_text(wrong)
         with pytest.raises(ValueError):  # noqa: PT011 (json's own error is one)
-            ksweep.read_published(path)
+            thesis.read(path)
+
+
+def test_the_tables_of_the_thesis_stand_beside_the_published_numbers(tmp_path: Path) -> None:
+    spread = {"structure": "wn", "scene": "sponza", "K": 2, "min": 101.0, "med": 102.0, "max": 103.0}
+    compared = {"structure": "ize", "scene": "sponza", "K": None, "tri_tests_nearest_pct_of_kd": 55.0}
+    compared |= {"render_pct_of_kd": 109.0, "build_pct_of_kd": 20_000.0}
+    path = tmp_path / "published.json"
+    path.write_text(json.dumps({"final_by_K": [], "draft_render_time": [spread], "final_comparison": [compared]}))
+    rows = [everything("kd-sah", 1.0), everything("bsp-ize", 2.0)]
+    rows += [everything(f"bsp-wn:k={k},seed={s}", k * s, k) for k in (2, 3) for s in (1.0, 1.5, 4.0)]
+    by_k, comparison = thesis.tables({"sponza-dabrovic": rows}, thesis.read(path))
+    assert by_k.title.startswith("Table 5.4")
+    (name, ((ours, theirs),)), (_, ((_, nothing),)) = by_k.lines
+    assert (name, theirs, nothing) == ("K = 2", (101.0, 102.0, 103.0), ())
+    assert ours == pytest.approx((200.0, 300.0, 800.0))
+    lines = dict(comparison.lines)
+    ((ours, theirs),) = lines["bsp-ize"]
+    assert theirs == (109.0, 20_000.0, 55.0)
+    assert ours == pytest.approx((200.0, 100.0, 100.0))
+    # Without the published k, the fastest stands for the structure: here k = 2.
+    assert lines["bsp-wn"][0][0][0] == pytest.approx(300.0)
+    text = page.as_html(document([{**one, "scene": "sponza-dabrovic"} for one in rows]), thesis.read(path))
+    assert "<em>20,000</em>" in text
+
+
+def test_where_oblique_planes_pay_for_one_picture_is_said() -> None:
+    rows = [everything("kd", 1.0), everything("bsp-wn", 1.0), everything("bvh-sah", 1.0)]
+    for one, seconds in zip(rows, (20.0, 10.0, 5.0), strict=True):
+        one["image_s"] = seconds
+    (sentence,) = (text for text in report.findings(rows) if "1024 × 1024" in text)
+    assert "10.2 s with bsp-wn" in sentence
+    assert "faster than the 20.2 s with kd; bvh-sah, the best of all, takes 5.2 s" in sentence
+    assert report.worth_it(rows) == [rows[0]["scene"]]
+    rows[1]["image_s"] = 30.0
+    assert report.worth_it(rows) == []
+    both = [*rows, *({**one, "scene": "other", "image_s": 1.0} for one in rows)]
+    assert "on 0 of 2 scenes." in page.as_html(document(both))
 
 
 def test_fitted_costs_are_those_that_made_the_times() -> None:

@@ -118,3 +118,16 @@ def test_unknown_names_are_told_with_what_there_is() -> None:
 def test_values_are_typed_and_include_defaults() -> None:
     assert specs.values("bsp-random:k=3,alpha=1", REGISTRY) == {"k": 3, "alpha": 1.0, "seed": 0}
     assert specs.values("kd:traversal=dir", REGISTRY) == {"traversal": "dir"}
+
+
+def test_values_that_a_structure_does_not_allow_are_left_out_and_said() -> None:
+    plain = structure("plain", "sweep", k=6)
+    plus = structure("plus", "sweep", k=6)
+    plain["parameters"][0] |= {"min": 1, "max": 32}
+    plus["parameters"][0] |= {"min": 3, "max": 32}
+    told: list[str] = []
+    found = specs.expand("plain,plus", [plain, plus], {"k": ["2", "3"]}, told)
+    assert found == ["plain:k=2", "plain:k=3", "plus:k=3"]
+    assert told == ["plus: k=2: it goes from 3 to 32"]
+    with pytest.raises(specs.SpecError, match="plus: k=2"):
+        specs.expand("plus", [plus], {"k": ["2"]})

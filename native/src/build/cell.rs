@@ -4,6 +4,7 @@
 use super::polytope::{NEAR, Polytope};
 use super::profile::Profile;
 use crate::geom::Aabb;
+use std::sync::OnceLock;
 
 /// A direction along which planes are tried.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -48,9 +49,20 @@ pub struct Plane {
 pub trait Cell: Clone + Send + Sync {
     /// Surface area.
     fn area(&self) -> f64;
-    /// How the surface divides when the cell is cut along `direction`, into `out`. Returns whether
-    /// there is anything to divide: no ray distribution ever prices a cell without surface.
-    fn profile(&self, direction: Direction, out: &mut Profile) -> bool;
+    /// How far the cell reaches along `direction`, and where planes may lie, into `out`. Returns
+    /// whether there is a surface to divide: no ray distribution ever prices a cell without one.
+    fn extent(&self, direction: Direction, out: &mut Profile) -> bool;
+    /// How the surface divides when the cell is cut along `direction`, into `out`, which
+    /// [`Self::extent`] was given before. Dearer by far than the extent alone.
+    fn divide(&self, direction: Direction, out: &mut Profile);
+    /// Both.
+    fn profile(&self, direction: Direction, out: &mut Profile) -> bool {
+        let surface = self.extent(direction, out);
+        if surface {
+            self.divide(direction, out);
+        }
+        surface
+    }
     /// The parts below and above a plane through the cell. A part that rounding lost is the whole
     /// cell again: cells price planes and never decide where a triangle goes.
     fn split(&self, plane: Plane) -> (Self, Self);
@@ -65,18 +77,23 @@ impl Cell for BoxCell {
         self.0.area()
     }
 
-    fn profile(&self, direction: Direction, out: &mut Profile) -> bool {
+    fn extent(&self, direction: Direction, out: &mut Profile) -> bool {
+        let Direction::Axis(k) = direction else {
+            unreachable!("trees of boxes have axis-aligned planes only");
+        };
+        (out.low, out.high) = (self.0.min[k], self.0.max[k]);
+        (out.margin, out.walls) = (0.0, true);
+        self.0.area() > 0.0
+    }
+
+    fn divide(&self, direction: Direction, out: &mut Profile) {
         let Direction::Axis(k) = direction else {
             unreachable!("trees of boxes have axis-aligned planes only");
         };
         let area = self.0.area();
-        if area <= 0.0 {
-            return false;
-        }
         let (i, j) = (self.0.extent((k + 1) % 3), self.0.extent((k + 2) % 3));
         let share = |x: f64| 2.0 * x / area;
-        out.linear((self.0.min[k], self.0.max[k]), share(i * j), share(i + j));
-        true
+        out.linear(share(i * j), share(i + j));
     }
 
     fn split(&self, plane: Plane) -> (Self, Self) {
@@ -94,18 +111,58 @@ impl Cell for BoxCell {
 /// trees holds for the upper levels, and a polytope after that.
 #[derive(Debug, Clone)]
 pub enum ConvexCell {
-    /// Axis-aligned, and the largest coordinate of the scene.
-    Box(BoxCell, f32),
+    /// Axis-aligned.
+    Box(FlatCell),
     /// Any convex polytope.
     Polytope(Polytope),
 }
 
+/// A box among polytopes.
+#[derive(Debug, Clone)]
+pub struct FlatCell {
+    cell: BoxCell,
+    /// Largest coordinate of the scene.
+    magnitude: f32,
+    /// The box as a polytope, made when the first oblique plane is tried.
+    polytope: OnceLock<Box<Polytope>>,
+}
+
+impl FlatCell {
+    /// The box.
+    pub fn bounds(&self) -> Aabb {
+        self.cell.0
+    }
+
+    fn polytope(&self) -> &Polytope {
+        self.polytope
+            .get_or_init(|| Box::new(Polytope::from_box(&self.cell.0, self.magnitude)))
+    }
+}
+
 impl ConvexCell {
-    /// The cell as a polytope.
-    pub fn polytope(&self) -> Polytope {
+    /// A box, in a scene whose largest coordinate is `magnitude`.
+    pub fn from_box(bounds: Aabb, magnitude: f32) -> Self {
+        Self::Box(FlatCell {
+            cell: BoxCell(bounds),
+            magnitude,
+            polytope: OnceLock::new(),
+        })
+    }
+
+    /// Largest coordinate of the scene.
+    pub fn magnitude(&self) -> f32 {
         match self {
-            Self::Box(cell, magnitude) => Polytope::from_box(&cell.0, *magnitude),
-            Self::Polytope(cell) => cell.clone(),
+            Self::Box(flat) => flat.magnitude,
+            #[expect(clippy::cast_possible_truncation, reason = "it was an f32")]
+            Self::Polytope(cell) => cell.magnitude() as f32,
+        }
+    }
+
+    /// The cell as a polytope.
+    pub fn polytope(&self) -> &Polytope {
+        match self {
+            Self::Box(flat) => flat.polytope(),
+            Self::Polytope(cell) => cell,
         }
     }
 }
@@ -113,35 +170,40 @@ impl ConvexCell {
 impl Cell for ConvexCell {
     fn area(&self) -> f64 {
         match self {
-            Self::Box(cell, _) => cell.area(),
+            Self::Box(flat) => flat.cell.area(),
             Self::Polytope(cell) => cell.area(),
         }
     }
 
-    fn profile(&self, direction: Direction, out: &mut Profile) -> bool {
+    fn extent(&self, direction: Direction, out: &mut Profile) -> bool {
         match (self, direction) {
-            (Self::Box(cell, magnitude), Direction::Axis(_)) => {
-                let surface = cell.profile(direction, out);
+            (Self::Box(flat), Direction::Axis(_)) => {
+                let surface = flat.cell.extent(direction, out);
                 // Triangles are not cut to the faces of convex cells, so none lies in one for sure.
                 out.walls = false;
-                out.margin = NEAR * magnitude;
+                out.margin = NEAR * flat.magnitude;
                 surface
             }
-            (Self::Box(..), Direction::Oblique(n)) => self.polytope().profile(n, out),
-            (Self::Polytope(cell), _) => cell.profile(direction.vector(), out),
+            _ => self.polytope().extent(direction.vector(), out),
+        }
+    }
+
+    fn divide(&self, direction: Direction, out: &mut Profile) {
+        match (self, direction) {
+            (Self::Box(flat), Direction::Axis(_)) => flat.cell.divide(direction, out),
+            _ => self.polytope().divide(direction.vector(), out),
         }
     }
 
     fn split(&self, plane: Plane) -> (Self, Self) {
-        let parts = match (self, plane.direction) {
-            (Self::Box(cell, magnitude), Direction::Axis(_)) => {
-                let (below, above) = cell.split(plane);
-                return (Self::Box(below, *magnitude), Self::Box(above, *magnitude));
-            }
-            (Self::Box(..), Direction::Oblique(_)) => self.polytope().split(plane),
-            (Self::Polytope(cell), _) => cell.split(plane),
-        };
-        match parts {
+        if let (Self::Box(flat), Direction::Axis(_)) = (self, plane.direction) {
+            let (below, above) = flat.cell.split(plane);
+            return (
+                Self::from_box(below.0, flat.magnitude),
+                Self::from_box(above.0, flat.magnitude),
+            );
+        }
+        match self.polytope().split(plane) {
             Some((below, above)) => (Self::Polytope(below), Self::Polytope(above)),
             None => (self.clone(), self.clone()),
         }

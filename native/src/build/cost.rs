@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The surface area heuristic (MacDonald and Booth 1990): what a split is expected to cost.
 
+use crate::spec::Config;
 use fearless_simd::{Select, Simd, SimdBase, SimdFloat, f32x8};
 
 /// The prices of a walk, in arbitrary but common units.
@@ -38,6 +39,18 @@ impl Costs {
         block: 1.0,
         empty: 1.0,
     };
+
+    /// Those of the configuration's keys `step_cost`, `leaf_cost`, `triangle_cost` and
+    /// `empty_factor`, for leaves of blocks.
+    pub fn fitted(config: &Config) -> Self {
+        Self {
+            step: config.float("step_cost"),
+            leaf: config.float("leaf_cost"),
+            triangle: config.float("triangle_cost"),
+            empty: config.float("empty_factor"),
+            ..Self::BLOCKS
+        }
+    }
 
     /// The cost of a leaf of `n` triangles.
     #[inline(always)]

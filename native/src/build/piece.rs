@@ -147,7 +147,13 @@ impl Piece for Whole {
 
     #[inline(always)]
     fn interval(&self, direction: Direction) -> (f32, f32) {
-        let [a, b, c] = self.corners.map(|p| direction.height(p));
+        // Written out, because calls through `map` are not always compiled away.
+        let [a, b, c] = self.corners;
+        let (a, b, c) = (
+            direction.height(a),
+            direction.height(b),
+            direction.height(c),
+        );
         (a.min(b).min(c), a.max(b).max(c))
     }
 
@@ -160,8 +166,9 @@ impl Piece for Whole {
     }
 }
 
-/// A triangle cut by six planes or fewer has at most this many corners; more cuts are left out.
-const CORNERS: usize = 9;
+/// A triangle cut by three planes or fewer has at most this many corners; cuts that need more are left out, which
+/// is rare: most new corners take old ones away.
+const CORNERS: usize = 6;
 
 /// The part of a triangle that lies in the node's cell, for planes of any direction: perfect splits
 /// (Havran and Bittner 2002; Ize, Wald and Parker 2008, section 4.1).

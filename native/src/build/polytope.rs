@@ -31,6 +31,14 @@ const LEVEL: f64 = 1e-18;
 /// Vertices are numbered in a byte. Depth limits keep even simple polytopes below this.
 const VERTICES: usize = 250;
 
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "shares need no more than f32"
+)]
+fn narrow(x: f64) -> f32 {
+    x as f32
+}
+
 /// A face of a polytope.
 #[derive(Debug, Clone, Copy)]
 pub struct Facet {
@@ -153,44 +161,45 @@ impl Polytope {
         self.magnitude
     }
 
-    /// How the surface divides when the polytope is cut along `direction`; see
-    /// [`super::cell::Cell::profile`].
-    pub fn profile(&self, direction: [f32; 3], out: &mut Profile) -> bool {
+    /// How far the polytope reaches along `direction`; see [`super::cell::Cell::extent`].
+    pub fn extent(&self, direction: [f32; 3], out: &mut Profile) -> bool {
         let n = widen(direction);
-        let norm = length(n);
-        if self.area <= 0.0 || norm == 0.0 {
-            return false;
-        }
-        let w = n.map(|x| x / norm);
-        let mut heights = [0.0; VERTICES];
         let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
-        for (height, &v) in heights.iter_mut().zip(&self.vertices) {
-            *height = dot(n, v);
-            low = low.min(*height);
-            high = high.max(*height);
-        }
-        #[expect(
-            clippy::cast_possible_truncation,
-            reason = "shares need no more than f32"
-        )]
-        let narrow = |x: f64| x as f32;
+        out.heights.clear();
+        out.heights.extend(self.vertices.iter().map(|&v| {
+            let height = dot(n, v);
+            low = if height < low { height } else { low };
+            high = if height > high { height } else { high };
+            height
+        }));
         (out.low, out.high) = (narrow(low), narrow(high));
         out.margin = NEAR * narrow(self.magnitude);
         out.walls = false;
+        self.area > 0.0 && n != [0.0; 3]
+    }
+
+    /// How the surface divides when the polytope is cut along `direction`; see
+    /// [`super::cell::Cell::divide`].
+    pub fn divide(&self, direction: [f32; 3], out: &mut Profile) {
+        let n = widen(direction);
+        let norm = length(n);
+        let w = n.map(|x| x / norm);
         out.slope = 0.0;
         out.edges.clear();
 
         // Per facet, the tangent of the cut over (1 + nu) and (1 - nu), each in the form that does not
         // cancel.
-        let mut tangents = [([0.0; 3], [0.0; 3]); VERTICES];
+        let tangents = &mut out.tangents;
+        tangents.clear();
         let (mut start_below, mut start_above) = (0.0, 0.0);
-        for (tangent, facet) in tangents.iter_mut().zip(&self.facets) {
+        for facet in &self.facets {
             let nu = dot(w, facet.normal);
             let t = cross(w, facet.normal);
             let sine2 = dot(t, t);
             start_above += facet.area * (1.0 + nu);
             if sine2 < LEVEL {
                 start_below += facet.area * (1.0 - nu);
+                tangents.push([[0.0; 3]; 2]);
                 continue;
             }
             let (down, up) = if nu < 0.0 {
@@ -198,7 +207,7 @@ impl Polytope {
             } else {
                 (1.0 / (1.0 + nu), (1.0 + nu) / sine2)
             };
-            *tangent = (t.map(|x| x * down), t.map(|x| x * up));
+            tangents.push([down, up].map(|x| [x * t[0], x * t[1], x * t[2]]));
         }
         // A level face on top adds nothing below: its factor is zero but for rounding.
         out.constant = [
@@ -207,9 +216,10 @@ impl Polytope {
         ];
 
         let origin = self.vertices[0];
+        let heights = &out.heights;
         let base = f64::from(out.low);
         let scale = 1.0 / (norm * self.area);
-        let shortest = 1e-12 * (high - low);
+        let shortest = 1e-12 * f64::from(out.high - out.low);
         for edge in &self.edges {
             let (a, b) = (usize::from(edge.a), usize::from(edge.b));
             let reach = heights[b] - heights[a];
@@ -225,21 +235,18 @@ impl Polytope {
             let (up, down) = (&tangents[usize::from(up)], &tangents[usize::from(down)]);
             let p = sub(self.vertices[a], origin);
             let m = sub(self.vertices[b], self.vertices[a]);
+            let slope = 0.5 * scale / reach;
             let coefficients = |up: Vec3, down: Vec3| {
                 let g = sub(up, down);
-                [
-                    narrow(scale * dot(p, g)),
-                    narrow(scale * 0.5 * dot(m, g) / reach),
-                ]
+                [narrow(scale * dot(p, g)), narrow(slope * dot(m, g))]
             };
             out.edges.push(EdgeTerm {
                 start: narrow(heights[a] - base),
                 reach: narrow(reach),
-                below: coefficients(up.0, down.0),
-                above: coefficients(up.1, down.1),
+                below: coefficients(up[0], down[0]),
+                above: coefficients(up[1], down[1]),
             });
         }
-        true
     }
 
     /// The parts below and above a plane; `None` when the plane does not part the polytope, or
@@ -281,15 +288,15 @@ impl Polytope {
         // The cap's loop, as the vertex that follows each; filled from the faces' cut sides.
         let mut next = [NONE; VERTICES + 1];
         let (mut sides, mut first) = (0, NONE);
+        // Whether each vertex of a new loop lies on the plane.
+        let mut on = [false; VERTICES + 1];
         for facet in &self.facets {
             let from = usize::from(facet.first);
             let ring = &self.loops[from..from + usize::from(facet.count)];
             let begin = draft.loops.len();
             let mut inside = false;
-            // Whether each vertex of the new loop lies on the plane.
-            let mut on = [false; VERTICES + 1];
             for (i, &a) in ring.iter().enumerate() {
-                let b = ring[(i + 1) % ring.len()];
+                let b = *ring.get(i + 1).unwrap_or(&ring[0]);
                 let (ha, hb) = (
                     sign * heights[usize::from(a)],
                     sign * heights[usize::from(b)],
@@ -328,7 +335,7 @@ impl Polytope {
                 continue;
             }
             for i in 0..count {
-                let j = (i + 1) % count;
+                let j = if i + 1 < count { i + 1 } else { 0 };
                 if on[i] && on[j] {
                     let (x, y) = (draft.loops[begin + i], draft.loops[begin + j]);
                     if next[usize::from(y)] != NONE {
@@ -407,7 +414,7 @@ impl Draft {
             let from = usize::from(facet.first);
             let ring = &self.loops[from..from + usize::from(facet.count)];
             for (i, &a) in ring.iter().enumerate() {
-                let b = ring[(i + 1) % ring.len()];
+                let b = *ring.get(i + 1).unwrap_or(&ring[0]);
                 let twin = edges.iter_mut().find(|e| e.a == b && e.b == a);
                 match twin {
                     Some(edge) if edge.right == u8::MAX => {
@@ -498,9 +505,10 @@ mod tests {
             let mut cell = unit_box();
             let mut profile = Profile::default();
             for (n, at, lower) in cuts {
-                if !cell.profile(n, &mut profile) || profile.high - profile.low < 1e-3 {
+                if !cell.extent(n, &mut profile) || profile.high - profile.low < 1e-3 {
                     break;
                 }
+                cell.divide(n, &mut profile);
                 let offset = profile.low + at * (profile.high - profile.low);
                 let plane = Plane { direction: Direction::Oblique(n), offset };
                 let (below, above) = cell.split(plane).expect("a cut inside");
@@ -512,6 +520,8 @@ mod tests {
                 let (left, right) = profile.shares(offset);
                 prop_assert!((f64::from(left) - below.area() / cell.area()).abs() < 1e-4);
                 prop_assert!((f64::from(right) - above.area() / cell.area()).abs() < 1e-4);
+                let [least_below, least_above] = profile.least_shares(offset);
+                prop_assert!(least_below <= left && least_above <= right);
                 cell = if lower { below } else { above };
             }
         }

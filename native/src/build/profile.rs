@@ -38,19 +38,33 @@ pub struct Profile {
     pub slope: f32,
     /// For cells that are no boxes along the direction: what the edges add.
     pub edges: Vec<EdgeTerm>,
+    /// Heights of the vertices of a polytope, between its two steps.
+    pub heights: Vec<f64>,
+    /// Room for what its faces add to the edges.
+    pub tangents: Vec<[[f64; 3]; 2]>,
 }
 
 impl Profile {
-    /// Makes this the profile of a prism: both ends have the share `end` (the end face, twice), and
-    /// the mantle grows by `slope` per unit of height.
+    /// The least share of the surface that a part of the cell can have which reaches from height `at`
+    /// to one of the cell's ends, first the low one: by Brunn and Minkowski's theorem the root of a
+    /// convex body's part grows at least as fast as its height.
+    pub fn least_shares(&self, at: f32) -> [f32; 2] {
+        let extent = self.high - self.low;
+        // One part in 10^5 for all the rounding, here and in the shares themselves.
+        let least = |part: f32| {
+            let part = (part / extent - 1e-5).clamp(0.0, 1.0);
+            if part > 0.0 { part * part } else { 0.0 }
+        };
+        [least(at - self.low), least(self.high - at)]
+    }
+
+    /// Makes this the profile of a prism between the ends that are set: both ends have the share
+    /// `end` (the end face, twice), and the mantle grows by `slope` per unit of height.
     #[expect(
         clippy::cast_possible_truncation,
         reason = "shares need no more than f32"
     )]
-    pub fn linear(&mut self, (low, high): (f32, f32), end: f64, slope: f64) {
-        (self.low, self.high) = (low, high);
-        self.margin = 0.0;
-        self.walls = true;
+    pub fn linear(&mut self, end: f64, slope: f64) {
         self.constant = [end as f32; 2];
         self.slope = slope as f32;
         self.edges.clear();

@@ -22,7 +22,7 @@ pub const SPEC: StructureSpec = StructureSpec {
     build: |scene, config, monitor| grow(scene, config, monitor, Variant::PlusKd),
 };
 
-const SPEC_PARAMS: [ParamSpec; 13] = params::kd(params::k(3, 6));
+const SPEC_PARAMS: [ParamSpec; params::KD] = params::kd(params::k(3, 6));
 
 fn grow(scene: &Triangles, config: &Config, monitor: &Monitor, variant: Variant) -> Result<Built> {
     let seed = config.integer("seed") as u64;

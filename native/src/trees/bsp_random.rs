@@ -21,7 +21,7 @@ pub const PLAIN: StructureSpec = StructureSpec {
     build: |scene, config, monitor| grow(scene, config, monitor, Variant::Plain),
 };
 
-const PLAIN_PARAMS: [ParamSpec; 11] = params::usual(params::k(1, 10));
+const PLAIN_PARAMS: [ParamSpec; params::USUAL] = params::usual(params::k(1, 10));
 
 /// The registry's row: with the axes.
 pub const PLUS: StructureSpec = StructureSpec {
@@ -35,7 +35,7 @@ pub const PLUS: StructureSpec = StructureSpec {
     build: |scene, config, monitor| grow(scene, config, monitor, Variant::Plus),
 };
 
-const PLUS_PARAMS: [ParamSpec; 11] = params::usual(params::k(3, 10));
+const PLUS_PARAMS: [ParamSpec; params::USUAL] = params::usual(params::k(3, 10));
 
 /// The registry's row: with the axes as cheap nodes.
 pub const PLUS_KD: StructureSpec = StructureSpec {
@@ -49,7 +49,7 @@ pub const PLUS_KD: StructureSpec = StructureSpec {
     build: |scene, config, monitor| grow(scene, config, monitor, Variant::PlusKd),
 };
 
-const PLUS_KD_PARAMS: [ParamSpec; 13] = params::kd(params::k(3, 10));
+const PLUS_KD_PARAMS: [ParamSpec; params::KD] = params::kd(params::k(3, 10));
 
 const PAPER: &str = "Hoobergs 2019, Bomen voor binaire ruimtepartitie (master thesis, KU Leuven)";
 

@@ -35,6 +35,7 @@ pub const SPEC: StructureSpec = StructureSpec {
         params::leaf_cost(Costs::BLOCKS),
         params::triangle_cost(Costs::BLOCKS),
         params::empty_factor(Costs::BLOCKS),
+        params::AREA_STOP,
         params::MAX_DEPTH,
     ],
     build,
@@ -70,18 +71,13 @@ pub fn default_depth(triangles: usize) -> usize {
 
 fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built> {
     let params = Params {
-        costs: Costs {
-            step: config.float("step_cost"),
-            leaf: config.float("leaf_cost"),
-            triangle: config.float("triangle_cost"),
-            empty: config.float("empty_factor"),
-            ..Costs::BLOCKS
-        },
+        costs: Costs::fitted(config),
         oblique: ObliqueStep::Fixed(f32::INFINITY),
         ties: Ties::Clean,
         slab: 0.0,
         leaf_size: 0,
         leaf_most: usize::MAX,
+        area_stop: config.float("area_stop"),
         max_depth: match config.integer("max_depth") {
             0 => default_depth(scene.live().len()),
             depth => depth,

@@ -58,6 +58,7 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built>
         slab: 0.0,
         leaf_size: config.integer("leaf_size"),
         leaf_most: usize::MAX,
+        area_stop: 0.0,
         max_depth: match config.integer("max_depth") {
             0 => thesis_depth(scene.live().len()),
             depth => depth,

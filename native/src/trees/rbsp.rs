@@ -52,8 +52,8 @@ const K: ParamSpec = ParamSpec {
     ..params::k(3, 13)
 };
 
-const PLAIN_PARAMS: [ParamSpec; 11] = with_set(params::usual(K), 2);
-const KD_PARAMS: [ParamSpec; 13] = with_set(params::kd(K), 3);
+const PLAIN_PARAMS: [ParamSpec; params::USUAL] = with_set(params::usual(K), 2);
+const KD_PARAMS: [ParamSpec; params::KD] = with_set(params::kd(K), 3);
 
 /// Fixed directions need no seed: its place takes the set.
 const fn with_set<const N: usize>(mut params: [ParamSpec; N], seed: usize) -> [ParamSpec; N] {

@@ -2,7 +2,7 @@
 //! Trees of split planes: every cell is a closed convex body, every cut adds up, every triangle lies on
 //! the sides of the planes that its leaf lies on.
 
-use crate::build::cell::{BoxCell, Cell, ConvexCell, Direction, Plane};
+use crate::build::cell::{Cell, ConvexCell, Direction, Plane};
 use crate::build::plane_tree::{MAX_DEPTH, Node, PlaneTree};
 use crate::structure::Structure;
 use crate::traverse::frame::U;
@@ -18,7 +18,7 @@ pub fn planes(structure: &Structure, tree: &PlaneTree, broken: &mut Vec<String>)
     let bounds = frame.bounds();
     let (mut inner, mut leaves, mut references) = (0, 0, 0);
     let mut cells = vec![(
-        ConvexCell::Box(BoxCell(bounds), bounds.magnitude()),
+        ConvexCell::from_box(bounds, bounds.magnitude()),
         None::<(Plane, bool)>,
     )];
     let mut path: Vec<(Plane, bool)> = Vec::new();
@@ -97,7 +97,8 @@ fn beyond(corners: [[f32; 3]; 3], (plane, above): (Plane, bool), magnitude: f32)
 /// What is wrong with a cut through a cell.
 fn fault(cell: &ConvexCell, plane: Plane) -> Option<String> {
     let offset = plane.offset;
-    if let (ConvexCell::Box(BoxCell(bounds), _), Direction::Axis(k)) = (cell, plane.direction) {
+    if let (ConvexCell::Box(flat), Direction::Axis(k)) = (cell, plane.direction) {
+        let bounds = flat.bounds();
         let inside = bounds.min[k] <= offset && offset <= bounds.max[k];
         return (!inside).then(|| format!("the plane {offset} lies outside its cell"));
     }

@@ -11,7 +11,7 @@ pub mod params;
 pub mod random;
 
 use crate::build::Monitor;
-use crate::build::cell::{BoxCell, ConvexCell, Direction};
+use crate::build::cell::{ConvexCell, Direction};
 use crate::build::cost::Costs;
 use crate::build::piece::{Boxed, Clipped, ClippedBox, Piece, Whole};
 use crate::build::plane_tree::{PlaneTree, Shape};
@@ -99,7 +99,7 @@ impl<S: Source, P: Piece> PlanePolicy for Policy<'_, S, P> {
     type Piece = P;
 
     fn root(&self, bounds: Aabb) -> ConvexCell {
-        ConvexCell::Box(BoxCell(bounds), bounds.magnitude())
+        ConvexCell::from_box(bounds, bounds.magnitude())
     }
 
     fn directions(&self, node: &Node<'_, P>, out: &mut Vec<Direction>) {
@@ -270,11 +270,22 @@ pub fn lay_out(
     })
 }
 
+/// The thesis's fixed price of an oblique step, beside [`Costs::THESIS`].
+const THESIS_OBLIQUE: f32 = 5.0;
+
 /// Prices and rules, as the configuration wants them.
 pub fn loop_params(scene: &Triangles, config: &Config, variant: Variant) -> Params {
     let thesis = config.choice("costs") == "thesis";
-    let costs = if thesis { Costs::THESIS } else { Costs::BLOCKS };
-    let fixed = if thesis { 5.0 } else { params::OBLIQUE_STEP };
+    let costs = if thesis {
+        Costs::THESIS
+    } else {
+        Costs::fitted(config)
+    };
+    let fixed = if thesis {
+        THESIS_OBLIQUE
+    } else {
+        config.float("oblique_cost")
+    };
     let oblique = match variant {
         Variant::PlusKd => ObliqueStep::Linear {
             alpha: config.float("alpha"),
@@ -298,6 +309,11 @@ pub fn loop_params(scene: &Triangles, config: &Config, variant: Variant) -> Para
         },
         leaf_size: usize::from(thesis),
         leaf_most: params::LEAF_MOST,
+        area_stop: if thesis {
+            0.0
+        } else {
+            config.float("area_stop")
+        },
         max_depth: match config.integer("max_depth") {
             0 if thesis => thesis_depth(triangles),
             0 => default_depth(triangles),

@@ -1,12 +1,15 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Parameters of the trees with oblique planes.
 
-use crate::registry::params::{MAX_DEPTH, ROBUST, TRAVERSAL_ANY};
+use crate::build::cost::Costs;
+use crate::registry::params::{
+    AREA_STOP, MAX_DEPTH, ROBUST, TRAVERSAL_ANY, empty_factor, leaf_cost, step_cost, triangle_cost,
+};
 use crate::registry::{Default, Kind, ParamSpec};
 
-/// Fitted price of a step through an oblique node, in the units of
-/// [`crate::build::cost::Costs::BLOCKS`].
-pub const OBLIQUE_STEP: f32 = 12.0;
+/// Price of a step through an oblique node, in the units of [`Costs::BLOCKS`]. Dearer ones measured no
+/// faster on killeroo, Sponza and Conference, though a step itself takes about twice an axis node's.
+const OBLIQUE_STEP: f32 = 12.0;
 
 /// Leaves hold no more triangles unless no plane parts them.
 pub const LEAF_MOST: usize = 64;
@@ -119,54 +122,127 @@ const AXES_DEPTH: ParamSpec = ParamSpec {
     default: Default::Integer(0),
 };
 
+const OBLIQUE: ParamSpec = ParamSpec {
+    name: "oblique_cost",
+    label: "Oblique Cost",
+    doc: "Price of a step through a node with an oblique plane; where alpha asks for more, of the second \
+          attempt. More gives fewer oblique planes. costs=thesis has its own",
+    unit: "",
+    kind: Kind::Float { min: 0.0, max: 1e6 },
+    default: Default::Float(OBLIQUE_STEP as f64),
+};
+
+/// The numbers behind `costs=fitted`.
+const PRICES: [ParamSpec; 6] = [
+    step_cost(Costs::BLOCKS),
+    OBLIQUE,
+    leaf_cost(Costs::BLOCKS),
+    triangle_cost(Costs::BLOCKS),
+    empty_factor(Costs::BLOCKS),
+    AREA_STOP,
+];
+
+/// Two lists, one after the other.
+const fn join<const A: usize, const B: usize, const N: usize>(
+    first: [ParamSpec; A],
+    second: [ParamSpec; B],
+) -> [ParamSpec; N] {
+    assert!(A + B == N);
+    let mut all = [TRAVERSAL_ANY; N];
+    let mut i = 0;
+    while i < N {
+        all[i] = if i < A { first[i] } else { second[i - A] };
+        i += 1;
+    }
+    all
+}
+
+/// How many parameters a variant without cheap axis nodes has.
+pub const USUAL: usize = 17;
+
+/// How many a variant with cheap axis nodes has.
+pub const KD: usize = USUAL + 2;
+
 /// Parameters of a variant without cheap axis nodes.
-pub const fn usual(k: ParamSpec) -> [ParamSpec; 11] {
-    [
-        k,
-        TRAVERSAL_ANY,
-        SEED,
-        COSTS,
-        TIES,
-        SLAB,
-        CLIP,
-        EARLY,
-        AXES_DEPTH,
-        ROBUST,
-        MAX_DEPTH,
-    ]
+pub const fn usual(k: ParamSpec) -> [ParamSpec; USUAL] {
+    join(
+        [
+            k,
+            TRAVERSAL_ANY,
+            SEED,
+            COSTS,
+            TIES,
+            SLAB,
+            CLIP,
+            EARLY,
+            AXES_DEPTH,
+            ROBUST,
+            MAX_DEPTH,
+        ],
+        PRICES,
+    )
 }
 
 /// Parameters of a variant with cheap axis nodes.
-pub const fn kd(k: ParamSpec) -> [ParamSpec; 13] {
-    [
-        k,
-        TRAVERSAL_ANY,
-        ALPHA,
-        SEED,
-        COSTS,
-        RULE,
-        TIES,
-        SLAB,
-        CLIP,
-        EARLY,
-        AXES_DEPTH,
-        ROBUST,
-        MAX_DEPTH,
-    ]
+pub const fn kd(k: ParamSpec) -> [ParamSpec; KD] {
+    join(
+        [
+            k,
+            TRAVERSAL_ANY,
+            ALPHA,
+            SEED,
+            COSTS,
+            RULE,
+            TIES,
+            SLAB,
+            CLIP,
+            EARLY,
+            AXES_DEPTH,
+            ROBUST,
+            MAX_DEPTH,
+        ],
+        PRICES,
+    )
 }
 
+/// How many parameters a tree has that sweeps nothing but the axes.
+pub const SINGLE: usize = 14;
+
+/// How many with cheap axis nodes.
+pub const SINGLE_KD: usize = SINGLE + 2;
+
 /// Parameters of a tree that sweeps nothing but the axes.
-pub const SINGLE: [ParamSpec; 7] = [TRAVERSAL_ANY, COSTS, TIES, SLAB, CLIP, ROBUST, MAX_DEPTH];
+pub const fn single(own: ParamSpec) -> [ParamSpec; SINGLE] {
+    join(
+        [
+            own,
+            TRAVERSAL_ANY,
+            COSTS,
+            TIES,
+            SLAB,
+            CLIP,
+            ROBUST,
+            MAX_DEPTH,
+        ],
+        PRICES,
+    )
+}
 
 /// The same, with cheap axis nodes.
-pub const SINGLE_KD: [ParamSpec; 9] = [
-    TRAVERSAL_ANY,
-    ALPHA,
-    COSTS,
-    RULE,
-    TIES,
-    SLAB,
-    CLIP,
-    ROBUST,
-    MAX_DEPTH,
-];
+pub const fn single_kd(own: ParamSpec) -> [ParamSpec; SINGLE_KD] {
+    join(
+        [
+            own,
+            TRAVERSAL_ANY,
+            ALPHA,
+            COSTS,
+            RULE,
+            TIES,
+            SLAB,
+            CLIP,
+            ROBUST,
+            MAX_DEPTH,
+        ],
+        PRICES,
+    )
+}

@@ -1,9 +1,13 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The sweep: the cheapest plane along one direction, tried at every end of every triangle.
 //!
-//! Few triangles are counted outright, eight candidates at a time; many are sorted first, by radix,
-//! so that a build stays within O(n log n) (the bound of Wald and Havran 2006, reached without
-//! keeping event lists). Both ways give the same plane, bit for bit.
+//! Few triangles are counted outright, eight candidates at a time ([`count`]). Of many, only those
+//! stretches of the direction are looked into that may hold the cheapest plane ([`bins`]), so that a
+//! build stays within O(n log n) (the bound of Wald and Havran 2006, reached without keeping event
+//! lists). All ways give the same plane, bit for bit.
+
+mod bins;
+mod count;
 
 use super::cost::Costs;
 use super::profile::Profile;
@@ -11,6 +15,12 @@ use fearless_simd::{Level, Select, Simd, SimdBase, SimdMask, dispatch, f32x8};
 
 /// Up to this many triangles are counted without sorting.
 const COUNT_LIMIT: usize = 32;
+
+/// Shorter lists are sorted by comparisons.
+const RADIX_LIMIT: usize = 256;
+
+/// From this many on, stretches without a chance are left out.
+const BIN_LIMIT: usize = 33;
 
 /// Which side a triangle goes to when it only touches the plane.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -57,9 +67,25 @@ pub struct Pricing<'a> {
     /// The price of a step, and a second one for which the cheapest plane is found as well; infinite
     /// where there is no second.
     pub steps: [f32; 2],
+    /// Planes that cost more at the first price, and at the second, are of no interest.
+    pub limits: [f32; 2],
     /// Weigh the two sides by their triangles instead of by their surface: for nodes that hold too
     /// many and must be parted whatever it costs.
     pub by_count: bool,
+}
+
+impl Pricing<'_> {
+    /// Whether both prices are beyond their limits where the children cost `inner` at least.
+    #[inline(always)]
+    pub fn hopeless(&self, inner: f32, empty: bool) -> bool {
+        let factor = if empty { self.costs.empty } else { 1.0 };
+        let dear = |i: usize| {
+            let cost = (self.steps[i] + inner) * factor;
+            // All but the rounding of one price.
+            cost * (1.0 - 1e-5) > self.limits[i] || self.steps[i] == f32::INFINITY
+        };
+        dear(0) && dear(1)
+    }
 }
 
 /// The best plane of a sweep.
@@ -89,9 +115,17 @@ pub struct Scratch {
     starts: Vec<f32>,
     ends: Vec<f32>,
     planar: Vec<f32>,
+    bins: bins::Bins,
 }
 
 impl Scratch {
+    /// The lowest and the highest end.
+    pub fn hull(&self) -> (f32, f32) {
+        let low = self.min.iter().fold(f32::INFINITY, |a, &b| a.min(b));
+        let high = self.max.iter().fold(f32::NEG_INFINITY, |a, &b| a.max(b));
+        (low, high)
+    }
+
     /// Adds the planes of a slab around each triangle that is parallel to them, `thickness` away: no
     /// other plane can part a wall from a cell whose face it lies in.
     pub fn add_slabs(&mut self, thickness: f32) {
@@ -111,8 +145,18 @@ impl Scratch {
     }
 }
 
+/// Which planes a sweep tries.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Candidates {
+    /// All ends of triangles and of slabs.
+    All,
+    /// The hull's two ends, and planes this far from them where it is flat: those that leave one part
+    /// empty.
+    Hull,
+}
+
 /// Finds the cheapest valid plane for each of the two prices of a step; of equal ones the lowest.
-/// `None` when there is no valid plane.
+/// `None` when there is no valid plane within the limits.
 ///
 /// Valid are planes inside the cell, away from its ends by the profile's margin, and, where the
 /// profile has walls and ties are clean, its two end planes where they part the triangles that lie
@@ -122,13 +166,19 @@ pub fn sweep(
     profile: &Profile,
     pricing: &Pricing<'_>,
     ties: Ties,
+    candidates: Candidates,
 ) -> [Option<Best>; 2] {
     dispatch!(Level::new(), simd => {
         let mut batch = Batch::new(simd, profile, pricing, ties);
-        if scratch.min.len() <= COUNT_LIMIT {
-            count(&mut batch, scratch);
-        } else {
+        let n = scratch.min.len();
+        if candidates == Candidates::Hull {
+            count::hull(&mut batch, scratch);
+        } else if n <= COUNT_LIMIT {
+            count::all(&mut batch, scratch);
+        } else if n < BIN_LIMIT || pricing.by_count {
             sorted(&mut batch, scratch);
+        } else {
+            bins::search(&mut batch, scratch);
         }
         batch.finish()
     })
@@ -177,11 +227,17 @@ impl<'a, S: Simd> Batch<'a, S> {
         }
     }
 
+    /// Prices what waits.
     #[inline(always)]
-    fn finish(mut self) -> [Option<Best>; 2] {
+    fn flush(&mut self) {
         if self.waiting > 0 {
             self.price();
         }
+    }
+
+    #[inline(always)]
+    fn finish(mut self) -> [Option<Best>; 2] {
+        self.flush();
         self.best
     }
 
@@ -194,7 +250,9 @@ impl<'a, S: Simd> Batch<'a, S> {
         self.at[self.waiting..].fill(f32::NAN);
         self.waiting = 0;
         let at = f32x8::from_slice(simd, &self.at);
-        let [first, second, third, fourth] = self.counts.map(|row| f32x8::from_slice(simd, &row));
+        // Written out: a closure given to `map` would not be compiled for this instruction set.
+        let row = |i: usize| f32x8::from_slice(simd, &self.counts[i]);
+        let (first, second, third, fourth) = (row(0), row(1), row(2), row(3));
         let zero = splat(0.0);
         let inside = at.simd_gt(splat(profile.low + profile.margin))
             & at.simd_lt(splat(profile.high - profile.margin));
@@ -233,29 +291,23 @@ impl<'a, S: Simd> Batch<'a, S> {
             let inner =
                 weights.0 * costs.leaf_x8(simd, below) + weights.1 * costs.leaf_x8(simd, above);
             let empty = below.simd_eq(zero) | above.simd_eq(zero);
-            for (step, best) in self.pricing.steps.into_iter().zip(&mut self.best) {
+            for (i, best) in self.best.iter_mut().enumerate() {
+                let step = self.pricing.steps[i];
                 if step == f32::INFINITY {
                     continue;
                 }
                 let cost = splat(step) + inner;
                 let cost = empty.select(cost * splat(costs.empty), cost);
-                let limit = best.map_or(f32::INFINITY, |b| b.cost);
+                let limit = best.map_or(self.pricing.limits[i], |b| b.cost);
                 let promising = valid & cost.simd_le(splat(limit));
                 if !promising.any_true() {
                     continue;
                 }
-                let mut rows = [[0.0; 8]; 5];
-                for (row, lanes) in rows.iter_mut().zip([
-                    promising.select(cost, splat(f32::NAN)),
-                    below,
-                    above,
-                    shares.0,
-                    shares.1,
-                ]) {
-                    lanes.store_slice(row);
-                }
-                for (lane, &at) in self.at.iter().enumerate() {
-                    let [cost, below, above, left, right] = rows.map(|row| row[lane]);
+                let mut costs = [0.0; 8];
+                promising
+                    .select(cost, splat(f32::NAN))
+                    .store_slice(&mut costs);
+                for (lane, (&cost, &at)) in costs.iter().zip(&self.at).enumerate() {
                     let better =
                         best.is_none_or(|b| cost < b.cost || (cost == b.cost && at < b.at));
                     if better && cost < f32::INFINITY {
@@ -263,8 +315,8 @@ impl<'a, S: Simd> Batch<'a, S> {
                             cost,
                             at,
                             touching,
-                            shares: [left, right],
-                            counts: [below, above],
+                            shares: [lane_of(shares.0, lane), lane_of(shares.1, lane)],
+                            counts: [lane_of(below, lane), lane_of(above, lane)],
                         });
                     }
                 }
@@ -273,52 +325,15 @@ impl<'a, S: Simd> Batch<'a, S> {
     }
 }
 
-/// Counts all triangles against eight candidates at a time.
+/// One lane of a vector.
 #[inline(always)]
-fn count<S: Simd>(batch: &mut Batch<'_, S>, scratch: &mut Scratch) {
-    let simd = batch.simd;
-    let Scratch {
-        min,
-        max,
-        extra,
-        starts: candidates,
-        ..
-    } = scratch;
-    candidates.clear();
-    candidates.extend(min.iter().chain(&*max).chain(&*extra));
-    let n = candidates.len();
-    candidates.resize(n.next_multiple_of(8), f32::NAN);
-    let (zero, one) = (f32x8::splat(simd, 0.0), f32x8::splat(simd, 1.0));
-    for chunk in candidates.chunks_exact(8) {
-        let at = f32x8::from_slice(simd, chunk);
-        let mut sums = [zero; 4];
-        for (&min, &max) in min.iter().zip(&*max) {
-            let (min, max) = (f32x8::splat(simd, min), f32x8::splat(simd, max));
-            let (below, above) = (min.simd_lt(at), max.simd_gt(at));
-            match batch.ties {
-                Ties::Clean => {
-                    sums[0] += below.select(one, zero);
-                    sums[1] += above.select(one, zero);
-                    sums[2] += (below | above).select(zero, one);
-                }
-                Ties::StartsFirst => {
-                    sums[0] += below.select(one, zero);
-                    sums[1] += max.simd_ge(at).select(one, zero);
-                    sums[2] += min.simd_le(at).select(one, zero);
-                    sums[3] += above.select(one, zero);
-                }
-            }
-        }
-        batch.at.copy_from_slice(chunk);
-        for (row, sum) in batch.counts.iter_mut().zip(sums) {
-            sum.store_slice(row);
-        }
-        batch.waiting = 8;
-        batch.price();
-    }
+fn lane_of<S: Simd>(lanes: f32x8<S>, lane: usize) -> f32 {
+    let mut row = [0.0; 8];
+    lanes.store_slice(&mut row);
+    row[lane]
 }
 
-/// Merges the sorted ends and keeps running counts.
+/// Sorts all ends and tries each.
 #[inline(always)]
 fn sorted<S: Simd>(batch: &mut Batch<'_, S>, scratch: &mut Scratch) {
     let Scratch {
@@ -328,6 +343,7 @@ fn sorted<S: Simd>(batch: &mut Batch<'_, S>, scratch: &mut Scratch) {
         starts,
         ends,
         planar,
+        ..
     } = scratch;
     for list in [&mut *starts, ends, planar] {
         list.clear();
@@ -340,14 +356,28 @@ fn sorted<S: Simd>(batch: &mut Batch<'_, S>, scratch: &mut Scratch) {
             ends.push(max);
         }
     }
+    let all = u32::try_from(min.len()).expect("bounded by the scene");
+    merge(batch, [starts, ends, planar, extra], (0, all));
+}
+
+/// Sorts and merges starts, ends, planar triangles and further candidates, and tries each height. What
+/// lies below and above all of them is counted in `below` and `above`; `above` includes the
+/// triangles that end or lie here.
+#[inline(always)]
+fn merge<S: Simd>(
+    batch: &mut Batch<'_, S>,
+    lists: [&mut [f32]; 4],
+    (mut below, mut above): (u32, u32),
+) {
+    let [starts, ends, planar, extra] = lists;
     for list in [&mut *starts, ends, planar, extra] {
-        radsort::sort(list);
+        if list.len() < RADIX_LIMIT {
+            list.sort_unstable_by(f32::total_cmp);
+        } else {
+            radsort::sort(list);
+        }
     }
     let (mut s, mut e, mut p, mut x) = (0, 0, 0, 0);
-    let (mut below, mut above) = (
-        0_u32,
-        u32::try_from(min.len()).expect("bounded by the scene"),
-    );
     let next = |list: &[f32], i: usize| list.get(i).copied().unwrap_or(f32::INFINITY);
     loop {
         let at = next(starts, s)
@@ -391,7 +421,8 @@ mod tests {
 
     fn unit() -> Profile {
         let mut profile = Profile::default();
-        profile.linear((0.0, 8.0), 0.2, 0.075);
+        (profile.low, profile.high, profile.walls) = (0.0, 8.0, true);
+        profile.linear(0.2, 0.075);
         profile
     }
 
@@ -399,7 +430,59 @@ mod tests {
         Pricing {
             costs,
             steps: [costs.step, f32::INFINITY],
+            limits: [f32::INFINITY; 2],
             by_count: false,
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn bins_find_the_plane_that_sorting_finds(
+            ends in prop::collection::vec((0u16..700, 0u16..90), BIN_LIMIT..400),
+            clean in any::<bool>(),
+            thesis in any::<bool>(),
+            slabs in any::<bool>(),
+        ) {
+            let at = |x: u16| f32::from(x.min(640)) / 80.0;
+            let mut scratch = scratch(
+                &ends.into_iter().map(|(a, n)| (at(a), at(a + n))).collect::<Vec<_>>(),
+            );
+            if slabs {
+                scratch.add_slabs(0.05);
+            }
+            let ties = if clean { Ties::Clean } else { Ties::StartsFirst };
+            let costs = if thesis { Costs::THESIS } else { Costs::BLOCKS };
+            let profile = unit();
+            let pricing = Pricing { steps: [costs.step, 3.0 * costs.step], ..pricing(&costs) };
+            let binned = sweep(&mut scratch, &profile, &pricing, ties, Candidates::All);
+            let merged = dispatch!(Level::new(), simd => {
+                let mut batch = Batch::new(simd, &profile, &pricing, ties);
+                sorted(&mut batch, &mut scratch);
+                batch.finish()
+            });
+            prop_assert_eq!(binned, merged);
+        }
+    }
+
+    proptest! {
+        /// A block's triangles are only ever parted from emptiness.
+        #[test]
+        fn the_hull_has_the_planes_that_pay_for_a_block(
+            ends in prop::collection::vec((0u8..70, 0u8..30), 1..9),
+        ) {
+            let at = |x: u8| f32::from(x.min(80)) / 10.0;
+            let mut scratch = scratch(
+                &ends.into_iter().map(|(a, n)| (at(a), at(a + n))).collect::<Vec<_>>(),
+            );
+            let costs = Costs::BLOCKS;
+            let leaf = costs.leaf(scratch.min.len() as f32);
+            let profile = unit();
+            let pricing = Pricing { limits: [leaf; 2], ..pricing(&costs) };
+            let mut found = |candidates| {
+                sweep(&mut scratch, &profile, &pricing, Ties::Clean, candidates)[0]
+                    .filter(|best| best.cost < leaf)
+            };
+            prop_assert_eq!(found(Candidates::All), found(Candidates::Hull));
         }
     }
 
@@ -418,7 +501,7 @@ mod tests {
             let costs = if thesis { Costs::THESIS } else { Costs::BLOCKS };
             let profile = unit();
             let pricing = pricing(&costs);
-            let counted = sweep(&mut scratch(&ends), &profile, &pricing, ties);
+            let counted = sweep(&mut scratch(&ends), &profile, &pricing, ties, Candidates::All);
             let merged = dispatch!(Level::new(), simd => {
                 let mut batch = Batch::new(simd, &profile, &pricing, ties);
                 sorted(&mut batch, &mut scratch(&ends));
@@ -445,8 +528,15 @@ mod tests {
         let flat_floor = [(0.0, 0.0), (0.0, 8.0), (0.0, 8.0)];
         let profile = unit();
         let pricing = pricing(&Costs::THESIS);
-        let sweep =
-            |ends: &[(f32, f32)]| sweep(&mut scratch(ends), &profile, &pricing, Ties::Clean)[0];
+        let sweep = |ends: &[(f32, f32)]| {
+            sweep(
+                &mut scratch(ends),
+                &profile,
+                &pricing,
+                Ties::Clean,
+                Candidates::All,
+            )[0]
+        };
         let best = sweep(&flat_floor).unwrap();
         assert_eq!((best.at, best.touching), (0.0, Touching::PlanarBelow));
         let nothing_flat = [(0.0, 8.0), (0.0, 8.0)];

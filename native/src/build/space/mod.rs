@@ -1,9 +1,14 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The space-partition loop: builds every tree of split planes, whatever its planes.
 //!
-//! A tree answers one question, "which directions at this node?" ([`PlanePolicy`]); sweeping,
-//! pricing, stopping, parting the triangles and going on in parallel happen here, once. The result
-//! is a pure function of the triangles and the parameters, for any number of threads.
+//! A tree answers one question, "which directions at this node?" ([`PlanePolicy`]); sweeping and
+//! pricing ([`choice`], [`single`]), stopping, parting the triangles and going on in parallel
+//! happen here, once. The result is a pure function of the triangles and the parameters, for any
+//! number of threads.
+
+mod choice;
+mod curve;
+mod single;
 
 use super::Monitor;
 use super::cell::{Cell, Direction, Plane};
@@ -14,7 +19,7 @@ use super::piece::Piece;
 use super::plane_tree::MAX_DEPTH;
 use super::preorder::{Item, Preorder};
 use super::profile::Profile;
-use super::sweep::{Best, Pricing, Scratch, Ties, Touching, sweep};
+use super::sweep::{Best, Scratch, Ties};
 use crate::error::Result;
 use crate::geom::Aabb;
 use crate::scene::Triangles;
@@ -24,8 +29,9 @@ use rayon::prelude::*;
 /// Subtrees of at least this many references become tasks of their own.
 const TASK: usize = 4096;
 
-/// Nodes of at least this many references sweep their directions in parallel.
-const PARALLEL_SWEEP: usize = 1 << 16;
+/// Larger nodes are parted however small their cells: the camera may stand before the one detail of a
+/// large scene.
+const AREA_STOP_MOST: usize = 16;
 
 /// References per triangle that no tree exceeds. A node's share of this budget goes to its children
 /// in proportion to their references; a node that would overdraw it becomes a leaf.
@@ -108,6 +114,10 @@ pub struct Params {
     /// Larger nodes are parted whatever it costs, beyond `max_depth` if need be, as long as a plane
     /// parts them.
     pub leaf_most: usize,
+    /// Nodes of `n` triangles are leaves where `n^2` times the scene's triangles times the cell's
+    /// share of the surface is no more, up to a size: a cell that few rays visit is not worth a node.
+    /// 0 for none.
+    pub area_stop: f32,
     /// Leaves lie no deeper; at most [`MAX_DEPTH`].
     pub max_depth: usize,
     /// The stopping rule.
@@ -181,7 +191,7 @@ pub fn build<P: PlanePolicy>(
         .map(|&id| P::Piece::new(id, scene.corners(id).map(|p| frame.point(p))))
         .collect();
     if params.sorted {
-        sort_along_curve(&mut pieces, &frame.bounds());
+        curve::sort(&mut pieces, &frame.bounds());
     }
     let builder = Builder {
         scene,
@@ -303,6 +313,10 @@ impl<P: PlanePolicy> Builder<'_, P> {
         if n <= params.leaf_size || node.depth >= MAX_DEPTH {
             return None;
         }
+        let visits = node.share * self.scene.live().len() as f32;
+        if n <= AREA_STOP_MOST && (n * n) as f32 * visits <= params.area_stop {
+            return None;
+        }
         task.directions.clear();
         task.planes.clear();
         let view = Node {
@@ -353,245 +367,6 @@ impl<P: PlanePolicy> Builder<'_, P> {
         (total <= node.budget).then_some((cell, choice))
     }
 
-    /// The split that the cost model wants.
-    fn affordable(
-        &self,
-        task: &mut Task<P::Piece>,
-        from: usize,
-        cell: &P::Cell,
-        bad: u32,
-    ) -> Option<Choice> {
-        let params = self.params;
-        let n = task.pieces.len() - from;
-        let leaf = params.costs.leaf(n as f32);
-        #[expect(clippy::cast_precision_loss, reason = "a price")]
-        let steps = match params.oblique {
-            ObliqueStep::Fixed(step) => [step, f32::INFINITY],
-            ObliqueStep::Linear { alpha, fixed, .. } => [
-                alpha * params.costs.triangle * (n - 1) as f32 + params.costs.step,
-                fixed,
-            ],
-        };
-        let [first, second] = self.search(task, from, cell, steps);
-        let [first, second] = self.singles(task, from, cell, steps, [first, second]);
-        let (plane, best) = first?;
-        let as_code = matches!(params.oblique, ObliqueStep::Linear { as_code: true, .. });
-        let second = second.filter(|(_, best)| best.cost < leaf);
-        let (plane, best, cost) = match second {
-            Some(second) if best.cost >= leaf && as_code => (plane, best, second.1.cost),
-            Some(second) if best.cost >= leaf => (second.0, second.1, second.1.cost),
-            _ => (plane, best, best.cost),
-        };
-        let bad = match params.stop {
-            Stop::Cheapest if cost >= leaf => return None,
-            Stop::Cheapest => 0,
-            Stop::Tolerant(limit) => {
-                let bad = bad + u32::from(cost > leaf);
-                if (cost > 4.0 * leaf && n < 16) || bad >= limit {
-                    return None;
-                }
-                bad
-            }
-        };
-        Some(Choice { plane, best, bad })
-    }
-
-    /// The split that parts a node best which is too large for a leaf.
-    fn forced(
-        &self,
-        task: &mut Task<P::Piece>,
-        from: usize,
-        node: &Pending<P::Cell>,
-    ) -> Option<Choice> {
-        let cell = node.cell.as_ref()?;
-        let costs = Costs {
-            step: 0.0,
-            leaf: 0.0,
-            // A part without triangles parts nothing.
-            empty: f32::INFINITY,
-            ..self.params.costs
-        };
-        let pricing = Pricing {
-            costs: &costs,
-            steps: [0.0, f32::INFINITY],
-            by_count: true,
-        };
-        let n = (task.pieces.len() - from) as f32;
-        let attempt = |task: &mut Task<P::Piece>| {
-            let [best, _] = self.sweep_all(task, from, cell, |_| pricing);
-            best.filter(|(_, Best { counts, .. })| {
-                // Triangles that cross each other would go on being cut for ever.
-                counts[0].max(counts[1]) <= 0.95 * n && counts[0] + counts[1] <= 1.7 * n
-            })
-        };
-        let found = attempt(task).or_else(|| {
-            task.directions.clear();
-            self.policy.last_resort(
-                &Node {
-                    pieces: &task.pieces[from..],
-                    depth: node.depth,
-                    key: node.key,
-                },
-                &mut task.directions,
-            );
-            attempt(task)
-        });
-        let (plane, best) = found?;
-        Some(Choice {
-            plane,
-            best,
-            bad: 0,
-        })
-    }
-
-    /// The cheapest planes for both prices of an oblique step.
-    fn search(
-        &self,
-        task: &mut Task<P::Piece>,
-        from: usize,
-        cell: &P::Cell,
-        steps: [f32; 2],
-    ) -> Found {
-        let costs = &self.params.costs;
-        self.sweep_all(task, from, cell, |direction| Pricing {
-            costs,
-            steps: match direction {
-                Direction::Axis(_) => [costs.step, f32::INFINITY],
-                Direction::Oblique(_) => steps,
-            },
-            by_count: false,
-        })
-    }
-
-    /// The cheapest planes for both prices, those of the sweeps or single ones.
-    fn singles(
-        &self,
-        task: &mut Task<P::Piece>,
-        from: usize,
-        cell: &P::Cell,
-        steps: [f32; 2],
-        found: Found,
-    ) -> Found {
-        if task.planes.is_empty() {
-            return found;
-        }
-        let pieces = &task.pieces[from..];
-        task.groups.fill(pieces, self.frame.bounds().magnitude());
-        let (groups, planes, costs) = (&task.groups, &task.planes, &self.params.costs);
-        let search = |planes: &[Plane], profile: &mut Profile| {
-            let mut found = found;
-            for &plane in planes {
-                let [below, above, planar] = groups.count(pieces, plane).map(|n| n as f32);
-                // Both parts together have at least the whole surface: no plane costs less.
-                let least = costs.leaf(below.min(above));
-                let hopeless = |i: usize| {
-                    found[i].is_some_and(|(_, best): (Plane, Best)| {
-                        (steps[i] + least) * costs.empty >= best.cost
-                    }) || steps[i] == f32::INFINITY
-                };
-                if (hopeless(0) && hopeless(1)) || !cell.profile(plane.direction, profile) {
-                    continue;
-                }
-                let at = plane.offset;
-                let inside =
-                    profile.low + profile.margin < at && at < profile.high - profile.margin;
-                if !inside {
-                    continue;
-                }
-                let shares = profile.shares(at);
-                for (step, best) in steps.into_iter().zip(&mut found) {
-                    let costs = Costs { step, ..*costs };
-                    for (counts, touching) in [
-                        ((below + planar, above), Touching::PlanarBelow),
-                        ((below, above + planar), Touching::PlanarAbove),
-                    ] {
-                        let cost = costs.split(shares, counts);
-                        if cost < best.map_or(f32::INFINITY, |(_, b)| b.cost) {
-                            let (shares, counts) = (shares.into(), counts.into());
-                            let new = Best {
-                                cost,
-                                at,
-                                touching,
-                                shares,
-                                counts,
-                            };
-                            *best = Some((plane, new));
-                        }
-                    }
-                }
-            }
-            found
-        };
-        if pieces.len() < TASK {
-            return search(planes, &mut task.profile);
-        }
-        // In parts of fixed size, so that the result does not depend on the number of threads.
-        let parts: Vec<_> = planes
-            .par_chunks(TASK)
-            .map(|part| search(part, &mut Profile::default()))
-            .collect();
-        parts.into_iter().fold(found, better)
-    }
-
-    /// The cheapest planes of all directions of the task.
-    fn sweep_all<'p>(
-        &self,
-        task: &mut Task<P::Piece>,
-        from: usize,
-        cell: &P::Cell,
-        pricing: impl Fn(Direction) -> Pricing<'p> + Sync,
-    ) -> Found {
-        let Task {
-            pieces,
-            scratch,
-            profile,
-            directions,
-            ..
-        } = task;
-        let pieces = &pieces[from..];
-        let magnitude = self.frame.bounds().magnitude();
-        let attempt = |direction: Direction, scratch: &mut Scratch, profile: &mut Profile| {
-            if !cell.profile(direction, profile) {
-                return [None; 2];
-            }
-            P::Piece::project(pieces, direction, scratch);
-            scratch.add_slabs(self.params.slab * magnitude);
-            let pricing = pricing(direction);
-            if pricing.by_count {
-                // What must be parted is parted, however thin the parts.
-                profile.margin /= 1024.0;
-            }
-            sweep(scratch, profile, &pricing, self.params.ties).map(|best| {
-                best.map(|best| {
-                    let offset = best.at;
-                    (Plane { direction, offset }, best)
-                })
-            })
-        };
-        if pieces.len() >= PARALLEL_SWEEP {
-            let attempts: Vec<_> = directions
-                .par_iter()
-                .map(|&d| attempt(d, &mut Scratch::default(), &mut Profile::default()))
-                .collect();
-            return attempts.into_iter().fold([None; 2], better);
-        }
-        let mut found = [None; 2];
-        for &direction in &*directions {
-            found = better(found, attempt(direction, scratch, profile));
-            let parted = |best: &Option<(Plane, Best)>| {
-                best.is_some_and(|(_, b)| {
-                    b.counts[0] + b.counts[1] <= pieces.len() as f32
-                        && b.counts[0] > 0.0
-                        && b.counts[1] > 0.0
-                })
-            };
-            if self.params.early && parted(&found[0]) {
-                break;
-            }
-        }
-        found
-    }
-
     /// Parts the pieces from `from` on by a plane: first those above, then those below. Returns
     /// where those below begin.
     fn part(&self, task: &mut Task<P::Piece>, from: usize, plane: Plane, best: Best) -> usize {
@@ -613,37 +388,6 @@ impl<P: PlanePolicy> Builder<'_, P> {
         task.pieces.drain(above_end..end);
         above_end
     }
-}
-
-/// The best planes for both prices.
-type Found = [Option<(Plane, Best)>; 2];
-
-/// The cheaper of two; of equal ones the first.
-fn better(a: Found, b: Found) -> Found {
-    std::array::from_fn(|i| match (a[i], b[i]) {
-        (Some(x), Some(y)) => Some(if y.1.cost < x.1.cost { y } else { x }),
-        (x, y) => x.or(y),
-    })
-}
-
-/// Sorts pieces along Morton's curve through the scene's box.
-fn sort_along_curve<P: Piece>(pieces: &mut [P], bounds: &Aabb) {
-    let code = |piece: &P| {
-        let own = piece.bounds();
-        (0..3).fold(0_u32, |code, k| {
-            let extent = bounds.extent(k).max(f64::MIN_POSITIVE);
-            let centre = 0.5 * (f64::from(own.min[k]) + f64::from(own.max[k]));
-            let at = (centre - f64::from(bounds.min[k])) / extent;
-            #[expect(
-                clippy::cast_possible_truncation,
-                clippy::cast_sign_loss,
-                reason = "ten bits"
-            )]
-            let cell = (at * 1024.0).clamp(0.0, 1023.0) as u32;
-            code | (0..10).fold(0, |bits, i| bits | (cell >> i & 1) << (3 * i + k as u32))
-        })
-    };
-    pieces.sort_by_cached_key(code);
 }
 
 /// The key of a node's child: a bijection that scatters all bits (Steele, Lea and Flood 2014).

@@ -1,0 +1,185 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The tables of Hoobergs 2019, measured again: times in percent of the kd-tree's, beside the published numbers.
+
+The published ones come from a file that is no part of the project; without it the tables hold only ours.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from . import yardstick
+from .rows import Row
+
+BASE = "kd-sah"
+"""What times are related to: the kd-tree built as in the thesis; where it was not measured, `kd`."""
+
+SCENES = {"killeroo-feet": "killeroo_leg", "sponza-dabrovic": "sponza", "conference": "conference"}
+"""Our scenes, and what the thesis calls its own that they come nearest to."""
+
+TABLES = {
+    "bsp-random": "5.1",
+    "bsp-random-plus": "5.2",
+    "bsp-random-plus-kd": "5.3",
+    "bsp-wn": "5.4",
+    "bsp-wn-plus": "5.5",
+    "bsp-wn-plus-kd": "5.6",
+    "bsp-cn": "5.7",
+    "bsp-cn-plus": "5.8",
+    "bsp-cn-plus-kd": "5.9",
+}
+"""Structures whose times by k the thesis tabulates, and the number of the table."""
+
+COMPARED = ("render", "build", "tests")
+"""Columns of its comparison of all structures, percent of the kd-tree's: time, build time, tests for closest hits."""
+
+Numbers = tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Published:
+    """by_k: scene to structure to k to percent of the kd-tree's render time.
+
+    spreads: (structure, scene, k) to smallest, median and largest of that. comparison: (structure, scene) to k, null
+    where it has none, and to what COMPARED names. Scenes under the names of the thesis, structures under ours.
+    """
+
+    by_k: dict[str, dict[str, dict[int, float]]] = field(default_factory=dict)
+    spreads: dict[tuple[str, str, int], Numbers] = field(default_factory=dict)
+    comparison: dict[tuple[str, str], tuple[int | None, Numbers]] = field(default_factory=dict)
+
+    def medians(self, scene: str, structure: str) -> dict[int, float]:
+        """K to percent, empty where nothing was published for this scene of ours and structure."""
+        return self.by_k.get(SCENES.get(scene, ""), {}).get(structure, {})
+
+
+def read(path: Path) -> Published:
+    """The published numbers in a file. Raises OSError, ValueError."""
+    content = json.loads(path.read_text(encoding="utf-8"))
+    if not isinstance(content, Mapping) or not isinstance(content.get("final_by_K"), list):
+        raise ValueError("expected a list under 'final_by_K'")
+    found = Published()
+    name = "final_by_K"
+    try:
+        for entry in content[name]:
+            by_k = found.by_k.setdefault(entry["scene"], {}).setdefault(our_id(entry["structure"]), {})
+            by_k[int(entry["K"])] = float(entry["render_pct_of_kd"])
+        name = "draft_render_time"
+        for entry in content.get(name, []):
+            place = our_id(entry["structure"]), entry["scene"], int(entry["K"])
+            found.spreads[place] = tuple(float(entry[key]) for key in ("min", "med", "max"))
+        name = "final_comparison"
+        for entry in content.get(name, []):
+            keys = ("render_pct_of_kd", "build_pct_of_kd", "tri_tests_nearest_pct_of_kd")
+            numbers = tuple(float(entry[key]) for key in keys)
+            found.comparison[our_id(entry["structure"]), entry["scene"]] = entry["K"], numbers
+    except (KeyError, TypeError) as error:
+        raise ValueError(f"an entry of {name!r} lacks {error}") from error
+    return found
+
+
+def our_id(name: str) -> str:
+    """The id of what the thesis calls, for example, wn+^kd: bsp-wn-plus-kd."""
+    text = name.lower().replace("+", "-plus").replace("^kd", "-kd")
+    return text if text.startswith(("kd", "rbsp")) else f"bsp-{text}"
+
+
+def time_of(row: Row) -> float | None:
+    """Time of one ray of each set together, relative to the anchor where there is one; None where not measured."""
+    total = 0.0
+    for one in (row["rays"] or {}).values():
+        if not one["rounds"]:
+            continue
+        rates = np.array(one["rounds"])
+        total += float(np.median(np.array(one["anchor_rounds"]) / rates if one["anchor_rounds"] else 1.0 / rates))
+    return total or None
+
+
+def base_of(rows: Iterable[Row]) -> Row | None:
+    """The row of a scene that its times are related to."""
+    known = {row["spec"]: row for row in rows if time_of(row)}
+    return known.get(BASE) or known.get("kd")
+
+
+def spread(values: Sequence[float]) -> Numbers:
+    """Smallest, median and largest; nothing of nothing."""
+    return (min(values), float(np.median(values)), max(values)) if values else ()
+
+
+@dataclass(frozen=True)
+class Table:
+    """One table. lines: what stands at the left, and per scene what was measured and what was published."""
+
+    title: str
+    scenes: tuple[str, ...]
+    columns: tuple[str, ...]
+    lines: tuple[tuple[str, tuple[tuple[Numbers, Numbers], ...]], ...]
+
+
+def tables(scenes: Mapping[str, Sequence[Row]], published: Published | None) -> list[Table]:
+    """The tables of times by k, and the comparison, as far as their rows are there. scenes: the rows of each."""
+    named = {scene: [r for r in rows if r["spec"] != yardstick.SPEC] for scene, rows in scenes.items()}
+    named = {scene: rows for scene, rows in named.items() if base_of(rows) is not None}
+    known = published or Published()
+    found = []
+    for structure, number in TABLES.items():
+        ks = sorted({row["k"] for rows in named.values() for row in rows if row["structure"] == structure})
+        if len(ks) > 1:
+            lines = tuple((f"K = {k}", tuple(_by_k(named, known, structure, k))) for k in ks)
+            title = f"Table {number}: time of {structure} by K"
+            found.append(Table(title, tuple(named), ("min", "median", "max"), lines))
+    if found:
+        found.append(_comparison(named, known))
+    return found
+
+
+def _by_k(
+    scenes: Mapping[str, Sequence[Row]], known: Published, structure: str, k: int
+) -> Iterable[tuple[Numbers, Numbers]]:
+    for scene, rows in scenes.items():
+        own = [row for row in rows if (row["structure"], row["k"]) == (structure, k)]
+        yield spread(_percent(rows, own, "render")), known.spreads.get((structure, SCENES.get(scene, ""), k), ())
+
+
+def _comparison(scenes: Mapping[str, Sequence[Row]], known: Published) -> Table:
+    """Each structure with the k that the thesis compares it with, or else that which is the fastest."""
+    structures = list(dict.fromkeys(row["structure"] for rows in scenes.values() for row in rows))
+    lines = []
+    for structure in structures:
+        cells = []
+        for scene, rows in scenes.items():
+            k, theirs = known.comparison.get((structure, SCENES.get(scene, "")), (None, ()))
+            own = [row for row in rows if row["structure"] == structure and time_of(row)]
+            if k is None or all(row["k"] != k for row in own):
+                fastest = min(own, key=lambda row: time_of(row) or 0.0, default=None)
+                k = None if fastest is None else fastest["k"]
+            own = [row for row in own if row["k"] == k]
+            medians = [spread(_percent(rows, own, column))[1:2] for column in COMPARED]
+            cells.append((tuple(value for one in medians for value in one) if all(medians) else (), theirs))
+        if any(ours for ours, _ in cells):
+            lines.append((structure, tuple(cells)))
+    title = "The comparison of all structures, each at the K of the thesis or, where that is not here, at its best"
+    return Table(title, tuple(scenes), COMPARED, tuple(lines))
+
+
+def _percent(rows: Sequence[Row], own: Sequence[Row], column: str) -> list[float]:
+    """A number of each row in percent of the base's."""
+    base = base_of(rows)
+    unit = None if base is None else _number(base, column)
+    if not unit:
+        return []
+    return [100 * value / unit for value in (_number(row, column) for row in own) if value is not None]
+
+
+def _number(row: Row, column: str) -> float | None:
+    if column == "render":
+        return time_of(row)
+    if column == "build":
+        return row["build_s"] and float(row["build_s"]["med"])
+    primary = (row["rays"] or {}).get("primary") or {}
+    return primary.get("tests")

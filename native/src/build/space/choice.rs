@@ -1,0 +1,267 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Which split a node gets: the cheapest of all planes, if it is cheap enough.
+
+use super::{Builder, Choice, Node, ObliqueStep, Pending, PlanePolicy, Stop, Task};
+use crate::build::cell::{Cell, Direction, Plane};
+use crate::build::cost::Costs;
+use crate::build::piece::Piece;
+use crate::build::profile::Profile;
+use crate::build::sweep::{Best, Candidates, Pricing, Scratch, sweep};
+use rayon::prelude::*;
+
+/// Nodes of at least this many references sweep their directions in parallel.
+const PARALLEL_SWEEP: usize = 1 << 16;
+
+/// The best planes for both prices of an oblique step.
+pub type Found = [Option<(Plane, Best)>; 2];
+
+/// The cheaper of two; of equal ones the first.
+pub fn better(a: Found, b: Found) -> Found {
+    std::array::from_fn(|i| match (a[i], b[i]) {
+        (Some(x), Some(y)) => Some(if y.1.cost < x.1.cost { y } else { x }),
+        (x, y) => x.or(y),
+    })
+}
+
+/// What a node's planes are compared with.
+#[derive(Debug, Clone, Copy)]
+pub struct Terms {
+    /// Prices of an oblique step: the usual one, and one that counts where no plane is cheaper than
+    /// the leaf at the usual one.
+    pub steps: [f32; 2],
+    /// Price of the node as a leaf.
+    pub leaf: f32,
+    /// Whether planes that are not cheaper than the leaf are of no use.
+    strict: bool,
+    /// Whether only planes that leave one part empty can be cheaper than the leaf.
+    pub hull: bool,
+}
+
+impl Terms {
+    /// What planes of both prices must not exceed, after those that were found.
+    pub fn limits(&self, found: &Found) -> [f32; 2] {
+        let most = if self.strict {
+            self.leaf
+        } else {
+            f32::INFINITY
+        };
+        let cost = |i: usize| found[i].map_or(f32::INFINITY, |(_, best): (Plane, Best)| best.cost);
+        let first = cost(0).min(most);
+        // A plane that pays at the first price makes the second one idle.
+        let second = if cost(0) < self.leaf {
+            f32::NEG_INFINITY
+        } else {
+            cost(1).min(most)
+        };
+        [first, second]
+    }
+}
+
+impl<P: PlanePolicy> Builder<'_, P> {
+    /// What the planes of a node of `n` triangles are compared with.
+    fn terms(&self, n: usize) -> Terms {
+        let costs = &self.params.costs;
+        let n = n as f32;
+        let steps = match self.params.oblique {
+            ObliqueStep::Fixed(step) => [step, f32::INFINITY],
+            ObliqueStep::Linear { alpha, fixed, .. } => {
+                [alpha * costs.triangle * (n - 1.0) + costs.step, fixed]
+            }
+        };
+        let as_code = matches!(
+            self.params.oblique,
+            ObliqueStep::Linear { as_code: true, .. }
+        );
+        let strict = self.params.stop == Stop::Cheapest && !as_code;
+        Terms {
+            steps,
+            leaf: costs.leaf(n),
+            strict,
+            // Both parts together have at least the whole surface, and each costs a whole block.
+            hull: strict && n <= costs.block,
+        }
+    }
+
+    /// The split that the cost model wants.
+    pub fn affordable(
+        &self,
+        task: &mut Task<P::Piece>,
+        from: usize,
+        cell: &P::Cell,
+        bad: u32,
+    ) -> Option<Choice> {
+        let params = self.params;
+        let n = task.pieces.len() - from;
+        let terms = self.terms(n);
+        let leaf = terms.leaf;
+        let costs = &params.costs;
+        let found = self.sweep_all(task, from, cell, terms.hull, |direction, found| Pricing {
+            costs,
+            steps: match direction {
+                Direction::Axis(_) => [costs.step, f32::INFINITY],
+                Direction::Oblique(_) => terms.steps,
+            },
+            limits: terms.limits(found),
+            by_count: false,
+        });
+        let [first, second] = self.singles(task, from, cell, &terms, found);
+        let as_code = matches!(params.oblique, ObliqueStep::Linear { as_code: true, .. });
+        let second = second.filter(|(_, best)| best.cost < leaf);
+        let (plane, best, cost) = match (first, second) {
+            (Some((plane, best)), Some((_, second))) if best.cost >= leaf && as_code => {
+                (plane, best, second.cost)
+            }
+            (first, Some((plane, best))) if first.is_none_or(|(_, b)| b.cost >= leaf) => {
+                (plane, best, best.cost)
+            }
+            (first, _) => {
+                let (plane, best) = first?;
+                (plane, best, best.cost)
+            }
+        };
+        let bad = match params.stop {
+            Stop::Cheapest if cost >= leaf => return None,
+            Stop::Cheapest => 0,
+            Stop::Tolerant(limit) => {
+                let bad = bad + u32::from(cost > leaf);
+                if (cost > 4.0 * leaf && n < 16) || bad >= limit {
+                    return None;
+                }
+                bad
+            }
+        };
+        Some(Choice { plane, best, bad })
+    }
+
+    /// The split that parts a node best which is too large for a leaf.
+    pub fn forced(
+        &self,
+        task: &mut Task<P::Piece>,
+        from: usize,
+        node: &Pending<P::Cell>,
+    ) -> Option<Choice> {
+        let cell = node.cell.as_ref()?;
+        let costs = Costs {
+            step: 0.0,
+            leaf: 0.0,
+            // A part without triangles parts nothing.
+            empty: f32::INFINITY,
+            ..self.params.costs
+        };
+        let pricing = Pricing {
+            costs: &costs,
+            steps: [0.0, f32::INFINITY],
+            limits: [f32::INFINITY; 2],
+            by_count: true,
+        };
+        let n = (task.pieces.len() - from) as f32;
+        let attempt = |task: &mut Task<P::Piece>| {
+            let [best, _] = self.sweep_all(task, from, cell, false, |_, _| pricing);
+            best.filter(|(_, Best { counts, .. })| {
+                // Triangles that cross each other would go on being cut for ever.
+                counts[0].max(counts[1]) <= 0.95 * n && counts[0] + counts[1] <= 1.7 * n
+            })
+        };
+        let found = attempt(task).or_else(|| {
+            task.directions.clear();
+            self.policy.last_resort(
+                &Node {
+                    pieces: &task.pieces[from..],
+                    depth: node.depth,
+                    key: node.key,
+                },
+                &mut task.directions,
+            );
+            attempt(task)
+        });
+        let (plane, best) = found?;
+        Some(Choice {
+            plane,
+            best,
+            bad: 0,
+        })
+    }
+
+    /// The cheapest planes of all directions of the task. `pricing` is told what was found before.
+    fn sweep_all<'p>(
+        &self,
+        task: &mut Task<P::Piece>,
+        from: usize,
+        cell: &P::Cell,
+        hull: bool,
+        pricing: impl Fn(Direction, &Found) -> Pricing<'p> + Sync,
+    ) -> Found {
+        let Task {
+            pieces,
+            scratch,
+            profile,
+            directions,
+            ..
+        } = task;
+        let pieces = &pieces[from..];
+        let slab = self.params.slab * self.frame.bounds().magnitude();
+        let n = pieces.len();
+        let attempt =
+            |direction: Direction, found: &Found, scratch: &mut Scratch, profile: &mut Profile| {
+                if !cell.extent(direction, profile) {
+                    return [None; 2];
+                }
+                let pricing = pricing(direction, found);
+                P::Piece::project(pieces, direction, scratch);
+                scratch.add_slabs(slab);
+                if hull {
+                    let (low, high) = scratch.hull();
+                    let leaf = pricing.costs.leaf(n as f32);
+                    let dear = |kept: f32| pricing.hopeless(kept * leaf, true);
+                    if dear(profile.least_shares(low - slab)[1])
+                        && dear(profile.least_shares(high + slab)[0])
+                    {
+                        return [None; 2];
+                    }
+                }
+                cell.divide(direction, profile);
+                if pricing.by_count {
+                    // What must be parted is parted, however thin the parts.
+                    profile.margin /= 1024.0;
+                }
+                let candidates = if hull {
+                    Candidates::Hull
+                } else {
+                    Candidates::All
+                };
+                sweep(scratch, profile, &pricing, self.params.ties, candidates).map(|best| {
+                    best.map(|best| {
+                        let offset = best.at;
+                        (Plane { direction, offset }, best)
+                    })
+                })
+            };
+        if n >= PARALLEL_SWEEP {
+            let attempts: Vec<_> = directions
+                .par_iter()
+                .map(|&d| {
+                    attempt(
+                        d,
+                        &[None; 2],
+                        &mut Scratch::default(),
+                        &mut Profile::default(),
+                    )
+                })
+                .collect();
+            return attempts.into_iter().fold([None; 2], better);
+        }
+        let mut found = [None; 2];
+        for &direction in &*directions {
+            found = better(found, attempt(direction, &found, scratch, profile));
+            let parted = |best: &Option<(Plane, Best)>| {
+                best.is_some_and(|(_, b)| {
+                    b.counts[0] + b.counts[1] <= n as f32 && b.counts[0] > 0.0 && b.counts[1] > 0.0
+                })
+            };
+            if self.params.early && parted(&found[0]) {
+                break;
+            }
+        }
+        found
+    }
+}

@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Sweeps of few triangles: all are counted against eight candidates at a time, and nothing is sorted.
+
+use super::{Batch, Scratch, Ties};
+use fearless_simd::{Select, Simd, SimdBase, f32x8};
+
+/// Tries all ends.
+#[inline(always)]
+pub fn all<S: Simd>(batch: &mut Batch<'_, S>, scratch: &mut Scratch) {
+    let Scratch {
+        min,
+        max,
+        extra,
+        starts: candidates,
+        ..
+    } = scratch;
+    candidates.clear();
+    candidates.extend(min.iter().chain(&*max).chain(&*extra));
+    try_each(batch, (min, max), candidates);
+}
+
+/// Tries the planes that leave one side empty.
+#[inline(always)]
+pub fn hull<S: Simd>(batch: &mut Batch<'_, S>, scratch: &mut Scratch) {
+    let (low, high) = scratch.hull();
+    let Scratch {
+        min,
+        max,
+        extra,
+        starts: candidates,
+        ..
+    } = scratch;
+    candidates.clear();
+    candidates.extend([low, high]);
+    candidates.extend(extra.iter().filter(|&&at| at < low || at > high));
+    try_each(batch, (min, max), candidates);
+}
+
+#[inline(always)]
+fn try_each<S: Simd>(
+    batch: &mut Batch<'_, S>,
+    (min, max): (&[f32], &[f32]),
+    candidates: &mut Vec<f32>,
+) {
+    let simd = batch.simd;
+    candidates.resize(candidates.len().next_multiple_of(8), f32::NAN);
+    let (zero, one) = (f32x8::splat(simd, 0.0), f32x8::splat(simd, 1.0));
+    for chunk in candidates.chunks_exact(8) {
+        let at = f32x8::from_slice(simd, chunk);
+        let mut sums = [zero; 4];
+        for (&min, &max) in min.iter().zip(max) {
+            let (min, max) = (f32x8::splat(simd, min), f32x8::splat(simd, max));
+            let (below, above) = (min.simd_lt(at), max.simd_gt(at));
+            match batch.ties {
+                Ties::Clean => {
+                    sums[0] += below.select(one, zero);
+                    sums[1] += above.select(one, zero);
+                    sums[2] += (below | above).select(zero, one);
+                }
+                Ties::StartsFirst => {
+                    sums[0] += below.select(one, zero);
+                    sums[1] += max.simd_ge(at).select(one, zero);
+                    sums[2] += min.simd_le(at).select(one, zero);
+                    sums[3] += above.select(one, zero);
+                }
+            }
+        }
+        batch.at.copy_from_slice(chunk);
+        for (row, sum) in batch.counts.iter_mut().zip(sums) {
+            sum.store_slice(row);
+        }
+        batch.waiting = 8;
+        batch.price();
+    }
+}
