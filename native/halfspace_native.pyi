@@ -322,6 +322,89 @@ def build(
     addressed; RuntimeError for an internal error.
     """
 
+class InstanceStatistics(TypedDict):
+    """What instances are and take.
+
+    build_seconds: of the tree over the places alone. bytes: all of it, the structures of the meshes included;
+    bytes_instances: places and the tree over them. nodes_axis: nodes of that tree. instances, meshes: how many.
+    triangles: of all instances together. dropped_instances: those with a transform that is singular, not finite or out
+    of the range of float32. dropped_triangles: in the meshes of all others. left_out: as in Statistics.
+    """
+
+    build_seconds: float
+    bytes: int
+    bytes_instances: int
+    nodes_axis: int
+    instances: int
+    meshes: int
+    triangles: int
+    dropped_instances: list[int]
+    dropped_triangles: int
+    left_out: list[str]
+
+class Instances:
+    """Structures of meshes in places: two levels. Immutable; any number of threads may ask it.
+
+    Answers are bit for bit those of a structure over flattened(). Triangles are numbered as there: those of the first
+    instance, then those of the second.
+    """
+
+    statistics: InstanceStatistics
+
+    def __len__(self) -> int:
+        """How many instances there are, dropped ones included."""
+
+    def closest(
+        self,
+        origins: F32,
+        directions: F32,
+        t_min: float | F32 | None = None,
+        t_max: float | F32 | None = None,
+        *,
+        order: Literal["none", "tile8"] = "none",
+        threads: int = 0,
+        counters: bool = False,
+    ) -> Hits:
+        """As Structure.closest(). Steps count those of the tree over the places too."""
+
+    def occluded(
+        self,
+        origins: F32,
+        directions: F32,
+        t_min: float | F32 | None = None,
+        t_max: float | F32 | None = None,
+        *,
+        order: Literal["none", "tile8"] = "none",
+        threads: int = 0,
+        counters: bool = False,
+    ) -> Any:
+        """As Structure.occluded()."""
+
+    def flattened(self) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.int32]]:
+        """Vertices (n, 3) and triangles (m, 3) of the scene in which every mesh is copied to its places: a corner is
+        x * m[0] + y * m[1] + z * m[2] + m[3] for each row m of its matrix, in float64 and in this order, then rounded
+        to float32. In mirrored places the second and the third corner of each triangle change places. Instances that
+        were dropped have NaN vertices. Raises MemoryError.
+        """
+
+def build_instances(
+    structures: Sequence[Structure],
+    mesh: npt.NDArray[np.int32],
+    matrices: npt.NDArray[np.float64],
+    *,
+    threads: int = 0,
+    monitor: Monitor | None = None,
+    memory_limit: int | None = None,
+) -> Instances:
+    """Puts structures in places: only the tree over the places is built, the structures are shared.
+
+    structures: of the meshes, in the meshes' own space; their configurations may differ. mesh: (k,) int32, which of
+    them stands in each place. matrices: (k, 4, 4) or (k, 3, 4) float64, mesh to scene. threads, monitor, memory_limit:
+    as for build().
+    Instances whose matrix is singular, not finite or out of the range of float32 are dropped and named in the
+    statistics. Raises ShapeError (also for more than 2**31 - 2 triangles), Cancelled, MemoryError.
+    """
+
 def exact_closest(
     vertices: F32,
     triangles: Indices,
@@ -392,7 +475,7 @@ class RenderScene:
     All lengths and positions are in the structure's frame, all colours linear RGB. Unknown keys
     are refused, so that a misspelt one is not silently ignored.
 
-    structure: what rays ask; shared, not copied.
+    structure: what rays ask, a Structure or Instances; shared, not copied.
     material_index: (m,) int32, the material of each of the structure's m triangles, dropped ones
         included; None = all use the first.
     materials: dictionaries, all keys optional, the defaults being Blender's Principled BSDF:
@@ -401,6 +484,11 @@ class RenderScene:
         radiance on both sides, "alpha" (0 = invisible). An empty list is one default material.
     corner_normals: (m, 3, 3) float32, shading normals of each triangle's corners, any length;
         None = flat.
+    surfaces: for Instances instead of these two, None = the first material and flat: "meshes", a list of
+        {"material_index": (m,) int32 slots or None, "corner_normals": (m, 3, 3) float32 in the mesh's space or None};
+        "materials" (s,) int32, the materials of the slots, instance after instance; "first_material" (k + 1,) int32,
+        where each instance's begin, slots beyond its last using that; "normal_matrix" (k, 3, 3) float32, the inverse
+        transpose that turns normals to the scene, row by row; "keeps_length" (k,) bool, whether it keeps unit length.
     lights: dictionaries with "kind" ("point", "sun", "spot", "area"), "to_world" (4, 4), "power"
         (3,), and, as the kind needs, "radius", "angle", "spot_size", "spot_blend", "shape"
         ("SQUARE", "RECTANGLE", "DISK", "ELLIPSE"), "size", "size_y"; "casts_shadow" (True).
@@ -417,11 +505,12 @@ class RenderScene:
 
     def __init__(
         self,
-        structure: Structure,
+        structure: Structure | Instances,
         *,
         material_index: npt.NDArray[np.int32] | None = None,
         materials: Sequence[Mapping[str, Any]] | None = None,
         corner_normals: npt.NDArray[np.float32] | None = None,
+        surfaces: Mapping[str, Any] | None = None,
         lights: Sequence[Mapping[str, Any]] | None = None,
         world: Mapping[str, Any] | None = None,
     ) -> None: ...

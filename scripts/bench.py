@@ -78,8 +78,11 @@ PRESETS: dict[str, dict[str, str]] = {
         "structures": "kd",
         "rays": "primary,shadow,diffuse,shuffled",
     },
-    "thesis": {**OF_THE_THESIS, "structures": f"kd-sah,{faithful()}"},
-    "directions": {**OF_THE_THESIS, "structures": f"kd,{','.join(DIRECTIONS)},bsp-ize,bsp-ize-kd,rbsp,rbsp-kd"},
+    "thesis": {**OF_THE_THESIS, "structures": f"kd-sah:traversal=dir,{faithful()}"},
+    "directions": {
+        **OF_THE_THESIS,
+        "structures": f"kd:traversal=dir,{','.join(DIRECTIONS)},bsp-ize,bsp-ize-kd,rbsp,rbsp-kd",
+    },
     "beams": {"scenes": "sponza-dabrovic,conference", "structures": "kd", "rays": "primary,shadow"},
 }
 """What a preset chooses unless the command line says otherwise."""

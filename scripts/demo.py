@@ -19,7 +19,7 @@ STEPS = {
     "Rendering the built-in showcase with Halfspace through Blender": ["scripts/render.py"],
     "Measuring every structure on the same scene: speed, and errors against brute force": [
         "scripts/bench.py",
-        *("--structures", "all", "--size", "512x512", "--repeats", "3", "--check-rays", "4096"),
+        *("--structures", "all", "--size", "512x512", "--repeats", "6", "--seconds", "20", "--check-rays", "4096"),
         *("--out", str(OUT / "demo")),
     ],
 }

@@ -28,6 +28,9 @@ BUILD_SHARE = 0.1
 
 log = logging.getLogger(__name__)
 
+_kept: list[Any] = []
+"""Structures of the last picture's meshes, where the user lets Blender keep data from one picture to the next."""
+
 
 class HalfspaceEngine(bpy.types.RenderEngine):
     """What Blender creates for each final render and each 3D view in rendered mode."""
@@ -93,16 +96,20 @@ class _Picture:
 
         self._say("Reading the scene")
         start = time.perf_counter()
-        scene = extract.extract(self.depsgraph, self.notes)
+        found = extract.find(self.depsgraph, self.notes)
+        layout = found.layout(self.group.instancing)
+        scene = found.instanced() if layout.two_level else found.flattened()
         origin = scene.geometry.origin
         view = self._camera(origin)
         extract_seconds = time.perf_counter() - start
 
-        count = len(scene.geometry.triangles)
+        count = scene.geometry.count
         if not self.group.overlay.show:
             trees.clear()  # so that two trees need not fit into memory
         reasons: list[str] = []
-        if self.group.automatic and count:
+        if self.group.automatic and layout.two_level:
+            reasons = ["as set: a choice would need every triangle in its place, see Instances"]
+        if self.group.automatic and count and not layout.two_level:
             chosen = self._choose(module, scene, view, settings)
             spec, label, reasons = chosen.spec, comparing.name(chosen.spec), list(chosen.notes)
             session = Session.over(module, scene, chosen.structure)
@@ -116,8 +123,13 @@ class _Picture:
                 memory_limit=memory_limit(self.group.memory_limit),
                 keep_going=self._building,
             )
+        meshes = session.building.meshes if session.building is not None else []
+        _kept[:] = meshes if self.scene.render.use_persistent_data else []
         self._note_dropped(scene.geometry, session.structure.statistics)
-        trees.keep(self.scene, session.structure, origin, spec=spec, label=label, triangles=count)
+        if layout.two_level:
+            trees.clear()  # the overlay shows one tree in the scene's own space
+        else:
+            trees.keep(self.scene, session.structure, origin, spec=spec, label=label, triangles=count)
 
         job = session.render(view, settings)
         width, height = settings.size
@@ -140,7 +152,7 @@ class _Picture:
         self._say(_summary(label, statistics, job))
         mebibytes = statistics["bytes"] / 2**20
         self.engine.update_memory_stats(memory_used=mebibytes, memory_peak=mebibytes)
-        left_out = [*session.structure.statistics["left_out"], *session.left_out]
+        left_out = [layout.reason, *session.structure.statistics["left_out"], *session.left_out]
         report = reports.Report(label, count, extract_seconds, statistics, left_out, self.notes.lines(), reasons)
         reports.keep(self.scene, report)
         self._warn()
@@ -204,6 +216,8 @@ class _Picture:
             render_pass.rect.foreach_set(buffer)
 
     def _note_dropped(self, geometry: Any, statistics: dict[str, Any]) -> None:
+        for index in statistics.get("dropped_instances", ()):
+            self.notes.add("Dropped, the transform is out of range", geometry.names[index])
         if statistics["dropped_triangles"]:
             for name, count in geometry.faulty_triangles().items():
                 self.notes.add("Dropped triangles without area or with coordinates that are not finite", name, count)

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..core.scene import Light, Scene
+from ..core.instances import Layout, choose
+from ..core.scene import Light, Material, Scene, World
 from . import lights, materials, meshes, world
 
 if TYPE_CHECKING:
@@ -36,22 +37,60 @@ class _Group:
     names: list[str] = field(default_factory=list)
 
 
+@dataclass(frozen=True)
+class Found:
+    """What was read, before anything is placed."""
+
+    placements: list[meshes.Placement]
+    materials: tuple[Material, ...]
+    lights: tuple[Light, ...]
+    world: World
+
+    def layout(self, mode: str, *, interactive: bool = False) -> Layout:
+        """Whether to keep instances, and why."""
+        sizes: dict[int, list[int]] = {}
+        for placement in self.placements:
+            triangles, places = len(placement.mesh.triangles), len(placement.names)
+            sizes.setdefault(id(placement.mesh), [triangles, 0])[1] += places
+        smooth = any(placement.mesh.normals is not None for placement in self.placements)
+        return choose(mode, [(a, b) for a, b in sizes.values()], smooth=smooth, interactive=interactive)
+
+    def flattened(self, *, uvs: bool = False) -> Scene:
+        """Every triangle in its place."""
+        return self._scene(meshes.assemble(self.placements, uvs=uvs))
+
+    def instanced(self) -> Scene:
+        """Every mesh once, and its places."""
+        return self._scene(meshes.keep_instances(self.placements))
+
+    def _scene(self, geometry: Any) -> Scene:
+        moved = tuple(lights.moved(light, geometry.origin) for light in self.lights)
+        return Scene(geometry, self.materials, moved, self.world)
+
+
 def extract(depsgraph: Any, notes: Notes, *, uvs: bool = False) -> Scene:
-    """The scene as the depsgraph's mode (viewport or render) shows it, in arrays.
+    """The scene as the depsgraph's mode (viewport or render) shows it, in arrays, every triangle in its place.
+
+    As `find` reads it. Geometry is in the frame of `Scene.geometry.origin`.
+    """
+    return find(depsgraph, notes, uvs=uvs).flattened(uvs=uvs)
+
+
+def find(depsgraph: Any, notes: Notes, *, uvs: bool = False) -> Found:
+    """Everything that can be rendered as the depsgraph's mode shows it.
 
     Reads meshes, whatever has a mesh (curves, surfaces, text, metaballs) and lights, with every instance of them;
-    what cannot be rendered goes into `notes` by name. Geometry is in the frame of `Scene.geometry.origin`.
+    what cannot be rendered goes into `notes` by name.
     """
     reader = _Reader(notes, uvs)
     # Take everything from an item at once: Blender reuses its memory for the next one.
     for instance in depsgraph.object_instances:
         if instance.show_self:
             reader.visit(instance.object, instance.matrix_world)
-    geometry = meshes.assemble(reader.placements(), uvs=uvs)
-    return Scene(
-        geometry=geometry,
+    return Found(
+        placements=reader.placements(),
         materials=reader.palette.materials(),
-        lights=tuple(lights.moved(light, geometry.origin) for light in reader.lights),
+        lights=tuple(reader.lights),
         world=world.read_world(depsgraph.scene_eval.world, notes),
     )
 

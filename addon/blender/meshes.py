@@ -12,10 +12,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..core.scene import F32, F64, I32, Geometry, Source
+from ..core import native
+from ..core.instances import InstancedGeometry, Mesh
+from ..core.scene import F32, F64, I32, Geometry, SceneError, Source
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+
+MOST_TRIANGLES = 1 << 29
+"""What one tree can name."""
 
 BLOCK = 1 << 14
 """How many vectors are transformed at a time."""
@@ -104,10 +109,11 @@ def assemble(placements: list[Placement], *, uvs: bool = False) -> Geometry:
     origin = _centre(placements)
     vertex_count = sum(len(p.names) * len(p.mesh.positions) for p in placements)
     triangle_count = sum(len(p.names) * len(p.mesh.triangles) for p in placements)
+    smooth = any(p.mesh.normals is not None for p in placements)
+    _check_room(triangle_count, 12 * vertex_count + (16 + 36 * smooth + 24 * uvs) * triangle_count)
     vertices = np.empty((vertex_count, 3), np.float32)
     triangles = np.empty((triangle_count, 3), np.int32)
     material_index = np.empty(triangle_count, np.int32)
-    smooth = any(p.mesh.normals is not None for p in placements)
     corner_normals = np.empty((triangle_count, 3, 3), np.float32) if smooth else None
     uv = np.zeros((triangle_count, 3, 2), np.float32) if uvs else None
 
@@ -140,6 +146,51 @@ def assemble(placements: list[Placement], *, uvs: bool = False) -> Geometry:
         sources.append(Source(t, m, placement.names))
         v, t = vertex_rows.stop, triangle_rows.stop
     return Geometry(vertices, triangles, material_index, corner_normals, uv, origin, tuple(sources))
+
+
+def _check_room(triangles: int, size: int) -> None:
+    """Raise SceneError where the copies would be more than a tree can name or than fits into memory."""
+    if triangles > MOST_TRIANGLES or size > native.load().free_memory():
+        raise SceneError(
+            f"Every copy of every instance together: {triangles:,} triangles, {size / 2**30:.1f} GiB, do not fit; "
+            "keep the instances in two levels"
+        )
+
+
+def keep_instances(placements: list[Placement]) -> InstancedGeometry:
+    """All placements with each mesh once, moved as `assemble` does, the triangles in the same order."""
+    placements = [placement for placement in placements if len(placement.mesh.triangles)]
+    origin = _centre(placements) if placements else np.zeros(3)
+    numbers: dict[int, int] = {}
+    kept: list[Mesh] = []
+    for placement in placements:
+        mesh = placement.mesh
+        if id(mesh) not in numbers:
+            numbers[id(mesh)] = len(kept)
+            normals = None if mesh.normals is None else mesh.normals.take(mesh.normal_rows, axis=0, mode="clip")
+            kept.append(Mesh(mesh.positions, np.ascontiguousarray(mesh.triangles, np.int32), mesh.slots, normals))
+    places = [len(placement.names) for placement in placements]
+    mesh_numbers = np.array([numbers[id(placement.mesh)] for placement in placements], np.int32)
+    slots = np.repeat([len(placement.materials) for placement in placements], places)
+    turns = [_normal_matrices(placement.matrices[:, :3, :3]) for placement in placements]
+    matrices = _stacked([placement.matrices for placement in placements], (4, 4), np.float64)
+    matrices[:, :3, 3] -= origin
+    return InstancedGeometry(
+        meshes=tuple(kept),
+        mesh=np.repeat(mesh_numbers, places),
+        matrices=matrices,
+        names=tuple(name for placement in placements for name in placement.names),
+        materials=_stacked([np.tile(p.materials, n) for p, n in zip(placements, places, strict=True)], (), np.int32),
+        first_material=np.concatenate([[0], np.cumsum(slots)]).astype(np.int32),
+        normal_matrices=_stacked([turn.transpose(0, 2, 1) for turn, _ in turns], (3, 3), np.float32),
+        keeps_length=np.repeat(np.array([keeps for _, keeps in turns], np.bool_), places),
+        origin=origin,
+    )
+
+
+def _stacked(parts: list[Any], shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:
+    """One C-ordered array of all parts, which may be none."""
+    return np.ascontiguousarray(np.concatenate([np.zeros((0, *shape), dtype), *parts]), dtype)
 
 
 def _centre(placements: list[Placement]) -> F64:
@@ -231,7 +282,10 @@ def _corner_normals(placement: Placement, mirrored: NDArray[np.bool_], *, out: F
     """
     assert placement.mesh.normals is not None
     assert placement.mesh.normal_rows is not None
-    world = _world_normals(placement.mesh.normals, placement.matrices[:, :3, :3])
+    matrices, keeps_lengths = _normal_matrices(placement.matrices[:, :3, :3])
+    world = _products(placement.mesh.normals, matrices)
+    if not keeps_lengths:
+        world = _unit(world)
     rows = placement.mesh.normal_rows[None]
     places, count = world.shape[:2]
     if places > 1:
@@ -242,21 +296,24 @@ def _corner_normals(placement: Placement, mirrored: NDArray[np.bool_], *, out: F
     world.reshape(-1, 3).take(rows.reshape(-1), axis=0, out=out.reshape(-1, 3), mode="clip")
 
 
-def _world_normals(normals: F32, linear: F64) -> F32:
-    """Unit normals (n, 3) of a mesh in each of its places, (k, n, 3).
+def _normal_matrices(linear: F64) -> tuple[F32, bool]:
+    """What row vectors that are normals are multiplied with in each place, (k, 3, 3), and whether that keeps lengths.
 
     A normal is a covector: it goes by the inverse transpose, also in mirrored places.
     """
     inverse = np.linalg.inv(linear)
     inverse /= np.linalg.norm(inverse, axis=1).max(axis=1)[:, None, None]
-    world = _products(normals, inverse.astype(np.float32))
     # Turned, mirrored and evenly scaled objects, nearly all, keep the lengths.
     keeps_lengths = np.allclose(inverse @ inverse.transpose(0, 2, 1), np.eye(3), atol=1e-6)
-    return world if keeps_lengths else _unit(world)
+    return inverse.astype(np.float32), bool(keeps_lengths)
 
 
 def _unit(vectors: NDArray[Any]) -> F32:
     """Vectors of unit length as float32, computed in their own type; the zero vector stays."""
-    squares = np.einsum("...i,...i->...", vectors, vectors)
+    # Written out: the native module does the same for instances, in this order, to the last bit.
+    x, y, z = (vectors[..., axis] for axis in range(3))
+    squares = x * x
+    squares += y * y
+    squares += z * z
     squares[squares == 0] = 1
     return (vectors / np.sqrt(squares)[..., None]).astype(np.float32, copy=False)

@@ -25,6 +25,8 @@ STATISTICS = (
     ("References", "references", "{:,}"),
     ("References per triangle", "references_per_triangle", "{:.2f}"),
     ("Triangles in the largest leaf", "leaf_max", "{:,}"),
+    ("Instances", "instances", "{:,}"),
+    ("Meshes", "meshes", "{:,}"),
     ("Depth, largest", "depth_max", "{:,}"),
     ("Depth, mean", "depth_mean", "{:.1f}"),
     ("Expected cost", "sah_cost", "{:.2f}"),
@@ -73,6 +75,7 @@ class HALFSPACE_PT_structure(_Panel, bpy.types.Panel):
             wrapped(column, "The viewport and the overlay use:", icon="INFO")
         structure(column, group)
         column.separator()
+        column.prop(group, "instancing")
         column.prop(group, "memory_limit")
 
 

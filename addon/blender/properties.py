@@ -138,6 +138,17 @@ RENDER_PROPERTIES: dict[str, Any] = {
         default=0,
         min=0,
     ),
+    "instancing": EnumProperty(
+        name="Instances",
+        description="Whether a mesh that stands in many places is kept once, with a tree of its own, or copied to all "
+        "of them. The picture is the same",
+        items=[
+            ("auto", "Automatic", "Keep instances where that saves memory or, in the viewport, time to rebuild", 0),
+            ("flatten", "Flatten", "One tree over all copies: more memory, quicker rays", 1),
+            ("two-level", "Two Levels", "A tree for each mesh and one over the places", 2),
+        ],
+        default="auto",
+    ),
     "overlay": PointerProperty(type=HalfspaceOverlaySettings),
     "settings_version": IntProperty(options={"HIDDEN"}, default=1),
 }

@@ -51,8 +51,10 @@ class Viewport:
         """Take over the scene after an edit."""
         try:
             notes = Notes()
-            scene = extract.extract(depsgraph, notes)
             group = depsgraph.scene.halfspace
+            found = extract.find(depsgraph, notes)
+            two_level = found.layout(group.instancing, interactive=True).two_level
+            scene = found.instanced() if two_level else found.flattened()
             if self._preview is None:
                 self._preview = Preview(native.load(), STOCK)
             spec, limit = properties.spec(group), memory_limit(group.memory_limit)

@@ -249,7 +249,7 @@ class Preview:
         self._preparing = None  # which frees or stops what nobody else uses
         specs = [self._spec]
         geometry = self._scene.geometry
-        quick = [spec for triangles, spec in QUICK if triangles <= len(geometry.triangles)]
+        quick = [spec for triangles, spec in QUICK if triangles <= geometry.size]
         chosen = self._spec.partition(":")[0]
         if quick and chosen not in quick and self._stock.find(geometry, self._spec, self._memory_limit) is None:
             specs.insert(0, quick[-1])

@@ -17,7 +17,18 @@ Row = dict[str, Any]
 
 OF_THE_CLOCK = {
     *("build_s", "peak_bytes", "build_seconds", "n", "mrays_s", "times_embree", "rounds", "anchor_rounds", "noise"),
-    *("seconds", "seconds_with_build", "render_s", "image_s", "machine", "round_id", "anchor", "scaling", "too_slow"),
+    *(
+        "seconds",
+        "seconds_with_build",
+        "render_s",
+        "image_s",
+        "map",
+        "machine",
+        "round_id",
+        "anchor",
+        "scaling",
+        "too_slow",
+    ),
 }
 """Keys whose values differ from run to run. All others are the same on every machine."""
 

@@ -8,10 +8,13 @@ world's origin keep their precision when positions are rounded to f32.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from .instances import InstancedGeometry
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -34,6 +37,15 @@ def check(name: str, array: Any, dtype: Any, shape: tuple[int | None, ...]) -> N
         raise SceneError(f"{name}: expected shape ({wanted}), got {array.shape}")
     if not array.flags.c_contiguous:
         raise SceneError(f"{name}: expected a C-contiguous array")
+
+
+def faulty(vertices: F32, triangles: I32) -> NDArray[np.bool_]:
+    """Which of the triangles, (m,), have no area or a vertex that is not finite."""
+    edges = vertices.astype(np.float64)[triangles]
+    with np.errstate(invalid="ignore", over="ignore"):
+        normals = np.cross(edges[:, 1] - edges[:, 0], edges[:, 2] - edges[:, 0])
+    finite: NDArray[np.bool_] = np.isfinite(edges).all(axis=(1, 2))
+    return ~finite | ~normals.any(axis=1)
 
 
 @dataclass(frozen=True)
@@ -84,13 +96,19 @@ class Geometry:
             if array is not None:
                 array.flags.writeable = False
 
+    @property
+    def count(self) -> int:
+        """Triangles."""
+        return len(self.triangles)
+
+    @property
+    def size(self) -> int:
+        """Triangles that trees have to be built over."""
+        return len(self.triangles)
+
     def faulty_triangles(self) -> dict[str, int]:
         """How many triangles of each object can never be hit: without area, or with a vertex that is not finite."""
-        edges = self.vertices.astype(np.float64)[self.triangles]
-        with np.errstate(invalid="ignore", over="ignore"):
-            normals = np.cross(edges[:, 1] - edges[:, 0], edges[:, 2] - edges[:, 0])
-        finite = np.isfinite(edges).all(axis=(1, 2))
-        return self.count_by_object(~finite | ~normals.any(axis=1))
+        return self.count_by_object(faulty(self.vertices, self.triangles))
 
     def count_by_object(self, mask: NDArray[np.bool_]) -> dict[str, int]:
         """The number of marked triangles of each object that has some. mask: (m,) bool."""
@@ -183,12 +201,13 @@ class World:
 class Scene:
     """Everything that a picture needs except the structure and the settings."""
 
-    geometry: Geometry
+    geometry: Geometry | InstancedGeometry
     materials: tuple[Material, ...]
     lights: tuple[Light, ...]
     world: World
 
     def __post_init__(self) -> None:
-        indices = self.geometry.material_index
+        flattened = isinstance(self.geometry, Geometry)
+        indices = self.geometry.material_index if flattened else self.geometry.materials  # type: ignore[union-attr]
         if len(indices) and not 0 <= int(indices.min()) <= int(indices.max()) < len(self.materials):
             raise SceneError(f"material_index: an index is out of range for {len(self.materials)} materials")

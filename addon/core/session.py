@@ -5,10 +5,14 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
+from .instances import InstancedGeometry
+from .trees import TREES, Trees
+
 if TYPE_CHECKING:
+    from .instances import AnyGeometry, Mesh
     from .scene import Camera, Geometry, Scene
     from .settings import RenderSettings
 
@@ -27,62 +31,100 @@ class RenderError(RuntimeError):
     """The native renderer failed. The message is its own."""
 
 
-class _Outcome:
-    """What the thread of a build leaves behind."""
+class _Work:
+    """What the thread of a build does, and what it leaves behind. It knows nobody who waits for it."""
 
-    structure: Any = None
-    error: BaseException | None = None
+    def __init__(self, native: Any, spec: str, threads: int, memory_limit: int | None) -> None:
+        self.structure: Any = None
+        self.error: BaseException | None = None
+        self.meshes: list[Any] = []
+        self.meshes_built = 0
+        self.cancelled = False
+        self.monitor = native.Monitor()
+        self.part = (0.0, 1.0)
+        self._native, self._spec = native, spec
+        self._options = {"threads": threads, "memory_limit": memory_limit}
+
+    def run(self, geometry: AnyGeometry, trees: Trees) -> None:
+        try:
+            if isinstance(geometry, InstancedGeometry):
+                self.meshes, self.meshes_built = trees.of(geometry, self._spec, self._build)
+                self.structure = self._native.build_instances(
+                    self.meshes, geometry.mesh, geometry.matrices, monitor=self.monitor, **self._options
+                )
+            else:
+                self.structure = self._build(geometry, 0.0, 1.0)
+        except BaseException as error:
+            self.error = error
+
+    def cancel(self) -> None:
+        self.cancelled = True
+        self.monitor.cancel()
+
+    def _build(self, triangles: Geometry | Mesh, before: float, share: float) -> Any:
+        if before > 0:
+            self.monitor = self._native.Monitor()
+        self.part = (before, share)
+        if self.cancelled:  # now, or between two meshes
+            self.monitor.cancel()
+        return self._native.build(
+            triangles.vertices, triangles.triangles, self._spec, monitor=self.monitor, **self._options
+        )
 
 
 class Building:
     """A structure that is being built on a thread of its own, so that the caller's thread stays free.
 
-    Forgetting it stops the work, so whoever needs the structure keeps it; several may.
+    Over instances it is a structure of each mesh, those that are known already taken as they are, and a tree over the
+    places. Forgetting it stops the work, so whoever needs the structure keeps it; several may.
     """
 
     def __init__(
-        self, native: Any, geometry: Geometry, spec: str, *, threads: int = 0, memory_limit: int | None = None
+        self,
+        native: Any,
+        geometry: AnyGeometry,
+        spec: str,
+        *,
+        threads: int = 0,
+        memory_limit: int | None = None,
+        trees: Trees = TREES,
     ) -> None:
         """Begin to build `spec` over these triangles; 0 threads means one per core.
 
-        memory_limit: bytes that the build may take; None leaves it to the native module.
+        memory_limit: bytes that the build may take; None leaves it to the native module. trees: of meshes.
         """
         self.geometry = geometry
         self.spec = spec
         self.memory_limit = memory_limit
-        self._monitor = monitor = native.Monitor()
-        self._outcome = outcome = _Outcome()
-
-        # Not a method: the thread must not keep this object alive.
-        def work() -> None:
-            try:
-                outcome.structure = native.build(
-                    geometry.vertices,
-                    geometry.triangles,
-                    spec,
-                    threads=threads,
-                    monitor=monitor,
-                    memory_limit=memory_limit,
-                )
-            except BaseException as error:
-                outcome.error = error
-
-        self._thread = threading.Thread(target=work, name="halfspace-build", daemon=True)
+        self._work = work = _Work(native, spec, threads, memory_limit)
+        # Not a method of this class: the thread must not keep this object alive.
+        self._thread = threading.Thread(target=work.run, args=(geometry, trees), name="halfspace-build", daemon=True)
         self._thread.start()
 
     def __del__(self) -> None:
         if hasattr(self, "_thread"):  # else it never began
-            self._monitor.cancel()
+            self._work.cancel()
 
     @property
     def progress(self) -> float:
         """0 to 1."""
-        return float(self._monitor.progress)
+        before, share = self._work.part
+        return before + share * float(self._work.monitor.progress)
+
+    @property
+    def meshes(self) -> list[Any]:
+        """The structures of the meshes, of instances: whoever holds on to them spares the next build theirs."""
+        return self._work.meshes
+
+    @property
+    def meshes_built(self) -> int:
+        """How many of them were not known."""
+        return self._work.meshes_built
 
     @property
     def usable(self) -> bool:
         """Whether the structure is there or still to come: neither failed nor stopped."""
-        return self._outcome.error is None and not self._monitor.cancelled
+        return self._work.error is None and not self._work.cancelled
 
     def wait(self, seconds: float) -> bool:
         """Wait at most so long for the end, whichever it is. Returns whether it has come."""
@@ -91,36 +133,38 @@ class Building:
 
     def cancel(self) -> None:
         """Stop the work, and wait for that: at most the native module's tenth of a second."""
-        self._monitor.cancel()
+        self._work.cancel()
         self._thread.join()
 
     def result(self) -> Any:
         """The structure, after the end. Raises whatever the native module raised."""
         self._thread.join()
-        if self._outcome.error is not None:
-            raise self._outcome.error
-        return self._outcome.structure
+        if self._work.error is not None:
+            raise self._work.error
+        return self._work.structure
 
 
 def build(
     native: Any,
-    geometry: Geometry,
+    geometry: AnyGeometry,
     spec: str,
     *,
     threads: int = 0,
     memory_limit: int | None = None,
+    trees: Trees = TREES,
     keep_going: KeepGoing,
-) -> Any:
-    """The native structure `spec` over these triangles, built while `keep_going` is asked.
+) -> Building:
+    """The finished build of the native structure `spec` over these triangles; `keep_going` is asked meanwhile.
 
     Raises Cancelled, or whatever the native module raises.
     """
-    building = Building(native, geometry, spec, threads=threads, memory_limit=memory_limit)
+    building = Building(native, geometry, spec, threads=threads, memory_limit=memory_limit, trees=trees)
     while not building.wait(POLL_SECONDS):
         if not keep_going(building.progress):
             building.cancel()
             raise Cancelled
-    return building.result()
+    building.result()
+    return building
 
 
 @dataclass(frozen=True)
@@ -130,6 +174,8 @@ class Session:
     native: Any
     structure: Any
     render_scene: Any
+    building: Building | None = None
+    """What the structure came from, where the session built it itself."""
 
     @classmethod
     def start(
@@ -140,23 +186,33 @@ class Session:
         *,
         threads: int = 0,
         memory_limit: int | None = None,
+        trees: Trees = TREES,
         keep_going: KeepGoing,
     ) -> Session:
         """Build the structure and hand over materials, lights and world. Raises as `build` does."""
-        structure = build(
-            native, scene.geometry, spec, threads=threads, memory_limit=memory_limit, keep_going=keep_going
+        building = build(
+            native,
+            scene.geometry,
+            spec,
+            threads=threads,
+            memory_limit=memory_limit,
+            trees=trees,
+            keep_going=keep_going,
         )
-        return cls.over(native, scene, structure)
+        return replace(cls.over(native, scene, building.result()), building=building)
 
     @classmethod
     def over(cls, native: Any, scene: Scene, structure: Any) -> Session:
         """The same over a structure of this scene that is built already."""
         geometry = scene.geometry
+        if isinstance(geometry, InstancedGeometry):
+            surfaces: dict[str, Any] = {"surfaces": geometry.surfaces()}
+        else:
+            surfaces = {"material_index": geometry.material_index, "corner_normals": geometry.corner_normals}
         render_scene = native.RenderScene(
             structure,
-            material_index=geometry.material_index,
+            **surfaces,
             materials=[asdict(material) for material in scene.materials],
-            corner_normals=geometry.corner_normals,
             lights=[asdict(light) for light in scene.lights],
             world=asdict(scene.world),
         )

@@ -10,10 +10,11 @@ import weakref
 from typing import TYPE_CHECKING, Any
 
 from .equality import same
+from .instances import InstancedGeometry
 from .session import Building
 
 if TYPE_CHECKING:
-    from .scene import Geometry
+    from .instances import AnyGeometry
 
 
 class Stock:
@@ -22,17 +23,22 @@ class Stock:
     def __init__(self) -> None:
         self._buildings: weakref.WeakSet[Building] = weakref.WeakSet()
 
-    def find(self, geometry: Geometry, spec: str, memory_limit: int | None = None) -> Building | None:
+    def find(self, geometry: AnyGeometry, spec: str, memory_limit: int | None = None) -> Building | None:
         """A build of `spec` over just these triangles, whether it has ended or not."""
         for building in tuple(self._buildings):
-            if building.spec == spec and building.memory_limit == memory_limit and building.usable:
-                old = building.geometry
-                if same(old.triangles, geometry.triangles) and same(old.vertices, geometry.vertices):
-                    return building
+            alike = building.spec == spec and building.memory_limit == memory_limit and building.usable
+            if alike and _same_triangles(building.geometry, geometry):
+                return building
         return None
 
     def take(
-        self, native: Any, geometry: Geometry, spec: str, *, threads: int = 0, memory_limit: int | None = None
+        self,
+        native: Any,
+        geometry: AnyGeometry,
+        spec: str,
+        *,
+        threads: int = 0,
+        memory_limit: int | None = None,
     ) -> Building:
         """The same, begun now if there is none."""
         building = self.find(geometry, spec, memory_limit)
@@ -40,6 +46,14 @@ class Stock:
             building = Building(native, geometry, spec, threads=threads, memory_limit=memory_limit)
             self._buildings.add(building)
         return building
+
+
+def _same_triangles(old: AnyGeometry, new: AnyGeometry) -> bool:
+    if isinstance(old, InstancedGeometry):
+        return isinstance(new, InstancedGeometry) and old.same_triangles(new)
+    if isinstance(new, InstancedGeometry):
+        return False
+    return same(old.triangles, new.triangles) and same(old.vertices, new.vertices)
 
 
 STOCK = Stock()

@@ -16,8 +16,8 @@ import numpy as np
 from . import yardstick
 from .rows import Row
 
-BASE = "kd-sah"
-"""What times are related to: the kd-tree built as in the thesis; where it was not measured, `kd`."""
+BASES = ("kd-sah:traversal=dir", "kd-sah", "kd:traversal=dir", "kd")
+"""What times are related to, the first that was measured: the kd-tree built as in the thesis, walked as the others."""
 
 SCENES = {"killeroo-feet": "killeroo_leg", "sponza-dabrovic": "sponza", "conference": "conference"}
 """Our scenes, and what the thesis calls its own that they come nearest to."""
@@ -103,7 +103,7 @@ def time_of(row: Row) -> float | None:
 def base_of(rows: Iterable[Row]) -> Row | None:
     """The row of a scene that its times are related to."""
     known = {row["spec"]: row for row in rows if time_of(row)}
-    return known.get(BASE) or known.get("kd")
+    return next((known[spec] for spec in BASES if spec in known), None)
 
 
 def spread(values: Sequence[float]) -> Numbers:

@@ -13,6 +13,8 @@
 //! - [`trees`]: one file per structure: which planes or boxes it proposes, and its paper;
 //! - [`registry`]: the only list of structures;
 //! - [`structure`]: a built tree over a scene, ready to answer rays;
+//! - [`instances`]: meshes with a structure each, placed any number of times; [`outline`]: what a place needs
+//!   to know of its mesh;
 //! - [`oracle`]: exact arithmetic, what everything else must agree with;
 //! - [`validate`]: the invariants of a built tree; [`polygons`]: its planes, for drawing;
 //! - [`regions`]: what its nodes cover; [`leaf_cells`]: its leaves, for drawing; [`ray_path`]: the way of a
@@ -23,9 +25,11 @@
 pub mod build;
 pub mod error;
 pub mod geom;
+pub mod instances;
 pub mod leaf_cells;
 pub mod memory;
 pub mod oracle;
+pub mod outline;
 pub mod polygons;
 #[cfg(feature = "python")]
 mod python;

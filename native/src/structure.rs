@@ -5,11 +5,13 @@ use crate::build::octree_nodes::Octree;
 use crate::build::plane_tree::{PlaneTree, Shape};
 use crate::build::{Monitor, footprint};
 use crate::error::{Error, Result};
+use crate::outline::Outline;
 use crate::registry::Built;
 use crate::scene::Triangles;
 use crate::spec::{Config, Value};
-use crate::traverse::batch::{Batch, Walk, WithWalk};
+use crate::traverse::batch::{Batch, Walk, WithWalk, Write};
 use crate::traverse::box_tile;
+use crate::traverse::frame::FrameRay;
 use crate::traverse::objects::Objects;
 use crate::traverse::path::Path;
 use crate::traverse::query::{Any, Closest, Query};
@@ -21,7 +23,7 @@ use crate::traverse::{
 };
 use fearless_simd::Level;
 use std::marker::PhantomData;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
 /// A tree, laid out for one way of walking: matched once per batch of rays, never per ray.
@@ -98,6 +100,8 @@ pub struct Structure {
     tiles: Tiles,
     built: Built,
     build_seconds: f64,
+    /// Made when the first instance asks for it.
+    outline: OnceLock<Outline>,
 }
 
 impl Structure {
@@ -126,6 +130,7 @@ impl Structure {
             config,
             built,
             build_seconds,
+            outline: OnceLock::new(),
         })
     }
 
@@ -190,7 +195,53 @@ impl Structure {
             rays,
             level,
             shadow_cache: self.config.choice("shadow") == "cache",
+            placed: None,
         }
+    }
+
+    /// What an instance needs to know of the triangles.
+    pub fn outline(&self) -> &Outline {
+        self.outline.get_or_init(|| Outline::new(&self.scene))
+    }
+
+    /// Walks rays that were brought into the space of an instance of this mesh, one by one.
+    pub(crate) fn walk_placed<Q: Query>(
+        &self,
+        level: Level,
+        (rays, placed): (&[Ray], &[FrameRay]),
+        write: Write<'_>,
+        counters: Option<&mut [RayCounters]>,
+    ) {
+        let job = Batch {
+            shadow_cache: false,
+            placed: Some(placed),
+            ..self.batch(level, rays)
+        };
+        self.walk::<Q>(&job, write, counters);
+    }
+
+    fn walk<Q: Query>(
+        &self,
+        job: &Batch<'_>,
+        write: Write<'_>,
+        counters: Option<&mut [RayCounters]>,
+    ) {
+        struct Trace<'a, Q>(
+            &'a Batch<'a>,
+            Write<'a>,
+            Option<&'a mut [RayCounters]>,
+            PhantomData<Q>,
+        );
+        impl<Q: Query> WithWalk for Trace<'_, Q> {
+            type Output = ();
+            fn with<W: Walk>(self, walk: &W) {
+                self.0.walk::<_, Q>(walk, self.1, self.2);
+            }
+        }
+        if let Layout::Brute = &self.built.layout {
+            return job.brute::<Q>(self.built.shape.references, write, counters);
+        }
+        self.with_walk(Trace::<Q>(job, write, counters, PhantomData));
     }
 
     /// The same structure on a given instruction set instead of the best one: for tests, which show
@@ -212,26 +263,11 @@ impl Structure {
     ) {
         assert_eq!(rays.len(), answers.len(), "one answer per ray");
         let job = self.batch(level, rays);
-        let write = |i: usize, hit: Hit| answers[i] = answer(hit);
-        if let Layout::Brute = &self.built.layout {
-            return job.brute::<Q>(self.built.shape.references, write, counters);
-        }
+        let mut write = |i: usize, hit: Hit| answers[i] = answer(hit);
         if Q::ANY && self.config.choice("shadow") == "beam" {
             return self.shadow_beams(&job, write, counters);
         }
-        struct Trace<'a, F, Q>(
-            &'a Batch<'a>,
-            F,
-            Option<&'a mut [RayCounters]>,
-            PhantomData<Q>,
-        );
-        impl<F: FnMut(usize, Hit), Q: Query> WithWalk for Trace<'_, F, Q> {
-            type Output = ();
-            fn with<W: Walk>(self, walk: &W) {
-                self.0.walk::<_, Q>(walk, self.1, self.2);
-            }
-        }
-        self.with_walk(Trace::<_, Q>(&job, write, counters, PhantomData));
+        self.walk::<Q>(&job, &mut write, counters);
     }
 
     /// Hands the way of walking single rays to `then`.
@@ -391,8 +427,16 @@ pub struct AtLevel<'a> {
 }
 
 impl Tracer for AtLevel<'_> {
-    fn triangles(&self) -> &Triangles {
-        &self.structure.scene
+    fn triangles(&self) -> Option<&Triangles> {
+        Some(&self.structure.scene)
+    }
+
+    fn count(&self) -> usize {
+        self.structure.scene.len()
+    }
+
+    fn corners(&self, id: u32) -> [[f32; 3]; 3] {
+        self.structure.scene.corners(id)
     }
 
     fn closest(&self, rays: &[Ray], hits: &mut [Hit], counters: Option<&mut [RayCounters]>) {
@@ -440,8 +484,16 @@ impl Tracer for AtLevel<'_> {
 }
 
 impl Tracer for Structure {
-    fn triangles(&self) -> &Triangles {
-        &self.scene
+    fn triangles(&self) -> Option<&Triangles> {
+        Some(&self.scene)
+    }
+
+    fn count(&self) -> usize {
+        self.scene.len()
+    }
+
+    fn corners(&self, id: u32) -> [[f32; 3]; 3] {
+        self.scene.corners(id)
     }
 
     fn closest(&self, rays: &[Ray], hits: &mut [Hit], counters: Option<&mut [RayCounters]>) {

@@ -181,7 +181,7 @@ def test_an_error_while_rendering_is_one_readable_line(stage: Any, monkeypatch: 
     def fail(*_args: Any, **_kwargs: Any) -> None:
         raise ValueError("the scene\nis odd")
 
-    monkeypatch.setattr(engine.extract, "extract", fail)
+    monkeypatch.setattr(engine.extract, "find", fail)
     with pytest.raises(RuntimeError, match="the scene is odd"):
         bpy.ops.render.render()
 

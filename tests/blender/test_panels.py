@@ -64,7 +64,7 @@ def test_drawing_a_panel_neither_builds_nor_measures(
 
     only_read = SimpleNamespace(statistics=tree.structure.statistics, spec=tree.spec)
     monkeypatch.setattr(trees, "_tree", dataclasses.replace(tree, structure=only_read, number=tree.number))
-    for module, name in ((extract, "extract"), (building, "Job"), (native, "load")):
+    for module, name in ((extract, "find"), (building, "Job"), (native, "load")):
         monkeypatch.setattr(module, name, work)
     monkeypatch.setattr(native, "problem", lambda: None)
     draw_all(panel, **context(scene))

@@ -124,7 +124,7 @@ def test_a_scene_that_cannot_be_read_is_said_and_drawing_goes_on(context: Any, m
     def fail(*_args: Any, **_kwargs: Any) -> None:
         raise ValueError("the scene is odd")
 
-    monkeypatch.setattr(viewport.extract, "extract", fail)
+    monkeypatch.setattr(viewport.extract, "find", fail)
     engine, view = Engine(), Viewport()
     view.update(engine, context, bpy.context.evaluated_depsgraph_get())
     view.draw(engine, context)

@@ -127,9 +127,21 @@ pub fn build<P: ObjectPolicy>(
     policy: &P,
     monitor: &Monitor,
 ) -> Result<ObjectTree> {
-    let mut objects = gather(scene, frame);
+    build_over(gather(scene, frame), frame.bounds(), policy, monitor)
+}
+
+/// The same over any objects within `bounds`.
+///
+/// # Errors
+/// As there.
+pub fn build_over<P: ObjectPolicy>(
+    mut objects: Vec<Object>,
+    bounds: Aabb,
+    policy: &P,
+    monitor: &Monitor,
+) -> Result<ObjectTree> {
     let builder = Builder { policy, monitor };
-    let region = policy.root(frame.bounds());
+    let region = policy.root(bounds);
     let items = builder.subtree(&mut objects, (region, 0), 1.0)?;
     let ids = objects.iter().map(|object| object.id).collect();
     Ok(ObjectTree { items, ids })

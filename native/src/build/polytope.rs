@@ -408,33 +408,31 @@ impl Draft {
     /// Pairs the faces' sides; `None` unless every side has exactly one partner.
     fn finish(self, magnitude: f64) -> Option<Polytope> {
         let mut edges: Vec<Edge> = Vec::with_capacity(self.loops.len() / 2);
-        let mut open = 0;
+        // Edges that wait for their second face. Few at any time, so that a search through them is the
+        // quickest way to find one.
+        let mut open: Vec<usize> = Vec::with_capacity(16);
         for (index, facet) in self.facets.iter().enumerate() {
             let face = u8::try_from(index).ok()?;
             let from = usize::from(facet.first);
             let ring = &self.loops[from..from + usize::from(facet.count)];
             for (i, &a) in ring.iter().enumerate() {
                 let b = *ring.get(i + 1).unwrap_or(&ring[0]);
-                let twin = edges.iter_mut().find(|e| e.a == b && e.b == a);
-                match twin {
-                    Some(edge) if edge.right == u8::MAX => {
-                        edge.right = face;
-                        open -= 1;
-                    }
-                    Some(_) => return None,
-                    None => {
-                        edges.push(Edge {
-                            a,
-                            b,
-                            left: face,
-                            right: u8::MAX,
-                        });
-                        open += 1;
-                    }
+                let twin = |&edge: &usize| edges[edge].a == b && edges[edge].b == a;
+                if let Some(place) = open.iter().position(twin) {
+                    edges[open.swap_remove(place)].right = face;
+                } else {
+                    open.push(edges.len());
+                    edges.push(Edge {
+                        a,
+                        b,
+                        left: face,
+                        right: u8::MAX,
+                    });
                 }
             }
         }
-        if open != 0 {
+        // Euler's formula rules out sides that more than two faces share.
+        if !open.is_empty() || self.vertices.len() + self.facets.len() != edges.len() + 2 {
             return None;
         }
         let area = self.facets.iter().map(|f| f.area).sum();

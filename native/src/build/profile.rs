@@ -50,9 +50,10 @@ impl Profile {
     /// convex body's part grows at least as fast as its height.
     pub fn least_shares(&self, at: f32) -> [f32; 2] {
         let extent = self.high - self.low;
-        // One part in 10^5 for all the rounding, here and in the shares themselves.
+        // One part in 10^5 for rounding here and in the shares themselves, and the margin, which is
+        // several times the rounding of heights.
         let least = |part: f32| {
-            let part = (part / extent - 1e-5).clamp(0.0, 1.0);
+            let part = ((part - self.margin) / extent - 1e-5).clamp(0.0, 1.0);
             if part > 0.0 { part * part } else { 0.0 }
         };
         [least(at - self.low), least(self.high - at)]

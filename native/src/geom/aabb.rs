@@ -48,10 +48,12 @@ impl Aabb {
     /// The smallest box around both; either may be empty.
     #[inline]
     pub fn union(&self, other: &Self) -> Self {
-        Self {
-            min: std::array::from_fn(|k| self.min[k].min(other.min[k])),
-            max: std::array::from_fn(|k| self.max[k].max(other.max[k])),
+        let mut both = *self;
+        for k in 0..3 {
+            both.min[k] = both.min[k].min(other.min[k]);
+            both.max[k] = both.max[k].max(other.max[k]);
         }
+        both
     }
 
     /// Edge length along axis `k`, in f64 so that it never overflows.

@@ -3,7 +3,9 @@
 
 pub mod aabb;
 pub mod exact;
+pub mod transform;
 pub mod vec3;
 pub mod verdict;
 
 pub use aabb::Aabb;
+pub use transform::Transform;

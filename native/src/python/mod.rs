@@ -5,6 +5,7 @@
 mod arrays;
 mod cases;
 mod errors;
+mod instances;
 mod registry;
 mod render;
 mod render_args;
@@ -52,6 +53,7 @@ fn halfspace_native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(free_memory, module)?)?;
     cases::register(module)?;
     errors::register(module)?;
+    instances::register(module)?;
     registry::register(module)?;
     render::register(module)?;
     structure::register(module)?;

@@ -2,11 +2,12 @@
 //! Scenes to render and renders in progress.
 
 use super::arrays::{Threads, describe};
+use super::instances::Instances;
 use super::render_args as args;
 use super::structure::Structure;
 use crate::error::{Error, Result};
 use crate::render::job::Job;
-use crate::render::scene::{self, SceneParams};
+use crate::render::scene::{self, SceneParams, SharedTracer};
 use crate::render::settings::Pass;
 use numpy::{PyArray1, PyArrayMethods};
 use pyo3::prelude::*;
@@ -21,24 +22,45 @@ pub struct RenderScene(Arc<scene::RenderScene>);
 #[pymethods]
 impl RenderScene {
     #[new]
-    #[pyo3(signature = (structure, *, material_index=None, materials=None, corner_normals=None, lights=None, world=None))]
+    #[pyo3(signature = (structure, *, material_index=None, materials=None, corner_normals=None, surfaces=None, lights=None, world=None))]
+    #[expect(clippy::too_many_arguments, reason = "Python keywords")]
     fn new(
         py: Python<'_>,
-        structure: &Structure,
+        structure: &Bound<'_, PyAny>,
         material_index: Option<&Bound<'_, PyAny>>,
         materials: Option<&Bound<'_, PyAny>>,
         corner_normals: Option<&Bound<'_, PyAny>>,
+        surfaces: Option<&Bound<'_, PyDict>>,
         lights: Option<&Bound<'_, PyAny>>,
         world: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
+        let (tracer, placed): (SharedTracer, _) = match structure.cast::<Instances>() {
+            Err(_) => {
+                let structure = structure.cast::<Structure>().map_err(|_| {
+                    let got = describe(structure);
+                    Error::Spec(format!(
+                        "structure: expected a Structure or Instances, got {got}"
+                    ))
+                })?;
+                (Arc::clone(&structure.get().0) as SharedTracer, None)
+            }
+            Ok(instances) => {
+                let instances = &instances.get().0;
+                let (meshes, each) = args::surfaces(surfaces, instances)?;
+                (
+                    Arc::clone(instances) as SharedTracer,
+                    Some((Arc::clone(instances), meshes, each)),
+                )
+            }
+        };
         let params = SceneParams {
+            placed,
             material_index: material_index.map(args::material_index).transpose()?,
             materials: args::materials(materials)?,
             corner_normals: corner_normals.map(args::corner_normals).transpose()?,
             lights: args::lights(lights)?,
             world: args::world(world)?,
         };
-        let tracer = Arc::clone(&structure.0);
         let scene = py.detach(|| scene::RenderScene::new(tracer, params))?;
         Ok(Self(Arc::new(scene)))
     }

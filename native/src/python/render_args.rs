@@ -3,6 +3,8 @@
 
 use super::arrays::{check_copy, describe};
 use crate::error::{Error, Result};
+use crate::instances::Instances;
+use crate::render::attributes::{InstanceAttributes, MeshAttributes};
 use crate::render::camera::{CameraParams, Projection};
 use crate::render::filter::FilterKind;
 use crate::render::lights::{AreaShape, LightKind, LightParams};
@@ -383,6 +385,62 @@ pub fn world(dict: Option<&Bound<'_, PyDict>>) -> Result<[f32; 3]> {
         None => Ok([0.0; 3]),
         Some(dict) => Keys::new(dict, "world".into(), &["color"])?.color("color"),
     }
+}
+
+/// What instances and their meshes carry; `None` = one material and flat.
+pub fn surfaces(
+    dict: Option<&Bound<'_, PyDict>>,
+    instances: &Instances,
+) -> Result<(Vec<MeshAttributes>, InstanceAttributes)> {
+    let Some(dict) = dict else {
+        let count = instances.len();
+        let meshes = instances.meshes().iter();
+        let one = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        return Ok((
+            meshes.map(|_| MeshAttributes::default()).collect(),
+            InstanceAttributes {
+                materials: vec![0; count],
+                first_material: (0..).take(count + 1).collect(),
+                normal_matrix: vec![one; count],
+                keeps_length: vec![true; count],
+            },
+        ));
+    };
+    let known = [
+        "meshes",
+        "materials",
+        "first_material",
+        "normal_matrix",
+        "keeps_length",
+    ];
+    let keys = Keys::new(dict, "surfaces".into(), &known)?;
+    let meshes = list(
+        "surfaces['meshes']",
+        keys.find("meshes").as_ref(),
+        |dict, i| {
+            let known = ["material_index", "corner_normals"];
+            let keys = Keys::new(dict, format!("surfaces['meshes'][{i}]"), &known)?;
+            let (index, normals) = (keys.find("material_index"), keys.find("corner_normals"));
+            Ok(MeshAttributes {
+                material_index: index.as_ref().map(material_index).transpose()?,
+                corner_normals: normals.as_ref().map(corner_normals).transpose()?,
+            })
+        },
+    )?;
+    let flags = keys.need("keeps_length")?;
+    let keeps_length: PyReadonlyArray1<'_, bool> =
+        (flags.extract()).map_err(|_| keys.wrong("keeps_length", "a (k,) bool array", &flags))?;
+    let first: Vec<i32> = material_index(&keys.need("first_material")?)?;
+    Ok((
+        meshes,
+        InstanceAttributes {
+            materials: material_index(&keys.need("materials")?)?,
+            first_material: first.into_iter().map(i32::cast_unsigned).collect(),
+            // Rows of three by three, as the normals of corners are.
+            normal_matrix: corner_normals(&keys.need("normal_matrix")?)?,
+            keeps_length: keeps_length.as_array().iter().copied().collect(),
+        },
+    ))
 }
 
 /// The material of each triangle: (m,) int32.

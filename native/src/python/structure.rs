@@ -5,7 +5,7 @@ use super::arrays::{self, Threads};
 use super::seeing;
 use super::trace::{self, Hits};
 use crate::build::Monitor as BuildMonitor;
-use crate::error::{Error, caught};
+use crate::error::{Error, Result, caught};
 use crate::memory;
 use crate::scene::Triangles;
 use crate::spec::Config;
@@ -20,7 +20,7 @@ use std::sync::Arc;
 
 /// Progress and cancellation of a build.
 #[pyclass(frozen)]
-pub struct Monitor(Arc<BuildMonitor>);
+pub struct Monitor(pub Arc<BuildMonitor>);
 
 #[pymethods]
 impl Monitor {
@@ -55,7 +55,7 @@ pub struct Recording {
 impl Recording {
     #[getter]
     fn counters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        trace::counters(py, &self.structure, &self.recording.counters)
+        trace::counters(py, self.structure.tells_cases(), &self.recording.counters)
     }
 
     fn replay<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray1<f64>>> {
@@ -74,7 +74,7 @@ impl Recording {
 }
 
 /// A built structure.
-#[pyclass(frozen)]
+#[pyclass(frozen, weakref)]
 pub struct Structure(pub Arc<structure::Structure>);
 
 #[pymethods]
@@ -99,7 +99,8 @@ impl Structure {
     ) -> PyResult<Hits> {
         let arguments = trace::RayArrays::new(origins, directions, t_min, t_max, order)?;
         let rays = arguments.rays();
-        Ok(py.detach(|| trace::closest(&self.0, rays, threads.0, counters))?)
+        let tracer = (&*self.0, self.0.tells_cases());
+        Ok(py.detach(|| trace::closest((tracer.0, tracer.1), rays, threads.0, counters))?)
     }
 
     #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, order="none", threads=Threads::ALL, counters=false))]
@@ -118,14 +119,8 @@ impl Structure {
         let arguments = trace::RayArrays::new(origins, directions, t_min, t_max, order)?;
         let rays = arguments.rays();
         let (occluded, counts) =
-            py.detach(|| trace::occluded(&self.0, rays, threads.0, counters))?;
-        let occluded = occluded.to_pyarray(py).into_any();
-        match counts {
-            None => Ok(occluded),
-            Some(counts) => Ok((occluded, trace::counters(py, &self.0, &counts)?)
-                .into_pyobject(py)?
-                .into_any()),
-        }
+            py.detach(|| trace::occluded(&*self.0, rays, threads.0, counters))?;
+        trace::occluded_answer(py, &occluded, counts, self.0.tells_cases())
     }
 
     #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, any_hit=false))]
@@ -214,6 +209,17 @@ impl Structure {
     }
 }
 
+/// Bytes that a build may take.
+pub fn memory_limit(bytes: Option<i64>) -> Result<u64> {
+    match bytes.map(u64::try_from) {
+        None => Ok(memory::default_limit()),
+        Some(Ok(bytes)) => Ok(bytes),
+        Some(Err(_)) => Err(Error::Spec(
+            "memory_limit: expected a number of bytes of at least 0".to_owned(),
+        )),
+    }
+}
+
 #[pyfunction]
 #[pyo3(signature = (vertices, triangles, spec="kd", *, threads=Threads::ALL, monitor=None, memory_limit=None))]
 fn build(
@@ -225,16 +231,7 @@ fn build(
     monitor: Option<&Monitor>,
     memory_limit: Option<i64>,
 ) -> PyResult<Structure> {
-    let limit = match memory_limit.map(u64::try_from) {
-        None => memory::default_limit(),
-        Some(Ok(bytes)) => bytes,
-        Some(Err(_)) => {
-            return Err(Error::Spec(
-                "memory_limit: expected a number of bytes of at least 0".to_owned(),
-            )
-            .into());
-        }
-    };
+    let limit = self::memory_limit(memory_limit)?;
     let config = Config::parse(spec)?;
     let vertices = arrays::points("vertices", vertices)?;
     let indices = arrays::indices("triangles", triangles, vertices.len())?;

@@ -6,13 +6,12 @@ use crate::error::{Error, Result, caught};
 use crate::memory::check_room;
 use crate::oracle::exact_closest;
 use crate::scene::Triangles;
-use crate::structure::Structure;
 use crate::traverse::{Hit, Order, Ray, RayCounters, Tracer, cases};
 use numpy::{PyReadonlyArray1, ToPyArray};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::num::NonZero;
-use std::sync::{Arc, Mutex};
+use std::sync::Mutex;
 use std::thread::Builder;
 
 /// Rays handed to a worker at once: enough to forget the cost of handing them over, few enough to
@@ -121,7 +120,8 @@ impl Rays<'_> {
 #[pyclass(frozen)]
 pub struct Hits {
     hits: Vec<Hit>,
-    counts: Option<(Arc<Structure>, Vec<RayCounters>)>,
+    /// Whether the walks told the cases of ray and plane apart, and what each ray cost.
+    counts: Option<(bool, Vec<RayCounters>)>,
     on_boundary: Option<Vec<bool>>,
 }
 
@@ -152,7 +152,7 @@ impl Hits {
     fn counters<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
         self.counts
             .as_ref()
-            .map(|(structure, counts)| counters(py, structure, counts))
+            .map(|(tells_cases, counts)| counters(py, *tells_cases, counts))
             .transpose()
     }
 
@@ -186,7 +186,7 @@ impl Hits {
 /// What each ray cost: name to (n,) uint32.
 pub fn counters<'py>(
     py: Python<'py>,
-    structure: &Structure,
+    tells_cases: bool,
     counters: &[RayCounters],
 ) -> PyResult<Bound<'py, PyDict>> {
     type Column = (&'static str, fn(&RayCounters) -> u32);
@@ -205,7 +205,7 @@ pub fn counters<'py>(
         let column: Vec<_> = counters.iter().map(get).collect();
         dict.set_item(name, column.to_pyarray(py))?;
     }
-    if structure.tells_cases() {
+    if tells_cases {
         for (i, name) in cases::NAMES.iter().enumerate() {
             let column: Vec<_> = counters.iter().map(|c| c.cases[i]).collect();
             dict.set_item(name, column.to_pyarray(py))?;
@@ -279,32 +279,48 @@ fn in_chunks<T: Clone + Send>(
 
 /// Nearest hits.
 pub fn closest(
-    structure: &Arc<Structure>,
+    (tracer, tells_cases): (&dyn Tracer, bool),
     rays: Rays<'_>,
     threads: usize,
     counters: bool,
 ) -> Result<Hits> {
     let order = rays.order;
     let (hits, counts) = in_chunks(rays, threads, counters, Hit::MISS, |rays, hits, counts| {
-        structure.closest_ordered(rays, hits, counts, order);
+        tracer.closest_ordered(rays, hits, counts, order);
     })?;
     Ok(Hits {
         hits,
-        counts: counts.map(|counts| (structure.clone(), counts)),
+        counts: counts.map(|counts| (tells_cases, counts)),
         on_boundary: None,
     })
 }
 
 /// Any hits.
 pub fn occluded(
-    structure: &Structure,
+    tracer: &dyn Tracer,
     rays: Rays<'_>,
     threads: usize,
     counters: bool,
 ) -> Result<(Vec<bool>, Option<Vec<RayCounters>>)> {
     in_chunks(rays, threads, counters, false, |rays, answers, counts| {
-        structure.occluded(rays, answers, counts);
+        tracer.occluded(rays, answers, counts);
     })
+}
+
+/// Any hits, or a pair of them and what each ray cost.
+pub fn occluded_answer<'py>(
+    py: Python<'py>,
+    occluded: &[bool],
+    counts: Option<Vec<RayCounters>>,
+    tells_cases: bool,
+) -> PyResult<Bound<'py, PyAny>> {
+    let occluded = occluded.to_pyarray(py).into_any();
+    match counts {
+        None => Ok(occluded),
+        Some(counts) => Ok((occluded, counters(py, tells_cases, &counts)?)
+            .into_pyobject(py)?
+            .into_any()),
+    }
 }
 
 #[pyfunction]

@@ -515,7 +515,7 @@ fn shade<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
             if value.max_component() > 0.0 && value.is_finite() {
                 let value = settings.clamped(value, path.bounce > 0);
                 if light.casts_shadow {
-                    let o = surface.leave_to_light::<SMOOTH>(scene, light.direction);
+                    let o = surface.leave_to_light::<SMOOTH>(light.direction);
                     let (d, t_max) = if light.distance.is_finite() {
                         (
                             surface.point + light.direction * light.distance - o,

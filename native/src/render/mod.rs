@@ -7,6 +7,7 @@
 //! - [`sampler`], [`filter`], [`camera`]: random numbers, the pixel filter, camera rays;
 //! - [`fresnel`], [`ggx`], [`albedo`], [`material`], [`bsdf`]: what surfaces do with light;
 //! - [`light_shapes`], [`lights`]: where light comes from;
+//! - [`attributes`]: what triangles carry, of a flattened scene or of instances;
 //! - [`scene`], [`features`], [`surface`]: the scene, what it needs, a point of it;
 //! - [`settings`], [`film`], [`integrator`], [`job`]: the render itself.
 //!
@@ -15,6 +16,7 @@
 //! alike bit for bit. So neither the structure nor the number of threads changes any pixel.
 
 pub mod albedo;
+pub mod attributes;
 pub mod bsdf;
 pub mod camera;
 pub mod check;

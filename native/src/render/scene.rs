@@ -3,11 +3,13 @@
 
 use std::sync::Arc;
 
-use super::check::{Error, Result, finite, within};
+use super::attributes::{Attributes, InstanceAttributes, MeshAttributes};
+use super::check::{Result, finite, within};
 use super::features::Features;
 use super::lights::{LightParams, Lights};
 use super::material::{Material, MaterialParams};
 use super::vector::Vec3;
+use crate::instances::Instances;
 use crate::traverse::Tracer;
 
 /// A structure that several threads may share.
@@ -16,10 +18,8 @@ pub type SharedTracer = Arc<dyn Tracer + Send + Sync>;
 /// Everything that is lit and seen; the camera is not part of it.
 pub struct RenderScene {
     pub(super) tracer: SharedTracer,
-    pub(super) material_index: Vec<u32>,
+    pub(super) attributes: Attributes,
     pub(super) materials: Vec<Material>,
-    /// Per triangle, the shading normals of its corners, not necessarily of unit length.
-    pub(super) corner_normals: Option<Vec<[[f32; 3]; 3]>>,
     pub(super) lights: Lights,
     pub(super) world: Vec3,
     features: Features,
@@ -32,8 +32,10 @@ pub struct SceneParams {
     pub material_index: Option<Vec<i32>>,
     /// Materials; empty = one of Blender's default.
     pub materials: Vec<MaterialParams>,
-    /// Shading normals of each triangle's corners.
+    /// Shading normals of each triangle's corners, not necessarily of unit length.
     pub corner_normals: Option<Vec<[[f32; 3]; 3]>>,
+    /// Instead of these two, where the structure is instances: what their meshes and they themselves carry.
+    pub placed: Option<(Arc<Instances>, Vec<MeshAttributes>, InstanceAttributes)>,
     /// Lights.
     pub lights: Vec<LightParams>,
     /// Background radiance.
@@ -47,7 +49,6 @@ impl RenderScene {
     /// When a number is not finite or out of range, naming its key, or an array does not fit the
     /// structure's triangles.
     pub fn new(tracer: SharedTracer, params: SceneParams) -> Result<Self> {
-        let count = tracer.triangles().len();
         finite(&params.world, || "world['color']".into())?;
         for &c in &params.world {
             within(c.into(), 0.0, 1e30, || "world['color']".into())?;
@@ -59,34 +60,34 @@ impl RenderScene {
         if materials.is_empty() {
             materials.push(Material::new(&MaterialParams::default(), 0)?);
         }
-        let material_index = indices(params.material_index, count, materials.len())?;
-        if let Some(normals) = &params.corner_normals {
-            check_length("corner_normals", normals.len(), count)?;
-            if let Some(i) = normals
-                .iter()
-                .position(|n| n.as_flattened().iter().any(|c| !c.is_finite()))
-            {
-                return Err(Error::NonFinite(format!(
-                    "corner_normals[{i}] must be finite"
-                )));
+        let attributes = match params.placed {
+            Some((instances, meshes, each)) => {
+                Attributes::placed(instances, meshes, each, materials.len())?
             }
-        }
+            None => {
+                let mesh = MeshAttributes {
+                    material_index: params.material_index,
+                    corner_normals: params.corner_normals,
+                };
+                Attributes::flattened(mesh, tracer.count(), materials.len())?
+            }
+        };
         let lights = Lights::new(&params.lights)?;
         let mut used = vec![false; materials.len()];
-        for &triangle in tracer.triangles().live() {
-            used[material_index[triangle as usize] as usize] = true;
-        }
+        let live = tracer
+            .triangles()
+            .map_or(&[][..], |triangles| triangles.live());
+        attributes.mark_used(live.iter().copied(), &mut used);
         let used = materials
             .iter()
             .zip(&used)
             .filter(|(_, used)| **used)
             .map(|(m, _)| m);
-        let features = Features::resolve(used, &lights, params.corner_normals.is_some());
+        let features = Features::resolve(used, &lights, attributes.smooth());
         Ok(Self {
             tracer,
-            material_index,
+            attributes,
             materials,
-            corner_normals: params.corner_normals,
             lights,
             world: Vec3::from(params.world),
             features,
@@ -97,30 +98,4 @@ impl RenderScene {
     pub fn features(&self) -> Features {
         self.features
     }
-}
-
-fn indices(given: Option<Vec<i32>>, triangles: usize, materials: usize) -> Result<Vec<u32>> {
-    let Some(given) = given else {
-        return Ok(vec![0; triangles]);
-    };
-    check_length("material_index", given.len(), triangles)?;
-    given
-        .iter()
-        .enumerate()
-        .map(|(i, &index)| match u32::try_from(index) {
-            Ok(index) if (index as usize) < materials => Ok(index),
-            _ => Err(Error::Shape(format!(
-                "material_index[{i}]: {index} is out of range for {materials} materials"
-            ))),
-        })
-        .collect()
-}
-
-fn check_length(name: &str, got: usize, triangles: usize) -> Result<()> {
-    if got == triangles {
-        return Ok(());
-    }
-    Err(Error::Shape(format!(
-        "{name} must have one entry per triangle: {triangles}, got {got}"
-    )))
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The point a ray meets: position, normals, material.
 
+use super::attributes::At;
 use super::material::Material;
 use super::scene::RenderScene;
 use super::vector::{Frame, Vec3, offset_origin};
@@ -18,8 +19,8 @@ pub struct Surface<'a> {
     pub inside: bool,
     /// Its material.
     pub material: &'a Material,
-    corners: [Vec3; 3],
-    triangle: usize,
+    corners: [[f32; 3]; 3],
+    at: At<'a>,
 }
 
 /// Shading normals are bent towards the viewer until this cosine, lest interpolation turns a
@@ -35,22 +36,18 @@ impl<'a> Surface<'a> {
     /// corner normals; without them none is fetched.
     #[inline(always)]
     pub fn at<const SMOOTH: bool>(scene: &'a RenderScene, hit: &Hit, d: Vec3) -> Self {
-        let corners = scene
-            .tracer
-            .triangles()
-            .corners(hit.triangle)
-            .map(Vec3::from);
-        let [a, b, c] = corners;
+        let corners = scene.tracer.corners(hit.triangle);
+        let [a, b, c] = corners.map(Vec3::from);
         let w = 1.0 - hit.u - hit.v;
         let point = a * w + b * hit.u + c * hit.v;
         let normal = (b - a).cross(c - a).normalized();
         let inside = normal.dot(d) > 0.0;
         let geometric = if inside { -normal } else { normal };
-        let triangle = hit.triangle as usize;
-        let material = &scene.materials[scene.material_index[triangle] as usize];
+        let at = scene.attributes.at(hit.triangle);
+        let material = &scene.materials[at.material()];
         let mut shading = geometric;
-        if SMOOTH && let Some(normals) = &scene.corner_normals {
-            let [na, nb, nc] = normals[triangle].map(Vec3::from);
+        if SMOOTH && let Some(normals) = at.normals(corners) {
+            let [na, nb, nc] = normals.map(Vec3::from);
             let n = na * w + nb * hit.u + nc * hit.v;
             shading = (if inside { -n } else { n }).normalized_or(geometric);
             let cosine = -shading.dot(d);
@@ -65,7 +62,7 @@ impl<'a> Surface<'a> {
             inside,
             material,
             corners,
-            triangle,
+            at,
         }
     }
 
@@ -94,7 +91,7 @@ impl<'a> Surface<'a> {
     /// normals describe (Hanika 2021, "Hacking the Shadow Terminator", Ray Tracing Gems II,
     /// chapter 4), faded in below a cosine of 0.1 as Cycles does.
     #[inline(always)]
-    pub fn leave_to_light<const SMOOTH: bool>(&self, scene: &RenderScene, direction: Vec3) -> Vec3 {
+    pub fn leave_to_light<const SMOOTH: bool>(&self, direction: Vec3) -> Vec3 {
         let origin = self.leave(direction);
         if !SMOOTH {
             return origin;
@@ -115,24 +112,25 @@ impl<'a> Surface<'a> {
         if amount == 0.0 || flat <= 0.0 {
             return origin;
         }
-        origin + self.lift(scene, side) * amount
+        origin + self.lift(side) * amount
     }
 
     /// From the flat point to the curved surface, on the side `side`.
-    fn lift(&self, scene: &RenderScene, side: Vec3) -> Vec3 {
-        let Some(normals) = &scene.corner_normals else {
+    fn lift(&self, side: Vec3) -> Vec3 {
+        let Some(normals) = self.at.normals(self.corners) else {
             return Vec3::ZERO;
         };
-        let [a, b, c] = self.corners;
+        let corners = self.corners.map(Vec3::from);
+        let [a, b, c] = corners;
         let area = (b - a).cross(c - a);
         let scale = 1.0 / area.length2().max(f32::MIN_POSITIVE);
         let weight = |p: Vec3, q: Vec3| (p - self.point).cross(q - self.point).dot(area) * scale;
         let weights = [weight(b, c), weight(c, a), weight(a, b)];
         let mut lift = Vec3::ZERO;
         for k in 0..3 {
-            let n = Vec3::from(normals[self.triangle][k]).normalized_or(side);
+            let n = Vec3::from(normals[k]).normalized_or(side);
             let n = if n.dot(side) < 0.0 { -n } else { n };
-            let below = (self.point - self.corners[k]).dot(n).min(0.0);
+            let below = (self.point - corners[k]).dot(n).min(0.0);
             lift += n * (-below * weights[k].clamp(0.0, 1.0));
         }
         lift

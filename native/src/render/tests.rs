@@ -58,8 +58,16 @@ impl Plain {
 }
 
 impl Tracer for Plain {
-    fn triangles(&self) -> &Triangles {
-        &self.triangles
+    fn triangles(&self) -> Option<&Triangles> {
+        Some(&self.triangles)
+    }
+
+    fn count(&self) -> usize {
+        self.triangles.len()
+    }
+
+    fn corners(&self, id: u32) -> [[f32; 3]; 3] {
+        self.triangles.corners(id)
     }
 
     fn closest(&self, rays: &[Ray], hits: &mut [Hit], counters: Option<&mut [RayCounters]>) {
@@ -992,8 +1000,16 @@ struct Troublesome {
 }
 
 impl Tracer for Troublesome {
-    fn triangles(&self) -> &Triangles {
-        &self.inner.triangles
+    fn triangles(&self) -> Option<&Triangles> {
+        Some(&self.inner.triangles)
+    }
+
+    fn count(&self) -> usize {
+        self.inner.triangles.len()
+    }
+
+    fn corners(&self, id: u32) -> [[f32; 3]; 3] {
+        self.inner.triangles.corners(id)
     }
 
     fn closest(&self, rays: &[Ray], hits: &mut [Hit], counters: Option<&mut [RayCounters]>) {

@@ -97,24 +97,40 @@ pub struct Batch<'a> {
     pub level: Level,
     /// Whether any-hit rays ask the shadow cache first.
     pub shadow_cache: bool,
+    /// The rays in the space of the instance that the structure is visited for; `None` for rays of the
+    /// structure's own scene.
+    pub placed: Option<&'a [FrameRay]>,
 }
 
+/// Takes the answer of the ray with this place in the batch. Not a generic parameter, lest every walk is
+/// compiled for every caller.
+pub type Write<'a> = &'a mut dyn FnMut(usize, Hit);
+
 impl Batch<'_> {
+    /// A ray in the frame of the structure.
+    #[inline(always)]
+    fn framed(&self, i: usize) -> Option<FrameRay> {
+        match self.placed {
+            None => self.frame.ray(&self.rays[i]),
+            Some(placed) => Some(placed[i]),
+        }
+    }
+
     /// Walks the rays one by one and hands each answer to `write` with the ray's place.
     pub fn walk<W: Walk, Q: Query>(
         &self,
         walk: &W,
-        mut write: impl FnMut(usize, Hit),
+        write: Write<'_>,
         counters: Option<&mut [RayCounters]>,
     ) {
         match counters {
             None => dispatch!(self.level, simd => {
-                self.each::<_, _, Q, _>(simd, walk, &mut write, |_| NoCount);
+                self.each::<_, _, Q, _>(simd, walk, write, |_| NoCount);
             }),
             Some(counters) => {
                 let mut counters = counters.iter_mut();
                 baseline!(simd => {
-                    self.each::<_, _, Q, _>(simd, walk, &mut write, |_| {
+                    self.each::<_, _, Q, _>(simd, walk, write, |_| {
                         Count(counters.next().expect("one set of counters per ray"), None)
                     });
                 });
@@ -214,14 +230,14 @@ impl Batch<'_> {
         &self,
         simd: S,
         walk: &W,
-        write: &mut impl FnMut(usize, Hit),
+        write: Write<'_>,
         mut counter: impl FnMut(usize) -> C,
     ) {
         let mut scratch = walk.scratch();
         let mut cache = self.cache::<Q>();
         for (i, ray) in self.rays.iter().enumerate() {
             let mut counters = counter(i);
-            let Some(framed) = self.frame.ray(ray) else {
+            let Some(framed) = self.framed(i) else {
                 write(i, Hit::MISS);
                 continue;
             };
@@ -347,8 +363,9 @@ impl Batch<'_> {
             let mut open: Vec<_> = rays
                 .iter()
                 .zip(counters)
-                .map(|(ray, counters)| {
-                    let framed = self.frame.ray(ray)?;
+                .enumerate()
+                .map(|(i, (ray, counters))| {
+                    let framed = self.framed(group * RAYS + i)?;
                     // Rays of a group go together, so the blockers are those of the group before.
                     let known = self.cached(&cache, (ray, &framed), &mut Count(counters, None));
                     let best = known.map_or_else(|| Best::new(&framed), Best::known);

@@ -331,13 +331,19 @@ impl<S: Simd> Candidates<S> {
         // A corner of a triangle that is hit within reach, or behind the origin where the ray begins there, is
         // no farther than that, and its size.
         let farthest = keep_max(-ray.t_min, reach);
-        let span = keep_min(2.0 * farthest + size, ray.span);
+        // In an instance's space offsets and edges may be off by the blur; what the rows of a determinant
+        // are off by adds up, times six for its products and times the size of the other rows.
+        let (blur, drift) = (ray.blur, 6.0 * ray.drift);
+        let size = size + blur;
+        let span = keep_min((2.0 + drift) * farthest + size, ray.span) + blur;
         // Zero, or NaN where some product may have overflowed: NaN bounds reject nothing.
         let overflow = 0.0 * (64.0 * span * size * size.max(1.0));
         let floor = UNDERFLOW + overflow;
-        let det_error = DET_ERROR * size * size + UNDERFLOW;
-        let t_error = T_ERROR * span * size * size + floor;
-        let uv_error = 2.0 * UV_ERROR * span * size + 3.0 * det_error + floor;
+        let det_error = ((DET_ERROR + drift) * size + 24.0 * blur) * size + UNDERFLOW;
+        let t_error = (T_ERROR * span * size + 6.0 * blur * (size + 2.0 * span)) * size + floor;
+        let uv_error = 2.0 * ((UV_ERROR + drift) * span * size + 12.0 * blur * (span + size))
+            + 3.0 * det_error
+            + floor;
         let doubt = t_error + 3.0 * reach.abs() * det_error;
         let rejected =
             least.simd_lt(splat(-uv_error)) | t.simd_gt(det.mul_add(splat(reach), splat(doubt)));
@@ -345,10 +351,12 @@ impl<S: Simd> Candidates<S> {
         if lanes != 0 {
             // The bounds above are those of the block's largest triangle; now each gets its own.
             let largest = |v: [f32x8<S>; 3]| v[0].abs().max(v[1].abs()).max(v[2].abs());
-            let size = largest(a).max(largest(b));
+            let size = largest(a).max(largest(b)) + splat(blur);
+            let span = largest(s) + splat(blur);
+            let blurred = (span + size * splat(4.0)).mul_add(splat(24.0 * blur), splat(floor));
             let uv_error = size.mul_add(
-                size * splat(3.0 * DET_ERROR),
-                size.mul_add(largest(s) * splat(2.0 * UV_ERROR), splat(floor)),
+                size * splat(3.0 * (DET_ERROR + drift)),
+                size.mul_add(span * splat(2.0 * (UV_ERROR + drift)), blurred),
             );
             let behind = if ray.t_min >= -1e-30 {
                 -doubt

@@ -6,8 +6,11 @@
 //! In this frame products of three coordinates neither overflow nor vanish, and the bounds below
 //! hold. `u` is the unit roundoff of f32, 2^-24.
 
-use super::ray::Ray;
+use super::place::{InMesh, Place};
+use super::ray::{Hit, Ray};
 use crate::geom::Aabb;
+use crate::geom::transform;
+use crate::geom::vec3::{Vec3, dot, widen};
 
 /// Unit roundoff of f32.
 pub const U: f32 = 1.0 / 16_777_216.0;
@@ -132,7 +135,7 @@ impl Frame {
             to_frame: f64::from(unit) * f64::from(self.scale),
             ..FrameRay::NOTHING
         };
-        out.last_place = TINY + out.scaled(f32::from_bits(1));
+        out.last_place = (f64::from(f32::from_bits(1)) * out.to_frame) as f32 + TINY;
         out
     }
 
@@ -154,27 +157,107 @@ impl Frame {
         } else {
             ray.d.map(|x| x / unit)
         };
-        let o = self.point(ray.o);
-        let to_frame = f64::from(unit) * f64::from(self.scale);
+        let mut out = FrameRay {
+            o: self.point(ray.o),
+            d,
+            to_frame: f64::from(unit) * f64::from(self.scale),
+            ..FrameRay::NOTHING
+        };
+        if self.is_scene() {
+            out.still = ray.d.map(|d| f32::from(u8::from(d != 0.0)));
+        }
+        self.complete(ray, out, [0.0; 3])
+    }
+
+    /// A ray of the scene in the space of an instance of this frame's mesh, with `known` the best hit that
+    /// it has already.
+    ///
+    /// The line is that of the scene brought back in f64, so `t` means the same. What the walk asks is
+    /// whether it meets a triangle *as it stands in the scene*, rounded there; brought back too, that
+    /// one's corners are within [`Place::corner_error`] of the mesh's own. That, the errors of the map
+    /// and the rounding of the ray to f32 make up `blur`, by which every bound of the walk grows.
+    #[inline]
+    pub fn placed(&self, ray: &Ray, place: &Place, known: Hit) -> Placed {
+        let scale = f64::from(self.scale);
+        let back = |x: f32, k: usize| f64::from(x) - place.transform.offset[k];
+        let from = [back(ray.o[0], 0), back(ray.o[1], 1), back(ray.o[2], 2)];
+        let (o, o_error) = place.inverse.vector(from);
+        let (d, d_error) = place.inverse.vector(widen(ray.d));
+        let unit = transform::power_of_two(d[0].abs().max(d[1].abs()).max(d[2].abs()));
+        if unit == 0.0 {
+            return Placed::Blind;
+        }
+        let d = d.map(|x| x / unit);
+        let d_error = d_error.map(|x| x / unit);
+
+        // An origin far away is brought to where the ray comes near: what f32 rounds is then small.
+        let bounds = self.bounds;
+        let end = |k: usize| (f64::from(bounds.min[k]), f64::from(bounds.max[k]));
+        let middle = |k: usize| 0.5 * (end(k).0 + end(k).1);
+        let half = |k: usize| 0.5 * (end(k).1 - end(k).0);
+        let size = |v: Vec3| dot(v, v).sqrt();
+        let way = [0, 1, 2].map(|k| middle(k) - o[k] * scale);
+        let ahead = dot(way, d) / dot(d, d) - 1.25 * size([half(0), half(1), half(2)]) / size(d);
+        let shift = if ahead > 0.0 { ahead } else { 0.0 };
+
+        let mut out = FrameRay {
+            to_frame: unit * scale,
+            shift,
+            first: place.first,
+            known,
+            place: Some(place.in_mesh()),
+            ..FrameRay::NOTHING
+        };
+        let (mut origin_error, mut speed_error) = ([0.0; 3], [0.0; 3]);
+        let (mut far, mut doubt) = (0.0_f64, 0.0_f64);
+        for k in 0..3 {
+            let start = o[k] * scale;
+            let moved = start + shift * d[k];
+            out.o[k] = moved as f32;
+            out.d[k] = d[k] as f32;
+            let rounding = 4.0 * f64::EPSILON * (start.abs() + (shift * d[k]).abs());
+            origin_error[k] = o_error[k] * scale
+                + shift * d_error[k]
+                + rounding
+                + f64::from(U) * moved.abs()
+                + f64::MIN_POSITIVE
+                + f64::from(f32::from_bits(1));
+            speed_error[k] = d_error[k] + f64::from(U) * d[k].abs() + f64::from(f32::from_bits(1));
+            far = far.max(moved.abs() + place.corner_error[k] * scale + origin_error[k]);
+            doubt = doubt.max(speed_error[k]);
+        }
+        // The largest component of the direction is at least 1 - doubt, so that no point of the mesh is
+        // farther along the ray than this.
+        let farthest = 1.02 * (far + f64::from(self.magnitude));
+        if !(doubt < 0.01 && farthest < 1e37) {
+            return Placed::Blind;
+        }
+        let mut blur = [0.0; 3];
+        for k in 0..3 {
+            let corner = place.corner_error[k] * scale;
+            let coordinate = origin_error[k] + corner + farthest * speed_error[k];
+            blur[k] = up(coordinate);
+            // Of offsets from the origin and of edges.
+            out.blur = out.blur.max(up(origin_error[k] + 2.0 * corner));
+        }
+        out.drift = up(doubt);
+        match self.complete(ray, out, blur) {
+            Some(ray) => Placed::Walk(ray),
+            None => Placed::Miss,
+        }
+    }
+
+    /// Fills in the bounds of a ray whose coordinates, anywhere in the scene, are off by at most `blur`
+    /// before they are rounded, and cuts it to the scene's box.
+    #[inline(always)]
+    fn complete(&self, ray: &Ray, mut out: FrameRay, blur: [f32; 3]) -> Option<FrameRay> {
+        let (o, d) = (out.o, out.d);
         let far = o[0].abs().max(o[1].abs()).max(o[2].abs());
         let sum = far + self.magnitude;
-        let mut out = FrameRay {
-            o,
-            d,
-            inv: [0.0; 3],
-            slack: [0.0; 3],
-            pad: [0.0; 3],
-            still: [1.0; 3],
-            negative: [0; 3],
-            signs: 0,
-            t_min: 0.0,
-            t_max: 0.0,
-            span: sum,
-            oblique_pad: self.robust * 28.0 * U * sum,
-            to_frame,
-            last_place: 0.0,
-        };
-        out.last_place = out.scaled(f32::from_bits(1)) + TINY;
+        let blurred = blur[0].max(blur[1]).max(blur[2]);
+        out.span = sum;
+        out.oblique_pad = self.robust * (28.0 * U * sum + 2.0 * blurred);
+        out.last_place = (f64::from(f32::from_bits(1)) * out.to_frame) as f32 + TINY;
         let mut near = f32::NEG_INFINITY;
         let mut exit = f32::INFINITY;
         // Over any distance up to `span` a slower direction moves by less than u times the padding: it
@@ -184,7 +267,7 @@ impl Frame {
         for k in 0..3 {
             // A plane distance (p - o) / d is off by less than 3 u |p - o| / |d|, the point it
             // stands for by less than 5 u (|o| + |p|); 8 leaves room for the additions.
-            let pad = PARALLEL_PAD * (o[k].abs() + self.magnitude);
+            let pad = PARALLEL_PAD * (o[k].abs() + self.magnitude) + blur[k];
             let slowest = parallel * pad;
             let dk = if d[k].abs() < slowest {
                 slowest.copysign(d[k])
@@ -196,7 +279,6 @@ impl Frame {
             out.pad[k] = self.robust * pad;
             out.slack[k] = self.robust * slack;
             out.negative[k] = u32::from(d[k].is_sign_negative());
-            out.still[k] = f32::from(u8::from(ray.d[k] != 0.0 || !self.is_scene()));
             let low = (self.bounds.min[k] - o[k]) * out.inv[k];
             let high = (self.bounds.max[k] - o[k]) * out.inv[k];
             let (enter, leave) = if out.negative[k] == 1 {
@@ -209,13 +291,31 @@ impl Frame {
         }
         out.signs = (out.negative[0] | out.negative[1] << 1 | out.negative[2] << 2) * 0x0101_0101;
         out.t_min = keep_max(out.lower(ray.t_min), near);
-        out.t_max = keep_min(out.reach(ray.t_max), exit);
+        out.t_max = keep_min(out.reach(keep_min(out.known.t, ray.t_max)), exit);
         if out.t_min > out.t_max || ray.t_min > ray.t_max {
             None
         } else {
             Some(out)
         }
     }
+}
+
+/// What becomes of a ray in an instance's space.
+#[expect(clippy::large_enum_variant, reason = "nearly always the large one")]
+pub enum Placed {
+    /// It certainly misses the mesh.
+    Miss,
+    /// It is to walk the mesh's tree.
+    Walk(FrameRay),
+    /// Nothing is certain about it: every triangle has to be put to the verdict.
+    Blind,
+}
+
+/// A bound as f32, rounded upwards.
+#[inline(always)]
+#[expect(clippy::cast_possible_truncation, reason = "rounded upwards")]
+fn up(x: f64) -> f32 {
+    (x * (1.0 + 1e-6)) as f32 + f32::MIN_POSITIVE
 }
 
 /// A ray in the frame of the scene, with what every walk needs of it.
@@ -248,7 +348,20 @@ pub struct FrameRay {
     /// Bound on the error of a height `n . (o + t d) - c` over an oblique plane that meets the
     /// scene, for `|n| <= 1`: 8 sqrt(3) 2 u times the span.
     pub oblique_pad: f32,
+    /// What the corners of triangles and the origin together may be off by, per coordinate, because the
+    /// ray was brought into an instance's space; 0 for rays of the scene.
+    pub blur: f32,
+    /// The same for the direction.
+    pub drift: f32,
+    /// Added to the numbers of triangles: an instance's place among those of all.
+    pub first: u32,
+    /// The best hit that was found elsewhere.
+    pub known: Hit,
+    /// The instance whose space the ray is in.
+    pub place: Option<InMesh>,
     to_frame: f64,
+    /// How far along the ray its origin was moved, in the frame's units.
+    shift: f64,
     /// Bound on the rounding of a subnormal `t`, and of the frame, in the frame's units. A distance of
     /// a millionth of the scene may be all rounding when the direction is long enough.
     last_place: f32,
@@ -269,39 +382,50 @@ impl FrameRay {
         t_max: 0.0,
         span: 0.0,
         oblique_pad: 0.0,
+        blur: 0.0,
+        drift: 0.0,
+        first: 0,
+        known: Hit::MISS,
+        place: None,
         to_frame: 1.0,
+        shift: 0.0,
         last_place: 0.0,
     };
 
-    #[inline(always)]
-    #[expect(
-        clippy::cast_possible_truncation,
-        reason = "the slack covers the rounding"
-    )]
-    fn scaled(&self, t: f32) -> f32 {
-        (f64::from(t) * self.to_frame) as f32
+    /// A ray about which nothing is certain in an instance's space, to put triangles to the verdict with.
+    pub fn blind(place: &Place, known: Hit) -> Self {
+        Self {
+            first: place.first,
+            known,
+            place: Some(place.in_mesh()),
+            ..Self::NOTHING
+        }
     }
 
     /// A distance in the frame that nothing at `t` or nearer can exceed, rounding included.
     #[inline(always)]
     pub fn reach(&self, t: f32) -> f32 {
-        let scaled = self.scaled(t);
-        if scaled >= 0.0 {
-            scaled * PRUNE + self.last_place
-        } else {
-            scaled * (2.0 - PRUNE) + self.last_place
-        }
+        self.slackened(t, f64::from(PRUNE)) + self.last_place
     }
 
     /// A distance in the frame that nothing at `t` or farther can fall below.
     #[inline(always)]
     fn lower(&self, t: f32) -> f32 {
-        let scaled = self.scaled(t);
-        if scaled >= 0.0 {
-            scaled * (2.0 - PRUNE) - self.last_place
-        } else {
-            scaled * PRUNE - self.last_place
-        }
+        self.slackened(t, 2.0 - f64::from(PRUNE)) - self.last_place
+    }
+
+    /// `t` in the frame's units, `factor` times as far for distances ahead, and moved by as much for those
+    /// behind.
+    #[inline(always)]
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "the slack covers the rounding; what the shift rounds is added to it"
+    )]
+    fn slackened(&self, t: f32, factor: f64) -> f32 {
+        let scaled = f64::from(t) * self.to_frame;
+        let room = (factor - 1.0) * self.shift;
+        let factor = if scaled >= 0.0 { factor } else { 2.0 - factor };
+        (scaled * factor - self.shift + room) as f32
     }
 }
 

@@ -28,6 +28,7 @@ pub mod octree_param;
 pub mod octree_samet;
 pub mod octree_step;
 pub mod path;
+pub mod place;
 pub mod plane_arvo;
 pub mod plane_dir;
 pub mod plane_origin;

@@ -174,7 +174,8 @@ impl<N: Neighbours> batch::Walk for Walk<'_, N> {
         counters: &mut C,
     ) -> Hit {
         let tree = self.0;
-        if !tree.is_near(frame.o) {
+        // The leaves allow for the rounding of the scene's own rays, and no more.
+        if !tree.is_near(frame.o) || frame.place.is_some() {
             let walk = octree_param::Walk(tree);
             return walk.cast::<S, Q, C>(simd, triangles, (ray, frame), stack, counters);
         }

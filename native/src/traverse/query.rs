@@ -146,11 +146,11 @@ pub struct Best {
 }
 
 impl Best {
-    /// Nothing found yet.
+    /// Nothing found yet, or what the ray has found elsewhere.
     #[inline(always)]
     pub fn new(ray: &FrameRay) -> Self {
         Self {
-            hit: Hit::MISS,
+            hit: ray.known,
             reach: ray.t_max,
         }
     }
@@ -173,7 +173,8 @@ impl Best {
         }
     }
 
-    /// Puts one candidate, number and corners, to the verdict; says whether the walk may end.
+    /// Puts one candidate, number and corners, to the verdict; says whether the walk may end. Where the ray
+    /// is in an instance's space, so are they, and the verdict sees them where they stand in the scene.
     ///
     /// Distances are compared after rounding, so that equal means equal to the caller too.
     #[inline(always)]
@@ -184,13 +185,21 @@ impl Best {
         corners: impl FnOnce() -> [[f32; 3]; 3],
         counters: &mut C,
     ) -> bool {
+        let id = frame.first + id;
         // A triangle that reaches into several leaves is met again in each.
         if id == self.hit.triangle {
             return false;
         }
         counters.verdict();
         let span = [ray.t_min, keep_min(self.hit.t, ray.t_max)];
-        let Some(found) = verdict_within(ray.o, ray.d, corners(), span) else {
+        let corners = match &frame.place {
+            None => corners(),
+            Some(place) => match place.corners(corners()) {
+                Some(corners) => corners,
+                None => return false,
+            },
+        };
+        let Some(found) = verdict_within(ray.o, ray.d, corners, span) else {
             return false;
         };
         // An infinite distance is what a miss reports; one that no float can hold has no order, behind the origin

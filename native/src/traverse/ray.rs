@@ -69,6 +69,22 @@ pub struct RayCounters {
     pub spared: u32,
 }
 
+impl RayCounters {
+    /// Adds what another walk cost.
+    pub fn add(&mut self, other: &Self) {
+        self.steps_axis += other.steps_axis;
+        self.steps_oblique += other.steps_oblique;
+        self.leaves += other.leaves;
+        self.leaves_empty += other.leaves_empty;
+        self.tests += other.tests;
+        self.verdicts += other.verdicts;
+        for (case, more) in self.cases.iter_mut().zip(other.cases) {
+            *case += more;
+        }
+        self.spared += other.spared;
+    }
+}
+
 /// How the rays of a batch follow one another: a hint, which changes no answer.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Order {
@@ -81,8 +97,14 @@ pub enum Order {
 
 /// What a renderer sees of a structure: batches of rays in, answers out.
 pub trait Tracer: Sync {
-    /// The triangles that hits refer to.
-    fn triangles(&self) -> &Triangles;
+    /// The triangles as one array, where they are at hand as that.
+    fn triangles(&self) -> Option<&Triangles> {
+        None
+    }
+    /// How many triangles hits may refer to, those included that can never be hit.
+    fn count(&self) -> usize;
+    /// The corners of a triangle in the scene.
+    fn corners(&self, id: u32) -> [[f32; 3]; 3];
     /// The nearest hit of each ray, on the calling thread. All slices have the same length.
     fn closest(&self, rays: &[Ray], hits: &mut [Hit], counters: Option<&mut [RayCounters]>);
     /// The same, told how the rays follow one another; it may be quicker, and the answers are the

@@ -245,6 +245,7 @@ pub fn render(bytes: &[u8]) {
     let scene = bytes.triangles();
     let params = SceneParams {
         material_index: None,
+        placed: None,
         materials: (0..bytes.byte() % 3)
             .map(|_| material(&mut bytes))
             .collect(),

@@ -15,12 +15,15 @@ const PARALLEL_SWEEP: usize = 1 << 16;
 /// The best planes for both prices of an oblique step.
 pub type Found = [Option<(Plane, Best)>; 2];
 
-/// The cheaper of two; of equal ones the first.
-pub fn better(a: Found, b: Found) -> Found {
-    std::array::from_fn(|i| match (a[i], b[i]) {
-        (Some(x), Some(y)) => Some(if y.1.cost < x.1.cost { y } else { x }),
-        (x, y) => x.or(y),
-    })
+/// Keeps the cheaper of two; of equal ones the first.
+pub fn keep_better(found: &mut Found, new: &Found) {
+    for (old, new) in found.iter_mut().zip(new) {
+        if let Some((_, best)) = new
+            && old.as_ref().is_none_or(|(_, old)| best.cost < old.cost)
+        {
+            *old = *new;
+        }
+    }
 }
 
 /// What a node's planes are compared with.
@@ -201,58 +204,67 @@ impl<P: PlanePolicy> Builder<'_, P> {
         let pieces = &pieces[from..];
         let slab = self.params.slab * self.frame.bounds().magnitude();
         let n = pieces.len();
-        let attempt =
-            |direction: Direction, found: &Found, scratch: &mut Scratch, profile: &mut Profile| {
-                if !cell.extent(direction, profile) {
-                    return [None; 2];
+        let attempt = |direction: Direction,
+                       found: &mut Found,
+                       scratch: &mut Scratch,
+                       profile: &mut Profile| {
+            if !cell.extent(direction, profile) {
+                return;
+            }
+            let pricing = pricing(direction, found);
+            P::Piece::project(pieces, direction, scratch);
+            scratch.add_slabs(slab);
+            if hull {
+                let (low, high) = scratch.hull();
+                let leaf = pricing.costs.leaf(n as f32);
+                let dear = |kept: f32| pricing.hopeless(kept * leaf, true);
+                if dear(profile.least_shares(low - slab)[1])
+                    && dear(profile.least_shares(high + slab)[0])
+                {
+                    return;
                 }
-                let pricing = pricing(direction, found);
-                P::Piece::project(pieces, direction, scratch);
-                scratch.add_slabs(slab);
-                if hull {
-                    let (low, high) = scratch.hull();
-                    let leaf = pricing.costs.leaf(n as f32);
-                    let dear = |kept: f32| pricing.hopeless(kept * leaf, true);
-                    if dear(profile.least_shares(low - slab)[1])
-                        && dear(profile.least_shares(high + slab)[0])
-                    {
-                        return [None; 2];
-                    }
-                }
-                cell.divide(direction, profile);
-                if pricing.by_count {
-                    // What must be parted is parted, however thin the parts.
-                    profile.margin /= 1024.0;
-                }
-                let candidates = if hull {
-                    Candidates::Hull
-                } else {
-                    Candidates::All
-                };
-                sweep(scratch, profile, &pricing, self.params.ties, candidates).map(|best| {
-                    best.map(|best| {
-                        let offset = best.at;
-                        (Plane { direction, offset }, best)
-                    })
-                })
+            }
+            cell.divide(direction, profile);
+            if pricing.by_count {
+                // What must be parted is parted, however thin the parts.
+                profile.margin /= 1024.0;
+            }
+            let candidates = if hull {
+                Candidates::Hull
+            } else {
+                Candidates::All
             };
+            let best = sweep(scratch, profile, &pricing, self.params.ties, candidates);
+            for (old, best) in found.iter_mut().zip(best) {
+                if let Some(best) = best
+                    && old.as_ref().is_none_or(|(_, old)| best.cost < old.cost)
+                {
+                    let offset = best.at;
+                    *old = Some((Plane { direction, offset }, best));
+                }
+            }
+        };
         if n >= PARALLEL_SWEEP {
             let attempts: Vec<_> = directions
                 .par_iter()
                 .map(|&d| {
+                    let mut found = [None; 2];
                     attempt(
                         d,
-                        &[None; 2],
+                        &mut found,
                         &mut Scratch::default(),
                         &mut Profile::default(),
-                    )
+                    );
+                    found
                 })
                 .collect();
-            return attempts.into_iter().fold([None; 2], better);
+            let mut found = [None; 2];
+            attempts.iter().for_each(|new| keep_better(&mut found, new));
+            return found;
         }
         let mut found = [None; 2];
         for &direction in &*directions {
-            found = better(found, attempt(direction, &found, scratch, profile));
+            attempt(direction, &mut found, scratch, profile);
             let parted = |best: &Option<(Plane, Best)>| {
                 best.is_some_and(|(_, b)| {
                     b.counts[0] + b.counts[1] <= n as f32 && b.counts[0] > 0.0 && b.counts[1] > 0.0

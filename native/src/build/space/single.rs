@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Single planes, each tried on its own: nothing is swept, so each is counted through a hierarchy of boxes.
 
-use super::choice::{Found, Terms, better};
+use super::choice::{Found, Terms, keep_better};
 use super::{Builder, PlanePolicy, TASK, Task};
 use crate::build::cell::{Cell, Plane};
 use crate::build::cost::Costs;
@@ -80,7 +80,9 @@ impl<P: PlanePolicy> Builder<'_, P> {
             .par_chunks(TASK)
             .map(|part| search(part, &mut Profile::default()))
             .collect();
-        parts.into_iter().fold(found, better)
+        let mut found = found;
+        parts.iter().for_each(|new| keep_better(&mut found, new));
+        found
     }
 }
 

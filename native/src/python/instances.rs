@@ -1,0 +1,180 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Structures in places.
+
+use super::arrays::{Threads, check_copy, describe};
+use super::structure::{Monitor, Structure, memory_limit};
+use super::trace::{self, Hits};
+use crate::build::Monitor as BuildMonitor;
+use crate::error::{Error, Result, caught};
+use crate::geom::Transform;
+use crate::instances;
+use numpy::{PyReadonlyArray1, PyReadonlyArray3, PyUntypedArrayMethods, ToPyArray};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use std::sync::Arc;
+
+/// Meshes, each with its structure, in places.
+#[pyclass(frozen)]
+pub struct Instances(pub Arc<instances::Instances>);
+
+#[pymethods]
+impl Instances {
+    #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, order="none", threads=Threads::ALL, counters=false))]
+    #[expect(clippy::too_many_arguments, reason = "Python keywords")]
+    fn closest(
+        &self,
+        py: Python<'_>,
+        origins: &Bound<'_, PyAny>,
+        directions: &Bound<'_, PyAny>,
+        t_min: Option<&Bound<'_, PyAny>>,
+        t_max: Option<&Bound<'_, PyAny>>,
+        order: &str,
+        threads: Threads,
+        counters: bool,
+    ) -> PyResult<Hits> {
+        let arguments = trace::RayArrays::new(origins, directions, t_min, t_max, order)?;
+        let rays = arguments.rays();
+        Ok(py.detach(|| trace::closest((&*self.0, false), rays, threads.0, counters))?)
+    }
+
+    #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, order="none", threads=Threads::ALL, counters=false))]
+    #[expect(clippy::too_many_arguments, reason = "Python keywords")]
+    fn occluded<'py>(
+        &self,
+        py: Python<'py>,
+        origins: &Bound<'_, PyAny>,
+        directions: &Bound<'_, PyAny>,
+        t_min: Option<&Bound<'_, PyAny>>,
+        t_max: Option<&Bound<'_, PyAny>>,
+        order: &str,
+        threads: Threads,
+        counters: bool,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let arguments = trace::RayArrays::new(origins, directions, t_min, t_max, order)?;
+        let rays = arguments.rays();
+        let (occluded, counts) =
+            py.detach(|| trace::occluded(&*self.0, rays, threads.0, counters))?;
+        trace::occluded_answer(py, &occluded, counts, false)
+    }
+
+    fn __len__(&self) -> usize {
+        self.0.len()
+    }
+
+    #[getter]
+    fn statistics<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        use crate::traverse::Tracer;
+        let all = &*self.0;
+        let mesh_bytes: usize = all.meshes().iter().map(|mesh| mesh.bytes()).sum();
+        let dict = PyDict::new(py);
+        dict.set_item("build_seconds", all.build_seconds())?;
+        dict.set_item("bytes", mesh_bytes + all.bytes())?;
+        dict.set_item("bytes_instances", all.bytes())?;
+        dict.set_item("nodes_axis", all.nodes())?;
+        dict.set_item("instances", all.len())?;
+        dict.set_item("meshes", all.meshes().len())?;
+        dict.set_item("triangles", all.count())?;
+        dict.set_item("dropped_instances", all.dropped().collect::<Vec<_>>())?;
+        let dropped: usize = (all.places().iter())
+            .map(|place| all.meshes()[place.mesh as usize].scene().dropped())
+            .sum();
+        dict.set_item("dropped_triangles", dropped)?;
+        let mut left_out = Vec::<String>::new();
+        for mesh in all.meshes() {
+            for line in mesh.left_out() {
+                if !left_out.contains(line) {
+                    left_out.push(line.clone());
+                }
+            }
+        }
+        dict.set_item("left_out", left_out)?;
+        Ok(dict)
+    }
+
+    fn flattened<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
+        let (vertices, triangles) = py.detach(|| self.0.flattened())?;
+        let triangles: Vec<[i32; 3]> = (triangles.iter())
+            .map(|triangle| triangle.map(u32::cast_signed))
+            .collect();
+        let rows = |array: Bound<'py, PyAny>| array.call_method1("reshape", ((-1, 3),));
+        Ok((
+            rows(vertices.as_flattened().to_pyarray(py).into_any())?,
+            rows(triangles.as_flattened().to_pyarray(py).into_any())?,
+        ))
+    }
+}
+
+/// (k, 4, 4) or (k, 3, 4) float64.
+fn transforms(value: &Bound<'_, PyAny>) -> Result<Vec<Transform>> {
+    let wrong = || {
+        Error::Shape(format!(
+            "matrices: expected a (k, 4, 4) or (k, 3, 4) float64 array, got {}",
+            describe(value)
+        ))
+    };
+    let array: PyReadonlyArray3<'_, f64> = value.extract().map_err(|_| wrong())?;
+    if !matches!(array.shape()[1..], [3 | 4, 4]) {
+        return Err(wrong());
+    }
+    check_copy("matrices", &*array, size_of::<f64>())?;
+    let row = |m: &numpy::ndarray::ArrayView2<'_, f64>, i: usize| [0, 1, 2, 3].map(|j| m[[i, j]]);
+    Ok((array.as_array().outer_iter())
+        .map(|m| Transform::from_rows([0, 1, 2].map(|i| row(&m, i))))
+        .collect())
+}
+
+#[pyfunction]
+#[pyo3(signature = (structures, mesh, matrices, *, threads=Threads::ALL, monitor=None, memory_limit=None))]
+#[pyo3(name = "build_instances")]
+fn build(
+    py: Python<'_>,
+    structures: Vec<PyRef<'_, Structure>>,
+    mesh: &Bound<'_, PyAny>,
+    matrices: &Bound<'_, PyAny>,
+    threads: Threads,
+    monitor: Option<&Monitor>,
+    memory_limit: Option<i64>,
+) -> PyResult<Instances> {
+    let limit = self::memory_limit(memory_limit)?;
+    let meshes: Vec<_> = (structures.iter()).map(|one| Arc::clone(&one.0)).collect();
+    let numbers: PyReadonlyArray1<'_, i32> = mesh.extract().map_err(|_| {
+        Error::Shape(format!(
+            "mesh: expected a (k,) int32 array, got {}",
+            describe(mesh)
+        ))
+    })?;
+    let transforms = transforms(matrices)?;
+    if numbers.len() != transforms.len() {
+        return Err(Error::Shape(format!(
+            "matrices: expected one per instance, {}, got {}",
+            numbers.len(),
+            transforms.len()
+        ))
+        .into());
+    }
+    let instances: Vec<_> = (numbers.as_array().iter().zip(transforms))
+        .map(|(&mesh, transform)| instances::Instance {
+            // A negative number is far out of range too.
+            mesh: mesh.cast_unsigned(),
+            transform,
+        })
+        .collect();
+    let monitor = monitor.map_or_else(|| Arc::new(BuildMonitor::new()), |m| m.0.clone());
+    monitor.limit_memory(limit);
+    let built = py.detach(|| {
+        caught(|| {
+            let pool = rayon::ThreadPoolBuilder::new()
+                .num_threads(threads.0)
+                .build()
+                .map_err(|e| Error::Memory(format!("threads: {e}")))?;
+            pool.install(|| instances::Instances::build(meshes, &instances, &monitor))
+        })
+    })?;
+    Ok(Instances(Arc::new(built)))
+}
+
+/// Adds instances to the module.
+pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add_class::<Instances>()?;
+    module.add_function(wrap_pyfunction!(build, module)?)
+}

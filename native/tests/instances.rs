@@ -1,0 +1,410 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Two levels answer bit for bit like brute force over the flattened scene, whatever the transforms and
+//! whatever structure the meshes have.
+
+use fearless_simd::Level;
+use halfspace_native::build::Monitor;
+use halfspace_native::geom::Transform;
+use halfspace_native::instances::{Instance, Instances};
+use halfspace_native::oracle::cases::{Random, Size, aimed, cases, grid, lattice_rays, soup};
+use halfspace_native::registry::TREES;
+use halfspace_native::scene::Triangles;
+use halfspace_native::spec::Config;
+use halfspace_native::structure::Structure;
+use halfspace_native::traverse::{Hit, Ray, RayCounters, Tracer};
+use std::sync::Arc;
+
+fn build(scene: &Arc<Triangles>, spec: &str) -> Arc<Structure> {
+    let config = Config::parse(spec).unwrap();
+    Arc::new(Structure::build(scene.clone(), config, 1, &Monitor::new()).unwrap())
+}
+
+/// A bumpy ball, its corners shared; at `centre`, so that a mesh may be far from its own origin.
+fn ball(rings: u32, centre: [f32; 3]) -> Arc<Triangles> {
+    let sectors = 2 * rings;
+    let mut vertices = Vec::new();
+    for i in 0..=rings {
+        for j in 0..sectors {
+            let (theta, phi) = (
+                f64::from(i) / f64::from(rings) * std::f64::consts::PI,
+                f64::from(j) / f64::from(sectors) * std::f64::consts::TAU,
+            );
+            let r = 1.0 + 0.1 * (3.0 * phi).sin() * (5.0 * theta).sin();
+            let p = [
+                theta.sin() * phi.cos(),
+                theta.sin() * phi.sin(),
+                theta.cos(),
+            ];
+            vertices.push(std::array::from_fn(|k| (p[k] * r) as f32 + centre[k]));
+        }
+    }
+    let mut indices = Vec::new();
+    for i in 0..rings {
+        for j in 0..sectors {
+            let at = |i: u32, j: u32| i * sectors + j % sectors;
+            indices.push([at(i, j), at(i + 1, j), at(i + 1, j + 1)]);
+            indices.push([at(i, j), at(i + 1, j + 1), at(i, j + 1)]);
+        }
+    }
+    Arc::new(Triangles::new(vertices, indices).unwrap())
+}
+
+/// Triangles without area as the mesh has them; rounding may give them one.
+fn flat() -> Arc<Triangles> {
+    let mut vertices = Vec::new();
+    for i in 0..40_u8 {
+        let x = f32::from(i) / 16.0;
+        vertices.extend([
+            [x, x, 0.5],
+            [x + 1.0, x + 2.0, 1.5],
+            [x + 3.0, x + 6.0, 3.5],
+        ]);
+    }
+    vertices.extend([[0.0; 3], [0.0, 2.0, 0.0], [0.0, 0.0, 2.0], [f32::NAN; 3]]);
+    let mut indices: Vec<_> = (0..40).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+    indices.extend([[120, 121, 122], [120, 121, 123], [120, 120, 122]]);
+    Arc::new(Triangles::new(vertices, indices).unwrap())
+}
+
+struct Numbers(Random);
+
+impl Numbers {
+    fn unit(&mut self) -> f64 {
+        self.0.below(1 << 20) as f64 / f64::from(1 << 20)
+    }
+
+    fn signed(&mut self) -> f64 {
+        2.0 * self.unit() - 1.0
+    }
+
+    /// Turned, scaled by `scale`, and by the kind mirrored, sheared or unevenly scaled.
+    fn transform(&mut self, scale: f64, spread: f64, kind: usize) -> Transform {
+        let q: [f64; 4] = std::array::from_fn(|_| self.signed());
+        let length = q.iter().map(|x| x * x).sum::<f64>().sqrt().max(1e-3);
+        let [w, x, y, z] = q.map(|c| c / length);
+        let mut linear = [
+            [
+                1.0 - 2.0 * (y * y + z * z),
+                2.0 * (x * y - z * w),
+                2.0 * (x * z + y * w),
+            ],
+            [
+                2.0 * (x * y + z * w),
+                1.0 - 2.0 * (x * x + z * z),
+                2.0 * (y * z - x * w),
+            ],
+            [
+                2.0 * (x * z - y * w),
+                2.0 * (y * z + x * w),
+                1.0 - 2.0 * (x * x + y * y),
+            ],
+        ];
+        let columns = match kind % 5 {
+            1 => [-1.0, 1.0, 1.0],
+            2 => [1e-2, 1.0, 30.0],
+            3 => [-1.0, 0.5, -2.0],
+            _ => [1.0; 3],
+        };
+        for row in &mut linear {
+            if kind % 5 == 4 {
+                row[2] += 3.0 * row[0] - 0.5 * row[1];
+            }
+            for (entry, column) in row.iter_mut().zip(columns) {
+                *entry *= scale * column;
+            }
+        }
+        let offset = std::array::from_fn(|_| spread * self.signed());
+        Transform { linear, offset }
+    }
+}
+
+fn translation(offset: [f64; 3]) -> Transform {
+    Transform {
+        linear: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+        offset,
+    }
+}
+
+/// Rays of all kinds for a flattened scene: through corners, edges and faces, from far and near, along the
+/// lattice, and from the surfaces themselves.
+fn rays(scene: &Arc<Triangles>, count: usize, random: &mut Random) -> Vec<Ray> {
+    let mut rays = aimed(scene, count, random);
+    rays.extend(lattice_rays(4, random, count / 4));
+    let near: Vec<_> = (rays.iter().step_by(4))
+        .map(|ray| Ray {
+            o: std::array::from_fn(|k| ray.o[k] + 0.999 * ray.d[k]),
+            d: ray.d.map(|x| x * 1e-3),
+            t_min: -5.0,
+            t_max: 3e3,
+        })
+        .collect();
+    rays.extend(near);
+    rays
+}
+
+fn bits(hit: &Hit) -> [u32; 4] {
+    [
+        hit.t.to_bits(),
+        hit.triangle,
+        hit.u.to_bits(),
+        hit.v.to_bits(),
+    ]
+}
+
+fn differences(tracer: &impl Tracer, rays: &[Ray], expected: &[Hit]) -> usize {
+    let mut hits = vec![Hit::MISS; rays.len()];
+    let mut occluded = vec![false; rays.len()];
+    tracer.closest(rays, &mut hits, None);
+    tracer.occluded(rays, &mut occluded, None);
+    let mut wrong = 0;
+    for i in 0..rays.len() {
+        if bits(&hits[i]) != bits(&expected[i]) || occluded[i] != expected[i].is_hit() {
+            wrong += 1;
+        }
+    }
+    wrong
+}
+
+/// Every layout and way of walking.
+fn specs() -> Vec<String> {
+    let mut specs = Vec::new();
+    for tree in TREES {
+        specs.push(tree.id.to_owned());
+        let others = tree.traversals().iter().skip(1);
+        specs.extend(
+            others
+                .filter(|t| !t.starts_with("tile"))
+                .map(|t| format!("{}:traversal={t}", tree.id)),
+        );
+    }
+    specs
+}
+
+/// Name, meshes, where they stand.
+type Scene = (&'static str, Vec<Arc<Triangles>>, Vec<Instance>);
+
+/// Scenes of instances.
+fn scenes() -> Vec<Scene> {
+    let mut numbers = Numbers(Random(5));
+    let mut place = |meshes: usize, count: usize, scales: &[f64], spread: f64| -> Vec<Instance> {
+        (0..count)
+            .map(|i| Instance {
+                mesh: u32::try_from(i % meshes).unwrap(),
+                transform: numbers.transform(scales[i % scales.len()], spread, i),
+            })
+            .collect()
+    };
+    let balls = vec![ball(6, [0.0; 3]), ball(4, [300.0, -200.0, 50.0])];
+    let boxes = vec![soup(grid(2, 0.0))];
+    let mut scenes = vec![
+        ("turned", balls.clone(), place(2, 24, &[1.0], 6.0)),
+        (
+            "scaled",
+            balls.clone(),
+            place(2, 25, &[1e-4, 1.0, 1e4], 20.0),
+        ),
+        (
+            "tiny and far",
+            balls[..1].to_vec(),
+            place(1, 12, &[1e-4], 1e3),
+        ),
+        (
+            "absurd",
+            balls[..1].to_vec(),
+            place(1, 10, &[1e-12, 1e9], 1e5),
+        ),
+        ("flat", vec![flat()], place(1, 12, &[1.0, 0.3], 2.0)),
+    ];
+    // Boxes that touch, where they stand on the lattice: every ray along it lies in walls.
+    let mut lattice = Vec::new();
+    for i in 0..8_u8 {
+        let at = |bit: u8| 2.0 * f64::from(i >> bit & 1);
+        lattice.push(Instance {
+            mesh: 0,
+            transform: translation([at(0), at(1), at(2)]),
+        });
+    }
+    // Twice at the same spot: the smaller number wins.
+    lattice.extend_from_within(..2);
+    scenes.push(("lattice", boxes, lattice));
+    scenes
+}
+
+fn flattened(instances: &Instances) -> Arc<Triangles> {
+    let (vertices, triangles) = instances.flattened().unwrap();
+    Arc::new(Triangles::new(vertices, triangles).unwrap())
+}
+
+#[test]
+fn two_levels_answer_like_brute_force_over_the_flattened_scene() {
+    for (name, meshes, places) in scenes() {
+        let over = |spec: &str| {
+            let meshes = meshes.iter().map(|mesh| build(mesh, spec)).collect();
+            Instances::build(meshes, &places, &Monitor::new()).unwrap()
+        };
+        let flat = flattened(&over("bvh-sah"));
+        let rays = rays(&flat, 1500, &mut Random(11));
+        let mut expected = vec![Hit::MISS; rays.len()];
+        build(&flat, "brute").closest(&rays, &mut expected, None);
+        let hits = expected.iter().filter(|hit| hit.is_hit()).count();
+        assert!(
+            hits > rays.len() / 20,
+            "{name}: {hits} of {} hit",
+            rays.len()
+        );
+        for (i, spec) in specs().iter().enumerate() {
+            let instances = over(spec);
+            assert_eq!(instances.count(), flat.len());
+            let some: Vec<_> = rays.iter().copied().skip(i % 3).step_by(3).collect();
+            let wanted: Vec<_> = expected.iter().copied().skip(i % 3).step_by(3).collect();
+            let wrong = differences(&instances, &some, &wanted);
+            assert_eq!(wrong, 0, "{name}, {spec}: of {} rays", some.len());
+            for id in (0..flat.len()).step_by(7) {
+                let id = u32::try_from(id).unwrap();
+                let (a, b) = (instances.corners(id), flat.corners(id));
+                let same = a.as_flattened().iter().zip(b.as_flattened());
+                assert!(
+                    same.clone().all(|(x, y)| x.to_bits() == y.to_bits()),
+                    "{name} {id}"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn every_extreme_case_is_the_same_in_a_place() {
+    // Moved nowhere, so that the flattened scene is the case itself; and mirrored and scaled by powers of two, which
+    // rounds nothing: the rays go along.
+    let exact = |scale: f64| Transform {
+        linear: [[-scale, 0.0, 0.0], [0.0, 0.0, scale], [0.0, scale, 0.0]],
+        offset: [0.0; 3],
+    };
+    let along = |ray: &Ray, scale: f32| Ray {
+        o: [-scale * ray.o[0], scale * ray.o[2], scale * ray.o[1]],
+        d: [-scale * ray.d[0], scale * ray.d[2], scale * ray.d[1]],
+        ..*ray
+    };
+    let specs = [
+        "kd",
+        "bvh-sah",
+        "bih",
+        "bsp-wn-plus-kd:k=6",
+        "rbsp",
+        "octree-net",
+        "bbox-gs:slabs=7",
+    ];
+    let (mut placed, all) = (0, cases(Size::Small, 7));
+    let count = all.len();
+    for case in all {
+        let rays: Vec<_> = case.rays.iter().copied().step_by(3).collect();
+        let spec = specs[case.name.len() % specs.len()];
+        let mut expected = vec![Hit::MISS; rays.len()];
+        build(&case.scene, "brute").closest(&rays, &mut expected, None);
+        for scale in [0.0_f32, 1.0 / 8192.0, 16384.0] {
+            let transform = if scale == 0.0 {
+                translation([0.0; 3])
+            } else {
+                exact(f64::from(scale))
+            };
+            let place = [Instance { mesh: 0, transform }];
+            let meshes = vec![build(&case.scene, spec)];
+            let instances = Instances::build(meshes, &place, &Monitor::new()).unwrap();
+            let moved: Vec<_> = match scale {
+                0.0 => rays.clone(),
+                scale => rays.iter().map(|ray| along(ray, scale)).collect(),
+            };
+            let flat = flattened(&instances);
+            let mut wanted = vec![Hit::MISS; rays.len()];
+            build(&flat, "brute").closest(&moved, &mut wanted, None);
+            // Only what is nearly out of the range of f32 has no place.
+            if scale == 0.0 && instances.dropped().next().is_none() {
+                assert_eq!(wanted, expected, "{}", case.name);
+                placed += 1;
+            }
+            let wrong = differences(&instances, &moved, &wanted);
+            assert_eq!(wrong, 0, "{}, {spec}, scale {scale}", case.name);
+        }
+    }
+    assert!(placed + 2 > count, "{placed} of {count}");
+}
+
+#[test]
+fn without_allowance_for_rounding_answers_differ() {
+    let (_, meshes, places) = scenes().swap_remove(0);
+    let meshes = (meshes.iter())
+        .map(|mesh| build(mesh, "kd:robust=none"))
+        .collect();
+    let instances = Instances::build(meshes, &places, &Monitor::new()).unwrap();
+    let flat = flattened(&instances);
+    let rays = rays(&flat, 1500, &mut Random(11));
+    let mut expected = vec![Hit::MISS; rays.len()];
+    build(&flat, "brute").closest(&rays, &mut expected, None);
+    assert!(differences(&instances, &rays, &expected) > 0);
+}
+
+#[test]
+fn every_instruction_set_and_counting_give_the_same_answers() {
+    let (_, meshes, places) = scenes().swap_remove(0);
+    let meshes = meshes.iter().map(|mesh| build(mesh, "kd")).collect();
+    let instances = Instances::build(meshes, &places, &Monitor::new()).unwrap();
+    let flat = flattened(&instances);
+    let rays = rays(&flat, 500, &mut Random(3));
+    let mut expected = vec![Hit::MISS; rays.len()];
+    let mut counters = vec![RayCounters::default(); rays.len()];
+    instances.closest(&rays, &mut expected, Some(&mut counters));
+    assert!(counters.iter().any(|c| c.tests > 0 && c.leaves > 0));
+    #[cfg(target_arch = "x86_64")]
+    {
+        let best = Level::new();
+        let mut levels = vec![best];
+        levels.extend(best.as_sse4_2().map(Level::Sse4_2));
+        levels.extend(best.as_avx2().map(Level::Avx2));
+        for level in levels {
+            assert_eq!(differences(&instances.at_level(level), &rays, &expected), 0);
+        }
+    }
+}
+
+#[test]
+fn bad_transforms_are_dropped_and_the_rest_keep_their_numbers() {
+    let mesh = ball(4, [0.0; 3]);
+    let count = mesh.len();
+    let mut flat = translation([5.0, 0.0, 0.0]);
+    flat.linear[1] = [0.0; 3];
+    let with = |offset: f64| translation([offset, 0.0, 0.0]);
+    let places: Vec<_> = [
+        with(f64::NAN),
+        with(0.0),
+        flat,
+        with(f64::INFINITY),
+        with(3.0),
+        with(1e300),
+    ]
+    .map(|transform| Instance { mesh: 0, transform })
+    .to_vec();
+    let meshes = vec![build(&mesh, "kd")];
+    let instances = Instances::build(meshes.clone(), &places, &Monitor::new()).unwrap();
+    assert_eq!(instances.dropped().collect::<Vec<_>>(), [0, 2, 3, 5]);
+    let ray = Ray {
+        o: [3.01, 0.02, 9.0],
+        d: [0.0, 0.0, -1.0],
+        t_min: 0.0,
+        t_max: f32::INFINITY,
+    };
+    let mut hits = [Hit::MISS];
+    instances.closest(&[ray], &mut hits, None);
+    assert_eq!(hits[0].triangle as usize / count, 4);
+    assert_eq!(instances.locate(hits[0].triangle).0, 4);
+
+    // None at all, and a mesh that nobody has.
+    let none = Instances::build(meshes.clone(), &[], &Monitor::new()).unwrap();
+    none.closest(&[ray], &mut hits, None);
+    assert!(!hits[0].is_hit() && none.is_empty() && none.count() == 0);
+    let wrong = [Instance {
+        mesh: 1,
+        transform: with(0.0),
+    }];
+    let error = Instances::build(meshes, &wrong, &Monitor::new()).unwrap_err();
+    assert_eq!(error.to_string(), "mesh[0]: 1 is out of range for 1 meshes");
+}
