@@ -497,6 +497,10 @@ class RenderScene:
         light the radiance P / (π area) on one side, a sun the irradiance P in W/m². A light with a
         size is seen by every scattered ray, never by the camera. Lights without power are left out.
     world: {"color": (3,)}, radiance of the background; None = black.
+    indices: numbers that objects and materials carry, for the passes of that name; None = all 0. "first" (n,) int32,
+        the first triangle of each run of triangles of one object, ascending from 0; "object" (n,) float32, the
+        runs' numbers; "material" float32, by material; "uvs" (m, 3, 2) float32, NaN where
+        there are none, or None, for the UV pass.
 
     Raises ShapeError (array of the wrong shape or type, index out of range), NonFiniteError,
     SpecError (a number out of range, a missing or unknown key); each names the key and its index.
@@ -513,6 +517,7 @@ class RenderScene:
         surfaces: Mapping[str, Any] | None = None,
         lights: Sequence[Mapping[str, Any]] | None = None,
         world: Mapping[str, Any] | None = None,
+        indices: Mapping[str, Any] | None = None,
     ) -> None: ...
     @property
     def left_out(self) -> list[str]:
@@ -551,7 +556,7 @@ class RenderJob:
 
     @property
     def samples_done(self) -> int:
-        """Samples that every pixel has."""
+        """Samples that every pixel has, or needs no more of."""
 
     @property
     def error(self) -> str | None:
@@ -572,8 +577,11 @@ class RenderJob:
             width and height are those of the border. Pixels without a sample yet are zero.
         "Combined" is the mean so far, premultiplied RGBA, scene linear. "Depth" (along the view
         axis, 1e10 = nothing seen) and "Position" are those of the first sample, because a mean
-        across an edge is a place where nothing is; "Normal" is a mean, not renormalised.
-        "Traversal Steps" and "Triangle Tests" are means per camera ray.
+        across an edge is a place where nothing is, and so are "Object Index" and "Material Index";
+        "Normal" and "UV" (with 1 as third channel) are means, not renormalised. "Mist" is a mean, 1
+        where nothing is seen, "Denoising Albedo" the mean share of light that the first surface
+        sends on. "Traversal Steps", "Triangle Tests" and "Leaf Depth" (of the last leaf that was
+        tested) are means per camera ray. "Sample Count" is each pixel's own.
 
         Raises SpecError (unknown pass, or one that was not asked for), ShapeError (type, size,
         contiguity or a read-only array). Releases the GIL.
@@ -591,19 +599,23 @@ def render(
     camera: "kind" ("perspective", "orthographic"), "to_world" (4, 4) (the camera looks along its
         -Z, +Y is up; scale is ignored), "window" (left, right, bottom, top) of the full frame at
         distance 1 (perspective) or in scene units (orthographic), "clip_start" and "clip_end" as
-        depths along -Z.
+        depths along -Z. Depth of field: "aperture_radius" (0: none) in scene units, "aperture_blades" (0: round),
+        "aperture_rotation" in radians, "aperture_ratio" (1: as high as wide), "focus_distance" along -Z.
     settings: "width" and "height" of the full frame in pixels; "border" (x0, y0, x1, y1) in pixels
         from the lower left, half open, or None; "samples" per pixel: cost in proportion;
         "max_bounces" (4): 0 = direct light only, as in Cycles; "clamp_indirect" (0): most that a sample adds
         after its first bounce, as the mean of its channels, 0 = no limit; "seed" (0);
         "film_transparent" (False); "passes" (["Combined"]), names as in RenderJob.passes; "step_samples" (None):
         samples between two updates of a tile, None = 1, 1, 2, 4, then 8 at a time; "filter"
-        ("blackman_harris", or "box") and "filter_width" (1.5), as in Cycles.
+        ("blackman_harris", or "box") and "filter_width" (1.5), as in Cycles. "noise_threshold" (0: off): blocks of
+        8 x 8 pixels with less noise get no more samples, after "min_samples" (0: as suits the threshold); this is no
+        longer unbiased. "time_limit" (0: none): seconds after which no samples begin, once each pixel has one. "mist":
+        {"start" (5), "depth" (25), "falloff" ("QUADRATIC", "LINEAR", "INVERSE_QUADRATIC")} of the pass.
     threads: 0 = one per core.
 
     The image depends on scene, camera and settings alone, bit for bit: not on the structure, not
     on the number of threads, not on step_samples; and a border shows the same pixels as the full
-    frame.
+    frame. With a noise threshold a border may end other blocks; with a time limit the image depends on the machine too.
 
     Raises SpecError, ShapeError or NonFiniteError naming the key. An error while rendering does
     not raise: see RenderJob.error.

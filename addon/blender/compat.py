@@ -12,8 +12,6 @@ MODEL = "BLENDER_RENDER"
 """Panels that appear for the most general engine suit ours too, except those that set what we do not have."""
 
 EXCLUDED = {
-    "DATA_PT_camera_dof",
-    "DATA_PT_camera_dof_aperture",
     "DATA_PT_light",
     "RENDER_PT_freestyle",
     "RENDER_PT_gpencil",
@@ -22,7 +20,6 @@ EXCLUDED = {
     "VIEWLAYER_PT_filter",
     "VIEWLAYER_PT_layer_passes",
     "VIEWLAYER_PT_override",
-    "WORLD_PT_mist",
 }
 
 

@@ -14,8 +14,8 @@ from ..core import auto, catalogue, choice, native
 from ..core.background import Background
 from ..core.notes import Notes
 from ..core.session import POLL_SECONDS, Cancelled, Session, watch
-from ..core.settings import RenderSettings, memory_limit
-from . import camera, comparing, extract, passes, properties, reports, trees, workloads
+from ..core.settings import Mist, RenderSettings, memory_limit
+from . import camera, comparing, extract, passes, properties, remarks, reports, trees, workloads
 from .viewport import Viewport
 
 if TYPE_CHECKING:
@@ -96,9 +96,11 @@ class _Picture:
 
         self._say("Reading the scene")
         start = time.perf_counter()
-        found = extract.find(self.depsgraph, self.notes)
-        layout = found.layout(self.group.instancing)
-        scene = found.instanced() if layout.two_level else found.flattened()
+        uvs = "UV" in settings.passes
+        found = extract.find(self.depsgraph, self.notes, uvs=uvs)
+        # Only triangles in their places carry UVs.
+        layout = found.layout("flatten" if uvs else self.group.instancing)
+        scene = found.instanced() if layout.two_level else found.flattened(uvs=uvs)
         origin = scene.geometry.origin
         view = self._camera(origin)
         extract_seconds = time.perf_counter() - start
@@ -153,6 +155,7 @@ class _Picture:
         mebibytes = statistics["bytes"] / 2**20
         self.engine.update_memory_stats(memory_used=mebibytes, memory_peak=mebibytes)
         left_out = [layout.reason, *session.structure.statistics["left_out"], *session.left_out]
+        remarks.remark(self.scene, count, self.notes)
         report = reports.Report(label, count, extract_seconds, statistics, left_out, self.notes.lines(), reasons)
         reports.keep(self.scene, report)
         self._warn()
@@ -204,12 +207,14 @@ class _Picture:
 
     def _fill(self, job: Any, buffers: dict[str, np.ndarray[Any, Any]], origin: np.ndarray[Any, Any]) -> None:
         """Copy the picture so far into Blender's open result."""
+        names = passes.native_names()
         for render_pass in self.result.layers[0].passes:
-            buffer = buffers.get(render_pass.name)
+            name = names.get(render_pass.name, "")
+            buffer = buffers.get(name)
             if buffer is None:
                 continue
-            job.copy_into(render_pass.name, buffer)
-            if render_pass.name == "Position":
+            job.copy_into(name, buffer)
+            if name == "Position":
                 to_world(buffer, origin)
             if len(render_pass.rect) * render_pass.channels != len(buffer):
                 raise RuntimeError(f"Pass {render_pass.name}: Blender expects another size of picture")
@@ -252,8 +257,19 @@ def render_settings(engine: Any, depsgraph: Any) -> RenderSettings:
         seed=group.render_seed,
         film_transparent=render.film_transparent,
         passes=tuple(render_pass.name for render_pass in passes.wanted_passes(depsgraph.view_layer_eval)),
+        noise_threshold=group.noise_threshold if group.use_adaptive else 0.0,
+        time_limit=group.time_limit,
+        mist=_mist(scene.world),
         threads=render.threads if render.threads_mode == "FIXED" else 0,
     )
+
+
+def _mist(world: Any) -> Mist:
+    """How the mist pass grows, which is the world's to say."""
+    if world is None:
+        return Mist()
+    found = world.mist_settings
+    return Mist(found.start, found.depth, found.falloff)
 
 
 def border_pixels(render: Any, width: int, height: int) -> tuple[int, int, int, int]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..core.instances import Layout, choose
-from ..core.scene import Light, Material, Scene, World
+from ..core.scene import Light, Material, Numbers, Scene, World
 from . import lights, materials, meshes, world
 
 if TYPE_CHECKING:
@@ -45,6 +45,7 @@ class Found:
     materials: tuple[Material, ...]
     lights: tuple[Light, ...]
     world: World
+    numbers: Numbers
 
     def layout(self, mode: str, *, interactive: bool = False) -> Layout:
         """Whether to keep instances, and why."""
@@ -65,7 +66,7 @@ class Found:
 
     def _scene(self, geometry: Any) -> Scene:
         moved = tuple(lights.moved(light, geometry.origin) for light in self.lights)
-        return Scene(geometry, self.materials, moved, self.world)
+        return Scene(geometry, self.materials, moved, self.world, self.numbers)
 
 
 def extract(depsgraph: Any, notes: Notes, *, uvs: bool = False) -> Scene:
@@ -92,6 +93,7 @@ def find(depsgraph: Any, notes: Notes, *, uvs: bool = False) -> Found:
         materials=reader.palette.materials(),
         lights=tuple(reader.lights),
         world=world.read_world(depsgraph.scene_eval.world, notes),
+        numbers=Numbers(reader.object_numbers, reader.palette.pass_indices()),
     )
 
 
@@ -101,6 +103,7 @@ class _Reader:
         self.uvs = uvs
         self.palette = materials.Palette(notes)
         self.lights: list[Light] = []
+        self.object_numbers: dict[str, float] = {}
         self._meshes: dict[tuple[str, int], meshes.MeshArrays] = {}
         self._groups: dict[tuple[tuple[str, int], tuple[int, ...]], _Group] = {}
         self._checked: set[str] = set()
@@ -144,7 +147,8 @@ class _Reader:
 
     def _mesh(self, item: Any) -> tuple[tuple[str, int], meshes.MeshArrays | None, tuple[int, ...]]:
         """The object's mesh, read once however often it is placed, and its materials."""
-        if item.type in MESH_TYPES:
+        # In edit mode the mesh is a shell around the one that is edited, without attributes.
+        if item.type in MESH_TYPES and not item.data.is_editmode:
             data = item.data
             key = ("mesh", data.as_pointer())
             if key not in self._meshes:
@@ -152,7 +156,7 @@ class _Reader:
             return key, self._meshes[key], self.palette.indices(item, data)
         key = ("object", item.original.as_pointer())
         if key not in self._meshes:
-            # Other kinds of objects lend a mesh, which dies with `to_mesh_clear`.
+            # Edited meshes and other kinds of objects lend a mesh, which dies with `to_mesh_clear`.
             data = item.to_mesh()
             if data is None:
                 return key, None, ()
@@ -165,6 +169,8 @@ class _Reader:
         if name in self._checked:
             return
         self._checked.add(name)
+        if item.pass_index:
+            self.object_numbers[name] = float(item.pass_index)
         if item.is_holdout:
             self.notes.add("Holdout is not supported yet, rendered as usual", name)
         if not all(getattr(item, ray) for ray in RAY_VISIBILITY):

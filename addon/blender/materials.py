@@ -23,6 +23,7 @@ class Palette:
         self._notes = notes
         self._materials = [DEFAULT]
         self._numbers: dict[int, int] = {}
+        self._pass_indices = [0.0]
 
     def indices(self, item: Any, data: Any) -> tuple[int, ...]:
         """The scene's material for each slot of an evaluated object; at least one.
@@ -41,12 +42,17 @@ class Palette:
         """All materials met so far, by number."""
         return tuple(self._materials)
 
+    def pass_indices(self) -> tuple[float, ...]:
+        """The number that the user gave each of these materials."""
+        return tuple(self._pass_indices)
+
     def _number(self, material: Any) -> int:
         if material is None:
             return 0
         key = material.original.as_pointer()
         if key not in self._numbers:
             self._numbers[key] = len(self._materials)
+            self._pass_indices.append(float(material.pass_index))
             self._materials.append(_in_range(read_material(material, self._notes)))
         return self._numbers[key]
 

@@ -115,7 +115,7 @@ def assemble(placements: list[Placement], *, uvs: bool = False) -> Geometry:
     triangles = np.empty((triangle_count, 3), np.int32)
     material_index = np.empty(triangle_count, np.int32)
     corner_normals = np.empty((triangle_count, 3, 3), np.float32) if smooth else None
-    uv = np.zeros((triangle_count, 3, 2), np.float32) if uvs else None
+    uv = np.full((triangle_count, 3, 2), np.nan, np.float32) if uvs else None
 
     sources = []
     v = t = 0

@@ -11,6 +11,7 @@ import bpy
 from ..core import catalogue, native
 from . import checking, manual, presets, properties, reports, trees
 from .engine import ENGINE
+from .passes import PASSES
 
 STATISTICS = (
     ("Extraction", "extract_seconds", "{:.2f} s"),
@@ -89,6 +90,10 @@ class HALFSPACE_PT_sampling(_Panel, bpy.types.Panel):
         column = self._column()
         group = context.scene.halfspace
         column.prop(group, "samples")
+        column.prop(group, "use_adaptive")
+        if group.use_adaptive:
+            column.prop(group, "noise_threshold")
+        column.prop(group, "time_limit")
         column.prop(group, "preview_samples")
         column.prop(group, "max_bounces")
         column.prop(group, "clamp_indirect")
@@ -145,12 +150,13 @@ class HALFSPACE_PT_passes(_Panel, bpy.types.Panel):
         column = self._column()
         layer = context.view_layer
         column.prop(layer, "use_pass_combined")
-        column.prop(layer, "use_pass_z")
-        column.prop(layer, "use_pass_normal")
-        column.prop(layer, "use_pass_position")
+        for render_pass in PASSES:
+            if render_pass.switch and not render_pass.own:
+                column.prop(layer, render_pass.switch)
         column.separator()
-        column.prop(layer.halfspace, "use_pass_steps")
-        column.prop(layer.halfspace, "use_pass_tests")
+        for render_pass in PASSES:
+            if render_pass.own:
+                column.prop(layer.halfspace, render_pass.switch)
 
 
 class HALFSPACE_PT_material(_Panel, bpy.types.Panel):

@@ -6,13 +6,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+import bpy
+
 
 @dataclass(frozen=True)
 class Pass:
-    """A render pass: its name (the same here, in Blender and in the native renderer) and its channels.
+    """A render pass: its name in the native renderer and in Blender, and its channels.
 
     kind: VALUE, VECTOR or COLOR. switch: the property of the view layer, or of its `halfspace` group for passes that
-    only we have, that asks for it; empty for the one that is always there.
+    Blender has no property for, that asks for it; empty for the one that is always there. before_5: its name in
+    Blender before 5.0, where that differs.
     """
 
     name: str
@@ -20,6 +23,12 @@ class Pass:
     kind: str
     switch: str = ""
     own: bool = False
+    before_5: str = ""
+
+    @property
+    def in_blender(self) -> str:
+        """Its name in this Blender."""
+        return self.before_5 if self.before_5 and bpy.app.version < (5, 0) else self.name
 
     def wanted(self, view_layer: Any) -> bool:
         """Whether the user asks for this pass in this view layer."""
@@ -29,10 +38,17 @@ class Pass:
 PASSES = (
     Pass("Combined", "RGBA", "COLOR"),
     Pass("Depth", "Z", "VALUE", "use_pass_z"),
-    Pass("Normal", "XYZ", "VECTOR", "use_pass_normal"),
+    Pass("Mist", "Z", "VALUE", "use_pass_mist"),
     Pass("Position", "XYZ", "VECTOR", "use_pass_position"),
+    Pass("Normal", "XYZ", "VECTOR", "use_pass_normal"),
+    Pass("UV", "UVA", "VECTOR", "use_pass_uv"),
+    Pass("Object Index", "X", "VALUE", "use_pass_object_index", before_5="IndexOB"),
+    Pass("Material Index", "X", "VALUE", "use_pass_material_index", before_5="IndexMA"),
+    Pass("Denoising Albedo", "RGB", "COLOR", "use_pass_albedo", own=True),
+    Pass("Sample Count", "X", "VALUE", "use_pass_samples", own=True),
     Pass("Traversal Steps", "X", "VALUE", "use_pass_steps", own=True),
     Pass("Triangle Tests", "X", "VALUE", "use_pass_tests", own=True),
+    Pass("Leaf Depth", "X", "VALUE", "use_pass_depth", own=True),
 )
 
 
@@ -47,8 +63,13 @@ def register_passes(engine: Any, scene: Any, view_layer: Any) -> None:
         engine.register_pass(
             scene,
             view_layer,
-            render_pass.name,
+            render_pass.in_blender,
             len(render_pass.channels),
             render_pass.channels,
             render_pass.kind,
         )
+
+
+def native_names() -> dict[str, str]:
+    """The native name of each pass by its name in this Blender."""
+    return {render_pass.in_blender: render_pass.name for render_pass in PASSES}

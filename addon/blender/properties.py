@@ -114,6 +114,30 @@ RENDER_PROPERTIES: dict[str, Any] = {
         min=1,
         max=1 << 20,
     ),
+    "use_adaptive": BoolProperty(
+        name="Adaptive Sampling",
+        description="Give no more rays to parts of the picture whose noise is below the threshold. The picture is then "
+        "no longer unbiased: what seems finished too early stays so",
+        default=False,
+    ),
+    "noise_threshold": FloatProperty(
+        name="Noise Threshold",
+        description="Error of a pixel relative to the root of its brightness, below which it gets no more rays",
+        default=0.01,
+        min=1e-4,
+        soft_max=0.2,
+        max=1.0,
+        precision=4,
+    ),
+    "time_limit": FloatProperty(
+        name="Time Limit",
+        description="Seconds after which a final render ends with the samples that it has, at least one. The picture "
+        "then depends on the machine; 0 is no limit",
+        default=0.0,
+        min=0.0,
+        subtype="TIME_ABSOLUTE",
+        unit="TIME_ABSOLUTE",
+    ),
     "preview_samples": IntProperty(
         name="Viewport Samples", description="Rays per pixel in the viewport", default=16, min=1, max=1 << 20
     ),
@@ -157,6 +181,21 @@ RENDER_PROPERTIES: dict[str, Any] = {
 class HalfspaceViewLayerSettings(bpy.types.PropertyGroup):
     """The passes that only this engine has."""
 
+    use_pass_albedo: BoolProperty(  # type: ignore[valid-type]
+        name="Denoising Albedo",
+        description="How much of white light each pixel's first surface sends on: beside Normal, what the compositor's "
+        "Denoise node wants",
+        default=False,
+    )
+    use_pass_samples: BoolProperty(  # type: ignore[valid-type]
+        name="Sample Count", description="How many samples each pixel got", default=False
+    )
+    use_pass_depth: BoolProperty(  # type: ignore[valid-type]
+        name="Leaf Depth",
+        description="How deep in the tree the last leaf lies that each pixel's camera rays are tested against. Slow; 0 "
+        "where instances are kept",
+        default=False,
+    )
     use_pass_steps: BoolProperty(  # type: ignore[valid-type]
         name="Traversal Steps", description="How many nodes each pixel's camera rays visit", default=False
     )

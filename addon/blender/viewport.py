@@ -26,7 +26,13 @@ TICK_SECONDS = 0.01
 FIRST_SECONDS = 0.2
 """The first picture is waited for so long, since drawing the window without it would take as long again."""
 
+PAUSE_SECONDS = 1.0
+"""But not by several views one after the other."""
+
 log = logging.getLogger(__name__)
+
+_waited = -PAUSE_SECONDS
+"""When a first picture was last waited for."""
 
 _working: weakref.WeakSet[Viewport] = weakref.WeakSet()
 """The views that still work."""
@@ -113,7 +119,11 @@ class Viewport:
 
     def _wait(self, preview: Preview) -> None:
         """Give the very first picture a moment."""
-        end = time.perf_counter() + FIRST_SECONDS
+        global _waited  # noqa: PLW0603 (one main thread, which must not be held up)
+        if time.perf_counter() < _waited + PAUSE_SECONDS:
+            return
+        _waited = time.perf_counter()
+        end = _waited + FIRST_SECONDS
         while preview.picture is None and preview.busy and time.perf_counter() < end:
             time.sleep(TICK_SECONDS / 4)
             preview.advance()

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..core.preview import View
 from ..core.scene import F64, Camera
-from .camera import window
+from .camera import lens, window
 
 
 def seen(context: Any, origin: F64, pixel: int = 1) -> View:
@@ -40,7 +40,7 @@ def view_camera(view: Any, origin: F64, space: Any, looking: Any = None) -> Came
     to_world[:3, :3] /= np.linalg.norm(to_world[:3, :3], axis=0)
     to_world[:3, 3] -= origin
     projection = np.array(view.window_matrix, np.float64)
-    parallel = projection[3, 3] == 1.0
+    parallel = bool(projection[3, 3] == 1.0)
     start, end = space.clip_start, space.clip_end
     if looking is not None:
         start, end = looking.data.clip_start, looking.data.clip_end
@@ -52,6 +52,7 @@ def view_camera(view: Any, origin: F64, space: Any, looking: Any = None) -> Came
         window=window(projection),
         clip_start=start,
         clip_end=end,
+        **(lens(looking, parallel=parallel) if looking is not None else {}),
     )
 
 

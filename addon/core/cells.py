@@ -103,7 +103,7 @@ class Path:
         met = f"triangle {self.triangle:,} at {self.t:.4g}" if self.triangle >= 0 else "nothing"
         return [
             f"{self.steps:,} steps, {len(self.crossings):,} planes crossed",
-            f"{full:,} leaves tested, {empty:,} others passed",
+            f"{full:,} {'leaf' if full == 1 else 'leaves'} tested, {empty:,} others passed",
             f"{self.tests:,} triangles tested, {len(self.ids):,} different",
             f"Meets {met}",
         ]

@@ -115,6 +115,11 @@ class InstancedGeometry:
             and np.array_equal(self.matrices, other.matrices)
         )
 
+    def runs(self) -> list[tuple[int, str]]:
+        """How many triangles come from which object, in order."""
+        sizes = [len(mesh.triangles) for mesh in self.meshes]
+        return [(sizes[mesh], name) for mesh, name in zip(self.mesh.tolist(), self.names, strict=True)]
+
     def faulty_triangles(self) -> dict[str, int]:
         """How many triangles of each object can never be hit, as its mesh has them."""
         per_mesh = [int(np.count_nonzero(faulty(mesh.vertices, mesh.triangles))) for mesh in self.meshes]

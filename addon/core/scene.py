@@ -66,7 +66,8 @@ class Geometry:
 
     vertices: (n, 3) float32, scene frame. triangles: (m, 3) int32. material_index: (m,) int32 into the scene's
     materials. corner_normals: (m, 3, 3) float32 unit vectors, or None when every triangle is flat. uvs: (m, 3, 2)
-    float32, or None when nobody asked. origin: (3,) float64, the world position of the scene frame's origin.
+    float32, NaN where a mesh has none, or None when nobody asked. origin: (3,) float64, the world position of the scene
+    frame's origin.
     sources: ascending, without gaps. Raises SceneError.
     """
 
@@ -95,6 +96,10 @@ class Geometry:
         for array in (self.vertices, self.triangles, self.material_index, self.corner_normals, self.uvs, self.origin):
             if array is not None:
                 array.flags.writeable = False
+
+    def runs(self) -> list[tuple[int, str]]:
+        """How many triangles come from which object, in order."""
+        return [(source.count, name) for source in self.sources for name in source.names]
 
     @property
     def count(self) -> int:
@@ -129,10 +134,12 @@ class Geometry:
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """A pinhole or parallel camera that looks along its -Z with +Y up.
+    """A perspective or parallel camera that looks along its -Z with +Y up.
 
     to_world: (4, 4) float64 without scale, camera to scene frame. window: left, right, bottom, top of the full frame,
     at distance 1 (perspective) or in scene units (orthographic); shift, sensor fit and pixel aspect are in it.
+    aperture_radius: 0 is a pinhole; else with so many blades (fewer than 3: round), turned by so many radians, so many
+    times as high as wide, and sharp at focus_distance along -Z.
     """
 
     kind: str
@@ -140,6 +147,11 @@ class Camera:
     window: tuple[float, float, float, float]
     clip_start: float
     clip_end: float
+    aperture_radius: float = 0.0
+    aperture_blades: int = 0
+    aperture_rotation: float = 0.0
+    aperture_ratio: float = 1.0
+    focus_distance: float = 1.0
 
     def __post_init__(self) -> None:
         check("camera.to_world", self.to_world, np.float64, (4, 4))
@@ -197,6 +209,29 @@ class World:
     color: RGB = (0.0, 0.0, 0.0)
 
 
+@dataclass(frozen=True)
+class Numbers:
+    """The numbers that the user gives objects and materials for passes that tell them apart; 0 where nothing is said.
+
+    objects: by name. materials: one for each of the scene's materials.
+    """
+
+    objects: dict[str, float] = field(default_factory=dict)
+    materials: tuple[float, ...] = ()
+
+    def __bool__(self) -> bool:
+        return any(self.objects.values()) or any(self.materials)
+
+    def arrays(self, runs: list[tuple[int, str]]) -> dict[str, NDArray[Any]]:
+        """What the native module takes. runs: how many triangles come from which object, in order."""
+        first = np.concatenate([[0], np.cumsum([count for count, _ in runs], dtype=np.int64)])[: len(runs)]
+        return {
+            "first": first.astype(np.int32),
+            "object": np.array([self.objects.get(name, 0.0) for _, name in runs], np.float32),
+            "material": np.array(self.materials, np.float32),
+        }
+
+
 @dataclass(frozen=True, eq=False)
 class Scene:
     """Everything that a picture needs except the structure and the settings."""
@@ -205,9 +240,17 @@ class Scene:
     materials: tuple[Material, ...]
     lights: tuple[Light, ...]
     world: World
+    numbers: Numbers = field(default_factory=Numbers)
 
     def __post_init__(self) -> None:
         flattened = isinstance(self.geometry, Geometry)
         indices = self.geometry.material_index if flattened else self.geometry.materials  # type: ignore[union-attr]
         if len(indices) and not 0 <= int(indices.min()) <= int(indices.max()) < len(self.materials):
             raise SceneError(f"material_index: an index is out of range for {len(self.materials)} materials")
+
+    def for_passes(self) -> dict[str, Any] | None:
+        """What the native module needs for passes alone, None if nothing."""
+        uvs = self.geometry.uvs if isinstance(self.geometry, Geometry) else None
+        if not self.numbers and uvs is None:
+            return None
+        return {**self.numbers.arrays(self.geometry.runs()), "uvs": uvs}

@@ -215,6 +215,7 @@ class Session:
             materials=[asdict(material) for material in scene.materials],
             lights=[asdict(light) for light in scene.lights],
             world=asdict(scene.world),
+            indices=scene.for_passes(),
         )
         return cls(native, structure, render_scene)
 

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -51,11 +51,21 @@ def _text(value: Value) -> str:
 
 
 @dataclass(frozen=True)
+class Mist:
+    """How the mist pass grows, in scene units; falloff as in Blender: QUADRATIC, LINEAR, INVERSE_QUADRATIC."""
+
+    start: float = 5.0
+    depth: float = 25.0
+    falloff: str = "QUADRATIC"
+
+
+@dataclass(frozen=True)
 class RenderSettings:
     """One picture. border: (x0, y0, x1, y1) pixels of the full frame, half open, y from the bottom; None: all of it.
 
     clamp_indirect: most that a sample may add after its first bounce, 0 = no limit. passes: names of the arrays wanted.
-    threads: 0 means one per core. Raises SettingsError.
+    noise_threshold: error at which a block of pixels gets no more samples, 0 = all get all. time_limit: seconds after
+    which no samples begin, 0 = no limit. threads: 0 means one per core. Raises SettingsError.
     """
 
     width: int
@@ -67,6 +77,9 @@ class RenderSettings:
     seed: int = 0
     film_transparent: bool = False
     passes: tuple[str, ...] = field(default=("Combined",))
+    noise_threshold: float = 0.0
+    time_limit: float = 0.0
+    mist: Mist = field(default_factory=Mist)
     threads: int = 0
 
     def __post_init__(self) -> None:
@@ -98,4 +111,7 @@ class RenderSettings:
             "seed": self.seed,
             "film_transparent": self.film_transparent,
             "passes": list(self.passes),
+            "noise_threshold": self.noise_threshold,
+            "time_limit": self.time_limit,
+            "mist": asdict(self.mist),
         }

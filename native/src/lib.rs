@@ -18,7 +18,7 @@
 //! - [`oracle`]: exact arithmetic, what everything else must agree with;
 //! - [`validate`]: the invariants of a built tree; [`polygons`]: its planes, for drawing;
 //! - [`regions`]: what its nodes cover; [`leaf_cells`]: its leaves, for drawing; [`ray_path`]: the way of a
-//!   ray through it;
+//!   ray through it; [`leaf_depth`]: how deep the ways end;
 //! - [`render`]: camera, sampler, materials, lights, integrator, film;
 //! - `python`: the module `halfspace_native` (feature `python`).
 
@@ -27,6 +27,7 @@ pub mod error;
 pub mod geom;
 pub mod instances;
 pub mod leaf_cells;
+pub mod leaf_depth;
 pub mod memory;
 pub mod oracle;
 pub mod outline;

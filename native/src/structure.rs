@@ -5,6 +5,7 @@ use crate::build::octree_nodes::Octree;
 use crate::build::plane_tree::{PlaneTree, Shape};
 use crate::build::{Monitor, footprint};
 use crate::error::{Error, Result};
+use crate::leaf_depth::LeafDepths;
 use crate::outline::Outline;
 use crate::registry::Built;
 use crate::scene::Triangles;
@@ -100,6 +101,8 @@ pub struct Structure {
     tiles: Tiles,
     built: Built,
     build_seconds: f64,
+    /// Gathered when somebody asks.
+    leaf_depths: OnceLock<LeafDepths>,
     /// Made when the first instance asks for it.
     outline: OnceLock<Outline>,
 }
@@ -130,6 +133,7 @@ impl Structure {
             config,
             built,
             build_seconds,
+            leaf_depths: OnceLock::new(),
             outline: OnceLock::new(),
         })
     }
@@ -509,6 +513,13 @@ impl Tracer for Structure {
     ) {
         self.at_level(Level::new())
             .closest_ordered(rays, hits, counters, order);
+    }
+
+    fn leaf_depths(&self, rays: &[Ray], depths: &mut [u32]) {
+        let known = self.leaf_depths.get_or_init(|| LeafDepths::new(self));
+        for (ray, depth) in rays.iter().zip(depths) {
+            *depth = known.of(self, ray);
+        }
     }
 
     fn occluded(&self, rays: &[Ray], occluded: &mut [bool], counters: Option<&mut [RayCounters]>) {

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import os
 import threading
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ import bpy
 import numpy as np
 import OpenImageIO
 import pytest
+from pictures import exr
 from shapes import cube, grid, material, node, with_nodes
 
 from addon.blender import engine, reports
@@ -37,23 +39,8 @@ def stage(add: Any, scene: Any) -> Any:
 
 
 def render(scene: Any, folder: Path) -> dict[str, np.ndarray[Any, Any]]:
-    """Render to a multilayer EXR; every channel as (h, w), rows from the bottom, by its name without the layer."""
-    image = scene.render.image_settings
-    if hasattr(image, "media_type"):
-        image.media_type = "MULTI_LAYER_IMAGE"
-    image.file_format, image.color_depth = "OPEN_EXR_MULTILAYER", "32"
-    scene.render.filepath = str(folder / "picture.exr")
-    bpy.ops.render.render(write_still=True)
-    channels = {}
-    part = 0
-    file = OpenImageIO.ImageInput.open(scene.render.filepath)
-    while file.seek_subimage(part, 0):
-        pixels = file.read_image(part, 0, 0, file.spec().nchannels, "float")
-        for i, name in enumerate(file.spec().channelnames):
-            channels[name.split(".", 1)[-1]] = np.flipud(pixels[..., i])
-        part += 1
-    file.close()
-    return channels
+    """The channels of the scene's picture."""
+    return exr(scene, folder / "picture.exr")
 
 
 def test_the_picture_shows_cube_and_background(stage: Any, tmp_path: Path) -> None:
@@ -214,6 +201,93 @@ def test_a_cancelled_render_ends_without_an_error(stage: Any, monkeypatch: pytes
     assert len(asked) == 3
     assert reports.last(stage) is None
     assert not [thread for thread in threading.enumerate() if thread.name == "halfspace-build"]
+
+
+def test_an_empty_scene_says_why_nothing_is_seen(stage: Any, tmp_path: Path) -> None:
+    bpy.data.objects.remove(stage.objects["Cube"])
+    stage.render.use_motion_blur = True
+    picture = render(stage, tmp_path)
+    assert np.allclose(picture["Combined.B"], 1.0, rtol=1e-3)
+    report = reports.last(stage)
+    assert report is not None
+    assert [line for line in report.warnings if "no surface" in line]
+    assert [line for line in report.warnings if "Motion blur" in line]
+
+
+def test_hair_volumes_and_points_are_named(stage: Any, add: Any, tmp_path: Path) -> None:
+    strands = stage.objects["Cube"].modifiers.new("Fur", "PARTICLE_SYSTEM").particle_system
+    strands.settings.type = "HAIR"
+    add("Curls", bpy.data.hair_curves.new("Curls"))
+    add("Smoke", bpy.data.volumes.new("Smoke"))
+    add("Dust", bpy.data.pointclouds.new("Dust"))
+    add("Nowhere", None)
+    render(stage, tmp_path)
+    report = reports.last(stage)
+    assert report is not None
+    for name in ("Cube", "Curls", "Smoke", "Dust"):
+        assert len([line for line in report.warnings if line.startswith("Skipped") and name in line]) == 1
+    assert not [line for line in report.warnings if "Nowhere" in line]
+
+
+def test_every_view_layer_shows_what_it_holds(stage: Any, tmp_path: Path) -> None:
+    away = bpy.data.collections.new("Away")
+    stage.collection.children.link(away)
+    item = stage.objects["Cube"]
+    stage.collection.objects.unlink(item)
+    away.objects.link(item)
+    second = stage.view_layers.new("Second")
+    second.layer_collection.children["Away"].exclude = True
+    picture = exr(stage, tmp_path / "layers.exr", layers=True)
+    first, other = (picture[f"{layer}.Combined.B"] for layer in ("ViewLayer", "Second"))
+    assert abs(first[HEIGHT // 2, WIDTH // 2] - 1.0) > 0.1
+    assert np.allclose(other, 1.0, rtol=1e-3)
+
+
+@pytest.mark.parametrize("persistent", [False, True])
+def test_an_animation_renders_the_frames_that_are_asked_for(stage: Any, tmp_path: Path, persistent: bool) -> None:
+    """As `blender -b FILE -E HALFSPACE -s 3 -e 9 -j 2 -a` does; each frame is what it is alone."""
+    item = stage.objects["Cube"]
+    for frame, place in ((1, -3.0), (10, 3.0)):
+        item.location.x = place
+        item.keyframe_insert("location", frame=frame)
+    stage.frame_start, stage.frame_end, stage.frame_step = 3, 9, 2
+    stage.render.use_persistent_data = persistent
+    stage.render.image_settings.file_format = "OPEN_EXR"
+    stage.render.filepath = str(tmp_path / "frame-####")
+    bpy.ops.render.render(animation=True)
+    files = sorted(path.name for path in tmp_path.iterdir())
+    assert files == [f"frame-{frame:04d}.exr" for frame in (3, 5, 7, 9)]
+    pictures = [OpenImageIO.ImageBuf(str(tmp_path / name)).get_pixels("float") for name in files]
+    middle = [np.argwhere(np.abs(picture[..., 2] - 1) > 0.1)[:, 1].mean() for picture in pictures]
+    assert middle == sorted(middle)
+    stage.frame_set(7)
+    alone = render(stage, tmp_path)["Combined.G"]
+    assert np.abs(np.flipud(alone) - pictures[2][..., 1]).max() < 1e-3  # the file is of half floats
+
+
+def test_many_frames_take_no_more_memory(stage: Any, tmp_path: Path) -> None:
+    ball = stage.objects["Cube"].modifiers.new("Round", "SUBSURF")
+    ball.render_levels = 5
+    item = stage.objects["Cube"]
+    for frame, angle in ((1, 0.0), (100, 6.0)):
+        item.rotation_euler.z = angle
+        item.keyframe_insert("rotation_euler", frame=frame)
+    stage.halfspace.samples = 1
+    stage.render.filepath = str(tmp_path / "frame-####")
+    used = []
+    for start, end in ((1, 5), (6, 15)):
+        stage.frame_start, stage.frame_end = start, end
+        bpy.ops.render.render(animation=True)
+        used.append(_resident())
+    assert used[1] - used[0] < 4e6, "one frame's tree and film alone are more than this by three"
+
+
+def _resident() -> int:
+    """Bytes of memory that this process holds."""
+    status = Path("/proc/self/statm")
+    if not status.exists():
+        pytest.skip("this system does not tell how much memory a process holds")
+    return int(status.read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
 
 
 def test_cancelled_is_not_an_error() -> None:

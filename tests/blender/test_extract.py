@@ -268,3 +268,17 @@ def test_lights_move_into_the_frame(add: Any) -> None:
     light = read()[0].lights[0]
     assert np.allclose(light.to_world[:3, 3], (3, 0, 2), atol=1e-5)
     assert np.allclose(light.to_world[:3, :3] @ light.to_world[:3, :3].T, np.eye(3), atol=1e-6)
+
+
+@pytest.mark.parametrize("finer", [False, True])
+def test_a_mesh_in_edit_mode_is_read_as_it_is_seen(add: Any, scene: Any, finer: bool) -> None:
+    item = add("Cube", cube())
+    if finer:
+        item.modifiers.new("Finer", "SUBSURF").levels = 1
+    bpy.context.view_layer.objects.active = item
+    bpy.ops.object.mode_set(mode="EDIT")
+    try:
+        found, _ = read()
+    finally:
+        bpy.ops.object.mode_set(mode="OBJECT")
+    assert len(found.geometry.triangles) == (48 if finer else 12)

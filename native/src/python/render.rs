@@ -22,7 +22,7 @@ pub struct RenderScene(Arc<scene::RenderScene>);
 #[pymethods]
 impl RenderScene {
     #[new]
-    #[pyo3(signature = (structure, *, material_index=None, materials=None, corner_normals=None, surfaces=None, lights=None, world=None))]
+    #[pyo3(signature = (structure, *, material_index=None, materials=None, corner_normals=None, surfaces=None, lights=None, world=None, indices=None))]
     #[expect(clippy::too_many_arguments, reason = "Python keywords")]
     fn new(
         py: Python<'_>,
@@ -33,6 +33,7 @@ impl RenderScene {
         surfaces: Option<&Bound<'_, PyDict>>,
         lights: Option<&Bound<'_, PyAny>>,
         world: Option<&Bound<'_, PyDict>>,
+        indices: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
         let (tracer, placed): (SharedTracer, _) = match structure.cast::<Instances>() {
             Err(_) => {
@@ -60,6 +61,7 @@ impl RenderScene {
             corner_normals: corner_normals.map(args::corner_normals).transpose()?,
             lights: args::lights(lights)?,
             world: args::world(world)?,
+            indices: args::indices(indices)?,
         };
         let scene = py.detach(|| scene::RenderScene::new(tracer, params))?;
         Ok(Self(Arc::new(scene)))

@@ -7,9 +7,11 @@ use crate::instances::Instances;
 use crate::render::attributes::{InstanceAttributes, MeshAttributes};
 use crate::render::camera::{CameraParams, Projection};
 use crate::render::filter::FilterKind;
+use crate::render::indices::Indices;
+use crate::render::lens::LensParams;
 use crate::render::lights::{AreaShape, LightKind, LightParams};
 use crate::render::material::MaterialParams;
-use crate::render::settings::{Pass, Settings};
+use crate::render::settings::{Falloff, Mist, Pass, Settings};
 use numpy::{PyReadonlyArray1, PyReadonlyArray3, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -192,7 +194,18 @@ fn list<'py, T>(
 
 /// The camera.
 pub fn camera(dict: &Bound<'_, PyDict>) -> Result<CameraParams> {
-    let known = ["kind", "to_world", "window", "clip_start", "clip_end"];
+    let known = [
+        "kind",
+        "to_world",
+        "window",
+        "clip_start",
+        "clip_end",
+        "aperture_radius",
+        "aperture_blades",
+        "aperture_rotation",
+        "aperture_ratio",
+        "focus_distance",
+    ];
     let keys = Keys::new(dict, "camera".into(), &known)?;
     let kinds = [
         ("perspective", Projection::Perspective),
@@ -205,6 +218,22 @@ pub fn camera(dict: &Bound<'_, PyDict>) -> Result<CameraParams> {
         window: [window[0], window[1], window[2], window[3]],
         clip_start: keys.number("clip_start")?,
         clip_end: keys.number("clip_end")?,
+        lens: lens(&keys)?,
+    })
+}
+
+fn lens(keys: &Keys<'_, '_>) -> Result<LensParams> {
+    let default = LensParams::default();
+    let number = |key: &str, default: f64| keys.find(key).map_or(Ok(default), |_| keys.number(key));
+    Ok(LensParams {
+        radius: number("aperture_radius", default.radius)?,
+        blades: match keys.find("aperture_blades") {
+            None => default.blades,
+            Some(_) => keys.count("aperture_blades")?,
+        },
+        rotation: number("aperture_rotation", default.rotation)?,
+        ratio: number("aperture_ratio", default.ratio)?,
+        focus: number("focus_distance", default.focus)?,
     })
 }
 
@@ -220,6 +249,10 @@ pub fn settings(dict: &Bound<'_, PyDict>) -> Result<Settings> {
         "seed",
         "film_transparent",
         "passes",
+        "noise_threshold",
+        "min_samples",
+        "time_limit",
+        "mist",
         "step_samples",
         "filter",
         "filter_width",
@@ -268,12 +301,84 @@ pub fn settings(dict: &Bound<'_, PyDict>) -> Result<Settings> {
         seed: optional("seed")?.unwrap_or(default.seed),
         film_transparent: keys.flag_or("film_transparent", false)?,
         passes,
+        noise_threshold: keys.number_or("noise_threshold", default.noise_threshold)?,
+        min_samples: optional("min_samples")?.unwrap_or(default.min_samples),
+        time_limit: keys.number_or("time_limit", default.time_limit)?,
+        mist: mist(&keys)?,
         step_samples: optional("step_samples")?,
         filter: match keys.find("filter") {
             None => default.filter,
             Some(_) => keys.choice("filter", &filters)?,
         },
         filter_width: keys.number_or("filter_width", default.filter_width)?,
+    })
+}
+
+fn mist(keys: &Keys<'_, '_>) -> Result<Mist> {
+    let Some(value) = keys.find("mist") else {
+        return Ok(Mist::default());
+    };
+    let dict = value
+        .cast::<PyDict>()
+        .map_err(|_| keys.wrong("mist", "a dictionary", &value))?;
+    let known = ["start", "depth", "falloff"];
+    let keys = Keys::new(dict, "settings['mist']".into(), &known)?;
+    let falloffs = [
+        ("QUADRATIC", Falloff::Quadratic),
+        ("LINEAR", Falloff::Linear),
+        ("INVERSE_QUADRATIC", Falloff::InverseQuadratic),
+    ];
+    let default = Mist::default();
+    Ok(Mist {
+        start: keys.number_or("start", default.start)?,
+        depth: keys.number_or("depth", default.depth)?,
+        falloff: match keys.find("falloff") {
+            None => default.falloff,
+            Some(_) => keys.choice("falloff", &falloffs)?,
+        },
+    })
+}
+
+/// The numbers of objects and materials.
+pub fn indices(dict: Option<&Bound<'_, PyDict>>) -> Result<Indices> {
+    let Some(dict) = dict else {
+        return Ok(Indices::default());
+    };
+    let keys = Keys::new(
+        dict,
+        "indices".into(),
+        &["first", "object", "material", "uvs"],
+    )?;
+    fn array<T: numpy::Element + Copy>(
+        keys: &Keys<'_, '_>,
+        key: &str,
+        what: &str,
+    ) -> Result<Vec<T>> {
+        let value = keys.need(key)?;
+        let array: PyReadonlyArray1<'_, T> =
+            value.extract().map_err(|_| keys.wrong(key, what, &value))?;
+        Ok(array.as_array().iter().copied().collect())
+    }
+    let first: Vec<i32> = array(&keys, "first", "an (n,) int32 array")?;
+    Ok(Indices {
+        // A negative one becomes huge, which does not ascend.
+        first: first.into_iter().map(i32::cast_unsigned).collect(),
+        object: array(&keys, "object", "an (n,) float32 array")?,
+        material: array(&keys, "material", "an (n,) float32 array")?,
+        uvs: match keys.find("uvs") {
+            None => Vec::new(),
+            Some(value) => {
+                let wrong = || keys.wrong("uvs", "an (m, 3, 2) float32 array", &value);
+                let array: PyReadonlyArray3<'_, f32> = value.extract().map_err(|_| wrong())?;
+                if array.shape()[1..] != [3, 2] {
+                    return Err(wrong());
+                }
+                let corner = |t: numpy::ndarray::ArrayView2<'_, f32>| {
+                    [0, 1, 2].map(|corner| [0, 1].map(|axis| t[[corner, axis]]))
+                };
+                array.as_array().outer_iter().map(corner).collect()
+            }
+        },
     })
 }
 

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Camera rays: perspective and orthographic.
+//! Camera rays: perspective and orthographic, sharp or through a lens.
 
 use super::check::{Error, Result, finite};
+use super::lens::{Lens, LensParams};
 use super::vector::{Vec3, vec3};
 use crate::traverse::Ray;
 
@@ -27,6 +28,8 @@ pub struct CameraParams {
     pub clip_start: f64,
     /// Depth along -Z behind which nothing is seen.
     pub clip_end: f64,
+    /// Depth of field.
+    pub lens: LensParams,
 }
 
 /// A camera ready to make rays.
@@ -41,7 +44,10 @@ pub struct Camera {
     /// One pixel to the right and one up.
     right: Vec3,
     up: Vec3,
+    /// Unit vectors to the right and up, for the lens.
+    axes: [Vec3; 2],
     clip: [f32; 2],
+    lens: Option<Lens>,
 }
 
 impl Camera {
@@ -86,6 +92,8 @@ impl Camera {
             corner: at(left, bottom, f64::from(u8::from(perspective))),
             right: at((right - left) / f64::from(width), 0.0, 0.0),
             up: at(0.0, (top - bottom) / f64::from(height), 0.0),
+            axes: [at(1.0, 0.0, 0.0), at(0.0, 1.0, 0.0)],
+            lens: Lens::new(&params.lens)?,
             clip: [
                 if perspective { start.max(0.0) } else { start } as f32,
                 end as f32,
@@ -94,9 +102,43 @@ impl Camera {
     }
 
     /// The ray through the raster position (x, y) in pixels, (0, 0) = the frame's lower left
-    /// corner. The direction has unit length; the clip range bounds the depth along -Z.
+    /// corner. The direction has unit length; the clip range bounds the depth along -Z. `lens`: two
+    /// random numbers, which a camera without a lens does not ask for.
     #[inline]
-    pub fn ray(&self, x: f32, y: f32) -> Ray {
+    pub fn ray(&self, x: f32, y: f32, lens: impl FnOnce() -> [f32; 2]) -> Ray {
+        match &self.lens {
+            None => self.sharp_ray(x, y),
+            Some(it) => self.lens_ray(x, y, it, it.sample(lens())),
+        }
+    }
+
+    /// Whether all rays start where the projection says, without a lens between.
+    pub fn is_sharp(&self) -> bool {
+        self.lens.is_none()
+    }
+
+    /// A ray from a point of the lens to where the sharp ray meets the plane in focus.
+    fn lens_ray(&self, x: f32, y: f32, lens: &Lens, [right, up]: [f32; 2]) -> Ray {
+        let film = self.corner + self.right * x + self.up * y;
+        let aside = self.axes[0] * right + self.axes[1] * up;
+        // Both relative to the camera: from the lens, and the point in focus.
+        let (from, focus) = if self.perspective {
+            (aside, film * lens.focus)
+        } else {
+            (film + aside, film + self.forward * lens.focus)
+        };
+        let d = (focus - from).normalized();
+        let per_depth = 1.0 / d.dot(self.forward);
+        let [t_min, t_max] = self.clip.map(|depth| depth * per_depth);
+        Ray {
+            o: (self.origin + from).array(),
+            d: d.array(),
+            t_min,
+            t_max,
+        }
+    }
+
+    fn sharp_ray(&self, x: f32, y: f32) -> Ray {
         let film = self.corner + self.right * x + self.up * y;
         if self.perspective {
             let length = film.length();
@@ -124,6 +166,16 @@ impl Camera {
     pub fn depth(&self, point: Vec3) -> f32 {
         (point - self.origin).dot(self.forward)
     }
+
+    /// How far a point is from the camera: from its middle, or of parallel rays from its plane.
+    #[inline]
+    pub fn distance(&self, point: Vec3) -> f32 {
+        if self.perspective {
+            (point - self.origin).length()
+        } else {
+            self.depth(point)
+        }
+    }
 }
 
 fn unit(v: [f64; 3]) -> Option<[f64; 3]> {
@@ -144,6 +196,7 @@ impl Default for CameraParams {
             window: [-1.0, 1.0, -1.0, 1.0],
             clip_start: 0.1,
             clip_end: 1000.0,
+            lens: LensParams::default(),
         }
     }
 }
@@ -161,6 +214,47 @@ pub(crate) fn matrix_column(matrix: &[[f64; 4]; 4], k: usize) -> Vec3 {
 mod tests {
     use super::*;
 
+    fn none() -> [f32; 2] {
+        panic!("a sharp camera asks for no random numbers")
+    }
+
+    #[test]
+    fn all_rays_of_a_lens_meet_in_the_plane_in_focus() {
+        for projection in [Projection::Perspective, Projection::Orthographic] {
+            let params = CameraParams {
+                projection,
+                lens: LensParams {
+                    radius: 0.5,
+                    focus: 4.0,
+                    ..Default::default()
+                },
+                ..Default::default()
+            };
+            let camera = Camera::new(&params, 10, 10).unwrap();
+            let at_focus = |lens: [f32; 2]| {
+                let ray = camera.ray(2.0, 7.0, || lens);
+                let (o, d) = (Vec3::from(ray.o), Vec3::from(ray.d));
+                assert!((ray.t_min * -d.z - 0.1).abs() < 1e-5, "the clip is a depth");
+                assert!((d.length() - 1.0).abs() < 1e-6);
+                (o, o + d * (4.0 / -d.z))
+            };
+            let (a, b) = (at_focus([0.1, 0.9]), at_focus([0.8, 0.3]));
+            assert!((a.0 - b.0).length() > 0.1, "they start in different places");
+            assert!((a.1 - b.1).length() < 1e-5, "and meet");
+            let sharp = Camera::new(
+                &CameraParams {
+                    projection,
+                    ..Default::default()
+                },
+                10,
+                10,
+            );
+            let ray = sharp.unwrap().ray(2.0, 7.0, none);
+            let seen = Vec3::from(ray.o) + Vec3::from(ray.d) * (4.0 / -ray.d[2]);
+            assert!((a.1 - seen).length() < 1e-5, "where the sharp ray does");
+        }
+    }
+
     #[test]
     fn perspective_rays_meet_the_window_and_clip_by_depth() {
         let params = CameraParams {
@@ -168,7 +262,7 @@ mod tests {
             ..Default::default()
         };
         let camera = Camera::new(&params, 40, 20).unwrap();
-        let ray = camera.ray(40.0, 0.0);
+        let ray = camera.ray(40.0, 0.0, none);
         let d = Vec3::from(ray.d) * (1.0 / -ray.d[2]);
         assert!((d - vec3(3.0, -2.0, -1.0)).length() < 1e-6);
         assert!(
@@ -186,7 +280,7 @@ mod tests {
         };
         params.to_world[2][3] = 8.0;
         let camera = Camera::new(&params, 10, 10).unwrap();
-        let (a, b) = (camera.ray(0.0, 0.0), camera.ray(10.0, 5.0));
+        let (a, b) = (camera.ray(0.0, 0.0, none), camera.ray(10.0, 5.0, none));
         assert_eq!((a.d, b.d), ([0.0, 0.0, -1.0], [0.0, 0.0, -1.0]));
         assert!((Vec3::from(b.o) - vec3(1.0, 0.0, 8.0)).length() < 1e-6);
         assert!((a.t_min - 0.1).abs() < 1e-7);

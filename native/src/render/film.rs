@@ -3,11 +3,15 @@
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
+use super::adaptive::{self, Noise};
 use super::check::{Error, Result};
-use super::settings::{Pass, Settings};
+use super::settings::{Mist, Pass, Settings};
 
 /// Side of a film tile in pixels; a multiple of 8, so that camera rays come in 8×8 blocks.
 pub const TILE: u32 = 32;
+
+/// Side of the blocks that camera rays come in, and that stop being sampled together.
+pub const BLOCK: u32 = 8;
 
 /// What one sample of one pixel gathers.
 #[derive(Debug, Clone, Copy)]
@@ -22,6 +26,18 @@ pub struct PixelSample {
     pub normal: [f32; 3],
     /// Its position.
     pub position: [f32; 3],
+    /// How far it is from the camera.
+    pub distance: f32,
+    /// Its UV and 1, or 0 where there is no surface.
+    pub uv: [f32; 3],
+    /// The number of its object.
+    pub object: f32,
+    /// The number of its material.
+    pub material: f32,
+    /// How much light it sends on.
+    pub albedo: [f32; 3],
+    /// Depth of the last leaf that the camera ray tested.
+    pub leaf_depth: u32,
     /// Inner nodes visited by the camera ray.
     pub steps: u32,
     /// Triangles tested by the camera ray.
@@ -36,6 +52,12 @@ impl PixelSample {
         depth: BACKGROUND_DEPTH,
         normal: [0.0; 3],
         position: [0.0; 3],
+        distance: f32::INFINITY,
+        uv: [0.0; 3],
+        object: 0.0,
+        material: 0.0,
+        albedo: [0.0; 3],
+        leaf_depth: 0,
         steps: 0,
         tests: 0,
     };
@@ -68,13 +90,30 @@ impl TileArea {
         self.len() == 0
     }
 
-    /// The tile's pixels in the order of 8×8 blocks.
-    pub fn in_blocks(&self) -> impl Iterator<Item = (u32, u32)> + '_ {
-        let blocks = |n: u32| (0..n.div_ceil(8)).map(move |b| (b * 8, (b * 8 + 8).min(n)));
-        blocks(self.height).flat_map(move |(y0, y1)| {
-            blocks(self.width)
-                .flat_map(move |(x0, x1)| (y0..y1).flat_map(move |y| (x0..x1).map(move |x| (x, y))))
-        })
+    /// How many blocks there are across and up.
+    pub fn blocks(&self) -> (u32, u32) {
+        (self.width.div_ceil(BLOCK), self.height.div_ceil(BLOCK))
+    }
+
+    /// The block of the pixel with this number, row by row.
+    #[inline]
+    pub fn block_of(&self, pixel: usize) -> usize {
+        let (x, y) = (pixel as u32 % self.width, pixel as u32 / self.width);
+        (y / BLOCK * self.width.div_ceil(BLOCK) + x / BLOCK) as usize
+    }
+
+    /// The pixels of those blocks that are `active`, in the order of the blocks.
+    pub fn in_blocks(&self, active: &[bool]) -> impl Iterator<Item = (u32, u32)> {
+        let side =
+            |n: u32| (0..n.div_ceil(BLOCK)).map(move |b| (b * BLOCK, (b * BLOCK + BLOCK).min(n)));
+        let width = self.width;
+        side(self.height)
+            .flat_map(move |rows| side(width).map(move |columns| (rows, columns)))
+            .zip(active)
+            .filter(|(_, active)| **active)
+            .flat_map(|(((y0, y1), (x0, x1)), _)| {
+                (y0..y1).flat_map(move |y| (x0..x1).map(move |x| (x, y)))
+            })
     }
 }
 
@@ -84,7 +123,13 @@ struct Tile {
 }
 
 struct Sums {
-    samples: u32,
+    /// Of blocks that are still sampled.
+    done: u32,
+    /// Of each block.
+    samples: Vec<u32>,
+    active: Vec<bool>,
+    /// Where noise decides how many samples there are.
+    noise: Option<Noise>,
     /// Per pixel, all channels of all passes one after the other. f64, so that the mean of any
     /// number of samples keeps f32's digits.
     values: Vec<f64>,
@@ -95,6 +140,7 @@ pub struct Film {
     region: [u32; 4],
     passes: Vec<Pass>,
     stride: usize,
+    mist: Mist,
     tiles: Vec<Tile>,
 }
 
@@ -103,7 +149,10 @@ impl Film {
     pub fn bytes(settings: &Settings) -> u64 {
         let [x0, y0, x1, y1] = settings.region();
         // A pass asked for twice is kept once; at most that is counted too much.
-        let channels: usize = settings.passes.iter().map(|p| p.channels()).sum();
+        let mut channels: usize = settings.passes.iter().map(|p| p.channels()).sum();
+        if settings.noise_threshold > 0.0 {
+            channels += 6;
+        }
         u64::from(x1 - x0) * u64::from(y1 - y0) * (channels * size_of::<f64>()) as u64
     }
 
@@ -126,10 +175,18 @@ impl Film {
                     width: TILE.min(x1 - x),
                     height: TILE.min(y1 - y),
                 };
-                let values = vec![0.0; area.len() * stride];
+                let (across, up) = area.blocks();
+                let blocks = (across * up) as usize;
+                let noise = (settings.noise_threshold > 0.0).then(|| Noise::new(area.len()));
                 tiles.push(Tile {
                     area,
-                    sums: Mutex::new(Sums { samples: 0, values }),
+                    sums: Mutex::new(Sums {
+                        done: 0,
+                        samples: vec![0; blocks],
+                        active: vec![true; blocks],
+                        noise,
+                        values: vec![0.0; area.len() * stride],
+                    }),
                 });
             }
         }
@@ -137,6 +194,7 @@ impl Film {
             region,
             passes,
             stride,
+            mist: settings.mist,
             tiles,
         }
     }
@@ -158,9 +216,18 @@ impl Film {
 
     /// Whether some pass needs counted traversal.
     pub fn counts(&self) -> bool {
-        self.passes
-            .iter()
-            .any(|p| matches!(p, Pass::TraversalSteps | Pass::TriangleTests))
+        self.wants(Pass::TraversalSteps) || self.wants(Pass::TriangleTests)
+    }
+
+    /// Whether a pass is filled.
+    pub fn wants(&self, pass: Pass) -> bool {
+        self.passes.contains(&pass)
+    }
+
+    /// Writes which blocks of a tile are still sampled. Returns whether any is.
+    pub fn active(&self, tile: usize, out: &mut Vec<bool>) -> bool {
+        out.clone_from(&self.sums(tile).active);
+        out.contains(&true)
     }
 
     fn sums(&self, tile: usize) -> MutexGuard<'_, Sums> {
@@ -170,25 +237,48 @@ impl Film {
             .unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Adds samples: for each of `count` samples all pixels of the tile, row by row. The caller
-    /// adds the samples of a tile in order.
-    pub fn add(&self, tile: usize, samples: &[PixelSample], count: u32) {
-        let pixels = self.tiles[tile].area.len();
+    /// Adds samples: for each of `count` samples all pixels of the tile, row by row; those of blocks that
+    /// are sampled no more do not count. The caller adds the samples of a tile in order.
+    pub fn add(&self, tile: usize, samples: &[PixelSample], count: u32, settings: &Settings) {
+        let area = self.tiles[tile].area;
         let mut sums = self.sums(tile);
         let sums = &mut *sums;
-        for (index, chunk) in samples.chunks_exact(pixels).enumerate() {
-            let first = sums.samples == 0 && index == 0;
-            for (out, sample) in sums.values.chunks_exact_mut(self.stride.max(1)).zip(chunk) {
-                add_pixel(&self.passes, out, sample, first);
+        for (index, chunk) in (sums.done..).zip(samples.chunks_exact(area.len())) {
+            let pixels = sums.values.chunks_exact_mut(self.stride.max(1)).zip(chunk);
+            for (pixel, (out, sample)) in pixels.enumerate() {
+                if sums.active[area.block_of(pixel)] {
+                    self.add_pixel(out, sample, index == 0);
+                    if let Some(noise) = &mut sums.noise {
+                        noise.add(pixel, index, sample.color);
+                    }
+                }
             }
         }
-        sums.samples += count;
+        sums.done += count;
+        for (samples, _) in sums
+            .samples
+            .iter_mut()
+            .zip(&sums.active)
+            .filter(|(_, a)| **a)
+        {
+            *samples += count;
+        }
+        if let Some(noise) = &sums.noise
+            && adaptive::is_due(settings, sums.done)
+        {
+            noise.settle(area, sums.done, settings, &mut sums.active);
+        }
     }
 
-    /// Samples per pixel that all tiles have.
+    /// Notes samples of a tile that are not needed.
+    pub fn skip(&self, tile: usize, count: u32) {
+        self.sums(tile).done += count;
+    }
+
+    /// Samples per pixel that all tiles have, or do not need.
     pub fn samples_done(&self) -> u32 {
         (0..self.tiles.len())
-            .map(|t| self.sums(t).samples)
+            .map(|t| self.sums(t).done)
             .min()
             .unwrap_or(0)
     }
@@ -220,16 +310,28 @@ impl Film {
         }
         for (index, tile) in self.tiles.iter().enumerate() {
             let sums = self.sums(index);
-            let scale = match pass {
-                Pass::Depth | Pass::Position | Pass::SampleCount => 1.0,
-                _ => 1.0 / f64::from(sums.samples.max(1)),
-            };
+            let mean = !matches!(
+                pass,
+                Pass::Depth
+                    | Pass::Position
+                    | Pass::ObjectIndex
+                    | Pass::MaterialIndex
+                    | Pass::SampleCount
+            );
             let TileArea { x, y, width: w, .. } = tile.area;
-            let mut pixels = sums.values.chunks_exact(self.stride);
+            let mut pixels = sums.values.chunks_exact(self.stride).enumerate();
             for row in 0..tile.area.height {
                 let start = (((y - y0 + row) as usize) * width + (x - x0) as usize) * channels;
                 for pixel in out[start..start + w as usize * channels].chunks_exact_mut(channels) {
-                    let Some(values) = pixels.next() else { break };
+                    let Some((index, values)) = pixels.next() else {
+                        break;
+                    };
+                    let samples = if mean {
+                        sums.samples[tile.area.block_of(index)].max(1)
+                    } else {
+                        1
+                    };
+                    let scale = 1.0 / f64::from(samples);
                     for (o, v) in pixel.iter_mut().zip(&values[offset..]) {
                         *o = (v * scale) as f32;
                     }
@@ -238,27 +340,34 @@ impl Film {
         }
         Ok(())
     }
-}
 
-fn add_pixel(passes: &[Pass], out: &mut [f64], sample: &PixelSample, first: bool) {
-    let mut out = out.iter_mut();
-    let mut sum = |values: &[f32]| {
-        for (&v, o) in values.iter().zip(&mut out) {
-            *o += f64::from(v);
-        }
-    };
-    for pass in passes {
-        match pass {
-            Pass::Combined => {
-                sum(&sample.color);
-                sum(&[sample.alpha]);
+    fn add_pixel(&self, out: &mut [f64], sample: &PixelSample, first: bool) {
+        let mut out = out.iter_mut();
+        let mut sum = |values: &[f32]| {
+            for (&v, o) in values.iter().zip(&mut out) {
+                *o += f64::from(v);
             }
-            Pass::Normal => sum(&sample.normal),
-            Pass::Depth => sum(&[if first { sample.depth } else { 0.0 }]),
-            Pass::Position => sum(if first { &sample.position } else { &[0.0; 3] }),
-            Pass::TraversalSteps => sum(&[sample.steps as f32]),
-            Pass::TriangleTests => sum(&[sample.tests as f32]),
-            Pass::SampleCount => sum(&[1.0]),
+        };
+        let once = |value: f32| [if first { value } else { 0.0 }];
+        for pass in &self.passes {
+            match pass {
+                Pass::Combined => {
+                    sum(&sample.color);
+                    sum(&[sample.alpha]);
+                }
+                Pass::Mist => sum(&[self.mist.at(sample.distance)]),
+                Pass::Normal => sum(&sample.normal),
+                Pass::Uv => sum(&sample.uv),
+                Pass::Albedo => sum(&sample.albedo),
+                Pass::Depth => sum(&once(sample.depth)),
+                Pass::Position => sum(if first { &sample.position } else { &[0.0; 3] }),
+                Pass::ObjectIndex => sum(&once(sample.object)),
+                Pass::MaterialIndex => sum(&once(sample.material)),
+                Pass::TraversalSteps => sum(&[sample.steps as f32]),
+                Pass::TriangleTests => sum(&[sample.tests as f32]),
+                Pass::LeafDepth => sum(&[sample.leaf_depth as f32]),
+                Pass::SampleCount => sum(&[1.0]),
+            }
         }
     }
 }
@@ -292,7 +401,7 @@ mod tests {
                         ..PixelSample::EMPTY
                     })
                     .collect();
-                film.add(tile, &samples, 1);
+                film.add(tile, &samples, 1, &settings());
             }
         }
         assert_eq!(film.samples_done(), 2);
@@ -331,9 +440,22 @@ mod tests {
             width: 20,
             height: 11,
         };
-        let order: Vec<_> = area.in_blocks().collect();
+        let order: Vec<_> = area.in_blocks(&[true; 6]).collect();
         let unique: std::collections::HashSet<_> = order.iter().collect();
         assert_eq!((order.len(), unique.len()), (220, 220));
         assert!(order[..64].iter().all(|&(x, y)| x < 8 && y < 8));
+        let some = [false, false, true, false, true, false];
+        let some: Vec<_> = area.in_blocks(&some).collect();
+        assert_eq!(some.len(), 4 * 8 + 8 * 3);
+        assert!(
+            some.iter()
+                .all(|&(x, y)| (x >= 16 && y < 8) || (8..16).contains(&x))
+        );
+        for (x, y) in order {
+            assert_eq!(
+                area.block_of((y * 20 + x) as usize) as u32,
+                y / 8 * 3 + x / 8
+            );
+        }
     }
 }

@@ -12,12 +12,12 @@ use std::time::{Duration, Instant};
 use super::bsdf::Bsdf;
 use super::camera::Camera;
 use super::features::Features;
-use super::film::{PixelSample, TileArea};
+use super::film::{Film, PixelSample, TileArea};
 use super::filter::Filter;
 use super::lights::{Receiver, power_heuristic};
 use super::sampler::PixelSampler;
 use super::scene::RenderScene;
-use super::settings::Settings;
+use super::settings::{Pass, Settings};
 use super::surface::Surface;
 use super::vector::{Vec3, offset_origin};
 use crate::traverse::{Hit, Order as RayOrder, Ray, RayCounters};
@@ -75,8 +75,8 @@ pub struct Context<'a> {
     pub filter: &'a Filter,
     /// Settings.
     pub settings: &'a Settings,
-    /// Whether camera rays are counted.
-    pub counts: bool,
+    /// What the samples are for.
+    pub film: &'a Film,
     /// Raised to stop.
     pub stop: &'a AtomicBool,
 }
@@ -123,6 +123,7 @@ pub struct Wavefront {
     rays: Vec<Ray>,
     hits: Vec<Hit>,
     counters: Vec<RayCounters>,
+    depths: Vec<u32>,
     paths: Vec<Path>,
     shadows: Shadows,
     samples: Vec<PixelSample>,
@@ -148,6 +149,7 @@ impl Wavefront {
             rays: Vec::new(),
             hits: Vec::new(),
             counters: Vec::new(),
+            depths: Vec::new(),
             paths: Vec::new(),
             shadows: Shadows::default(),
             samples: Vec::new(),
@@ -157,7 +159,7 @@ impl Wavefront {
         }
     }
 
-    /// Renders samples `first..first + count` of a tile. Returns them sample by sample, each with
+    /// Renders samples `first..first + count` of the active blocks of a tile. Returns them sample by sample, each with
     /// all pixels row by row.
     ///
     /// # Errors
@@ -166,6 +168,7 @@ impl Wavefront {
         &mut self,
         context: &Context<'_>,
         area: TileArea,
+        active: &[bool],
         first: u32,
         count: u32,
     ) -> Result<&[PixelSample], Stopped> {
@@ -173,7 +176,8 @@ impl Wavefront {
         self.samples
             .resize(area.len() * count as usize, PixelSample::EMPTY);
         for index in 0..count {
-            self.start(context, area, first + index, index as usize * area.len());
+            let base = index as usize * area.len();
+            self.start(context, area, active, first + index, base);
             let mut primary = true;
             while !self.rays.is_empty() {
                 self.trace(context, primary)?;
@@ -186,7 +190,14 @@ impl Wavefront {
     }
 
     /// Fills the wavefront with the camera rays of one sample.
-    fn start(&mut self, context: &Context<'_>, area: TileArea, sample: u32, base: usize) {
+    fn start(
+        &mut self,
+        context: &Context<'_>,
+        area: TileArea,
+        active: &[bool],
+        sample: u32,
+        base: usize,
+    ) {
         let Context {
             camera,
             filter,
@@ -195,13 +206,14 @@ impl Wavefront {
         } = context;
         self.rays.clear();
         self.paths.clear();
-        for (dx, dy) in area.in_blocks() {
+        for (dx, dy) in area.in_blocks(active) {
             let (x, y) = (area.x + dx, area.y + dy);
             let sampler = PixelSampler::new(x, y, settings.seed);
             let [u, v] = sampler.pair(sample, 0);
             let ray = camera.ray(
                 x as f32 + 0.5 + filter.offset(u),
                 y as f32 + 0.5 + filter.offset(v),
+                || sampler.pair(sample, 1),
             );
             self.rays.push(ray);
             self.paths.push(Path {
@@ -232,14 +244,15 @@ impl Wavefront {
         if !primary {
             self.work.rays_secondary += n as u64;
         }
-        let counts = primary && context.counts;
+        let counts = primary && context.film.counts();
         if counts {
             self.counters.clear();
             self.counters.resize(n, RayCounters::default());
         }
         // Camera rays come in blocks of 8 x 8. What a beam does for all its rays cannot be told
-        // apart by pixel, so where pixels are counted each ray goes singly.
-        let order = if primary && !counts {
+        // apart by pixel, so where pixels are counted each ray goes singly. Through a lens they have no
+        // common origin.
+        let order = if primary && !counts && context.camera.is_sharp() {
             RayOrder::Tiles
         } else {
             RayOrder::None
@@ -260,6 +273,15 @@ impl Wavefront {
                 sample.tests = c.tests;
                 self.work.steps += u64::from(sample.steps);
                 self.work.tests += u64::from(sample.tests);
+            }
+        }
+        if primary && context.film.wants(Pass::LeafDepth) {
+            self.depths.resize(n, 0);
+            in_calls(n, &mut self.call, context.stop, |range| {
+                tracer.leaf_depths(&self.rays[range.clone()], &mut self.depths[range]);
+            })?;
+            for (path, depth) in self.paths.iter().zip(&self.depths) {
+                self.samples[path.slot as usize].leaf_depth = *depth;
             }
         }
         Ok(())
@@ -462,8 +484,13 @@ fn shade<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
         if path.camera {
             out.alpha = 1.0;
             out.depth = context.camera.depth(surface.point);
+            out.distance = context.camera.distance(surface.point);
             out.normal = surface.shading.array();
             out.position = surface.point.array();
+            let triangle = hit.triangle as usize;
+            let material = scene.attributes.at(hit.triangle).material();
+            (out.object, out.material) = scene.indices.of(triangle, material as u32);
+            out.uv = scene.indices.uv(triangle, hit.u, hit.v);
         }
         if features.emission {
             let emission = path.throughput * material.emission;
@@ -536,6 +563,14 @@ fn shade<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
                     add_color(out, value);
                 }
             }
+        }
+
+        // What a direction chosen in proportion to the light it brings weighs is, in the mean, the albedo.
+        if path.camera
+            && context.film.wants(Pass::Albedo)
+            && let Some(scatter) = bsdf.sample(choose_lobe, random(0))
+        {
+            out.albedo = scatter.weight.array();
         }
 
         // Scatter.

@@ -44,6 +44,8 @@ struct Shared {
     done: AtomicU64,
     wanted: u64,
     stop: AtomicBool,
+    /// The time limit came first.
+    expired: AtomicBool,
     running: AtomicUsize,
     started: Instant,
     state: Mutex<State>,
@@ -101,6 +103,7 @@ impl Job {
             done: AtomicU64::new(0),
             wanted: pixels * u64::from(settings.samples),
             stop: AtomicBool::new(false),
+            expired: AtomicBool::new(false),
             running: AtomicUsize::new(threads),
             started: Instant::now(),
             state: Mutex::new(State::default()),
@@ -236,7 +239,8 @@ impl Shared {
     fn leave(&self) {
         if self.running.fetch_sub(1, Ordering::AcqRel) == 1 {
             let mut state = self.state();
-            let complete = self.done.load(Ordering::Relaxed) == self.wanted;
+            let complete = self.done.load(Ordering::Relaxed) == self.wanted
+                || self.expired.load(Ordering::Relaxed) && !self.stop.load(Ordering::Relaxed);
             state.cancelled = !complete && state.error.is_none();
             state.seconds = self.started.elapsed().as_secs_f64();
             state.finished = true;
@@ -251,13 +255,19 @@ impl Shared {
             camera: &self.camera,
             filter: &self.filter,
             settings: &self.settings,
-            counts: self.film.counts(),
+            film: &self.film,
             stop: &self.stop,
         };
+        let mut active = Vec::new();
+        let limit = f64::from(self.settings.time_limit);
         let tiles = self.film.tiles();
         loop {
             let visit = self.next.fetch_add(1, Ordering::Relaxed);
             if visit >= self.visits || self.stop.load(Ordering::Relaxed) {
+                return;
+            }
+            if visit >= tiles && limit > 0.0 && self.started.elapsed().as_secs_f64() > limit {
+                self.expired.store(true, Ordering::Relaxed);
                 return;
             }
             let tile = visit % tiles;
@@ -267,10 +277,14 @@ impl Shared {
                 .lock()
                 .unwrap_or_else(PoisonError::into_inner);
             let count = self.settings.step_after(*done);
-            let Ok(samples) = wavefront.render(&context, area, *done, count) else {
-                return;
-            };
-            self.film.add(tile, samples, count);
+            if self.film.active(tile, &mut active) {
+                let Ok(samples) = wavefront.render(&context, area, &active, *done, count) else {
+                    return;
+                };
+                self.film.add(tile, samples, count, &self.settings);
+            } else {
+                self.film.skip(tile, count);
+            }
             *done += count;
             let finished = area.len() as u64 * u64::from(count);
             self.done.fetch_add(finished, Ordering::Relaxed);

@@ -4,17 +4,18 @@
 //!
 //! From the ground up:
 //! - [`vector`], [`trig`], [`check`]: f32 vectors and frames; sines; checks that name the key;
-//! - [`sampler`], [`filter`], [`camera`]: random numbers, the pixel filter, camera rays;
+//! - [`sampler`], [`filter`], [`lens`], [`camera`]: random numbers, the pixel filter, camera rays;
 //! - [`fresnel`], [`ggx`], [`albedo`], [`material`], [`bsdf`]: what surfaces do with light;
 //! - [`light_shapes`], [`lights`]: where light comes from;
 //! - [`attributes`]: what triangles carry, of a flattened scene or of instances;
-//! - [`scene`], [`features`], [`surface`]: the scene, what it needs, a point of it;
-//! - [`settings`], [`film`], [`integrator`], [`job`]: the render itself.
+//! - [`scene`], [`indices`], [`features`], [`surface`]: the scene, what it needs, a point of it;
+//! - [`settings`], [`film`], [`adaptive`], [`integrator`], [`job`]: the render itself.
 //!
 //! The image is a pure function of scene, camera and settings: every random number is a hash of
 //! (pixel, seed, dimension, sample), a pixel's samples are added in order, and structures answer
 //! alike bit for bit. So neither the structure nor the number of threads changes any pixel.
 
+pub mod adaptive;
 pub mod albedo;
 pub mod attributes;
 pub mod bsdf;
@@ -25,8 +26,10 @@ pub mod film;
 pub mod filter;
 pub mod fresnel;
 pub mod ggx;
+pub mod indices;
 pub mod integrator;
 pub mod job;
+pub mod lens;
 pub mod light_shapes;
 pub mod lights;
 pub mod material;

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use super::attributes::{Attributes, InstanceAttributes, MeshAttributes};
 use super::check::{Result, finite, within};
 use super::features::Features;
+use super::indices::Indices;
 use super::lights::{LightParams, Lights};
 use super::material::{Material, MaterialParams};
 use super::vector::Vec3;
@@ -22,6 +23,7 @@ pub struct RenderScene {
     pub(super) materials: Vec<Material>,
     pub(super) lights: Lights,
     pub(super) world: Vec3,
+    pub(super) indices: Indices,
     features: Features,
 }
 
@@ -40,6 +42,8 @@ pub struct SceneParams {
     pub lights: Vec<LightParams>,
     /// Background radiance.
     pub world: [f32; 3],
+    /// Numbers of objects and materials.
+    pub indices: Indices,
 }
 
 impl RenderScene {
@@ -72,6 +76,7 @@ impl RenderScene {
                 Attributes::flattened(mesh, tracer.count(), materials.len())?
             }
         };
+        params.indices.check(tracer.count())?;
         let lights = Lights::new(&params.lights)?;
         let mut used = vec![false; materials.len()];
         let live = tracer
@@ -90,6 +95,7 @@ impl RenderScene {
             materials,
             lights,
             world: Vec3::from(params.world),
+            indices: params.indices,
             features,
         })
     }

@@ -12,27 +12,45 @@ pub enum Pass {
     Combined,
     /// Depth along the view axis of the first sample, 1e10 where it saw nothing.
     Depth,
+    /// How far the first surface is, 0 near and 1 far or none, mean per sample.
+    Mist,
     /// Mean shading normal of the first surface, scene frame.
     Normal,
     /// Position of the first surface, of the first sample, scene frame.
     Position,
+    /// UV of the first surface and a third channel that is 1 where there is one; mean per sample.
+    Uv,
+    /// Number that the first surface's object carries, of the first sample.
+    ObjectIndex,
+    /// Number that the first surface's material carries, of the first sample.
+    MaterialIndex,
+    /// How much of white light the first surface sends on, mean per sample; for denoisers.
+    Albedo,
     /// Inner nodes visited by camera rays, mean per sample.
     TraversalSteps,
     /// Triangles tested by camera rays, mean per sample.
     TriangleTests,
+    /// Depth of the last leaf that camera rays tested, mean per sample.
+    LeafDepth,
     /// Samples so far.
     SampleCount,
 }
 
 impl Pass {
     /// All passes.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 13] = [
         Self::Combined,
         Self::Depth,
+        Self::Mist,
         Self::Normal,
         Self::Position,
+        Self::Uv,
+        Self::ObjectIndex,
+        Self::MaterialIndex,
+        Self::Albedo,
         Self::TraversalSteps,
         Self::TriangleTests,
+        Self::LeafDepth,
         Self::SampleCount,
     ];
 
@@ -41,10 +59,16 @@ impl Pass {
         match self {
             Self::Combined => "Combined",
             Self::Depth => "Depth",
+            Self::Mist => "Mist",
             Self::Normal => "Normal",
             Self::Position => "Position",
+            Self::Uv => "UV",
+            Self::ObjectIndex => "Object Index",
+            Self::MaterialIndex => "Material Index",
+            Self::Albedo => "Denoising Albedo",
             Self::TraversalSteps => "Traversal Steps",
             Self::TriangleTests => "Triangle Tests",
+            Self::LeafDepth => "Leaf Depth",
             Self::SampleCount => "Sample Count",
         }
     }
@@ -53,7 +77,7 @@ impl Pass {
     pub fn channels(self) -> usize {
         match self {
             Self::Combined => 4,
-            Self::Normal | Self::Position => 3,
+            Self::Normal | Self::Position | Self::Uv | Self::Albedo => 3,
             _ => 1,
         }
     }
@@ -72,6 +96,51 @@ impl Pass {
                     "settings['passes']: no pass is called '{name}'; known: {known}"
                 ))
             })
+    }
+}
+
+/// How the mist pass grows from 0 at `start` to 1 at `start + depth`, as in Blender.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Mist {
+    /// Distance from the camera where it begins.
+    pub start: f32,
+    /// How far from there to full mist.
+    pub depth: f32,
+    /// How it grows between.
+    pub falloff: Falloff,
+}
+
+/// The growth of mist.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Falloff {
+    /// With the square.
+    Quadratic,
+    /// Evenly.
+    Linear,
+    /// With the root.
+    InverseQuadratic,
+}
+
+impl Default for Mist {
+    fn default() -> Self {
+        Self {
+            start: 5.0,
+            depth: 25.0,
+            falloff: Falloff::Quadratic,
+        }
+    }
+}
+
+impl Mist {
+    /// The mist at this distance.
+    #[inline]
+    pub fn at(&self, distance: f32) -> f32 {
+        let x = ((distance - self.start) / self.depth.max(1e-30)).clamp(0.0, 1.0);
+        match self.falloff {
+            Falloff::Quadratic => x * x,
+            Falloff::Linear => x,
+            Falloff::InverseQuadratic => x.sqrt(),
+        }
     }
 }
 
@@ -97,6 +166,15 @@ pub struct Settings {
     pub film_transparent: bool,
     /// Passes to fill.
     pub passes: Vec<Pass>,
+    /// Error at which a block of pixels gets no more samples, see [`super::adaptive`]; 0 = all get all.
+    pub noise_threshold: f32,
+    /// Samples that every pixel gets before that; 0 = as many as suit the threshold.
+    pub min_samples: u32,
+    /// Seconds after which no more samples begin, once every pixel has one; 0 = no limit. The only setting that
+    /// lets the image depend on the machine.
+    pub time_limit: f32,
+    /// Of the mist pass.
+    pub mist: Mist,
     /// Samples between two updates; `None` = 1, 1, 2, 4, then 8 at a time.
     pub step_samples: Option<u32>,
     /// Pixel filter.
@@ -117,6 +195,10 @@ impl Default for Settings {
             seed: 0,
             film_transparent: false,
             passes: vec![Pass::Combined],
+            noise_threshold: 0.0,
+            min_samples: 0,
+            time_limit: 0.0,
+            mist: Mist::default(),
             step_samples: None,
             filter: FilterKind::BlackmanHarris,
             filter_width: 1.5,
@@ -136,6 +218,9 @@ impl Settings {
         value
     }
 }
+
+/// Noise is looked at after each so many samples.
+pub const CHECK_SAMPLES: u32 = 16;
 
 /// Most pixels of a film; what is beyond is a slip of the keyboard.
 const MOST_PIXELS: u64 = 1 << 30;
@@ -172,6 +257,17 @@ impl Settings {
                 "settings['clamp_indirect'] must be at least 0, got {got}"
             ));
         }
+        for (key, value) in [
+            ("noise_threshold", self.noise_threshold),
+            ("time_limit", self.time_limit),
+        ] {
+            if value.is_nan() || value < 0.0 {
+                return spec(format!("settings['{key}'] must be at least 0, got {value}"));
+            }
+        }
+        if self.mist.start.is_nan() || self.mist.depth.is_nan() {
+            return spec("settings['mist'] must be numbers".into());
+        }
         if self.step_samples == Some(0) {
             return spec("settings['step_samples'] must be at least 1, got 0".into());
         }
@@ -201,7 +297,13 @@ impl Settings {
             4..8 => 4,
             _ => 8,
         });
-        step.min(self.samples - done)
+        // Whether to go on is decided after the same samples, however they are cut into steps.
+        let check = if self.noise_threshold > 0.0 {
+            CHECK_SAMPLES - done % CHECK_SAMPLES
+        } else {
+            step
+        };
+        step.min(check).min(self.samples - done)
     }
 }
 

@@ -250,6 +250,7 @@ fn from_above(h: f64) -> CameraParams {
         window: [-h, h, -h, h],
         clip_start: 0.1,
         clip_end: 100.0,
+        ..Default::default()
     }
 }
 

@@ -119,6 +119,12 @@ pub trait Tracer: Sync {
         let _ = order;
         self.closest(rays, hits, counters);
     }
+    /// The depth of the last leaf that the walk of each ray to its nearest hit tests, for showing; 0
+    /// where there is none, or where depths are not known.
+    fn leaf_depths(&self, rays: &[Ray], depths: &mut [u32]) {
+        let _ = rays;
+        depths.fill(0);
+    }
     /// Whether each ray meets anything at all, on the calling thread.
     fn occluded(&self, rays: &[Ray], occluded: &mut [bool], counters: Option<&mut [RayCounters]>);
 }

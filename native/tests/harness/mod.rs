@@ -8,11 +8,13 @@ use halfspace_native::oracle::exact_closest;
 use halfspace_native::registry::{Kind, TREES};
 use halfspace_native::render::camera::{CameraParams, Projection};
 use halfspace_native::render::filter::FilterKind;
+use halfspace_native::render::indices::Indices;
 use halfspace_native::render::job::Job;
+use halfspace_native::render::lens::LensParams;
 use halfspace_native::render::lights::{AreaShape, LightKind, LightParams};
 use halfspace_native::render::material::MaterialParams;
 use halfspace_native::render::scene::{RenderScene, SceneParams};
-use halfspace_native::render::settings::{Pass, Settings};
+use halfspace_native::render::settings::{Falloff, Mist, Pass, Settings};
 use halfspace_native::scene::Triangles;
 use halfspace_native::spec::Config;
 use halfspace_native::structure::Structure;
@@ -256,6 +258,12 @@ pub fn render(bytes: &[u8]) {
         }),
         lights: (0..bytes.byte() % 3).map(|_| light(&mut bytes)).collect(),
         world: bytes.numbers(),
+        indices: Indices {
+            first: (0..bytes.byte() % 3).map(|_| bytes.word() % 8).collect(),
+            object: (0..bytes.byte() % 3).map(|_| bytes.number()).collect(),
+            material: (0..bytes.byte() % 3).map(|_| bytes.number()).collect(),
+            uvs: Vec::new(),
+        },
     };
     let structure = built(&scene, Config::parse("kd").expect("the kd-tree is there"));
     let Ok(scene) = RenderScene::new(Arc::new(structure), params) else {
@@ -271,17 +279,32 @@ pub fn render(bytes: &[u8]) {
         window: bytes.numbers().map(f64::from),
         clip_start: f64::from(bytes.number()),
         clip_end: f64::from(bytes.number()),
+        lens: LensParams {
+            radius: f64::from(bytes.number()),
+            blades: u32::from(bytes.byte()),
+            rotation: f64::from(bytes.number()),
+            ratio: f64::from(bytes.number()),
+            focus: f64::from(bytes.number()),
+        },
     };
     let settings = Settings {
         width: u32::from(bytes.byte() % 16),
         height: u32::from(bytes.byte() % 16),
         border: (bytes.byte() % 4 == 0).then(|| [0; 4].map(|_: u8| u32::from(bytes.byte() % 20))),
         samples: u32::from(bytes.byte() % 4),
+        noise_threshold: bytes.number(),
+        min_samples: u32::from(bytes.byte() % 4),
+        time_limit: bytes.number(),
+        mist: Mist {
+            start: bytes.number(),
+            depth: bytes.number(),
+            falloff: Falloff::InverseQuadratic,
+        },
         max_bounces: u32::from(bytes.byte() % 5),
         clamp_indirect: bytes.number(),
         seed: bytes.word(),
         film_transparent: bytes.byte().is_multiple_of(2),
-        passes: vec![Pass::Combined, Pass::Depth, Pass::Normal, Pass::Position],
+        passes: Pass::ALL.to_vec(),
         step_samples: (bytes.byte().is_multiple_of(2)).then(|| u32::from(bytes.byte() % 3)),
         filter: if bytes.byte().is_multiple_of(2) {
             FilterKind::Box

@@ -1,0 +1,36 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Rendered pictures as arrays."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import bpy
+import numpy as np
+import OpenImageIO
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+def exr(scene: Any, path: Path, *, layers: bool = False) -> dict[str, np.ndarray[Any, Any]]:
+    """Render to a multilayer EXR; every channel as (h, w), rows from the bottom, by its name.
+
+    layers: whether the names begin with that of the view layer.
+    """
+    image = scene.render.image_settings
+    if hasattr(image, "media_type"):
+        image.media_type = "MULTI_LAYER_IMAGE"
+    image.file_format, image.color_depth = "OPEN_EXR_MULTILAYER", "32"
+    scene.render.filepath = str(path)
+    bpy.ops.render.render(write_still=True)
+    channels = {}
+    part = 0
+    file = OpenImageIO.ImageInput.open(scene.render.filepath)
+    while file.seek_subimage(part, 0):
+        pixels = file.read_image(part, 0, 0, file.spec().nchannels, "float")
+        for i, name in enumerate(file.spec().channelnames):
+            channels[name if layers else name.split(".", 1)[-1]] = np.flipud(pixels[..., i])
+        part += 1
+    file.close()
+    return channels
