@@ -131,6 +131,7 @@ def test_what_is_out_of_focus_is_blurred_as_in_cycles(add: Any, scene: Any, tmp_
     if name == "parallel":
         data.type, data.ortho_scale = "ORTHO", 3.0
         data.dof.focus_object = add("Focus", None, location=(5, -2, 3))
+        data.dof.focus_distance = 4.0  # which does not count then
     scene.world = None
     ours, theirs = both(scene, tmp_path, 512)
     ours, theirs = (coarse(picture["Combined.R"]) for picture in (ours, theirs))

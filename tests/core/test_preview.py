@@ -144,15 +144,23 @@ def test_a_moved_view_stops_the_fine_picture_and_starts_coarse() -> None:
 
 
 def test_a_coarse_picture_is_shown_though_the_view_moves_on() -> None:
-    native = FakeNative(render_seconds=0.02)
+    native = FakeNative()
     seen = Preview(native, Stock())
     seen.edit(scene_of(), "kd", None, SETTINGS)
-    shown = 0
-    for step in range(100):
-        seen.look(view_from(step))
-        shown += seen.advance()
-        time.sleep(0.005)
-    assert shown > 3
+    seen.look(view_from(5))
+    end = time.monotonic() + LONG
+    native.render_seconds = math.inf
+    while not native.jobs:
+        assert time.monotonic() < end
+        seen.advance()
+        time.sleep(0.001)
+    seen.look(view_from(6))
+    assert not seen.advance()
+    first = native.jobs[0]
+    assert not first.cancelled
+    first._end = 0.0
+    assert seen.advance()
+    assert len(native.jobs) == 2, "the view of now is begun at once"
 
 
 def test_views_of_the_same_triangles_share_a_structure() -> None:
