@@ -74,8 +74,8 @@ def faithful() -> str:
 
 PRESETS: dict[str, dict[str, str]] = {
     "yardstick": {
-        "scenes": "sponza-dabrovic,conference,killeroo-feet,stanford-dragon,country-kitchen",
-        "structures": "kd",
+        "scenes": "sponza-dabrovic,conference,country-kitchen,stanford-dragon,stanford-bunny",
+        "structures": "kd:traversal=auto|dir,bsp-wn-plus-kd:traversal=auto|dir,bvh-sah:traversal=tile8",
         "rays": "primary,shadow,diffuse,shuffled",
     },
     "thesis": {**OF_THE_THESIS, "structures": f"kd-sah:traversal=dir,{faithful()}"},

@@ -200,24 +200,39 @@ pub mod params {
     pub const TRAVERSAL_AXIS: ParamSpec = ParamSpec {
         name: "traversal",
         label: "Traversal",
-        doc: "How rays walk the tree: by entry and exit points (TA-B, Havran et al. 1997); by plane \
-              distances in the order of the direction (dir); or by the side of the origin and distances, \
-              as TA-A, as Sung and Shirley 1992, as Arvo 1988. tile8, tile16: as dir, but camera rays go in tiles of 64 \
-              or 256. The answer is the same",
+        doc: "How rays walk the tree. auto: whatever is quickest for a batch: tile8 for camera rays, dir for \
+              shadow rays, wide for others; counters tell what dir does. dir: one by one, by plane distances in the order of the \
+              direction; ta-b: by entry and exit points (Havran et al. 1997); ta-a, sung, arvo: by the side of the \
+              origin and distances, as TA-A, as Sung and Shirley 1992, as Arvo 1988. wide: three levels at a time, \
+              several rays in turn. tile8, tile16: as dir, but camera rays go in tiles of 64 or 256. The answer \
+              is the same",
         unit: "",
-        kind: Kind::Choice(&["ta-b", "dir", "tile8", "tile16", "ta-a", "sung", "arvo"]),
-        default: Default::Choice("ta-b"),
+        kind: Kind::Choice(&[
+            "auto", "dir", "wide", "tile8", "tile16", "ta-b", "ta-a", "sung", "arvo",
+        ]),
+        default: Default::Choice("auto"),
+    };
+
+    /// The same, by single rays where nothing is said: for a tree that others are measured against.
+    pub const TRAVERSAL_BASELINE: ParamSpec = ParamSpec {
+        kind: Kind::Choice(&[
+            "dir", "auto", "wide", "tile8", "tile16", "ta-b", "ta-a", "sung", "arvo",
+        ]),
+        default: Default::Choice("dir"),
+        ..TRAVERSAL_AXIS
     };
 
     /// Walks of trees with oblique planes.
     pub const TRAVERSAL_ANY: ParamSpec = ParamSpec {
         name: "traversal",
         label: "Traversal",
-        doc: "How rays walk the tree: one by one, by plane distances in the order of the direction, or camera \
-              rays in tiles of 64 or 256. The answer is the same",
+        doc: "How rays walk the tree. auto: whatever is quickest for a batch: tile8 for camera rays, dir for \
+              shadow rays, wide for others; counters tell what dir does. dir: one by one, by plane distances in the order of the \
+              direction. wide: three levels at a time, several rays in turn. tile8, tile16: as dir, but camera \
+              rays go in tiles of 64 or 256. The answer is the same",
         unit: "",
-        kind: Kind::Choice(&["dir", "tile8", "tile16"]),
-        default: Default::Choice("dir"),
+        kind: Kind::Choice(&["auto", "dir", "wide", "tile8", "tile16"]),
+        default: Default::Choice("auto"),
     };
 
     /// Walks of axis-aligned trees that are there to be compared with.

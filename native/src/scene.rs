@@ -2,7 +2,7 @@
 //! The triangles that every structure indexes. Arrays; knows no structure.
 
 use crate::error::{Error, Result};
-use crate::geom::vec3::widen;
+use crate::geom::vec3::{map, widen};
 use crate::geom::{Aabb, exact};
 
 /// An indexed triangle soup. A triangle's number is its place in the input, whatever was dropped.
@@ -90,7 +90,7 @@ impl Triangles {
     /// The three corners of triangle `id`.
     #[inline(always)]
     pub fn corners(&self, id: u32) -> [[f32; 3]; 3] {
-        self.indices[id as usize].map(|v| self.vertices[v as usize])
+        map(self.indices[id as usize], |v| self.vertices[v as usize])
     }
 }
 

@@ -192,7 +192,7 @@ mod tests {
             ("kd:step_cost=nan", "step_cost=nan is not a number"),
             (
                 "kd:traversal=fast",
-                "traversal=fast is not one of ta-b, dir",
+                "traversal=fast is not one of auto, dir",
             ),
             ("kd:max_depth", "'max_depth' in 'kd' should read key=value"),
             ("", "unknown structure ''"),

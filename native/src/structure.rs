@@ -17,10 +17,12 @@ use crate::traverse::objects::Objects;
 use crate::traverse::path::Path;
 use crate::traverse::query::{Any, Closest, Query};
 use crate::traverse::replay::{Record, Recording};
+use crate::traverse::stream::Alone;
+use crate::traverse::wide_tree::WideTree;
 use crate::traverse::{Hit, Ray, RayCounters, Tracer, plane_dir, plane_ta_b, plane_ta_b_1997};
 use crate::traverse::{
     Order, octree_beam, octree_glassner, octree_net, octree_param, octree_samet, octree_step,
-    plane_arvo, plane_sung, plane_ta_a, plane_tile,
+    plane_arvo, plane_sung, plane_ta_a, plane_tile, plane_wide,
 };
 use fearless_simd::Level;
 use std::marker::PhantomData;
@@ -71,23 +73,30 @@ pub enum PlaneWalk {
     Arvo1988,
 }
 
-/// How camera rays that come in tiles are walked.
+/// How batches of rays are walked.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Tiles {
+enum Batches {
     /// As the layout walks single rays, or its own tiles.
     Own,
-    /// In tiles of 8 x 8.
+    /// Camera rays in tiles of 8 x 8.
     Eight,
     /// Four such tiles at once.
     Sixteen,
+    /// Several rays in flight through wide nodes.
+    Wide,
+    /// Camera rays in tiles, other rays to the nearest hit in flight; shadow rays, and rays that are counted, as the
+    /// layout walks single rays.
+    Auto,
 }
 
-impl Tiles {
+impl Batches {
     fn new(config: &Config) -> Self {
         let chosen = config.values().find(|(name, _)| *name == "traversal");
         match chosen {
             Some((_, Value::Choice("tile8"))) => Self::Eight,
             Some((_, Value::Choice("tile16"))) => Self::Sixteen,
+            Some((_, Value::Choice("wide"))) => Self::Wide,
+            Some((_, Value::Choice("auto"))) => Self::Auto,
             _ => Self::Own,
         }
     }
@@ -98,8 +107,10 @@ impl Tiles {
 pub struct Structure {
     scene: Arc<Triangles>,
     config: Config,
-    tiles: Tiles,
+    batches: Batches,
     built: Built,
+    /// The tree of planes once more, for walks through wide nodes.
+    wide: Option<WideTree>,
     build_seconds: f64,
     /// Gathered when somebody asks.
     leaf_depths: OnceLock<LeafDepths>,
@@ -126,12 +137,22 @@ impl Structure {
             .map_err(|e| Error::Memory(format!("threads: {e}")))?;
         let start = Instant::now();
         let built = pool.install(|| (config.structure().build)(&scene, &config, monitor))?;
+        let batches = Batches::new(&config);
+        let wide = match (&built.layout, batches) {
+            (Layout::Plane(tree, _), Batches::Wide | Batches::Auto) => {
+                let wide = WideTree::new(tree);
+                monitor.take(wide.bytes())?;
+                Some(wide)
+            }
+            _ => None,
+        };
         let build_seconds = start.elapsed().as_secs_f64();
         Ok(Self {
             scene,
-            tiles: Tiles::new(&config),
+            batches,
             config,
             built,
+            wide,
             build_seconds,
             leaf_depths: OnceLock::new(),
             outline: OnceLock::new(),
@@ -188,7 +209,7 @@ impl Structure {
             | Layout::OctreeSamet(tree)
             | Layout::OctreeGlassner(tree) => tree.bytes(),
         };
-        nodes + self.built.blocks.bytes()
+        nodes + self.wide.as_ref().map_or(0, WideTree::bytes) + self.built.blocks.bytes()
     }
 
     fn batch<'a>(&'a self, level: Level, rays: &'a [Ray]) -> Batch<'a> {
@@ -271,6 +292,11 @@ impl Structure {
         if Q::ANY && self.config.choice("shadow") == "beam" {
             return self.shadow_beams(&job, write, counters);
         }
+        // Shadow rays of neighbours go the same way, for which single rays are quicker.
+        let streams = self.batches == Batches::Wide || !Q::ANY;
+        if let (Some(wide), None, true) = (&self.wide, &counters, streams) {
+            return job.stream::<_, Q>(&plane_wide::Walk(wide), write);
+        }
         self.walk::<Q>(&job, &mut write, counters);
     }
 
@@ -279,6 +305,9 @@ impl Structure {
     /// # Panics
     /// For brute force, which walks nothing.
     fn with_walk<F: WithWalk>(&self, then: F) -> F::Output {
+        if let (Batches::Wide, Some(wide)) = (self.batches, &self.wide) {
+            return then.with(&Alone(&plane_wide::Walk(wide)));
+        }
         match &self.built.layout {
             Layout::Brute => unreachable!("brute force has no tree to walk"),
             Layout::Plane(tree, walk) => match walk {
@@ -461,20 +490,23 @@ impl Tracer for AtLevel<'_> {
         if order != Order::Tiles {
             return self.closest(rays, hits, counters);
         }
-        match (&self.structure.built.layout, self.structure.tiles) {
+        match (&self.structure.built.layout, self.structure.batches) {
             (Layout::OctreeBeam(tree, least), _) => {
                 job.tiles(&octree_beam::Walk(tree, *least), write, counters);
             }
-            (Layout::Plane(tree, _), Tiles::Eight) => {
+            (Layout::Plane(tree, _), Batches::Eight) => {
                 job.tiles(&plane_tile::Walk::<4>(tree), write, counters);
             }
-            (Layout::Plane(tree, _), Tiles::Sixteen) => {
+            (Layout::Plane(tree, _), Batches::Auto) if counters.is_none() => {
+                job.tiles(&plane_tile::Walk::<4>(tree), write, counters);
+            }
+            (Layout::Plane(tree, _), Batches::Sixteen) => {
                 job.tiles(&plane_tile::Walk::<16>(tree), write, counters);
             }
-            (Layout::Objects(Objects::Boxes8(tree)), Tiles::Eight) => {
+            (Layout::Objects(Objects::Boxes8(tree)), Batches::Eight) => {
                 job.tiles(&box_tile::Walk::<8, 4>(tree), write, counters);
             }
-            (Layout::Objects(Objects::Boxes8(tree)), Tiles::Sixteen) => {
+            (Layout::Objects(Objects::Boxes8(tree)), Batches::Sixteen) => {
                 job.tiles(&box_tile::Walk::<8, 16>(tree), write, counters);
             }
             _ => self.closest(rays, hits, counters),

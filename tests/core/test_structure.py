@@ -81,7 +81,7 @@ def test_threads_and_counting_change_nothing(spec: str) -> None:
 
 @pytest.mark.parametrize("robust", ["widen", "none"])
 def test_ta_b_counts_its_cases(robust: str) -> None:
-    tree = native.build(*soup(300), f"kd:robust={robust}")
+    tree = native.build(*soup(300), f"kd:traversal=ta-b,robust={robust}")
     found = tree.closest(*random_rays(10_000), counters=True).counters
     cases = {name: count for name, count in found.items() if name.startswith("case_")}
     assert len(cases) == 13

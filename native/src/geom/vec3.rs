@@ -4,6 +4,13 @@
 /// A point or a direction.
 pub type Vec3 = [f64; 3];
 
+/// `f` of each of three. Within code for a larger instruction set than the crate's own, `array::map` stays
+/// a call.
+#[inline(always)]
+pub fn map<T: Copy, U>(a: [T; 3], f: impl Fn(T) -> U) -> [U; 3] {
+    [f(a[0]), f(a[1]), f(a[2])]
+}
+
 /// Widens a stored point; exact.
 #[inline(always)]
 pub fn widen(a: [f32; 3]) -> Vec3 {

@@ -11,7 +11,7 @@
 //! are in the manner of Shewchuk 1997, section 4.3, coarser and cheaper.
 
 use super::exact::{edge_signs, from_origin, intersect};
-use super::vec3::{Vec3, cross, dot, widen};
+use super::vec3::{Vec3, cross, dot, map, widen};
 
 /// A 3x3 determinant whose rows are differences rounded once takes 8 more roundings than its exact
 /// value (three differences, two products, three sums), each of half an epsilon; each of its six
@@ -118,8 +118,8 @@ pub fn verdict_within(
     v: [[f32; 3]; 3],
     span: [f32; 2],
 ) -> Option<Verdict> {
-    let (o64, d64, v64) = (widen(o), widen(d), v.map(widen));
-    let [a, b, c] = from_origin(o64, v64).map(Sized::new);
+    let (o64, d64, v64) = (widen(o), widen(d), map(v, widen));
+    let [a, b, c] = map(from_origin(o64, v64), Sized::new);
     let direction = Sized::new(d64);
     let mut w = [
         determinant(direction, b, c),

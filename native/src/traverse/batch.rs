@@ -109,7 +109,7 @@ pub type Write<'a> = &'a mut dyn FnMut(usize, Hit);
 impl Batch<'_> {
     /// A ray in the frame of the structure.
     #[inline(always)]
-    fn framed(&self, i: usize) -> Option<FrameRay> {
+    pub(super) fn framed(&self, i: usize) -> Option<FrameRay> {
         match self.placed {
             None => self.frame.ray(&self.rays[i]),
             Some(placed) => Some(placed[i]),
@@ -264,13 +264,13 @@ impl Batch<'_> {
     }
 
     /// An empty shadow cache, where one is wanted.
-    fn cache<Q: Query>(&self) -> Option<ShadowCache> {
+    pub(super) fn cache<Q: Query>(&self) -> Option<ShadowCache> {
         (Q::ANY && self.shadow_cache).then(|| ShadowCache::new(self.scene.bounds()))
     }
 
     /// The hit with the triangle that blocked this ray's light last, if that blocks it again.
     #[inline(always)]
-    fn cached<C: Counters>(
+    pub(super) fn cached<C: Counters>(
         &self,
         cache: &Option<ShadowCache>,
         ray: (&Ray, &FrameRay),

@@ -12,6 +12,7 @@ use super::frame::{Frame, FrameRay, U, keep_max, keep_min};
 use super::keep::{Keep, write_lane};
 use super::query::{Best, Counters, Query};
 use super::ray::Ray;
+use crate::geom::vec3::map;
 use crate::scene::Triangles;
 use fearless_simd::{Simd, SimdBase, SimdFloat, SimdMask, f32x8};
 
@@ -108,6 +109,14 @@ impl Blocks {
     /// Size in bytes.
     pub fn bytes(&self) -> usize {
         self.words.len() * size_of::<f32>()
+    }
+
+    /// Reads a little of a leaf that begins at `first`, all over its first block, so that it comes into the
+    /// caches; the number means nothing.
+    #[inline(always)]
+    pub fn touch(&self, first: u32) -> f32 {
+        let block = self.block_words(first as usize);
+        (block[0] + block[16]) + (block[32] + block[48]) + (block[64] + block[80])
     }
 
     /// The triangle numbers of the leaf of `count` triangles that begins at `first`.
@@ -251,7 +260,12 @@ impl Blocks {
                     if self.scaled() {
                         return scene.corners(id);
                     }
-                    [0, 3, 6].map(|r| [r, r + 1, r + 2].map(|r| block[1 + r * n + lane]))
+                    let at = |r: usize| block[1 + r * n + lane];
+                    [
+                        [at(0), at(1), at(2)],
+                        [at(3), at(4), at(5)],
+                        [at(6), at(7), at(8)],
+                    ]
                 };
                 if best.offer::<Q, C>((ray, frame), id, corners, counters) {
                     return true;
@@ -272,9 +286,9 @@ impl Blocks {
         let mut size = 0.0;
         for lane in 0..n.min(LANES) {
             let triangle = &words[4 * lane..4 * lane + 4];
-            let corners = [0, 1, 2].map(|i| {
+            let corners = map([0, 1, 2], |i| {
                 let p = vertices[triangle[i].to_bits() as usize];
-                p.map(|x| x * self.scale)
+                map(p, |x| x * self.scale)
             });
             let own = write_lane(block, (lane, n), triangle[3].to_bits(), corners);
             size = keep_max(own, size);
@@ -299,7 +313,7 @@ impl<S: Simd> Candidates<S> {
         let splat = |x: f32| f32x8::splat(simd, x);
         let row = |r: usize| f32x8::from_slice(simd, &block[1 + r * n..1 + r * n + LANES]);
         let size = block[0];
-        let [dx, dy, dz] = ray.d.map(splat);
+        let (dx, dy, dz) = (splat(ray.d[0]), splat(ray.d[1]), splat(ray.d[2]));
         let s = [
             splat(ray.o[0]) - row(0),
             splat(ray.o[1]) - row(1),

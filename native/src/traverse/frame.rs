@@ -10,7 +10,7 @@ use super::place::{InMesh, Place};
 use super::ray::{Hit, Ray};
 use crate::geom::Aabb;
 use crate::geom::transform;
-use crate::geom::vec3::{Vec3, dot, widen};
+use crate::geom::vec3::{Vec3, dot, map, widen};
 
 /// Unit roundoff of f32.
 pub const U: f32 = 1.0 / 16_777_216.0;
@@ -101,7 +101,7 @@ impl Frame {
     /// [`FrameRay::oblique_pad`] for all rays from there, in a frame that [`Self::is_scene`].
     pub fn pads(&self, o: [f32; 3]) -> ([f32; 3], f32) {
         let far = o[0].abs().max(o[1].abs()).max(o[2].abs());
-        let pad = o.map(|x| self.robust * 8.0 * U * (x.abs() + self.magnitude));
+        let pad = map(o, |x| self.robust * 8.0 * U * (x.abs() + self.magnitude));
         (pad, self.robust * 28.0 * U * (far + self.magnitude))
     }
 
@@ -153,9 +153,9 @@ impl Frame {
         // The reciprocal of a power of two is one, unless it overflows.
         let d = if unit > f32::MIN_POSITIVE {
             let inverse = 1.0 / unit;
-            ray.d.map(|x| x * inverse)
+            map(ray.d, |x| x * inverse)
         } else {
-            ray.d.map(|x| x / unit)
+            map(ray.d, |x| x / unit)
         };
         let mut out = FrameRay {
             o: self.point(ray.o),
@@ -164,7 +164,7 @@ impl Frame {
             ..FrameRay::NOTHING
         };
         if self.is_scene() {
-            out.still = ray.d.map(|d| f32::from(u8::from(d != 0.0)));
+            out.still = map(ray.d, |d| f32::from(u8::from(d != 0.0)));
         }
         self.complete(ray, out, [0.0; 3])
     }
@@ -187,8 +187,8 @@ impl Frame {
         if unit == 0.0 {
             return Placed::Blind;
         }
-        let d = d.map(|x| x / unit);
-        let d_error = d_error.map(|x| x / unit);
+        let d = map(d, |x| x / unit);
+        let d_error = map(d_error, |x| x / unit);
 
         // An origin far away is brought to where the ray comes near: what f32 rounds is then small.
         let bounds = self.bounds;
@@ -196,7 +196,7 @@ impl Frame {
         let middle = |k: usize| 0.5 * (end(k).0 + end(k).1);
         let half = |k: usize| 0.5 * (end(k).1 - end(k).0);
         let size = |v: Vec3| dot(v, v).sqrt();
-        let way = [0, 1, 2].map(|k| middle(k) - o[k] * scale);
+        let way = map([0, 1, 2], |k: usize| middle(k) - o[k] * scale);
         let ahead = dot(way, d) / dot(d, d) - 1.25 * size([half(0), half(1), half(2)]) / size(d);
         let shift = if ahead > 0.0 { ahead } else { 0.0 };
 

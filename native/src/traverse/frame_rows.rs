@@ -5,6 +5,7 @@
 use super::bundle::{LANES, RAYS, Row, Rows, all, load};
 use super::frame::{Frame, PARALLEL_PAD, U};
 use super::ray::Ray;
+use crate::geom::vec3::map;
 use fearless_simd::{Select, Simd, SimdBase, SimdFloat, SimdMask, f32x8};
 
 /// Up to 64 rays in the frame.
@@ -65,7 +66,7 @@ impl FrameRows {
         while odd != 0 {
             let i = odd.trailing_zeros() as usize;
             odd &= odd - 1;
-            self.negative = self.negative.map(|bits| bits & !(1 << i));
+            self.negative = map(self.negative, |bits| bits & !(1 << i));
             let Some(ray) = frame.ray(&rays[i]) else {
                 continue;
             };

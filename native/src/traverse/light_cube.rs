@@ -5,6 +5,7 @@
 use super::ray::Ray;
 use super::shadow_cache::ShadowCache;
 use crate::geom::Aabb;
+use crate::geom::vec3::map;
 
 /// Bits of a place on a face, per direction.
 const PLACE_BITS: u32 = 10;
@@ -40,7 +41,7 @@ fn face(ray: &Ray) -> u64 {
 }
 
 fn dominant(d: [f32; 3]) -> usize {
-    let size = d.map(f32::abs);
+    let size = map(d, f32::abs);
     if size[0] >= size[1] && size[0] >= size[2] {
         0
     } else if size[1] >= size[2] {

@@ -37,6 +37,7 @@ pub mod plane_ta_a;
 pub mod plane_ta_b;
 pub mod plane_ta_b_1997;
 pub mod plane_tile;
+pub mod plane_wide;
 pub mod query;
 pub mod ray;
 pub mod replay;
@@ -47,8 +48,10 @@ pub mod slab_boxes;
 pub mod slab_node;
 pub mod slab_tree;
 pub mod slab_wide;
+pub mod stream;
 pub mod tile;
 pub mod tile_leaf;
+pub mod wide_tree;
 
 pub use ray::Order;
 pub use ray::{Hit, Ray, RayCounters, Tracer};

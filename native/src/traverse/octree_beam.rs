@@ -21,6 +21,7 @@ use super::octree_step::{self, Grid};
 use super::query::{Best, Closest, Counters};
 use super::ray::{Hit, Ray};
 use crate::build::octree_nodes::{Node, OUTSIDE, Octree};
+use crate::geom::vec3::map;
 use crate::scene::Triangles;
 use fearless_simd::{Select, Simd, SimdBase, SimdFloat, SimdMask, f32x8, mask32x8};
 
@@ -179,7 +180,7 @@ impl Walk<'_> {
                     let ray = (&rays[i], &framed, grid);
                     let best = &mut beam.best[i];
                     best.reach = keep_min(best.reach, beam.rows.reach[i]);
-                    let at = std::array::from_fn(|k| whole(beam.at[k][i]));
+                    let at = map([0, 1, 2], |k: usize| whole(beam.at[k][i]));
                     let leaf = grid.descend(tree, index, at, &mut counters[i]);
                     octree_step::go_on::<S, Closest, C, Links>(
                         simd,
@@ -196,19 +197,19 @@ impl Walk<'_> {
             // One step of a beam is charged to its first ray.
             let node = tree.node(index);
             let edge = grid.edge(node);
-            let low: [u32; 3] = std::array::from_fn(|k| whole(beam.at[k][first]) & !(edge - 1));
+            let low: [u32; 3] = map([0, 1, 2], |k: usize| whole(beam.at[k][first]) & !(edge - 1));
             if node.is_inner() {
                 counters[first].step_axis();
                 part(
                     simd,
                     (node, grid.signs),
-                    low.map(|x| x + edge / 2),
+                    map(low, |x| x + edge / 2),
                     (beam, mask),
                     waiting,
                 );
                 continue;
             }
-            let next = low.map(|x| x + edge);
+            let next = map(low, |x| x + edge);
             let by_axis = leave(simd, (grid, next), shared, (beam, mask));
             let (block, count) = node.blocks();
             counters[first].leaf(count);

@@ -14,6 +14,7 @@ use super::query::{Best, Counters, Query};
 use super::ray::{Hit, Ray};
 use crate::build::octree::MAX_DEPTH;
 use crate::build::octree_nodes::Octree;
+use crate::geom::vec3::map;
 use crate::scene::Triangles;
 use fearless_simd::{Select, Simd, SimdBase, SimdMask, f32x8, mask32x8};
 
@@ -56,7 +57,9 @@ impl batch::Walk for Walk<'_> {
         let mut best = Best::new(frame);
         let signs = frame.signs & 7;
         // Lanes beyond the mid plane of each axis.
-        let beyond = [0xaa, 0xcc, 0xf0].map(|bits| mask32x8::from_bitmask(simd, bits));
+        let beyond = map([0xaa, 0xcc, 0xf0], |bits| {
+            mask32x8::from_bitmask(simd, bits)
+        });
         stack[0] = Pending {
             node: 0,
             low: cube.corner,
@@ -95,7 +98,7 @@ impl batch::Walk for Walk<'_> {
             }
             counters.step_axis();
             let half = cube.edge(node.level() + 1);
-            let mid = low.map(|x| x + half);
+            let mid = map(low, |x| x + half);
             let mut enters = f32x8::splat(simd, enter);
             let mut leaves = f32x8::splat(simd, keep_min(best.reach, leave));
             for k in 0..3 {
@@ -119,7 +122,7 @@ impl batch::Walk for Walk<'_> {
                 if node.empty_octants() >> octant & 1 == 0 {
                     stack[waiting] = Pending {
                         node: node.children() + octant,
-                        low: std::array::from_fn(|k| {
+                        low: map([0, 1, 2], |k: usize| {
                             if octant >> k & 1 == 1 { mid[k] } else { low[k] }
                         }),
                         enter: from[lane as usize],

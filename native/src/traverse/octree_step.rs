@@ -23,6 +23,7 @@ use super::octree_param;
 use super::query::{Best, Counters, Query};
 use super::ray::{Hit, Ray};
 use crate::build::octree_nodes::{Node, OUTSIDE, Octree};
+use crate::geom::vec3::map;
 use crate::scene::Triangles;
 use fearless_simd::{Simd, SimdBase, f32x8};
 
@@ -66,9 +67,9 @@ impl Grid {
         let cube = tree.cube();
         let unit = cube.unit();
         let back = |k: usize| signs >> k & 1 == 1;
-        let step = std::array::from_fn(|k| if back(k) { -unit } else { unit });
+        let step = map([0, 1, 2], |k: usize| if back(k) { -unit } else { unit });
         Self {
-            base: std::array::from_fn(|k| {
+            base: map([0, 1, 2], |k: usize| {
                 if back(k) {
                     cube.corner[k] + cube.side
                 } else {
@@ -76,7 +77,7 @@ impl Grid {
                 }
             }),
             step,
-            per_step: step.map(|x: f32| 1.0 / x),
+            per_step: map(step, |x: f32| 1.0 / x),
             size: 1 << cube.depth,
             depth: cube.depth,
             signs: signs & 7,
@@ -180,7 +181,7 @@ impl<N: Neighbours> batch::Walk for Walk<'_, N> {
             return walk.cast::<S, Q, C>(simd, triangles, (ray, frame), stack, counters);
         }
         let grid = Grid::new(tree, frame.signs);
-        let at = std::array::from_fn(|k| {
+        let at = map([0, 1, 2], |k: usize| {
             let x = frame.o[k] + frame.t_min * frame.d[k];
             grid.cell(k, x, 0, grid.size - 1)
         });
@@ -213,9 +214,10 @@ pub fn go_on<S: Simd, Q: Query, C: Counters, N: Neighbours>(
 ) {
     loop {
         let edge = grid.edge(leaf);
-        let next = at.map(|x| (x & !(edge - 1)) + edge);
-        let times: [f32; 3] =
-            std::array::from_fn(|k| grid.ahead(k, next[k], frame.o[k]) * frame.inv[k]);
+        let next = map(at, |x| (x & !(edge - 1)) + edge);
+        let times: [f32; 3] = map([0, 1, 2], |k: usize| {
+            grid.ahead(k, next[k], frame.o[k]) * frame.inv[k]
+        });
         let mut axis = 0;
         if times[1] < times[axis] {
             axis = 1;

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! An instance: where a mesh stands, and what a ray in the mesh's space needs to know of it.
 
+use crate::geom::Aabb;
 use crate::geom::transform::{Inverse, Transform};
-use crate::geom::{Aabb, vec3::Vec3};
+use crate::geom::vec3::{Vec3, map};
 
 /// An instance of a mesh.
 #[derive(Debug, Clone, Copy)]
@@ -106,7 +107,7 @@ impl InMesh {
     /// The corners of a triangle in the scene; `None` where one of them is not finite.
     #[inline(always)]
     pub fn corners(&self, corners: [[f32; 3]; 3]) -> Option<[[f32; 3]; 3]> {
-        let [a, b, c] = corners.map(|p| self.transform.point(p));
+        let [a, b, c] = map(corners, |p| self.transform.point(p));
         let finite = |p: [f32; 3]| (p[0] * 0.0 + p[1] * 0.0) + p[2] * 0.0 == 0.0;
         if !(finite(a) && finite(b) && finite(c)) {
             return None;

@@ -64,7 +64,8 @@ impl Mirrored {
     /// The point at `t`. Later is farther, rounding included.
     #[inline(always)]
     fn point(&self, t: f32) -> [f32; 4] {
-        std::array::from_fn(|k| self.origin[k] + t * self.speed[k])
+        let at = |k: usize| self.origin[k] + t * self.speed[k];
+        [at(0), at(1), at(2), at(3)]
     }
 }
 

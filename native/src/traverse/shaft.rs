@@ -7,6 +7,7 @@
 //! met by no segment. Six comparisons of `s`, eight boxes at a time.
 
 use super::frame::U;
+use crate::geom::vec3::map;
 use fearless_simd::{Select, Simd, SimdBase, SimdMask, f32x8};
 
 /// A moving wall: the share of the way at which it passes a coordinate.
@@ -75,7 +76,7 @@ impl Shaft {
             }
         };
         Self {
-            walls: [0, 1, 2].map(|k| {
+            walls: map([0, 1, 2], |k: usize| {
                 [
                     wall(from.low[k] - pad, to.low[k] - pad, true),
                     wall(from.high[k] + pad, to.high[k] + pad, false),
@@ -132,11 +133,11 @@ mod tests {
             }
             let shaft = Shaft::new(&from, &to, 0.0, 8.0);
             let (start, end) = segments[pick.index(segments.len())];
-            let inside: [f32; 3] = std::array::from_fn(|k| start[k] * (1.0 - at) + end[k] * at);
+            let inside: [f32; 3] = map([0, 1, 2], |k: usize| start[k] * (1.0 - at) + end[k] * at);
             // The point is on the box, at a corner or inside.
             let mut cell = Extent::NOTHING;
             cell.add(inside);
-            cell.add(std::array::from_fn(|k| inside[k] + size[k]));
+            cell.add(map([0, 1, 2], |k: usize| inside[k] + size[k]));
             prop_assert!(meets(&shaft, &cell));
         }
     }

@@ -12,6 +12,7 @@ use super::blocks::Blocks;
 use super::frame::{Frame, PRUNE, TINY};
 use super::query::{Closest, Counters};
 use super::ray::{Hit, Ray};
+use crate::geom::vec3::map;
 use crate::geom::verdict::verdict_within;
 use crate::scene::Triangles;
 use fearless_simd::{Select, Simd, SimdBase, SimdMask, f32x16, mask32x16};
@@ -294,20 +295,22 @@ impl<const R: usize> Tile<R> {
             (low[0].reduce_min(), high[0].reduce_max()),
             (low[1].reduce_min(), high[1].reduce_max()),
         ];
-        let range = [0, 1].map(|n| {
-            let (low, high) = ends[n];
+        let widened = |n: usize| {
+            let (low, high): (f32, f32) = ends[n];
             let pad = 4e-6 * others[n] / area.abs() + 1e-4 * (1.0 + low.abs() + high.abs());
             [low - pad, high + pad]
-        });
+        };
+        let range = [widened(0), widened(1)];
         let sign = 1.0_f32.copysign(ranges[axis].0 + ranges[axis].1);
         let mut steepest = 0.0_f32;
-        let corners = [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(a, b)| {
+        let mut corner = |a: usize, b: usize| {
             let at = |n: usize| origin[n] + range[0][a] * e1[n] + range[1][b] * e2[n];
             let mut corner = [0.0; 3];
             (corner[axis], corner[i], corner[j]) = (sign, sign * at(0), sign * at(1));
             steepest = steepest.max(at(0).abs()).max(at(1).abs());
             corner
-        });
+        };
+        let corners = [corner(0, 0), corner(1, 0), corner(0, 1), corner(1, 1)];
         // Error bounds want components below 2.
         let scale = match steepest {
             x if x < 1.75 => 1.0,
@@ -315,7 +318,8 @@ impl<const R: usize> Tile<R> {
             x if x < 28.0 => 0.0625,
             _ => return None,
         };
-        Some(corners.map(|corner| corner.map(|x| x * scale)))
+        let scaled = |n: usize| map(corners[n], |x| x * scale);
+        Some([scaled(0), scaled(1), scaled(2), scaled(3)])
     }
 
     /// Puts one ray's candidate to the verdict.

@@ -120,7 +120,7 @@ pub fn lay_out(
     let tree = PlaneTree::new(preorder, scene, &frame, &mut blocks)?;
     let robust = config.choice("robust") != "none";
     let walk = match (config.choice("traversal"), robust) {
-        ("dir" | "tile8" | "tile16", _) => PlaneWalk::Dir,
+        ("auto" | "dir" | "wide" | "tile8" | "tile16", _) => PlaneWalk::Dir,
         ("ta-a", true) => PlaneWalk::TaA,
         ("ta-a", false) => PlaneWalk::TaA1997,
         ("sung", true) => PlaneWalk::Sung,

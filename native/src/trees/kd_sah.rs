@@ -23,7 +23,7 @@ pub const SPEC: StructureSpec = StructureSpec {
     summary: "The kd-tree of pbrt and of the thesis on BSP trees: whole triangles, one per leaf.",
     paper: "Pharr, Jakob and Humphreys, Physically Based Rendering, 3rd ed., section 4.4; Hoobergs 2019",
     params: &[
-        params::TRAVERSAL_AXIS,
+        params::TRAVERSAL_BASELINE,
         params::ROBUST,
         params::step_cost(Costs::THESIS),
         params::triangle_cost(Costs::THESIS),

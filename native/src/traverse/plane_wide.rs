@@ -1,0 +1,301 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Plane trees walked three levels at a time: the crossings of all planes of a wide node come from one
+//! pass, the intervals of its children from three minima and maxima, their order from a table of
+//! the directions' signs. No step has a branch, so a ray waits for its own numbers only; several
+//! rays, one step each in turn, fill the time.
+//!
+//! Each distance carries the frame's error bound, as in [`super::plane_dir`]: a child is passed by only
+//! when the ray certainly misses it, or certainly reaches it too late.
+
+use super::blocks::Blocks;
+use super::box_tree::Slabs;
+use super::frame::{FrameRay, keep_min};
+use super::query::{Best, Counters, Query};
+use super::ray::Ray;
+use super::stream::{Next, Steps};
+use super::wide_tree::{Info, Line, OVER, PLANES, WideTree};
+use crate::build::plane_tree::MAX_DEPTH;
+use crate::scene::Triangles;
+use fearless_simd::{Select, Simd, SimdBase, SimdFloat, SimdMask, f32x8, mask32x8, u8x32};
+
+/// Children of a node.
+const CHILDREN: usize = 8;
+
+/// Each node of a path leaves at most all children but one behind; loads and stores take eight.
+const STACK: usize = MAX_DEPTH.div_ceil(3) * (CHILDREN - 1) + 2 * CHILDREN;
+
+/// What follows from the side on which a ray enters each plane.
+#[derive(Clone, Copy)]
+#[repr(C, align(64))]
+struct Signs {
+    /// Bytes of the children's places, the farthest child first.
+    order: [u8; 4 * CHILDREN],
+    /// Per level the children that lie on the near side of their plane there.
+    near: [u8; 3],
+}
+
+static SIGNS: [Signs; 1 << PLANES] = signs();
+
+const fn signs() -> [Signs; 1 << PLANES] {
+    let mut table = [Signs {
+        order: [0; 4 * CHILDREN],
+        near: [0; 3],
+    }; 1 << PLANES];
+    let mut signs = 0;
+    while signs < table.len() {
+        let mut rank = 0;
+        while rank < CHILDREN {
+            // The near child of a plane is the upper one where the ray goes down.
+            let top = (signs ^ rank >> 2) & 1;
+            let middle = (signs >> (1 + top) ^ rank >> 1) & 1;
+            let low = (signs >> (3 + 2 * top + middle) ^ rank) & 1;
+            let child = 4 * top + 2 * middle + low;
+            let mut byte = 0;
+            while byte < 4 {
+                table[signs].order[4 * (CHILDREN - 1 - rank) + byte] = (4 * child + byte) as u8;
+                byte += 1;
+            }
+            let mut level = 0;
+            while level < 3 {
+                if rank >> (2 - level) & 1 == 0 {
+                    table[signs].near[level] |= 1 << child;
+                }
+                level += 1;
+            }
+            rank += 1;
+        }
+        signs += 1;
+    }
+    table
+}
+
+/// Byte places of the plane of each child, on the three levels.
+const fn spread(first: u8, children: u8) -> [u8; 32] {
+    let mut places = [0; 32];
+    let mut byte = 0;
+    while byte < 32 {
+        let lane = byte as u8 / 4;
+        places[byte] = 4 * (first + lane / children) + byte as u8 % 4;
+        byte += 1;
+    }
+    places
+}
+
+static SPREAD: [[u8; 32]; 3] = [spread(0, 8), spread(1, 4), spread(3, 2)];
+
+/// A number for each child.
+type Row = [f32; CHILDREN];
+
+/// A ray on its way.
+pub struct Course {
+    /// Per axis what crossings of planes take, eight times over: factor, and what to add on each side.
+    inv: [Row; 3],
+    near: [Row; 3],
+    far: [Row; 3],
+    /// Per axis all planes, where the ray goes down.
+    down: [u32; 3],
+    /// The node to go on with, and where the ray enters and leaves it.
+    next: (u32, f32, f32),
+    waiting: usize,
+    /// Children to visit, and where the ray enters and leaves them; below them all a word that ends the walk.
+    child: [f32; STACK],
+    enter: [f32; STACK],
+    leave: [f32; STACK],
+}
+
+impl Course {
+    /// Goes on with the nearest child that may hold something nearer than `reach`.
+    #[inline(always)]
+    fn pop(&mut self, reach: f32) {
+        // The last word is entered at once.
+        let mut top = self.waiting - 1;
+        while self.enter[top] > reach {
+            top -= 1;
+        }
+        self.waiting = top;
+        let leave = keep_min(reach, self.leave[top]);
+        self.next = (self.child[top].to_bits(), self.enter[top], leave);
+    }
+}
+
+/// The walk over one tree.
+pub struct Walk<'a>(pub &'a WideTree);
+
+impl Steps for Walk<'_> {
+    type Course = Course;
+
+    fn course(&self) -> Course {
+        Course {
+            inv: [[0.0; CHILDREN]; 3],
+            near: [[0.0; CHILDREN]; 3],
+            far: [[0.0; CHILDREN]; 3],
+            down: [0; 3],
+            next: (OVER, 0.0, 0.0),
+            waiting: 0,
+            child: [f32::from_bits(OVER); STACK],
+            enter: [f32::NEG_INFINITY; STACK],
+            leave: [0.0; STACK],
+        }
+    }
+
+    #[inline(always)]
+    fn begin(&self, ray: &FrameRay, course: &mut Course) {
+        let slabs = Slabs::new(ray);
+        for k in 0..3 {
+            course.inv[k] = [slabs.inv[k]; CHILDREN];
+            course.near[k] = [slabs.near[k]; CHILDREN];
+            course.far[k] = [slabs.far[k]; CHILDREN];
+        }
+        let down = |k: usize| ray.negative[k] * 0x7f;
+        course.down = [down(0), down(1), down(2)];
+        course.next = (self.0.root(), ray.t_min, ray.t_max);
+        course.waiting = 1;
+    }
+
+    #[inline(always)]
+    fn next(&self, course: &Course) -> Next {
+        Next::of(course.next.0)
+    }
+
+    #[inline(always)]
+    fn plain<S: Simd>(&self, simd: S, course: &mut Course, reach: f32) {
+        let (child, enter, leave) = course.next;
+        axis(simd, self.0.line(child), course, (enter, leave));
+        course.pop(reach);
+    }
+
+    #[inline(always)]
+    fn general<S: Simd>(&self, simd: S, ray: &FrameRay, course: &mut Course, reach: f32) {
+        let (child, enter, leave) = course.next;
+        oblique(simd, self.0.lines(child), ray, course, (enter, leave));
+        course.pop(reach);
+    }
+
+    #[inline(always)]
+    fn touch(&self, blocks: &Blocks, course: &Course) -> f32 {
+        blocks.touch(self.0.leaf(course.next.0).0)
+    }
+
+    #[inline(always)]
+    fn leaf<S: Simd, Q: Query, C: Counters>(
+        &self,
+        simd: S,
+        (scene, blocks): (&Triangles, &Blocks),
+        (ray, frame): (&Ray, &FrameRay),
+        (course, best): (&mut Course, &mut Best),
+        counters: &mut C,
+    ) {
+        let (child, _, leave) = course.next;
+        let leaf = self.0.leaf(child);
+        counters.leaf(leaf.1);
+        if blocks.test::<S, Q, C>(simd, leaf, scene, (ray, frame, leave), best, counters) {
+            course.next.0 = OVER;
+        } else {
+            course.pop(best.reach);
+        }
+    }
+}
+
+/// Puts the children of a node with axis-aligned planes on the stack.
+#[inline(always)]
+fn axis<S: Simd>(simd: S, line: &Line, course: &mut Course, interval: (f32, f32)) {
+    let info = Info(line.first[PLANES].to_bits());
+    let (y, z) = (info.along_y(), info.along_z());
+    let mask = |bits: u32| mask32x8::from_bitmask(simd, u64::from(bits));
+    let (in_y, in_z) = (mask(y), mask(z));
+    let load = |row: &Row| f32x8::from_slice(simd, row);
+    let of = |v: &[Row; 3]| {
+        let xy: f32x8<S> = in_y.select(load(&v[1]), load(&v[0]));
+        let all: f32x8<S> = in_z.select(load(&v[2]), xy);
+        all
+    };
+    let inv = of(&course.inv);
+    let heights = f32x8::from_slice(simd, &line.first);
+    let low = heights.mul_add(inv, of(&course.near));
+    let high = heights.mul_add(inv, of(&course.far));
+    let down = course.down;
+    let signs = down[0] ^ (y & (down[0] ^ down[1])) ^ (z & (down[0] ^ down[2]));
+    push(
+        simd,
+        line,
+        (signs, info.used()),
+        (low, high),
+        course,
+        interval,
+    );
+}
+
+/// Puts the children of a node with planes of any kind on the stack.
+#[inline(always)]
+fn oblique<S: Simd>(
+    simd: S,
+    lines: &[Line; 3],
+    frame: &FrameRay,
+    course: &mut Course,
+    interval: (f32, f32),
+) {
+    let splat = |x: f32| f32x8::splat(simd, x);
+    let load = |row: &[f32; 8]| f32x8::from_slice(simd, row);
+    let (x, y, z) = (
+        load(&lines[1].first),
+        load(&lines[1].second),
+        load(&lines[2].first),
+    );
+    let along = |v: [f32; 3]| x.mul_add(splat(v[0]), y.mul_add(splat(v[1]), z * splat(v[2])));
+    let speed = along(frame.d);
+    let inv = splat(1.0) / (speed + splat(f32::MIN_POSITIVE).copysign(speed));
+    let height = f32x8::from_slice(simd, &lines[0].first) - along(frame.o);
+    let slack = splat(frame.oblique_pad) * inv.abs();
+    let low = height.mul_sub(inv, slack);
+    let high = height.mul_add(inv, slack);
+    let signs = inv.simd_lt(splat(0.0)).to_bitmask() as u32 & 0x7f;
+    let info = Info(lines[0].first[PLANES].to_bits());
+    push(
+        simd,
+        &lines[0],
+        (signs, info.used()),
+        (low, high),
+        course,
+        interval,
+    );
+}
+
+/// Puts the children that the ray may meet something in on the stack, the nearest on top. The ray reaches
+/// each plane between `low` and `high`; what is not a number bounds nothing.
+#[inline(always)]
+fn push<S: Simd>(
+    simd: S,
+    line: &Line,
+    (signs, used): (u32, u32),
+    (low, high): (f32x8<S>, f32x8<S>),
+    course: &mut Course,
+    (enter, leave): (f32, f32),
+) {
+    let splat = |x: f32| f32x8::splat(simd, x);
+    let mask = |bits: u32| mask32x8::from_bitmask(simd, u64::from(bits));
+    let table = &SIGNS[signs as usize & 0x7f];
+    let mut enters = splat(enter);
+    let mut leaves: f32x8<S> = mask(used).select(splat(leave), splat(f32::NEG_INFINITY));
+    for (places, near) in SPREAD.iter().zip(&table.near) {
+        let near = mask(u32::from(*near));
+        let places = u8x32::from_slice(simd, places);
+        let (low, high) = (low.swizzle_dyn(places), high.swizzle_dyn(places));
+        leaves = near.select(high.min(leaves), leaves);
+        enters = near.select(enters, low.max(enters));
+    }
+    let order = u8x32::from_slice(simd, &table.order);
+    let children = f32x8::from_slice(simd, &line.second).swizzle_dyn(order);
+    let (enters, leaves) = (enters.swizzle_dyn(order), leaves.swizzle_dyn(order));
+    let live = enters.simd_le(leaves);
+    let at = course.waiting;
+    children
+        .compress(live)
+        .store_slice(&mut course.child[at..at + CHILDREN]);
+    enters
+        .compress(live)
+        .store_slice(&mut course.enter[at..at + CHILDREN]);
+    leaves
+        .compress(live)
+        .store_slice(&mut course.leave[at..at + CHILDREN]);
+    course.waiting = at + live.to_bitmask().count_ones() as usize;
+}

@@ -1,0 +1,293 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Batches of rays that have nothing in common, which tiles cannot help: several are in flight, and those
+//! that need the same kind of step take it one after another.
+//!
+//! A single ray waits for its own arithmetic and fetches, and the processor cannot guess what comes next, a
+//! node or a leaf. Sorted by what they need, rays run through loops without such a question, and one ray's
+//! work fills the time in which another waits.
+
+use super::batch::{self, Batch};
+use super::blocks::Blocks;
+use super::frame::FrameRay;
+use super::query::{Best, Counters, NoCount, Query};
+use super::ray::{Hit, Ray};
+use super::shadow_cache::ShadowCache;
+use crate::scene::Triangles;
+use fearless_simd::{Simd, dispatch};
+
+/// Rays in flight. Fewer leave the processor waiting, more push one another out of its closest cache.
+const FLIGHT: usize = 16;
+
+/// While no more rays than these wait before leaves, the others go on.
+const LEAVES: usize = 8;
+
+/// What a ray needs next: the two highest bits of a word that names a node. A number, for rays are queued
+/// by it, which must not take a branch.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Next(usize);
+
+/// Kinds of [`Next`].
+const KINDS: usize = 4;
+
+impl Next {
+    /// A step through a plain node.
+    pub const PLAIN: Self = Self(0);
+    /// A step through a node of the other kind, if there is one.
+    pub const GENERAL: Self = Self(1);
+    /// The triangles of a leaf.
+    pub const LEAF: Self = Self(2);
+    /// Nothing: its walk is over.
+    pub const OVER: Self = Self(3);
+
+    /// The bits of a word.
+    pub const fn word(self) -> u32 {
+        (self.0 as u32) << 30
+    }
+
+    /// What a word says.
+    #[inline(always)]
+    pub const fn of(word: u32) -> Self {
+        Self((word >> 30) as usize)
+    }
+}
+
+/// A way of walking a tree that can be interrupted after each step.
+pub trait Steps: Sync {
+    /// How far a ray has come.
+    type Course;
+
+    /// Of no ray.
+    fn course(&self) -> Self::Course;
+
+    /// A ray sets out.
+    fn begin(&self, ray: &FrameRay, course: &mut Self::Course);
+
+    /// What the ray needs next.
+    fn next(&self, course: &Self::Course) -> Next;
+
+    /// A step through a plain node, then to what lies nearer than `reach`.
+    fn plain<S: Simd>(&self, simd: S, course: &mut Self::Course, reach: f32);
+
+    /// A step through a node of the other kind.
+    fn general<S: Simd>(&self, simd: S, ray: &FrameRay, course: &mut Self::Course, reach: f32);
+
+    /// Reads a little of what the ray needs next, so that it is at hand by then.
+    fn touch(&self, blocks: &Blocks, course: &Self::Course) -> f32;
+
+    /// Tests the triangles of a leaf.
+    fn leaf<S: Simd, Q: Query, C: Counters>(
+        &self,
+        simd: S,
+        triangles: (&Triangles, &Blocks),
+        ray: (&Ray, &FrameRay),
+        course: (&mut Self::Course, &mut Best),
+        counters: &mut C,
+    );
+}
+
+/// A walk by steps as one of single rays.
+pub struct Alone<'a, W>(pub &'a W);
+
+impl<W: Steps> batch::Walk for Alone<'_, W> {
+    type Scratch = W::Course;
+
+    fn scratch(&self) -> Self::Scratch {
+        self.0.course()
+    }
+
+    #[inline(always)]
+    fn cast<S: Simd, Q: Query, C: Counters>(
+        &self,
+        simd: S,
+        triangles: (&Triangles, &Blocks),
+        ray: (&Ray, &FrameRay),
+        course: &mut Self::Scratch,
+        counters: &mut C,
+    ) -> Hit {
+        let walk = self.0;
+        let mut best = Best::new(ray.1);
+        walk.begin(ray.1, course);
+        loop {
+            match walk.next(course) {
+                Next::PLAIN => {
+                    counters.step_axis();
+                    walk.plain(simd, course, best.reach);
+                }
+                Next::GENERAL => {
+                    counters.step_oblique();
+                    walk.general(simd, ray.1, course, best.reach);
+                }
+                Next::LEAF => {
+                    walk.leaf::<S, Q, C>(simd, triangles, ray, (course, &mut best), counters);
+                }
+                _ => return best.hit(),
+            }
+        }
+    }
+}
+
+/// A ray in flight.
+struct Flight<W: Steps> {
+    /// The ray's place in the batch.
+    place: usize,
+    frame: FrameRay,
+    best: Best,
+    course: W::Course,
+}
+
+/// Rays in flight by what they need next.
+struct Queues {
+    rays: [u8; KINDS * FLIGHT],
+    count: [usize; KINDS],
+}
+
+impl Queues {
+    /// Queues a ray.
+    #[inline(always)]
+    fn push(&mut self, Next(kind): Next, ray: u8) {
+        let count = &mut self.count[kind % KINDS];
+        self.rays[(kind * FLIGHT + *count) % (KINDS * FLIGHT)] = ray;
+        *count += 1;
+    }
+
+    /// Empties a queue: how many rays it had. They stay readable while no more are queued than were read.
+    #[inline(always)]
+    fn take(&mut self, Next(kind): Next) -> usize {
+        std::mem::take(&mut self.count[kind])
+    }
+
+    /// A ray of a queue that was emptied.
+    #[inline(always)]
+    fn ray(&self, Next(kind): Next, i: usize) -> u8 {
+        self.rays[kind * FLIGHT + i % FLIGHT]
+    }
+
+    #[inline(always)]
+    fn count(&self, Next(kind): Next) -> usize {
+        self.count[kind]
+    }
+}
+
+impl Batch<'_> {
+    /// Walks the rays, several at a time, and hands each answer to `write` with the ray's place, in no
+    /// particular order.
+    pub fn stream<W: Steps, Q: Query>(&self, walk: &W, mut write: impl FnMut(usize, Hit)) {
+        dispatch!(self.level, simd => self.fly::<_, _, Q>(simd, walk, &mut write));
+    }
+
+    #[inline(always)]
+    fn fly<S: Simd, W: Steps, Q: Query>(
+        &self,
+        simd: S,
+        walk: &W,
+        write: &mut impl FnMut(usize, Hit),
+    ) {
+        let triangles = (self.scene, self.blocks);
+        let mut cache = self.cache::<Q>();
+        let mut following = 0;
+        let mut flights: Vec<Flight<W>> = Vec::with_capacity(FLIGHT);
+        let mut queues = Queues {
+            rays: [0; KINDS * FLIGHT],
+            count: [0; KINDS],
+        };
+        // At first all places are free.
+        for i in 0..FLIGHT.min(self.rays.len()) {
+            flights.push(Flight {
+                place: usize::MAX,
+                frame: FrameRay::NOTHING,
+                best: Best::blank(),
+                course: walk.course(),
+            });
+            #[expect(clippy::cast_possible_truncation, reason = "a few")]
+            queues.push(Next::OVER, i as u8);
+        }
+        loop {
+            for i in 0..queues.take(Next::OVER) {
+                let ray = queues.ray(Next::OVER, i);
+                let flight = &mut flights[ray as usize];
+                if let Some(own) = self.rays.get(flight.place) {
+                    let hit = flight.best.hit();
+                    if Q::ANY
+                        && let Some(cache) = &mut cache
+                    {
+                        cache.remember(cache.entry(own), &hit);
+                    }
+                    write(flight.place, hit);
+                }
+                if self.embark::<W, Q>(walk, &mut following, flight, &cache, write) {
+                    queues.push(walk.next(&flight.course), ray);
+                }
+            }
+            loop {
+                for i in 0..queues.take(Next::PLAIN) {
+                    let ray = queues.ray(Next::PLAIN, i);
+                    let flight = &mut flights[ray as usize];
+                    walk.plain(simd, &mut flight.course, flight.best.reach);
+                    queues.push(walk.next(&flight.course), ray);
+                }
+                for i in 0..queues.take(Next::GENERAL) {
+                    let ray = queues.ray(Next::GENERAL, i);
+                    let flight = &mut flights[ray as usize];
+                    let reach = flight.best.reach;
+                    walk.general(simd, &flight.frame, &mut flight.course, reach);
+                    queues.push(walk.next(&flight.course), ray);
+                }
+                let inner = queues.count(Next::PLAIN) + queues.count(Next::GENERAL);
+                // Leaves are long in coming.
+                if inner == 0 || queues.count(Next::LEAF) + queues.count(Next::OVER) > LEAVES {
+                    break;
+                }
+            }
+            let leaves = queues.take(Next::LEAF);
+            let mut touched = 0.0;
+            for i in 0..leaves {
+                let ray = queues.ray(Next::LEAF, i);
+                touched += walk.touch(self.blocks, &flights[ray as usize].course);
+            }
+            std::hint::black_box(touched);
+            for i in 0..leaves {
+                let ray = queues.ray(Next::LEAF, i);
+                let flight = &mut flights[ray as usize];
+                let own = (&self.rays[flight.place], &flight.frame);
+                let course = (&mut flight.course, &mut flight.best);
+                walk.leaf::<S, Q, _>(simd, triangles, own, course, &mut NoCount);
+                queues.push(walk.next(&flight.course), ray);
+            }
+            if queues.count == [0; KINDS] {
+                return;
+            }
+        }
+    }
+
+    /// Sends the next ray off that has to be walked, if there is one, and answers those before it.
+    #[inline(always)]
+    fn embark<W: Steps, Q: Query>(
+        &self,
+        walk: &W,
+        following: &mut usize,
+        flight: &mut Flight<W>,
+        cache: &Option<ShadowCache>,
+        write: &mut impl FnMut(usize, Hit),
+    ) -> bool {
+        while let Some(ray) = self.rays.get(*following) {
+            let place = *following;
+            *following += 1;
+            let Some(framed) = self.framed(place) else {
+                write(place, Hit::MISS);
+                continue;
+            };
+            if Q::ANY
+                && let Some(hit) = self.cached(cache, (ray, &framed), &mut NoCount)
+            {
+                write(place, hit);
+                continue;
+            }
+            flight.place = place;
+            flight.best = Best::new(&framed);
+            walk.begin(&framed, &mut flight.course);
+            flight.frame = framed;
+            return true;
+        }
+        false
+    }
+}

@@ -1,0 +1,207 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Plane trees as wide nodes: three levels of a binary tree, up to seven planes and eight children, in
+//! one node that is worked out at once, without a branch.
+//!
+//! Where all planes of a node are axis-aligned it takes a cache line: seven heights, a word that says
+//! which axes they belong to and which children hold anything, and eight children. Otherwise two lines
+//! more hold normals; to a node worked out at once an oblique plane costs hardly more than another.
+//! Leaves are those of the binary tree.
+
+use super::stream::Next;
+use crate::build::plane_tree::{Node, PlaneTree};
+
+/// Planes of a node.
+pub const PLANES: usize = 7;
+
+/// Set in a child that is a leaf; the rest is its number.
+const LEAF: u32 = Next::LEAF.word();
+
+/// Set in a child whose planes are not all axis-aligned; the rest is its first line.
+const OBLIQUE: u32 = Next::GENERAL.word();
+
+/// Instead of a child: there is none.
+pub const OVER: u32 = Next::OVER.word();
+
+/// A cache line. Children and other words are stored as the bits of floats: they go through the same
+/// registers as distances.
+#[derive(Debug, Clone, Copy)]
+#[repr(C, align(64))]
+pub struct Line {
+    /// Heights of the planes and the word of [`Info`]; behind it the x and the z of normals.
+    pub first: [f32; 8],
+    /// Children; behind it the y of normals.
+    pub second: [f32; 8],
+}
+
+impl Line {
+    const BLANK: Self = Self {
+        first: [0.0; 8],
+        second: [0.0; 8],
+    };
+}
+
+/// What the last number of a node's first row says.
+#[derive(Debug, Clone, Copy)]
+pub struct Info(pub u32);
+
+impl Info {
+    /// A bit for each plane along y.
+    #[inline(always)]
+    pub fn along_y(self) -> u32 {
+        self.0 & 0x7f
+    }
+
+    /// A bit for each plane along z.
+    #[inline(always)]
+    pub fn along_z(self) -> u32 {
+        self.0 >> 8 & 0x7f
+    }
+
+    /// A bit for each child that holds anything.
+    #[inline(always)]
+    pub fn used(self) -> u32 {
+        self.0 >> 16 & 0xff
+    }
+}
+
+/// A tree of wide nodes.
+#[derive(Debug, Clone, Default)]
+pub struct WideTree {
+    lines: Vec<Line>,
+    /// Where the triangles of each leaf begin, and how many they are.
+    leaves: Vec<[u32; 2]>,
+    root: u32,
+}
+
+/// The three levels below a node: seven places of planes and eight of children, as a heap. Where a leaf
+/// lies higher up, it moves down along the children below, past planes that no ray reaches.
+fn levels(tree: &PlaneTree, root: u32) -> ([Option<Node>; PLANES], [Option<u32>; 8]) {
+    let mut places = [None; 2 * PLANES + 1];
+    let mut planes = [None; PLANES];
+    places[0] = Some(root);
+    for i in 0..PLANES {
+        let Some(place) = places[i] else { continue };
+        let node = tree.node(place);
+        if let Node::Axis { children, .. } | Node::Oblique { children, .. } = node {
+            planes[i] = Some(node);
+            places[2 * i + 1] = Some(children);
+            places[2 * i + 2] = Some(children + 1);
+        } else {
+            places[2 * i + 1] = Some(place);
+        }
+    }
+    (planes, std::array::from_fn(|lane| places[PLANES + lane]))
+}
+
+impl WideTree {
+    /// Lays out a tree a second time.
+    pub fn new(tree: &PlaneTree) -> Self {
+        let mut wide = Self::default();
+        // Nodes to lay out: their place in `tree`, and the line and lane that lead to them.
+        let mut open = Vec::new();
+        wide.root = wide.link(tree, tree.root(), None, &mut open);
+        while let Some((place, parent)) = open.pop() {
+            let (planes, children) = levels(tree, place);
+            let at = wide.lines.len();
+            let oblique = planes
+                .iter()
+                .any(|p| matches!(p, Some(Node::Oblique { .. })));
+            wide.lines
+                .resize(at + if oblique { 3 } else { 1 }, Line::BLANK);
+            let mut info = 0;
+            for (i, plane) in planes.iter().enumerate() {
+                let (normal, height) = match *plane {
+                    Some(Node::Axis { axis, split, .. }) => {
+                        info |= [0, 1, 1 << 8][axis] << i;
+                        let mut normal = [0.0; 3];
+                        normal[axis] = 1.0;
+                        (normal, split)
+                    }
+                    Some(Node::Oblique { normal, offset, .. }) => (normal, offset),
+                    // Everything lies below.
+                    _ => ([0.0; 3], f32::MAX),
+                };
+                wide.lines[at].first[i] = height;
+                if oblique {
+                    wide.lines[at + 1].first[i] = normal[0];
+                    wide.lines[at + 1].second[i] = normal[1];
+                    wide.lines[at + 2].first[i] = normal[2];
+                }
+            }
+            for (lane, &child) in children.iter().enumerate() {
+                let Some(child) = child else { continue };
+                if matches!(tree.node(child), Node::Leaf { count: 0, .. }) {
+                    continue;
+                }
+                info |= 1 << (16 + lane);
+                let word = wide.link(tree, child, Some((at, lane)), &mut open);
+                wide.lines[at].second[lane] = f32::from_bits(word);
+            }
+            wide.lines[at].first[PLANES] = f32::from_bits(info);
+            let own = u32::try_from(at).expect("bounded by the budget")
+                | if oblique { OBLIQUE } else { 0 };
+            match parent {
+                Some((line, lane)) => wide.lines[line].second[lane] = f32::from_bits(own),
+                None => wide.root = own,
+            }
+        }
+        wide.lines.shrink_to_fit();
+        wide.leaves.shrink_to_fit();
+        wide
+    }
+
+    /// The word of a leaf; that of an inner node, which is laid out later, is not known yet.
+    fn link(
+        &mut self,
+        tree: &PlaneTree,
+        place: u32,
+        parent: Option<(usize, usize)>,
+        open: &mut Vec<(u32, Option<(usize, usize)>)>,
+    ) -> u32 {
+        let Node::Leaf { first, count } = tree.node(place) else {
+            open.push((place, parent));
+            return 0;
+        };
+        let count = u32::try_from(count).expect("bounded by the budget");
+        self.leaves.push([first, count]);
+        LEAF | u32::try_from(self.leaves.len() - 1).expect("bounded by the budget")
+    }
+
+    /// The root, as a child.
+    #[inline(always)]
+    pub fn root(&self) -> u32 {
+        self.root
+    }
+
+    /// A node's first line.
+    #[inline(always)]
+    pub fn line(&self, child: u32) -> &Line {
+        &self.lines[(child & !OBLIQUE) as usize]
+    }
+
+    /// Reads a little of a node, so that it comes into the caches; the number means nothing.
+    #[inline(always)]
+    pub fn touch(&self, child: u32) -> f32 {
+        self.lines[(child & !OBLIQUE) as usize].first[0]
+    }
+
+    /// All lines of a node with oblique planes.
+    #[inline(always)]
+    pub fn lines(&self, child: u32) -> &[Line; 3] {
+        self.lines[(child & !OBLIQUE) as usize..]
+            .first_chunk()
+            .expect("such nodes have three lines")
+    }
+
+    /// Where the triangles of a leaf begin, and how many there are.
+    #[inline(always)]
+    pub fn leaf(&self, child: u32) -> (u32, usize) {
+        let [first, count] = self.leaves[(child & !LEAF) as usize];
+        (first, count as usize)
+    }
+
+    /// Size in bytes.
+    pub fn bytes(&self) -> usize {
+        size_of_val(&*self.lines) + size_of_val(&*self.leaves)
+    }
+}
