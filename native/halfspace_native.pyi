@@ -482,6 +482,13 @@ class RenderScene:
         "name" (for messages), "base_color" (3,), "metallic" 0..1, "roughness" 0..1, "ior" > 0,
         "transmission" 0..1, "specular" (0.5 = as the ior says, 0 = no coat), "emission" (3,)
         radiance on both sides, "alpha" (0 = invisible). An empty list is one default material.
+        What varies over a surface is given by "program" and "closures" instead. A program is a list
+        of steps, dictionaries with "op", "args" and the settings of the operation; an argument is
+        the number of an earlier step (an int) or a constant (a float, or three or four floats). A
+        closure has a "kind" (principled, diffuse, glossy, glass, refraction, transparent,
+        emission), inputs of the names above and "weight", "color", "specular_tint", "coat_weight",
+        "coat_roughness", "coat_ior", "coat_tint", each an argument as in a program, and "normal",
+        "multiscatter" (True). At most 8 closures, 4 of them principled.
     corner_normals: (m, 3, 3) float32, shading normals of each triangle's corners, any length;
         None = flat.
     surfaces: for Instances instead of these two, None = the first material and flat: "meshes", a list of
@@ -496,7 +503,15 @@ class RenderScene:
         Cycles: power P gives a point or spot light the radiant intensity P / 4π W/sr, an area
         light the radiance P / (π area) on one side, a sun the irradiance P in W/m². A light with a
         size is seen by every scattered ray, never by the camera. Lights without power are left out.
-    world: {"color": (3,)}, radiance of the background; None = black.
+    world: {"color": (3,)}, radiance of the background; None = black. With "program" and "radiance",
+        an argument as in a material, the radiance of each direction.
+    images: dictionaries of "name", "pixels", (h, w, 4) float32, rows from the bottom, and "srgb",
+        whether colours are decoded after filtering. Without pixels an image is missing: pink.
+    layers: (m, 3, 2 to 4) float32 arrays that programs read at the corners, or None for an absent one.
+    objects: dictionaries of "to_object", (3, 4), scene frame to the object's space, and "generated",
+        (2, 3), what is added there and then multiplied to get 0..1 in its box.
+    object_index: (m,) uint32, the object of each triangle; None = all are the first.
+    origin: (3,), the world position of the scene frame's origin.
     indices: numbers that objects and materials carry, for the passes of that name; None = all 0. "first" (n,) int32,
         the first triangle of each run of triangles of one object, ascending from 0; "object" (n,) float32, the
         runs' numbers; "material" float32, by material; "uvs" (m, 3, 2) float32, NaN where
@@ -517,6 +532,11 @@ class RenderScene:
         surfaces: Mapping[str, Any] | None = None,
         lights: Sequence[Mapping[str, Any]] | None = None,
         world: Mapping[str, Any] | None = None,
+        images: Sequence[Mapping[str, Any]] | None = None,
+        layers: Sequence[npt.NDArray[np.float32] | None] | None = None,
+        objects: Sequence[Mapping[str, Any]] | None = None,
+        object_index: npt.NDArray[np.uint32] | None = None,
+        origin: tuple[float, float, float] | None = None,
         indices: Mapping[str, Any] | None = None,
     ) -> None: ...
     @property
@@ -603,6 +623,8 @@ def render(
         "aperture_rotation" in radians, "aperture_ratio" (1: as high as wide), "focus_distance" along -Z.
     settings: "width" and "height" of the full frame in pixels; "border" (x0, y0, x1, y1) in pixels
         from the lower left, half open, or None; "samples" per pixel: cost in proportion;
+        "integrator" ("path", "whitted": direct light, mirrors and clear glass, or "ao": openness within
+        "ambient_distance" (inf));
         "max_bounces" (4): 0 = direct light only, as in Cycles; "clamp_indirect" (0): most that a sample adds
         after its first bounce, as the mean of its channels, 0 = no limit; "seed" (0);
         "film_transparent" (False); "passes" (["Combined"]), names as in RenderJob.passes; "step_samples" (None):

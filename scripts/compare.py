@@ -4,8 +4,13 @@
 FILE: a .blend, or an .npz with the keys of the README, which gets a matte surface, a sun, a lamp and a sky; without
 FILE the built-in showcase. Both engines render the same file several times with different random numbers, so that
 their difference can be judged beside their noise. Writes NAME-halfspace.png, NAME-cycles.png and NAME-compared.png
-(both, and their difference × 8), prints the numbers, and names what each engine left out. Exit status: 0 compared;
-2 bad usage or input, said in one line.
+(both, and their difference × 8), prints the numbers, and names what each engine left out.
+
+With `--scene NAME` or `--scene all` instead of FILE: the six scenes that are built to be judged. Each is rendered by
+both, and the verdict printed: the means of all channels within 1 %, no square of 16 × 16 pixels beyond 4 standard
+errors (after Šidák's correction for their number), and the ratio of the times to equal error.
+
+Exit status: 0 compared, and the same where that was asked; 1 not the same; 2 bad usage or input, said in one line.
 """
 
 from __future__ import annotations
@@ -22,7 +27,7 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-BAD_INPUT = 2
+DIFFERENT, BAD_INPUT = 1, 2
 
 EXACT = {
     "use_denoising": False,
@@ -32,6 +37,7 @@ EXACT = {
     "sample_clamp_direct": 0.0,
     "sample_clamp_indirect": 0.0,
     "blur_glossy": 0.0,
+    "sampling_pattern": "TABULATED_SOBOL",
 }
 """What Cycles is told so that only noise stands between its picture and the exact one."""
 
@@ -44,10 +50,19 @@ def parser() -> argparse.ArgumentParser:
     """The command line."""
     made = argparse.ArgumentParser(prog="compare", description=(__doc__ or "").splitlines()[0])
     made.add_argument("file", nargs="?", type=Path, help=".blend or .npz (default: the built-in showcase)")
+    made.add_argument("--scene", metavar="NAME", help="judge furnace, cornell, spheres, textures, sky, forest, or all")
+    made.add_argument(
+        "--plant",
+        type=float,
+        default=0.0,
+        metavar="SHARE",
+        help="with --scene: darken a part of Halfspace's pictures, to see the verdict fall",
+    )
     made.add_argument("--size", default="960x540", metavar="WxH", help="pixels (default: 960x540)")
     made.add_argument("--samples", type=int, default=64, help="samples per pixel, all runs together (default: 64)")
     made.add_argument("--runs", type=int, default=4, help="independent pictures per engine (default: 4)")
     made.add_argument("--bounces", type=int, default=4, help="bounces of light in both engines (default: 4)")
+    made.add_argument("--threads", type=int, default=0, help="threads of both engines (default: all)")
     made.add_argument("--structure", default="kd", metavar="ID", help="Halfspace's acceleration structure")
     made.add_argument("--out", type=Path, default=ROOT / "out" / "compare", metavar="DIR", help="where to write")
     return made
@@ -56,16 +71,69 @@ def parser() -> argparse.ArgumentParser:
 def main(arguments: Sequence[str]) -> int:
     """Compare. Returns the exit status."""
     try:
-        run(parser().parse_args(arguments))
+        asked = parser().parse_args(arguments)
+        if asked.scene is None:
+            run(asked)
+            return 0
+        return 0 if judge_scenes(asked) else DIFFERENT
     except (InputError, OSError, RuntimeError, ValueError) as error:
         print("compare: " + " ".join(str(error).removeprefix("Error:").split()), file=sys.stderr)
         return BAD_INPUT
-    return 0
 
 
 def run(asked: argparse.Namespace) -> None:
     """Render with both engines, write the pictures, print the numbers."""
-    width, height = _size(asked.size)
+    from addon.core import comparison
+
+    bpy = _start(asked)
+    name = _open(bpy, asked.file)
+    found, _ = _render_both(bpy, asked, name)
+    ours, theirs = found["HALFSPACE"], found["CYCLES"]
+    print(f"\n{name}, {asked.size}, Halfspace beside Cycles")
+    for line in comparison.compare(ours, theirs).lines():
+        print(f"  {line}")
+    _print_left_out(bpy.context.scene)
+    print(f"Pictures: {asked.out / name}-{{halfspace,cycles,compared}}.png")
+
+
+def judge_scenes(asked: argparse.Namespace) -> bool:
+    """Build, render and judge the scenes asked for. Returns whether all are the same in both engines."""
+    from addon.core import comparison
+
+    bpy = _start(asked)
+    from addon.blender import proving
+
+    names = list(proving.SCENES) if asked.scene == "all" else [asked.scene]
+    if asked.scene != "all" and asked.scene not in proving.SCENES:
+        raise InputError(f"--scene: expected all or one of {', '.join(proving.SCENES)}, got {asked.scene!r}")
+    verdicts = []
+    for name in names:
+        bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+        proving.build(name, bpy.context.scene)
+        found, seconds = _render_both(bpy, asked, name)
+        if asked.plant:
+            pictures = found["HALFSPACE"].pictures.copy()
+            height, width = pictures.shape[1:3]
+            pictures[:, height // 3 : height * 2 // 3, width // 3 : width * 2 // 3] *= 1 - asked.plant
+            found["HALFSPACE"] = comparison.Runs("HALFSPACE", pictures)
+        verdict = comparison.judge(found["HALFSPACE"], found["CYCLES"])
+        verdicts.append(verdict)
+        print(f"{name}, {asked.size}: Halfspace beside Cycles")
+        for line in verdict.lines():
+            print(f"  {line}")
+        ratio = seconds["HALFSPACE"] / seconds["CYCLES"]
+        print(
+            f"  time of a sample × {ratio:.2f}, its variance × {verdict.noise:.2f}: "
+            f"time to equal error × {ratio * verdict.noise:.2f}"
+        )
+        _print_left_out(bpy.context.scene)
+    print(f"{sum(v.same for v in verdicts)} of {len(verdicts)} scenes are the same up to noise")
+    return all(verdict.same for verdict in verdicts)
+
+
+def _start(asked: argparse.Namespace) -> Any:
+    """Check the options and start Blender with the extension. Returns bpy."""
+    _size(asked.size)
     if asked.runs < 2 or asked.samples < asked.runs or asked.bounces < 0:
         raise InputError("expected at least 2 runs, one sample for each, and no negative bounces")
     asked.out.mkdir(parents=True, exist_ok=True)
@@ -73,38 +141,54 @@ def run(asked: argparse.Namespace) -> None:
     import bpy
 
     import addon
-    from addon.blender import pictures, reports
-    from addon.core import comparison, native
+    from addon.core import native
 
     native.load()
     if not hasattr(bpy.context.scene, "halfspace"):
         addon.register()
-    name = _open(bpy, asked.file)
+    return bpy
+
+
+def _render_both(bpy: Any, asked: argparse.Namespace, name: str) -> tuple[dict[str, Any], dict[str, float]]:
+    """The runs of both engines on the current scene, and the seconds each took. The runs alternate."""
+    from addon.blender import pictures
+    from addon.core import comparison
+
+    width, height = _size(asked.size)
     scene: Any = bpy.context.scene
     if scene.camera is None:
         raise InputError(f"{name}: the scene has no camera")
     render = scene.render
     render.resolution_x, render.resolution_y, render.resolution_percentage = width, height, 100
     render.use_border, render.film_transparent, render.use_compositing = False, False, False
+    if asked.threads:
+        render.threads_mode, render.threads = "FIXED", asked.threads
     samples = -(-asked.samples // asked.runs)
     _configure_halfspace(scene, asked.structure, samples, asked.bounces)
     _configure_cycles(scene, samples, asked.bounces)
 
-    found = {}
-    shown = {}
-    for engine in ("HALFSPACE", "CYCLES"):
-        render.engine = engine
-        begun = time.perf_counter()
-        linear = [_run(pictures, scene, seed) for seed in range(asked.runs)]
-        print(f"{engine}: {asked.runs} × {samples} samples in {time.perf_counter() - begun:.1f} s", flush=True)
-        found[engine] = comparison.Runs(engine, comparison.stack(linear))
+    seconds = {"HALFSPACE": 0.0, "CYCLES": 0.0}
+    linear: dict[str, list[Any]] = {"HALFSPACE": [], "CYCLES": []}
+    for seed in range(asked.runs):
+        for engine in seconds:
+            render.engine = engine
+            begun = time.perf_counter()
+            linear[engine].append(_run(pictures, scene, seed))
+            seconds[engine] += time.perf_counter() - begun
+    found, shown = {}, {}
+    for engine, taken in seconds.items():
+        print(f"{engine}: {asked.runs} × {samples} samples in {taken:.1f} s", flush=True)
+        found[engine] = comparison.Runs(engine, comparison.stack(linear[engine]))
         path = asked.out / f"{name}-{engine.lower()}.png"
         shown[engine] = pictures.save_displayed(path, found[engine].mean.astype("float32"), scene)
-    ours, theirs = found["HALFSPACE"], found["CYCLES"]
-    pictures.save(asked.out / f"{name}-compared.png", comparison.side_by_side(shown[ours.name], shown[theirs.name]))
-    print(f"\n{name}, {width} × {height}, Halfspace beside Cycles")
-    for line in comparison.compare(ours, theirs).lines():
-        print(f"  {line}")
+    compared = comparison.side_by_side(shown["HALFSPACE"], shown["CYCLES"])
+    pictures.save(asked.out / f"{name}-compared.png", compared)
+    return found, seconds
+
+
+def _print_left_out(scene: Any) -> None:
+    from addon.blender import reports
+
     report = reports.last(scene)
     print("Left out by Halfspace, because it does not know it:")
     for line in (report.warnings if report else []) or ["nothing"]:
@@ -114,7 +198,6 @@ def run(asked: argparse.Namespace) -> None:
         print(f"  {line}")
     print("Left out by Cycles, so that its picture is exact up to noise:")
     print(f"  {', '.join(key.removeprefix('use_').replace('_', ' ') for key in EXACT)}")
-    print(f"Pictures: {asked.out / name}-{{halfspace,cycles,compared}}.png")
 
 
 def _run(pictures: Any, scene: Any, seed: int) -> Any:

@@ -28,6 +28,9 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument("--out", type=Path, default=ROOT / "out" / "showcase.png", help="the picture, .png")
     made.add_argument("--structure", default="kd", metavar="ID", help="the acceleration structure (default: kd)")
     made.add_argument("--samples", type=int, help="samples per pixel (default: the file's)")
+    made.add_argument(
+        "--integrator", choices=("path", "whitted", "ao"), help="how light is followed (default: the file's)"
+    )
     made.add_argument("--percentage", type=int, help="size in percent of the file's (default: the file's)")
     return made
 
@@ -136,6 +139,8 @@ def _configure(scene: Any, asked: argparse.Namespace) -> str | None:
         return f"--structure: unknown structure {asked.structure!r}; there are {', '.join(known)}"
     if asked.samples is not None:
         scene.halfspace.samples = asked.samples
+    if asked.integrator is not None:
+        scene.halfspace.integrator = asked.integrator
     if asked.percentage is not None:
         scene.render.resolution_percentage = asked.percentage
     return None

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import time
 from typing import TYPE_CHECKING, Any
 
@@ -253,6 +254,8 @@ def render_settings(engine: Any, depsgraph: Any) -> RenderSettings:
         border=border_pixels(render, width, height) if render.use_border else None,
         samples=group.samples,
         max_bounces=group.max_bounces,
+        integrator=group.integrator,
+        ambient_distance=group.ambient_distance or math.inf,
         clamp_indirect=group.clamp_indirect,
         seed=group.render_seed,
         film_transparent=render.film_transparent,

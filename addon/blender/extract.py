@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..core.instances import Layout, choose
-from ..core.scene import Light, Material, Numbers, Scene, World
+from ..core.scene import Image, Light, Material, Numbers, Scene, World
 from . import lights, materials, meshes, world
 
 if TYPE_CHECKING:
@@ -46,6 +46,9 @@ class Found:
     lights: tuple[Light, ...]
     world: World
     numbers: Numbers
+    images: tuple[Image, ...] = ()
+    layers: tuple[tuple[str, str], ...] = ()
+    objects: bool = False
 
     def layout(self, mode: str, *, interactive: bool = False) -> Layout:
         """Whether to keep instances, and why."""
@@ -53,12 +56,15 @@ class Found:
         for placement in self.placements:
             triangles, places = len(placement.mesh.triangles), len(placement.names)
             sizes.setdefault(id(placement.mesh), [triangles, 0])[1] += places
+        if self.layers or self.objects:
+            why = "only triangles in their places carry what these textures read"
+            return Layout(two_level=False, reason=f"instances: flattened, since {why}")
         smooth = any(placement.mesh.normals is not None for placement in self.placements)
         return choose(mode, [(a, b) for a, b in sizes.values()], smooth=smooth, interactive=interactive)
 
     def flattened(self, *, uvs: bool = False) -> Scene:
         """Every triangle in its place."""
-        return self._scene(meshes.assemble(self.placements, uvs=uvs))
+        return self._scene(meshes.assemble(self.placements, uvs=uvs, layers=self.layers, objects=self.objects))
 
     def instanced(self) -> Scene:
         """Every mesh once, and its places."""
@@ -66,7 +72,7 @@ class Found:
 
     def _scene(self, geometry: Any) -> Scene:
         moved = tuple(lights.moved(light, geometry.origin) for light in self.lights)
-        return Scene(geometry, self.materials, moved, self.world, self.numbers)
+        return Scene(geometry, self.materials, moved, self.world, self.numbers, self.images)
 
 
 def extract(depsgraph: Any, notes: Notes, *, uvs: bool = False) -> Scene:
@@ -83,25 +89,29 @@ def find(depsgraph: Any, notes: Notes, *, uvs: bool = False) -> Found:
     Reads meshes, whatever has a mesh (curves, surfaces, text, metaballs) and lights, with every instance of them;
     what cannot be rendered goes into `notes` by name.
     """
-    reader = _Reader(notes, uvs)
+    reader = _Reader(notes, uvs, depsgraph.ids)
     # Take everything from an item at once: Blender reuses its memory for the next one.
     for instance in depsgraph.object_instances:
         if instance.show_self:
             reader.visit(instance.object, instance.matrix_world)
+    background, shown = world.read_world(depsgraph.scene_eval.world, notes, reader.palette.gallery)
     return Found(
         placements=reader.placements(),
         materials=reader.palette.materials(),
         lights=tuple(reader.lights),
-        world=world.read_world(depsgraph.scene_eval.world, notes),
+        world=background,
         numbers=Numbers(reader.object_numbers, reader.palette.pass_indices()),
+        images=reader.palette.images(shown),
+        layers=tuple(reader.palette.layers.keys),
+        objects=reader.palette.layers.objects,
     )
 
 
 class _Reader:
-    def __init__(self, notes: Notes, uvs: bool) -> None:
+    def __init__(self, notes: Notes, uvs: bool, blocks: Any) -> None:
         self.notes = notes
         self.uvs = uvs
-        self.palette = materials.Palette(notes)
+        self.palette = materials.Palette(notes, blocks)
         self.lights: list[Light] = []
         self.object_numbers: dict[str, float] = {}
         self._meshes: dict[tuple[str, int], meshes.MeshArrays] = {}
@@ -152,7 +162,7 @@ class _Reader:
             data = item.data
             key = ("mesh", data.as_pointer())
             if key not in self._meshes:
-                self._meshes[key] = meshes.read_mesh(data, uvs=self.uvs)
+                self._meshes[key] = meshes.read_mesh(data, uvs=self.uvs, layers=self.palette.layers.keys)
             return key, self._meshes[key], self.palette.indices(item, data)
         key = ("object", item.original.as_pointer())
         if key not in self._meshes:
@@ -160,7 +170,7 @@ class _Reader:
             data = item.to_mesh()
             if data is None:
                 return key, None, ()
-            self._meshes[key] = meshes.read_mesh(data, uvs=self.uvs)
+            self._meshes[key] = meshes.read_mesh(data, uvs=self.uvs, layers=self.palette.layers.keys)
             item.to_mesh_clear()
         return key, self._meshes[key], self.palette.indices(item, item.data)
 

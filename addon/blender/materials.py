@@ -3,27 +3,57 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from ..core.scene import RGB, Material
+import bpy
+
+from ..core.notes import Notes
+from ..core.scene import Image, Material
+from .images import Gallery
 from .nodes import Place, Unsupported, active_tree
-from .surfaces import BLACK, Context, surface
+from .surfaces import Surface
+from .values import Layers, Values
 
 if TYPE_CHECKING:
-    from ..core.notes import Notes
+    from collections.abc import Iterable
 
 DEFAULT = Material("(no material)")
 
+BLACK = Material("", base_color=(0.0, 0.0, 0.0), specular=0.0, roughness=1.0)
+"""No surface shader at all: absorbs everything, emits nothing."""
+
+
+@dataclass(frozen=True)
+class _Read:
+    """A material that was read, with what is to be said of it once it is in use."""
+
+    material: Material
+    remarks: tuple[str, ...]
+    images: frozenset[int]
+
 
 class Palette:
-    """Collects materials while objects are visited; number 0 is what objects without a material get."""
+    """Collects materials while objects are visited; number 0 is what objects without a material get.
 
-    def __init__(self, notes: Notes) -> None:
+    layers: what the materials of `blocks`, or of those met since, read at the corners of triangles.
+    """
+
+    def __init__(self, notes: Notes, blocks: Iterable[Any] = ()) -> None:
+        """blocks: data blocks of a depsgraph; the materials among them are read at once, so that `layers` is complete
+        before the first mesh is.
+        """
+        self.layers = Layers()
+        self.gallery = Gallery()
         self._notes = notes
         self._materials = [DEFAULT]
         self._numbers: dict[int, int] = {}
         self._pass_indices = [0.0]
+        self._read: dict[int, _Read] = {}
+        self._images: set[int] = set()
+        for block in blocks:
+            if isinstance(block, bpy.types.Material):
+                self._of(block)
 
     def indices(self, item: Any, data: Any) -> tuple[int, ...]:
         """The scene's material for each slot of an evaluated object; at least one.
@@ -42,6 +72,10 @@ class Palette:
         """All materials met so far, by number."""
         return tuple(self._materials)
 
+    def images(self, more: Iterable[int] = ()) -> tuple[Image, ...]:
+        """All images by number, with the pixels of those that materials met so far use, and `more`."""
+        return self.gallery.read(self._images | set(more), self._notes)
+
     def pass_indices(self) -> tuple[float, ...]:
         """The number that the user gave each of these materials."""
         return tuple(self._pass_indices)
@@ -53,50 +87,62 @@ class Palette:
         if key not in self._numbers:
             self._numbers[key] = len(self._materials)
             self._pass_indices.append(float(material.pass_index))
-            self._materials.append(_in_range(read_material(material, self._notes)))
+            found = self._of(material)
+            self._materials.append(found.material)
+            self._images |= found.images
+            for remark in found.remarks:
+                self._notes.add(remark, found.material.name)
         return self._numbers[key]
+
+    def _of(self, material: Any) -> _Read:
+        key = material.original.as_pointer()
+        if key not in self._read:
+            remarks: dict[str, None] = {}
+            values = Values(self.layers, self.gallery, lambda what: remarks.setdefault(_sentence(what)))
+            self._read[key] = _Read(_material(material, values), tuple(remarks), frozenset(values.images))
+        return self._read[key]
 
 
 def read_material(material: Any, notes: Notes) -> Material:
-    """The constant values of a Blender material. Nodes that are not understood go into `notes`."""
+    """One Blender material. Nodes that are not understood go into `notes`."""
+
+    def remark(what: str) -> None:
+        notes.add(_sentence(what), material.name)
+
+    return _material(material, Values(Layers(), Gallery(), remark))
+
+
+def _sentence(what: str) -> str:
+    return f"{what} is not supported yet in material"
+
+
+def _material(material: Any, values: Values) -> Material:
     name = material.name
     viewport = Material(
         name,
-        base_color=tuple(material.diffuse_color[:3]),
-        metallic=material.metallic,
-        roughness=material.roughness,
+        base_color=tuple(max(c, 0.0) for c in material.diffuse_color[:3]),  # type: ignore[arg-type]
+        metallic=min(max(material.metallic, 0.0), 1.0),
+        roughness=min(max(material.roughness, 0.0), 1.0),
     )
     tree = active_tree(material)
     if tree is None:
         return viewport
-    context = Context(viewport, lambda what: notes.add(f"{what} is not supported yet in material", name))
     output = tree.get_output_node("ALL")
     if output is None:
-        return replace(BLACK, name=name)
+        return _black(name)
     for socket in ("Displacement", "Volume"):
         if output.inputs[socket].is_linked:
-            context.remark(socket)
+            values.remark(socket)
+    surface = Surface(values, viewport.base_color)
     try:
-        return surface(Place(output.inputs["Surface"]), context)
+        surface.read(Place(output.inputs["Surface"]))
     except Unsupported as unsupported:
-        context.remark(str(unsupported))
+        values.remark(str(unsupported))
         return viewport
+    if not surface.closures:
+        return _black(name)
+    return Material(name, closures=tuple(surface.closures), program=tuple(values.steps))
 
 
-def _in_range(material: Material) -> Material:
-    """The material with each value where Blender's own engines clamp it."""
-
-    def color(rgb: RGB) -> RGB:
-        return (max(rgb[0], 0.0), max(rgb[1], 0.0), max(rgb[2], 0.0))
-
-    return replace(
-        material,
-        base_color=color(material.base_color),
-        metallic=min(max(material.metallic, 0.0), 1.0),
-        roughness=min(max(material.roughness, 0.0), 1.0),
-        ior=min(max(material.ior, 1e-3), 1e3),
-        transmission=min(max(material.transmission, 0.0), 1.0),
-        specular=min(max(material.specular, 0.0), 1e3),
-        emission=color(material.emission),
-        alpha=min(max(material.alpha, 0.0), 1.0),
-    )
+def _black(name: str) -> Material:
+    return Material(name, base_color=BLACK.base_color, specular=BLACK.specular, roughness=BLACK.roughness)

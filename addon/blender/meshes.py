@@ -7,7 +7,8 @@ triangle corners) and the property is a plain array; anything else converts item
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,6 +16,7 @@ import numpy as np
 from ..core import native
 from ..core.instances import InstancedGeometry, Mesh
 from ..core.scene import F32, F64, I32, Geometry, SceneError, Source
+from . import layers as texture_layers
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -34,7 +36,8 @@ class MeshArrays:
 
     positions: (n, 3) float32. triangles: (m, 3) int32 into positions. slots: (m,) int32 material slots, or None when
     all are 0. normals: (k, 3) float32 as Blender stores them, one per vertex or per corner of a face, None for flat;
-    normal_rows: (m, 3) integers into normals. uvs: (m, 3, 2) float32 or None.
+    normal_rows: (m, 3) integers into normals. uvs: (m, 3, 2) float32 or None. layers: what textures read, see
+    `layers.read_layers`. box: its texture space, see `layers.box`.
     """
 
     positions: F32
@@ -43,9 +46,11 @@ class MeshArrays:
     normals: F32 | None
     normal_rows: NDArray[Any] | None
     uvs: F32 | None
+    layers: dict[texture_layers.Key, F32] = field(default_factory=dict)
+    box: tuple[tuple[float, ...], tuple[float, ...]] = ((0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
 
 
-def read_mesh(mesh: Any, *, uvs: bool = False) -> MeshArrays:
+def read_mesh(mesh: Any, *, uvs: bool = False, layers: Sequence[texture_layers.Key] = ()) -> MeshArrays:
     """Copy what rendering needs out of an evaluated `bpy.types.Mesh`; with `uvs` also the active render UV map."""
     positions = _read(mesh.attributes["position"].data, "vector", np.float32, len(mesh.vertices) * 3)
     corner_vertices = _attribute(mesh, ".corner_vert", np.int32, len(mesh.loops))
@@ -71,7 +76,9 @@ def read_mesh(mesh: Any, *, uvs: bool = False) -> MeshArrays:
     if uv_map is not None:
         by_corner = _read(uv_map.uv, "vector", np.float32, len(mesh.loops) * 2).reshape(-1, 2)
         uv = by_corner.take(corners, axis=0).reshape(-1, 3, 2)
-    return MeshArrays(positions.reshape(-1, 3), triangles, slots, normals, normal_rows, uv)
+    found = texture_layers.read_layers(mesh, layers)
+    box = texture_layers.box(mesh)
+    return MeshArrays(positions.reshape(-1, 3), triangles, slots, normals, normal_rows, uv, found, box)
 
 
 def _attribute(mesh: Any, name: str, dtype: Any, count: int) -> NDArray[Any]:
@@ -101,8 +108,17 @@ class Placement:
     materials: I32
 
 
-def assemble(placements: list[Placement], *, uvs: bool = False) -> Geometry:
-    """All placements as one geometry, moved to the centre of the box around the boxes of the placed meshes."""
+def assemble(
+    placements: list[Placement],
+    *,
+    uvs: bool = False,
+    layers: Sequence[texture_layers.Key] = (),
+    objects: bool = False,
+) -> Geometry:
+    """All placements as one geometry, moved to the centre of the box around the boxes of the placed meshes.
+
+    layers: what materials read at the corners. objects: whether they ask for their object.
+    """
     placements = [placement for placement in placements if len(placement.mesh.triangles)]
     if not placements:
         return Geometry.empty()
@@ -145,7 +161,19 @@ def assemble(placements: list[Placement], *, uvs: bool = False) -> Geometry:
 
         sources.append(Source(t, m, placement.names))
         v, t = vertex_rows.stop, triangle_rows.stop
-    return Geometry(vertices, triangles, material_index, corner_normals, uv, origin, tuple(sources))
+    frames, object_index = texture_layers.assemble_objects(placements, origin) if objects else ((), None)
+    return Geometry(
+        vertices,
+        triangles,
+        material_index,
+        corner_normals,
+        uv,
+        texture_layers.assemble_layers(placements, layers, triangle_count),
+        frames,
+        object_index,
+        origin,
+        tuple(sources),
+    )
 
 
 def _check_room(triangles: int, size: int) -> None:

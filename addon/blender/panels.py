@@ -89,14 +89,18 @@ class HALFSPACE_PT_sampling(_Panel, bpy.types.Panel):
     def draw(self, context: Any) -> None:
         column = self._column()
         group = context.scene.halfspace
+        column.prop(group, "integrator")
+        if group.integrator == "ao":
+            column.prop(group, "ambient_distance")
         column.prop(group, "samples")
         column.prop(group, "use_adaptive")
         if group.use_adaptive:
             column.prop(group, "noise_threshold")
         column.prop(group, "time_limit")
         column.prop(group, "preview_samples")
-        column.prop(group, "max_bounces")
-        column.prop(group, "clamp_indirect")
+        if group.integrator != "ao":
+            column.prop(group, "max_bounces")
+            column.prop(group, "clamp_indirect")
         column.prop(group, "render_seed")
 
 

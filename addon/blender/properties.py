@@ -141,6 +141,23 @@ RENDER_PROPERTIES: dict[str, Any] = {
     "preview_samples": IntProperty(
         name="Viewport Samples", description="Rays per pixel in the viewport", default=16, min=1, max=1 << 20
     ),
+    "integrator": EnumProperty(
+        name="Integrator",
+        description="How light is followed",
+        items=[
+            ("path", "Path Tracing", "All light, exact up to noise", 0),
+            ("whitted", "Whitted", "Direct light, mirrors and clear glass; light from other surfaces is left out", 1),
+            ("ao", "Ambient Occlusion", "How open each point is, without materials and lights", 2),
+        ],
+        default="path",
+    ),
+    "ambient_distance": FloatProperty(
+        name="Distance",
+        description="How far ambient occlusion looks; 0 is as far as the scene goes",
+        default=0.0,
+        min=0.0,
+        subtype="DISTANCE",
+    ),
     "max_bounces": IntProperty(
         name="Bounces", description="How often light is followed after the first surface", default=6, min=0, max=64
     ),

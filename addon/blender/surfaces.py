@@ -1,20 +1,21 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What each surface shader node means as one `core.scene.Material` of constant values."""
+"""What each surface shader node means as `core.scene.Closure`: a tree of mixes becomes a list of weighted closures."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
 
-from ..core.scene import Material
-from .nodes import Place, Remark, Unsupported, color, number, scaled
+from ..core.scene import Closure
+from .nodes import Place, Unsupported
+from .values import Values
 
-BLACK = Material("", base_color=(0.0, 0.0, 0.0), specular=0.0, roughness=1.0)
-"""No surface shader at all: absorbs everything, emits nothing."""
+if TYPE_CHECKING:
+    from ..core.scene import Operand
 
 IGNORED_LAYERS = {
     "Subsurface Weight": 0.0,
-    "Coat Weight": 0.0,
     "Sheen Weight": 0.0,
     "Anisotropic": 0.0,
     "Thin Film Thickness": 0.0,
@@ -22,141 +23,220 @@ IGNORED_LAYERS = {
 }
 """Inputs of the Principled BSDF that are not rendered, with the value at which they do nothing."""
 
+MOST_CLOSURES = 8
+MOST_PRINCIPLED = 4
+"""What the native module can hold."""
 
-@dataclass(frozen=True)
-class Context:
-    """What every node needs: the material as shown in the viewport, as last resort, and where remarks go."""
-
-    viewport: Material
-    remark: Remark
-
-
-def surface(place: Place, context: Context) -> Material:
-    """The material that an input of the shader kind receives. Raises Unsupported, naming the node."""
-    source = place.source()
-    if not source.socket.is_output:
-        return replace(BLACK, name=context.viewport.name)
-    meaning = SHADERS.get(source.node.bl_idname)
-    if meaning is None:
-        raise Unsupported(source.node.bl_label)
-    return replace(meaning(source, context), name=context.viewport.name)
+DEEPEST = 32
+"""Mixes within mixes that are followed."""
 
 
-def _principled(node: Place, context: Context) -> Material:
+@dataclass
+class Surface:
+    """The closures found so far, the values they use, and the colour of the material in the viewport."""
+
+    values: Values
+    viewport: tuple[float, ...]
+    closures: list[Closure] = field(default_factory=list)
+
+    def remark(self, what: str) -> None:
+        """Something is not rendered as asked."""
+        self.values.remark(what)
+
+    def read(self, place: Place, weight: Operand = 1.0, depth: int = 0) -> None:
+        """Take over what an input of the shader kind receives. Raises Unsupported, naming the node."""
+        source = place.source()
+        if not source.socket.is_output or weight == 0.0:
+            return
+        if depth > DEEPEST:
+            raise Unsupported(f"More than {DEEPEST} mixes within each other")
+        match source.node.bl_idname:
+            case "ShaderNodeMixShader":
+                self._mix(source, weight, depth)
+            case "ShaderNodeAddShader":
+                for socket in source.node.inputs[:2]:
+                    self.read(Place(socket, source.groups), weight, depth + 1)
+            case kind if kind in SHADERS:
+                SHADERS[kind](self, source, weight)
+            case _:
+                raise Unsupported(source.node.bl_label)
+
+    def _mix(self, node: Place, weight: Operand, depth: int) -> None:
+        factor_socket, first, second = (Place(socket, node.groups) for socket in node.node.inputs[:3])
+        factor = self.values.value(factor_socket)
+        if isinstance(factor, float):
+            factor = min(max(factor, 0.0), 1.0)
+            rest: Operand = 1.0 - factor
+        else:
+            factor = self.values.step("clamp", factor, 0.0, 1.0)
+            rest = self.values.step("math", 1.0, factor, 0.0, kind="SUBTRACT")
+        self.read(first, self._times(weight, rest), depth + 1)
+        self.read(second, self._times(weight, factor), depth + 1)
+
+    def _times(self, a: Operand, b: Operand) -> Operand:
+        if isinstance(a, float) and isinstance(b, float):
+            return a * b
+        if 1.0 in (a, b):
+            return b if a == 1.0 else a
+        return self.values.step("math", a, b, 0.0, kind="MULTIPLY")
+
+    def color(self, node: Place, name: str = "Color") -> Operand:
+        """A colour; that of the viewport where an unknown node drives it."""
+        place = node.input(name)
+        return 0.0 if place is None else self.values.value(place, self.viewport)
+
+    def emitted(self, color: Operand, strength: Operand) -> Operand:
+        """Colour times strength."""
+        if strength == 1.0:
+            return color
+        if isinstance(color, tuple) and isinstance(strength, float):
+            return tuple(c * strength for c in color[:3])
+        return self.values.step("mix", 1.0, color, strength, kind="MULTIPLY")
+
+    def add(self, kind: str, weight: Operand, node: Place, *, multiscatter: bool = True, **inputs: Operand) -> None:
+        """Add a closure."""
+        principled = sum(closure.kind == "principled" for closure in self.closures)
+        if len(self.closures) >= MOST_CLOSURES or (kind == "principled" and principled >= MOST_PRINCIPLED):
+            self.remark(f"More than {MOST_CLOSURES} shaders, {MOST_PRINCIPLED} of them Principled,")
+            return
+        self.closures.append(Closure(kind, {"weight": weight, **inputs}, self._normal(node), multiscatter))
+
+    def _normal(self, node: Place) -> Operand | None:
+        normal = node.input("Normal")
+        if normal is None:
+            return None
+        source = normal.source()
+        if not source.socket.is_output:
+            return None
+        operand = self.values.value(normal)
+        return operand if isinstance(operand, int) else None
+
+
+def _principled(surface: Surface, node: Place, weight: Operand) -> None:
+    values = surface.values
     for name, idle in IGNORED_LAYERS.items():
         layer = node.input(name)
         if layer is not None and (layer.socket.is_linked or abs(layer.socket.default_value - idle) > 1e-6):
-            context.remark(f"Principled BSDF: {name}")
-    _bumps(node, context)
-    strength = number(node.input("Emission Strength"), context.remark)
-    emission = color(node.input("Emission Color"), context.remark) if strength else (0.0, 0.0, 0.0)
-    return Material(
-        "",
-        base_color=color(node.input("Base Color"), context.remark, context.viewport.base_color),
-        metallic=number(node.input("Metallic"), context.remark),
-        roughness=number(node.input("Roughness"), context.remark),
-        ior=number(node.input("IOR"), context.remark),
-        transmission=number(node.input("Transmission Weight"), context.remark),
-        specular=number(node.input("Specular IOR Level"), context.remark),
-        emission=scaled(emission, strength),
-        alpha=number(node.input("Alpha"), context.remark, absent=1.0),
+            surface.remark(f"Principled BSDF: {name}")
+    coat_normal = node.input("Coat Normal")
+    if coat_normal is not None and coat_normal.socket.is_linked:
+        surface.remark("Principled BSDF: Coat Normal")
+    thin = node.input("Thin Wall")
+    if thin is not None and (thin.socket.is_linked or thin.socket.default_value):
+        surface.remark("Principled BSDF: Thin Wall")
+    strength = values.input(node, "Emission Strength")
+    emission = surface.emitted(values.input(node, "Emission Color"), strength) if strength != 0.0 else 0.0
+    surface.add(
+        "principled",
+        weight,
+        node,
+        multiscatter=node.node.distribution == "MULTI_GGX",
+        color=surface.color(node, "Base Color"),
+        metallic=values.input(node, "Metallic"),
+        roughness=values.input(node, "Roughness"),
+        ior=values.input(node, "IOR"),
+        transmission=values.input(node, "Transmission Weight"),
+        specular=values.input(node, "Specular IOR Level"),
+        specular_tint=values.input(node, "Specular Tint", (1.0, 1.0, 1.0)),
+        emission=emission,
+        alpha=values.input(node, "Alpha", 1.0),
+        coat_weight=values.input(node, "Coat Weight"),
+        coat_roughness=values.input(node, "Coat Roughness"),
+        coat_ior=values.input(node, "Coat IOR", 1.5),
+        coat_tint=values.input(node, "Coat Tint", (1.0, 1.0, 1.0)),
     )
 
 
-def _diffuse(node: Place, context: Context) -> Material:
-    _bumps(node, context)
-    return replace(BLACK, base_color=_color(node, context))
+def _diffuse(surface: Surface, node: Place, weight: Operand) -> None:
+    if surface.values.input(node, "Roughness") != 0.0:
+        surface.remark("Diffuse BSDF: Roughness")
+    surface.add("diffuse", weight, node, color=surface.color(node))
 
 
-def _glossy(node: Place, context: Context) -> Material:
-    _bumps(node, context)
-    roughness = number(node.input("Roughness"), context.remark)
-    return replace(BLACK, base_color=_color(node, context), metallic=1.0, roughness=roughness, specular=0.5)
-
-
-def _glass(node: Place, context: Context) -> Material:
-    _bumps(node, context)
-    roughness = number(node.input("Roughness"), context.remark)
-    ior = number(node.input("IOR"), context.remark)
-    return replace(
-        BLACK, base_color=_color(node, context), transmission=1.0, roughness=roughness, ior=ior, specular=0.5
+def _glossy(surface: Surface, node: Place, weight: Operand) -> None:
+    values = surface.values
+    if values.input(node, "Anisotropy") != 0.0:
+        surface.remark("Glossy BSDF: Anisotropy")
+    surface.add(
+        "glossy",
+        weight,
+        node,
+        multiscatter=_multiscatter(surface, node),
+        color=surface.color(node),
+        roughness=values.input(node, "Roughness"),
     )
 
 
-def _emission(node: Place, context: Context) -> Material:
-    strength = number(node.input("Strength"), context.remark)
-    return replace(BLACK, emission=scaled(_color(node, context), strength))
+def _metallic(surface: Surface, node: Place, weight: Operand) -> None:
+    values = surface.values
+    if node.node.fresnel_type != "F82":
+        raise Unsupported("Metallic BSDF (physical conductor)")
+    if values.input(node, "Anisotropy") != 0.0 or values.input(node, "Thin Film Thickness") != 0.0:
+        surface.remark("Metallic BSDF: Anisotropy, Thin Film")
+    surface.add(
+        "principled",
+        weight,
+        node,
+        multiscatter=_multiscatter(surface, node),
+        metallic=1.0,
+        color=surface.color(node, "Base Color"),
+        specular_tint=values.input(node, "Edge Tint"),
+        roughness=values.input(node, "Roughness"),
+    )
 
 
-def _transparent(node: Place, context: Context) -> Material:
-    tint = _color(node, context)
-    if min(tint) < 0.999:
-        context.remark("Transparent BSDF: coloured transparency")
-    return replace(BLACK, alpha=0.0)
+def _glass(surface: Surface, node: Place, weight: Operand) -> None:
+    values = surface.values
+    surface.add(
+        "glass",
+        weight,
+        node,
+        multiscatter=_multiscatter(surface, node),
+        color=surface.color(node),
+        roughness=values.input(node, "Roughness"),
+        ior=values.input(node, "IOR"),
+    )
 
 
-def _mix(node: Place, context: Context) -> Material:
-    factor_socket, first, second = (Place(socket, node.groups) for socket in node.node.inputs[:3])
-    factor = min(max(number(factor_socket, context.remark), 0.0), 1.0)
-    return blend(surface(first, context), surface(second, context), factor)
+def _refraction(surface: Surface, node: Place, weight: Operand) -> None:
+    values = surface.values
+    _multiscatter(surface, node)
+    surface.add(
+        "refraction",
+        weight,
+        node,
+        color=surface.color(node),
+        roughness=values.input(node, "Roughness"),
+        ior=values.input(node, "IOR"),
+    )
 
 
-def _add(node: Place, context: Context) -> Material:
-    first, second = (surface(Place(socket, node.groups), context) for socket in node.node.inputs[:2])
-    emission = tuple(a + b for a, b in zip(first.emission, second.emission, strict=True))
-    # An emitter adds light to a surface; two surfaces would reflect more than they receive.
-    if _only_emits(first):
-        return replace(second, emission=emission)
-    if not _only_emits(second):
-        context.remark("Add Shader of two surfaces (the first one is rendered)")
-    return replace(first, emission=emission)
+def _emission(surface: Surface, node: Place, weight: Operand) -> None:
+    values = surface.values
+    light = surface.emitted(values.input(node, "Color"), values.input(node, "Strength"))
+    surface.add("emission", weight, node, emission=light)
 
 
-SHADERS: dict[str, Callable[[Place, Context], Material]] = {
+def _transparent(surface: Surface, node: Place, weight: Operand) -> None:
+    surface.add("transparent", weight, node, color=surface.color(node))
+
+
+def _multiscatter(surface: Surface, node: Place) -> bool:
+    distribution = node.node.distribution
+    if distribution not in ("MULTI_GGX", "GGX"):
+        surface.remark(f"{node.node.bl_label}: the distribution {distribution.replace('_', ' ').title()} (GGX is used)")
+    return bool(distribution == "MULTI_GGX")
+
+
+SHADERS: dict[str, Callable[[Surface, Place, Any], None]] = {
     "ShaderNodeBsdfPrincipled": _principled,
     "ShaderNodeBsdfDiffuse": _diffuse,
     "ShaderNodeBsdfAnisotropic": _glossy,
     "ShaderNodeBsdfGlossy": _glossy,
-    "ShaderNodeBsdfMetallic": _glossy,
+    "ShaderNodeBsdfMetallic": _metallic,
     "ShaderNodeBsdfGlass": _glass,
+    "ShaderNodeBsdfRefraction": _refraction,
     "ShaderNodeEmission": _emission,
+    "ShaderNodeBackground": _emission,
     "ShaderNodeBsdfTransparent": _transparent,
-    "ShaderNodeMixShader": _mix,
-    "ShaderNodeAddShader": _add,
 }
-
-
-def blend(first: Material, second: Material, factor: float) -> Material:
-    """The material `factor` of the way from the first to the second, value by value.
-
-    Exact for the ends, and for colours and emission of equal shaders; otherwise the nearest single material. What is
-    invisible has no say in the look: beside a transparent shader only `alpha` is blended.
-    """
-    if factor in (0.0, 1.0):
-        return second if factor else first
-    alpha = first.alpha + (second.alpha - first.alpha) * factor
-    if first.alpha == 0.0 or second.alpha == 0.0:
-        return replace(second if first.alpha == 0.0 else first, alpha=alpha)
-    values: dict[str, object] = {}
-    for name in (field.name for field in fields(Material) if field.name != "name"):
-        a, b = getattr(first, name), getattr(second, name)
-        if isinstance(a, tuple):
-            values[name] = tuple(x + (y - x) * factor for x, y in zip(a, b, strict=True))
-        else:
-            values[name] = a + (b - a) * factor
-    return Material(first.name, **values)  # type: ignore[arg-type]
-
-
-def _color(node: Place, context: Context) -> tuple[float, float, float]:
-    place = node.input("Color") or node.input("Base Color")
-    return color(place, context.remark, context.viewport.base_color)
-
-
-def _bumps(node: Place, context: Context) -> None:
-    normal = node.input("Normal")
-    if normal is not None and normal.source().socket.is_output:
-        context.remark(f"{normal.source().node.bl_label} for Normal")
-
-
-def _only_emits(material: Material) -> bool:
-    return max(material.base_color) == 0.0 and material.specular == 0.0 and material.alpha == 1.0

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import time
 import weakref
 from typing import Any
@@ -186,6 +187,8 @@ def preview_settings(scene: Any) -> RenderSettings:
         height=1,
         samples=group.preview_samples,
         max_bounces=group.max_bounces,
+        integrator=group.integrator,
+        ambient_distance=group.ambient_distance or math.inf,
         clamp_indirect=group.clamp_indirect,
         seed=group.render_seed,
         film_transparent=scene.render.film_transparent,

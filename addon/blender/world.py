@@ -1,43 +1,68 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Blender's world as `core.scene.World`: one colour."""
+"""Blender's world as `core.scene.World`: a colour, or a program over the direction."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
 from ..core.scene import World
-from .nodes import Place, Unsupported, active_tree, color, number, scaled
+from .images import Gallery
+from .nodes import Place, Unsupported, active_tree
+from .surfaces import Surface
+from .values import Layers, Values
 
 if TYPE_CHECKING:
     from ..core.notes import Notes
 
 
-def read_world(world: Any, notes: Notes) -> World:
-    """The background's colour × strength. What is not constant goes into `notes` and is replaced by its default."""
+def read_world(world: Any, notes: Notes, gallery: Gallery | None = None) -> tuple[World, set[int]]:
+    """The background, and the numbers of the images it shows.
+
+    What is not understood goes into `notes` and is replaced by its default.
+    """
+    nothing: set[int] = set()
     if world is None:
-        return World()
-    plain = World(tuple(world.color))
+        return World(), nothing
+    plain = World(_positive(world.color))
     tree = active_tree(world)
     if tree is None:
-        return plain
+        return plain, nothing
 
     def remark(what: str) -> None:
         notes.add(f"{what} is not supported yet in world", world.name)
 
     output = tree.get_output_node("ALL")
     if output is None:
-        return World()
+        return World(), nothing
     if output.inputs["Volume"].is_linked:
         remark("Volume")
+    values = Values(Layers(), gallery or Gallery(), remark, background=True)
+    surface = Surface(values, plain.color)
     try:
-        background = Place(output.inputs["Surface"]).source()
+        surface.read(Place(output.inputs["Surface"]))
     except Unsupported as unsupported:
         remark(str(unsupported))
-        return plain
-    if not background.socket.is_output:
-        return World()
-    if background.node.bl_idname not in ("ShaderNodeBackground", "ShaderNodeEmission"):
-        remark(background.node.bl_label)
-        return plain
-    tint = color(background.input("Color"), remark)
-    return World(scaled(tint, number(background.input("Strength"), remark)))
+        return plain, nothing
+    # A background and an emission are the same here; other shaders have no meaning.
+    total: Any = None
+    for closure in surface.closures:
+        if closure.kind != "emission":
+            remark(f"A {closure.kind} shader")
+            continue
+        part = surface.emitted(closure.inputs["emission"], closure.inputs["weight"])
+        if total is None:
+            total = part
+        elif isinstance(total, tuple) and isinstance(part, tuple):
+            total = tuple(a + b for a, b in zip(total, part, strict=False))
+        else:
+            total = values.step("vector_math", total, part, 0.0, kind="ADD")
+    if total is None:
+        return World(), nothing
+    if isinstance(total, tuple):
+        return World(_positive(total)), nothing
+    return World((0.0, 0.0, 0.0), tuple(values.steps), total), values.images
+
+
+def _positive(color: Any) -> tuple[float, float, float]:
+    r, g, b = (max(float(c), 0.0) for c in color[:3])
+    return (r, g, b)

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from statistics import NormalDist
 
 import numpy as np
 
@@ -111,12 +112,76 @@ def compare(first: Runs, second: Runs) -> Comparison:
     )
 
 
-def _blocks(picture: F64) -> F64:
-    """(rows, BLOCK, columns, BLOCK, channels) of what whole squares cover."""
-    height, width = (size // BLOCK for size in picture.shape[:2])
+def _blocks(picture: F64, side: int = BLOCK) -> F64:
+    """(rows, side, columns, side, channels) of what whole squares cover."""
+    height, width = (size // side for size in picture.shape[:2])
     if not height or not width:
-        raise ComparisonError(f"the pictures are smaller than {BLOCK} × {BLOCK} pixels")
-    return picture[: height * BLOCK, : width * BLOCK].reshape(height, BLOCK, width, BLOCK, -1)
+        raise ComparisonError(f"the pictures are smaller than {side} × {side} pixels")
+    return picture[: height * side, : width * side].reshape(height, side, width, side, -1)
+
+
+VERDICT_BLOCK = 16
+"""Pixels along each side of the squares that a verdict looks at."""
+
+MOST_MEAN = 0.01
+"""Share by which the mean of a channel may differ."""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Whether two renderers show the same, up to their noise.
+
+    means: relative difference of each channel's mean. worst: the largest difference of a square in a channel, in
+    standard errors. limit: what the largest of so many (`tests`) reaches by chance as seldom as one reaches LIMIT
+    (Šidák 1967). beyond: how many are over it. noise: variance of a picture of the first over one of the second.
+    """
+
+    means: tuple[float, ...]
+    worst: float
+    limit: float
+    tests: int
+    beyond: int
+    noise: float
+
+    @property
+    def same(self) -> bool:
+        """Whether every mean and every square agrees."""
+        return self.beyond == 0 and all(abs(mean) <= MOST_MEAN for mean in self.means)
+
+    def lines(self) -> list[str]:
+        """The numbers in words."""
+        means = " ".join(f"{100 * mean:+.3f}" for mean in self.means)
+        size = f"{VERDICT_BLOCK} × {VERDICT_BLOCK}"
+        limits = f"(at most {self.limit:.2f}); beyond: {self.beyond}"
+        return [
+            f"means differ by {means} % (at most {100 * MOST_MEAN:g} %)",
+            f"worst of {self.tests:,} squares of {size} pixels: {self.worst:.2f} standard errors {limits}",
+            "the same up to noise" if self.same else "NOT the same",
+        ]
+
+
+def judge(first: Runs, second: Runs, *, tolerance: float = 2e-3) -> Verdict:
+    """Decide whether two renderers show the same. Raises ComparisonError.
+
+    tolerance: share of a square's brightness that counts as one rounding of tables and filters, added to the standard
+    error; without it pictures free of noise could never agree.
+    """
+    if first.pictures.shape[1:] != second.pictures.shape[1:]:
+        raise ComparisonError(f"the pictures have sizes {first.pictures.shape[1:3]} and {second.pictures.shape[1:3]}")
+    a, b = first.mean, second.mean
+    totals = b.sum(axis=(0, 1))
+    means = tuple(float(x) for x in np.where(totals > 0, a.sum(axis=(0, 1)) / np.maximum(totals, 1e-30) - 1, 0.0))
+    side = VERDICT_BLOCK
+    difference = _blocks(a - b, side).mean(axis=(1, 3))
+    error = np.sqrt(_blocks(first.variance + second.variance, side).sum(axis=(1, 3))) / side**2
+    rounding = tolerance / LIMIT * np.maximum(_blocks(b, side).mean(axis=(1, 3)), 1e-3 * b.mean())
+    scores = np.abs(difference) / np.hypot(error, rounding + 1e-12)
+    single = 2 * NormalDist().cdf(-LIMIT)
+    limit = -NormalDist().inv_cdf(-math.expm1(math.log1p(-single) / scores.size) / 2)
+    noise = float(first.variance.mean() * len(first.pictures)) / max(
+        float(second.variance.mean() * len(second.pictures)), 1e-30
+    )
+    return Verdict(means, float(scores.max()), limit, scores.size, int((scores > limit).sum()), noise)
 
 
 def side_by_side(first: F32, second: F32, *, gain: float = 8.0) -> F32:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from . import flip, timing
 from .rays import TILE
+from .session import arguments
 from .workload import View, Workload
 
 SIZE = 96
@@ -128,14 +129,7 @@ class Curve:
         if scene is None:
             render_scene = self._native.RenderScene(structure, **_plain_scene())
         else:
-            render_scene = self._native.RenderScene(
-                structure,
-                material_index=scene.geometry.material_index,
-                materials=[asdict(material) for material in scene.materials],
-                corner_normals=scene.geometry.corner_normals,
-                lights=[asdict(light) for light in scene.lights],
-                world=asdict(scene.world),
-            )
+            render_scene = self._native.RenderScene(structure, **arguments(scene))
         settings = {
             "width": self._width,
             "height": self._height,

@@ -7,7 +7,8 @@ world's origin keep their precision when positions are rounded to f32.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
+U32 = NDArray[np.uint32]
 
 RGB = tuple[float, float, float]
 
@@ -60,13 +62,27 @@ class Source:
     names: tuple[str, ...]
 
 
+@dataclass(frozen=True)
+class ObjectFrame:
+    """An object as its textures see it.
+
+    to_object: (3, 4), scene frame to the object's own space. generated: (2, 3), what is added to a position there and
+    what it is then multiplied by, so that the object's box becomes 0 to 1.
+    """
+
+    to_object: tuple[tuple[float, ...], ...]
+    generated: tuple[tuple[float, ...], ...]
+
+
 @dataclass(frozen=True, eq=False)
 class Geometry:
     """The triangles of a scene.
 
     vertices: (n, 3) float32, scene frame. triangles: (m, 3) int32. material_index: (m,) int32 into the scene's
     materials. corner_normals: (m, 3, 3) float32 unit vectors, or None when every triangle is flat. uvs: (m, 3, 2)
-    float32, NaN where a mesh has none, or None when nobody asked. origin: (3,) float64, the world position of the scene
+    float32, NaN where a mesh has none, or None when nobody asked. layers: what materials read at the corners, each
+    (m, 3, 2 to 4) float32, or None for one that no mesh has. objects, and object_index, (m,) uint32 into them: the
+    objects as textures see them, or None when no material asks. origin: (3,) float64, the world position of the scene
     frame's origin.
     sources: ascending, without gaps. Raises SceneError.
     """
@@ -76,6 +92,9 @@ class Geometry:
     material_index: I32
     corner_normals: F32 | None = None
     uvs: F32 | None = None
+    layers: tuple[F32 | None, ...] = ()
+    objects: tuple[ObjectFrame, ...] = ()
+    object_index: U32 | None = None
     origin: F64 = field(default_factory=lambda: np.zeros(3))
     sources: tuple[Source, ...] = ()
 
@@ -89,11 +108,24 @@ class Geometry:
             check("corner_normals", self.corner_normals, np.float32, (count, 3, 3))
         if self.uvs is not None:
             check("uvs", self.uvs, np.float32, (count, 3, 2))
+        for number, layer in enumerate(self.layers):
+            if layer is not None:
+                check(f"layers[{number}]", layer, np.float32, (count, 3, None))
+        if self.object_index is not None:
+            check("object_index", self.object_index, np.uint32, (count,))
         if count and not 0 <= int(self.triangles.min()) <= int(self.triangles.max()) < len(self.vertices):
             raise SceneError(f"triangles: an index is out of range for {len(self.vertices)} vertices")
         if not np.isfinite(self.origin).all():
             raise SceneError("origin: expected finite numbers")
-        for array in (self.vertices, self.triangles, self.material_index, self.corner_normals, self.uvs, self.origin):
+        for array in (
+            self.vertices,
+            self.triangles,
+            self.material_index,
+            self.corner_normals,
+            self.uvs,
+            self.origin,
+            *self.layers,
+        ):
             if array is not None:
                 array.flags.writeable = False
 
@@ -161,9 +193,53 @@ class Camera:
             raise SceneError("camera: its transform, lens or shift is not finite")
 
 
+@dataclass(frozen=True, eq=False)
+class Image:
+    """A texture. pixels: (h, w, 4) float32, rows from the bottom; no rows where the image is missing.
+
+    srgb: whether colours are encoded, to be decoded after filtering, as Cycles does; else they are linear.
+    """
+
+    name: str
+    pixels: F32
+    srgb: bool = False
+
+    def __post_init__(self) -> None:
+        check(f"image {self.name}", self.pixels, np.float32, (None, None, 4))
+
+
+Operand = int | float | tuple[float, ...]
+"""A value of a shader: the number of the step that computes it, or a constant float, colour or vector."""
+
+Step = Mapping[str, Any]
+"""One step of a program: "op", its "args", which are operands, and its settings, as the native module takes them."""
+
+
+@dataclass(frozen=True)
+class Closure:
+    """A shader node with its share of a material.
+
+    kind: principled, diffuse, glossy, glass, refraction, transparent or emission. inputs: operands by name, "weight"
+    among them; what is missing has Blender's default. normal: the shading normal, or None for the surface's own.
+    multiscatter: whether rough reflections lose no energy.
+    """
+
+    kind: str
+    inputs: Mapping[str, Operand]
+    normal: Operand | None = None
+    multiscatter: bool = True
+
+    def as_dict(self) -> dict[str, Any]:
+        """What the native module takes."""
+        return {"kind": self.kind, **self.inputs, "normal": self.normal, "multiscatter": self.multiscatter}
+
+
 @dataclass(frozen=True)
 class Material:
-    """A surface with constant values, in the terms of the Principled BSDF; `emission` includes its strength."""
+    """A surface: closures whose inputs a program computes from point to point.
+
+    Without closures, a Principled BSDF with the constant values here; `emission` includes its strength.
+    """
 
     name: str
     base_color: RGB = (0.8, 0.8, 0.8)
@@ -174,6 +250,13 @@ class Material:
     specular: float = 0.5
     emission: RGB = (0.0, 0.0, 0.0)
     alpha: float = 1.0
+    closures: tuple[Closure, ...] = ()
+    program: tuple[Step, ...] = ()
+
+    def as_dict(self) -> dict[str, Any]:
+        """What the native module takes."""
+        values = {item.name: getattr(self, item.name) for item in fields(self)}
+        return {**values, "closures": [closure.as_dict() for closure in self.closures], "program": list(self.program)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,9 +287,14 @@ class Light:
 
 @dataclass(frozen=True)
 class World:
-    """The background; `color` is linear RGB and includes its strength."""
+    """The background; `color` is linear RGB and includes its strength.
+
+    Where it varies, `program` computes it from the direction, and `radiance` is the operand that holds it.
+    """
 
     color: RGB = (0.0, 0.0, 0.0)
+    program: tuple[Step, ...] = ()
+    radiance: Operand | None = None
 
 
 @dataclass(frozen=True)
@@ -241,6 +329,7 @@ class Scene:
     lights: tuple[Light, ...]
     world: World
     numbers: Numbers = field(default_factory=Numbers)
+    images: tuple[Image, ...] = ()
 
     def __post_init__(self) -> None:
         flattened = isinstance(self.geometry, Geometry)

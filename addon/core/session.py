@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, fields, replace
 from typing import TYPE_CHECKING, Any
 
 from .instances import InstancedGeometry
@@ -167,6 +167,36 @@ def build(
     return building
 
 
+def asdict_shallow(item: Any) -> dict[str, Any]:
+    """The fields of a dataclass; unlike `asdict` it copies no array, so a million lights take seconds, not minutes."""
+    return {entry.name: getattr(item, entry.name) for entry in fields(item)}
+
+
+def arguments(scene: Scene) -> dict[str, Any]:
+    """What the native `RenderScene` takes beside the structure."""
+    geometry = scene.geometry
+    carried: dict[str, Any]
+    if isinstance(geometry, InstancedGeometry):
+        carried = {"surfaces": geometry.surfaces()}
+    else:
+        carried = {
+            "material_index": geometry.material_index,
+            "corner_normals": geometry.corner_normals,
+            "layers": list(geometry.layers),
+            "objects": [asdict(frame) for frame in geometry.objects],
+            "object_index": geometry.object_index,
+        }
+    return {
+        **carried,
+        "materials": [material.as_dict() for material in scene.materials],
+        "lights": [asdict_shallow(light) for light in scene.lights],
+        "world": asdict_shallow(scene.world),
+        "images": [asdict_shallow(image) for image in scene.images],
+        "indices": scene.for_passes(),
+        "origin": tuple(geometry.origin),
+    }
+
+
 @dataclass(frozen=True)
 class Session:
     """A structure, and the scene around it in the form that the native renderer walks."""
@@ -204,19 +234,7 @@ class Session:
     @classmethod
     def over(cls, native: Any, scene: Scene, structure: Any) -> Session:
         """The same over a structure of this scene that is built already."""
-        geometry = scene.geometry
-        if isinstance(geometry, InstancedGeometry):
-            surfaces: dict[str, Any] = {"surfaces": geometry.surfaces()}
-        else:
-            surfaces = {"material_index": geometry.material_index, "corner_normals": geometry.corner_normals}
-        render_scene = native.RenderScene(
-            structure,
-            **surfaces,
-            materials=[asdict(material) for material in scene.materials],
-            lights=[asdict(light) for light in scene.lights],
-            world=asdict(scene.world),
-            indices=scene.for_passes(),
-        )
+        render_scene = native.RenderScene(structure, **arguments(scene))
         return cls(native, structure, render_scene)
 
     @property

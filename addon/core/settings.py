@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -63,6 +64,7 @@ class Mist:
 class RenderSettings:
     """One picture. border: (x0, y0, x1, y1) pixels of the full frame, half open, y from the bottom; None: all of it.
 
+    integrator: path, whitted (direct light, mirrors and clear glass) or ao (openness within ambient_distance).
     clamp_indirect: most that a sample may add after its first bounce, 0 = no limit. passes: names of the arrays wanted.
     noise_threshold: error at which a block of pixels gets no more samples, 0 = all get all. time_limit: seconds after
     which no samples begin, 0 = no limit. threads: 0 means one per core. Raises SettingsError.
@@ -73,6 +75,8 @@ class RenderSettings:
     border: tuple[int, int, int, int] | None = None
     samples: int = 32
     max_bounces: int = 6
+    integrator: str = "path"
+    ambient_distance: float = math.inf
     clamp_indirect: float = 0.0
     seed: int = 0
     film_transparent: bool = False
@@ -107,6 +111,8 @@ class RenderSettings:
             "border": self.border,
             "samples": self.samples,
             "max_bounces": self.max_bounces,
+            "integrator": self.integrator,
+            "ambient_distance": self.ambient_distance,
             "clamp_indirect": self.clamp_indirect,
             "seed": self.seed,
             "film_transparent": self.film_transparent,

@@ -79,7 +79,7 @@ fn scene_params(triangles: usize) -> SceneParams {
             power: [300.0; 3],
             casts_shadow: true,
         }],
-        world: [0.2, 0.3, 0.5],
+        world: [0.2, 0.3, 0.5].into(),
         ..Default::default()
     }
 }

@@ -129,7 +129,7 @@ def test_every_structure_gives_the_same_picture(stage: Any, tmp_path: Path) -> N
 def test_what_is_not_understood_is_reported_once(stage: Any, tmp_path: Path) -> None:
     odd = material("Odd")
     shader = node(odd.node_tree, "ShaderNodeBsdfPrincipled")
-    odd.node_tree.links.new(odd.node_tree.nodes.new("ShaderNodeTexNoise").outputs[0], shader.inputs["Roughness"])
+    odd.node_tree.links.new(odd.node_tree.nodes.new("ShaderNodeTexVoronoi").outputs[0], shader.inputs["Roughness"])
     for name in ("Cube", "Other"):
         mesh = cube(name)
         mesh.materials.append(odd)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Shader nodes become constants; what cannot is listed by material, never raised."""
+"""Shader nodes become closures and programs; what cannot is listed by material, never raised."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import bpy
 import pytest
-from shapes import material, node, triangle, with_nodes
+from shapes import material, node, with_nodes
 
 from addon.blender.materials import Palette, read_material
 from addon.core.notes import Notes
@@ -19,6 +19,15 @@ if TYPE_CHECKING:
 def understood(block: Any) -> tuple[Material, list[str]]:
     notes = Notes()
     return read_material(block, notes), notes.lines()
+
+
+def inputs(block: Any, kind: str = "principled") -> Any:
+    """The inputs of the material's one closure, which has this kind and needs no remark."""
+    found, notes = understood(block)
+    assert notes == []
+    (closure,) = found.closures
+    assert closure.kind == kind
+    return closure.inputs
 
 
 def plug(block: Any, kind: str, socket: int = 0) -> Any:
@@ -42,38 +51,36 @@ def test_principled_constants() -> None:
         Emission_Strength=4.0,
         Alpha=0.9,
     )
-    found, notes = understood(block)
-    assert notes == []
-    assert found.name == "All"
-    assert found.base_color == pytest.approx((0.1, 0.2, 0.3))
-    assert (found.metallic, found.transmission) == (0.25, 0.5)
-    assert (found.roughness, found.ior, found.specular, found.alpha) == pytest.approx((0.75, 1.33, 0.2, 0.9))
-    assert found.emission == pytest.approx((4, 2, 1))
+    found = inputs(block)
+    assert found["color"][:3] == pytest.approx((0.1, 0.2, 0.3))
+    assert (found["metallic"], found["transmission"], found["weight"]) == (0.25, 0.5, 1)
+    names = ("roughness", "ior", "specular", "alpha")
+    assert [found[name] for name in names] == pytest.approx([0.75, 1.33, 0.2, 0.9])
+    assert found["emission"] == pytest.approx((4, 2, 1))
+    assert understood(block)[0].name == "All"
 
 
 @pytest.mark.parametrize(
-    ("kind", "inputs", "expected"),
+    ("node_type", "kind", "values", "expected"),
     [
-        ("ShaderNodeBsdfDiffuse", {"Color": (0.1, 0.2, 0.3, 1)}, {"base_color": (0.1, 0.2, 0.3), "specular": 0}),
-        ("ShaderNodeBsdfAnisotropic", {"Roughness": 0.125}, {"metallic": 1, "roughness": 0.125}),
-        ("ShaderNodeBsdfGlass", {"IOR": 1.25, "Roughness": 0}, {"transmission": 1, "ior": 1.25, "roughness": 0}),
-        (
-            "ShaderNodeEmission",
-            {"Color": (1, 0.5, 0, 1), "Strength": 2},
-            {"emission": (2, 1, 0), "base_color": (0, 0, 0)},
-        ),
-        ("ShaderNodeBsdfTransparent", {}, {"alpha": 0}),
+        ("ShaderNodeBsdfDiffuse", "diffuse", {"Color": (0.1, 0.2, 0.3, 1)}, {"color": (0.1, 0.2, 0.3, 1)}),
+        ("ShaderNodeBsdfAnisotropic", "glossy", {"Roughness": 0.125}, {"roughness": 0.125}),
+        ("ShaderNodeBsdfGlass", "glass", {"IOR": 1.25, "Roughness": 0}, {"ior": 1.25, "roughness": 0}),
+        ("ShaderNodeBsdfRefraction", "refraction", {"IOR": 1.25}, {"ior": 1.25}),
+        ("ShaderNodeEmission", "emission", {"Color": (1, 0.5, 0, 1), "Strength": 2}, {"emission": (2, 1, 0)}),
+        ("ShaderNodeBsdfTransparent", "transparent", {"Color": (1, 0.5, 0, 1)}, {"color": (1, 0.5, 0, 1)}),
     ],
 )
-def test_simple_shaders(kind: str, inputs: dict[str, Any], expected: dict[str, Any]) -> None:
+def test_simple_shaders(node_type: str, kind: str, values: dict[str, Any], expected: dict[str, Any]) -> None:
     block = material("Simple")
-    shader = plug(block, kind)
-    for name, value in inputs.items():
+    shader = plug(block, node_type)
+    if hasattr(shader, "distribution"):
+        shader.distribution = "GGX"
+    for name, value in values.items():
         shader.inputs[name].default_value = value
-    found, notes = understood(block)
-    assert notes == []
+    found = inputs(block, kind)
     for name, value in expected.items():
-        assert getattr(found, name) == pytest.approx(value), name
+        assert found[name] == pytest.approx(value), name
 
 
 def test_reroutes_groups_values_and_muted_nodes_are_followed() -> None:
@@ -96,57 +103,96 @@ def test_reroutes_groups_values_and_muted_nodes_are_followed() -> None:
     bend = tree.nodes.new("NodeReroute")
     tree.links.new(user.outputs["Shader"], bend.inputs[0])
     tree.links.new(bend.outputs[0], node(tree, "ShaderNodeOutputMaterial").inputs["Surface"])
-    found, notes = understood(block)
-    assert notes == []
-    assert found.base_color == pytest.approx((0.5, 0.25, 0.125))
+    assert inputs(block, "diffuse")["color"][:3] == pytest.approx((0.5, 0.25, 0.125))
     tree.links.remove(next(link for link in tree.links if link.to_node == user))
     user.inputs["Tint"].default_value = (0.1, 0.2, 0.3, 1)
-    assert understood(block)[0].base_color == pytest.approx((0.1, 0.2, 0.3))
+    assert inputs(block, "diffuse")["color"][:3] == pytest.approx((0.1, 0.2, 0.3))
 
 
-def test_a_mix_with_a_constant_factor_is_blended() -> None:
+def test_mixed_and_added_shaders_keep_their_shares() -> None:
     block = material("Mixed")
     tree = block.node_tree
-    mix = plug(block, "ShaderNodeMixShader")
-    black, white = tree.nodes.new("ShaderNodeBsdfDiffuse"), tree.nodes.new("ShaderNodeBsdfDiffuse")
-    black.inputs["Color"].default_value, white.inputs["Color"].default_value = (0, 0, 0, 1), (1, 1, 1, 1)
-    tree.links.new(black.outputs[0], mix.inputs[1])
-    tree.links.new(white.outputs[0], mix.inputs[2])
-    mix.inputs[0].default_value = 0.25
-    assert understood(block)[0].base_color == pytest.approx((0.25, 0.25, 0.25))
-    clear = tree.nodes.new("ShaderNodeBsdfTransparent")
-    tree.links.new(clear.outputs[0], mix.inputs[1])
-    found, notes = understood(block)
-    assert (found.alpha, found.base_color, notes) == (0.25, (1, 1, 1), [])
-
-
-def test_emission_added_to_a_surface() -> None:
-    block = material("Glowing")
-    tree = block.node_tree
     add = plug(block, "ShaderNodeAddShader")
-    tree.links.new(tree.nodes.new("ShaderNodeBsdfDiffuse").outputs[0], add.inputs[0])
-    tree.links.new(tree.nodes.new("ShaderNodeEmission").outputs[0], add.inputs[1])
+    mix = tree.nodes.new("ShaderNodeMixShader")
+    diffuse, clear, glow = (
+        tree.nodes.new(f"ShaderNode{kind}") for kind in ("BsdfDiffuse", "BsdfTransparent", "Emission")
+    )
+    tree.links.new(mix.outputs[0], add.inputs[0])
+    tree.links.new(glow.outputs[0], add.inputs[1])
+    tree.links.new(diffuse.outputs[0], mix.inputs[1])
+    tree.links.new(clear.outputs[0], mix.inputs[2])
+    mix.inputs[0].default_value = 0.25
     found, notes = understood(block)
-    assert found.emission == (1, 1, 1)
-    assert found.base_color == pytest.approx((0.8, 0.8, 0.8))
+    assert [(c.kind, c.inputs["weight"]) for c in found.closures] == [
+        ("diffuse", 0.75),
+        ("transparent", 0.25),
+        ("emission", 1.0),
+    ]
+    assert (found.program, notes) == ((), [])
+    tree.links.new(tree.nodes.new("ShaderNodeTexChecker").outputs["Fac"], mix.inputs[0])
+    found, notes = understood(block)
     assert notes == []
+    assert [step["op"] for step in found.program] == ["coordinate", "checker", "clamp", "math"]
+    assert [c.inputs["weight"] for c in found.closures] == [3, 2, 1.0]
 
 
-def test_a_texture_falls_back_to_the_viewport_colour_and_is_listed() -> None:
+def test_an_unknown_node_leaves_the_input_at_its_value_and_is_listed() -> None:
     block = material("Textured")
     block.diffuse_color = (0.25, 0.5, 0.75, 1)
     tree = block.node_tree
     shader = node(tree, "ShaderNodeBsdfPrincipled")
-    tree.links.new(tree.nodes.new("ShaderNodeTexNoise").outputs["Color"], shader.inputs["Base Color"])
-    tree.links.new(tree.nodes.new("ShaderNodeTexChecker").outputs["Fac"], shader.inputs["Roughness"])
-    shader.inputs["Coat Weight"].default_value = 1
+    tree.links.new(tree.nodes.new("ShaderNodeTexVoronoi").outputs["Color"], shader.inputs["Base Color"])
+    tree.links.new(tree.nodes.new("ShaderNodeTexMagic").outputs["Fac"], shader.inputs["Roughness"])
+    shader.inputs["Sheen Weight"].default_value = 1
     found, notes = understood(block)
-    assert found.base_color == (0.25, 0.5, 0.75)
-    assert found.roughness == pytest.approx(shader.inputs["Roughness"].default_value)
+    values = found.closures[0].inputs
+    assert values["color"] == (0.25, 0.5, 0.75)
+    assert values["roughness"] == pytest.approx(shader.inputs["Roughness"].default_value)
     assert all("Textured" in line for line in notes)
-    assert [
-        word for word in ("Noise Texture", "Checker Texture", "Coat Weight") if not any(word in n for n in notes)
-    ] == []
+    words = ("Voronoi Texture", "Magic Texture", "Sheen Weight")
+    assert [word for word in words if not any(word in n for n in notes)] == []
+
+
+def test_a_picture_goes_through_mapping_ramp_and_mix() -> None:
+    block = material("Pictured")
+    tree = block.node_tree
+    shader = node(tree, "ShaderNodeBsdfPrincipled")
+    image, ramp, mix = (tree.nodes.new(f"ShaderNode{kind}") for kind in ("TexImage", "ValToRGB", "Mix"))
+    where, mapping = tree.nodes.new("ShaderNodeUVMap"), tree.nodes.new("ShaderNodeMapping")
+    image.image, image.extension, image.interpolation = bpy.data.images.new("Picture", 4, 2), "EXTEND", "Closest"
+    where.uv_map, mix.data_type, mix.blend_type = "Second", "RGBA", "MULTIPLY"
+    mapping.inputs["Scale"].default_value = (2, 3, 1)
+    tree.links.new(where.outputs[0], mapping.inputs["Vector"])
+    tree.links.new(mapping.outputs[0], image.inputs["Vector"])
+    tree.links.new(image.outputs["Color"], ramp.inputs[0])
+    tree.links.new(ramp.outputs["Color"], mix.inputs["A"] if "A" not in mix.inputs else mix.inputs[6])
+    tree.links.new(mix.outputs[2], shader.inputs["Base Color"])
+    tree.links.new(image.outputs["Alpha"], shader.inputs["Alpha"])
+    palette = Palette(Notes(), [block])
+    assert palette.layers.keys == [("uv", "Second")]
+    found, notes = understood(block)
+    assert notes == []
+    ops = [step["op"] for step in found.program]
+    assert ops == ["attribute", "matrix", "image", "luminance", "ramp", "mix", "alpha"]
+    settings = found.program[2]
+    assert (settings["extension"], settings["interpolation"], settings["unassociate"]) == ("extend", "closest", True)
+
+
+def test_bad_nodes_make_remarks_not_exceptions() -> None:
+    block = material("Broken")
+    tree = block.node_tree
+    shader = node(tree, "ShaderNodeBsdfPrincipled")
+    tree.links.new(tree.nodes.new("ShaderNodeTexImage").outputs[0], shader.inputs["Base Color"])
+    a, b = tree.nodes.new("ShaderNodeMath"), tree.nodes.new("ShaderNodeMath")
+    tree.links.new(a.outputs[0], b.inputs[0])
+    tree.links.new(b.outputs[0], a.inputs[0])
+    tree.links.new(a.outputs[0], shader.inputs["Metallic"])
+    value = tree.nodes.new("ShaderNodeValue")
+    value.outputs[0].default_value = float("nan")
+    tree.links.new(value.outputs[0], shader.inputs["Alpha"])
+    found, notes = understood(block)
+    assert found.closures[0].inputs["color"] == (0.0, 0.0, 0.0, 0.0)
+    assert any("Broken" in line for line in notes)
 
 
 def test_an_unknown_shader_falls_back_to_the_viewport_look() -> None:
@@ -168,22 +214,6 @@ def test_materials_without_output_or_shader_are_black() -> None:
     assert (found.base_color, found.name, notes) == ((0, 0, 0), "Cut", [])
 
 
-def test_values_out_of_range_are_clamped_as_blender_clamps(add: Any) -> None:
-    block = material("Wild", IOR=1.5)
-    value = block.node_tree.nodes.new("ShaderNodeValue")
-    value.outputs[0].default_value = -3.0
-    shader = node(block.node_tree, "ShaderNodeBsdfPrincipled")
-    for name in ("Base Color", "Metallic", "IOR", "Alpha", "Emission Strength"):
-        block.node_tree.links.new(value.outputs[0], shader.inputs[name])
-    mesh = triangle()
-    mesh.materials.append(block)
-    palette = Palette(Notes())
-    palette.indices(add("Wild", mesh), mesh)
-    found = palette.materials()[1]
-    assert (found.metallic, found.alpha, found.base_color, found.emission) == (0, 0, (0, 0, 0), (0, 0, 0))
-    assert found.ior > 0
-
-
 def test_a_world_is_a_colour(scene: Any) -> None:
     from addon.blender.world import read_world
 
@@ -193,10 +223,26 @@ def test_a_world_is_a_colour(scene: Any) -> None:
     background.inputs["Color"].default_value = (0.5, 0.25, 0.125, 1)
     background.inputs["Strength"].default_value = 2
     notes = Notes()
-    assert read_world(world, notes).color == pytest.approx((1, 0.5, 0.25))
+    assert read_world(world, notes)[0].color == pytest.approx((1, 0.5, 0.25))
     assert not notes
     sky = world.node_tree.nodes.new("ShaderNodeTexSky")
     world.node_tree.links.new(sky.outputs[0], background.inputs["Color"])
-    assert read_world(world, notes).color == pytest.approx((1, 0.5, 0.25))
+    assert read_world(world, notes)[0].color == pytest.approx((1, 0.5, 0.25))
     assert any("Sky Texture" in line and "World" in line for line in notes.lines())
-    assert read_world(None, notes).color == (0, 0, 0)
+    assert read_world(None, notes)[0].color == (0, 0, 0)
+
+
+def test_a_panorama_is_a_program_over_the_direction(scene: Any) -> None:
+    from addon.blender.images import Gallery
+    from addon.blender.world import read_world
+
+    world = bpy.data.worlds.new("World")
+    with_nodes(world)
+    background = node(world.node_tree, "ShaderNodeBackground")
+    texture = world.node_tree.nodes.new("ShaderNodeTexEnvironment")
+    texture.image = bpy.data.images.new("Sky", 8, 4, float_buffer=True)
+    world.node_tree.links.new(texture.outputs[0], background.inputs["Color"])
+    notes = Notes()
+    found, images = read_world(world, notes, Gallery())
+    assert [step["op"] for step in found.program] == ["coordinate", "image"]
+    assert (found.program[1]["panorama"], found.radiance, images, notes.lines()) == (True, 1, {0}, [])

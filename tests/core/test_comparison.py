@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from addon.core.comparison import ComparisonError, Runs, compare, side_by_side, stack
+from addon.core.comparison import ComparisonError, Runs, compare, judge, side_by_side, stack
 
 SHAPE = (4, 64, 96, 3)
 
@@ -85,3 +85,19 @@ def test_the_pictures_stand_side_by_side() -> None:
     assert beside.shape == (2, 9, 3)
     assert beside[0, 7] == pytest.approx([0.4] * 3, abs=1e-6)
     assert stack([np.ones((2, 3, 4), np.float32)] * 2).shape == (2, 2, 3, 3)
+
+
+def test_a_verdict_passes_equal_scenes_and_falls_for_a_planted_error() -> None:
+    same = judge(Runs("a", noisy(6)), Runs("b", noisy(7)))
+    assert same.same
+    assert same.tests == 4 * 6 * 3
+    assert 4 < same.limit < 6
+    assert same.noise == pytest.approx(1, rel=0.1)
+    planted = noisy(6)
+    planted[:, 16:32, 48:64] *= 0.85
+    found = judge(Runs("a", planted), Runs("b", noisy(7)))
+    assert not found.same
+    assert found.beyond >= 1
+    bright = judge(Runs("a", 1.015 * noisy(8, sigma=0.3)), Runs("b", noisy(9, sigma=0.3)))
+    assert not bright.same
+    assert any("NOT" in line for line in bright.lines())

@@ -308,3 +308,123 @@ def test_an_empty_scene_is_its_background():
     assert np.all(opaque == [0.25, 0.5, 1.0, 1.0])
     clear = image(finish(native.render(nothing, camera(), settings(film_transparent=True))))
     assert np.all(clear == 0)
+
+
+CORNERS = np.array([[-9, -9], [9, -9], [9, 9], [-9, 9]], np.float32)
+UV = (CORNERS[FLOOR[1]] + 9) / 18
+"""The floor's texture coordinates, 0 to 1."""
+
+SHOW = {
+    "program": [
+        {"op": "attribute", "layer": 0},
+        {"op": "image", "args": [0], "image": 0, "interpolation": "closest", "extension": "repeat"},
+    ],
+    "closures": [{"kind": "emission", "emission": 1}],
+}
+"""Glows as the image says."""
+
+
+def shown(pixels, *, material=SHOW, camera_changes=None, **parts):
+    """What a camera straight above sees of the floor, (4, 8, 3)."""
+    images = [{"name": "image", "pixels": np.asarray(pixels, np.float32)}]
+    parts = {"lights": [], "images": images, "layers": [np.ascontiguousarray(UV)]} | parts
+    made = scene(materials=[material], **parts)
+    seen = camera(window=(-8.9, 8.9, -8.9, 8.9)) | (camera_changes or {})
+    job = finish(native.render(made, seen, settings(filter="box", filter_width=0.01, samples=1)))
+    return image(job).reshape(4, 8, 4)[..., :3]
+
+
+def test_an_image_lies_on_the_surface_as_its_coordinates_say():
+    pixels = np.random.default_rng(1).random((4, 8, 4)).astype(np.float32)
+    np.testing.assert_array_equal(shown(pixels), pixels[..., :3])
+    assert "textures" not in " ".join(
+        scene(materials=[SHOW], images=[{"name": "", "pixels": pixels}], layers=[UV]).left_out
+    )
+    assert any("textures" in line for line in scene().left_out)
+
+
+def test_bad_images_and_values_give_a_picture():
+    assert (shown(np.zeros((0, 0, 4), np.float32)) == [1, 0, 1]).all(), "missing: pink"
+    nan = np.full((1, 1, 4), np.nan, np.float32)
+    assert (shown(nan) == 0).all()
+    assert (shown(np.ones((1, 1, 4), np.float32), layers=[None]) == 1).all(), "no coordinates"
+    infinite = {"closures": [{"kind": "emission", "emission": math.inf}]}
+    assert (shown(np.ones((1, 1, 4)), material=infinite) == 0).all()
+    inside_out = {"closures": [{"kind": "glass", "ior": 0.0, "roughness": math.nan, "weight": 5.0}]}
+    assert np.isfinite(shown(np.ones((1, 1, 4)), material=inside_out)).all()
+
+
+@pytest.mark.parametrize(
+    ("material", "message"),
+    [
+        ({"closures": [{"kind": "fur"}]}, "kind"),
+        ({"closures": [{"kind": "diffuse"}] * 9}, "more than 8"),
+        ({"closures": [{"kind": "diffuse", "color": 3}]}, "not there"),
+        ({"closures": [{"kind": "diffuse", "color": 0}], "program": [{"op": "warp"}]}, "warp"),
+        ({"closures": [{"kind": "diffuse", "color": 0}], "program": [{"op": "attribute", "layer": 7}]}, "layer 7"),
+        ({"closures": [{"kind": "diffuse", "color": 0}], "program": [{"op": "gamma", "args": [1.0]}]}, "2 arguments"),
+    ],
+)
+def test_a_broken_program_is_refused_in_words(material, message):
+    with pytest.raises(ValueError, match=message):
+        scene(materials=[material])
+
+
+def test_a_glowing_surface_and_a_background_map_are_sampled_and_exact():
+    # A closed form for each: the irradiance below a wide glowing ceiling, and below half a white sky.
+    ceiling = FLOOR[0] + np.array([0, 0, 1e-2], np.float32)
+    vertices = np.concatenate([FLOOR[0], ceiling])
+    triangles = np.concatenate([FLOOR[1], FLOOR[1] + 4])
+    structure = native.build(vertices, triangles)
+    glow = {"closures": [{"kind": "emission", "emission": (2.0, 1.0, 0.5)}]}
+    made = native.RenderScene(
+        structure, materials=[MATTE, glow], material_index=np.array([0, 0, 1, 1], np.int32), lights=[]
+    )
+    below = camera(to_world=placed(z=5e-3), clip_start=1e-4)
+    job = finish(native.render(made, below, settings(samples=256)))
+    np.testing.assert_allclose(image(job).mean(axis=0)[:3], 0.8 * np.array([2.0, 1.0, 0.5]), rtol=0.02)
+    assert job.statistics["rays_shadow"] > 0
+
+    half = [
+        {"op": "coordinate", "kind": "generated"},
+        {"op": "channel", "args": [0], "channel": 0},
+        {"op": "math", "kind": "GREATER_THAN", "args": [1, 0.0, 0.0]},
+    ]
+    world = {"color": (0, 0, 0), "program": half, "radiance": 2}
+    job = finish(native.render(scene(lights=[], world=world), camera(), settings(samples=256)))
+    np.testing.assert_allclose(image(job).mean(axis=0)[:3], 0.4, rtol=0.02)
+    assert job.statistics["rays_shadow"] > 0
+
+
+def test_many_lights_shine_as_much_as_one():
+    # The power of one light in a thousand, all at its place or around it.
+    def brightness(count, spread):
+        rng = np.random.default_rng(3)
+        lights = [
+            POINT | {"to_world": placed(*(rng.uniform(-spread, spread, 2)), 2), "power": np.full(3, 100.0 / count)}
+            for _ in range(count)
+        ]
+        job = finish(native.render(scene(lights=lights), camera(), settings(samples=1024)))
+        return image(job).mean()
+
+    one = brightness(1, 0)
+    assert brightness(1000, 1e-3) == pytest.approx(one, rel=2e-3)
+    assert brightness(33, 1e-3) == pytest.approx(one, rel=2e-3)
+
+
+def test_integrators_do_what_they_say():
+    path = image(finish(native.render(scene(), camera(), settings()))).mean(axis=0)
+    whitted = image(finish(native.render(scene(), camera(), settings(integrator="whitted")))).mean(axis=0)
+    np.testing.assert_allclose(whitted, path, rtol=1e-6)
+    open_sky = image(finish(native.render(scene(), camera(), settings(integrator="ao")))).mean(axis=0)
+    np.testing.assert_array_equal(open_sky, 1)
+    roof = np.concatenate([FLOOR[0], FLOOR[0] + np.array([0, 0, 1], np.float32)])
+    structure = native.build(roof, np.concatenate([FLOOR[1], FLOOR[1] + 4]))
+    made = native.RenderScene(structure, materials=[MATTE], lights=[POINT])
+    below = camera(to_world=placed(z=0.5), clip_start=1e-3)
+    for distance, expected in ((0.5, 1.0), (2.0, 0.25), (math.inf, 0.0)):
+        asked = settings(integrator="ao", ambient_distance=distance, samples=1024)
+        seen = image(finish(native.render(made, below, asked)))[:, :3].mean()
+        assert seen == pytest.approx(expected, abs=0.02), distance
+    with pytest.raises(ValueError, match="ambient_distance"):
+        native.render(scene(), camera(), settings(integrator="ao", ambient_distance=0.0))

@@ -25,7 +25,7 @@ def test_materials_and_world_reach_the_native_scene() -> None:
     session = start(FakeNative())
     parts = session.render_scene.parts
     assert parts["materials"][0]["name"] == "grey"
-    assert parts["world"] == {"color": (0.0, 0.0, 0.0)}
+    assert parts["world"]["color"] == (0.0, 0.0, 0.0)
     assert parts["corner_normals"] is None
     assert parts["material_index"].dtype == np.int32
     assert session.left_out == ["shadow rays: no lights"]

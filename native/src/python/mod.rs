@@ -10,6 +10,7 @@ mod registry;
 mod render;
 mod render_args;
 mod seeing;
+mod shader_args;
 mod structure;
 mod trace;
 

@@ -4,6 +4,7 @@
 use super::arrays::{Threads, describe};
 use super::instances::Instances;
 use super::render_args as args;
+use super::shader_args;
 use super::structure::Structure;
 use crate::error::{Error, Result};
 use crate::render::job::Job;
@@ -22,7 +23,7 @@ pub struct RenderScene(Arc<scene::RenderScene>);
 #[pymethods]
 impl RenderScene {
     #[new]
-    #[pyo3(signature = (structure, *, material_index=None, materials=None, corner_normals=None, surfaces=None, lights=None, world=None, indices=None))]
+    #[pyo3(signature = (structure, *, material_index=None, materials=None, corner_normals=None, surfaces=None, lights=None, world=None, indices=None, images=None, layers=None, objects=None, object_index=None, origin=None))]
     #[expect(clippy::too_many_arguments, reason = "Python keywords")]
     fn new(
         py: Python<'_>,
@@ -34,6 +35,11 @@ impl RenderScene {
         lights: Option<&Bound<'_, PyAny>>,
         world: Option<&Bound<'_, PyDict>>,
         indices: Option<&Bound<'_, PyDict>>,
+        images: Option<&Bound<'_, PyAny>>,
+        layers: Option<&Bound<'_, PyAny>>,
+        objects: Option<&Bound<'_, PyAny>>,
+        object_index: Option<&Bound<'_, PyAny>>,
+        origin: Option<[f64; 3]>,
     ) -> PyResult<Self> {
         let (tracer, placed): (SharedTracer, _) = match structure.cast::<Instances>() {
             Err(_) => {
@@ -59,6 +65,8 @@ impl RenderScene {
             material_index: material_index.map(args::material_index).transpose()?,
             materials: args::materials(materials)?,
             corner_normals: corner_normals.map(args::corner_normals).transpose()?,
+            images: shader_args::images(images)?,
+            varying: shader_args::varying(layers, objects, object_index, origin)?,
             lights: args::lights(lights)?,
             world: args::world(world)?,
             indices: args::indices(indices)?,

@@ -2,6 +2,7 @@
 //! Dictionaries that describe a scene and a render, checked. Every message names the key.
 
 use super::arrays::{check_copy, describe};
+use super::shader_args;
 use crate::error::{Error, Result};
 use crate::instances::Instances;
 use crate::render::attributes::{InstanceAttributes, MeshAttributes};
@@ -11,20 +12,21 @@ use crate::render::indices::Indices;
 use crate::render::lens::LensParams;
 use crate::render::lights::{AreaShape, LightKind, LightParams};
 use crate::render::material::MaterialParams;
-use crate::render::settings::{Falloff, Mist, Pass, Settings};
+use crate::render::settings::{Falloff, Integrator, Mist, Pass, Settings};
+use crate::render::world::WorldParams;
 use numpy::{PyReadonlyArray1, PyReadonlyArray3, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 /// A dictionary argument and its name.
-struct Keys<'a, 'py> {
+pub(super) struct Keys<'a, 'py> {
     dict: &'a Bound<'py, PyDict>,
-    name: String,
+    pub(super) name: String,
 }
 
 impl<'a, 'py> Keys<'a, 'py> {
     /// Refuses keys that are not among `known`, which are misspellings.
-    fn new(dict: &'a Bound<'py, PyDict>, name: String, known: &[&str]) -> Result<Self> {
+    pub(super) fn new(dict: &'a Bound<'py, PyDict>, name: String, known: &[&str]) -> Result<Self> {
         for (key, _) in dict.iter() {
             let key = key.to_string();
             if !known.contains(&key.as_str()) {
@@ -37,7 +39,7 @@ impl<'a, 'py> Keys<'a, 'py> {
         Ok(Self { dict, name })
     }
 
-    fn wrong(&self, key: &str, expected: &str, value: &Bound<'_, PyAny>) -> Error {
+    pub(super) fn wrong(&self, key: &str, expected: &str, value: &Bound<'_, PyAny>) -> Error {
         Error::Spec(format!(
             "{}['{key}']: expected {expected}, got {}",
             self.name,
@@ -45,17 +47,17 @@ impl<'a, 'py> Keys<'a, 'py> {
         ))
     }
 
-    fn find(&self, key: &str) -> Option<Bound<'py, PyAny>> {
+    pub(super) fn find(&self, key: &str) -> Option<Bound<'py, PyAny>> {
         let value = self.dict.get_item(key).ok().flatten();
         value.filter(|v| !v.is_none())
     }
 
-    fn need(&self, key: &str) -> Result<Bound<'py, PyAny>> {
+    pub(super) fn need(&self, key: &str) -> Result<Bound<'py, PyAny>> {
         self.find(key)
             .ok_or_else(|| Error::Spec(format!("{}['{key}'] is missing", self.name)))
     }
 
-    fn number(&self, key: &str) -> Result<f64> {
+    pub(super) fn number(&self, key: &str) -> Result<f64> {
         let value = self.need(key)?;
         value
             .extract()
@@ -66,14 +68,14 @@ impl<'a, 'py> Keys<'a, 'py> {
         clippy::cast_possible_truncation,
         reason = "beyond f32 becomes infinite, which is refused"
     )]
-    fn number_or(&self, key: &str, default: f32) -> Result<f32> {
+    pub(super) fn number_or(&self, key: &str, default: f32) -> Result<f32> {
         match self.find(key) {
             None => Ok(default),
             Some(_) => self.number(key).map(|x| x as f32),
         }
     }
 
-    fn count(&self, key: &str) -> Result<u32> {
+    pub(super) fn count(&self, key: &str) -> Result<u32> {
         let value = self.need(key)?;
         let number: i64 = value
             .extract()
@@ -86,7 +88,7 @@ impl<'a, 'py> Keys<'a, 'py> {
         })
     }
 
-    fn flag_or(&self, key: &str, default: bool) -> Result<bool> {
+    pub(super) fn flag_or(&self, key: &str, default: bool) -> Result<bool> {
         match self.find(key) {
             None => Ok(default),
             Some(v) => v
@@ -95,7 +97,7 @@ impl<'a, 'py> Keys<'a, 'py> {
         }
     }
 
-    fn text(&self, key: &str) -> Result<String> {
+    pub(super) fn text(&self, key: &str) -> Result<String> {
         let value = self.need(key)?;
         value
             .extract()
@@ -103,7 +105,7 @@ impl<'a, 'py> Keys<'a, 'py> {
     }
 
     /// Numbers in an array or a sequence of exactly this shape, row by row.
-    fn numbers(&self, key: &str, shape: &[usize]) -> Result<Vec<f64>> {
+    pub(super) fn numbers(&self, key: &str, shape: &[usize]) -> Result<Vec<f64>> {
         let value = self.need(key)?;
         let dims: Vec<_> = shape.iter().map(ToString::to_string).collect();
         let expected = format!("numbers of shape ({})", dims.join(", "));
@@ -125,7 +127,7 @@ impl<'a, 'py> Keys<'a, 'py> {
         Ok(array.as_array().iter().copied().collect())
     }
 
-    fn matrix(&self, key: &str) -> Result<[[f64; 4]; 4]> {
+    pub(super) fn matrix(&self, key: &str) -> Result<[[f64; 4]; 4]> {
         let flat = self.numbers(key, &[4, 4])?;
         let mut out = [[0.0; 4]; 4];
         for (value, slot) in flat.iter().zip(out.as_flattened_mut()) {
@@ -138,12 +140,12 @@ impl<'a, 'py> Keys<'a, 'py> {
         clippy::cast_possible_truncation,
         reason = "beyond f32 becomes infinite, which is refused"
     )]
-    fn color(&self, key: &str) -> Result<[f32; 3]> {
+    pub(super) fn color(&self, key: &str) -> Result<[f32; 3]> {
         let c = self.numbers(key, &[3])?;
         Ok([c[0] as f32, c[1] as f32, c[2] as f32])
     }
 
-    fn choice<T>(&self, key: &str, options: &[(&str, T)]) -> Result<T>
+    pub(super) fn choice<T>(&self, key: &str, options: &[(&str, T)]) -> Result<T>
     where
         T: Copy,
     {
@@ -164,7 +166,7 @@ impl<'a, 'py> Keys<'a, 'py> {
 }
 
 /// The dictionaries of a list argument.
-fn list<'py, T>(
+pub(super) fn list<'py, T>(
     name: &str,
     value: Option<&Bound<'py, PyAny>>,
     read: impl Fn(&Bound<'py, PyDict>, usize) -> Result<T>,
@@ -244,6 +246,8 @@ pub fn settings(dict: &Bound<'_, PyDict>) -> Result<Settings> {
         "height",
         "border",
         "samples",
+        "integrator",
+        "ambient_distance",
         "max_bounces",
         "clamp_indirect",
         "seed",
@@ -290,12 +294,22 @@ pub fn settings(dict: &Bound<'_, PyDict>) -> Result<Settings> {
         ("blackman_harris", FilterKind::BlackmanHarris),
         ("box", FilterKind::Box),
     ];
+    let integrators = [
+        ("path", Integrator::Path),
+        ("whitted", Integrator::Whitted),
+        ("ao", Integrator::Ambient),
+    ];
     let optional = |key: &str| keys.find(key).map(|_| keys.count(key)).transpose();
     Ok(Settings {
         width: keys.count("width")?,
         height: keys.count("height")?,
         border,
         samples: keys.count("samples")?,
+        integrator: match keys.find("integrator") {
+            None => default.integrator,
+            Some(_) => keys.choice("integrator", &integrators)?,
+        },
+        ambient_distance: keys.number_or("ambient_distance", default.ambient_distance)?,
         max_bounces: optional("max_bounces")?.unwrap_or(default.max_bounces),
         clamp_indirect: keys.number_or("clamp_indirect", default.clamp_indirect)?,
         seed: optional("seed")?.unwrap_or(default.seed),
@@ -394,6 +408,8 @@ pub fn materials(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<MaterialParams>
         "specular",
         "emission",
         "alpha",
+        "closures",
+        "program",
     ];
     list("materials", value, |dict, index| {
         let keys = Keys::new(dict, format!("materials[{index}]"), &known)?;
@@ -414,6 +430,8 @@ pub fn materials(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<MaterialParams>
             specular: keys.number_or("specular", default.specular)?,
             emission: color("emission", default.emission)?,
             alpha: keys.number_or("alpha", default.alpha)?,
+            closures: shader_args::closures(&keys)?,
+            program: shader_args::program(&keys)?,
         })
     })
 }
@@ -484,12 +502,20 @@ pub fn lights(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<LightParams>> {
     })
 }
 
-/// The world's colour.
-pub fn world(dict: Option<&Bound<'_, PyDict>>) -> Result<[f32; 3]> {
-    match dict {
-        None => Ok([0.0; 3]),
-        Some(dict) => Keys::new(dict, "world".into(), &["color"])?.color("color"),
-    }
+/// The background: a colour, or a program and its result.
+pub fn world(dict: Option<&Bound<'_, PyDict>>) -> Result<WorldParams> {
+    let Some(dict) = dict else {
+        return Ok(WorldParams::default());
+    };
+    let keys = Keys::new(dict, "world".into(), &["color", "program", "radiance"])?;
+    Ok(WorldParams {
+        color: keys.color("color")?,
+        program: shader_args::program(&keys)?,
+        radiance: keys
+            .find("radiance")
+            .map(|value| shader_args::operand(&keys, "radiance", &value))
+            .transpose()?,
+    })
 }
 
 /// What instances and their meshes carry; `None` = one material and flat.

@@ -3,7 +3,11 @@
 //!
 //! A single bounce off GGX facets loses what the facets shadow. Following Kulla and Conty 2017 (as
 //! simplified in Cycles) the lobe is divided by its own albedo; to do so it must be known. The
-//! tables are computed per material by a fixed quadrature, so they are the same on every run.
+//! tables are computed per material by a fixed quadrature, so they are the same on every run. Where
+//! roughness or index come from a texture, a grid of tables covers all their values.
+
+use std::collections::HashMap;
+use std::sync::Arc;
 
 use super::fresnel;
 use super::ggx::Ggx;
@@ -11,8 +15,12 @@ use super::vector::{Vec3, vec3};
 
 const NODES: usize = 48;
 /// Points of the quadrature and the generator of its lattice: neighbours in Fibonacci's sequence.
-const POINTS: u32 = 1597;
-const STEP: u32 = 987;
+const FINE: [u32; 2] = [1597, 987];
+/// The same for grids, which have many tables.
+const COARSE: [u32; 2] = [233, 144];
+/// Levels of a grid whose roughness or index varies over the surface.
+const ROUGHNESSES: usize = 17;
+const INDICES: usize = 6;
 
 /// A function of the cosine of the viewing angle. Nodes are denser towards grazing angles.
 #[derive(Debug, Clone)]
@@ -53,21 +61,190 @@ impl Table {
     }
 
     /// The albedo of facets that reflect everything.
-    pub fn reflection(ggx: Ggx) -> Self {
-        Self::of(|cos| facets(ggx, cos, |_| 1.0))
+    pub fn reflection(ggx: Ggx, points: Points) -> Self {
+        Self::of(|cos| facets(ggx, cos, points, |_| 1.0))
     }
 
     /// The albedo of facets that reflect as the boundary of a dielectric.
-    pub fn dielectric_reflection(ggx: Ggx, eta: f32) -> Self {
-        Self::of(|cos| facets(ggx, cos, |c| fresnel::dielectric(c, eta).0))
+    pub fn dielectric_reflection(ggx: Ggx, eta: f32, points: Points) -> Self {
+        Self::of(|cos| facets(ggx, cos, points, |c| fresnel::dielectric(c, eta).0))
     }
 
     /// The albedo of rough glass, reflection and refraction together, seen from the side where
     /// the far side has relative index `eta`.
-    pub fn glass(ggx: Ggx, eta: f32) -> Self {
+    pub fn glass(ggx: Ggx, eta: f32, points: Points) -> Self {
         Self::of(|cos| {
-            facets(ggx, cos, |c| fresnel::dielectric(c, eta).0) + refracted(ggx, cos, eta)
+            facets(ggx, cos, points, |c| fresnel::dielectric(c, eta).0)
+                + refracted(ggx, cos, eta, points)
         })
+    }
+}
+
+/// One number's range in a [`Grid`]: even steps, or a single value.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Axis {
+    low: f32,
+    high: f32,
+    levels: usize,
+}
+
+impl Axis {
+    /// A number that does not vary.
+    pub fn fixed(value: f32) -> Self {
+        Self {
+            low: value,
+            high: value,
+            levels: 1,
+        }
+    }
+
+    /// Roughness, 0..1.
+    pub fn roughness() -> Self {
+        Self {
+            low: 0.0,
+            high: 1.0,
+            levels: ROUGHNESSES,
+        }
+    }
+
+    /// An index of refraction between 1 and that with the normal reflectance `high`².
+    pub fn index(high: f32) -> Self {
+        Self {
+            low: 0.0,
+            high: high.clamp(1e-3, 0.99),
+            levels: INDICES,
+        }
+    }
+
+    fn level(&self, i: usize) -> f32 {
+        if self.levels == 1 {
+            self.low
+        } else {
+            self.low + (self.high - self.low) * i as f32 / (self.levels - 1) as f32
+        }
+    }
+
+    /// The level below a value and how far it is to the next.
+    #[inline(always)]
+    fn find(&self, value: f32) -> (usize, f32) {
+        if self.levels == 1 {
+            return (0, 0.0);
+        }
+        let x = (value - self.low) / (self.high - self.low) * (self.levels - 1) as f32;
+        let x = x.clamp(0.0, (self.levels - 1) as f32);
+        let i = (x as usize).min(self.levels - 2);
+        (i, x - i as f32)
+    }
+
+    fn key(&self) -> [u32; 3] {
+        [self.low.to_bits(), self.high.to_bits(), self.levels as u32]
+    }
+}
+
+/// Which lobe a [`Grid`] is about.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Lobe {
+    /// [`Table::reflection`].
+    Reflection,
+    /// [`Table::dielectric_reflection`].
+    Dielectric,
+    /// [`Table::glass`] from outside.
+    Glass,
+    /// [`Table::glass`] from inside.
+    GlassInside,
+}
+
+/// Tables for all values of roughness and index that a material can have.
+#[derive(Debug)]
+pub struct Grid {
+    roughness: Axis,
+    /// Over the root of the normal reflectance, |n - 1| / (n + 1); a fixed one holds n itself.
+    index: Axis,
+    tables: Vec<(Table, f32)>,
+}
+
+impl Grid {
+    fn new(lobe: Lobe, roughness: Axis, index: Axis) -> Self {
+        let mut tables = Vec::with_capacity(roughness.levels * index.levels);
+        let points = if roughness.levels * index.levels == 1 {
+            FINE
+        } else {
+            COARSE
+        };
+        for i in 0..index.levels {
+            let s = index.level(i);
+            let eta = if index.levels == 1 {
+                s
+            } else {
+                (1.0 + s) / (1.0 - s)
+            };
+            for r in 0..roughness.levels {
+                let ggx = Ggx::new(roughness.level(r));
+                let table = match lobe {
+                    Lobe::Reflection => Table::reflection(ggx, points),
+                    Lobe::Dielectric => Table::dielectric_reflection(ggx, eta, points),
+                    Lobe::Glass => Table::glass(ggx, eta, points),
+                    Lobe::GlassInside => Table::glass(ggx, 1.0 / eta, points),
+                };
+                let mean = table.mean();
+                tables.push((table, mean));
+            }
+        }
+        Self {
+            roughness,
+            index,
+            tables,
+        }
+    }
+
+    /// Whether the index varies, so that the grid covers those above 1 and their inverses.
+    pub fn varies(&self) -> bool {
+        self.index.levels > 1
+    }
+
+    /// Albedo at a cosine, and its mean over the hemisphere.
+    #[inline(always)]
+    pub fn at(&self, roughness: f32, eta: f32, cos: f32) -> (f32, f32) {
+        if self.tables.len() == 1 {
+            let (table, mean) = &self.tables[0];
+            return (table.at(cos), *mean);
+        }
+        let (r, fr) = self.roughness.find(roughness);
+        let (i, fi) = self.index.find(((eta - 1.0) / (eta + 1.0)).abs());
+        let width = self.roughness.levels;
+        let mut out = (0.0, 0.0);
+        for (di, wi) in [(0, 1.0 - fi), (1, fi)] {
+            for (dr, wr) in [(0, 1.0 - fr), (1, fr)] {
+                let weight = wi * wr;
+                if weight > 0.0 {
+                    let (table, mean) = &self.tables[(i + di) * width + r + dr];
+                    out.0 += weight * table.at(cos);
+                    out.1 += weight * mean;
+                }
+            }
+        }
+        out
+    }
+}
+
+/// The grids of a scene, each computed once.
+#[derive(Debug, Default)]
+pub struct Grids(HashMap<(Lobe, [u32; 3], [u32; 3]), Arc<Grid>>);
+
+impl Grids {
+    /// The grid of a lobe over these values.
+    pub fn get(&mut self, lobe: Lobe, roughness: Axis, index: Axis) -> Arc<Grid> {
+        let index = if lobe == Lobe::Reflection {
+            Axis::fixed(1.0)
+        } else {
+            index
+        };
+        let key = (lobe, roughness.key(), index.key());
+        let grid = self
+            .0
+            .entry(key)
+            .or_insert_with(|| Arc::new(Grid::new(lobe, roughness, index)));
+        Arc::clone(grid)
     }
 }
 
@@ -75,25 +252,27 @@ fn view(cos: f32) -> Vec3 {
     vec3((1.0 - cos * cos).max(0.0).sqrt(), 0.0, cos)
 }
 
-/// A rank-1 lattice over the unit square.
-fn lattice() -> impl Iterator<Item = [f32; 2]> {
-    (0..POINTS).map(|i| {
-        let n = POINTS as f32;
+/// A rank-1 lattice over the unit square: its number of points and its generator.
+pub type Points = [u32; 2];
+
+fn lattice([points, step]: Points) -> impl Iterator<Item = [f32; 2]> {
+    (0..points).map(move |i| {
+        let n = points as f32;
         [
             (i as f32 + 0.5) / n,
-            (((i * STEP) % POINTS) as f32 + 0.5) / n,
+            (((i * step) % points) as f32 + 0.5) / n,
         ]
     })
 }
 
 /// Mean over visible normals of reflectance(wi·h) × G2/G1.
-fn facets(ggx: Ggx, cos: f32, reflectance: impl Fn(f32) -> f32) -> f32 {
+fn facets(ggx: Ggx, cos: f32, points: Points, reflectance: impl Fn(f32) -> f32) -> f32 {
     if ggx.is_smooth() {
         return reflectance(cos);
     }
     let wi = view(cos);
     let lambda_i = ggx.lambda(cos);
-    let sum: f32 = lattice()
+    let sum: f32 = lattice(points)
         .map(|u| {
             let h = ggx.sample_visible(wi, u);
             let c = wi.dot(h);
@@ -104,17 +283,17 @@ fn facets(ggx: Ggx, cos: f32, reflectance: impl Fn(f32) -> f32) -> f32 {
             reflectance(c) * (1.0 + lambda_i) / (1.0 + lambda_i + ggx.lambda(wo.z))
         })
         .sum();
-    sum / POINTS as f32
+    sum / points[0] as f32
 }
 
 /// Mean over visible normals of (1 - F) × G2/G1 for the refracted direction.
-fn refracted(ggx: Ggx, cos: f32, eta: f32) -> f32 {
+fn refracted(ggx: Ggx, cos: f32, eta: f32, points: Points) -> f32 {
     if ggx.is_smooth() {
         return 1.0 - fresnel::dielectric(cos, eta).0;
     }
     let wi = view(cos);
     let lambda_i = ggx.lambda(cos);
-    let sum: f32 = lattice()
+    let sum: f32 = lattice(points)
         .map(|u| {
             let h = ggx.sample_visible(wi, u);
             let c = wi.dot(h);
@@ -126,7 +305,7 @@ fn refracted(ggx: Ggx, cos: f32, eta: f32) -> f32 {
             (1.0 - f) * (1.0 + lambda_i) / (1.0 + lambda_i + ggx.lambda(wo.z))
         })
         .sum();
-    sum / POINTS as f32
+    sum / points[0] as f32
 }
 
 #[cfg(test)]
@@ -153,10 +332,10 @@ mod tests {
 
     #[test]
     fn a_smooth_surface_loses_nothing_and_a_rough_one_what_the_integral_says() {
-        assert!((Table::reflection(Ggx::new(0.0)).at(0.3) - 1.0).abs() < 1e-6);
+        assert!((Table::reflection(Ggx::new(0.0), FINE).at(0.3) - 1.0).abs() < 1e-6);
         for roughness in [0.5, 0.8, 1.0] {
             let ggx = Ggx::new(roughness);
-            let table = Table::reflection(ggx);
+            let table = Table::reflection(ggx, FINE);
             for cos in [0.15, 0.5, 0.9] {
                 let (a, b) = (f64::from(table.at(cos)), by_solid_angle(ggx, cos));
                 assert!(
@@ -168,9 +347,22 @@ mod tests {
     }
 
     #[test]
+    fn a_grid_agrees_with_the_table_between_its_levels() {
+        let mut grids = Grids::default();
+        let grid = grids.get(Lobe::Dielectric, Axis::roughness(), Axis::index(0.3));
+        for (roughness, eta) in [(0.33, 1.2), (0.61, 1.5), (0.95, 1.05)] {
+            let table = Table::dielectric_reflection(Ggx::new(roughness), eta, FINE);
+            for cos in [0.2, 0.6, 1.0] {
+                let (a, b) = (grid.at(roughness, eta, cos).0, table.at(cos));
+                assert!((a - b).abs() < 4e-3, "{roughness} {eta} {cos}: {a} {b}");
+            }
+        }
+    }
+
+    #[test]
     fn smooth_glass_sends_on_everything() {
         for eta in [1.5, 1.0 / 1.5] {
-            let table = Table::glass(Ggx::new(0.0), eta);
+            let table = Table::glass(Ggx::new(0.0), eta, FINE);
             for cos in [0.05, 0.5, 1.0] {
                 assert!((table.at(cos) - 1.0).abs() < 1e-5);
             }

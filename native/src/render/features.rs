@@ -3,6 +3,7 @@
 
 use super::lights::Lights;
 use super::material::Material;
+use super::world::World;
 
 /// What the scene's triangles and lights can make a path do.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -11,7 +12,9 @@ pub struct Features {
     pub lights: bool,
     /// Some light has a size and casts shadows: rays can meet it.
     pub lights_met: bool,
-    /// Some material has a metal or coat lobe.
+    /// Some material varies over its surface: run its program.
+    pub textures: bool,
+    /// Some material has a lobe that reflects off facets.
     pub glossy: bool,
     /// Some material has a glass lobe.
     pub glass: bool,
@@ -19,6 +22,8 @@ pub struct Features {
     pub transparency: bool,
     /// Some material emits.
     pub emission: bool,
+    /// The background varies over the directions.
+    pub world: bool,
     /// Corner normals are given.
     pub smooth_normals: bool,
     /// Some material is there at all, that is, some triangle is.
@@ -30,16 +35,19 @@ impl Features {
     pub fn resolve<'a>(
         used: impl Iterator<Item = &'a Material> + Clone,
         lights: &Lights,
+        world: &World,
         smooth_normals: bool,
     ) -> Self {
         let any = |f: fn(&Material) -> bool| used.clone().any(f);
         Self {
             lights: !lights.is_empty(),
             lights_met: lights.any_met(),
-            glossy: any(|m| m.metal.is_some() || m.coat.is_some()),
-            glass: any(|m| m.glass.is_some()),
-            transparency: any(|m| m.alpha < 1.0),
-            emission: any(|m| m.emission.max_component() > 0.0),
+            textures: any(|m| !m.program.is_empty()),
+            glossy: any(|m| m.reflects),
+            glass: any(|m| m.refracts),
+            transparency: any(|m| m.transparent),
+            emission: any(|m| m.emits),
+            world: world.constant().is_none(),
             smooth_normals,
             surfaces: any(|_| true),
         }
@@ -55,6 +63,10 @@ impl Features {
                 "rays that meet lights: no light has a size",
             ),
             (
+                self.textures,
+                "textures: no material varies over its surface",
+            ),
+            (
                 self.glossy,
                 "mirror rays: no material is metallic or specular",
             ),
@@ -64,6 +76,10 @@ impl Features {
                 "transparent shadows: every material is opaque",
             ),
             (self.emission, "emission: no material emits"),
+            (
+                self.world,
+                "a map of the background: it is the same in all directions",
+            ),
             (self.smooth_normals, "smooth normals: none given"),
         ];
         rows.iter()

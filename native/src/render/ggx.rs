@@ -17,6 +17,12 @@ pub struct Ggx {
 }
 
 impl Ggx {
+    /// Perfectly smooth.
+    pub const MIRROR: Self = Self {
+        alpha2: 0.0,
+        alpha: 0.0,
+    };
+
     /// From Principled's roughness, 0..1.
     pub fn new(roughness: f32) -> Self {
         let alpha = roughness * roughness;

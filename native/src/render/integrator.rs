@@ -9,15 +9,17 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use super::bsdf::Bsdf;
+use super::bsdf::{Bsdf, cosine_direction};
 use super::camera::Camera;
 use super::features::Features;
 use super::film::{Film, PixelSample, TileArea};
 use super::filter::Filter;
-use super::lights::{Receiver, power_heuristic};
+use super::lights::{Arrival, Emitter, Receiver, power_heuristic};
+use super::place::RayKind;
+use super::program::Value;
 use super::sampler::PixelSampler;
 use super::scene::RenderScene;
-use super::settings::{Pass, Settings};
+use super::settings::{Integrator, Pass, Settings};
 use super::surface::Surface;
 use super::vector::{Vec3, offset_origin};
 use crate::traverse::{Hit, Order as RayOrder, Ray, RayCounters};
@@ -37,7 +39,9 @@ pub struct Work {
     pub tests: u64,
     /// Surface points with a glass lobe.
     pub shaded_glass: u64,
-    /// Surface points with a metal or coat lobe.
+    /// Surface points whose material's program ran.
+    pub shaded_textures: u64,
+    /// Surface points with a lobe that reflects off facets.
     pub shaded_glossy: u64,
     /// Interpolated normals.
     pub normals_fetched: u64,
@@ -54,6 +58,7 @@ impl Work {
         self.steps += other.steps;
         self.tests += other.tests;
         self.shaded_glass += other.shaded_glass;
+        self.shaded_textures += other.shaded_textures;
         self.shaded_glossy += other.shaded_glossy;
         self.normals_fetched += other.normals_fetched;
         self.lights_asked += other.lights_asked;
@@ -104,6 +109,8 @@ struct Path {
     transparent: u16,
     /// Nothing has scattered yet.
     camera: bool,
+    /// How it scattered last.
+    kind: RayKind,
 }
 
 /// Random pairs of a pixel: 0 the filter, 1 the lens, 2 the time, 3 free; then four per vertex.
@@ -127,6 +134,9 @@ pub struct Wavefront {
     paths: Vec<Path>,
     shadows: Shadows,
     samples: Vec<PixelSample>,
+    /// What a material's program computes, from point to point.
+    registers: Vec<Value>,
+    light_registers: Vec<Value>,
     /// Rays per call of the structure.
     call: usize,
     shade: Shade,
@@ -153,6 +163,8 @@ impl Wavefront {
             paths: Vec::new(),
             shadows: Shadows::default(),
             samples: Vec::new(),
+            registers: Vec::new(),
+            light_registers: Vec::new(),
             call: 64,
             shade: choose(features),
             work: Work::default(),
@@ -230,6 +242,7 @@ impl Wavefront {
                 vertex: 0,
                 transparent: 0,
                 camera: true,
+                kind: RayKind::Camera,
             });
         }
         self.work.rays_primary += self.rays.len() as u64;
@@ -340,10 +353,14 @@ impl Wavefront {
                     continue;
                 }
                 let d = Vec3::from(ray.d);
-                let surface = Surface::at::<false>(scene, &hit, d);
-                let through = 1.0 - surface.material.alpha;
+                let surface = Surface::at::<true>(scene, &hit, d);
+                let place = || surface.place(scene, d.normalized(), RayKind::Shadow);
+                let look = surface
+                    .material
+                    .look(&scene.images, place, &mut self.registers);
+                let value = value * look.transparent;
                 let left = ray.t_max - hit.t;
-                if through > 0.0 && left > 0.0 {
+                if value.max_component() > 0.0 && left > 0.0 {
                     let o = surface.leave(d).array();
                     rays[kept] = Ray {
                         o,
@@ -351,7 +368,7 @@ impl Wavefront {
                         t_min: 0.0,
                         t_max: left,
                     };
-                    light[kept] = (slot, value * through);
+                    light[kept] = (slot, value);
                     kept += 1;
                 }
             }
@@ -426,8 +443,11 @@ fn shade<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
     } = *context;
     let features = scene.features();
     // Whether the ray after the last bounce can still find light.
-    let last_ray_counts =
-        features.lights_met || features.emission || scene.world.max_component() > 0.0;
+    let last_ray_counts = features.lights_met || features.emission || !scene.world.is_black();
+    let whitted = settings.integrator == Integrator::Whitted;
+    let ambient = settings.integrator == Integrator::Ambient;
+    let mut registers = std::mem::take(&mut wave.registers);
+    let mut light_registers = std::mem::take(&mut wave.light_registers);
     let mut kept = 0;
     for i in 0..wave.rays.len() {
         let (ray, hit, mut path) = (wave.rays[i], wave.hits[i], wave.paths[i]);
@@ -444,16 +464,48 @@ fn shade<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
         }
         if !hit.is_hit() {
             if !(path.camera && settings.film_transparent) {
+                let mut light = scene.world.radiance(
+                    &scene.images,
+                    &scene.varying,
+                    d,
+                    path.kind,
+                    &mut registers,
+                );
+                if features.world && path.pdf.is_finite() {
+                    let density = scene.lights.world_pdf(path.receiver, d);
+                    light *= power_heuristic(path.pdf, density);
+                }
                 add_color(
                     out,
-                    settings.clamped(path.throughput * scene.world, path.bounce > 1),
+                    settings.clamped(path.throughput * light, path.bounce > 1),
                 );
                 out.alpha = 1.0;
             }
             continue;
         }
-        let surface = Surface::at::<SMOOTH>(scene, &hit, d);
+        let mut surface = Surface::at::<SMOOTH>(scene, &hit, d);
         let material = surface.material;
+        if !material.program.is_empty() {
+            let place = surface.place(scene, d, path.kind);
+            material.program.run(&scene.images, &place, &mut registers);
+            wave.work.shaded_textures += 1;
+            if let Some(normal) = material.normal(&registers) {
+                surface.bend(normal, d);
+            }
+        }
+        let look = material.look_here(&registers);
+        if features.emission && !ambient && look.emission != Vec3::ZERO {
+            let mut emission = path.throughput * look.emission;
+            if path.pdf.is_finite() {
+                let cos = surface.geometric.dot(d).abs();
+                let distance = path.passed + hit.t;
+                let density = scene
+                    .lights
+                    .triangle_pdf(path.receiver, hit.triangle, distance, cos);
+                emission *= power_heuristic(path.pdf, density);
+            }
+            add_color(out, settings.clamped(emission, path.bounce > 1));
+        }
         let pair = FIRST_VERTEX + PAIRS_PER_VERTEX * u32::from(path.vertex);
         path.vertex += 1;
         let random = |k: u32| path.sampler.pair(sample, pair + k);
@@ -464,7 +516,14 @@ fn shade<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
         };
 
         // Pass through what is not there.
-        if features.transparency && opacity >= material.alpha {
+        let passing = look.transparent.mean();
+        let pass = if passing > 0.0 {
+            passing / (passing + look.solid)
+        } else {
+            0.0
+        };
+        if features.transparency && opacity < pass {
+            path.throughput = path.throughput * look.transparent * (1.0 / pass);
             path.transparent += 1;
             if path.transparent < MOST_PASSED {
                 path.passed += hit.t;
@@ -492,9 +551,8 @@ fn shade<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
             (out.object, out.material) = scene.indices.of(triangle, material as u32);
             out.uv = scene.indices.uv(triangle, hit.u, hit.v);
         }
-        if features.emission {
-            let emission = path.throughput * material.emission;
-            add_color(out, settings.clamped(emission, path.bounce > 1));
+        if pass > 0.0 {
+            path.throughput *= 1.0 / (1.0 - pass);
         }
         if u32::from(path.bounce) > settings.max_bounces {
             continue;
@@ -510,10 +568,25 @@ fn shade<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
         }
 
         let frame = surface.frame();
+        if ambient {
+            let direction = frame.to_world(cosine_direction(random(0)));
+            if direction.dot(surface.geometric) > 0.0 {
+                wave.shadows.rays.push(Ray {
+                    o: surface.leave_to_light::<SMOOTH>(direction).array(),
+                    d: direction.array(),
+                    t_min: 0.0,
+                    t_max: settings.ambient_distance,
+                });
+                wave.shadows.light.push((path.slot, path.throughput));
+            }
+            continue;
+        }
         let mut wi = frame.to_local(-d);
         wi.z = wi.z.max(1e-4);
-        let bsdf = Bsdf::<GLOSSY, GLASS>::new(material, wi, surface.inside);
-        wave.work.shaded_glossy += u64::from(GLOSSY && material.facets.is_some());
+        let unbent = surface.unbent(&frame);
+        let bsdf =
+            Bsdf::<GLOSSY, GLASS>::new(&material.closures, &registers, wi, unbent, surface.inside);
+        wave.work.shaded_glossy += u64::from(bsdf.reflects());
         wave.work.shaded_glass += u64::from(bsdf.transmits());
         wave.work.normals_fetched += u64::from(SMOOTH);
         let [choose_light, choose_lobe] = random(1);
@@ -529,16 +602,20 @@ fn shade<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
 
         // Sample a light.
         if LIGHTS
-            && material.has_density()
+            && bsdf.has_density()
             && let Some(light) = scene.lights.sample(path.receiver, choose_light, random(2))
         {
             let (f, pdf) = bsdf.eval(frame.to_local(light.direction));
-            let weight = if light.pdf.is_finite() {
+            // Whitted's rays follow mirrors only: nothing else would find the light.
+            let weight = if light.pdf.is_finite() && !whitted {
                 power_heuristic(light.pdf, pdf)
             } else {
                 1.0
             };
-            let value = path.throughput * f * light.radiance * weight;
+            let mut value = path.throughput * f * light.radiance * weight;
+            if value.max_component() > 0.0 && !matches!(light.emitter, Emitter::Lamp) {
+                value = value * sent(scene, &light, &mut light_registers);
+            }
             if value.max_component() > 0.0 && value.is_finite() {
                 let value = settings.clamped(value, path.bounce > 0);
                 if light.casts_shadow {
@@ -580,6 +657,9 @@ fn shade<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
         let Some(scatter) = bsdf.sample(choose_lobe, random(0)) else {
             continue;
         };
+        if whitted && scatter.pdf.is_finite() {
+            continue;
+        }
         let direction = frame.to_world(scatter.wo).normalized_or(surface.geometric);
         let across = direction.dot(surface.geometric) < 0.0;
         if across != (scatter.wo.z < 0.0) {
@@ -592,6 +672,7 @@ fn shade<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
         path.pdf = scatter.pdf;
         path.passed = 0.0;
         path.camera = false;
+        path.kind = scatter.kind;
         path.bounce += 1;
         let o = surface.leave(direction);
         wave.rays[kept] = Ray {
@@ -605,6 +686,36 @@ fn shade<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
     }
     wave.rays.truncate(kept);
     wave.paths.truncate(kept);
+    wave.registers = registers;
+    wave.light_registers = light_registers;
+}
+
+/// What the emitter of an arrival that is no lamp sends towards the receiver.
+fn sent(scene: &RenderScene, light: &Arrival, registers: &mut Vec<Value>) -> Vec3 {
+    match light.emitter {
+        Emitter::Lamp => Vec3::ONE,
+        Emitter::World => scene.world.radiance(
+            &scene.images,
+            &scene.varying,
+            light.direction,
+            RayKind::Diffuse,
+            registers,
+        ),
+        Emitter::Triangle(triangle, [u, v]) => {
+            let hit = Hit {
+                t: light.distance,
+                triangle,
+                u,
+                v,
+            };
+            let surface = Surface::at::<true>(scene, &hit, light.direction);
+            let place = || surface.place(scene, light.direction, RayKind::Diffuse);
+            surface
+                .material
+                .look(&scene.images, place, registers)
+                .emission
+        }
+    }
 }
 
 /// Shadow rays end a little before the light, in units of the way to it.

@@ -13,10 +13,15 @@
 //! visibility of lights. Lights do not block light. A light that casts no shadow is only sampled,
 //! never met.
 
+use std::collections::HashMap;
+use std::sync::Arc;
+
 use super::camera::matrix_column;
 use super::check::{Error, Result, finite, within};
-use super::light_shapes::{Area, Disc, LightRay, Sun};
+use super::light_shapes::{Area, Disc, LightRay, Sun, Triangle};
+use super::light_tree::{Ball, LightTree};
 use super::vector::Vec3;
+use super::world::DirectionMap;
 
 /// Outline of an area light.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -90,6 +95,30 @@ pub struct Arrival {
     pub pdf: f32,
     /// Whether the shadow ray decides.
     pub casts_shadow: bool,
+    /// What shines: for all but lamps `radiance` is still to be multiplied by its own.
+    pub emitter: Emitter,
+}
+
+/// Who sends the light of an [`Arrival`].
+#[derive(Debug, Clone, Copy)]
+pub enum Emitter {
+    /// A lamp; its radiance is known.
+    Lamp,
+    /// A triangle of a glowing material, at these weights of its second and third corner.
+    Triangle(u32, [f32; 2]),
+    /// The background.
+    World,
+}
+
+/// A triangle that glows.
+#[derive(Debug, Clone, Copy)]
+pub struct Glowing {
+    /// Its number.
+    pub triangle: u32,
+    /// Its corners.
+    pub corners: [Vec3; 3],
+    /// About what it emits, mean of the channels.
+    pub radiance: f32,
 }
 
 /// A point that is lit.
@@ -105,6 +134,8 @@ enum Shape {
     Disc(Disc),
     Sun(Sun),
     Area(Area),
+    Triangle(u32, Triangle),
+    World,
 }
 
 struct Light {
@@ -116,15 +147,33 @@ struct Light {
     casts_shadow: bool,
 }
 
-/// All lights of a scene.
+/// All lights of a scene: lamps first, then glowing triangles, then the background.
 pub struct Lights {
     lights: Vec<Light>,
-    /// Running sum of the choice probabilities when there are too many to weigh at each point.
-    cumulative: Vec<f32>,
+    /// How many of them are lamps.
+    lamps: usize,
+    /// The light of each glowing triangle.
+    of_triangle: HashMap<u32, u32>,
+    /// The background, where it is sampled.
+    map: Option<Arc<DirectionMap>>,
+    many: Option<Many>,
     any_met: bool,
 }
 
-/// Up to this many lights each is weighed at every point; beyond, by power alone.
+/// What chooses among more lights than can be weighed one by one.
+struct Many {
+    /// Everything that has a place.
+    tree: LightTree,
+    /// Lamps that a ray can meet and that have a place.
+    met: LightTree,
+    /// Suns and the background.
+    far: Vec<u32>,
+    /// Running sum of their brightness, 0 to 1, for when they are many as well.
+    far_running: Vec<f32>,
+    far_brightness: f32,
+}
+
+/// Up to this many lights each is weighed at every point; beyond, a tree is walked.
 const WEIGHED: usize = 32;
 
 impl Lights {
@@ -132,26 +181,50 @@ impl Lights {
     ///
     /// # Errors
     /// When a number is not finite or out of range, or a matrix flattens a light.
-    pub fn new(params: &[LightParams]) -> Result<Self> {
+    pub fn new(
+        params: &[LightParams],
+        glowing: &[Glowing],
+        map: Option<Arc<DirectionMap>>,
+    ) -> Result<Self> {
         let mut lights = Vec::new();
         for (index, light) in params.iter().enumerate() {
             if let Some(light) = compile(light, index)? {
                 lights.push(light);
             }
         }
-        let total: f64 = lights.iter().map(|l| f64::from(l.brightness)).sum();
-        let mut sum = 0.0;
-        let cumulative = lights
-            .iter()
-            .map(|l| {
-                sum += f64::from(l.brightness) / total;
-                sum as f32
-            })
-            .collect();
-        let any_met = lights.iter().any(Light::can_be_met);
+        let lamps = lights.len();
+        let mut of_triangle = HashMap::new();
+        for glowing in glowing {
+            let Some(shape) = Triangle::new(glowing.corners) else {
+                continue;
+            };
+            let brightness = glowing.radiance * shape.area();
+            if brightness > 0.0 && brightness.is_finite() {
+                of_triangle.insert(glowing.triangle, lights.len() as u32);
+                lights.push(Light {
+                    shape: Shape::Triangle(glowing.triangle, shape),
+                    strength: Vec3::ONE,
+                    brightness,
+                    casts_shadow: true,
+                });
+            }
+        }
+        if let Some(map) = &map {
+            lights.push(Light {
+                shape: Shape::World,
+                strength: Vec3::ONE,
+                brightness: map.mean * std::f32::consts::PI,
+                casts_shadow: true,
+            });
+        }
+        let any_met = lights[..lamps].iter().any(Light::can_be_met);
+        let many = (lights.len() > WEIGHED).then(|| Many::new(&lights, lamps));
         Ok(Self {
             lights,
-            cumulative,
+            lamps,
+            of_triangle,
+            map,
+            many,
             any_met,
         })
     }
@@ -175,7 +248,22 @@ impl Lights {
             Shape::Disc(disc) => disc.sample(receiver.point, u),
             Shape::Sun(sun) => sun.sample(u),
             Shape::Area(area) => area.sample(receiver.point, u),
+            Shape::Triangle(_, triangle) => triangle.sample(receiver.point, u),
+            Shape::World => self.map.as_ref().map(|map| {
+                let (direction, pdf) = map.sample(u);
+                LightRay {
+                    direction,
+                    distance: f32::INFINITY,
+                    factor: 1.0,
+                    pdf,
+                }
+            }),
         }?;
+        let emitter = match &light.shape {
+            Shape::Triangle(number, _) => Emitter::Triangle(*number, Triangle::weights(u)),
+            Shape::World => Emitter::World,
+            _ => Emitter::Lamp,
+        };
         let LightRay {
             direction,
             distance,
@@ -201,7 +289,31 @@ impl Lights {
             radiance,
             pdf,
             casts_shadow: light.casts_shadow,
+            emitter,
         })
+    }
+
+    /// The density per solid angle with which [`Self::sample`] finds a point of a triangle, seen
+    /// from `receiver` at a distance and under a cosine; 0 where it never does.
+    pub fn triangle_pdf(&self, receiver: Receiver, triangle: u32, distance: f32, cos: f32) -> f32 {
+        let Some(&index) = self.of_triangle.get(&triangle) else {
+            return 0.0;
+        };
+        match &self.lights[index as usize].shape {
+            Shape::Triangle(_, shape) => {
+                let pdf = distance * distance / (shape.area() * cos).max(1e-30);
+                pdf * self.probability(receiver, index as usize)
+            }
+            _ => 0.0,
+        }
+    }
+
+    /// The density per solid angle with which [`Self::sample`] finds the background.
+    pub fn world_pdf(&self, receiver: Receiver, direction: Vec3) -> f32 {
+        match &self.map {
+            Some(map) => map.pdf(direction) * self.probability(receiver, self.lights.len() - 1),
+            None => 0.0,
+        }
     }
 
     /// Adds up the light that a ray from `receiver` meets at distances in `span`, each weighted
@@ -210,14 +322,16 @@ impl Lights {
     pub fn met(&self, receiver: Receiver, direction: Vec3, span: [f32; 2], pdf: f32) -> Vec3 {
         let [t_min, t_max] = span;
         let mut sum = Vec3::ZERO;
-        for (index, light) in self.lights.iter().enumerate() {
+        let mut add = |index: usize| {
+            let light = &self.lights[index];
             if !light.can_be_met() {
-                continue;
+                return;
             }
             let found = match &light.shape {
                 Shape::Disc(disc) => disc.intersect(receiver.point, direction, t_max),
                 Shape::Sun(sun) => sun.intersect(direction, t_max),
                 Shape::Area(area) => area.intersect(receiver.point, direction, t_max),
+                Shape::Triangle(..) | Shape::World => None,
             };
             let Some(LightRay {
                 factor,
@@ -226,10 +340,10 @@ impl Lights {
                 ..
             }) = found
             else {
-                continue;
+                return;
             };
             if distance < t_min {
-                continue;
+                return;
             }
             let weight = if pdf.is_finite() {
                 power_heuristic(pdf, density * self.probability(receiver, index))
@@ -237,6 +351,14 @@ impl Lights {
                 1.0
             };
             sum += light.strength * (factor * weight);
+        };
+        match &self.many {
+            None => (0..self.lamps).for_each(add),
+            Some(many) => {
+                many.met.along(receiver.point, direction, &mut add);
+                let suns = many.far.iter().map(|&f| f as usize);
+                suns.filter(|&f| f < self.lamps).for_each(add);
+            }
         }
         sum
     }
@@ -246,9 +368,8 @@ impl Lights {
         if n == 1 {
             return Some((0, 1.0));
         }
-        if n > WEIGHED {
-            let index = self.cumulative.partition_point(|&c| c <= choice).min(n - 1);
-            return Some((index, self.by_power(index)));
+        if let Some(many) = &self.many {
+            return many.choose(&self.lights, receiver, choice);
         }
         let mut weights = [0.0; WEIGHED];
         let mut total = 0.0;
@@ -279,8 +400,8 @@ impl Lights {
         if n == 1 {
             return 1.0;
         }
-        if n > WEIGHED {
-            return self.by_power(index);
+        if let Some(many) = &self.many {
+            return many.probability(&self.lights, receiver, index);
         }
         let total: f32 = self.lights.iter().map(|l| l.importance(receiver)).sum();
         if total > 0.0 {
@@ -289,14 +410,83 @@ impl Lights {
             0.0
         }
     }
+}
 
-    fn by_power(&self, index: usize) -> f32 {
-        self.cumulative[index]
-            - if index > 0 {
-                self.cumulative[index - 1]
-            } else {
-                0.0
-            }
+impl Many {
+    fn new(lights: &[Light], lamps: usize) -> Self {
+        let ball = |(i, light): (usize, &Light)| light.ball(i as u32);
+        let all = lights.iter().enumerate();
+        let near: Vec<Ball> = all.clone().filter_map(ball).collect();
+        let met = all
+            .clone()
+            .take(lamps)
+            .filter(|(_, light)| light.can_be_met())
+            .filter_map(ball)
+            .collect();
+        let far: Vec<u32> = all
+            .filter(|(_, light)| light.is_far())
+            .map(|(i, _)| i as u32)
+            .collect();
+        let mut sum = 0.0_f64;
+        let mut running: Vec<f64> = far
+            .iter()
+            .map(|&f| {
+                sum += f64::from(lights[f as usize].brightness);
+                sum
+            })
+            .collect();
+        running.iter_mut().for_each(|r| *r /= sum);
+        Self {
+            tree: LightTree::new(near, lights.len()),
+            met: LightTree::new(met, lights.len()),
+            far,
+            far_running: running.into_iter().map(|r| r as f32).collect(),
+            far_brightness: sum as f32,
+        }
+    }
+
+    /// The share of the choices that go to suns and the background.
+    fn share_of_far(&self, receiver: Receiver) -> Option<f32> {
+        let (near, far) = (self.tree.importance(receiver), self.far_brightness);
+        match (near > 0.0, far > 0.0) {
+            // A bound says little about what really arrives, so neither is starved.
+            (true, true) => Some((far / (near + far)).clamp(0.1, 0.9)),
+            (true, false) => Some(0.0),
+            (false, true) => Some(1.0),
+            (false, false) => None,
+        }
+    }
+
+    fn far_probability(&self, position: usize) -> f32 {
+        let before = position.checked_sub(1).map_or(0.0, |p| self.far_running[p]);
+        self.far_running[position] - before
+    }
+
+    fn choose(&self, lights: &[Light], receiver: Receiver, choice: f32) -> Option<(usize, f32)> {
+        let share = self.share_of_far(receiver)?;
+        if choice < share {
+            let left = choice / share;
+            let position = self.far_running.partition_point(|&c| c <= left);
+            let position = position.min(self.far.len() - 1);
+            let index = self.far[position] as usize;
+            let probability = self.far_probability(position) * share;
+            return (lights[index].importance(receiver) > 0.0).then_some((index, probability));
+        }
+        let left = ((choice - share) / (1.0 - share)).min(1.0 - f32::EPSILON);
+        let (index, probability) = self.tree.choose(receiver, left)?;
+        Some((index, probability * (1.0 - share)))
+    }
+
+    fn probability(&self, lights: &[Light], receiver: Receiver, index: usize) -> f32 {
+        let Some(share) = self.share_of_far(receiver) else {
+            return 0.0;
+        };
+        if lights[index].is_far() {
+            let position = self.far.partition_point(|&f| (f as usize) < index);
+            self.far_probability(position) * share
+        } else {
+            self.tree.probability(receiver, index) * (1.0 - share)
+        }
     }
 }
 
@@ -305,8 +495,28 @@ impl Light {
         match &self.shape {
             Shape::Disc(disc) => disc.radius > 0.0,
             Shape::Sun(sun) => sun.has_size(),
-            Shape::Area(_) => true,
+            Shape::Area(_) | Shape::Triangle(..) | Shape::World => true,
         }
+    }
+
+    fn is_far(&self) -> bool {
+        matches!(self.shape, Shape::Sun(_) | Shape::World)
+    }
+
+    /// A ball around a light that has a place.
+    fn ball(&self, light: u32) -> Option<Ball> {
+        let (centre, radius) = match &self.shape {
+            Shape::Disc(disc) => (disc.centre(), disc.radius),
+            Shape::Area(area) => area.ball(),
+            Shape::Triangle(_, triangle) => triangle.ball(),
+            Shape::Sun(_) | Shape::World => return None,
+        };
+        Some(Ball {
+            centre,
+            radius,
+            brightness: self.brightness,
+            light,
+        })
     }
 
     fn can_be_met(&self) -> bool {
@@ -320,6 +530,17 @@ impl Light {
                 Shape::Disc(disc) => disc.importance(receiver.point, receiver.normal),
                 Shape::Sun(sun) => sun.importance(receiver.normal),
                 Shape::Area(area) => area.importance(receiver.point, receiver.normal),
+                Shape::Triangle(_, triangle) => {
+                    let (centre, radius) = triangle.ball();
+                    let ball = Ball {
+                        centre,
+                        radius,
+                        brightness: 1.0,
+                        light: 0,
+                    };
+                    ball.importance(receiver)
+                }
+                Shape::World => 1.0,
             }
     }
 }

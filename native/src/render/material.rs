@@ -1,19 +1,17 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Materials: a constant-valued subset of Blender's Principled BSDF, compiled into lobes.
-//!
-//! Lobes and weights follow Cycles (Blender 5.2): metal with weight `metallic`; of the rest glass
-//! with weight `transmission`; of the rest a dielectric coat of the index `ior`, scaled by
-//! `specular`, over a Lambertian base that receives what the coat lets through. Rough lobes are
-//! scaled to lose no energy ("multiscatter GGX").
+//! Materials: closures over a program of values, compiled.
 
-use super::albedo::Table;
+use super::albedo::Grids;
 use super::check::{Result, finite, within};
-use super::fresnel;
-use super::ggx::Ggx;
+use super::closure::{Closure, ClosureParams, Input, Kind, Look};
+use super::image::Image;
+use super::place::Place;
+use super::program::{Op, Operand, Program, Step, Value, read, rgb};
 use super::vector::Vec3;
 
-/// A material as its user describes it. All colours linear.
-#[derive(Debug, Clone, PartialEq)]
+/// A material as its user describes it. All colours linear. The constants are those of one
+/// Principled BSDF; they count when there are no `closures`.
+#[derive(Debug, Clone)]
 pub struct MaterialParams {
     /// For messages.
     pub name: String,
@@ -27,12 +25,16 @@ pub struct MaterialParams {
     pub ior: f32,
     /// Share of glass in what is not metal, 0..1.
     pub transmission: f32,
-    /// Principled's "IOR level": 0.5 leaves the coat's reflectance as `ior` gives it, 0 = no coat.
+    /// Principled's "IOR level": 0.5 leaves the layer's reflectance as `ior` gives it, 0 = no layer.
     pub specular: f32,
     /// Emitted radiance, both sides.
     pub emission: [f32; 3],
     /// 1 = opaque, 0 = invisible.
     pub alpha: f32,
+    /// What the surface consists of.
+    pub closures: Vec<ClosureParams>,
+    /// How their inputs are computed.
+    pub program: Vec<Step>,
 }
 
 impl Default for MaterialParams {
@@ -48,190 +50,226 @@ impl Default for MaterialParams {
             specular: 0.5,
             emission: [0.0; 3],
             alpha: 1.0,
+            closures: Vec::new(),
+            program: Vec::new(),
         }
     }
 }
 
-/// The metal lobe.
-#[derive(Debug, Clone)]
-pub struct Metal {
-    /// Share of the material.
-    pub weight: f32,
-    /// Reflectance at normal incidence.
-    pub f0: Vec3,
-    /// Mean reflectance between facets, for the light that bounces more than once.
-    pub multiple: Vec3,
+impl MaterialParams {
+    /// The constants as a closure.
+    fn constants(&self) -> ClosureParams {
+        let mut closure = ClosureParams::new(Kind::Principled);
+        let mut set = |input: Input, value: Operand| closure.inputs[input as usize] = value;
+        set(Input::Color, Operand::color(self.base_color));
+        set(Input::Metallic, Operand::number(self.metallic));
+        set(Input::Roughness, Operand::number(self.roughness));
+        set(Input::Ior, Operand::number(self.ior));
+        set(Input::Transmission, Operand::number(self.transmission));
+        set(Input::Specular, Operand::number(self.specular));
+        set(Input::Emission, Operand::color(self.emission));
+        set(Input::Alpha, Operand::number(self.alpha));
+        closure
+    }
+
+    fn check(&self, index: usize) -> Result<()> {
+        let name = |key: &str| format!("materials[{index}]['{key}'] of '{}'", self.name);
+        finite(&self.base_color, || name("base_color"))?;
+        finite(&self.emission, || name("emission"))?;
+        for (key, value) in [
+            ("metallic", self.metallic),
+            ("roughness", self.roughness),
+            ("transmission", self.transmission),
+            ("alpha", self.alpha),
+        ] {
+            finite(&[value], || name(key))?;
+        }
+        for &c in &self.base_color {
+            within(c.into(), 0.0, 1e6, || name("base_color"))?;
+        }
+        for &c in &self.emission {
+            within(c.into(), 0.0, 1e30, || name("emission"))?;
+        }
+        within(self.ior.into(), 1e-3, 1e3, || name("ior"))?;
+        within(self.specular.into(), 0.0, 1e3, || name("specular"))
+    }
 }
 
-/// The dielectric coat over the base.
-#[derive(Debug, Clone)]
-pub struct Coat {
-    /// Share of the material.
-    pub weight: f32,
-    /// Relative index of refraction.
-    pub eta: f32,
-    /// Mean reflectance between facets.
-    pub multiple: f32,
-    /// Albedo of a single bounce.
-    pub single: Table,
-}
-
-/// The glass lobe.
-#[derive(Debug, Clone)]
-pub struct Glass {
-    /// Share of the material.
-    pub weight: f32,
-    /// Index of the inside over that of the outside.
-    pub ior: f32,
-    /// Filter of each passage through the boundary.
-    pub tint: Vec3,
-    /// Albedo of a single bounce, seen from outside and from inside.
-    pub single: [Table; 2],
-    /// Cosine-weighted means of `single`.
-    pub mean: [f32; 2],
-}
+/// A material has at most this many closures; further ones are refused.
+pub const MOST_CLOSURES: usize = 8;
 
 /// A material ready for shading.
 #[derive(Debug, Clone)]
 pub struct Material {
-    /// Opacity.
-    pub alpha: f32,
-    /// Emitted radiance.
-    pub emission: Vec3,
-    /// Facets of all rough lobes.
-    pub ggx: Ggx,
-    /// Albedo of a single bounce off facets that reflect everything; present with metal or coat.
-    pub facets: Option<(Table, f32)>,
-    /// Metal, if any.
-    pub metal: Option<Metal>,
-    /// Glass, if any.
-    pub glass: Option<Glass>,
-    /// Coat, if any.
-    pub coat: Option<Coat>,
-    /// Albedo of the Lambertian base, before the coat takes its part.
-    pub diffuse: Vec3,
+    /// Its closures.
+    pub closures: Vec<Closure>,
+    /// Computes their inputs; empty when nothing varies.
+    pub program: Program,
+    /// The part of it that tells what is emitted and passes.
+    look_program: Program,
+    look_closures: Vec<Closure>,
+    fixed_look: Option<Look>,
+    normal: Option<Operand>,
+    /// Whether it can pass light straight.
+    pub transparent: bool,
+    /// Whether it can emit.
+    pub emits: bool,
+    /// Whether it can have reflecting lobes.
+    pub reflects: bool,
+    /// Whether it can have refracting lobes.
+    pub refracts: bool,
 }
 
 impl Material {
     /// Checks and compiles. Weights and roughness outside 0..1 are clamped as Blender clamps them.
     ///
     /// # Errors
-    /// When a number is not finite, a colour is negative, or `ior` is not positive.
-    pub fn new(params: &MaterialParams, index: usize) -> Result<Self> {
-        let name = |key: &str| format!("materials[{index}]['{key}'] of '{}'", params.name);
-        finite(&params.base_color, || name("base_color"))?;
-        finite(&params.emission, || name("emission"))?;
-        for (key, value) in [
-            ("metallic", params.metallic),
-            ("roughness", params.roughness),
-            ("transmission", params.transmission),
-            ("alpha", params.alpha),
-        ] {
-            finite(&[value], || name(key))?;
+    /// When a constant is not finite, a colour is negative, `ior` is not positive, or the program
+    /// is broken.
+    pub fn new(params: &MaterialParams, index: usize, grids: &mut Grids) -> Result<Self> {
+        params.check(index)?;
+        let name = format!("materials[{index}]");
+        let mut closures = params.closures.clone();
+        if closures.is_empty() {
+            closures.push(params.constants());
         }
-        for &c in &params.base_color {
-            within(c.into(), 0.0, 1e6, || name("base_color"))?;
+        if closures.len() > MOST_CLOSURES {
+            return Err(super::check::Error::Spec(format!(
+                "{name}['closures']: more than {MOST_CLOSURES}, got {}",
+                closures.len()
+            )));
         }
-        for &c in &params.emission {
-            within(c.into(), 0.0, 1e30, || name("emission"))?;
-        }
-        within(params.ior.into(), 1e-3, 1e3, || name("ior"))?;
-        within(params.specular.into(), 0.0, 1e3, || name("specular"))?;
-        let [metallic, transmission, roughness, alpha] = [
-            params.metallic,
-            params.transmission,
-            params.roughness,
-            params.alpha,
-        ]
-        .map(|v| v.clamp(0.0, 1.0));
-        let base = Vec3::from(params.base_color);
-        let clamped = base.map(|c| c.min(1.0));
-        let ggx = Ggx::new(roughness);
-        let rest = (1.0 - metallic) * (1.0 - transmission);
+        let normal = closures.iter().find_map(|c| c.normal);
+        let mut roots: Vec<Operand> = closures.iter().flat_map(|c| c.inputs).collect();
+        roots.extend(normal);
+        let program = Program::compile(&params.program, &mut roots, &name)?;
+        let compiled = compile(&closures, &roots, grids);
+        let normal = normal.and_then(|_| roots.last().copied());
 
-        let metal = (metallic > CUTOFF).then(|| Metal {
-            weight: metallic,
-            f0: clamped,
-            multiple: fresnel::schlick_mean(clamped),
-        });
-        let eta = coat_index(params.ior, params.specular);
-        let coat = (rest > CUTOFF && (eta - 1.0).abs() > 1e-6).then(|| Coat {
-            weight: rest,
-            eta,
-            multiple: fresnel::dielectric_mean(eta),
-            single: Table::dielectric_reflection(ggx, eta),
-        });
-        let glass_weight = (1.0 - metallic) * transmission;
-        let glass = (glass_weight > CUTOFF).then(|| {
-            let single = [
-                Table::glass(ggx, params.ior),
-                Table::glass(ggx, 1.0 / params.ior),
-            ];
-            let mean = [single[0].mean(), single[1].mean()];
-            Glass {
-                weight: glass_weight,
-                ior: params.ior,
-                tint: clamped.map(f32::sqrt),
-                single,
-                mean,
+        let asks = [Input::Weight, Input::Color, Input::Emission, Input::Alpha];
+        let mut looks = closures.clone();
+        for closure in &mut looks {
+            for (i, operand) in closure.inputs.iter_mut().enumerate() {
+                let color = i != Input::Color as usize || closure.kind == Kind::Transparent;
+                if !(asks.iter().any(|&a| a as usize == i) && color) {
+                    *operand = Operand::number(0.0);
+                }
             }
-        });
-        let facets = (metal.is_some() || coat.is_some()).then(|| {
-            let table = Table::reflection(ggx);
-            let mean = table.mean();
-            (table, mean)
-        });
-        Ok(Self {
-            alpha,
-            emission: Vec3::from(params.emission),
-            ggx,
-            facets,
-            metal,
-            glass,
-            coat,
-            diffuse: base * rest,
-        })
+        }
+        let mut roots: Vec<Operand> = looks.iter().flat_map(|c| c.inputs).collect();
+        let look_program = Program::compile(&params.program, &mut roots, &name)?;
+        let look_closures = compile(&looks, &roots, &mut Grids::default());
+
+        let any = |f: fn(&Closure) -> bool| compiled.iter().any(f);
+        let mut material = Self {
+            transparent: any(Closure::may_be_transparent),
+            emits: any(Closure::may_emit),
+            reflects: any(Closure::may_reflect),
+            refracts: any(Closure::may_refract),
+            closures: compiled,
+            program,
+            look_program,
+            look_closures,
+            fixed_look: None,
+            normal,
+        };
+        if roots.iter().all(|r| matches!(r, Operand::Value(_))) {
+            material.fixed_look = Some(sum(&material.look_closures, &[]));
+        }
+        Ok(material)
     }
 
-    /// Whether some lobe has a density, so that light samples are worth a ray.
+    /// Light that comes from the surface or passes it, at a place. `registers`: scratch.
     #[inline(always)]
-    pub fn has_density(&self) -> bool {
-        !self.ggx.is_smooth() || self.diffuse.max_component() > 0.0
+    pub fn look<'a>(
+        &self,
+        images: &[Image],
+        place: impl FnOnce() -> Place<'a>,
+        registers: &mut Vec<Value>,
+    ) -> Look {
+        match self.fixed_look {
+            Some(look) => look,
+            None => {
+                self.look_program.run(images, &place(), registers);
+                sum(&self.look_closures, registers)
+            }
+        }
+    }
+
+    /// Whether it looks the same everywhere.
+    pub fn has_fixed_look(&self) -> bool {
+        self.fixed_look.is_some()
+    }
+
+    /// The same where the material's own program has run already.
+    #[inline(always)]
+    pub fn look_here(&self, registers: &[Value]) -> Look {
+        self.fixed_look
+            .unwrap_or_else(|| sum(&self.closures, registers))
+    }
+
+    /// Shading normal, where the material has one of its own and the program has run.
+    pub fn normal(&self, registers: &[Value]) -> Option<Vec3> {
+        self.normal.map(|operand| rgb(read(operand, registers)))
+    }
+
+    /// Everything that is computed for it.
+    pub fn ops(&self) -> impl Iterator<Item = &Op> {
+        self.program.ops().chain(self.look_program.ops())
     }
 }
 
-/// Weights below this are dropped, as in Cycles.
-const CUTOFF: f32 = 1e-5;
+fn compile(params: &[ClosureParams], roots: &[Operand], grids: &mut Grids) -> Vec<Closure> {
+    params
+        .iter()
+        .zip(roots.chunks_exact(super::closure::INPUTS))
+        .map(|(params, inputs)| {
+            let mut resolved = params.clone();
+            resolved.inputs.copy_from_slice(inputs);
+            Closure::new(&resolved, grids)
+        })
+        .collect()
+}
 
-/// Index of the coat: `specular` scales the reflectance at normal incidence, 0.5 leaves it.
-fn coat_index(ior: f32, specular: f32) -> f32 {
-    if specular == 0.5 {
-        return ior;
+fn sum(closures: &[Closure], registers: &[Value]) -> Look {
+    let mut total = Look {
+        emission: Vec3::ZERO,
+        transparent: Vec3::ZERO,
+        solid: 0.0,
+    };
+    for closure in closures {
+        let look = closure.look(registers);
+        total.emission += look.emission;
+        total.transparent += look.transparent;
+        total.solid += look.solid;
     }
-    let eta = fresnel::ior_from_f0(fresnel::f0_from_ior(ior) * 2.0 * specular);
-    if ior < 1.0 { 1.0 / eta } else { eta }
+    total
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    fn new(params: &MaterialParams) -> Result<Material> {
+        Material::new(params, 3, &mut Grids::default())
+    }
+
     #[test]
     fn lobes_appear_only_where_they_weigh_something() {
-        let default = Material::new(&MaterialParams::default(), 0).unwrap();
-        assert!(default.metal.is_none() && default.glass.is_none() && default.coat.is_some());
+        let parts = |params: &MaterialParams| new(params).unwrap().closures[0].parts(&[]);
+        let default = parts(&MaterialParams::default());
+        assert!(default.metal.is_none() && default.glass.is_none() && default.layer.is_some());
         let matte = MaterialParams {
             specular: 0.0,
             ..Default::default()
         };
-        let matte = Material::new(&matte, 0).unwrap();
-        assert!(matte.coat.is_none() && matte.facets.is_none());
+        assert!(parts(&matte).layer.is_none() && !new(&matte).unwrap().reflects);
         let metal = MaterialParams {
             metallic: 1.0,
             ..Default::default()
         };
-        let metal = Material::new(&metal, 0).unwrap();
-        assert!(metal.metal.is_some() && metal.coat.is_none());
+        let metal = parts(&metal);
+        assert!(metal.metal.is_some() && metal.layer.is_none());
         assert_eq!(metal.diffuse, Vec3::ZERO);
     }
 
@@ -242,7 +280,7 @@ mod tests {
             ior: -1.0,
             ..Default::default()
         };
-        let message = Material::new(&bad, 3).unwrap_err().to_string();
+        let message = new(&bad).unwrap_err().to_string();
         assert!(
             message.contains("materials[3]['ior'] of 'Glass'"),
             "{message}"
@@ -251,11 +289,6 @@ mod tests {
             roughness: f32::NAN,
             ..Default::default()
         };
-        assert!(
-            Material::new(&nan, 0)
-                .unwrap_err()
-                .to_string()
-                .contains("roughness")
-        );
+        assert!(new(&nan).unwrap_err().to_string().contains("roughness"));
     }
 }

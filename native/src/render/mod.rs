@@ -5,8 +5,10 @@
 //! From the ground up:
 //! - [`vector`], [`trig`], [`check`]: f32 vectors and frames; sines; checks that name the key;
 //! - [`sampler`], [`filter`], [`lens`], [`camera`]: random numbers, the pixel filter, camera rays;
-//! - [`fresnel`], [`ggx`], [`albedo`], [`material`], [`bsdf`]: what surfaces do with light;
-//! - [`light_shapes`], [`lights`]: where light comes from;
+//! - [`image`], [`noise`], [`node_math`], [`place`], [`program`]: values that vary over a surface;
+//! - [`fresnel`], [`ggx`], [`albedo`], [`closure`], [`material`], [`bsdf`]: what surfaces do with
+//!   light;
+//! - [`light_shapes`], [`light_tree`], [`world`], [`lights`]: where light comes from;
 //! - [`attributes`]: what triangles carry, of a flattened scene or of instances;
 //! - [`scene`], [`indices`], [`features`], [`surface`]: the scene, what it needs, a point of it;
 //! - [`settings`], [`film`], [`adaptive`], [`integrator`], [`job`]: the render itself.
@@ -21,24 +23,32 @@ pub mod attributes;
 pub mod bsdf;
 pub mod camera;
 pub mod check;
+pub mod closure;
 pub mod features;
 pub mod film;
 pub mod filter;
 pub mod fresnel;
 pub mod ggx;
+pub mod image;
 pub mod indices;
 pub mod integrator;
 pub mod job;
 pub mod lens;
 pub mod light_shapes;
+pub mod light_tree;
 pub mod lights;
 pub mod material;
+pub mod node_math;
+pub mod noise;
+pub mod place;
+pub mod program;
 pub mod sampler;
 pub mod scene;
 pub mod settings;
 pub mod surface;
 pub mod trig;
 pub mod vector;
+pub mod world;
 
 #[cfg(test)]
 mod tests;

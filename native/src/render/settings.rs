@@ -99,6 +99,19 @@ impl Pass {
     }
 }
 
+/// How light is followed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Integrator {
+    /// All light, by paths of scattered rays.
+    Path,
+    /// Direct light, and what perfect mirrors and clear glass show (Whitted 1980). Light that
+    /// another surface scatters is left out.
+    Whitted,
+    /// How open the first surface is: the share of a cosine-weighted hemisphere in which nothing
+    /// stands within a distance.
+    Ambient,
+}
+
 /// How the mist pass grows from 0 at `start` to 1 at `start + depth`, as in Blender.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Mist {
@@ -155,6 +168,10 @@ pub struct Settings {
     pub border: Option<[u32; 4]>,
     /// Samples per pixel; cost is in proportion, noise falls with the root or faster.
     pub samples: u32,
+    /// How light is followed.
+    pub integrator: Integrator,
+    /// How far ambient occlusion looks, scene units; infinite allowed.
+    pub ambient_distance: f32,
     /// How often a path may scatter after its first surface; 0 = direct light only. As in Cycles.
     pub max_bounces: u32,
     /// Most that one sample may add after its first bounce, as the mean of its channels; 0 = no limit,
@@ -190,6 +207,8 @@ impl Default for Settings {
             height: 1,
             border: None,
             samples: 1,
+            integrator: Integrator::Path,
+            ambient_distance: f32::INFINITY,
             max_bounces: 4,
             clamp_indirect: 0.0,
             seed: 0,
@@ -255,6 +274,12 @@ impl Settings {
             let got = self.clamp_indirect;
             return spec(format!(
                 "settings['clamp_indirect'] must be at least 0, got {got}"
+            ));
+        }
+        if self.ambient_distance.is_nan() || self.ambient_distance <= 0.0 {
+            let got = self.ambient_distance;
+            return spec(format!(
+                "settings['ambient_distance'] must be above 0, got {got}"
             ));
         }
         for (key, value) in [

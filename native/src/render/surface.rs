@@ -3,6 +3,7 @@
 
 use super::attributes::At;
 use super::material::Material;
+use super::place::{Place, RayKind, reflecting_normal};
 use super::scene::RenderScene;
 use super::vector::{Frame, Vec3, offset_origin};
 use crate::traverse::Hit;
@@ -19,6 +20,10 @@ pub struct Surface<'a> {
     pub inside: bool,
     /// Its material.
     pub material: &'a Material,
+    /// Shading normal before the material bent it.
+    unbent: Vec3,
+    weights: [f32; 3],
+    triangle: usize,
     corners: [[f32; 3]; 3],
     at: At<'a>,
 }
@@ -61,9 +66,40 @@ impl<'a> Surface<'a> {
             shading,
             inside,
             material,
+            unbent: shading,
+            weights: [w, hit.u, hit.v],
+            triangle: hit.triangle as usize,
             corners,
             at,
         }
+    }
+
+    /// The point as the material's program sees it, along the unit direction `d`.
+    pub fn place(&self, scene: &'a RenderScene, d: Vec3, ray: RayKind) -> Place<'a> {
+        Place {
+            varying: &scene.varying,
+            triangle: self.triangle,
+            weights: self.weights,
+            point: self.point,
+            normal: self.shading,
+            geometric: self.geometric,
+            incoming: -d,
+            inside: self.inside,
+            ray,
+        }
+    }
+
+    /// Takes the material's own shading normal, bent back where a mirror would look inside.
+    pub fn bend(&mut self, normal: Vec3, d: Vec3) {
+        let normal = normal.normalized_or(self.shading);
+        if normal != self.shading && self.geometric.dot(d) < 0.0 {
+            self.shading = reflecting_normal(self.geometric, -d, normal);
+        }
+    }
+
+    /// The surface's own shading normal in the frame, where the material has another one.
+    pub fn unbent(&self, frame: &Frame) -> Option<Vec3> {
+        (self.shading != self.unbent).then(|| frame.to_local(self.unbent))
     }
 
     /// The shading frame.

@@ -580,7 +580,7 @@ fn white_furnace_on_solids() {
         };
         let params = SceneParams {
             materials: vec![material],
-            world: white,
+            world: white.into(),
             ..Default::default()
         };
         let mut camera = from_above(1.4);
@@ -658,7 +658,7 @@ fn rich() -> (Mesh, SceneParams) {
                 50.0,
             ),
         ],
-        world: [0.1, 0.2, 0.3],
+        world: [0.1, 0.2, 0.3].into(),
         ..Default::default()
     };
     (mesh, params)
@@ -733,7 +733,7 @@ fn what_a_scene_lacks_costs_nothing() {
     let world = [1.0; 3];
     let bare = mesh.scene(SceneParams {
         materials: vec![matte(0.5)],
-        world,
+        world: world.into(),
         ..Default::default()
     });
     let left_out = bare.features().left_out().join("\n");
@@ -766,7 +766,10 @@ fn what_a_scene_lacks_costs_nothing() {
     let sun = vec![light(LightKind::Sun { angle: 0.2 }, at(0.0, 0.0, 1.0), 1.0)];
     let normals = Some(vec![[[0.0, 0.0, 1.0]; 3]; mesh.triangles.len()]);
     let with = |params: SceneParams| {
-        let scene = mesh.scene(SceneParams { world, ..params });
+        let scene = mesh.scene(SceneParams {
+            world: world.into(),
+            ..params
+        });
         (
             run(&scene, &from_above(2.0), settings.clone(), 1).1.work,
             scene.features().left_out(),
@@ -832,7 +835,7 @@ fn passes_hold_what_they_say() {
     let mut mesh = Mesh::default();
     mesh.floor(1.0, 3.0, 0);
     let scene = mesh.scene(SceneParams {
-        world: [0.5; 3],
+        world: [0.5; 3].into(),
         ..Default::default()
     });
     let settings = Settings {
@@ -1089,7 +1092,7 @@ fn a_panic_in_a_worker_becomes_an_error_text() {
 fn an_empty_scene_shows_its_world() {
     let mesh = Mesh::default();
     let scene = mesh.scene(SceneParams {
-        world: [0.25, 0.5, 1.0],
+        world: [0.25, 0.5, 1.0].into(),
         ..Default::default()
     });
     let (image, stats) = run(&scene, &overview(), square(9, 2, 4), 2);
@@ -1151,7 +1154,7 @@ fn bad_scenes_are_refused_by_name() {
         (
             "world['color']",
             SceneParams {
-                world: [f32::INFINITY, 0.0, 0.0],
+                world: [f32::INFINITY, 0.0, 0.0].into(),
                 ..Default::default()
             },
         ),

@@ -14,7 +14,7 @@ use halfspace_native::render::lens::LensParams;
 use halfspace_native::render::lights::{AreaShape, LightKind, LightParams};
 use halfspace_native::render::material::MaterialParams;
 use halfspace_native::render::scene::{RenderScene, SceneParams};
-use halfspace_native::render::settings::{Falloff, Mist, Pass, Settings};
+use halfspace_native::render::settings::{Falloff, Integrator, Mist, Pass, Settings};
 use halfspace_native::scene::Triangles;
 use halfspace_native::spec::Config;
 use halfspace_native::structure::Structure;
@@ -238,6 +238,7 @@ fn material(bytes: &mut Bytes<'_>) -> MaterialParams {
         specular,
         emission: bytes.numbers(),
         alpha,
+        ..MaterialParams::default()
     }
 }
 
@@ -257,13 +258,14 @@ pub fn render(bytes: &[u8]) {
                 .collect()
         }),
         lights: (0..bytes.byte() % 3).map(|_| light(&mut bytes)).collect(),
-        world: bytes.numbers(),
+        world: bytes.numbers::<3>().into(),
         indices: Indices {
             first: (0..bytes.byte() % 3).map(|_| bytes.word() % 8).collect(),
             object: (0..bytes.byte() % 3).map(|_| bytes.number()).collect(),
             material: (0..bytes.byte() % 3).map(|_| bytes.number()).collect(),
             uvs: Vec::new(),
         },
+        ..SceneParams::default()
     };
     let structure = built(&scene, Config::parse("kd").expect("the kd-tree is there"));
     let Ok(scene) = RenderScene::new(Arc::new(structure), params) else {
@@ -292,6 +294,9 @@ pub fn render(bytes: &[u8]) {
         height: u32::from(bytes.byte() % 16),
         border: (bytes.byte() % 4 == 0).then(|| [0; 4].map(|_: u8| u32::from(bytes.byte() % 20))),
         samples: u32::from(bytes.byte() % 4),
+        integrator: [Integrator::Path, Integrator::Whitted, Integrator::Ambient]
+            [usize::from(bytes.byte() % 3)],
+        ambient_distance: bytes.number(),
         noise_threshold: bytes.number(),
         min_samples: u32::from(bytes.byte() % 4),
         time_limit: bytes.number(),
