@@ -47,9 +47,10 @@ class Parameter(TypedDict):
     options: list[str] | None
 
 class StructureRow(TypedDict):
-    """A row of the registry. code is saved in .blend files and never reused."""
+    """A row of the registry. code is saved in .blend files and never reused. aliases: other names of the id."""
 
     id: str
+    aliases: list[str]
     code: int
     label: str
     family: str

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """How often each structure answers wrongly on extreme scenes, against brute force and exact arithmetic.
 
-`python scripts/stability.py [options]` prints structure by case and what leaks out of closed surfaces; with `--long N`
-it compares N answers on random and extreme scenes instead, and goes on where an earlier run with the same `--out`
-ended. Exit status: 0 no structure differs; 1 some structure does; 2 bad usage.
+`python scripts/stability.py [options]` prints structure by case and what leaks out of closed surfaces. With `--long N`
+it compares N answers on random and extreme scenes instead, with `--scenes` camera rays, shadow rays and bounces on
+whole scenes. All of them go on where an earlier run with the same `--out` ended, but for the leaks. Exit status: 0 no
+structure differs; 1 some structure does; 2 bad usage.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from typing import Any, NoReturn
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from addon.core import leaks, native, results, specs, stability, trials
+from addon.core import agreement, grid, leaks, native, results, specs, stability, trials, workload
 
 BUNNY = Path(__file__).resolve().parents[2] / "shared" / "scenes" / "stanford-bunny.npz"
 """A scanned surface whose few holes are closed by fans."""
@@ -47,6 +48,8 @@ def parser() -> argparse.ArgumentParser:
     add("--structures", default="all", metavar="SPEC[,SPEC...]", help="configurations, families, or all (default)")
     add("--long", type=float, metavar="N", help="compare N answers on random and extreme scenes, e.g. 1e9")
     add("--seconds", type=float, metavar="S", help="with --long: end after this time")
+    add("--scenes", nargs="+", metavar="SCENE", help="compare on these scenes, in numpy's format, or grid")
+    add("--rays", type=int, default=100_000, metavar="N", help="with --scenes: rays of each set (default: 100000)")
     add("--threads", type=int, default=0, metavar="N", help="threads of long runs and leaks, 0 = all (default)")
     add("--leaks-only", action="store_true", help="only send rays out of closed surfaces")
     add("--seed", type=int, default=7, help="seed of the scenes (default: 7)")
@@ -59,14 +62,21 @@ def main(arguments: Sequence[str]) -> int:
     """Measure and print. Returns the exit status."""
     try:
         return run(parser().parse_args(arguments))
-    except (UsageError, native.NativeError, specs.SpecError, results.FolderError) as error:
+    except (
+        UsageError,
+        native.NativeError,
+        specs.SpecError,
+        workload.WorkloadError,
+        agreement.ReferenceDiffersError,
+        results.FolderError,
+    ) as error:
         print(f"stability: {' '.join(str(error).split())}", file=sys.stderr)
         return 2
 
 
 def run(asked: argparse.Namespace) -> int:
     """Check everything, then measure. Raises one of the errors that `main` turns into a line."""
-    for name in ("long", "seconds", "threads", "seed", "leak_rays"):
+    for name in ("long", "seconds", "threads", "seed", "leak_rays", "rays"):
         if not 0 <= (getattr(asked, name) or 0) < 1e18:
             raise UsageError(f"--{name.replace('_', '-')}: expected a number of at least 0")
     module = native.load()
@@ -80,14 +90,14 @@ def run(asked: argparse.Namespace) -> int:
         results.prepare_folder(asked.out)
     if asked.long is not None:
         return run_long(module, chosen, asked)
+    if asked.scenes is not None:
+        return run_scenes(module, chosen, asked)
     start = time.monotonic()
     if asked.leaks_only:
         leaking = find_leaks(module, [spec for spec in chosen if not stability.allowed_to_fail(spec)], asked)
         say(f"seed {asked.seed}, {time.monotonic() - start:.0f} s")
         return int(leaking)
-    rows: list[stability.Row] = []
-    for case in module.cases(asked.size, seed=asked.seed):
-        rows += stability.measure_case(module, case, chosen, exact_pairs=stability.EXACT_PAIRS[asked.size])
+    rows = measure_cases(module, chosen, asked)
     leaking = find_leaks(module, chosen, asked)
     wrong = [row for row in rows if not stability.allowed_to_fail(row["spec"]) and stability.differs(row)]
     print(stability.table(rows), "\n", stability.table(stability.sums(rows)), sep="\n")
@@ -97,6 +107,27 @@ def run(asked: argparse.Namespace) -> int:
         document = {**results.document(module, rows, {"size": asked.size, "seed": asked.seed}), "verdict": verdict}
         save(asked.out, document)
     return 1 if wrong or leaking else 0
+
+
+def measure_cases(module: Any, chosen: list[str], asked: argparse.Namespace) -> list[stability.Row]:
+    """The rows of all extreme cases; those of an earlier run with the same folder are taken over, case by case."""
+    journal = results.Journal(asked.out) if asked.out is not None else None
+    machine = results.machine(module)
+    pairs = stability.EXACT_PAIRS[asked.size]
+    fixed = [module.__version__, results.native_fingerprint(module), chosen, asked.size, asked.seed, pairs]
+    rows: list[stability.Row] = []
+    for place, case in enumerate(module.cases(asked.size, seed=asked.seed)):
+        key = results.key(*fixed, case["name"])
+        found = journal.entries.get(key) if journal is not None else None
+        kept = None if found is None else found.row
+        if kept is None:
+            kept = {
+                "rows": list(stability.measure_case(module, case, chosen, exact_pairs=pairs, threads=asked.threads))
+            }
+            if journal is not None:
+                journal.add(results.Entry(key, (0, place), kept), machine)
+        rows += kept["rows"]
+    return rows
 
 
 def run_long(module: Any, chosen: list[str], asked: argparse.Namespace) -> int:
@@ -145,13 +176,56 @@ def run_long(module: Any, chosen: list[str], asked: argparse.Namespace) -> int:
     return 1 if any(stability.differs(row) for row in rows) else 0
 
 
+def run_scenes(module: Any, chosen: list[str], asked: argparse.Namespace) -> int:
+    """Compare every configuration on whole scenes. Returns the exit status."""
+    chosen = [spec for spec in chosen if not stability.allowed_to_fail(spec) and spec.partition(":")[0] != "brute"]
+    loaded = [grid.workload() if name == "grid" else workload.load_npz(Path(name)) for name in asked.scenes]
+    journal = results.Journal(asked.out) if asked.out is not None else None
+    machine = results.machine(module)
+    rows: list[stability.Row] = []
+    for place, scene in enumerate(loaded):
+        fixed = [module.__version__, results.native_fingerprint(module), scene.fingerprint(), asked.rays, asked.seed]
+        questions: list[agreement.Question] = []
+        for spec in chosen:
+            key = results.key(*fixed, spec)
+            found = journal.entries.get(key) if journal is not None else None
+            row = None if found is None else found.row
+            if row is None:
+                if not questions:
+                    questions = agreement.questions(module, scene, asked.rays, asked.seed, threads=asked.threads)
+                    told = ", ".join(f"{len(q.rays):,} {q.rays.name} ({q.proven:,})" for q in questions)
+                    say(f"{scene.name}, {len(scene.triangles):,} triangles: {told} rays (answered by brute force)")
+                began = time.process_time()
+                row = agreement.row(module, scene, spec, questions, threads=asked.threads)
+                row["seconds"] = time.process_time() - began
+                if journal is not None:
+                    journal.add(results.Entry(key, (place, chosen.index(spec)), row), machine)
+            rows.append(row)
+            say(f"{scene.name}, {spec}: {row['rays']:,} rays, {'DIFFERS' if wrong(row) else 'equal'}")
+    print(stability.table(rows), "\n", stability.table(stability.sums(rows)), sep="\n")
+    for row in rows:
+        for text in row["broken"]:
+            say(f"{row['case']}, {row['spec']} is broken: {text}")
+    verdict = stability.limit(rows)
+    say(f"{verdict}; seed {asked.seed}, {sum(row['seconds'] for row in rows):.0f} s of processor")
+    if asked.out is not None:
+        document = {**results.document(module, rows, {"seed": asked.seed, "rays": asked.rays}), "verdict": verdict}
+        save(asked.out, document)
+    return int(any(wrong(row) for row in rows))
+
+
+def wrong(row: stability.Row) -> bool:
+    """Whether answers on a scene differ, or the structure is broken."""
+    return stability.differs(row) or bool(row["broken"])
+
+
 def find_leaks(module: Any, chosen: list[str], asked: argparse.Namespace) -> bool:
     """Send rays out of closed surfaces; tell what leaks. Whether anything does that should not."""
     large = asked.size == "large"
     count = asked.leak_rays if asked.leak_rays is not None else (1_000_000 if large else 10_000)
     if not count:
         return False
-    specs = [spec for spec in chosen if not (large and spec == "brute")]
+    specs = [spec for spec in chosen if not (large and spec.startswith("brute"))]
     surfaces = list(leaks.surfaces(5 if large else 3))
     if BUNNY.is_file():
         surfaces.append(leaks.from_file(BUNNY, *INSIDE_BUNNY))

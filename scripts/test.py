@@ -118,6 +118,7 @@ CHECKS: dict[str, Callable[[], Counts]] = {
         "cargo", "clippy", *MANIFEST, "--all-targets", "--features", "python", "--", "-D", "warnings"
     ),
     "deny": gate("cargo", "deny", *MANIFEST, "--offline", "check", "bans", "licenses", "sources"),
+    "dependencies": gate(str(CURRENT.python), "scripts/dependencies.py"),
     "ruff": python_tool("ruff", "check", "."),
     "ruff-format": python_tool("ruff", "format", "--check", "."),
     "mypy": python_tool("mypy"),

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from . import workload
+from . import stability, workload
 
 F32 = NDArray[np.float32]
 I32 = NDArray[np.int32]
@@ -130,7 +130,7 @@ def count_leaks(
                 if block % 2:
                     met = structure.occluded(origins, directions, threads=threads)
                 else:
-                    met = structure.closest(origins, directions, threads=threads).triangle >= 0
+                    met = stability.nearest(structure, (origins, directions), threads=threads).hit
                 if not met.all():
                     found[spec][name] += int((~met).sum())
     return found

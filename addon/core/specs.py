@@ -24,6 +24,12 @@ def split(text: str) -> list[str]:
     return specs
 
 
+SWEEP = "bsp-sweep"
+"""The thesis's name for all trees whose directions are chosen anew at each node."""
+
+SWEEP_IDS = ("bsp-random", "bsp-wn", "bsp-cn", "bsp-hybrid")
+"""What their ids begin with."""
+
 MOST = 100_000
 """Configurations that one list may grow to."""
 
@@ -79,16 +85,19 @@ def expand(
 ) -> list[str]:
     """The configurations that `--structures` and ranges of parameters ask for, each once, in order.
 
-    text: configurations, in which `k=2..10` and `k=2|6` stand for several, names of families, or "all". structures:
-    the native registry. ranges: parameter to values; a structure that lacks the parameter, or whose configuration sets
-    it, is taken as it is, and one that allows some of the values only gets those; left_out: told of the others, in
-    lines. Raises SpecError.
+    text: configurations, in which `k=2..10` and `k=2|6` stand for several, names of families, or "all"; a structure
+    may be called by another name of it. structures: the native registry. ranges: parameter to values; a structure that
+    lacks the parameter, or whose configuration sets it, is taken as it is, and one that allows some of the values only
+    gets those; left_out: told of the others, in lines. Raises SpecError.
     """
     rows = {row["id"]: row for row in structures}
+    ids = {alias: row["id"] for row in structures for alias in row.get("aliases", ())}
     chosen: list[str] = []
-    for part in split(text):
-        name = part.partition(":")[0]
-        family = [row["id"] for row in structures if part in (row["family"], f"family:{row['family']}", "all")]
+    for written in split(text):
+        called, colon, rest = written.partition(":")
+        name = ids.get(called, called)
+        part = name + colon + rest
+        family = [row["id"] for row in structures if part in _families(row)]
         if name in rows:
             chosen += _spread_out(part)
         elif family:
@@ -108,6 +117,12 @@ def expand(
     if len(found) > MOST:
         raise SpecError(f"these are more than {MOST:,} configurations")
     return list(found)
+
+
+def _families(row: Mapping[str, Any]) -> list[str]:
+    """The names under which a structure is chosen together with others."""
+    sweep = [SWEEP] * row["id"].startswith(SWEEP_IDS)
+    return [row["family"], f"family:{row['family']}", "all", *sweep]
 
 
 def values(spec: str, structures: Sequence[Mapping[str, Any]]) -> dict[str, Any]:

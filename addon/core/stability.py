@@ -51,9 +51,10 @@ EXACT_PAIRS = {"small": 200_000, "large": 4_000_000}
 
 
 def configurations(structures: Sequence[Mapping[str, Any]], chosen: Sequence[str]) -> list[str]:
-    """Each chosen configuration with every traversal, and again without allowance for rounding where it has that key.
+    """Each chosen configuration with every traversal, every way of shadow rays, and without allowance for rounding.
 
-    structures: the native registry. A configuration that sets one of the two keys keeps what it sets.
+    structures: the native registry. A configuration that sets one of these keys keeps what it sets; one whose row
+    lacks a key goes without.
     """
     rows = {row["id"]: row for row in structures}
     made: list[str] = []
@@ -64,6 +65,8 @@ def configurations(structures: Sequence[Mapping[str, Any]], chosen: Sequence[str
         if "traversal" in keys and "traversal=" not in spec:
             walks += [_with(spec, f"traversal={name}") for name in row["traversals"][1:]]
         made += walks
+        if "shadow" in keys and "shadow=" not in spec:
+            made += [_with(spec, f"shadow={name}") for name in keys["shadow"]["options"][1:]]
         if "robust" in keys and "robust=" not in spec and "none" in (keys["robust"]["options"] or ()):
             made += [_with(walk, "robust=none") for walk in walks]
     return list(dict.fromkeys(made))
@@ -76,6 +79,28 @@ def _with(spec: str, pair: str) -> str:
 def allowed_to_fail(spec: str) -> bool:
     """Whether the configuration is there to show failures."""
     return "robust=none" in spec
+
+
+TILE = 64
+"""Rays that walks of tiles and beams take together when they are told that rays come in tiles."""
+
+
+def nearest(structure: Any, rays: Sequence[Any], *, threads: int = 0) -> Answers:
+    """The nearest hits, asked in tiles where that can be: (origins, directions, t_min, t_max) as arrays.
+
+    Walks that know no tiles take the rays singly, and so do all with the rays beyond the last whole tile.
+    """
+    whole = len(rays[0]) // TILE * TILE
+    tiles = Answers.of(structure.closest(*(part[:whole] for part in rays), order="tile8", threads=threads))
+    if whole == len(rays[0]):
+        return tiles
+    rest = Answers.of(structure.closest(*(part[whole:] for part in rays), threads=threads))
+    return Answers(
+        np.concatenate([tiles.t, rest.t]),
+        np.concatenate([tiles.triangle, rest.triangle]),
+        np.concatenate([tiles.u, rest.u]),
+        np.concatenate([tiles.v, rest.v]),
+    )
 
 
 def measure_case(
@@ -94,7 +119,7 @@ def measure_case(
     exact = Answers.of(native.exact_closest(*scene, *(part[sample] for part in rays), threads=threads))
     for spec in specs:
         structure = native.build(*scene, spec, threads=threads)
-        answers = Answers.of(structure.closest(*rays, threads=threads))
+        answers = nearest(structure, rays, threads=threads)
         occluded = structure.occluded(*rays, threads=threads)
         errors = accuracy.compare(brute, answers, occluded, native.ulp_distance, bitwise=True)
         beside = accuracy.compare(exact, answers.take(sample), None, native.ulp_distance, bitwise=True)

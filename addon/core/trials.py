@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from . import accuracy, stability
 from .accuracy import Answers
 from .leaks import icosphere
-from .stability import Row
+from .stability import TILE, Row
 
 F32 = NDArray[np.float32]
 I32 = NDArray[np.int32]
@@ -26,15 +26,15 @@ Rays = tuple[F32, F32, F32, F32]
 """origins (n, 3), directions (n, 3), t_min (n,), t_max (n,)."""
 
 MANY, FEW, FEWEST = 16_384, 2048, 256
-"""Rays of a trial; few where the exact verdict has much to do."""
+"""Rays of a trial, whole tiles; few where the exact verdict has much to do."""
 
 CASES_PER_SEED = 60
 """So many extreme cases are tried before those of the next seed."""
 
-EXACT_PAIRS = 300_000
+EXACT_PAIRS = 3_000_000
 """Pairs of a ray and a triangle that exact arithmetic decides per trial."""
 
-VERSION = 1
+VERSION = 2
 """Grows whenever the same number makes another trial, so that a run is not continued with other rays."""
 
 BLOCK = 64
@@ -46,8 +46,9 @@ Random = np.random.Generator
 def trial(native: Any, specs: Sequence[str], seed: int, number: int, *, threads: int = 1) -> list[Row]:
     """One row per configuration, as of `stability.measure_case`; the case is the sort of scene.
 
-    Every ray is asked for its closest hit, every fourth for any hit too. Brute force answers all of them; exact
-    arithmetic some, spread evenly, and every structure is compared with both.
+    Every ray is asked for its closest hit, every fourth tile of them for any hit too; ways of shadow rays, which the
+    closest hit does not know, are asked for any hit of every ray. Brute force answers all rays, exact arithmetic some
+    of them, spread evenly, and every structure is compared with both.
     """
     random = np.random.default_rng([seed, number])
     name, vertices, triangles, rays = _scene(native, seed, number, random)
@@ -56,19 +57,21 @@ def trial(native: Any, specs: Sequence[str], seed: int, number: int, *, threads:
     wanted = min(count, EXACT_PAIRS // max(1, len(triangles)))
     sample = np.unique(np.linspace(0, count - 1, wanted).astype(np.int64))
     exact = Answers.of(native.exact_closest(vertices, triangles, *(part[sample] for part in rays), threads=threads))
-    quarter = tuple(part[number % 4 :: 4] for part in rays)
-    expected_any = brute.hit[number % 4 :: 4]
+    beside = accuracy.compare(exact, brute.take(sample), None, native.ulp_distance, bitwise=True)
+    quarter = np.arange(count) // TILE % 4 == number % 4
     rows = []
     for spec in specs:
         structure = native.build(vertices, triangles, spec, threads=1)
-        answers = Answers.of(structure.closest(*rays, threads=threads))
-        occluded = structure.occluded(*quarter, threads=threads)
-        errors = accuracy.Errors(rays=count)
-        if not same(answers, brute):
-            errors = accuracy.compare(brute, answers, None, native.ulp_distance, bitwise=True)
-        beside = accuracy.compare(exact, answers.take(sample), None, native.ulp_distance, bitwise=True)
-        row = {"case": name, "spec": spec, "triangles": len(triangles), **stability.columns(errors, beside)}
-        row["wrong_any_hit"] += int((occluded != expected_any).sum())
+        errors, own = accuracy.Errors(rays=count), beside
+        asked = np.ones(count, bool) if "shadow=" in spec else quarter
+        if asked is quarter:
+            answers = stability.nearest(structure, rays, threads=threads)
+            if not same(answers, brute):
+                errors = accuracy.compare(brute, answers, None, native.ulp_distance, bitwise=True)
+                own = accuracy.compare(exact, answers.take(sample), None, native.ulp_distance, bitwise=True)
+        occluded = structure.occluded(*(part[asked] for part in rays), threads=threads)
+        row = {"case": name, "spec": spec, "triangles": len(triangles), **stability.columns(errors, own)}
+        row["wrong_any_hit"] += int((occluded != brute.hit[asked]).sum())
         rows.append(row)
     return rows
 
@@ -220,4 +223,37 @@ def rays_at(vertices: F32, triangles: I32, count: int, random: Random) -> Rays:
     ends = np.array([0, 0.5, 1, np.nextafter(np.float32(1), np.float32(0)), np.nextafter(np.float32(1), np.float32(2))])
     t_max[limited] = random.choice(ends, int(limited.sum()))
     t_min[limited] = random.choice([0.0, 1e-6, 0.5, 1.0, -1.0], int(limited.sum()))
+    _in_tiles(origins, directions, t_min, t_max, random)
     return origins, directions, t_min, t_max
+
+
+def _in_tiles(origins: F32, directions: F32, t_min: F32, t_max: F32, random: Random) -> None:
+    """Make every fourth tile one of a picture, or of shadow rays to one light.
+
+    Pictures are taken by pinholes from telescopes to nearly half of all directions, or in parallel; every second along
+    the axes. Lights are points, or suns; they are few, so that the last blocker is often the next.
+    """
+    count = len(origins) // TILE // 4
+    x, y = (np.indices((8, 8)).reshape(2, TILE) / 3.5 - 1).astype(np.float32)
+    last = slice(len(origins) - count * TILE, None)
+    lights = origins[random.integers(0, len(origins), 4)]
+    here, ways, ends = (part[last].reshape(count, TILE, -1) for part in (origins, directions, t_max))
+    t_min[last] = 0
+    for o, d, end in zip(here, ways, ends, strict=True):
+        with np.errstate(all="ignore"):
+            towards, size = d[0].copy(), np.abs(d[0]).max()
+            across = np.eye(3)[random.permutation(3)] if random.integers(2) else random.normal(size=(3, 3))
+            window = size * 10.0 ** random.uniform(-7, 0.7) * (x[:, None] * across[0] + y[:, None] * across[1])
+            kind = random.integers(4)
+            end[:] = np.inf
+            if kind == 0:
+                o[:], d[:] = o[0], towards + window
+            elif kind == 1:
+                o[:], d[:] = o[0] + window, towards
+            elif kind == 2:
+                d[:] = towards
+            else:
+                d[:] = lights[random.integers(len(lights))] - o
+                end[:] = 1
+    broken = ~(np.isfinite(origins).all(axis=1) & np.isfinite(directions).all(axis=1))
+    origins[broken], directions[broken] = 0, (1, 0, 0)

@@ -16,6 +16,8 @@ use crate::trees;
 pub const TREES: &[StructureSpec] = &[
     trees::kd::SPEC,
     trees::kd_sah::SPEC,
+    trees::kd_median::SPACE,
+    trees::kd_median::OBJECTS,
     trees::rbsp::PLAIN,
     trees::rbsp::KD,
     trees::bsp_ize::PLAIN,
@@ -153,6 +155,14 @@ impl Default {
 /// Other names of structures: what they were called before.
 const ALIASES: &[(&str, &str)] = &[("skd", "bih"), ("boxtree", "bih")];
 
+/// The other names of a structure.
+pub fn aliases(id: &str) -> impl Iterator<Item = &'static str> + use<'_> {
+    ALIASES
+        .iter()
+        .filter(move |(_, own)| *own == id)
+        .map(|(alias, _)| *alias)
+}
+
 /// The row of a structure, by its id or another name of it.
 pub fn find(name: &str) -> Option<&'static StructureSpec> {
     let alias = ALIASES.iter().find(|(alias, _)| *alias == name);
@@ -223,6 +233,14 @@ pub mod params {
         unit: "",
         kind: Kind::Choice(&["auto", "dir", "wide", "tile8", "tile16"]),
         default: Default::Choice("auto"),
+    };
+
+    /// Walks of axis-aligned trees that are there to be compared with.
+    pub const TRAVERSAL_PLAIN: ParamSpec = ParamSpec {
+        doc: "How rays walk the tree: by entry and exit points (TA-B, Havran et al. 1997), or by plane distances in \
+              the order of the direction (dir). The answer is the same",
+        kind: Kind::Choice(&["ta-b", "dir"]),
+        ..TRAVERSAL_AXIS
     };
 
     /// Whether a walk allows for rounding.

@@ -12,7 +12,16 @@ import numpy as np
 import pytest
 from lying_native import LyingNative
 
-from addon.core import claims, claims_report, claims_scenes, claims_shadows, claims_table, native
+from addon.core import (
+    claims,
+    claims_intervals,
+    claims_kd,
+    claims_report,
+    claims_scenes,
+    claims_shadows,
+    claims_table,
+    native,
+)
 from addon.core.claims import FAILS, HOLDS, UNTESTED, VERDICTS, Claim, Lab, Outcome
 
 
@@ -21,6 +30,8 @@ def _small(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """Small pictures and one repeat: what is tested is that all is measured, not how fast it is."""
     monkeypatch.setattr(claims_scenes, "RESOLUTIONS", ((32, 24), (64, 48)))
     monkeypatch.setattr(claims_shadows, "SHADOW_SIZE", (128, 128))
+    monkeypatch.setattr(claims_kd, "SIZE", (32, 32))
+    monkeypatch.setattr(claims_intervals, "SIZE", (32, 32))
     monkeypatch.setattr(claims, "REPEATS", {True: 1, False: 1})
     monkeypatch.setattr(command, "SCENES", tmp_path)
 
@@ -55,7 +66,9 @@ def test_all_claims_are_measured_and_shown(tmp_path: Path, capsys: pytest.Captur
         assert row["measured"] in text
         if row["verdict"] == UNTESTED and not row["values"]:
             continue
-        assert row["error"].startswith("0 of ")
+        # The walks of the kd-tree as published have no bounds, and are wrong here and there.
+        published = row["claim"].startswith("ta-b") and row["configuration"] == "faithful"
+        assert published or row["error"].startswith("0 of ")
         assert not row["error"].startswith("0 of 0 ")
         assert row["why"]
     for claim in claims_table.CLAIMS:

@@ -5,6 +5,8 @@ from __future__ import annotations
 
 from typing import Any
 
+import halfspace_native
+import numpy as np
 import pytest
 
 from addon.core import specs
@@ -49,6 +51,42 @@ def test_all_and_families() -> None:
     assert specs.expand("sweep,kd", REGISTRY, {}) == ["bsp-random", "bsp-wn", "kd"]
     assert specs.expand("kd,kd,all", REGISTRY, {})[0] == "kd"
     assert len(specs.expand("kd,kd,all", REGISTRY, {})) == 4
+
+
+K = {"rbsp": 13, "rbsp-kd": 13, **{f"bsp-random{more}": 10 for more in ("", "-plus", "-plus-kd")}}
+K |= {f"bsp-{kind}{more}": 6 for kind in ("wn", "cn") for more in ("", "-plus", "-plus-kd")}
+TREES = (
+    "brute",
+    "kd",
+    "kd-sah",
+    "kd-median",
+    "kd-object",
+    "bsp-ize",
+    "bsp-ize-kd",
+    "bvh-sah",
+    "bbox-gs",
+    "bbox-gs-bnb",
+)
+OWN = ("bsp-cn-axial-plus-kd", "bsp-wn-area-plus-kd", "bsp-hybrid-plus-kd")
+INTERVALS = ("bih", "skd", "boxtree", "bih5", "bih1", "bih4", "bih-n:n=4", "bih-sah", "bih-bvh")
+OCTREES = [f"octree-{walk}" for walk in ("glassner", "arvo", "param", "samet", "net", "beam")]
+WALKS = [f"kd:traversal={walk}" for walk in ("ta-a", "ta-b", "sung", "arvo", "dir", "tile8", "tile16")]
+SHADOWS = ("octree-net:shadow=beam", "kd:shadow=cache")
+SOURCES = [*TREES, *(f"{tree}:k={k}" for tree, k in K.items()), *OWN, *INTERVALS, *OCTREES, *WALKS, *SHADOWS]
+"""What the papers' structures are called here."""
+
+
+def test_every_name_of_the_sources_is_accepted() -> None:
+    rows = halfspace_native.structures()
+    corners, triangle = np.eye(3, dtype=np.float32), np.array([[0, 1, 2]], np.int32)
+    for name in SOURCES:
+        (spec,) = specs.expand(name, rows, {})
+        assert spec.partition(":")[0] in {row["id"] for row in rows}
+        assert halfspace_native.build(corners, triangle, name).validate() == []
+    assert specs.expand("skd,boxtree:leaf_size=2", rows, {}) == ["bih", "bih:leaf_size=2"]
+    sweep = specs.expand("bsp-sweep", rows, {})
+    assert {"bsp-random", "bsp-wn-plus-kd", "bsp-cn-axial-plus-kd", "bsp-hybrid-plus-kd"} < set(sweep)
+    assert not {"bsp-ize", "kd", "rbsp"} & set(sweep)
 
 
 def test_ranges_apply_where_the_parameter_exists_and_is_not_given() -> None:

@@ -54,7 +54,19 @@ def test_configurations_add_traversals_and_what_may_fail() -> None:
     assert "dir" in walks
     own = ["kd", *(f"kd:traversal={walk}" for walk in walks)]
     textbook = ["kd:robust=none", *(f"{spec},robust=none" for spec in own[1:])]
-    assert made == [*own, *textbook, deep, f"{deep},robust=none", "brute"]
+    cached = f"{deep},shadow=cache"
+    assert made == [
+        *own,
+        "kd:shadow=cache",
+        *textbook,
+        deep,
+        cached,
+        f"{deep},robust=none",
+        "brute",
+        "brute:shadow=cache",
+    ]
+    octree = stability.configurations(rows, ["octree-net"])
+    assert {"octree-net:shadow=cache", "octree-net:shadow=beam"} < set(octree)
 
 
 @pytest.mark.parametrize("lie", LIES)
@@ -66,8 +78,12 @@ def test_a_lie_is_told(lie: str) -> None:
     assert stability.differs(lying[0])
 
 
-def test_textbook_traversals_fail_and_ours_do_not(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    status = command.main(["--structures", "kd", "--leak-rays", "400", "--out", str(tmp_path)])
+def test_textbook_traversals_fail_and_ours_do_not(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(stability.EXACT_PAIRS, "small", 20_000)
+    walk = "kd:traversal=dir,shadow=none"
+    status = command.main(["--structures", walk, "--leak-rays", "400", "--out", str(tmp_path)])
     assert status == 0
     document = json.loads((tmp_path / "stability.json").read_text(encoding="utf-8"))
     none = [row for row in document["rows"] if "robust=none" in row["spec"]]
@@ -78,12 +94,43 @@ def test_textbook_traversals_fail_and_ours_do_not(tmp_path: Path, capsys: pytest
     page = (tmp_path / "stability.html").read_text(encoding="utf-8")
     assert "touching boxes" in page
     assert "http" not in page
-    assert "leaks of kd" in capsys.readouterr().out
+    assert "leaks of kd:traversal=dir" in capsys.readouterr().out
 
 
 def test_a_wrong_structure_sets_the_status(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(stability, "allowed_to_fail", lambda spec: False)
-    assert command.main(["--structures", "kd:robust=none", "--leak-rays", "0"]) == 1
+    monkeypatch.setitem(stability.EXACT_PAIRS, "small", 1000)
+    assert command.main(["--structures", "kd:robust=none,traversal=dir,shadow=none", "--leak-rays", "0"]) == 1
+
+
+def test_whole_scenes_are_compared_and_resumed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    vertices, triangles = leaks.icosphere(2)
+    scene = tmp_path / "ball.npz"
+    view = {"camera_eye": [0, -3, 0], "camera_target": [0, 0, 0], "camera_up": [0, 0, 1], "camera_vfov_deg": 40.0}
+    np.savez(scene, vertices=vertices.astype(np.float32), triangles=triangles, **view)
+    asked = ["--structures", "octree-beam,bih", "--rays", "300", "--out", str(tmp_path / "out"), "--scenes", str(scene)]
+    assert command.main(asked) == 0
+    told = capsys.readouterr().out
+    rows = json.loads((tmp_path / "out" / "stability.json").read_text(encoding="utf-8"))["rows"]
+    assert {"octree-beam", "octree-beam:shadow=beam", "bih"} < {row["spec"] for row in rows}
+    links = {row["spec"]: row["statistics"]["links"] for row in rows}
+    for row in rows:
+        assert not row["broken"]
+        assert row["rays"] > 1000
+        assert row["statistics"]["bytes"] > row["statistics"]["nodes_axis"]
+    assert links["octree-beam"] > 0
+    assert command.main(asked) == 0
+    assert "answered by brute force" in told
+    assert "answered by brute force" not in capsys.readouterr().out
+
+
+def test_a_scene_answered_wrongly_sets_the_status(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(stability, "allowed_to_fail", lambda spec: False)
+    assert command.main(["--structures", "kd:robust=none,shadow=none", "--rays", "2000", "--scenes", "grid"]) == 1
+    assert "DIFFERS" in capsys.readouterr().out
+    assert command.main(["--scenes", str(tmp_path / "none.npz")]) == 2
 
 
 @pytest.mark.parametrize("bad", [["--structures", "tree"], ["--long", "-1"], ["--size", "huge"], ["--long", "x"]])
@@ -100,6 +147,7 @@ def long_run(folder: Path, *more: str) -> tuple[int, dict]:
 def test_a_long_run_is_resumed_where_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(trials, "BLOCK", 4)
     monkeypatch.setattr(trials, "MANY", 256)
+    monkeypatch.setattr(trials, "EXACT_PAIRS", 2000)
     status, first = long_run(tmp_path, "--long", "1")
     assert (status, first["options"]["blocks"]) == (0, 1)
     answers = sum(row["rays"] for row in first["rows"])

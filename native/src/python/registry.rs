@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The registry as dictionaries.
 
-use crate::registry::{Kind, ParamSpec, StructureSpec, TREES};
+use crate::registry::{Kind, ParamSpec, StructureSpec, TREES, aliases};
 use crate::spec::Value;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
@@ -46,6 +46,7 @@ fn parameter<'py>(py: Python<'py>, param: &ParamSpec) -> PyResult<Bound<'py, PyD
 fn row<'py>(py: Python<'py>, spec: &StructureSpec) -> PyResult<Bound<'py, PyDict>> {
     let dict = PyDict::new(py);
     dict.set_item("id", spec.id)?;
+    dict.set_item("aliases", PyList::new(py, aliases(spec.id))?)?;
     dict.set_item("code", spec.code)?;
     dict.set_item("label", spec.label)?;
     dict.set_item("family", spec.family)?;

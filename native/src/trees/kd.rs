@@ -7,6 +7,7 @@ use crate::build::cell::{BoxCell, Direction};
 use crate::build::cost::Costs;
 use crate::build::piece::{ClippedBox, Piece};
 use crate::build::plane_tree::{MAX_DEPTH, PlaneTree, Shape};
+use crate::build::preorder::Preorder;
 use crate::build::space::{self, Node, ObliqueStep, Params, PlanePolicy, Stop};
 use crate::build::sweep::Ties;
 use crate::error::Result;
@@ -104,9 +105,19 @@ pub fn plane_tree<P: PlanePolicy>(
 ) -> Result<Built> {
     let frame = Frame::new(scene.bounds());
     let preorder = space::build(scene, &frame, policy, params, monitor)?;
-    let shape = Shape::new(&preorder);
+    lay_out(scene, config, frame, &preorder)
+}
+
+/// Lays an axis-aligned tree out for the walk that the configuration names.
+pub fn lay_out(
+    scene: &Triangles,
+    config: &Config,
+    frame: Frame,
+    preorder: &Preorder,
+) -> Result<Built> {
+    let shape = Shape::new(preorder);
     let mut blocks = Blocks::new();
-    let tree = PlaneTree::new(&preorder, scene, &frame, &mut blocks)?;
+    let tree = PlaneTree::new(preorder, scene, &frame, &mut blocks)?;
     let robust = config.choice("robust") != "none";
     let walk = match (config.choice("traversal"), robust) {
         ("auto" | "dir" | "wide" | "tile8" | "tile16", _) => PlaneWalk::Dir,

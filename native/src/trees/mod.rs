@@ -21,6 +21,7 @@ pub mod bsp_wn_area;
 pub mod bvh_sah;
 pub mod interval;
 pub mod kd;
+pub mod kd_median;
 pub mod kd_sah;
 pub mod octree;
 pub mod octree_arvo;

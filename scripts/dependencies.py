@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the native module depends on, against `native/deny.toml`, without network: `python scripts/dependencies.py`.
+
+Checks licences, where packages come from, and that none is wanted in any version. `cargo deny` checks the same and
+more, where it is installed. Exit status: 0 all may be used; 1 some may not.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+import tomllib
+from collections.abc import Collection, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+NATIVE = Path(__file__).resolve().parents[1] / "native"
+REGISTRY = "registry+https://github.com/rust-lang/crates.io-index"
+"""How cargo writes the official registry, whatever mirror it asks."""
+
+
+def may_be_used(licence: str, allowed: Collection[str]) -> bool:
+    """Whether an SPDX expression can be met by allowed licences only; `/` is OR, as it once was in manifests."""
+    tokens = re.findall(r"[()]|[^\s()/]+|/", licence)
+    place = 0
+
+    def take() -> str:
+        nonlocal place
+        place += 1
+        return tokens[place - 1] if place <= len(tokens) else ""
+
+    def following() -> str:
+        return tokens[place] if place < len(tokens) else ""
+
+    def one() -> bool:
+        name = take()
+        if name == "(":
+            inside = either()
+            return take() == ")" and inside
+        if following() == "WITH":
+            name = f"{name} {take()} {take()}"
+        return name in allowed
+
+    def both() -> bool:
+        good = one()
+        while following() == "AND":
+            take()
+            good = one() and good
+        return good
+
+    def either() -> bool:
+        good = both()
+        while following() in ("OR", "/"):
+            take()
+            good = both() or good
+        return good
+
+    return either() and place == len(tokens)
+
+
+def problems(metadata: Mapping[str, Any], rules: Mapping[str, Any]) -> Iterator[str]:
+    """What `cargo metadata` names that the rules do not allow, a sentence each."""
+    allowed = frozenset(rules["licenses"]["allow"])
+    for package in metadata["packages"]:
+        name = f"{package['name']} {package['version']}"
+        if not may_be_used(package["license"] or "", allowed):
+            yield f"{name}: its licence is {package['license'] or 'not stated'}"
+        if package["source"] not in (None, REGISTRY):
+            yield f"{name}: it comes from {package['source']}"
+        if package["source"] is None:
+            # The project's own packages: what they want is written by hand.
+            wanted = (need["name"] for need in package["dependencies"] if need["req"] == "*" and need["source"])
+            yield from (f"{name}: wants any version of {need}" for need in wanted)
+
+
+def main() -> int:
+    """Check, and tell. Returns the exit status."""
+    command = ["cargo", "metadata", "--manifest-path", str(NATIVE / "Cargo.toml"), "--all-features", "--locked"]
+    done = subprocess.run([*command, "--offline", "--format-version", "1"], capture_output=True, text=True, check=False)
+    if done.returncode != 0:
+        print(done.stderr.strip(), file=sys.stderr)
+        return 1
+    metadata = json.loads(done.stdout)
+    rules = tomllib.loads((NATIVE / "deny.toml").read_text(encoding="utf-8"))
+    found = list(problems(metadata, rules))
+    print("\n".join(found) or f"{len(metadata['packages'])} packages, all of which may be used")
+    return 1 if found else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
