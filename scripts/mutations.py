@@ -84,8 +84,8 @@ FAULTS = (
     Fault(
         "no allowance for distances that round to zero",
         _FRAME,
-        "out.scaled(f32::from_bits(1)) + TINY",
-        "0.0 * out.scaled(1.0)",
+        "(f64::from(f32::from_bits(1)) * to_frame) as f32 + TINY",
+        "0.0 * to_frame as f32",
         ("contract", "what_rounds_to_zero_is_met_at_zero"),
     ),
     Fault(
@@ -149,14 +149,14 @@ FAULTS = (
     Fault(
         "the f32 test without bounds on its weights",
         _BLOCKS,
-        "2.0 * UV_ERROR * span * size + 3.0 * det_error + floor",
-        "0.0 * span",
+        "least.simd_lt(-uv_error)",
+        "least.simd_lt(splat(0.0))",
         BLOCK,
     ),
     Fault(
         "the f32 test without a bound on its distance",
         _BLOCKS,
-        "T_ERROR * span * size * size + floor",
+        "(T_ERROR * span * size + 6.0 * blur * (size + 2.0 * span)) * size + floor",
         "0.0 * span",
         BLOCK,
     ),

@@ -73,8 +73,8 @@ def test_the_structure_panel_shows_only_what_the_structure_has(scene: Any) -> No
         expected = [p.name for p in catalogue.load()[structure].parameters]
         drawn = draw(panels.HALFSPACE_PT_structure, scene=scene)
         assert drawn[: 2 + len(expected)] == ["automatic", "structure", *expected]
-        assert " ".join(drawn[2 + len(expected) : -1]) == catalogue.load()[structure].paper
-        assert drawn[-1] == "memory_limit"
+        assert " ".join(drawn[2 + len(expected) : -2]) == catalogue.load()[structure].paper
+        assert drawn[-2:] == ["instancing", "memory_limit"]
 
 
 def test_the_structure_panel_says_why_there_is_no_native_module(scene: Any, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -24,6 +24,15 @@ pub const PARALLEL_PAD: f32 = 8.0 * U;
 /// Added where products may have lost a subnormal part.
 pub(super) const TINY: f32 = 1e-37;
 
+/// The smallest float above zero, in a unit of so many frame units, and what rounding may add.
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "rounded to f32, and TINY more"
+)]
+fn last_place(to_frame: f64) -> f32 {
+    (f64::from(f32::from_bits(1)) * to_frame) as f32 + TINY
+}
+
 /// A power-of-two scale and the scene's box after it.
 #[derive(Debug, Clone, Copy)]
 pub struct Frame {
@@ -135,7 +144,7 @@ impl Frame {
             to_frame: f64::from(unit) * f64::from(self.scale),
             ..FrameRay::NOTHING
         };
-        out.last_place = (f64::from(f32::from_bits(1)) * out.to_frame) as f32 + TINY;
+        out.last_place = last_place(out.to_frame);
         out
     }
 
@@ -262,7 +271,7 @@ impl Frame {
         let blurred = blur[0].max(blur[1]).max(blur[2]);
         out.span = sum;
         out.oblique_pad = self.robust * (28.0 * U * sum + 2.0 * blurred);
-        out.last_place = (f64::from(f32::from_bits(1)) * out.to_frame) as f32 + TINY;
+        out.last_place = last_place(out.to_frame);
         let mut near = f32::NEG_INFINITY;
         let mut exit = f32::INFINITY;
         // Over any distance up to `span` a slower direction moves by less than u times the padding: it
