@@ -237,9 +237,10 @@ pub mod params {
 
     /// Walks of axis-aligned trees that are there to be compared with.
     pub const TRAVERSAL_PLAIN: ParamSpec = ParamSpec {
-        doc: "How rays walk the tree: by entry and exit points (TA-B, Havran et al. 1997), or by plane distances in \
-              the order of the direction (dir). The answer is the same",
-        kind: Kind::Choice(&["ta-b", "dir"]),
+        doc: "How rays walk the tree: by plane distances in the order of the direction (dir), or by entry and exit \
+              points (TA-B, Havran et al. 1997). The answer is the same",
+        kind: Kind::Choice(&["dir", "ta-b"]),
+        default: Default::Choice("dir"),
         ..TRAVERSAL_AXIS
     };
 

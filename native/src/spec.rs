@@ -175,7 +175,7 @@ mod tests {
         assert_eq!(config.canonical(), "kd:traversal=dir,max_depth=20");
         assert_eq!(Config::parse("kd").unwrap().canonical(), "kd");
         assert_eq!(
-            Config::parse("kd:traversal=ta-b").unwrap().canonical(),
+            Config::parse("kd:traversal=auto").unwrap().canonical(),
             "kd"
         );
     }
