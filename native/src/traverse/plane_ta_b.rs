@@ -6,16 +6,12 @@
 //! two comparisons; a distance is computed only when both children are visited.
 //!
 //! Our form mirrors every axis along which the ray runs downwards, so that the entry always has
-//! the smaller coordinate, and computes the entry a little too early and the exit a little too late.
-//! So a child is skipped only when the ray certainly does not enter it, in two comparisons as before.
+//! the smaller coordinate, and moves the two points apart by the error of a coordinate. So a child
+//! is skipped only when the ray certainly does not enter it, in two comparisons as before.
 //!
-//! A coordinate needs no bound of its own. An entry is computed at a distance `t` that lies before
-//! the true one, `T`, by the slack of the plane that was crossed less the error of the distance, thus
-//! by more than 4u `T`: the slack of every axis is at least 8u of any distance along it. The product
-//! of `t` and the speed errs by u `t`, so it is not above that of `T`; among subnormals, where it errs
-//! by more, it cannot pass the difference of two coordinates, which is a multiple of their last place.
-//! The sum is rounded monotonically: where the exact one is not above the plane, neither is the
-//! computed one. For the exit, the same the other way round.
+//! For rays of the scene itself the distances alone would do, which are moved by the slack of the
+//! plane that was crossed: that is more than any coordinate of the point loses. Not so for rays in
+//! the space of an instance, whose coordinates are off from the start.
 
 use super::batch;
 use super::blocks::Blocks;
@@ -27,7 +23,7 @@ use crate::build::plane_tree::{MAX_DEPTH, Node, PlaneTree, near_child};
 use crate::scene::Triangles;
 use fearless_simd::Simd;
 
-/// A part of the ray: its interval, moved outwards, and its two end points in mirrored coordinates.
+/// A part of the ray: its interval, and its two end points in mirrored coordinates, all moved outwards.
 /// The fourth coordinate only fills the register.
 #[derive(Clone, Copy, Default)]
 pub struct Segment {
@@ -40,7 +36,8 @@ pub struct Segment {
 /// The ray in mirrored coordinates: all its speeds are positive.
 struct Mirrored {
     speed: [f32; 4],
-    origin: [f32; 4],
+    before: [f32; 4],
+    after: [f32; 4],
     /// The sign bits of the mirrored axes.
     flip: [u32; 3],
 }
@@ -50,21 +47,31 @@ impl Mirrored {
     fn new(ray: &FrameRay) -> Self {
         let mut out = Self {
             speed: [0.0; 4],
-            origin: [0.0; 4],
+            before: [0.0; 4],
+            after: [0.0; 4],
             flip: [0; 3],
         };
         for k in 0..3 {
             out.flip[k] = ray.negative[k] << 31;
-            out.origin[k] = f32::from_bits(ray.o[k].to_bits() ^ out.flip[k]);
+            let origin = f32::from_bits(ray.o[k].to_bits() ^ out.flip[k]);
             out.speed[k] = ray.d[k].abs();
+            out.before[k] = origin - ray.pad[k];
+            out.after[k] = origin + ray.pad[k];
         }
         out
     }
 
-    /// The point at `t`. Later is farther, rounding included.
+    /// The entry point of a segment that begins at `t`. Later is farther, rounding included.
     #[inline(always)]
-    fn point(&self, t: f32) -> [f32; 4] {
-        let at = |k: usize| self.origin[k] + t * self.speed[k];
+    fn entry(&self, t: f32) -> [f32; 4] {
+        let at = |k: usize| self.before[k] + t * self.speed[k];
+        [at(0), at(1), at(2), at(3)]
+    }
+
+    /// The exit point of a segment that ends at `t`.
+    #[inline(always)]
+    fn exit(&self, t: f32) -> [f32; 4] {
+        let at = |k: usize| self.after[k] + t * self.speed[k];
         [at(0), at(1), at(2), at(3)]
     }
 }
@@ -95,8 +102,8 @@ impl batch::Walk for Walk<'_> {
         let mut best = Best::new(frame);
         let ray_up = Mirrored::new(frame);
         let mut segment = Segment {
-            entry: ray_up.point(frame.t_min),
-            exit: ray_up.point(frame.t_max),
+            entry: ray_up.entry(frame.t_min),
+            exit: ray_up.exit(frame.t_max),
             enter: frame.t_min,
             leave: frame.t_max,
         };
@@ -135,7 +142,7 @@ impl batch::Walk for Walk<'_> {
                         let far_from = keep_max(distance - slack, segment.enter);
                         let near_to = keep_min(distance + slack, segment.leave);
                         let far = Segment {
-                            entry: ray_up.point(far_from),
+                            entry: ray_up.entry(far_from),
                             enter: far_from,
                             ..segment
                         };
@@ -146,7 +153,7 @@ impl batch::Walk for Walk<'_> {
                                 stack[waiting] = (near ^ 1, far);
                                 waiting += 1;
                             }
-                            segment.exit = ray_up.point(near_to);
+                            segment.exit = ray_up.exit(near_to);
                             segment.leave = near_to;
                             node = near;
                         }
