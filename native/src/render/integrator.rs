@@ -583,9 +583,9 @@ fn shade<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
         }
         let mut wi = frame.to_local(-d);
         wi.z = wi.z.max(1e-4);
-        let unbent = surface.unbent(&frame);
+        let normals = surface.normals(&frame);
         let bsdf =
-            Bsdf::<GLOSSY, GLASS>::new(&material.closures, &registers, wi, unbent, surface.inside);
+            Bsdf::<GLOSSY, GLASS>::new(&material.closures, &registers, wi, normals, surface.inside);
         wave.work.shaded_glossy += u64::from(bsdf.reflects());
         wave.work.shaded_glass += u64::from(bsdf.transmits());
         wave.work.normals_fetched += u64::from(SMOOTH);
@@ -662,7 +662,7 @@ fn shade<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
         }
         let direction = frame.to_world(scatter.wo).normalized_or(surface.geometric);
         let across = direction.dot(surface.geometric) < 0.0;
-        if across != (scatter.wo.z < 0.0) {
+        if across != (scatter.kind == RayKind::Transmission) {
             continue;
         }
         path.throughput = path.throughput * scatter.weight;

@@ -2,6 +2,7 @@
 //! The point a ray meets: position, normals, material.
 
 use super::attributes::At;
+use super::bsdf::Normals;
 use super::material::Material;
 use super::place::{Place, RayKind, reflecting_normal};
 use super::scene::RenderScene;
@@ -14,14 +15,16 @@ pub struct Surface<'a> {
     pub point: Vec3,
     /// Geometric normal, towards the viewer.
     pub geometric: Vec3,
-    /// Shading normal, towards the viewer.
+    /// Shading normal of facets, towards the viewer.
     pub shading: Vec3,
     /// Whether the viewer is on the back of the triangle.
     pub inside: bool,
     /// Its material.
     pub material: &'a Material,
-    /// Shading normal before the material bent it.
-    unbent: Vec3,
+    /// Shading normal of the surface itself.
+    own: Vec3,
+    /// The one that the material gives it.
+    mapped: Option<Vec3>,
     weights: [f32; 3],
     triangle: usize,
     corners: [[f32; 3]; 3],
@@ -66,7 +69,8 @@ impl<'a> Surface<'a> {
             shading,
             inside,
             material,
-            unbent: shading,
+            own: shading,
+            mapped: None,
             weights: [w, hit.u, hit.v],
             triangle: hit.triangle as usize,
             corners,
@@ -81,7 +85,7 @@ impl<'a> Surface<'a> {
             triangle: self.triangle,
             weights: self.weights,
             point: self.point,
-            normal: self.shading,
+            normal: self.own,
             geometric: self.geometric,
             incoming: -d,
             inside: self.inside,
@@ -89,17 +93,24 @@ impl<'a> Surface<'a> {
         }
     }
 
-    /// Takes the material's own shading normal, bent back where a mirror would look inside.
+    /// Takes the shading normal that the material gives; for facets bent back where a mirror would
+    /// look inside.
     pub fn bend(&mut self, normal: Vec3, d: Vec3) {
-        let normal = normal.normalized_or(self.shading);
-        if normal != self.shading && self.geometric.dot(d) < 0.0 {
+        let normal = normal.normalized_or(self.own);
+        if normal != self.own {
+            self.mapped = Some(normal);
             self.shading = reflecting_normal(self.geometric, -d, normal);
         }
     }
 
-    /// The surface's own shading normal in the frame, where the material has another one.
-    pub fn unbent(&self, frame: &Frame) -> Option<Vec3> {
-        (self.shading != self.unbent).then(|| frame.to_local(self.unbent))
+    /// The other normals in the shading frame.
+    #[inline(always)]
+    pub fn normals(&self, frame: &Frame) -> Normals {
+        let mapped = self.mapped.map(|mapped| [self.own, mapped]);
+        Normals {
+            geometric: frame.to_local(self.geometric),
+            mapped: mapped.map(|both| both.map(|n| frame.to_local(n))),
+        }
     }
 
     /// The shading frame.
@@ -128,11 +139,10 @@ impl<'a> Surface<'a> {
     /// chapter 4), faded in below a cosine of 0.1 as Cycles does.
     #[inline(always)]
     pub fn leave_to_light<const SMOOTH: bool>(&self, direction: Vec3) -> Vec3 {
-        let origin = self.leave(direction);
         if !SMOOTH {
-            return origin;
+            return self.leave(direction);
         }
-        let cosine = self.shading.dot(direction);
+        let cosine = self.own.dot(direction);
         let side = if cosine < 0.0 {
             -self.geometric
         } else {
@@ -145,7 +155,8 @@ impl<'a> Surface<'a> {
             1.0 - flat / TERMINATOR
         };
         let amount = amount.clamp(0.0, 1.0);
-        if amount == 0.0 || flat <= 0.0 {
+        let origin = offset_origin(self.point, side);
+        if amount == 0.0 {
             return origin;
         }
         origin + self.lift(side) * amount
