@@ -14,6 +14,7 @@ use super::place::{RayKind, bump_shadow};
 use super::program::Value;
 use super::trig::sin_cos_turns;
 use super::vector::{Frame, Vec3, vec3};
+use super::visibility::Visibility;
 
 /// The other normals at the point, in the shading frame, whose z axis is the normal of facets.
 #[derive(Debug, Clone, Copy)]
@@ -347,7 +348,17 @@ impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
     /// count nothing here.
     #[inline(always)]
     pub fn eval(&self, wo: Vec3) -> (Vec3, f32) {
-        let (mut f, mut pdf) = self.eval_diffuse(wo);
+        self.eval_lit(wo, Visibility::ALL)
+    }
+
+    /// The same by the lobes alone that see a light of this visibility.
+    #[inline(always)]
+    pub fn eval_lit(&self, wo: Vec3, visible: Visibility) -> (Vec3, f32) {
+        let (mut f, mut pdf) = if visible.to(RayKind::Diffuse) {
+            self.eval_diffuse(wo)
+        } else {
+            (Vec3::ZERO, 0.0)
+        };
         // Facets send nothing through the surface that they should reflect, nor the reverse.
         let above = self.normals.geometric.dot(wo) >= 0.0;
         if let Some([own, _]) = self.normals.mapped
@@ -355,9 +366,9 @@ impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
         {
             return (f, pdf);
         }
-        if wo.z > 0.0 && above {
+        if wo.z > 0.0 && above && visible.to(RayKind::Glossy) {
             self.eval_reflection(wo, &mut f, &mut pdf);
-        } else if GLASS && wo.z < 0.0 && !above {
+        } else if GLASS && wo.z < 0.0 && !above && visible.to(RayKind::Transmission) {
             self.eval_refraction(wo, &mut f, &mut pdf);
         }
         (f, pdf)

@@ -7,7 +7,7 @@ use super::material::Material;
 use super::place::{Place, RayKind, reflecting_normal};
 use super::scene::RenderScene;
 use super::vector::{Frame, Vec3, offset_origin};
-use crate::traverse::Hit;
+use crate::traverse::{Hit, Ray};
 
 /// A surface point seen along a ray.
 pub struct Surface<'a> {
@@ -131,6 +131,17 @@ impl<'a> Surface<'a> {
                 self.geometric
             },
         )
+    }
+
+    /// What is left of a ray behind its hit here.
+    #[inline(always)]
+    pub fn beyond(&self, ray: &Ray, hit: &Hit) -> Ray {
+        Ray {
+            o: offset_origin(self.point, -self.geometric).array(),
+            d: ray.d,
+            t_min: 0.0,
+            t_max: ray.t_max - hit.t,
+        }
     }
 
     /// Origin of a shadow ray. On smooth surfaces, where the light grazes, the flat triangle would
