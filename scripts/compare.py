@@ -105,6 +105,8 @@ def judge_scenes(asked: argparse.Namespace) -> bool:
     from addon.core import comparison
 
     bpy = _start(asked)
+    from addon.blender import proving
+
     verdicts = []
     for name in _built(bpy, asked.scene):
         found, seconds = _render_both(bpy, asked, name)
@@ -118,6 +120,8 @@ def judge_scenes(asked: argparse.Namespace) -> bool:
         print(f"{name}, {asked.size}: Halfspace beside Cycles")
         for line in verdict.lines():
             print(f"  {line}")
+        for difference in proving.DIFFERENCES.get(name, ()):
+            print(f"  known difference of the models: {difference}")
         ratio = seconds["HALFSPACE"] / seconds["CYCLES"]
         print(
             f"  time of a sample × {ratio:.2f}, its variance × {verdict.noise:.2f}: "

@@ -211,6 +211,18 @@ SCENES: dict[str, Callable[[Any], None]] = {
 }
 
 
+LAYER_TABLE = (
+    "What a rough dielectric layer takes from the base below it is integrated here, in Cycles read from a table of "
+    "16 × 16 × 16: seen at 82° Cycles takes 0.207 where the integral is 0.197 (roughness 0.4, index 1.38), and the "
+    "base is up to 1.5 % darker; square on they agree."
+)
+
+DIFFERENCES: dict[str, tuple[str, ...]] = {
+    "textures": (LAYER_TABLE,),
+}
+"""Where the two engines are not meant to agree, by scene; small enough to pass as noise at the default samples."""
+
+
 def _world(scene: Any, color: Color) -> Any:
     world = bpy.data.worlds.new("World")
     if world.node_tree is None:
