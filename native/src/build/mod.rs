@@ -8,6 +8,7 @@ pub mod clip;
 pub mod cost;
 pub mod footprint;
 pub mod global;
+pub mod grid_order;
 pub mod groups;
 pub mod insertion;
 pub mod leaves;

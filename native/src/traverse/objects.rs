@@ -4,11 +4,12 @@
 use super::batch::WithWalk;
 use super::box_tree::{self, BoxTree};
 use super::dop_tree::{self, DopTree};
-use super::nested::Nested;
+use super::nested::{self, Nested};
 use super::slab_boxes;
 use super::slab_node::{Double, Single};
 use super::slab_tree::{self, SlabTree};
 use super::slab_wide::{self, WideSlabs};
+use crate::build::plane_tree::Shape;
 use crate::geom::Aabb;
 
 /// An object tree, laid out for one way of walking.
@@ -55,6 +56,16 @@ impl Objects {
             Self::Dops3(tree) => tree,
             Self::Dops7(tree) => tree,
             Self::Dops13(tree) => tree,
+        }
+    }
+
+    /// Its shape, over a scene of these bounds.
+    pub fn shape(&self, bounds: Aabb) -> Shape {
+        match self {
+            // The quickest to build are measured as quickly.
+            Self::Slabs(tree) | Self::SlabBoxes(tree) => nested::shape(tree, bounds),
+            Self::Single(tree) => nested::shape(tree, bounds),
+            _ => nested::shape(self.nested(), bounds),
         }
     }
 
