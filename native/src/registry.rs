@@ -42,6 +42,7 @@ pub const TREES: &[StructureSpec] = &[
     trees::bih4::SPEC,
     trees::bih_n::SPEC,
     trees::bih_bvh::SPEC,
+    trees::bih_obl::SPEC,
     trees::bbox_gs::SPEC,
     trees::bbox_gs::BRANCH_AND_BOUND,
     trees::octree_param::SPEC,

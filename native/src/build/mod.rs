@@ -23,6 +23,7 @@ pub mod plane_tree;
 pub mod polytope;
 pub mod preorder;
 pub mod profile;
+pub mod slanted;
 pub mod space;
 pub mod sweep;
 pub mod tighten;

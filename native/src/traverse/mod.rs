@@ -48,6 +48,7 @@ pub mod slab_boxes;
 pub mod slab_node;
 pub mod slab_tree;
 pub mod slab_wide;
+pub mod slant_tree;
 pub mod stream;
 pub mod tile;
 pub mod tile_leaf;

@@ -9,6 +9,7 @@ use super::slab_boxes;
 use super::slab_node::{Double, Single};
 use super::slab_tree::{self, SlabTree};
 use super::slab_wide::{self, WideSlabs};
+use super::slant_tree::{self, SlantTree};
 use crate::build::plane_tree::Shape;
 use crate::geom::Aabb;
 
@@ -27,6 +28,8 @@ pub enum Objects {
     Single(SlabTree<Single>),
     /// Two planes to a node, walked as boxes.
     SlabBoxes(SlabTree<Double>),
+    /// Two planes to a node, oblique ones too.
+    Slanted(SlantTree),
     /// Two intervals to a node.
     Slabs2(WideSlabs<2>),
     /// Four intervals to a node.
@@ -50,6 +53,7 @@ impl Objects {
             Self::Boxes8(tree) => tree,
             Self::Slabs(tree) | Self::SlabBoxes(tree) => tree,
             Self::Single(tree) => tree,
+            Self::Slanted(tree) => tree,
             Self::Slabs2(tree) => tree,
             Self::Slabs4(tree) => tree,
             Self::Slabs8(tree) => tree,
@@ -78,6 +82,7 @@ impl Objects {
             Self::Slabs(tree) => then.with(&slab_tree::Walk(tree)),
             Self::Single(tree) => then.with(&slab_tree::Walk(tree)),
             Self::SlabBoxes(tree) => then.with(&slab_boxes::Walk(tree, bounds)),
+            Self::Slanted(tree) => then.with(&slant_tree::Walk(tree)),
             Self::Slabs2(tree) => then.with(&slab_wide::Walk(tree)),
             Self::Slabs4(tree) => then.with(&slab_wide::Walk(tree)),
             Self::Slabs8(tree) => then.with(&slab_wide::Walk(tree)),

@@ -8,6 +8,7 @@ pub mod bih4;
 pub mod bih5;
 pub mod bih_bvh;
 pub mod bih_n;
+pub mod bih_obl;
 pub mod bih_sah;
 pub mod brute;
 pub mod bsp;
