@@ -34,6 +34,7 @@ pub const TREES: &[StructureSpec] = &[
     trees::bsp_cn::PLUS_KD,
     trees::bsp_cn_axial::SPEC,
     trees::bsp_hybrid::SPEC,
+    trees::beam_hh::SPEC,
     trees::bvh_sah::SPEC,
     trees::bih::SPEC,
     trees::bih_sah::SPEC,

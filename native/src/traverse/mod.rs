@@ -30,6 +30,7 @@ pub mod octree_step;
 pub mod path;
 pub mod place;
 pub mod plane_arvo;
+pub mod plane_beam;
 pub mod plane_dir;
 pub mod plane_origin;
 pub mod plane_sung;
@@ -52,6 +53,7 @@ pub mod slant_tree;
 pub mod stream;
 pub mod tile;
 pub mod tile_leaf;
+pub mod view;
 pub mod wide_tree;
 
 pub use ray::Order;

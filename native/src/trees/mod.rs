@@ -2,6 +2,7 @@
 //! One file per structure: its row for the registry, which candidates it proposes, its paper.
 
 pub mod bbox_gs;
+pub mod beam_hh;
 pub mod bih;
 pub mod bih1;
 pub mod bih4;
