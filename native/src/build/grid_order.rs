@@ -62,7 +62,6 @@ fn bounds(scene: &Triangles, frame: &Frame, id: u32) -> Aabb {
 }
 
 #[inline(always)]
-#[expect(clippy::cast_possible_truncation, reason = "the high half")]
 fn place(key: u64) -> u32 {
     (key >> PLACE_BITS) as u32
 }
@@ -286,11 +285,10 @@ mod tests {
 
     /// Leaves as sets: triangles are in another order.
     fn leaves(tree: &ObjectTree) -> Vec<Vec<u32>> {
-        let firsts = tree.firsts();
         let mut leaves = Vec::new();
-        for place in 0..tree.items.len() {
+        for (place, first) in tree.firsts().into_iter().enumerate() {
             if let Kind::Leaf { count } = tree.kind(place) {
-                let first = firsts[place] as usize;
+                let first = first as usize;
                 let mut ids = tree.ids[first..first + count].to_vec();
                 ids.sort_unstable();
                 leaves.push(ids);
