@@ -261,10 +261,14 @@ pub fn lay_out(
     let shape = Shape::new(preorder);
     let mut blocks = Blocks::new();
     let tree = PlaneTree::new(preorder, scene, &frame, &mut blocks)?;
+    let walk = match config.choice("traversal") {
+        "ta-b-poly" => PlaneWalk::TaBPoly,
+        _ => PlaneWalk::Dir,
+    };
     Ok(Built {
         frame: frame.with_robust(config.choice("robust") != "none"),
         blocks,
-        layout: Layout::Plane(tree, PlaneWalk::Dir),
+        layout: Layout::Plane(tree, walk),
         shape,
         left_out,
     })
