@@ -131,7 +131,8 @@ class Hits:
     also the cases of ray and split plane, "case_n1" to "case_n5" (origin below the plane: 1 away from
     it, 2 along it, 3 towards it but the cell ends before, 4 through it inside the cell, 5 through it
     before the cell), "case_p1" to "case_p5" (above), "case_z1" (in the plane: upwards), "case_z2"
-    (downwards), "case_z3" (along).
+    (downwards), "case_z3" (along); from beam-hh "beam_visits" (of nodes, by the beam whose first ray this is),
+    "beam_cuts" (a polygon parted it) and "beam_singles" (1: the ray went singly).
     on_boundary: None, or from exact_closest (n,) bool: the ray passes exactly through an edge or
     a corner of the triangle that it hits.
     """

@@ -8,9 +8,10 @@ their difference can be judged beside their noise. Writes NAME-halfspace.png, NA
 
 With `--scene NAME` or `--scene all` instead of FILE: the six scenes that are built to be judged. Each is rendered by
 both, and the verdict printed: the means of all channels within 1 %, no square of 16 × 16 pixels beyond 4 standard
-errors (after Šidák's correction for their number), and the ratio of the times to equal error.
+errors (after Šidák's correction for their number), and the ratio of the times to equal error. With `--slope` besides,
+Halfspace alone renders them: how fast the error of independent samples falls, and of samples as they are rendered.
 
-Exit status: 0 compared, and the same where that was asked; 1 not the same; 2 bad usage or input, said in one line.
+Exit status: 0 compared, and what was asked holds; 1 it does not; 2 bad usage or input, said in one line.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ import os
 import sys
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -58,6 +59,7 @@ def parser() -> argparse.ArgumentParser:
         metavar="SHARE",
         help="with --scene: darken a part of Halfspace's pictures, to see the verdict fall",
     )
+    made.add_argument("--slope", action="store_true", help="with --scene: only the slope of the error over the samples")
     made.add_argument("--size", default="960x540", metavar="WxH", help="pixels (default: 960x540)")
     made.add_argument("--samples", type=int, default=64, help="samples per pixel, all runs together (default: 64)")
     made.add_argument("--runs", type=int, default=4, help="independent pictures per engine (default: 4)")
@@ -75,7 +77,7 @@ def main(arguments: Sequence[str]) -> int:
         if asked.scene is None:
             run(asked)
             return 0
-        return 0 if judge_scenes(asked) else DIFFERENT
+        return 0 if (judge_slopes if asked.slope else judge_scenes)(asked) else DIFFERENT
     except (InputError, OSError, RuntimeError, ValueError) as error:
         print("compare: " + " ".join(str(error).removeprefix("Error:").split()), file=sys.stderr)
         return BAD_INPUT
@@ -101,15 +103,8 @@ def judge_scenes(asked: argparse.Namespace) -> bool:
     from addon.core import comparison
 
     bpy = _start(asked)
-    from addon.blender import proving
-
-    names = list(proving.SCENES) if asked.scene == "all" else [asked.scene]
-    if asked.scene != "all" and asked.scene not in proving.SCENES:
-        raise InputError(f"--scene: expected all or one of {', '.join(proving.SCENES)}, got {asked.scene!r}")
     verdicts = []
-    for name in names:
-        bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-        proving.build(name, bpy.context.scene)
+    for name in _built(bpy, asked.scene):
         found, seconds = _render_both(bpy, asked, name)
         if asked.plant:
             pictures = found["HALFSPACE"].pictures.copy()
@@ -129,6 +124,64 @@ def judge_scenes(asked: argparse.Namespace) -> bool:
         _print_left_out(bpy.context.scene)
     print(f"{sum(v.same for v in verdicts)} of {len(verdicts)} scenes are the same up to noise")
     return all(verdict.same for verdict in verdicts)
+
+
+def judge_slopes(asked: argparse.Namespace) -> bool:
+    """Fit the slopes of RMSE on the scenes asked for. Returns whether those of independent samples are right."""
+    from addon.core import curve
+
+    bpy = _start(asked)
+    from addon.blender import pictures
+
+    # The largest means, of a quarter of the pictures, are four: of one alone chance would decide.
+    counts = [1 << k for k in range(asked.samples.bit_length()) if 4 << k <= asked.samples]
+    if len(counts) < 3:
+        raise InputError("--samples: expected at least 16 to fit a slope")
+    right = []
+    for name in _built(bpy, asked.scene):
+        scene: Any = bpy.context.scene
+        _set_picture(scene, asked)
+        scene.render.engine = "HALFSPACE"
+
+        def rendered(samples: int, seed: int, scene: Any = scene) -> Any:
+            _configure_halfspace(scene, asked.structure, samples, asked.bounces)
+            scene.halfspace.render_seed = seed
+            return pictures.render(scene)[..., :3].reshape(-1, 3)
+
+        reference = rendered(asked.samples * curve.CONVERGED, 0)
+        alone = [rendered(1, seed) for seed in range(1, asked.samples + 1)]
+        independent = curve.slope(list(curve.of_independent(alone, reference, counts)))
+        spread = [{"spp": n, **curve.errors(rendered(n, 1), reference)} for n in counts]
+        right.append(curve.is_right(independent))
+        print(
+            f"{name}, {asked.size}, 1 to {counts[-1]} samples: RMSE falls with the power {independent:.3f} of "
+            f"independent samples ({curve.judged(independent)}), {curve.slope(spread):.3f} of samples as rendered",
+            flush=True,
+        )
+    print(f"{sum(right)} of {len(right)} scenes: the error of independent samples falls as it should")
+    return all(right)
+
+
+def _built(bpy: Any, asked: str) -> Iterator[str]:
+    """Build one scene after the other. Raises InputError."""
+    from addon.blender import proving
+
+    if asked != "all" and asked not in proving.SCENES:
+        raise InputError(f"--scene: expected all or one of {', '.join(proving.SCENES)}, got {asked!r}")
+    for name in list(proving.SCENES) if asked == "all" else [asked]:
+        bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+        proving.build(name, bpy.context.scene)
+        yield name
+
+
+def _set_picture(scene: Any, asked: argparse.Namespace) -> None:
+    """The size and the threads of both engines' pictures."""
+    render = scene.render
+    render.resolution_x, render.resolution_y = _size(asked.size)
+    render.resolution_percentage = 100
+    render.use_border, render.film_transparent, render.use_compositing = False, False, False
+    if asked.threads:
+        render.threads_mode, render.threads = "FIXED", asked.threads
 
 
 def _start(asked: argparse.Namespace) -> Any:
@@ -154,15 +207,11 @@ def _render_both(bpy: Any, asked: argparse.Namespace, name: str) -> tuple[dict[s
     from addon.blender import pictures
     from addon.core import comparison
 
-    width, height = _size(asked.size)
     scene: Any = bpy.context.scene
     if scene.camera is None:
         raise InputError(f"{name}: the scene has no camera")
     render = scene.render
-    render.resolution_x, render.resolution_y, render.resolution_percentage = width, height, 100
-    render.use_border, render.film_transparent, render.use_compositing = False, False, False
-    if asked.threads:
-        render.threads_mode, render.threads = "FIXED", asked.threads
+    _set_picture(scene, asked)
     samples = -(-asked.samples // asked.runs)
     _configure_halfspace(scene, asked.structure, samples, asked.bounces)
     _configure_cycles(scene, samples, asked.bounces)

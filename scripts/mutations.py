@@ -64,6 +64,7 @@ EXACT = ("contract", "brute_force_answers_like_exact_arithmetic")
 ENDS = ("contract", "the_ends_of_the_interval_count_and_nothing_beyond")
 BLOCK = ("lib", "traverse::blocks::tests::no_hit_is_ever_rejected")
 VERDICT = ("lib", "geom::verdict::tests")
+INTEGERS = ("lib", "geom::exact")
 STABILITY = ("tests/core/test_stability.py", "lie")
 
 _FRAME = "native/src/traverse/frame.rs"
@@ -168,6 +169,14 @@ FAULTS = (
         "false",
         VERDICT,
     ),
+    Fault(
+        "128 bits trusted with more than they hold",
+        "native/src/geom/exact.rs",
+        "2 * points + direction <= SIGN_PLACES",
+        "2 * points <= SIGN_PLACES",
+        INTEGERS,
+    ),
+    Fault("carries lost in fixed point", "native/src/geom/exact/wide.rs", "all >> LIMB", "0", INTEGERS),
     Fault("distances that f64 cannot round taken as they are", _VERDICT, "low == high", "low <= high", VERDICT),
     Fault("the ends of the interval left out", _VERDICT, "high < span[0]", "high <= span[0]", ENDS),
     Fault(

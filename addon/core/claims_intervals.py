@@ -19,6 +19,9 @@ KD = {"faithful": "kd-sah", "best": "kd"}
 BUILDS, MEMORY = 8.0, 0.5
 """'A fraction' in numbers: at least so many times quicker, at most so much of the memory."""
 
+COMPARABLE = 1.5
+"""'About as long' in numbers."""
+
 SIZE = (1024, 1024)
 """Pixels of a picture: a million rays."""
 
@@ -94,6 +97,28 @@ def to_image(lab: Lab) -> Iterator[Outcome]:
         )
 
 
+def comparable(lab: Lab) -> Iterator[Outcome]:
+    """Pictures alone, without the build."""
+    workload = scene(lab)
+    for configuration, kd in KD.items():
+        _, frames, _ = measured(lab, workload, kd)
+        ratio = frames[INTERVALS] / frames[kd]
+        view = lab.rays(workload, "{}x{}".format(*SIZE), partial(claims_scenes.camera_rays, workload, SIZE))
+        found = lab.seconds(workload, (INTERVALS, kd), view)
+        told = (
+            f"{spec} {t.counters['steps']:.1f} nodes and {t.counters['tests']:.1f} tests" for spec, t in found.items()
+        )
+        yield Outcome(
+            configuration,
+            verdict(holds=ratio <= COMPARABLE),
+            f"{workload.name}: a picture takes {ratio:.2f} times as long with {INTERVALS} as with {kd} (asked: at most "
+            f"{COMPARABLE:g})",
+            f"per ray: {'; '.join(told)}",
+            lab.error(workload, (INTERVALS, kd)),
+            {"ratio": ratio},
+        )
+
+
 CLAIMS = (
     Claim(
         "intervals-small-and-quick",
@@ -101,5 +126,6 @@ CLAIMS = (
         "Building and storing intervals takes a fraction of the time and memory of a kd-tree.",
         small_and_quick,
     ),
+    Claim("intervals-walks", PAPER, "Rays take about as long through intervals as through a kd-tree.", comparable),
     Claim("intervals-first-picture", PAPER, "The time to the first picture is shorter than with a kd-tree.", to_image),
 )

@@ -148,7 +148,35 @@ def singular(lab: Lab) -> Iterator[Outcome]:
         )
 
 
+def comparisons(lab: Lab) -> Iterator[Outcome]:
+    """What TA-B computes at an inner node, by its counters: the cases are all of its nodes, and few of them compute."""
+    for workload in scenes(lab):
+        if not ray_sets(lab, workload):
+            yield Outcome("best", UNTESTED, f"{workload.name}: nothing is seen")
+            continue
+        for configuration, tree in TREES.items():
+            spec = f"{tree}ta-b"
+            own = times(lab, workload, [spec], alone=True)[spec].counters
+            both, whole = own["case_n4"] + own["case_p4"], sum(own[name] for name in CASES)
+            yield Outcome(
+                configuration,
+                verdict(holds=abs(whole / max(own["steps"], 1e-9) - 1) < 1e-6 and both < whole),
+                f"{workload.name}: {own['steps']:.1f} inner nodes a ray, each of one of the {len(CASES)} cases; "
+                f"{both / max(whole, 1e-9) * 100:.0f} % of them lead to both children and compute a distance, the "
+                "others two comparisons and nothing else",
+                why(own, {"ta-b": own}),
+                lab.error(workload, [spec]),
+                {"computing": both / max(whole, 1e-9)},
+            )
+
+
 CLAIMS = (
+    Claim(
+        "ta-b-comparisons",
+        PAPER,
+        "Two comparisons at an inner node; the distance of its plane only when both children are visited.",
+        comparisons,
+    ),
     Claim(
         "ta-b-walks",
         PAPER,

@@ -3,10 +3,10 @@
 
 from __future__ import annotations
 
-from . import claims_beams, claims_intervals, claims_kd, claims_shadows
+from . import claims_beams, claims_intervals, claims_kd, claims_shadows, claims_thesis
 from .claims import Claim
 
-PAPERS = (claims_kd, claims_intervals, claims_beams, claims_shadows)
+PAPERS = (claims_kd, claims_intervals, claims_beams, claims_shadows, claims_thesis)
 """The modules, in the order in which they are reported."""
 
 CLAIMS: tuple[Claim, ...] = tuple(claim for paper in PAPERS for claim in paper.CLAIMS)

@@ -7,7 +7,7 @@ time to the structure; that the pictures are the same is checked.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -36,6 +36,9 @@ IMAGE_PIXELS, IMAGE_SAMPLES = 1024 * 1024, 16
 
 INDEPENDENT = 64
 """Up to so many samples per pixel the error of independent samples is measured too."""
+
+SLOPE, SLOPE_WITHIN = -0.5, 0.05
+"""Of RMSE over samples: what theory says of independent ones, and how far a fit over few pictures may be from it."""
 
 POINT_SECONDS = 10.0
 """A picture that would take longer than about this is left out."""
@@ -83,12 +86,10 @@ class Curve:
         show by how much, and that nothing but the spreading is behind it.
         """
         assert self._converged is not None, "the reference comes first"
-        total = np.zeros(self._converged.shape, np.float64)
-        for count in range(1, min(self.samples[-1], INDEPENDENT) + 1):
-            total += self._image(self._render(structure, 1, self._seed + 1 + count, 0))
-            if count in self.samples:
-                mean = (total / count).astype(np.float32)
-                yield {"spp": count, **errors(mean, self._converged)}
+        most = min(self.samples[-1], INDEPENDENT)
+        seeds = range(self._seed + 2, self._seed + 2 + most)
+        pictures = [self._image(self._render(structure, 1, seed, 0)) for seed in seeds]
+        yield from of_independent(pictures, self._converged, [count for count in self.samples if count <= most])
 
     def image_seconds(self, points: Sequence[Mapping[str, Any]]) -> float | None:
         """What a picture of IMAGE_PIXELS with IMAGE_SAMPLES takes, by the picture here with the most samples."""
@@ -169,6 +170,34 @@ def slope(points: Sequence[Mapping[str, float]], error: str = "rmse") -> float:
     """The slope of log error over log samples by least squares; of RMSE −0.5 for independent samples."""
     x, y = (np.log([max(point[key], 1e-30) for point in points]) for key in ("spp", error))
     return float(np.polyfit(x, y, 1)[0])
+
+
+def is_right(fitted: float) -> bool:
+    """Whether the slope of independent samples is what theory says."""
+    return abs(fitted - SLOPE) <= SLOPE_WITHIN
+
+
+def judged(fitted: float) -> str:
+    """The same in words."""
+    return f"{SLOPE:.2f} ± {SLOPE_WITHIN:g} {'holds' if is_right(fitted) else 'does not hold'}".replace("-", "−")
+
+
+def of_independent(pictures: Sequence[Image], reference: Image, counts: Iterable[int]) -> Iterator[dict[str, float]]:
+    """The errors of means of so many pictures; every picture has a part in each, in as many means as there are.
+
+    So the few pixels that are far off weigh alike at every count, and do not tilt the line.
+    pictures: (pixels, 3) linear RGB, each with one sample per pixel and a seed of its own.
+    """
+    for count in counts:
+        starts = range(0, len(pictures) - count + 1, count)
+        means = (np.mean(pictures[start : start + count], axis=0, dtype=np.float64) for start in starts)
+        found = [errors(mean.astype(np.float32), reference) for mean in means]
+        yield {
+            "spp": count,
+            "rmse": float(np.sqrt(np.mean([one["rmse"] ** 2 for one in found]))),
+            "relmse": float(np.mean([one["relmse"] for one in found])),
+            "not_finite": max(one["not_finite"] for one in found),
+        }
 
 
 def _camera(view: View, aspect: float, diagonal: float) -> dict[str, Any]:

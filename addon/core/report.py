@@ -184,8 +184,8 @@ def _about_pictures(measured: Sequence[Row]) -> Iterator[str]:
         text = f"Their error (RMSE) falls with the samples to the power {_signed(curve.slope(points))}"
         if len(alone) > 2:
             text += (
-                f"; that of independent samples to the power {_signed(curve.slope(alone))}, where theory says −0.50: "
-                "the difference is what spreading the samples gains"
+                f"; that of independent samples to the power {_signed(curve.slope(alone))}, where theory says −0.50 "
+                f"({curve.judged(curve.slope(alone))}): the difference is what spreading the samples gains"
             )
         yield text + "."
 

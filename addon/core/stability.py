@@ -50,6 +50,20 @@ EXACT_PAIRS = {"small": 200_000, "large": 4_000_000}
 """Pairs of a ray and a triangle that exact arithmetic decides per case."""
 
 
+MOST_RAYS = {"small": {"needles": 100, "mixed exponents": 400, "random bits": 150}}
+"""By size: cases of which only so many rays are asked, evenly chosen. Nearly all their pairs of a ray and a triangle
+are too close to call in f64 and go to exact arithmetic; with all rays they would take as long as all others."""
+
+
+def fewer_rays(case: Mapping[str, Any], most: int | None) -> dict[str, Any]:
+    """A case of `native.cases()` with at most so many of its rays; None for all."""
+    count = len(case["origins"])
+    if most is None or count <= most:
+        return dict(case)
+    chosen = np.linspace(0, count - 1, most).astype(np.int64)
+    return {**case, **{name: case[name][chosen] for name in ("origins", "directions", "t_min", "t_max")}}
+
+
 def configurations(structures: Sequence[Mapping[str, Any]], chosen: Sequence[str]) -> list[str]:
     """Each chosen configuration with every traversal, every way of shadow rays, and without allowance for rounding.
 

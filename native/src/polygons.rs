@@ -6,6 +6,7 @@ use crate::geom::vec3::Vec3;
 use crate::regions::{Cells, rectangle};
 use crate::structure::{Layout, Structure};
 use crate::traverse::nested::{Look, Nested};
+use crate::traverse::objects::Objects;
 
 /// Kind of an oblique plane.
 pub const OBLIQUE: u8 = 3;
@@ -45,6 +46,9 @@ pub fn split_polygons(structure: &Structure, max_depth: usize, max_count: usize)
         }
         Layout::Grid(grid) => {
             planes(structure, grid, (max_depth, max_count), &mut polygons);
+        }
+        Layout::Objects(Objects::Slanted(tree)) => {
+            planes(structure, tree, (max_depth, max_count), &mut polygons);
         }
         Layout::Objects(tree) => {
             object_tree(

@@ -5,12 +5,14 @@ use crate::build::plane_tree::{MAX_DEPTH, Node};
 use crate::geom::Aabb;
 use crate::structure::{Layout, Structure};
 use crate::traverse::nested::{Look, Nested, visit};
+use crate::traverse::objects::Objects;
 use std::collections::BTreeSet;
 
 mod grid;
 mod octree;
 mod planes;
 mod ropes;
+mod slanted;
 
 /// Broken invariants, in words; empty for a sound structure.
 pub fn validate(structure: &Structure) -> Vec<String> {
@@ -22,6 +24,9 @@ pub fn validate(structure: &Structure) -> Vec<String> {
             if let Some(links) = structure.ropes() {
                 ropes::ropes(structure, (tree, links), &mut broken);
             }
+        }
+        Layout::Objects(Objects::Slanted(tree)) => {
+            slanted::slanted(structure, tree, &mut broken);
         }
         Layout::Objects(tree) => object_tree(structure, tree.nested(), &mut broken),
         Layout::Grid(cells) => grid::grid(structure, cells, &mut broken),

@@ -73,6 +73,16 @@ def test_halfspace_and_cycles_agree(court: Path, tmp_path: Path, capsys: pytest.
     assert pictures.load(out / "court-compared.png").shape == (64, 288, 4)
 
 
+def test_the_slope_of_a_scene_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ["--scene", "textures", "--slope", "--size", "24x24", "--samples", "16", "--out", str(tmp_path)]
+    assert compare.main(arguments) == 0
+    text = capsys.readouterr().out
+    assert "textures, 24x24, 1 to 4 samples: RMSE falls with the power -0." in text
+    assert "1 of 1 scenes: the error of independent samples falls as it should" in text
+    with pytest.raises(compare.InputError, match="at least 16"):
+        compare.judge_slopes(compare.parser().parse_args([*arguments, "--samples", "8"]))
+
+
 def test_bad_input_is_said_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "broken.npz").write_bytes(b"PK\x03\x04")
     (tmp_path / "scene.txt").write_text("no scene")

@@ -20,6 +20,7 @@ from addon.core import (
     claims_scenes,
     claims_shadows,
     claims_table,
+    claims_thesis,
     native,
 )
 from addon.core.claims import FAILS, HOLDS, UNTESTED, VERDICTS, Claim, Lab, Outcome
@@ -34,6 +35,7 @@ def _small(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(claims_intervals, "SIZE", (32, 32))
     monkeypatch.setattr(claims, "REPEATS", {True: 1, False: 1})
     monkeypatch.setattr(command, "SCENES", tmp_path)
+    monkeypatch.setattr(claims_thesis, "scenes", lambda _: [("leg", claims_scenes.concentrated())])
 
 
 def test_the_scenes_have_the_published_numbers_of_objects_and_nodes() -> None:

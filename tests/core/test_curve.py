@@ -63,6 +63,21 @@ def test_independent_samples_converge_with_the_root() -> None:
     assert curve.slope(pictures.independent) == pytest.approx(-0.5, abs=0.05)
 
 
+def test_a_few_bright_pixels_do_not_tilt_the_line_and_a_wrong_reference_does() -> None:
+    rng = np.random.default_rng(3)
+    pictures = list(rng.normal(1.0, 0.1, (64, 300, 3)).astype(np.float32))
+    pictures[9][5] = 4000.0
+    counts = (1, 2, 4, 8, 16)
+    reference = np.ones((300, 3), np.float32)
+    right = curve.slope(list(curve.of_independent(pictures, reference, counts)))
+    assert right == pytest.approx(-0.5, abs=0.01)
+    pictures[9][5] = 1.0
+    wrong = curve.slope(list(curve.of_independent(pictures, reference * np.float32(1.1), counts)))
+    assert curve.judged(right).endswith("holds")
+    assert not curve.is_right(wrong)
+    assert curve.judged(wrong).endswith("does not hold")
+
+
 def test_the_slope_is_that_of_the_logarithms() -> None:
     points = [{"spp": float(n), "rmse": 3.0 * n**-0.5} for n in (1, 4, 16)]
     assert curve.slope(points) == pytest.approx(-0.5)

@@ -69,6 +69,16 @@ def test_configurations_add_traversals_and_what_may_fail() -> None:
     assert {"octree-net:shadow=cache", "octree-net:shadow=beam"} < set(octree)
 
 
+def test_of_slow_cases_rays_of_all_kinds_are_asked() -> None:
+    for name, most in stability.MOST_RAYS["small"].items():
+        case = small_case(name)
+        some = stability.fewer_rays(case, most)
+        assert len(some["origins"]) == len(some["t_max"]) == most < len(case["origins"])
+        assert (some["origins"][[0, -1]] == case["origins"][[0, -1]]).all()
+        assert len(np.unique(some["directions"], axis=0)) > most / 2
+        assert stability.fewer_rays(case, None)["origins"] is case["origins"]
+
+
 @pytest.mark.parametrize("lie", LIES)
 def test_a_lie_is_told(lie: str) -> None:
     case = small_case("random soup")

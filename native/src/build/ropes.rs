@@ -140,18 +140,17 @@ impl Ropes {
                     let place = ropes.links.len() as u32;
                     ropes.places[node as usize] = place;
                     let mut cell = cell;
-                    for k in 0..3 {
-                        if across[k][0] == OUTSIDE {
+                    for (k, [below, above]) in across.into_iter().enumerate() {
+                        if below == OUTSIDE {
                             cell.min[k] = f32::NEG_INFINITY;
                         }
-                        if across[k][1] == OUTSIDE {
+                        if above == OUTSIDE {
                             cell.max[k] = f32::INFINITY;
                         }
                     }
                     let mut links = across;
-                    for axis in 0..3 {
-                        for side in 0..2 {
-                            let link = &mut links[axis][side];
+                    for (axis, ends) in links.iter_mut().enumerate() {
+                        for (side, link) in ends.iter_mut().enumerate() {
                             if *link == OUTSIDE {
                                 continue;
                             }

@@ -5,16 +5,26 @@
 //! the three edge functions are `w_a = det[d, B, C]`, `w_b = det[d, C, A]`, `w_c = det[d, A, B]`,
 //! and `t = det[A, B, C] / (w_a + w_b + w_c)`. All of them are polynomials in the fifteen f32
 //! inputs, so they have exact values: as integers, once points and direction are each brought to a
-//! common exponent. 128 bits hold them when neither spans more than 40 binary places, which is
-//! nearly always; integers of any size take over beyond.
+//! common exponent. 128 bits hold them unless coordinates of very different size meet. Beyond, signs
+//! come from sums in fixed point (`wide`) and values from integers of any size.
+
+mod wide;
 
 use super::vec3::{Vec3, sub};
 use num_bigint::{BigInt, Sign};
 use std::ops::{Add, Mul, Sub};
 
-/// Most binary places of a coordinate for which 128 bits hold all sums below: the largest is the sum
-/// of eighteen products of a direction (40 bits) and two differences (41 bits each).
-const PLACES: i32 = 40;
+/// Most binary places of a number that 64 bits hold, and the difference of two.
+const WORD: i32 = 60;
+
+/// Most binary places for which 128 bits hold the edge functions and their sum, those of the points
+/// counted twice: eighteen products of a direction and two differences, which take a place more than
+/// the points, and a sign.
+const SIGN_PLACES: i32 = 120;
+
+/// Most binary places of the points for which 128 bits hold `det[A, B, C]`, six products of three
+/// differences.
+const POINT_PLACES: i32 = 40;
 
 /// Whether the triangle has no area at all: its corners lie exactly on one line.
 pub fn is_degenerate(v: [Vec3; 3]) -> bool {
@@ -42,22 +52,30 @@ pub fn edge_signs(o: [f32; 3], d: [f32; 3], v: [[f32; 3]; 3]) -> [i32; 3] {
     if (0..3).any(|k| d[k] == 0.0 && v.iter().all(|p| p[k] == o[k])) {
         return [0; 3];
     }
-    match Scaled::new(o, d, v) {
-        Scaled::Small { d, corners, .. } => weights(&d, &corners).map(|w| sign(&w)),
-        Scaled::Large { d, corners, .. } => weights(&d, &corners).map(|w| sign(&w)),
+    let units = Units::of(o, d, v);
+    if units.hold_signs() {
+        let (d, corners) = units.small(o, d, v);
+        weights(&d, &corners).map(|w| sign(&w))
+    } else {
+        wide::edge_signs(o, d, v)
     }
 }
 
 /// Intersects a ray's line with a closed triangle in exact arithmetic. A line in the triangle's
 /// plane meets nothing. The distance may be negative.
 pub fn intersect(o: [f32; 3], d: [f32; 3], v: [[f32; 3]; 3]) -> Option<ExactHit> {
-    match Scaled::new(o, d, v) {
-        Scaled::Small { d, corners, unit } => hit(&d, &corners, |n, d, scaled| {
+    let units = Units::of(o, d, v);
+    let unit = units.points.low - units.direction.low;
+    if units.hold_signs() && units.points.count() <= POINT_PLACES {
+        let (d, corners) = units.small(o, d, v);
+        hit(&d, &corners, |n, d, scaled| {
             quotient(*n, *d, if scaled { unit } else { 0 })
-        }),
-        Scaled::Large { d, corners, unit } => hit(&d, &corners, |n, d, scaled| {
+        })
+    } else {
+        let (d, corners) = units.large(o, d, v);
+        hit(&d, &corners, |n, d, scaled| {
             round_to_f32(n, d, if scaled { unit } else { 0 })
-        }),
+        })
     }
 }
 
@@ -116,49 +134,46 @@ where
     &a[0] * &minor(1, 2) + &a[1] * &minor(2, 0) + &a[2] * &minor(0, 1)
 }
 
-/// A ray's direction and a triangle's corners seen from its origin, as integers. `unit` is the
-/// binary exponent of `det[A, B, C] / (w_a + w_b + w_c)`, the distance.
-enum Scaled {
-    /// Within [`PLACES`].
-    Small {
-        d: [i128; 3],
-        corners: [[i128; 3]; 3],
-        unit: i32,
-    },
-    /// Beyond.
-    Large {
-        d: [BigInt; 3],
-        corners: [[BigInt; 3]; 3],
-        unit: i32,
-    },
+/// What one stands for in a triangle's corners and a ray's origin, and in its direction, once they
+/// are integers. Their quotient is the unit of `det[A, B, C] / (w_a + w_b + w_c)`, the distance.
+struct Units {
+    points: Places,
+    direction: Places,
 }
 
-impl Scaled {
+impl Units {
     #[inline(always)]
-    fn new(o: [f32; 3], d: [f32; 3], [a, b, c]: [[f32; 3]; 3]) -> Self {
-        let (point_places, direction_places) =
-            (Places::of([o, a, b, c].as_flattened()), Places::of(&d));
-        let unit = point_places.low - direction_places.low;
-        if point_places.count() <= PLACES && direction_places.count() <= PLACES {
-            let o = point_places.small(o);
-            let seen = |p: [f32; 3]| {
-                let p = point_places.small(p);
-                [p[0] - o[0], p[1] - o[1], p[2] - o[2]].map(i128::from)
-            };
-            Self::Small {
-                d: direction_places.small(d).map(i128::from),
-                corners: [seen(a), seen(b), seen(c)],
-                unit,
-            }
-        } else {
-            let o = o.map(|x| point_places.large(x));
-            let seen = |p: [f32; 3]| std::array::from_fn(|k| point_places.large(p[k]) - &o[k]);
-            Self::Large {
-                d: d.map(|x| direction_places.large(x)),
-                corners: [seen(a), seen(b), seen(c)],
-                unit,
-            }
+    fn of(o: [f32; 3], d: [f32; 3], [a, b, c]: [[f32; 3]; 3]) -> Self {
+        Self {
+            points: Places::of([o, a, b, c].as_flattened()),
+            direction: Places::of(&d),
         }
+    }
+
+    /// Whether 128 bits hold the edge functions and their sum.
+    #[inline(always)]
+    fn hold_signs(&self) -> bool {
+        let (points, direction) = (self.points.count(), self.direction.count());
+        points.max(direction) <= WORD && 2 * points + direction <= SIGN_PLACES
+    }
+
+    /// The direction, and the corners seen from the origin.
+    #[inline(always)]
+    fn small(&self, o: [f32; 3], d: [f32; 3], v: [[f32; 3]; 3]) -> ([i128; 3], [[i128; 3]; 3]) {
+        let o = self.points.small(o);
+        let seen = |p: [f32; 3]| {
+            let p = self.points.small(p);
+            [p[0] - o[0], p[1] - o[1], p[2] - o[2]].map(i128::from)
+        };
+        let d = self.direction.small(d).map(i128::from);
+        (d, [seen(v[0]), seen(v[1]), seen(v[2])])
+    }
+
+    /// The same, however many places there are.
+    fn large(&self, o: [f32; 3], d: [f32; 3], v: [[f32; 3]; 3]) -> ([BigInt; 3], [[BigInt; 3]; 3]) {
+        let o = o.map(|x| self.points.large(x));
+        let seen = |p: [f32; 3]| std::array::from_fn(|k| self.points.large(p[k]) - &o[k]);
+        (d.map(|x| self.direction.large(x)), v.map(seen))
     }
 }
 
@@ -194,7 +209,7 @@ impl Places {
         self.high - self.low
     }
 
-    /// `numbers / 2^low`, for at most [`PLACES`] places: f64 holds the power and the quotients.
+    /// `numbers / 2^low`, for at most [`WORD`] places: f64 holds the power and the quotients.
     #[inline(always)]
     #[expect(
         clippy::cast_possible_truncation,
@@ -354,6 +369,28 @@ mod tests {
             prop_assert_eq!(intersect(o, d, corners), plain);
             let signs = edge_signs(o, d, corners);
             prop_assert_eq!(signs.contains(&1) != signs.contains(&-1), plain.is_some());
+        }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(5_000))]
+        /// Sums as large as 128 bits are trusted with, and beyond.
+        #[test]
+        fn nothing_overflows_at_the_limits(
+            corners in prop::array::uniform4(prop::array::uniform3(0usize..5)),
+            d in prop::array::uniform3(0usize..5),
+            places in prop::sample::select(vec![(40, 40), (44, 32), (48, 24), (49, 24), (60, 24)]),
+        ) {
+            let number = |k: usize, places: i32| {
+                let large = 16_777_215.0 * 2.0_f32.powi(places - 24);
+                [large, -large, 1.0, -1.0, 0.0][k]
+            };
+            let [o, a, b, c] = corners.map(|p| p.map(|k| number(k, places.0)));
+            let d = d.map(|k| number(k, places.1));
+            prop_assert_eq!(intersect(o, d, [a, b, c]), plainly(o, d, [a, b, c]));
+            let (long, seen) = Units::of(o, d, [a, b, c]).large(o, d, [a, b, c]);
+            let signs = weights(&long, &seen).map(|w| sign(&w));
+            prop_assert_eq!(edge_signs(o, d, [a, b, c]), signs);
         }
     }
 

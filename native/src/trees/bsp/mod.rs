@@ -261,9 +261,13 @@ pub fn lay_out(
     let shape = Shape::new(preorder);
     let mut blocks = Blocks::new();
     let tree = PlaneTree::new(preorder, scene, &frame, &mut blocks)?;
-    let walk = match config.choice("traversal") {
-        "ta-b-poly" => PlaneWalk::TaBPoly,
-        _ => PlaneWalk::Dir,
+    let by_heights = config
+        .values()
+        .any(|(name, v)| name == "traversal" && *v == Value::Choice("ta-b-poly"));
+    let walk = if by_heights {
+        PlaneWalk::TaBPoly
+    } else {
+        PlaneWalk::Dir
     };
     Ok(Built {
         frame: frame.with_robust(config.choice("robust") != "none"),
