@@ -66,7 +66,10 @@ fn triangles_that_reach_a_corner_from_one_cell_are_met_there() {
                 let o: [f32; 3] = std::array::from_fn(|k| {
                     low[k] + (high[k] - low[k]) * (3.0 * random.unit() - 1.0)
                 });
-                rays.push(ray(o, std::array::from_fn(|k| corner[k] - o[k])));
+                // Not of length 1, at which distances to the three walls would round alike.
+                let length = 0.5 + random.unit();
+                let d = std::array::from_fn(|k| length * (corner[k] - o[k]));
+                rays.push(ray(o, d));
             }
         }
         let expected = answers(&build(&triangles, "brute"), &rays);
