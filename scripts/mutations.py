@@ -196,7 +196,7 @@ FAULTS = (
     Fault(
         "triangles that are not finite kept",
         "native/src/scene.rs",
-        "v.as_flattened().iter().all(|x| x.is_finite())",
+        "v.as_flattened().iter().map(|x| x * 0.0).sum::<f32>() == 0.0",
         "true",
         ("lib", "scene::tests"),
     ),
