@@ -53,22 +53,27 @@ fn triangles_that_reach_a_corner_from_one_cell_are_met_there() {
             let at = [i % SIDE, i / SIDE % SIDE, i / SIDE.pow(2)];
             let corner: [f32; 3] =
                 std::array::from_fn(|k| walls[k][1 + at[k] % (walls[k].len() - 2)]);
-            // Into one of the eight cells around the corner.
+            // Into one of the eight cells around the corner, and one float away from the others.
             let side = random.below(8);
+            let up = |k: usize| side >> k & 1 == 1;
+            let tip: [f32; 3] = std::array::from_fn(|k| match up(k) {
+                true => corner[k].next_up(),
+                false => corner[k].next_down(),
+            });
             let mut inside = || {
                 std::array::from_fn(|k| {
                     let size = 0.05 * (high[k] - low[k]) * random.unit();
-                    corner[k] + if side >> k & 1 == 1 { size } else { -size }
+                    corner[k] + if up(k) { size } else { -size }
                 })
             };
-            triangles[i + 2] = [corner, inside(), inside()];
+            triangles[i + 2] = [tip, inside(), inside()];
             for _ in 0..40 {
                 let o: [f32; 3] = std::array::from_fn(|k| {
                     low[k] + (high[k] - low[k]) * (3.0 * random.unit() - 1.0)
                 });
                 // Not of length 1, at which distances to the three walls would round alike.
                 let length = 0.5 + random.unit();
-                let d = std::array::from_fn(|k| length * (corner[k] - o[k]));
+                let d = std::array::from_fn(|k| length * (tip[k] - o[k]));
                 rays.push(ray(o, d));
             }
         }
