@@ -58,7 +58,10 @@ pub const TREES: &[StructureSpec] = &[
 /// Parameters that every structure has, unless its row has one of the same name.
 pub const COMMON: &[ParamSpec] = &[params::SHADOW];
 
-/// The same for structures that divide space.
+/// Structures that divide space, but not by a tree: no shaft goes down in them.
+const FLAT: &[&str] = &["grid"];
+
+/// The same for trees that divide space.
 const COMMON_SPACE: &[ParamSpec] = &[params::SHADOW_BEAM];
 
 /// A structure's row.
@@ -179,7 +182,7 @@ impl StructureSpec {
     /// Its parameters, and those that all structures have.
     pub fn all_params(&self) -> impl Iterator<Item = &'static ParamSpec> + use<> {
         let own = self.params;
-        let space = matches!(self.family, "space" | "octants");
+        let space = matches!(self.family, "space" | "octants") && !FLAT.contains(&self.id);
         let common = if space { COMMON_SPACE } else { COMMON }
             .iter()
             .filter(move |c| own.iter().all(|p| p.name != c.name));

@@ -455,9 +455,7 @@ impl Structure {
             Layout::Plane(tree, _) => {
                 job.shadow_beams((tree, &plane_dir::Walk(tree)), write, counters);
             }
-            Layout::Brute | Layout::Objects(_) => {
-                unreachable!("only trees that divide space offer shadow beams")
-            }
+            _ => unreachable!("only trees that divide space offer shadow beams"),
         }
     }
 }
