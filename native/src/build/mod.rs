@@ -24,6 +24,8 @@ pub mod polytope;
 pub mod preorder;
 pub mod profile;
 pub mod slanted;
+mod slanted_split;
+pub mod slanted_tree;
 pub mod space;
 pub mod sweep;
 pub mod tighten;
