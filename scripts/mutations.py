@@ -285,6 +285,34 @@ FAULTS = (
         "(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC), str(path))",
         ("tests/core/test_faults.py", "full_disk"),
     ),
+    Fault(
+        "rays of a packet not parted by their signs",
+        "native/src/traverse/packet.rs",
+        "self.frames[i].signs == signs",
+        "true",
+        ALL,
+    ),
+    Fault(
+        "steps along ropes that are not certain",
+        "native/src/traverse/plane_rope.rs",
+        "moments[k].low > next.high",
+        "true",
+        ALL,
+    ),
+    Fault(
+        "heights of points without their error bound",
+        "native/src/traverse/plane_ta_b_poly.rs",
+        "frame.oblique_pad + wild",
+        "0.0 * frame.oblique_pad",
+        ALL,
+    ),
+    Fault(
+        "cells left before it is certain",
+        "native/src/traverse/grid_step.rs",
+        "axes[k].leaves(may[k][0]) < now",
+        "true",
+        ("grid", "triangles_that_reach_a_corner"),
+    ),
 )
 
 
