@@ -59,6 +59,12 @@ pub const TREES: &[StructureSpec] = &[
 /// Parameters that every structure has, unless its row has one of the same name.
 pub const COMMON: &[ParamSpec] = &[params::SHADOW];
 
+/// Structures that divide space, but not by a tree: no shaft goes down in them.
+const FLAT: &[&str] = &["grid"];
+
+/// The same for trees that divide space.
+const COMMON_SPACE: &[ParamSpec] = &[params::SHADOW_BEAM];
+
 /// A structure's row.
 #[derive(Debug)]
 pub struct StructureSpec {
@@ -177,7 +183,8 @@ impl StructureSpec {
     /// Its parameters, and those that all structures have.
     pub fn all_params(&self) -> impl Iterator<Item = &'static ParamSpec> + use<> {
         let own = self.params;
-        let common = COMMON
+        let space = matches!(self.family, "space" | "octants") && !FLAT.contains(&self.id);
+        let common = if space { COMMON_SPACE } else { COMMON }
             .iter()
             .filter(move |c| own.iter().all(|p| p.name != c.name));
         own.iter().chain(common)
@@ -284,16 +291,17 @@ pub mod params {
     pub const SHADOW: ParamSpec = ParamSpec {
         name: "shadow",
         label: "Shadow Rays",
-        doc: "cache: what blocked a light last is tested first (Wilt 1994). Saves where shadows are large,               and costs a test where they end. The answer is the same",
+        doc: "cache: what blocked a light last is tested first (Wilt 1994). Saves where shadows are large, and \
+              costs a test where they end. The answer is the same",
         unit: "",
         kind: Kind::Choice(&["none", "cache"]),
         default: Default::Choice("none"),
     };
 
-    /// The same on octrees.
-    pub const SHADOW_OCTREE: ParamSpec = ParamSpec {
+    /// The same on trees that divide space.
+    pub const SHADOW_BEAM: ParamSpec = ParamSpec {
         doc: "cache: what blocked a light last is tested first (Wilt 1994). beam: rays to one light go \
-              through the octree together; mostly one walk shows that nothing is in the way of all 64. \
+              through the tree together; mostly one walk shows that nothing is in the way of all 64. \
               The answer is the same",
         kind: Kind::Choice(&["none", "cache", "beam"]),
         ..SHADOW

@@ -511,7 +511,7 @@ impl Structure {
         (seconds, strayed)
     }
 
-    /// Walks shadow rays through an octree as beams.
+    /// Walks shadow rays through a tree that divides space as beams.
     ///
     /// # Panics
     /// For other structures, which do not offer it.
@@ -537,7 +537,10 @@ impl Structure {
                 let walk = octree_step::Walk(tree, octree_glassner::Location);
                 job.shadow_beams((tree, &walk), write, counters);
             }
-            _ => unreachable!("only octrees offer shadow beams"),
+            Layout::Plane(tree, _) => {
+                job.shadow_beams((tree, &plane_dir::Walk(tree)), write, counters);
+            }
+            _ => unreachable!("only trees that divide space offer shadow beams"),
         }
     }
 }

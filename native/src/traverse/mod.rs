@@ -53,6 +53,7 @@ pub mod replay;
 pub mod shadow_beam;
 pub mod shadow_cache;
 pub mod shaft;
+pub mod shaft_tree;
 pub mod slab_boxes;
 pub mod slab_node;
 pub mod slab_tree;
