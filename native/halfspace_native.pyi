@@ -131,7 +131,8 @@ class Hits:
     also the cases of ray and split plane, "case_n1" to "case_n5" (origin below the plane: 1 away from
     it, 2 along it, 3 towards it but the cell ends before, 4 through it inside the cell, 5 through it
     before the cell), "case_p1" to "case_p5" (above), "case_z1" (in the plane: upwards), "case_z2"
-    (downwards), "case_z3" (along).
+    (downwards), "case_z3" (along); from beam-hh "beam_visits" (of nodes, by the beam whose first ray this is),
+    "beam_cuts" (a polygon parted it) and "beam_singles" (1: the ray went singly).
     on_boundary: None, or from exact_closest (n,) bool: the ray passes exactly through an edge or
     a corner of the triangle that it hits.
     """
@@ -488,7 +489,8 @@ class RenderScene:
         closure has a "kind" (principled, diffuse, glossy, glass, refraction, transparent,
         emission), inputs of the names above and "weight", "color", "specular_tint", "coat_weight",
         "coat_roughness", "coat_ior", "coat_tint", each an argument as in a program, and "normal",
-        "multiscatter" (True). At most 8 closures, 4 of them principled.
+        "multiscatter" (True). At most 8 closures, 4 of them principled. "hidden_from" names the rays
+        that pass a surface of it as if it were not there: camera, shadow, diffuse, glossy, transmission.
     corner_normals: (m, 3, 3) float32, shading normals of each triangle's corners, any length;
         None = flat.
     surfaces: for Instances instead of these two, None = the first material and flat: "meshes", a list of
@@ -502,9 +504,10 @@ class RenderScene:
         A light shines along its -Z. Angles are full angles in radians. Brightness is that of
         Cycles: power P gives a point or spot light the radiant intensity P / 4π W/sr, an area
         light the radiance P / (π area) on one side, a sun the irradiance P in W/m². A light with a
-        size is seen by every scattered ray, never by the camera. Lights without power are left out.
+        size is seen by every ray that "hidden_from" does not name, ("camera",) if it is not given, and
+        lights what would scatter such rays. Lights without power are left out.
     world: {"color": (3,)}, radiance of the background; None = black. With "program" and "radiance",
-        an argument as in a material, the radiance of each direction.
+        an argument as in a material, the radiance of each direction. "hidden_from" as for materials.
     images: dictionaries of "name", "pixels", (h, w, 4) float32, rows from the bottom, and "srgb",
         whether colours are decoded after filtering. Without pixels an image is missing: pink.
     layers: (m, 3, 2 to 4) float32 arrays that programs read at the corners, or None for an absent one.

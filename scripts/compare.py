@@ -6,7 +6,7 @@ FILE the built-in showcase. Both engines render the same file several times with
 their difference can be judged beside their noise. Writes NAME-halfspace.png, NAME-cycles.png and NAME-compared.png
 (both, and their difference × 8), prints the numbers, and names what each engine left out.
 
-With `--scene NAME` or `--scene all` instead of FILE: the six scenes that are built to be judged. Each is rendered by
+With `--scene NAME` or `--scene all` instead of FILE: the seven scenes that are built to be judged. Each is rendered by
 both, and the verdict printed: the means of all channels within 1 %, no square of 16 × 16 pixels beyond 4 standard
 errors (after Šidák's correction for their number), and the ratio of the times to equal error. With `--slope` besides,
 Halfspace alone renders them: how fast the error of independent samples falls, and of samples as they are rendered.
@@ -51,7 +51,9 @@ def parser() -> argparse.ArgumentParser:
     """The command line."""
     made = argparse.ArgumentParser(prog="compare", description=(__doc__ or "").splitlines()[0])
     made.add_argument("file", nargs="?", type=Path, help=".blend or .npz (default: the built-in showcase)")
-    made.add_argument("--scene", metavar="NAME", help="judge furnace, cornell, spheres, textures, sky, forest, or all")
+    made.add_argument(
+        "--scene", metavar="NAME", help="judge furnace, cornell, spheres, textures, sky, forest, hidden, or all"
+    )
     made.add_argument(
         "--plant",
         type=float,
@@ -103,6 +105,8 @@ def judge_scenes(asked: argparse.Namespace) -> bool:
     from addon.core import comparison
 
     bpy = _start(asked)
+    from addon.blender import proving
+
     verdicts = []
     for name in _built(bpy, asked.scene):
         found, seconds = _render_both(bpy, asked, name)
@@ -116,6 +120,8 @@ def judge_scenes(asked: argparse.Namespace) -> bool:
         print(f"{name}, {asked.size}: Halfspace beside Cycles")
         for line in verdict.lines():
             print(f"  {line}")
+        for difference in proving.DIFFERENCES.get(name, ()):
+            print(f"  known difference of the models: {difference}")
         ratio = seconds["HALFSPACE"] / seconds["CYCLES"]
         print(
             f"  time of a sample × {ratio:.2f}, its variance × {verdict.noise:.2f}: "

@@ -3,13 +3,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..core.instances import Layout, choose
-from ..core.scene import Image, Light, Material, Numbers, Scene, World
+from ..core.scene import Hidden, Image, Light, Material, Numbers, Scene, World
 from . import lights, materials, meshes, world
 
 if TYPE_CHECKING:
@@ -24,7 +24,8 @@ SKIPPED_TYPES = {
     "GREASEPENCIL": "grease pencil",
     "GPENCIL": "grease pencil",
 }
-RAY_VISIBILITY = ("visible_camera", "visible_diffuse", "visible_glossy", "visible_transmission", "visible_shadow")
+RAYS = ("camera", "shadow", "diffuse", "glossy", "transmission")
+"""The kinds of rays that an object can be hidden from."""
 
 
 @dataclass
@@ -93,7 +94,7 @@ def find(depsgraph: Any, notes: Notes, *, uvs: bool = False) -> Found:
     # Take everything from an item at once: Blender reuses its memory for the next one.
     for instance in depsgraph.object_instances:
         if instance.show_self:
-            reader.visit(instance.object, instance.matrix_world)
+            reader.visit(instance.object, instance.matrix_world, instance.parent if instance.is_instance else None)
     background, shown = world.read_world(depsgraph.scene_eval.world, notes, reader.palette.gallery)
     return Found(
         placements=reader.placements(),
@@ -118,15 +119,16 @@ class _Reader:
         self._groups: dict[tuple[tuple[str, int], tuple[int, ...]], _Group] = {}
         self._checked: set[str] = set()
 
-    def visit(self, item: Any, matrix_world: Any) -> None:
-        """Take over one object at one place."""
+    def visit(self, item: Any, matrix_world: Any, parent: Any = None) -> None:
+        """Take over one object at one place, where perhaps another object has put it."""
         kind = item.type
+        matrix = np.array(matrix_world, np.float64)
         if kind in MESH_TYPES or kind in CONVERTIBLE_TYPES:
-            self._place(item, np.array(matrix_world, np.float64))
+            self._place(item, matrix, _hidden(item, parent))
         elif kind == "LIGHT":
-            light = lights.read_light(item, np.array(matrix_world, np.float64), self.notes)
+            light = lights.read_light(item, matrix, self.notes)
             if light is not None:
-                self.lights.append(light)
+                self.lights.append(replace(light, hidden_from=_hidden(item, parent)))
         elif kind in SKIPPED_TYPES:
             self.notes.add(f"Skipped, {SKIPPED_TYPES[kind]} cannot be rendered yet", item.name)
 
@@ -137,7 +139,7 @@ class _Reader:
             for group in self._groups.values()
         ]
 
-    def _place(self, item: Any, matrix: np.ndarray[Any, Any]) -> None:
+    def _place(self, item: Any, matrix: np.ndarray[Any, Any], hidden: Hidden) -> None:
         name = item.name
         self._check_once(item, name)
         if not np.isfinite(matrix).all():
@@ -146,7 +148,7 @@ class _Reader:
         if not _is_regular(matrix):
             self.notes.add("Dropped, the transform flattens the object (scale 0)", name)
             return
-        mesh_key, mesh, used = self._mesh(item)
+        mesh_key, mesh, used = self._mesh(item, hidden)
         if mesh is None or not len(mesh.triangles):
             return
         group_key = (mesh_key, used)
@@ -155,7 +157,7 @@ class _Reader:
         group.matrices.append(matrix)
         group.names.append(name)
 
-    def _mesh(self, item: Any) -> tuple[tuple[str, int], meshes.MeshArrays | None, tuple[int, ...]]:
+    def _mesh(self, item: Any, hidden: Hidden) -> tuple[tuple[str, int], meshes.MeshArrays | None, tuple[int, ...]]:
         """The object's mesh, read once however often it is placed, and its materials."""
         # In edit mode the mesh is a shell around the one that is edited, without attributes.
         if item.type in MESH_TYPES and not item.data.is_editmode:
@@ -163,7 +165,7 @@ class _Reader:
             key = ("mesh", data.as_pointer())
             if key not in self._meshes:
                 self._meshes[key] = meshes.read_mesh(data, uvs=self.uvs, layers=self.palette.layers.keys)
-            return key, self._meshes[key], self.palette.indices(item, data)
+            return key, self._meshes[key], self.palette.indices(item, data, hidden)
         key = ("object", item.original.as_pointer())
         if key not in self._meshes:
             # Edited meshes and other kinds of objects lend a mesh, which dies with `to_mesh_clear`.
@@ -172,7 +174,7 @@ class _Reader:
                 return key, None, ()
             self._meshes[key] = meshes.read_mesh(data, uvs=self.uvs, layers=self.palette.layers.keys)
             item.to_mesh_clear()
-        return key, self._meshes[key], self.palette.indices(item, item.data)
+        return key, self._meshes[key], self.palette.indices(item, item.data, hidden)
 
     def _check_once(self, item: Any, name: str) -> None:
         """Remark on settings of an object that are not obeyed."""
@@ -183,12 +185,16 @@ class _Reader:
             self.object_numbers[name] = float(item.pass_index)
         if item.is_holdout:
             self.notes.add("Holdout is not supported yet, rendered as usual", name)
-        if not all(getattr(item, ray) for ray in RAY_VISIBILITY):
-            self.notes.add("Ray visibility is not supported yet, visible to all rays", name)
         if any(
             system.settings.type == "HAIR" and system.settings.render_type == "PATH" for system in item.particle_systems
         ):
             self.notes.add("Skipped, hair strands cannot be rendered yet", name)
+
+
+def _hidden(item: Any, parent: Any) -> Hidden:
+    """The rays that do not see an object; what an instancer hides is hidden."""
+    both = [item] if parent is None else [item, parent]
+    return tuple(ray for ray in RAYS if not all(getattr(one, f"visible_{ray}") for one in both))
 
 
 def _is_regular(matrix: np.ndarray[Any, Any]) -> bool:

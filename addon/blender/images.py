@@ -48,17 +48,10 @@ def read_image(image: Any, notes: Notes) -> Image:
     encoded = not image.is_float and space not in RAW_SPACES
     if encoded and space != "sRGB":
         notes.add(f"Colour space {space} is not supported yet, taken for sRGB, in image", image.name)
-    pixels = _pixels(image, notes)
-    if encoded and pixels.size:
-        # Bytes: 256 values are decoded once.
-        table = _from_srgb(np.arange(256, dtype=np.float32) / np.float32(255))
-        pixels[..., :3] = table[np.rint(np.clip(pixels[..., :3], 0, 1) * 255).astype(np.uint8)]
-        if image.alpha_mode == "STRAIGHT":
-            pixels[..., :3] *= pixels[..., 3:]
-    return Image(image.name, pixels)
+    return Image(image.name, _pixels(image, notes, straight=encoded and image.alpha_mode == "STRAIGHT"), encoded)
 
 
-def _pixels(image: Any, notes: Notes) -> F32:
+def _pixels(image: Any, notes: Notes, *, straight: bool) -> F32:
     name = image.name
     if image.source == "TILED":
         notes.add("Image tiles (UDIM) are not supported yet, the first one is used", name)
@@ -87,12 +80,8 @@ def _pixels(image: Any, notes: Notes) -> F32:
     if faulty.any():
         notes.add("Image has values that are not finite, replaced by 0", name, int(faulty.any(axis=-1).sum()))
         pixels[faulty] = 0
+    if straight:
+        pixels[..., :3] *= pixels[..., 3:]
     if image.alpha_mode == "NONE":
         pixels[..., 3] = 1
     return pixels
-
-
-def _from_srgb(values: F32) -> F32:
-    low = values / np.float32(12.92)
-    high = ((values + np.float32(0.055)) / np.float32(1.055)) ** np.float32(2.4)
-    return np.where(values <= 0.04045, low, high).astype(np.float32)

@@ -3,13 +3,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import bpy
 
 from ..core.notes import Notes
-from ..core.scene import Image, Material
+from ..core.scene import Hidden, Image, Material
 from .images import Gallery
 from .nodes import Place, Unsupported, active_tree
 from .surfaces import Surface
@@ -47,7 +47,7 @@ class Palette:
         self.gallery = Gallery()
         self._notes = notes
         self._materials = [DEFAULT]
-        self._numbers: dict[int, int] = {}
+        self._numbers: dict[tuple[int, Hidden], int] = {(0, ()): 0}
         self._pass_indices = [0.0]
         self._read: dict[int, _Read] = {}
         self._images: set[int] = set()
@@ -55,18 +55,19 @@ class Palette:
             if isinstance(block, bpy.types.Material):
                 self._of(block)
 
-    def indices(self, item: Any, data: Any) -> tuple[int, ...]:
+    def indices(self, item: Any, data: Any, hidden: Hidden = ()) -> tuple[int, ...]:
         """The scene's material for each slot of an evaluated object; at least one.
 
-        A slot linked to the object wins over the material of the same number on the object's data.
+        A slot linked to the object wins over the material of the same number on the object's data. hidden: the rays
+        that do not see the object; for the scene a material that is hidden is one of its own.
         """
         own = data.materials
         slots = item.material_slots
         numbers = []
         for i in range(max(len(own), len(slots))):
             linked_to_object = i < len(slots) and (slots[i].link == "OBJECT" or i >= len(own))
-            numbers.append(self._number(slots[i].material if linked_to_object else own[i]))
-        return tuple(numbers) or (0,)
+            numbers.append(self._number(slots[i].material if linked_to_object else own[i], hidden))
+        return tuple(numbers) or (self._number(None, hidden),)
 
     def materials(self) -> tuple[Material, ...]:
         """All materials met so far, by number."""
@@ -80,15 +81,13 @@ class Palette:
         """The number that the user gave each of these materials."""
         return tuple(self._pass_indices)
 
-    def _number(self, material: Any) -> int:
-        if material is None:
-            return 0
-        key = material.original.as_pointer()
+    def _number(self, material: Any, hidden: Hidden) -> int:
+        key = (0 if material is None else material.original.as_pointer(), hidden)
         if key not in self._numbers:
             self._numbers[key] = len(self._materials)
-            self._pass_indices.append(float(material.pass_index))
-            found = self._of(material)
-            self._materials.append(found.material)
+            self._pass_indices.append(0.0 if material is None else float(material.pass_index))
+            found = _Read(DEFAULT, (), frozenset()) if material is None else self._of(material)
+            self._materials.append(replace(found.material, hidden_from=hidden))
             self._images |= found.images
             for remark in found.remarks:
                 self._notes.add(remark, found.material.name)

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from ..core.scene import World
@@ -20,6 +21,14 @@ def read_world(world: Any, notes: Notes, gallery: Gallery | None = None) -> tupl
 
     What is not understood goes into `notes` and is replaced by its default.
     """
+    found, images = _read(world, notes, gallery)
+    # Cycles keeps these with the world, when it is switched on.
+    flags = getattr(world, "cycles_visibility", None)
+    hidden = tuple(ray for ray in ("camera", "diffuse", "glossy", "transmission") if not getattr(flags, ray, True))
+    return replace(found, hidden_from=hidden), images
+
+
+def _read(world: Any, notes: Notes, gallery: Gallery | None) -> tuple[World, set[int]]:
     nothing: set[int] = set()
     if world is None:
         return World(), nothing

@@ -65,6 +65,7 @@ PRESETS = tuple(
         ("Samet-Standard", "octree-samet"),
         ("Samet-Net", "octree-net"),
         ("T.Haces", "octree-beam"),
+        ("Beams of Heckbert and Hanrahan", "beam-hh"),
         ("B.Box (OORT)", "bbox-gs"),
         ("B.Box, branch and bound", "bbox-gs-bnb"),
     )

@@ -215,6 +215,10 @@ Step = Mapping[str, Any]
 """One step of a program: "op", its "args", which are operands, and its settings, as the native module takes them."""
 
 
+Hidden = tuple[str, ...]
+"""The rays that do not see a thing: camera, shadow, diffuse, glossy, transmission."""
+
+
 @dataclass(frozen=True)
 class Closure:
     """A shader node with its share of a material.
@@ -252,6 +256,7 @@ class Material:
     alpha: float = 1.0
     closures: tuple[Closure, ...] = ()
     program: tuple[Step, ...] = ()
+    hidden_from: Hidden = ()
 
     def as_dict(self) -> dict[str, Any]:
         """What the native module takes."""
@@ -278,6 +283,7 @@ class Light:
     size: float = 0.0
     size_y: float = 0.0
     casts_shadow: bool = True
+    hidden_from: Hidden = ("camera",)
 
     def __post_init__(self) -> None:
         check("light.to_world", self.to_world, np.float64, (4, 4))
@@ -295,6 +301,7 @@ class World:
     color: RGB = (0.0, 0.0, 0.0)
     program: tuple[Step, ...] = ()
     radiance: Operand | None = None
+    hidden_from: Hidden = ()
 
 
 @dataclass(frozen=True)

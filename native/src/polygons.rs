@@ -6,6 +6,7 @@ use crate::geom::vec3::Vec3;
 use crate::regions::{Cells, rectangle};
 use crate::structure::{Layout, Structure};
 use crate::traverse::nested::{Look, Nested};
+use crate::traverse::objects::Objects;
 
 /// Kind of an oblique plane.
 pub const OBLIQUE: u8 = 3;
@@ -41,6 +42,9 @@ pub fn split_polygons(structure: &Structure, max_depth: usize, max_count: usize)
     match &structure.built().layout {
         Layout::Brute => {}
         Layout::Plane(tree, _) => {
+            planes(structure, tree, (max_depth, max_count), &mut polygons);
+        }
+        Layout::Objects(Objects::Slanted(tree)) => {
             planes(structure, tree, (max_depth, max_count), &mut polygons);
         }
         Layout::Objects(tree) => {

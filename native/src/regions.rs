@@ -5,11 +5,14 @@
 use crate::build::cell::{Cell, ConvexCell, Direction, Plane};
 use crate::build::octree_nodes::Octree;
 use crate::build::plane_tree::{Node, PlaneTree};
+use crate::build::slanted::direction;
 use crate::geom::Aabb;
 use crate::geom::vec3::{Vec3, dot, widen};
 use crate::polygons;
 use crate::structure::{Layout, Structure};
 use crate::traverse::nested::{self, Look, Nested};
+use crate::traverse::objects::Objects;
+use crate::traverse::slant_tree::{Kind, SlantTree};
 
 /// A polygon by its corners, in order around it.
 pub type Face = Vec<Vec3>;
@@ -239,6 +242,48 @@ impl Cells for Octree {
     }
 }
 
+impl Cells for SlantTree {
+    type Place = u32;
+
+    fn top(&self, bounds: Aabb) -> (u32, Region) {
+        (0, Region::of_scene(bounds))
+    }
+
+    fn look(&self, place: u32, region: &Region) -> Found<u32> {
+        let (k, alone, planes, link) = match self.kind(place) {
+            Kind::Leaf { first, count } => return leaf(first, count),
+            Kind::Inner {
+                direction,
+                alone,
+                planes,
+                link,
+            } => (direction, alone, planes, link),
+        };
+        let kind = if k < 3 {
+            polygons::SLAB
+        } else {
+            polygons::OBLIQUE
+        };
+        let planes = planes.map(|offset| Plane {
+            direction: direction(k),
+            offset,
+        });
+        let children = if alone {
+            let [_, above] = region.split(planes[0]);
+            let [inside, _] = above.split(planes[1]);
+            vec![(link, inside)]
+        } else {
+            let ([below, _], [_, above]) = (region.split(planes[0]), region.split(planes[1]));
+            vec![(link, below), (link + 1, above)]
+        };
+        Found {
+            leaf: None,
+            planes: planes.map(|plane| (plane, kind)).to_vec(),
+            children,
+        }
+    }
+}
+
 /// A tree of boxes or slabs.
 pub struct Boxes<'a>(pub &'a dyn Nested);
 
@@ -298,6 +343,7 @@ pub fn with_cells<K: Task>(structure: &Structure, task: K) -> Option<K::Result> 
     Some(match &structure.built().layout {
         Layout::Brute => return None,
         Layout::Plane(tree, _) => task.run(tree),
+        Layout::Objects(Objects::Slanted(tree)) => task.run(tree),
         Layout::Objects(tree) => task.run(&Boxes(tree.nested())),
         Layout::OctreeParam(tree)
         | Layout::OctreeNet(tree)

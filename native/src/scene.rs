@@ -28,27 +28,38 @@ impl Triangles {
                 indices.len()
             )));
         }
-        for (i, triangle) in indices.iter().enumerate() {
-            if let Some(index) = triangle.iter().find(|&&v| v as usize >= vertices.len()) {
-                return Err(Error::Shape(format!(
-                    "triangles[{i}]: index {index} is out of range for {} vertices",
-                    vertices.len()
-                )));
-            }
+        let outside = |&&v: &&u32| v as usize >= vertices.len();
+        // One pass over the numbers; another one only to name the first that is wrong.
+        if indices
+            .as_flattened()
+            .iter()
+            .max()
+            .filter(outside)
+            .is_some()
+        {
+            let wrong = |triangle: &[u32; 3]| triangle.iter().any(|v| outside(&v));
+            let i = indices.iter().position(wrong).expect("one of them");
+            let index = indices[i].iter().find(outside).expect("as asked");
+            return Err(Error::Shape(format!(
+                "triangles[{i}]: index {index} is out of range for {} vertices",
+                vertices.len()
+            )));
         }
         let mut scene = Self {
             vertices,
+            live: Vec::with_capacity(indices.len()),
             indices,
-            live: Vec::new(),
             bounds: Aabb::EMPTY,
         };
         let count = u32::try_from(scene.indices.len()).expect("checked above");
-        scene.live = (0..count)
-            .filter(|&id| can_be_hit(scene.corners(id)))
-            .collect();
-        for &id in &scene.live {
-            scene.bounds = scene.bounds.union(&Aabb::of_triangle(scene.corners(id)));
+        for id in 0..count {
+            let corners = scene.corners(id);
+            if can_be_hit(corners) {
+                scene.live.push(id);
+                scene.bounds = scene.bounds.union(&Aabb::of_triangle(corners));
+            }
         }
+        scene.live.shrink_to_fit();
         Ok(scene)
     }
 
@@ -95,7 +106,9 @@ impl Triangles {
 }
 
 fn can_be_hit(v: [[f32; 3]; 3]) -> bool {
-    v.as_flattened().iter().all(|x| x.is_finite()) && !exact::is_degenerate(v.map(widen))
+    // Infinity and NaN times zero is NaN.
+    v.as_flattened().iter().map(|x| x * 0.0).sum::<f32>() == 0.0
+        && !exact::is_degenerate(v.map(widen))
 }
 
 #[cfg(test)]

@@ -12,6 +12,7 @@ use crate::scene::Triangles;
 use crate::spec::{Config, Value};
 use crate::traverse::batch::{Batch, Walk, WithWalk, Write};
 use crate::traverse::box_tile;
+use crate::traverse::cases;
 use crate::traverse::frame::FrameRay;
 use crate::traverse::objects::Objects;
 use crate::traverse::path::Path;
@@ -22,7 +23,7 @@ use crate::traverse::wide_tree::WideTree;
 use crate::traverse::{Hit, Ray, RayCounters, Tracer, plane_dir, plane_ta_b, plane_ta_b_1997};
 use crate::traverse::{
     Order, octree_beam, octree_glassner, octree_net, octree_param, octree_samet, octree_step,
-    plane_arvo, plane_sung, plane_ta_a, plane_tile, plane_wide,
+    plane_arvo, plane_beam, plane_sung, plane_ta_a, plane_tile, plane_wide,
 };
 use fearless_simd::Level;
 use std::marker::PhantomData;
@@ -71,6 +72,8 @@ pub enum PlaneWalk {
     Arvo,
     /// The same as published.
     Arvo1988,
+    /// By distances in the order of the direction, and tiles of rays as beams, down to this many rays.
+    Beams(u32),
 }
 
 /// How batches of rays are walked.
@@ -189,12 +192,13 @@ impl Structure {
         &self.built
     }
 
-    /// Whether counted walks tell the cases of ray and plane apart.
-    pub fn tells_cases(&self) -> bool {
-        matches!(
-            self.built.layout,
-            Layout::Plane(_, PlaneWalk::TaB | PlaneWalk::TaB1997)
-        )
+    /// What counted walks tell apart, by the places in [`RayCounters::cases`].
+    pub fn cases(&self) -> &'static [&'static str] {
+        match self.built.layout {
+            Layout::Plane(_, PlaneWalk::TaB | PlaneWalk::TaB1997) => &cases::NAMES,
+            Layout::Plane(_, PlaneWalk::Beams(_)) => &plane_beam::NAMES,
+            _ => &[],
+        }
     }
 
     /// Bytes of nodes and leaves, without the scene's own arrays.
@@ -311,7 +315,7 @@ impl Structure {
         match &self.built.layout {
             Layout::Brute => unreachable!("brute force has no tree to walk"),
             Layout::Plane(tree, walk) => match walk {
-                PlaneWalk::Dir => then.with(&plane_dir::Walk(tree)),
+                PlaneWalk::Dir | PlaneWalk::Beams(_) => then.with(&plane_dir::Walk(tree)),
                 PlaneWalk::TaB => then.with(&plane_ta_b::Walk(tree)),
                 PlaneWalk::TaB1997 => then.with(&plane_ta_b_1997::Walk(tree)),
                 PlaneWalk::TaA => then.with(&plane_ta_a::Walk::<false>(tree)),
@@ -493,6 +497,9 @@ impl Tracer for AtLevel<'_> {
         match (&self.structure.built.layout, self.structure.batches) {
             (Layout::OctreeBeam(tree, least), _) => {
                 job.tiles(&octree_beam::Walk(tree, *least), write, counters);
+            }
+            (Layout::Plane(tree, PlaneWalk::Beams(least)), _) => {
+                job.tiles(&plane_beam::Walk(tree, *least), write, counters);
             }
             (Layout::Plane(tree, _), Batches::Eight) => {
                 job.tiles(&plane_tile::Walk::<4>(tree), write, counters);

@@ -5,10 +5,12 @@ use crate::build::plane_tree::{MAX_DEPTH, Node};
 use crate::geom::Aabb;
 use crate::structure::{Layout, Structure};
 use crate::traverse::nested::{Look, Nested, visit};
+use crate::traverse::objects::Objects;
 use std::collections::BTreeSet;
 
 mod octree;
 mod planes;
+mod slanted;
 
 /// Broken invariants, in words; empty for a sound structure.
 pub fn validate(structure: &Structure) -> Vec<String> {
@@ -16,6 +18,9 @@ pub fn validate(structure: &Structure) -> Vec<String> {
     match &structure.built().layout {
         Layout::Brute => {}
         Layout::Plane(tree, _) => planes::planes(structure, tree, &mut broken),
+        Layout::Objects(Objects::Slanted(tree)) => {
+            slanted::slanted(structure, tree, &mut broken);
+        }
         Layout::Objects(tree) => object_tree(structure, tree.nested(), &mut broken),
         Layout::OctreeParam(tree)
         | Layout::OctreeNet(tree)

@@ -8,7 +8,7 @@ use halfspace_native::oracle::cases::{
 use halfspace_native::scene::Triangles;
 use halfspace_native::spec::Config;
 use halfspace_native::structure::{Layout, Structure};
-use halfspace_native::traverse::{Hit, Order, Ray, RayCounters, Tracer};
+use halfspace_native::traverse::{Hit, Order, Ray, RayCounters, Tracer, plane_beam};
 use std::sync::Arc;
 
 fn build(scene: &Arc<Triangles>, spec: &str) -> Structure {
@@ -45,11 +45,15 @@ fn traced(structure: &Structure, rays: &[Ray], order: Order) -> Vec<[u32; 4]> {
     hits.iter().map(bits).collect()
 }
 
-const SPECS: [&str; 11] = [
+const SPECS: [&str; 15] = [
     "octree-beam",
     "octree-beam:beam_least=1",
     "octree-beam:beam_least=65",
     "octree-beam:beam_least=30,leaf_size=0,max_depth=9",
+    "beam-hh",
+    "beam-hh:beam_least=1",
+    "beam-hh:beam_least=65",
+    "beam-hh:beam_least=30,costs=thesis",
     "kd:traversal=tile8",
     "kd:traversal=tile16",
     "kd-sah:traversal=tile8",
@@ -84,6 +88,25 @@ fn pixels_are_those_of_single_rays_at_every_size() {
         .map(|size| image(*size, pinhole([1.9, -7.0, 2.2], 0.6)))
         .collect();
     compare("turned boxes", &scene, &images);
+}
+
+#[test]
+fn beams_answer_like_single_rays_at_1280_by_1024() {
+    // Few triangles, so that most of the time goes into the pixels.
+    let scene = soup(grid(2, 0.3));
+    let wide = (75.0_f32).to_radians().tan();
+    for view in [([0.9, -3.0, 1.2], 0.6), ([1.1, -0.4, 0.8], wide)] {
+        let rays = image((1280, 1024), pinhole(view.0, view.1));
+        for spec in ["octree-beam", "beam-hh"] {
+            let structure = build(&scene, spec);
+            let expected = traced(&structure, &rays, Order::None);
+            let found = traced(&structure, &rays, Order::Tiles);
+            let wrong = found.iter().zip(&expected).filter(|(a, b)| a != b).count();
+            assert_eq!(wrong, 0, "{spec}: of {} rays", rays.len());
+            let hits = found.iter().filter(|hit| hit[1] != Hit::NONE).count();
+            assert!(10 * hits > rays.len(), "{spec}: {hits} hits");
+        }
+    }
 }
 
 #[test]
@@ -229,6 +252,27 @@ fn beams_take_fewer_steps_and_count_them() {
         );
         assert!(4 * beams < single, "{beams} against {single}");
     }
+}
+
+#[test]
+fn beams_cut_by_polygons_visit_less_than_their_rays_and_say_so() {
+    let scene = soup(grid(4, 0.3));
+    let structure = build(&scene, "beam-hh");
+    assert_eq!(structure.cases(), plane_beam::NAMES);
+    let rays = image((320, 200), pinhole([1.9, -7.0, 2.2], 0.6));
+    let (beams, single) = (
+        steps(&structure, &rays, Order::Tiles),
+        steps(&structure, &rays, Order::None),
+    );
+    assert!(4 * beams < single, "{beams} against {single}");
+    let mut hits = vec![Hit::MISS; rays.len()];
+    let mut counters = vec![RayCounters::default(); rays.len()];
+    structure.closest_ordered(&rays, &mut hits, Some(&mut counters), Order::Tiles);
+    let sum = |i: usize| counters.iter().map(|c| u64::from(c.cases[i])).sum::<u64>();
+    let (visits, cuts, singles) = (sum(0), sum(1), sum(2));
+    // Some tiles see several faces, and some see edges so narrow that few rays are left.
+    assert!(visits > 1000 && cuts > 100, "{visits} visits, {cuts} cuts");
+    assert!(singles > 0 && singles < rays.len() as u64 / 8, "{singles}");
 }
 
 fn steps(structure: &Structure, rays: &[Ray], order: Order) -> u64 {

@@ -325,6 +325,7 @@ fn walks_without_bounds_are_caught() {
         "bih-n:robust=none",
         "bih-sah:robust=none",
         "bih-bvh:robust=none",
+        "bih-obl:robust=none",
         "bbox-gs:robust=none",
         "bbox-gs:slabs=7,robust=none",
     ] {

@@ -9,6 +9,7 @@ use halfspace_native::render::lights::{LightKind, LightParams};
 use halfspace_native::render::material::MaterialParams;
 use halfspace_native::render::scene::{RenderScene, SceneParams};
 use halfspace_native::render::settings::{Pass, Settings};
+use halfspace_native::render::visibility::Visibility;
 use halfspace_native::scene::Triangles;
 use halfspace_native::spec::Config;
 use halfspace_native::structure::Structure;
@@ -78,6 +79,7 @@ fn scene_params(triangles: usize) -> SceneParams {
             to_world,
             power: [300.0; 3],
             casts_shadow: true,
+            visible: Visibility::NOT_BY_CAMERA,
         }],
         world: [0.2, 0.3, 0.5].into(),
         ..Default::default()

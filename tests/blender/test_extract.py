@@ -233,6 +233,28 @@ def test_hidden_objects_are_left_out(add: Any) -> None:
     assert [s.names for s in read()[0].geometry.sources] == [("Shown",)]
 
 
+def test_ray_visibility_makes_a_material_of_its_own(add: Any, scene: Any) -> None:
+    mesh, lamp = cube(), bpy.data.lights.new("Lamp", "POINT")
+    mesh.materials.append(material("Red"))
+    hidden = add("Hidden", mesh, location=(3, 0, 0))
+    hidden.visible_glossy = hidden.visible_shadow = False
+    add("Plain", mesh)
+    add("Bare", cube(), location=(6, 0, 0)).visible_camera = False
+    add("Lamp", lamp).visible_diffuse = False
+    found, notes = read()
+    assert notes == []
+    kinds = {(m.name, m.hidden_from) for m in found.materials[1:]}
+    assert kinds == {("Red", ()), ("Red", ("shadow", "glossy")), ("(no material)", ("camera",))}
+    assert [light.hidden_from for light in found.lights] == [("camera", "diffuse")]
+    assert found.world.hidden_from == ()
+    empty = bpy.data.objects.new("Instancer", None)
+    group = bpy.data.collections.new("Group")
+    group.objects.link(bpy.data.objects.new("Inside", mesh))
+    empty.instance_type, empty.instance_collection, empty.visible_diffuse = "COLLECTION", group, False
+    scene.collection.objects.link(empty)
+    assert ("Red", ("diffuse",)) in {(m.name, m.hidden_from) for m in read()[0].materials}
+
+
 def test_what_has_no_surface_is_listed(add: Any) -> None:
     add("Fog", bpy.data.volumes.new("Fog"))
     add("Fur", bpy.data.hair_curves.new("Fur"))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The six scenes that are judged beside Cycles: understood to the last node, and the same for every structure."""
+"""The seven scenes that are judged beside Cycles: understood to the last node, and the same for every structure."""
 
 from __future__ import annotations
 

@@ -115,6 +115,62 @@ def test_passes_and_statistics():
     assert job.samples_done == 4
 
 
+@pytest.mark.parametrize(
+    ("hidden", "bounces", "depth", "light", "sky"),
+    [
+        ((), 1, 4, 0, 0),
+        (("camera",), 1, 8, 0, 0),
+        (("camera", "shadow"), 1, 8, 1, 0),
+        (("camera", "diffuse"), 1, 8, 0, 1),
+        (("camera", "glossy", "transmission"), 1, 8, 0, 0),
+        (("camera", "shadow", "diffuse"), 1, 8, 1, 1),
+    ],
+)
+def test_rays_pass_what_is_hidden_from_them(hidden, bounces, depth, light, sky):
+    vertices = np.concatenate([FLOOR[0] * 999, FLOOR[0] * 999 + np.float32([0, 0, 4])])
+    triangles = np.concatenate([FLOOR[1], FLOOR[1] + 4])
+    black = {"base_color": (0, 0, 0), "specular": 0.0, "hidden_from": hidden}
+    made = native.RenderScene(
+        native.build(vertices, triangles, "kd"),
+        materials=[MATTE, black],
+        material_index=np.int32([0, 0, 1, 1]),
+        lights=[POINT | {"to_world": placed(z=6), "power": (1, 1, 1)}],
+        world={"color": (1, 1, 1)},
+    )
+    passes = ["Combined", "Depth"]
+    job = finish(native.render(made, camera(), settings(max_bounces=bounces, samples=64, passes=passes)))
+    assert np.allclose(image(job, "Depth"), depth, atol=1e-4)
+    lit = 0.8 / math.pi / (4 * math.pi) / 36
+    np.testing.assert_allclose(image(job)[:, :3].mean(), light * lit + sky * 0.8, rtol=1e-3, atol=1e-6)
+
+
+def test_lights_and_the_world_reach_what_they_are_visible_to():
+    round_light = POINT | {"radius": 0.3}
+    shiny = {"base_color": (0, 0, 0), "specular": 0.5, "roughness": 0.5}
+
+    def brightness(material, hidden):
+        made = scene(materials=[material], lights=[round_light | {"hidden_from": hidden}])
+        return image(finish(native.render(made, camera(), settings(samples=256)))).mean()
+
+    for material, kind, other in ((MATTE, "diffuse", "glossy"), (shiny, "glossy", "diffuse")):
+        seen = brightness(material, ("camera",))
+        assert brightness(material, ("camera", other)) == pytest.approx(seen, rel=0.02)
+        assert brightness(material, ("camera", kind)) == pytest.approx(0.25, abs=1e-6), "alpha alone"
+    downwards = camera(kind="perspective", to_world=placed(z=5), window=(-0.01, 0.01, -0.01, 0.01))
+    for hidden, seen in (((), True), (("camera",), False)):
+        made = scene(lights=[round_light | {"hidden_from": hidden}])
+        floor = finish(native.render(made, downwards, settings()))
+        without = 0.8 / math.pi * 100 / (4 * math.pi) / 4
+        assert (image(floor)[:, 0].min() > 2 * without) == seen
+    for hidden, value in (((), 1.0), (("camera",), 0.0)):
+        sky = {"color": (1, 1, 1), "hidden_from": hidden}
+        away = camera(to_world=placed(z=-8))
+        job = finish(native.render(scene(world=sky), away, settings()))
+        assert np.all(image(job)[:, :3] == value)
+    with pytest.raises(native.SpecError, match="hidden_from"):
+        scene(materials=[{"hidden_from": ("everyone",)}])
+
+
 def test_border_and_rows_from_the_bottom():
     wide = camera(window=(-4, 4, -2, 2))
     full = image(finish(native.render(scene(), wide, settings(passes=["Position"]))), "Position")

@@ -15,8 +15,11 @@ use crate::scene::Triangles;
 use crate::traverse::frame::Frame;
 use rayon::prelude::*;
 
-/// Subtrees of at least this many objects become tasks of their own.
-const TASK: usize = 4096;
+/// Progress is told for subtrees of less than this many objects.
+pub(super) const TASK: usize = 4096;
+
+/// Tasks per thread: some take longer than others.
+const TASKS: usize = 8;
 
 /// Nodes of at least this many objects are measured in parallel.
 const PARALLEL: usize = 1 << 15;
@@ -60,7 +63,8 @@ impl<R> Node<'_, R> {
     }
 }
 
-fn measure(objects: &[Object]) -> (Aabb, Aabb) {
+/// The boxes around objects and around their centres, on the calling thread.
+pub(super) fn measure(objects: &[Object]) -> (Aabb, Aabb) {
     let mut both = (Aabb::EMPTY, Aabb::EMPTY);
     for object in objects {
         both.0 = both.0.union(&object.bounds);
@@ -106,6 +110,55 @@ pub trait ObjectPolicy: Sync {
 struct Builder<'a, P> {
     policy: &'a P,
     monitor: &'a Monitor,
+    /// Nodes of at least this many objects are built on two threads.
+    parallel: usize,
+}
+
+/// From how many objects on a node of a tree of `count` is built on two threads, in the current rayon pool.
+pub(super) fn parallel_from(count: usize) -> usize {
+    match rayon::current_num_threads() {
+        1 => usize::MAX,
+        threads => (count / (TASKS * threads)).max(TASK),
+    }
+}
+
+/// Appends the items of two children, at once when `both` says so; returns where those of the second begin.
+pub(super) fn grow_both<T: Send>(
+    (items, both): (&mut Vec<T>, bool),
+    below: impl FnOnce(&mut Vec<T>) -> Result<()> + Send,
+    above: impl FnOnce(&mut Vec<T>) -> Result<()> + Send,
+) -> Result<usize> {
+    if !both {
+        below(items)?;
+        let second = items.len();
+        above(items)?;
+        return Ok(second);
+    }
+    let mut others = Vec::new();
+    let (first, last) = rayon::join(|| below(items), || above(&mut others));
+    first?;
+    last?;
+    let second = items.len();
+    items.append(&mut others);
+    Ok(second)
+}
+
+/// Appends the tree over some objects, of which `at` says what the policy is told and how deep they lie.
+///
+/// # Errors
+/// Those of [`build`].
+pub(super) fn build_part<P: ObjectPolicy>(
+    objects: &mut [Object],
+    at: (P::Region, usize),
+    (policy, monitor): (&P, &Monitor),
+    items: &mut Vec<Item>,
+) -> Result<()> {
+    let builder = Builder {
+        policy,
+        monitor,
+        parallel: usize::MAX,
+    };
+    builder.node(objects, at, items)
 }
 
 /// The live triangles of `scene`, in the frame `frame`.
@@ -140,47 +193,57 @@ pub fn build_over<P: ObjectPolicy>(
     policy: &P,
     monitor: &Monitor,
 ) -> Result<ObjectTree> {
-    let builder = Builder { policy, monitor };
+    let builder = Builder {
+        policy,
+        monitor,
+        parallel: parallel_from(objects.len()),
+    };
     let region = policy.root(bounds);
-    let items = builder.subtree(&mut objects, (region, 0), 1.0)?;
+    let mut items = Vec::with_capacity(objects.len() / 2);
+    builder.subtree(&mut objects, (region, 0, 1.0), &mut items)?;
     let ids = objects.iter().map(|object| object.id).collect();
     Ok(ObjectTree { items, ids })
 }
 
 impl<P: ObjectPolicy> Builder<'_, P> {
-    /// Builds a subtree as a task of its own, worth `work` of the whole.
+    /// Appends a subtree: what the policy is told, how deep it lies, and its share of the whole work.
     fn subtree(
         &self,
         objects: &mut [Object],
-        at: (P::Region, usize),
-        work: f64,
-    ) -> Result<Vec<Item>> {
-        let mut items = Vec::new();
+        (region, depth, work): (P::Region, usize, f64),
+        items: &mut Vec<Item>,
+    ) -> Result<()> {
+        let at = (region, depth);
         if objects.len() < TASK {
-            items.reserve(objects.len() / 2);
-            self.node(objects, at, &mut items)?;
-            self.monitor.take(footprint::boxes::<Item>(items.len()))?;
+            let before = items.len();
+            self.node(objects, at, items)?;
+            let made = items.len() - before;
+            self.monitor.take(footprint::boxes::<Item>(made))?;
             self.monitor.advance(work);
-            return Ok(items);
+            return Ok(());
         }
         let Some((split, regions, axis)) = self.split(objects, &at)? else {
             self.monitor.advance(work);
-            return Ok(vec![item_leaf(objects)]);
+            items.push(item_leaf(objects));
+            return Ok(());
         };
+        let place = items.len();
         items.push(Item::inner(axis));
-        let depth = at.1 + 1;
         let share = split as f64 / objects.len() as f64;
+        let both = objects.len() >= self.parallel;
         let (below, above) = objects.split_at_mut(split);
         let [first, second] = regions;
-        let (first, second) = rayon::join(
-            || self.subtree(below, (first, depth), work * share),
-            || self.subtree(above, (second, depth), work * (1.0 - share)),
+        let tasks = (
+            (first, depth + 1, work * share),
+            (second, depth + 1, work * (1.0 - share)),
         );
-        items.append(&mut first?);
-        let distance = items.len();
-        items.append(&mut second?);
-        Item::link(&mut items, distance);
-        Ok(items)
+        let distance = grow_both(
+            (items, both),
+            |items| self.subtree(below, tasks.0, items),
+            |items| self.subtree(above, tasks.1, items),
+        )?;
+        Item::link(&mut items[place..], distance - place);
+        Ok(())
     }
 
     /// Appends a subtree. The depth of the recursion is that of the tree.
@@ -227,7 +290,7 @@ impl<P: ObjectPolicy> Builder<'_, P> {
         let (axis, regions, split) = match parting {
             Parting::Leaf => return Ok(None),
             Parting::Centre { axis, at, regions } if !last_resort => {
-                (axis, regions, part(objects, |o| o.centre(axis) <= at))
+                (axis, regions, part_by(objects, |o| o.centre(axis) <= at))
             }
             Parting::Centre { axis, regions, .. } | Parting::Median { axis, regions } => {
                 (axis, regions, 0)
@@ -250,7 +313,7 @@ fn item_leaf(objects: &[Object]) -> Item {
 }
 
 /// Moves the objects of which `below` holds to the front; returns how many they are.
-fn part(objects: &mut [Object], below: impl Fn(&Object) -> bool) -> usize {
+pub(super) fn part_by<T>(objects: &mut [T], below: impl Fn(&T) -> bool) -> usize {
     let (mut first, mut end) = (0, objects.len());
     loop {
         while first < end && below(&objects[first]) {

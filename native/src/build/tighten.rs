@@ -35,16 +35,17 @@ impl Tighten {
         if self.0 == 0.0 {
             return None;
         }
+        let side = [0, 1, 2].map(|k| region.extent(k));
         let mut least = self.0 * region.area();
         let mut best = None;
         for axis in 0..3 {
+            let (across, along) = (side[(axis + 1) % 3], side[(axis + 2) % 3]);
             let mut consider = |full: usize, low: f32, high: f32| {
-                let mut inside = *region;
-                (inside.min[axis], inside.max[axis]) = (low, high);
-                let area = inside.area();
+                let length = f64::from(high) - f64::from(low);
+                let area = 2.0 * (length * (across + along) + across * along);
                 if area < least {
                     least = area;
-                    best = Some(Cut { axis, inside, full });
+                    best = Some((axis, full, low, high));
                 }
             };
             let (low, high) = (bounds.min[axis], bounds.max[axis]);
@@ -55,7 +56,10 @@ impl Tighten {
                 consider(1, low, region.max[axis]);
             }
         }
-        best
+        let (axis, full, low, high) = best?;
+        let mut inside = *region;
+        (inside.min[axis], inside.max[axis]) = (low, high);
+        Some(Cut { axis, inside, full })
     }
 }
 

@@ -50,8 +50,13 @@ impl Aabb {
     pub fn union(&self, other: &Self) -> Self {
         let mut both = *self;
         for k in 0..3 {
-            both.min[k] = both.min[k].min(other.min[k]);
-            both.max[k] = both.max[k].max(other.max[k]);
+            // Bounds are never NaN: one instruction each.
+            if other.min[k] < both.min[k] {
+                both.min[k] = other.min[k];
+            }
+            if other.max[k] > both.max[k] {
+                both.max[k] = other.max[k];
+            }
         }
         both
     }

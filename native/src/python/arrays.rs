@@ -157,42 +157,78 @@ pub fn check_finite(name: &str, points: &[[f32; 3]]) -> Result<()> {
     }
 }
 
+/// A number that may name a vertex.
+trait Index: numpy::Element + Copy + Into<i64> {
+    /// As an index; what is none becomes the largest, which names no vertex either.
+    fn index(self) -> u32;
+}
+
+impl Index for i32 {
+    #[inline(always)]
+    fn index(self) -> u32 {
+        u32::try_from(self).unwrap_or(u32::MAX)
+    }
+}
+
+impl Index for u32 {
+    #[inline(always)]
+    fn index(self) -> u32 {
+        self
+    }
+}
+
+impl Index for i64 {
+    #[inline(always)]
+    fn index(self) -> u32 {
+        u32::try_from(self).unwrap_or(u32::MAX)
+    }
+}
+
+/// Converts the rows of an (m, 3) array of indices; names the first that is out of range.
+fn indices_of<T: Index>(
+    name: &str,
+    array: &PyReadonlyArray2<'_, T>,
+    vertices: usize,
+) -> Result<Option<Vec<[u32; 3]>>> {
+    check_copy(name, &**array, size_of::<u32>())?;
+    let Some(found) = rows(array, T::index) else {
+        return Ok(None);
+    };
+    let outside = |v: u32| v as usize >= vertices || v == u32::MAX;
+    if !found
+        .as_flattened()
+        .iter()
+        .max()
+        .is_some_and(|&v| outside(v))
+    {
+        return Ok(Some(found));
+    }
+    let wrong = |row: &[u32; 3]| row.iter().any(|&v| outside(v));
+    let i = found.iter().position(wrong).expect("one of them");
+    let k = found[i].iter().position(|&v| outside(v)).expect("as asked");
+    let index: i64 = array.as_array()[[i, k]].into();
+    Err(Error::Shape(format!(
+        "{name}[{i}]: index {index} is out of range for {vertices} vertices"
+    )))
+}
+
 /// Vertex indices: (m, 3) int32, uint32 or int64.
 pub fn indices(name: &str, value: &Bound<'_, PyAny>, vertices: usize) -> Result<Vec<[u32; 3]>> {
-    let both = size_of::<i64>() + size_of::<u32>();
     let found = if let Ok(array) = value.extract::<PyReadonlyArray2<'_, i32>>() {
-        check_copy(name, &*array, both)?;
-        rows(&array, i64::from)
+        indices_of(name, &array, vertices)?
     } else if let Ok(array) = value.extract::<PyReadonlyArray2<'_, u32>>() {
-        check_copy(name, &*array, both)?;
-        rows(&array, i64::from)
+        indices_of(name, &array, vertices)?
     } else if let Ok(array) = value.extract::<PyReadonlyArray2<'_, i64>>() {
-        check_copy(name, &*array, both)?;
-        rows(&array, |x| x)
+        indices_of(name, &array, vertices)?
     } else {
         None
     };
-    let found = found.ok_or_else(|| {
+    found.ok_or_else(|| {
         Error::Shape(format!(
             "{name}: expected an (m, 3) int32, uint32 or int64 array, got {}",
             describe(value)
         ))
-    })?;
-    let narrow = |(i, row): (usize, [i64; 3])| {
-        let mut out = [0; 3];
-        for (slot, index) in out.iter_mut().zip(row) {
-            let inside = u32::try_from(index)
-                .ok()
-                .filter(|&v| (v as usize) < vertices);
-            *slot = inside.ok_or_else(|| {
-                Error::Shape(format!(
-                    "{name}[{i}]: index {index} is out of range for {vertices} vertices"
-                ))
-            })?;
-        }
-        Ok(out)
-    };
-    found.into_iter().enumerate().map(narrow).collect()
+    })
 }
 
 /// One number for all rays, or one for each.

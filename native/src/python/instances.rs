@@ -34,7 +34,7 @@ impl Instances {
     ) -> PyResult<Hits> {
         let arguments = trace::RayArrays::new(origins, directions, t_min, t_max, order)?;
         let rays = arguments.rays();
-        Ok(py.detach(|| trace::closest((&*self.0, false), rays, threads.0, counters))?)
+        Ok(py.detach(|| trace::closest((&*self.0, &[]), rays, threads.0, counters))?)
     }
 
     #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, order="none", threads=Threads::ALL, counters=false))]
@@ -54,7 +54,7 @@ impl Instances {
         let rays = arguments.rays();
         let (occluded, counts) =
             py.detach(|| trace::occluded(&*self.0, rays, threads.0, counters))?;
-        trace::occluded_answer(py, &occluded, counts, false)
+        trace::occluded_answer(py, &occluded, counts, &[])
     }
 
     fn __len__(&self) -> usize {

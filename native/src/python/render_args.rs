@@ -12,7 +12,9 @@ use crate::render::indices::Indices;
 use crate::render::lens::LensParams;
 use crate::render::lights::{AreaShape, LightKind, LightParams};
 use crate::render::material::MaterialParams;
+use crate::render::place::RayKind;
 use crate::render::settings::{Falloff, Integrator, Mist, Pass, Settings};
+use crate::render::visibility::Visibility;
 use crate::render::world::WorldParams;
 use numpy::{PyReadonlyArray1, PyReadonlyArray3, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
@@ -410,6 +412,7 @@ pub fn materials(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<MaterialParams>
         "alpha",
         "closures",
         "program",
+        "hidden_from",
     ];
     list("materials", value, |dict, index| {
         let keys = Keys::new(dict, format!("materials[{index}]"), &known)?;
@@ -432,8 +435,34 @@ pub fn materials(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<MaterialParams>
             alpha: keys.number_or("alpha", default.alpha)?,
             closures: shader_args::closures(&keys)?,
             program: shader_args::program(&keys)?,
+            visible: visibility(&keys, default.visible)?,
         })
     })
+}
+
+/// Which rays see a thing: all but those that "hidden_from" names.
+fn visibility(keys: &Keys<'_, '_>, default: Visibility) -> Result<Visibility> {
+    let Some(value) = keys.find("hidden_from") else {
+        return Ok(default);
+    };
+    let kinds = [
+        ("camera", RayKind::Camera),
+        ("shadow", RayKind::Shadow),
+        ("diffuse", RayKind::Diffuse),
+        ("glossy", RayKind::Glossy),
+        ("transmission", RayKind::Transmission),
+    ];
+    let wrong = || {
+        let expected = "a sequence of camera, shadow, diffuse, glossy, transmission";
+        keys.wrong("hidden_from", expected, &value)
+    };
+    let names: Vec<String> = value.extract().map_err(|_| wrong())?;
+    let mut visible = Visibility::ALL;
+    for name in names {
+        let kind = kinds.iter().find(|(known, _)| *known == name);
+        visible = visible.without(kind.ok_or_else(wrong)?.1);
+    }
+    Ok(visible)
 }
 
 /// The lights.
@@ -458,6 +487,7 @@ pub fn lights(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<LightParams>> {
         "size",
         "size_y",
         "casts_shadow",
+        "hidden_from",
     ];
     let kinds = [
         ("point", Kind::Point),
@@ -498,6 +528,7 @@ pub fn lights(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<LightParams>> {
             to_world: keys.matrix("to_world")?,
             power: keys.color("power")?,
             casts_shadow: keys.flag_or("casts_shadow", true)?,
+            visible: visibility(&keys, Visibility::NOT_BY_CAMERA)?,
         })
     })
 }
@@ -507,7 +538,8 @@ pub fn world(dict: Option<&Bound<'_, PyDict>>) -> Result<WorldParams> {
     let Some(dict) = dict else {
         return Ok(WorldParams::default());
     };
-    let keys = Keys::new(dict, "world".into(), &["color", "program", "radiance"])?;
+    let known = ["color", "program", "radiance", "hidden_from"];
+    let keys = Keys::new(dict, "world".into(), &known)?;
     Ok(WorldParams {
         color: keys.color("color")?,
         program: shader_args::program(&keys)?,
@@ -515,6 +547,7 @@ pub fn world(dict: Option<&Bound<'_, PyDict>>) -> Result<WorldParams> {
             .find("radiance")
             .map(|value| shader_args::operand(&keys, "radiance", &value))
             .transpose()?,
+        visible: visibility(&keys, Visibility::ALL)?,
     })
 }
 

@@ -5,7 +5,7 @@ use crate::leaf_cells::{Faces, leaf_cells};
 use crate::polygons;
 use crate::ray_path::ray_path;
 use crate::structure::Structure;
-use crate::traverse::{Ray, cases};
+use crate::traverse::Ray;
 use numpy::{PyArray1, PyArray2, ToPyArray};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -80,10 +80,8 @@ pub fn path<'py>(
     counted.set_item("tests", counters.tests)?;
     counted.set_item("verdicts", counters.verdicts)?;
     counted.set_item("spared", counters.spared)?;
-    if structure.tells_cases() {
-        for (name, count) in cases::NAMES.iter().zip(counters.cases) {
-            counted.set_item(name, count)?;
-        }
+    for (name, count) in structure.cases().iter().zip(counters.cases) {
+        counted.set_item(name, count)?;
     }
     dict.set_item("counters", counted)?;
 

@@ -55,7 +55,7 @@ pub struct Recording {
 impl Recording {
     #[getter]
     fn counters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        trace::counters(py, self.structure.tells_cases(), &self.recording.counters)
+        trace::counters(py, self.structure.cases(), &self.recording.counters)
     }
 
     fn replay<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray1<f64>>> {
@@ -99,7 +99,7 @@ impl Structure {
     ) -> PyResult<Hits> {
         let arguments = trace::RayArrays::new(origins, directions, t_min, t_max, order)?;
         let rays = arguments.rays();
-        let tracer = (&*self.0, self.0.tells_cases());
+        let tracer = (&*self.0, self.0.cases());
         Ok(py.detach(|| trace::closest((tracer.0, tracer.1), rays, threads.0, counters))?)
     }
 
@@ -120,7 +120,7 @@ impl Structure {
         let rays = arguments.rays();
         let (occluded, counts) =
             py.detach(|| trace::occluded(&*self.0, rays, threads.0, counters))?;
-        trace::occluded_answer(py, &occluded, counts, self.0.tells_cases())
+        trace::occluded_answer(py, &occluded, counts, self.0.cases())
     }
 
     #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, any_hit=false))]

@@ -6,7 +6,7 @@ use crate::error::{Error, Result, caught};
 use crate::memory::check_room;
 use crate::oracle::exact_closest;
 use crate::scene::Triangles;
-use crate::traverse::{Hit, Order, Ray, RayCounters, Tracer, cases};
+use crate::traverse::{Hit, Order, Ray, RayCounters, Tracer};
 use numpy::{PyReadonlyArray1, ToPyArray};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -120,8 +120,8 @@ impl Rays<'_> {
 #[pyclass(frozen)]
 pub struct Hits {
     hits: Vec<Hit>,
-    /// Whether the walks told the cases of ray and plane apart, and what each ray cost.
-    counts: Option<(bool, Vec<RayCounters>)>,
+    /// What the walks told apart, and what each ray cost.
+    counts: Option<(&'static [&'static str], Vec<RayCounters>)>,
     on_boundary: Option<Vec<bool>>,
 }
 
@@ -152,7 +152,7 @@ impl Hits {
     fn counters<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
         self.counts
             .as_ref()
-            .map(|(tells_cases, counts)| counters(py, *tells_cases, counts))
+            .map(|(cases, counts)| counters(py, cases, counts))
             .transpose()
     }
 
@@ -186,7 +186,7 @@ impl Hits {
 /// What each ray cost: name to (n,) uint32.
 pub fn counters<'py>(
     py: Python<'py>,
-    tells_cases: bool,
+    cases: &[&str],
     counters: &[RayCounters],
 ) -> PyResult<Bound<'py, PyDict>> {
     type Column = (&'static str, fn(&RayCounters) -> u32);
@@ -205,11 +205,9 @@ pub fn counters<'py>(
         let column: Vec<_> = counters.iter().map(get).collect();
         dict.set_item(name, column.to_pyarray(py))?;
     }
-    if tells_cases {
-        for (i, name) in cases::NAMES.iter().enumerate() {
-            let column: Vec<_> = counters.iter().map(|c| c.cases[i]).collect();
-            dict.set_item(name, column.to_pyarray(py))?;
-        }
+    for (i, name) in cases.iter().enumerate() {
+        let column: Vec<_> = counters.iter().map(|c| c.cases[i]).collect();
+        dict.set_item(name, column.to_pyarray(py))?;
     }
     Ok(dict)
 }
@@ -279,7 +277,7 @@ fn in_chunks<T: Clone + Send>(
 
 /// Nearest hits.
 pub fn closest(
-    (tracer, tells_cases): (&dyn Tracer, bool),
+    (tracer, cases): (&dyn Tracer, &'static [&'static str]),
     rays: Rays<'_>,
     threads: usize,
     counters: bool,
@@ -290,7 +288,7 @@ pub fn closest(
     })?;
     Ok(Hits {
         hits,
-        counts: counts.map(|counts| (tells_cases, counts)),
+        counts: counts.map(|counts| (cases, counts)),
         on_boundary: None,
     })
 }
@@ -312,12 +310,12 @@ pub fn occluded_answer<'py>(
     py: Python<'py>,
     occluded: &[bool],
     counts: Option<Vec<RayCounters>>,
-    tells_cases: bool,
+    cases: &[&str],
 ) -> PyResult<Bound<'py, PyAny>> {
     let occluded = occluded.to_pyarray(py).into_any();
     match counts {
         None => Ok(occluded),
-        Some(counts) => Ok((occluded, counters(py, tells_cases, &counts)?)
+        Some(counts) => Ok((occluded, counters(py, cases, &counts)?)
             .into_pyobject(py)?
             .into_any()),
     }

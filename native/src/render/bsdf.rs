@@ -13,7 +13,26 @@ use super::ggx::Ggx;
 use super::place::{RayKind, bump_shadow};
 use super::program::Value;
 use super::trig::sin_cos_turns;
-use super::vector::{Vec3, vec3};
+use super::vector::{Frame, Vec3, vec3};
+use super::visibility::Visibility;
+
+/// The other normals at the point, in the shading frame, whose z axis is the normal of facets.
+#[derive(Debug, Clone, Copy)]
+pub struct Normals {
+    /// The triangle's, towards the viewer.
+    pub geometric: Vec3,
+    /// The surface's own and the one the material gave it, where it gave one. Facets take the
+    /// latter bent so that a mirror sees nothing inside; the matte base takes it as it is.
+    pub mapped: Option<[Vec3; 2]>,
+}
+
+impl Normals {
+    /// All the same.
+    pub const FLAT: Self = Self {
+        geometric: vec3(0.0, 0.0, 1.0),
+        mapped: None,
+    };
+}
 
 /// A sampled direction.
 #[derive(Debug, Clone, Copy)]
@@ -61,8 +80,7 @@ const MOST_BOUNDARIES: usize = super::material::MOST_CLOSURES;
 /// The lobes of a material with their weights for one viewing direction.
 pub struct Bsdf<const GLOSSY: bool, const GLASS: bool> {
     wi: Vec3,
-    /// The surface's own normal where the material has bent it.
-    unbent: Option<Vec3>,
+    normals: Normals,
     facets: [Facets; MOST_FACETS],
     facet_count: usize,
     boundaries: [Boundary; MOST_BOUNDARIES],
@@ -72,15 +90,14 @@ pub struct Bsdf<const GLOSSY: bool, const GLASS: bool> {
 }
 
 impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
-    /// `registers`: what the material's program has computed. `unbent`: the surface's own normal
-    /// in the shading frame, where the material has another one. `inside`: whether the path meets
-    /// the surface from its back.
+    /// `registers`: what the material's program has computed. `inside`: whether the path meets the
+    /// surface from its back.
     #[inline(always)]
     pub fn new(
         closures: &[Closure],
         registers: &[Value],
         wi: Vec3,
-        unbent: Option<Vec3>,
+        normals: Normals,
         inside: bool,
     ) -> Self {
         const NO_FACETS: Facets = Facets {
@@ -107,7 +124,7 @@ impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
         };
         let mut out = Self {
             wi,
-            unbent,
+            normals,
             facets: [NO_FACETS; MOST_FACETS],
             facet_count: 0,
             boundaries: [NO_BOUNDARY; MOST_BOUNDARIES],
@@ -331,23 +348,50 @@ impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
     /// count nothing here.
     #[inline(always)]
     pub fn eval(&self, wo: Vec3) -> (Vec3, f32) {
-        if wo.z > 0.0 {
-            self.eval_reflection(wo)
-        } else if GLASS && wo.z < 0.0 {
-            self.eval_refraction(wo)
+        self.eval_lit(wo, Visibility::ALL)
+    }
+
+    /// The same by the lobes alone that see a light of this visibility.
+    #[inline(always)]
+    pub fn eval_lit(&self, wo: Vec3, visible: Visibility) -> (Vec3, f32) {
+        let (mut f, mut pdf) = if visible.to(RayKind::Diffuse) {
+            self.eval_diffuse(wo)
         } else {
             (Vec3::ZERO, 0.0)
+        };
+        // Facets send nothing through the surface that they should reflect, nor the reverse.
+        let above = self.normals.geometric.dot(wo) >= 0.0;
+        if let Some([own, _]) = self.normals.mapped
+            && (own.dot(wo) >= 0.0) != above
+        {
+            return (f, pdf);
         }
+        if wo.z > 0.0 && above && visible.to(RayKind::Glossy) {
+            self.eval_reflection(wo, &mut f, &mut pdf);
+        } else if GLASS && wo.z < 0.0 && !above && visible.to(RayKind::Transmission) {
+            self.eval_refraction(wo, &mut f, &mut pdf);
+        }
+        (f, pdf)
     }
 
     #[inline(always)]
-    fn eval_reflection(&self, wo: Vec3) -> (Vec3, f32) {
-        let lambert = wo.z * FRAC_1_PI;
-        let mut f = self.diffuse * lambert;
-        if let Some(unbent) = self.unbent {
-            f *= bump_shadow(unbent, vec3(0.0, 0.0, 1.0), wo);
+    fn eval_diffuse(&self, wo: Vec3) -> (Vec3, f32) {
+        let (cos, lit) = match self.normals.mapped {
+            None => (wo.z, 1.0),
+            Some([own, mapped]) => (mapped.dot(wo), bump_shadow(own, mapped, wo)),
+        };
+        if cos <= 0.0 || lit == 0.0 {
+            return (Vec3::ZERO, 0.0);
         }
-        let mut pdf = self.diffuse_probability * lambert;
+        let lambert = cos * FRAC_1_PI;
+        (
+            self.diffuse * (lambert * lit),
+            self.diffuse_probability * lambert,
+        )
+    }
+
+    #[inline(always)]
+    fn eval_reflection(&self, wo: Vec3, f: &mut Vec3, pdf: &mut f32) {
         if (GLOSSY && self.facet_count > 0) || (GLASS && self.boundary_count > 0) {
             let h = (self.wi + wo).normalized_or(vec3(0.0, 0.0, 1.0));
             let c = self.wi.dot(h);
@@ -360,8 +404,8 @@ impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
                 for facets in &self.facets[..self.facet_count] {
                     if !facets.smooth {
                         let (seen, both) = densities(facets.ggx, facets.lambda_i);
-                        f += facets.fresnel.at(c) * facets.scale * both;
-                        pdf += facets.p * seen;
+                        *f += facets.fresnel.at(c) * facets.scale * both;
+                        *pdf += facets.p * seen;
                     }
                 }
             }
@@ -370,18 +414,16 @@ impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
                     if let (false, Some(reflect)) = (boundary.smooth, boundary.reflect) {
                         let (seen, both) = densities(boundary.ggx, boundary.lambda_i);
                         let (reflectance, _) = fresnel::dielectric(c, boundary.eta);
-                        f += boundary.scale * reflect * (reflectance * both);
-                        pdf += boundary.p * boundary.reflect_probability(reflectance) * seen;
+                        *f += boundary.scale * reflect * (reflectance * both);
+                        *pdf += boundary.p * boundary.reflect_probability(reflectance) * seen;
                     }
                 }
             }
         }
-        (f, pdf)
     }
 
     #[inline(always)]
-    fn eval_refraction(&self, wo: Vec3) -> (Vec3, f32) {
-        let (mut f, mut pdf) = (Vec3::ZERO, 0.0);
+    fn eval_refraction(&self, wo: Vec3, f: &mut Vec3, pdf: &mut f32) {
         for boundary in &self.boundaries[..self.boundary_count] {
             if boundary.smooth || boundary.is_window() {
                 continue;
@@ -407,10 +449,9 @@ impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
             let common = boundary.ggx.d(h) / self.wi.z * jacobian * jacobian * (c * ct).abs();
             let both = common / (1.0 + boundary.lambda_i + boundary.ggx.lambda(wo.z));
             let seen = common / (1.0 + boundary.lambda_i);
-            f += boundary.scale * boundary.tint * (passed * both);
-            pdf += boundary.p * (1.0 - boundary.reflect_probability(reflectance)) * seen;
+            *f += boundary.scale * boundary.tint * (passed * both);
+            *pdf += boundary.p * (1.0 - boundary.reflect_probability(reflectance)) * seen;
         }
-        (f, pdf)
     }
 
     /// A direction in proportion to the lobes, or `None` when the path ends here. `choice` picks
@@ -437,7 +478,12 @@ impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
         if self.diffuse_probability <= 0.0 {
             return None;
         }
-        self.finish(cosine_direction(u), RayKind::Diffuse)
+        let about = cosine_direction(u);
+        let wo = match self.normals.mapped {
+            None => about,
+            Some([_, mapped]) => Frame::around(mapped).to_world(about),
+        };
+        self.finish(wo, RayKind::Diffuse)
     }
 
     #[inline(always)]
@@ -592,7 +638,7 @@ mod tests {
     }
 
     fn seen(material: &Material, wi: Vec3, inside: bool) -> Bsdf<true, true> {
-        Bsdf::new(&material.closures, &[], wi, None, inside)
+        Bsdf::new(&material.closures, &[], wi, Normals::FLAT, inside)
     }
 
     fn view(cos: f32) -> Vec3 {
@@ -695,8 +741,13 @@ mod tests {
         for (roughness, ior, specular) in [(0.23, 1.33, 0.3), (0.55, 1.6, 0.9), (0.97, 1.45, 0.5)] {
             let registers = [roughness, ior, specular].map(|x: f32| [x; 4]);
             for cos in [0.3, 0.8] {
-                let bsdf =
-                    Bsdf::<true, true>::new(&material.closures, &registers, view(cos), None, false);
+                let bsdf = Bsdf::<true, true>::new(
+                    &material.closures,
+                    &registers,
+                    view(cos),
+                    Normals::FLAT,
+                    false,
+                );
                 let n = 1 << 15;
                 let sum: f64 = (0..n)
                     .filter_map(|i| bsdf.sample(sampler.pair(i, 0)[0], sampler.pair(i, 1)))

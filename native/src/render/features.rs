@@ -3,6 +3,7 @@
 
 use super::lights::Lights;
 use super::material::Material;
+use super::place::RayKind;
 use super::world::World;
 
 /// What the scene's triangles and lights can make a path do.
@@ -20,6 +21,8 @@ pub struct Features {
     pub glass: bool,
     /// Some material is not fully opaque: rays pass on, shadow rays gather opacity.
     pub transparency: bool,
+    /// Some material is hidden from some rays: they pass.
+    pub hidden: bool,
     /// Some material emits.
     pub emission: bool,
     /// The background varies over the directions.
@@ -45,7 +48,8 @@ impl Features {
             textures: any(|m| !m.program.is_empty()),
             glossy: any(|m| m.reflects),
             glass: any(|m| m.refracts),
-            transparency: any(|m| m.transparent),
+            transparency: any(|m| m.transparent || !m.visible.to(RayKind::Shadow)),
+            hidden: any(|m| !m.visible.is_all()),
             emission: any(|m| m.emits),
             world: world.constant().is_none(),
             smooth_normals,
@@ -74,6 +78,10 @@ impl Features {
             (
                 self.transparency,
                 "transparent shadows: every material is opaque",
+            ),
+            (
+                self.hidden,
+                "ray visibility: every surface is there for all rays",
             ),
             (self.emission, "emission: no material emits"),
             (

@@ -73,7 +73,7 @@ impl Image {
     }
 
     /// The linear colour and alpha at (u, v): (0, 0) is the lower left corner, (1, 1) the upper
-    /// right.
+    /// right. `unassociate`: the colour is divided by alpha, before it is decoded, as in Cycles.
     #[inline]
     pub fn at(
         &self,
@@ -81,8 +81,13 @@ impl Image {
         v: f32,
         interpolation: Interpolation,
         extension: Extension,
+        unassociate: bool,
     ) -> [f32; 4] {
-        let found = self.stored_at(u, v, interpolation, extension);
+        let mut found = self.stored_at(u, v, interpolation, extension);
+        if unassociate && found[3] != 0.0 && found[3] != 1.0 {
+            let scale = 1.0 / found[3];
+            found[..3].iter_mut().for_each(|c| *c *= scale);
+        }
         if !self.encoded {
             return found;
         }
@@ -177,14 +182,14 @@ mod tests {
     #[test]
     fn centres_are_exact_and_between_them_it_is_linear() {
         let image = row(&[0.0, 1.0, 4.0, 9.0]);
-        let at = |u: f32| image.at(u, 0.5, Interpolation::Linear, Extension::Extend)[0];
+        let at = |u: f32| image.at(u, 0.5, Interpolation::Linear, Extension::Extend, false)[0];
         for (i, want) in [0.0, 1.0, 4.0, 9.0].into_iter().enumerate() {
             assert_eq!(at((i as f32 + 0.5) / 4.0), want);
         }
         assert_eq!(at(0.5), 2.5);
         assert_eq!(at(-7.0), 0.0);
         assert_eq!(
-            image.at(0.49, 0.5, Interpolation::Closest, Extension::Extend)[0],
+            image.at(0.49, 0.5, Interpolation::Closest, Extension::Extend, false)[0],
             1.0
         );
     }
@@ -192,7 +197,7 @@ mod tests {
     #[test]
     fn each_extension_continues_the_image_in_its_way() {
         let image = row(&[1.0, 2.0, 3.0, 4.0]);
-        let at = |i: f32, e| image.at((i + 0.5) / 4.0, 0.5, Interpolation::Closest, e)[0];
+        let at = |i: f32, e| image.at((i + 0.5) / 4.0, 0.5, Interpolation::Closest, e, false)[0];
         for (extension, want) in [
             (Extension::Repeat, [4.0, 1.0]),
             (Extension::Extend, [1.0, 4.0]),
@@ -208,14 +213,17 @@ mod tests {
     fn encoded_colours_are_decoded_after_interpolation() {
         let texels = vec![[0.0, 0.0, 0.0, 1.0], [1.0, 1.0, 1.0, 0.5]];
         let image = Image::new(2, 1, texels, true, "srgb").unwrap();
-        let [r, _, _, a] = image.at(0.5, 0.5, Interpolation::Linear, Extension::Extend);
+        let [r, _, _, a] = image.at(0.5, 0.5, Interpolation::Linear, Extension::Extend, false);
         assert!((r - 0.214_04).abs() < 1e-4 && a == 0.75, "{r} {a}");
+        // 0.5 / 0.75, decoded.
+        let [r, ..] = image.at(0.5, 0.5, Interpolation::Linear, Extension::Extend, true);
+        assert!((r - 0.401_98).abs() < 1e-4, "{r}");
     }
 
     #[test]
     fn odd_images_and_places_give_a_colour() {
         let none = Image::new(0, 7, Vec::new(), false, "none").unwrap();
-        let seen = none.at(0.3, 0.3, Interpolation::Linear, Extension::Repeat);
+        let seen = none.at(0.3, 0.3, Interpolation::Linear, Extension::Repeat, false);
         assert_eq!(seen, [1.0, 0.0, 1.0, 1.0]);
         let nan = Image::new(
             1,
@@ -225,10 +233,16 @@ mod tests {
             "nan",
         )
         .unwrap();
-        let seen = nan.at(1e30, -1e30, Interpolation::Linear, Extension::Repeat);
+        let seen = nan.at(1e30, -1e30, Interpolation::Linear, Extension::Repeat, false);
         assert_eq!(seen, [0.0, 1.0, 0.0, 1.0]);
         assert_eq!(
-            nan.at(f32::NAN, 0.0, Interpolation::Linear, Extension::Repeat),
+            nan.at(
+                f32::NAN,
+                0.0,
+                Interpolation::Linear,
+                Extension::Repeat,
+                false
+            ),
             [0.0; 4]
         );
         assert!(Image::new(2, 2, vec![[0.0; 4]; 3], false, "torn").is_err());

@@ -21,7 +21,7 @@ use super::sampler::PixelSampler;
 use super::scene::RenderScene;
 use super::settings::{Integrator, Pass, Settings};
 use super::surface::Surface;
-use super::vector::{Vec3, offset_origin};
+use super::vector::Vec3;
 use crate::traverse::{Hit, Order as RayOrder, Ray, RayCounters};
 
 /// What happened during a render. Also the proof of what was left out.
@@ -107,6 +107,8 @@ struct Path {
     vertex: u16,
     /// Transparent surfaces passed so far.
     transparent: u16,
+    /// Surfaces passed so far that are not there for its rays.
+    unseen: u16,
     /// Nothing has scattered yet.
     camera: bool,
     /// How it scattered last.
@@ -119,6 +121,9 @@ const PAIRS_PER_VERTEX: u32 = 4;
 
 /// A path passes through at most this many transparent surfaces, a shadow ray likewise.
 const MOST_PASSED: u16 = 64;
+
+/// And through so many that are hidden from it.
+const MOST_UNSEEN: u16 = 1000;
 
 /// Tracing is cut into calls of about this long, so that a stop is heeded in time.
 const CALL: Duration = Duration::from_millis(8);
@@ -241,6 +246,7 @@ impl Wavefront {
                 bounce: 0,
                 vertex: 0,
                 transparent: 0,
+                unseen: 0,
                 camera: true,
                 kind: RayKind::Camera,
             });
@@ -355,19 +361,17 @@ impl Wavefront {
                 let d = Vec3::from(ray.d);
                 let surface = Surface::at::<true>(scene, &hit, d);
                 let place = || surface.place(scene, d.normalized(), RayKind::Shadow);
-                let look = surface
-                    .material
-                    .look(&scene.images, place, &mut self.registers);
-                let value = value * look.transparent;
-                let left = ray.t_max - hit.t;
-                if value.max_component() > 0.0 && left > 0.0 {
-                    let o = surface.leave(d).array();
-                    rays[kept] = Ray {
-                        o,
-                        d: ray.d,
-                        t_min: 0.0,
-                        t_max: left,
-                    };
+                let passing = if surface.material.visible.to(RayKind::Shadow) {
+                    surface
+                        .material
+                        .look(&scene.images, place, &mut self.registers)
+                        .transparent
+                } else {
+                    Vec3::ONE
+                };
+                let value = value * passing;
+                if value.max_component() > 0.0 && ray.t_max > hit.t {
+                    rays[kept] = surface.beyond(&ray, &hit);
                     light[kept] = (slot, value);
                     kept += 1;
                 }
@@ -443,6 +447,7 @@ fn shade<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
     } = *context;
     let features = scene.features();
     // Whether the ray after the last bounce can still find light.
+    let lamps_seen = scene.lights.any_seen();
     let last_ray_counts = features.lights_met || features.emission || !scene.world.is_black();
     let whitted = settings.integrator == Integrator::Whitted;
     let ambient = settings.integrator == Integrator::Ambient;
@@ -453,17 +458,21 @@ fn shade<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
         let (ray, hit, mut path) = (wave.rays[i], wave.hits[i], wave.paths[i]);
         let d = Vec3::from(ray.d);
         let out = &mut wave.samples[path.slot as usize];
-        if LIGHTS && features.lights_met && !path.camera {
+        if LIGHTS && features.lights_met && (lamps_seen || !path.camera) {
             wave.work.lights_asked += 1;
             let span = [path.passed, path.passed + hit.t];
-            let light = scene.lights.met(path.receiver, d, span, path.pdf);
+            let light = scene
+                .lights
+                .met(path.receiver, d, span, path.pdf, path.kind);
             add_color(
                 out,
                 settings.clamped(path.throughput * light, path.bounce > 1),
             );
         }
         if !hit.is_hit() {
-            if !(path.camera && settings.film_transparent) {
+            if !scene.world.visible.to(path.kind) {
+                out.alpha = 1.0;
+            } else if !(path.camera && settings.film_transparent) {
                 let mut light = scene.world.radiance(
                     &scene.images,
                     &scene.varying,
@@ -485,6 +494,16 @@ fn shade<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
         }
         let mut surface = Surface::at::<SMOOTH>(scene, &hit, d);
         let material = surface.material;
+        if features.hidden && !material.visible.to(path.kind) {
+            path.unseen += 1;
+            if path.unseen < MOST_UNSEEN {
+                wave.rays[kept] = surface.beyond(&ray, &hit);
+                path.passed += hit.t;
+                wave.paths[kept] = path;
+                kept += 1;
+            }
+            continue;
+        }
         if !material.program.is_empty() {
             let place = surface.place(scene, d, path.kind);
             material.program.run(&scene.images, &place, &mut registers);
@@ -527,13 +546,7 @@ fn shade<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
             path.transparent += 1;
             if path.transparent < MOST_PASSED {
                 path.passed += hit.t;
-                let o = offset_origin(surface.point, -surface.geometric);
-                wave.rays[kept] = Ray {
-                    o: o.array(),
-                    d: ray.d,
-                    t_min: 0.0,
-                    t_max: ray.t_max - hit.t,
-                };
+                wave.rays[kept] = surface.beyond(&ray, &hit);
                 wave.paths[kept] = path;
                 kept += 1;
             }
@@ -583,9 +596,9 @@ fn shade<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
         }
         let mut wi = frame.to_local(-d);
         wi.z = wi.z.max(1e-4);
-        let unbent = surface.unbent(&frame);
+        let normals = surface.normals(&frame);
         let bsdf =
-            Bsdf::<GLOSSY, GLASS>::new(&material.closures, &registers, wi, unbent, surface.inside);
+            Bsdf::<GLOSSY, GLASS>::new(&material.closures, &registers, wi, normals, surface.inside);
         wave.work.shaded_glossy += u64::from(bsdf.reflects());
         wave.work.shaded_glass += u64::from(bsdf.transmits());
         wave.work.normals_fetched += u64::from(SMOOTH);
@@ -605,7 +618,7 @@ fn shade<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
             && bsdf.has_density()
             && let Some(light) = scene.lights.sample(path.receiver, choose_light, random(2))
         {
-            let (f, pdf) = bsdf.eval(frame.to_local(light.direction));
+            let (f, pdf) = bsdf.eval_lit(frame.to_local(light.direction), light.visible);
             // Whitted's rays follow mirrors only: nothing else would find the light.
             let weight = if light.pdf.is_finite() && !whitted {
                 power_heuristic(light.pdf, pdf)
@@ -662,7 +675,7 @@ fn shade<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
         }
         let direction = frame.to_world(scatter.wo).normalized_or(surface.geometric);
         let across = direction.dot(surface.geometric) < 0.0;
-        if across != (scatter.wo.z < 0.0) {
+        if across != (scatter.kind == RayKind::Transmission) {
             continue;
         }
         path.throughput = path.throughput * scatter.weight;

@@ -8,9 +8,9 @@
 //! - area: radiance P / (π A) on one side, A the area in the scene;
 //! - sun: irradiance E = P in W/m² on a surface facing it; radiance E / (π sin²(angle / 2)).
 //!
-//! A light with a size is met by every ray that scattered off a surface, with multiple importance
-//! sampling, but never by camera rays: this is what Cycles does with Blender's default ray
-//! visibility of lights. Lights do not block light. A light that casts no shadow is only sampled,
+//! A light with a size is met by every ray that sees it, those that scattered off a surface with
+//! multiple importance sampling; Blender hides new lights from the camera. Light samples reach the
+//! lobes whose rays see the light. Lights do not block light. A light that casts no shadow is only sampled,
 //! never met.
 
 use std::collections::HashMap;
@@ -20,7 +20,9 @@ use super::camera::matrix_column;
 use super::check::{Error, Result, finite, within};
 use super::light_shapes::{Area, Disc, LightRay, Sun, Triangle};
 use super::light_tree::{Ball, LightTree};
+use super::place::RayKind;
 use super::vector::Vec3;
+use super::visibility::Visibility;
 use super::world::DirectionMap;
 
 /// Outline of an area light.
@@ -80,6 +82,8 @@ pub struct LightParams {
     pub power: [f32; 3],
     /// Whether surfaces block it.
     pub casts_shadow: bool,
+    /// Which rays see it.
+    pub visible: Visibility,
 }
 
 /// A sample of the light arriving at a point.
@@ -95,6 +99,8 @@ pub struct Arrival {
     pub pdf: f32,
     /// Whether the shadow ray decides.
     pub casts_shadow: bool,
+    /// Which lobes it lights.
+    pub visible: Visibility,
     /// What shines: for all but lamps `radiance` is still to be multiplied by its own.
     pub emitter: Emitter,
 }
@@ -115,6 +121,8 @@ pub enum Emitter {
 pub struct Glowing {
     /// Its number.
     pub triangle: u32,
+    /// Which rays see it.
+    pub visible: Visibility,
     /// Its corners.
     pub corners: [Vec3; 3],
     /// About what it emits, mean of the channels.
@@ -145,6 +153,7 @@ struct Light {
     /// Mean of power-like strength, for choosing.
     brightness: f32,
     casts_shadow: bool,
+    visible: Visibility,
 }
 
 /// All lights of a scene: lamps first, then glowing triangles, then the background.
@@ -158,6 +167,7 @@ pub struct Lights {
     map: Option<Arc<DirectionMap>>,
     many: Option<Many>,
     any_met: bool,
+    any_seen: bool,
 }
 
 /// What chooses among more lights than can be weighed one by one.
@@ -185,6 +195,7 @@ impl Lights {
         params: &[LightParams],
         glowing: &[Glowing],
         map: Option<Arc<DirectionMap>>,
+        map_visible: Visibility,
     ) -> Result<Self> {
         let mut lights = Vec::new();
         for (index, light) in params.iter().enumerate() {
@@ -206,6 +217,7 @@ impl Lights {
                     strength: Vec3::ONE,
                     brightness,
                     casts_shadow: true,
+                    visible: glowing.visible,
                 });
             }
         }
@@ -215,9 +227,12 @@ impl Lights {
                 strength: Vec3::ONE,
                 brightness: map.mean * std::f32::consts::PI,
                 casts_shadow: true,
+                visible: map_visible,
             });
         }
         let any_met = lights[..lamps].iter().any(Light::can_be_met);
+        let seen = |light: &Light| light.can_be_met() && light.visible.to(RayKind::Camera);
+        let any_seen = lights[..lamps].iter().any(seen);
         let many = (lights.len() > WEIGHED).then(|| Many::new(&lights, lamps));
         Ok(Self {
             lights,
@@ -226,6 +241,7 @@ impl Lights {
             map,
             many,
             any_met,
+            any_seen,
         })
     }
 
@@ -237,6 +253,11 @@ impl Lights {
     /// Whether a ray can meet a light.
     pub fn any_met(&self) -> bool {
         self.any_met
+    }
+
+    /// Whether a camera ray can.
+    pub fn any_seen(&self) -> bool {
+        self.any_seen
     }
 
     /// Chooses a light and a point on it. `choice` and `u` lie in [0, 1).
@@ -289,6 +310,7 @@ impl Lights {
             radiance,
             pdf,
             casts_shadow: light.casts_shadow,
+            visible: light.visible,
             emitter,
         })
     }
@@ -316,15 +338,22 @@ impl Lights {
         }
     }
 
-    /// Adds up the light that a ray from `receiver` meets at distances in `span`, each weighted
+    /// Adds up the light that a ray of this kind from `receiver` meets at distances in `span`, each weighted
     /// against the density `pdf` with which its direction was chosen there (infinite: no light
     /// sample could have found it).
-    pub fn met(&self, receiver: Receiver, direction: Vec3, span: [f32; 2], pdf: f32) -> Vec3 {
+    pub fn met(
+        &self,
+        receiver: Receiver,
+        direction: Vec3,
+        span: [f32; 2],
+        pdf: f32,
+        kind: RayKind,
+    ) -> Vec3 {
         let [t_min, t_max] = span;
         let mut sum = Vec3::ZERO;
         let mut add = |index: usize| {
             let light = &self.lights[index];
-            if !light.can_be_met() {
+            if !light.can_be_met() || !light.visible.to(kind) {
                 return;
             }
             let found = match &light.shape {
@@ -645,6 +674,7 @@ fn compile(params: &LightParams, index: usize) -> Result<Option<Light>> {
         strength,
         brightness,
         casts_shadow: params.casts_shadow,
+        visible: params.visible,
     };
     Ok((brightness > 0.0 && strength.max_component() > 0.0).then_some(light))
 }

@@ -8,6 +8,7 @@ use super::image::Image;
 use super::place::Place;
 use super::program::{Op, Operand, Program, Step, Value, read, rgb};
 use super::vector::Vec3;
+use super::visibility::Visibility;
 
 /// A material as its user describes it. All colours linear. The constants are those of one
 /// Principled BSDF; they count when there are no `closures`.
@@ -35,6 +36,8 @@ pub struct MaterialParams {
     pub closures: Vec<ClosureParams>,
     /// How their inputs are computed.
     pub program: Vec<Step>,
+    /// Which rays meet surfaces of it; the others go on as if they were not there.
+    pub visible: Visibility,
 }
 
 impl Default for MaterialParams {
@@ -52,6 +55,7 @@ impl Default for MaterialParams {
             alpha: 1.0,
             closures: Vec::new(),
             program: Vec::new(),
+            visible: Visibility::ALL,
         }
     }
 }
@@ -110,6 +114,8 @@ pub struct Material {
     look_closures: Vec<Closure>,
     fixed_look: Option<Look>,
     normal: Option<Operand>,
+    /// Which rays meet it.
+    pub visible: Visibility,
     /// Whether it can pass light straight.
     pub transparent: bool,
     /// Whether it can emit.
@@ -162,6 +168,7 @@ impl Material {
 
         let any = |f: fn(&Closure) -> bool| compiled.iter().any(f);
         let mut material = Self {
+            visible: params.visible,
             transparent: any(Closure::may_be_transparent),
             emits: any(Closure::may_emit),
             reflects: any(Closure::may_reflect),

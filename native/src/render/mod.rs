@@ -9,6 +9,7 @@
 //! - [`fresnel`], [`ggx`], [`albedo`], [`closure`], [`material`], [`bsdf`]: what surfaces do with
 //!   light;
 //! - [`light_shapes`], [`light_tree`], [`world`], [`lights`]: where light comes from;
+//! - [`visibility`]: which rays see what;
 //! - [`attributes`]: what triangles carry, of a flattened scene or of instances;
 //! - [`scene`], [`indices`], [`features`], [`surface`]: the scene, what it needs, a point of it;
 //! - [`settings`], [`film`], [`adaptive`], [`integrator`], [`job`]: the render itself.
@@ -48,6 +49,7 @@ pub mod settings;
 pub mod surface;
 pub mod trig;
 pub mod vector;
+pub mod visibility;
 pub mod world;
 
 #[cfg(test)]

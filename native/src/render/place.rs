@@ -315,25 +315,23 @@ pub fn reflecting_normal(geometric: Vec3, incoming: Vec3, mapped: Vec3) -> Vec3 
     best
 }
 
-/// How much a mapped normal may light: 1 where the true normal agrees, smoothly 0 where the
-/// surface turns away (Conty, Heitz and Kulla 2019, "A Microfacet-Based Shadowing Function to
-/// Solve the Bump Terminator Problem", the cubic form).
+/// How much of the light from a direction reaches a matte surface with a mapped normal: 0 where the
+/// two normals disagree on which side it comes from, else the shadowing of a rough surface whose
+/// facets lean as far as the mapped normal does (Conty Estevez, Lecocq and Stein 2019, "A
+/// Microfacet-Based Shadowing Function to Solve the Bump Terminator Problem", Ray Tracing Gems,
+/// chapter 12), as in Cycles. Unit vectors; `normal` is the surface's own.
 #[inline(always)]
 pub fn bump_shadow(normal: Vec3, mapped: Vec3, direction: Vec3) -> f32 {
-    let (d, m, c) = (
-        normal.dot(direction),
-        mapped.dot(direction),
-        normal.dot(mapped),
-    );
-    let g = d / (m * c).max(1e-12);
-    if g >= 1.0 {
-        1.0
-    } else if g <= 0.0 {
-        0.0
-    } else {
-        let g2 = g * g;
-        g + g2 - g2 * g
+    let (lit, lean) = (normal.dot(direction), normal.dot(mapped));
+    if (lit < 0.0) != (mapped.dot(direction) < 0.0) {
+        return 0.0;
     }
+    let tan2 = |cos: f32| {
+        let c2 = (cos * cos).min(1.0);
+        (1.0 - c2) / c2.max(1e-12)
+    };
+    let alpha2 = (0.125 * tan2(lean)).min(1.0);
+    2.0 / (1.0 + (1.0 + alpha2 * tan2(lit)).sqrt())
 }
 
 #[cfg(test)]
@@ -390,6 +388,19 @@ mod tests {
             place.mapped_normal(0, vec3(1.0, 0.5, 0.5), 0.0),
             place.normal
         );
+    }
+
+    #[test]
+    fn a_leaning_normal_is_shadowed_towards_the_horizon() {
+        let (up, lean) = (vec3(0.0, 0.0, 1.0), vec3(0.6, 0.0, 0.8));
+        assert_eq!(bump_shadow(up, lean, up), 1.0);
+        // alpha² = tan² 36.87° / 8 = 0.0703; at 60° tan² = 3.
+        let sixty = vec3(0.75_f32.sqrt(), 0.0, 0.5);
+        let want = 2.0 / (1.0 + (1.0 + 0.0703125 * 3.0_f32).sqrt());
+        assert!((bump_shadow(up, lean, sixty) - want).abs() < 1e-5);
+        let below = vec3(0.995, 0.0, -0.0999);
+        assert_eq!(bump_shadow(up, lean, below), 0.0, "behind the surface");
+        assert_eq!(bump_shadow(up, up, vec3(1.0, 0.0, 0.0)), 1.0);
     }
 
     #[test]

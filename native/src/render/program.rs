@@ -355,13 +355,8 @@ impl Program {
                     } else {
                         [x, y]
                     };
-                    let mut texel =
-                        images[usize::from(*image)].at(u, v, *interpolation, *extension);
-                    if *unassociate && texel[3] != 0.0 && texel[3] != 1.0 {
-                        let scale = 1.0 / texel[3];
-                        texel[..3].iter_mut().for_each(|c| *c *= scale);
-                    }
-                    texel
+                    let image = &images[usize::from(*image)];
+                    image.at(u, v, *interpolation, *extension, *unassociate)
                 }
                 Op::Attribute(layer) => place.attribute(*layer),
                 Op::Coordinate(which) => place.coordinate(*which),

@@ -109,7 +109,12 @@ impl RenderScene {
             images: &params.images,
             varying: &varying,
         };
-        let lights = Lights::new(&params.lights, &seen.glowing(), world.take_map())?;
+        let lights = Lights::new(
+            &params.lights,
+            &seen.glowing(),
+            world.take_map(),
+            world.visible,
+        )?;
         let features = Features::resolve(used, &lights, &world, attributes.smooth());
         Ok(Self {
             tracer,
@@ -186,6 +191,7 @@ impl Seen<'_> {
             let least = if material.has_fixed_look() { 0.0 } else { 1e-3 };
             out.push(Glowing {
                 triangle,
+                visible: material.visible,
                 corners,
                 radiance: (sum / PROBES.len() as f32).max(least),
             });

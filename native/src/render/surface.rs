@@ -2,11 +2,12 @@
 //! The point a ray meets: position, normals, material.
 
 use super::attributes::At;
+use super::bsdf::Normals;
 use super::material::Material;
 use super::place::{Place, RayKind, reflecting_normal};
 use super::scene::RenderScene;
 use super::vector::{Frame, Vec3, offset_origin};
-use crate::traverse::Hit;
+use crate::traverse::{Hit, Ray};
 
 /// A surface point seen along a ray.
 pub struct Surface<'a> {
@@ -14,14 +15,16 @@ pub struct Surface<'a> {
     pub point: Vec3,
     /// Geometric normal, towards the viewer.
     pub geometric: Vec3,
-    /// Shading normal, towards the viewer.
+    /// Shading normal of facets, towards the viewer.
     pub shading: Vec3,
     /// Whether the viewer is on the back of the triangle.
     pub inside: bool,
     /// Its material.
     pub material: &'a Material,
-    /// Shading normal before the material bent it.
-    unbent: Vec3,
+    /// Shading normal of the surface itself.
+    own: Vec3,
+    /// The one that the material gives it.
+    mapped: Option<Vec3>,
     weights: [f32; 3],
     triangle: usize,
     corners: [[f32; 3]; 3],
@@ -66,7 +69,8 @@ impl<'a> Surface<'a> {
             shading,
             inside,
             material,
-            unbent: shading,
+            own: shading,
+            mapped: None,
             weights: [w, hit.u, hit.v],
             triangle: hit.triangle as usize,
             corners,
@@ -81,7 +85,7 @@ impl<'a> Surface<'a> {
             triangle: self.triangle,
             weights: self.weights,
             point: self.point,
-            normal: self.shading,
+            normal: self.own,
             geometric: self.geometric,
             incoming: -d,
             inside: self.inside,
@@ -89,17 +93,24 @@ impl<'a> Surface<'a> {
         }
     }
 
-    /// Takes the material's own shading normal, bent back where a mirror would look inside.
+    /// Takes the shading normal that the material gives; for facets bent back where a mirror would
+    /// look inside.
     pub fn bend(&mut self, normal: Vec3, d: Vec3) {
-        let normal = normal.normalized_or(self.shading);
-        if normal != self.shading && self.geometric.dot(d) < 0.0 {
+        let normal = normal.normalized_or(self.own);
+        if normal != self.own {
+            self.mapped = Some(normal);
             self.shading = reflecting_normal(self.geometric, -d, normal);
         }
     }
 
-    /// The surface's own shading normal in the frame, where the material has another one.
-    pub fn unbent(&self, frame: &Frame) -> Option<Vec3> {
-        (self.shading != self.unbent).then(|| frame.to_local(self.unbent))
+    /// The other normals in the shading frame.
+    #[inline(always)]
+    pub fn normals(&self, frame: &Frame) -> Normals {
+        let mapped = self.mapped.map(|mapped| [self.own, mapped]);
+        Normals {
+            geometric: frame.to_local(self.geometric),
+            mapped: mapped.map(|both| both.map(|n| frame.to_local(n))),
+        }
     }
 
     /// The shading frame.
@@ -122,17 +133,27 @@ impl<'a> Surface<'a> {
         )
     }
 
+    /// What is left of a ray behind its hit here.
+    #[inline(always)]
+    pub fn beyond(&self, ray: &Ray, hit: &Hit) -> Ray {
+        Ray {
+            o: offset_origin(self.point, -self.geometric).array(),
+            d: ray.d,
+            t_min: 0.0,
+            t_max: ray.t_max - hit.t,
+        }
+    }
+
     /// Origin of a shadow ray. On smooth surfaces, where the light grazes, the flat triangle would
     /// shade itself in facets; there the origin is lifted onto the curved surface that the corner
     /// normals describe (Hanika 2021, "Hacking the Shadow Terminator", Ray Tracing Gems II,
     /// chapter 4), faded in below a cosine of 0.1 as Cycles does.
     #[inline(always)]
     pub fn leave_to_light<const SMOOTH: bool>(&self, direction: Vec3) -> Vec3 {
-        let origin = self.leave(direction);
         if !SMOOTH {
-            return origin;
+            return self.leave(direction);
         }
-        let cosine = self.shading.dot(direction);
+        let cosine = self.own.dot(direction);
         let side = if cosine < 0.0 {
             -self.geometric
         } else {
@@ -145,7 +166,8 @@ impl<'a> Surface<'a> {
             1.0 - flat / TERMINATOR
         };
         let amount = amount.clamp(0.0, 1.0);
-        if amount == 0.0 || flat <= 0.0 {
+        let origin = offset_origin(self.point, side);
+        if amount == 0.0 {
             return origin;
         }
         origin + self.lift(side) * amount

@@ -12,6 +12,7 @@ use super::material::MaterialParams;
 use super::scene::{RenderScene, SceneParams};
 use super::settings::{Pass, Settings};
 use super::vector::{Vec3, vec3};
+use super::visibility::Visibility;
 use crate::scene::Triangles;
 use crate::traverse::{Hit, Ray, RayCounters, Tracer};
 
@@ -239,6 +240,7 @@ fn light(kind: LightKind, to_world: [[f64; 4]; 4], power: f32) -> LightParams {
         to_world,
         power: [power; 3],
         casts_shadow: true,
+        visible: Visibility::NOT_BY_CAMERA,
     }
 }
 

@@ -8,9 +8,10 @@ use super::image::Image;
 use super::place::{Place, RayKind, Varying};
 use super::program::{Op, Operand, Program, Step, Value, direction_to_uv, read, rgb};
 use super::vector::{Vec3, vec3};
+use super::visibility::Visibility;
 
 /// A background as its user describes it.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub struct WorldParams {
     /// Radiance, where there is no program.
     pub color: [f32; 3],
@@ -18,6 +19,20 @@ pub struct WorldParams {
     pub program: Vec<Step>,
     /// The program's result.
     pub radiance: Option<Operand>,
+    /// Which rays see it.
+    pub visible: Visibility,
+}
+
+impl Default for WorldParams {
+    /// Black.
+    fn default() -> Self {
+        Self {
+            color: [0.0; 3],
+            program: Vec::new(),
+            radiance: None,
+            visible: Visibility::ALL,
+        }
+    }
 }
 
 impl From<[f32; 3]> for WorldParams {
@@ -32,6 +47,8 @@ impl From<[f32; 3]> for WorldParams {
 /// A background ready for rendering.
 #[derive(Debug)]
 pub struct World {
+    /// Which rays see it.
+    pub visible: Visibility,
     program: Program,
     radiance: Operand,
     /// The map for sampling; none for a constant colour, which every scattered ray finds anyway.
@@ -51,6 +68,7 @@ impl World {
         let mut roots = [params.radiance.unwrap_or(Operand::color(params.color))];
         let program = Program::compile(&params.program, &mut roots, "world")?;
         let mut world = Self {
+            visible: params.visible,
             program,
             radiance: roots[0],
             map: None,

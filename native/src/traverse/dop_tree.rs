@@ -105,7 +105,7 @@ impl<const D: usize> Node<D> {
 
 /// Floats between which `n . p` lies; for an axis the coordinate itself.
 #[expect(clippy::cast_possible_truncation, reason = "moved outwards")]
-fn height(n: [f32; 3], p: [f32; 3]) -> (f32, f32) {
+pub(crate) fn height(n: [f32; 3], p: [f32; 3]) -> (f32, f32) {
     let terms = [0, 1, 2].map(|k| f64::from(n[k]) * f64::from(p[k]));
     let sum = terms[0] + terms[1] + terms[2];
     if n.iter().filter(|x| **x != 0.0).count() == 1 {
@@ -236,7 +236,7 @@ impl<const D: usize> Nested for DopTree<D> {
 
 /// What slab tests need of a ray: a plane `n . x = p` lies at `p * inv + near` or a little later, and at
 /// `p * inv + far` or a little sooner.
-struct Planes<const D: usize> {
+pub(super) struct Planes<const D: usize> {
     inv: [f32; D],
     near: [f32; D],
     far: [f32; D],
@@ -246,7 +246,7 @@ struct Planes<const D: usize> {
 
 impl<const D: usize> Planes<D> {
     #[inline(always)]
-    fn new(ray: &FrameRay) -> Self {
+    pub(super) fn new(ray: &FrameRay) -> Self {
         let slabs = Slabs::new(ray);
         let mut planes = Self {
             inv: [0.0; D],
@@ -276,6 +276,24 @@ impl<const D: usize> Planes<D> {
             planes.flip[k] = speed.is_sign_negative();
         }
         planes
+    }
+
+    /// Whether the ray goes downwards along a direction.
+    #[inline(always)]
+    pub(super) fn flip(&self, k: usize) -> bool {
+        self.flip[k]
+    }
+
+    /// When the ray meets a plane at the soonest.
+    #[inline(always)]
+    pub(super) fn soonest(&self, k: usize, plane: f32) -> f32 {
+        plane * self.inv[k] + self.near[k]
+    }
+
+    /// When it meets it at the latest.
+    #[inline(always)]
+    pub(super) fn latest(&self, k: usize, plane: f32) -> f32 {
+        plane * self.inv[k] + self.far[k]
     }
 
     /// Where the ray enters a node that it may hit something in before `reach`.

@@ -54,8 +54,8 @@ pub trait Nested {
 
 /// Visits all nodes below `bounds`, parents before children: place and region, depth, what is there,
 /// and the places and regions of the children.
-pub fn visit(
-    tree: &dyn Nested,
+pub fn visit<T: Nested + ?Sized>(
+    tree: &T,
     bounds: Aabb,
     mut see: impl FnMut((Place, &Aabb), usize, Look, &[(Place, Aabb)]),
 ) {
@@ -75,7 +75,7 @@ pub fn visit(
 }
 
 /// Measures a tree over a scene of these bounds.
-pub fn shape(tree: &dyn Nested, bounds: Aabb) -> Shape {
+pub fn shape<T: Nested + ?Sized>(tree: &T, bounds: Aabb) -> Shape {
     let mut shape = Shape::default();
     let root_area = bounds.area();
     let mut depth_sum = 0;

@@ -4,11 +4,13 @@
 use super::batch::WithWalk;
 use super::box_tree::{self, BoxTree};
 use super::dop_tree::{self, DopTree};
-use super::nested::Nested;
+use super::nested::{self, Nested};
 use super::slab_boxes;
 use super::slab_node::{Double, Single};
 use super::slab_tree::{self, SlabTree};
 use super::slab_wide::{self, WideSlabs};
+use super::slant_tree::{self, SlantTree};
+use crate::build::plane_tree::Shape;
 use crate::geom::Aabb;
 
 /// An object tree, laid out for one way of walking.
@@ -26,6 +28,8 @@ pub enum Objects {
     Single(SlabTree<Single>),
     /// Two planes to a node, walked as boxes.
     SlabBoxes(SlabTree<Double>),
+    /// Two planes to a node, oblique ones too.
+    Slanted(SlantTree),
     /// Two intervals to a node.
     Slabs2(WideSlabs<2>),
     /// Four intervals to a node.
@@ -49,12 +53,23 @@ impl Objects {
             Self::Boxes8(tree) => tree,
             Self::Slabs(tree) | Self::SlabBoxes(tree) => tree,
             Self::Single(tree) => tree,
+            Self::Slanted(tree) => tree,
             Self::Slabs2(tree) => tree,
             Self::Slabs4(tree) => tree,
             Self::Slabs8(tree) => tree,
             Self::Dops3(tree) => tree,
             Self::Dops7(tree) => tree,
             Self::Dops13(tree) => tree,
+        }
+    }
+
+    /// Its shape, over a scene of these bounds.
+    pub fn shape(&self, bounds: Aabb) -> Shape {
+        match self {
+            // The quickest to build are measured as quickly.
+            Self::Slabs(tree) | Self::SlabBoxes(tree) => nested::shape(tree, bounds),
+            Self::Single(tree) => nested::shape(tree, bounds),
+            _ => nested::shape(self.nested(), bounds),
         }
     }
 
@@ -67,6 +82,7 @@ impl Objects {
             Self::Slabs(tree) => then.with(&slab_tree::Walk(tree)),
             Self::Single(tree) => then.with(&slab_tree::Walk(tree)),
             Self::SlabBoxes(tree) => then.with(&slab_boxes::Walk(tree, bounds)),
+            Self::Slanted(tree) => then.with(&slant_tree::Walk(tree)),
             Self::Slabs2(tree) => then.with(&slab_wide::Walk(tree)),
             Self::Slabs4(tree) => then.with(&slab_wide::Walk(tree)),
             Self::Slabs8(tree) => then.with(&slab_wide::Walk(tree)),

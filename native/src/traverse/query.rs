@@ -40,7 +40,7 @@ pub trait Counters {
     fn tests(&mut self, triangles: usize);
     /// A candidate was put to the exact verdict.
     fn verdict(&mut self);
-    /// A walk that tells cases apart met this one, a place in [`super::cases::NAMES`]; it is worked out
+    /// A walk that tells cases apart met this one, by its place in [`RayCounters::cases`]; it is worked out
     /// only when it is counted.
     #[inline(always)]
     fn case(&mut self, _: impl FnOnce() -> usize) {}

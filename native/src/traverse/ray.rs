@@ -62,7 +62,8 @@ pub struct RayCounters {
     pub tests: u32,
     /// Candidates put to the exact verdict.
     pub verdicts: u32,
-    /// Cases of ray and plane, in the order of [`super::cases::NAMES`], from walks that tell them apart.
+    /// What only some walks tell apart: cases of ray and plane ([`super::cases::NAMES`]), or what beams do
+    /// ([`super::plane_beam::NAMES`]).
     pub cases: [u32; CASES],
     /// 1 where the tree was not walked for this ray: the shadow cache knew a blocker, or its shadow
     /// beam was empty.

@@ -3,6 +3,7 @@
 
 use crate::build::Monitor;
 use crate::build::global::Global;
+use crate::build::grid_order;
 use crate::build::leaves::Leaves;
 use crate::build::object;
 use crate::build::object_tree::ObjectTree;
@@ -15,7 +16,6 @@ use crate::spec::Config;
 use crate::structure::Layout;
 use crate::traverse::frame::Frame;
 use crate::traverse::keep::Keep;
-use crate::traverse::nested;
 use crate::traverse::objects::Objects;
 
 /// Leaf size where a grid parts the triangles.
@@ -69,7 +69,12 @@ pub fn by_grid(
         leaf_size: config.integer("leaf_size"),
         ways,
     };
-    let binary = object::build(scene, &frame, &policy, monitor)?;
+    // Where cells are parted more than two ways, how depends on what is empty.
+    let binary = if ways == 2 {
+        grid_order::build(scene, &frame, &policy, monitor)?
+    } else {
+        object::build(scene, &frame, &policy, monitor)?
+    };
     finish((scene, config), frame, &binary, lay_out)
 }
 
@@ -88,8 +93,10 @@ pub fn finish(
         _ => Keep::Corners,
     });
     let tree = lay_out(binary, frame.bounds(), &mut leaves)?;
-    let shape = nested::shape(tree.nested(), frame.bounds());
-    let blocks = leaves.write(scene, &frame, &binary.ids);
+    let (shape, blocks) = rayon::join(
+        || tree.shape(frame.bounds()),
+        || leaves.write(scene, &frame, &binary.ids),
+    );
     Ok(Built {
         frame: frame.with_robust(config.choice("robust") != "none"),
         blocks,

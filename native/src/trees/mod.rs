@@ -2,12 +2,14 @@
 //! One file per structure: its row for the registry, which candidates it proposes, its paper.
 
 pub mod bbox_gs;
+pub mod beam_hh;
 pub mod bih;
 pub mod bih1;
 pub mod bih4;
 pub mod bih5;
 pub mod bih_bvh;
 pub mod bih_n;
+pub mod bih_obl;
 pub mod bih_sah;
 pub mod brute;
 pub mod bsp;

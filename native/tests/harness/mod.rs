@@ -15,6 +15,7 @@ use halfspace_native::render::lights::{AreaShape, LightKind, LightParams};
 use halfspace_native::render::material::MaterialParams;
 use halfspace_native::render::scene::{RenderScene, SceneParams};
 use halfspace_native::render::settings::{Falloff, Integrator, Mist, Pass, Settings};
+use halfspace_native::render::visibility::Visibility;
 use halfspace_native::scene::Triangles;
 use halfspace_native::spec::Config;
 use halfspace_native::structure::Structure;
@@ -223,6 +224,7 @@ fn light(bytes: &mut Bytes<'_>) -> LightParams {
         to_world: bytes.matrix(),
         power: bytes.numbers(),
         casts_shadow: bytes.byte().is_multiple_of(2),
+        visible: Visibility::NOT_BY_CAMERA,
     }
 }
 

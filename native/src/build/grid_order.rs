@@ -1,0 +1,313 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The tree of [`Global`] by sorting: where cells are always halved along their longest side, all cells
+//! of one level have the same shape, so the halvings of a triangle's centre are the bits of a number, and
+//! the triangles in the order of these numbers stand as halving after halving would leave them
+//! (Lauterbach et al. 2009 build hierarchies so, on graphics processors). A radix sort does in four passes what
+//! some twenty rounds of parting do. What the bits do not tell apart is parted by [`Global`] itself.
+
+use super::Monitor;
+use super::footprint;
+use super::global::Global;
+use super::object::{self, Object, ObjectPolicy, TASK};
+use super::object_tree::{Item, ObjectTree};
+use crate::error::Result;
+use crate::geom::Aabb;
+use crate::scene::Triangles;
+use crate::traverse::frame::Frame;
+use rayon::prelude::*;
+
+/// Bits of a place in the grid; below them a key holds the triangle's number.
+const PLACE_BITS: usize = 32;
+
+/// At most so many of them along one axis.
+const AXIS_BITS: usize = 16;
+
+/// Builds a tree over the live triangles of `scene`, in the frame `frame`, in the current rayon pool.
+/// `policy` parts cells two ways.
+///
+/// # Errors
+/// [`crate::error::Error::Cancelled`] and [`crate::error::Error::Memory`] when the monitor says so.
+pub fn build(
+    scene: &Triangles,
+    frame: &Frame,
+    policy: &Global,
+    monitor: &Monitor,
+) -> Result<ObjectTree> {
+    let grid = Grid::new(frame.bounds());
+    let key = |&id: &u32| grid.place(&bounds(scene, frame, id)) << PLACE_BITS | u64::from(id);
+    let mut keys: Vec<u64> = scene.live().par_iter().map(key).collect();
+    monitor.check()?;
+    // The order is stable: equal places stay in the order of the numbers.
+    radsort::sort_by_key(&mut keys, |key| place(*key));
+    let builder = Builder {
+        scene,
+        frame,
+        policy,
+        monitor,
+        grid: &grid,
+        parallel: object::parallel_from(keys.len()),
+    };
+    let mut items = Vec::with_capacity(keys.len() / policy.leaf_size.max(2));
+    builder.subtree(&mut keys, (0, 1.0), &mut items)?;
+    Ok(ObjectTree {
+        items,
+        ids: keys.into_iter().map(number).collect(),
+    })
+}
+
+/// A triangle's box, in the frame of the walk.
+#[inline(always)]
+fn bounds(scene: &Triangles, frame: &Frame, id: u32) -> Aabb {
+    Aabb::of_triangle(scene.corners(id).map(|p| frame.point(p)))
+}
+
+#[inline(always)]
+fn place(key: u64) -> u32 {
+    (key >> PLACE_BITS) as u32
+}
+
+#[inline(always)]
+#[expect(clippy::cast_possible_truncation, reason = "the low half")]
+fn number(key: u64) -> u32 {
+    key as u32
+}
+
+/// The finest cells, and in which order their sides were halved.
+struct Grid {
+    /// The axis of each halving, the first one first.
+    axes: Vec<usize>,
+    low: [f32; 3],
+    /// Cells per unit.
+    scale: [f32; 3],
+    /// The last cell along each axis.
+    last: [f32; 3],
+    /// Where in a place the bits of a cell's number go: of its low and of its high byte.
+    bits: [[[u32; 256]; 2]; 3],
+}
+
+impl Grid {
+    fn new(bounds: Aabb) -> Self {
+        let mut grid = Self {
+            axes: Vec::with_capacity(PLACE_BITS),
+            low: bounds.min,
+            scale: [0.0; 3],
+            last: [0.0; 3],
+            bits: [[[0; 256]; 2]; 3],
+        };
+        if bounds.is_empty() {
+            return grid;
+        }
+        let sides = [0, 1, 2].map(|k| bounds.extent(k));
+        let mut side = sides;
+        let mut levels = [0; 3];
+        while grid.axes.len() < PLACE_BITS {
+            let axis = (1..3).fold(0, |best, k| if side[k] > side[best] { k } else { best });
+            if side[axis] == 0.0 || levels[axis] == AXIS_BITS {
+                break;
+            }
+            grid.axes.push(axis);
+            side[axis] *= 0.5;
+            levels[axis] += 1;
+        }
+        for k in 0..3 {
+            let cells = f64::from(1_u32 << levels[k]);
+            if levels[k] > 0 {
+                #[expect(clippy::cast_possible_truncation, reason = "any scale near it will do")]
+                let scale = (cells / sides[k]) as f32;
+                grid.scale[k] = scale;
+            }
+            #[expect(clippy::cast_possible_truncation, reason = "a whole number below 2^16")]
+            let last = (cells - 1.0) as f32;
+            grid.last[k] = last;
+            // The halvings along this axis, the last one first, as the bits of its cells' numbers.
+            let own = (0..grid.axes.len()).rev().filter(|&i| grid.axes[i] == k);
+            for (bit, level) in own.enumerate() {
+                let to = 1 << (PLACE_BITS - 1 - level);
+                for (byte, spread) in grid.bits[k][bit / 8].iter_mut().enumerate() {
+                    *spread |= if byte >> (bit % 8) & 1 == 1 { to } else { 0 };
+                }
+            }
+        }
+        grid
+    }
+
+    /// The place of a box's centre; one on the wall between two cells is in the one below.
+    #[inline(always)]
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "clamped to the cells of the grid"
+    )]
+    fn place(&self, bounds: &Aabb) -> u64 {
+        let object = Object {
+            bounds: *bounds,
+            id: 0,
+        };
+        let mut place = 0;
+        for k in 0..3 {
+            let at = (object.centre(k) - self.low[k]) * self.scale[k];
+            let cell = (at.ceil() - 1.0).clamp(0.0, self.last[k]) as usize;
+            let [low, high] = &self.bits[k];
+            place |= low[cell & 0xff] | high[cell >> 8 & 0xff];
+        }
+        u64::from(place)
+    }
+}
+
+struct Builder<'a> {
+    scene: &'a Triangles,
+    frame: &'a Frame,
+    policy: &'a Global,
+    monitor: &'a Monitor,
+    grid: &'a Grid,
+    /// Nodes of at least this many triangles are built on two threads.
+    parallel: usize,
+}
+
+impl Builder<'_> {
+    /// Appends a subtree of sorted keys at `depth`, worth `work` of the whole.
+    fn subtree(
+        &self,
+        keys: &mut [u64],
+        (depth, work): (usize, f64),
+        items: &mut Vec<Item>,
+    ) -> Result<()> {
+        let parting = if keys.len() < TASK {
+            None
+        } else {
+            self.split(keys)
+        };
+        let Some((axis, split)) = parting else {
+            let before = items.len();
+            self.node(keys, depth, items)?;
+            self.monitor
+                .take(footprint::boxes::<Item>(items.len() - before))?;
+            self.monitor.advance(work);
+            return Ok(());
+        };
+        let place = items.len();
+        items.push(Item::inner(axis));
+        let share = split as f64 / keys.len() as f64;
+        let tasks = [(depth + 1, work * share), (depth + 1, work * (1.0 - share))];
+        let both = keys.len() >= self.parallel;
+        let (below, above) = keys.split_at_mut(split);
+        let distance = object::grow_both(
+            (items, both),
+            |items| self.subtree(below, tasks[0], items),
+            |items| self.subtree(above, tasks[1], items),
+        )?;
+        Item::link(&mut items[place..], distance - place);
+        Ok(())
+    }
+
+    /// The same without progress. The depth of the recursion is that of the tree.
+    fn node(&self, keys: &mut [u64], depth: usize, items: &mut Vec<Item>) -> Result<()> {
+        self.monitor.check()?;
+        if keys.len() <= self.policy.leaf_size {
+            let around =
+                |all: Aabb, key: &u64| all.union(&bounds(self.scene, self.frame, number(*key)));
+            items.push(Item::leaf(
+                keys.iter().fold(Aabb::EMPTY, around),
+                keys.len(),
+            ));
+            return Ok(());
+        }
+        let Some((axis, split)) = self.split(keys) else {
+            return self.crowd(keys, depth, items);
+        };
+        let place = items.len();
+        items.push(Item::inner(axis));
+        let (below, above) = keys.split_at_mut(split);
+        self.node(below, depth + 1, items)?;
+        let distance = items.len() - place;
+        self.node(above, depth + 1, items)?;
+        Item::link(&mut items[place..], distance);
+        Ok(())
+    }
+
+    /// The first halving that leaves neither side empty: its axis, and how many keys are below.
+    #[inline(always)]
+    fn split(&self, keys: &[u64]) -> Option<(usize, usize)> {
+        let differ = place(keys.first()? ^ keys.last()?);
+        if differ == 0 {
+            return None;
+        }
+        let level = differ.leading_zeros() as usize;
+        let bit = 2 * PLACE_BITS - 1 - level;
+        let split = keys.partition_point(|key| key >> bit & 1 == 0);
+        Some((self.grid.axes[level], split))
+    }
+
+    /// Parts what lies in one of the finest cells.
+    fn crowd(&self, keys: &mut [u64], depth: usize, items: &mut Vec<Item>) -> Result<()> {
+        let mut objects: Vec<_> = keys
+            .iter()
+            .map(|key| Object {
+                bounds: bounds(self.scene, self.frame, number(*key)),
+                id: number(*key),
+            })
+            .collect();
+        let centres = object::measure(&objects).1;
+        let at = (self.policy.root(centres), depth);
+        object::build_part(&mut objects, at, (self.policy, self.monitor), items)?;
+        for (key, object) in keys.iter_mut().zip(&objects) {
+            *key = u64::from(object.id);
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::build::object_tree::Kind;
+    use crate::oracle::cases::{Random, soup};
+
+    /// A scene within [0, 8]^3, whose halvings are all exact, with triangles at its corners.
+    fn scattered(count: usize) -> Triangles {
+        let mut random = Random(11);
+        let mut corners = vec![[0.0; 3], [0.5, 0.0, 0.0], [0.0, 0.5, 0.0]];
+        corners.extend([[8.0; 3], [7.5, 8.0, 8.0], [8.0, 7.5, 8.0]]);
+        while corners.len() < 3 * count {
+            let p = random.point(0.5, 7.5);
+            // Some of a heap, and some with centres on the walls between cells.
+            let p = match corners.len() % 9 {
+                0 => p,
+                3 => p.map(|x| 3.0 + x * 0.1),
+                _ => p.map(f32::round),
+            };
+            let at = |d: [f32; 3]| [p[0] + d[0], p[1] + d[1], p[2] + d[2]];
+            corners.push(at([-0.25, 0.0, -0.25]));
+            corners.extend([at([0.25, 0.25, 0.25]), at([0.0, -0.25, 0.0])]);
+        }
+        Triangles::clone(&soup(corners))
+    }
+
+    /// Leaves as sets: triangles are in another order.
+    fn leaves(tree: &ObjectTree) -> Vec<Vec<u32>> {
+        let mut leaves = Vec::new();
+        for (place, first) in tree.firsts().into_iter().enumerate() {
+            if let Kind::Leaf { count } = tree.kind(place) {
+                let first = first as usize;
+                let mut ids = tree.ids[first..first + count].to_vec();
+                ids.sort_unstable();
+                leaves.push(ids);
+            }
+        }
+        leaves
+    }
+
+    #[test]
+    fn sorting_builds_the_tree_that_parting_builds() {
+        let scene = scattered(6000);
+        let frame = Frame::new(scene.bounds());
+        for leaf_size in [1, 6] {
+            let policy = Global { leaf_size, ways: 2 };
+            let monitor = Monitor::new();
+            let sorted = build(&scene, &frame, &policy, &monitor).unwrap();
+            let parted = object::build(&scene, &frame, &policy, &monitor).unwrap();
+            assert!(leaves(&sorted) == leaves(&parted), "leaves differ");
+            assert!(sorted.items == parted.items, "items differ");
+        }
+    }
+}

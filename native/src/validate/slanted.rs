@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Hierarchies between oblique planes: each triangle once, on the right side of every plane on its path.
+
+use crate::build::plane_tree::MAX_DEPTH;
+use crate::structure::Structure;
+use crate::traverse::slant_tree::{Kind, SlantTree, between};
+use std::collections::BTreeSet;
+
+/// Checks a tree.
+pub fn slanted(structure: &Structure, tree: &SlantTree, broken: &mut Vec<String>) {
+    let (built, scene) = (structure.built(), structure.scene());
+    let mut seen = BTreeSet::new();
+    let (mut axis, mut oblique, mut leaves) = (0, 0, 0);
+    // Places, and the planes on the way to them.
+    let mut waiting = vec![(0, Vec::new())];
+    while let Some((place, path)) = waiting.pop() {
+        if path.len() > 2 * MAX_DEPTH || axis + oblique + leaves > tree.len() {
+            broken.push(format!(
+                "node {place} lies too deep, or the links run in a circle"
+            ));
+            return;
+        }
+        match tree.kind(place) {
+            Kind::Leaf { first, count } => {
+                leaves += 1;
+                for id in built.blocks.ids(first, count) {
+                    if !seen.insert(id) {
+                        broken.push(format!("triangle {id} lies in two leaves"));
+                    }
+                    let corners = scene.corners(id).map(|p| built.frame.point(p));
+                    if !between(&path, corners) {
+                        broken.push(format!("triangle {id} lies beyond a plane on its path"));
+                    }
+                }
+            }
+            Kind::Inner {
+                direction,
+                alone,
+                planes,
+                link,
+            } => {
+                *(if direction < 3 {
+                    &mut axis
+                } else {
+                    &mut oblique
+                }) += 1;
+                let mut child = |place: u32, more: &[(usize, f32, bool)]| {
+                    let mut path = path.clone();
+                    path.extend_from_slice(more);
+                    waiting.push((place, path));
+                };
+                let (first, second) = (planes[0], planes[1]);
+                if alone {
+                    child(
+                        link,
+                        &[(direction, first, true), (direction, second, false)],
+                    );
+                } else {
+                    child(link + 1, &[(direction, second, true)]);
+                    child(link, &[(direction, first, false)]);
+                }
+            }
+        }
+    }
+    let shape = structure.shape();
+    let counted = (axis, oblique, leaves, seen.len());
+    let stated = (
+        shape.nodes_axis,
+        shape.nodes_oblique,
+        shape.leaves,
+        shape.references,
+    );
+    if counted != stated {
+        broken.push(format!(
+            "nodes along axes, oblique ones, leaves and references are {counted:?}, the statistics say {stated:?}"
+        ));
+    }
+}
