@@ -44,6 +44,9 @@ pub fn split_polygons(structure: &Structure, max_depth: usize, max_count: usize)
         Layout::Plane(tree, _) => {
             planes(structure, tree, (max_depth, max_count), &mut polygons);
         }
+        Layout::Grid(grid) => {
+            planes(structure, grid, (max_depth, max_count), &mut polygons);
+        }
         Layout::Objects(Objects::Slanted(tree)) => {
             planes(structure, tree, (max_depth, max_count), &mut polygons);
         }

@@ -3,9 +3,10 @@
 //! following a ray. Walks do not come here.
 
 use crate::build::cell::{Cell, ConvexCell, Direction, Plane};
+use crate::build::grid::Grid;
 use crate::build::octree_nodes::Octree;
 use crate::build::plane_tree::{Node, PlaneTree};
-use crate::build::slanted::direction;
+use crate::build::slanted_tree::direction;
 use crate::geom::Aabb;
 use crate::geom::vec3::{Vec3, dot, widen};
 use crate::polygons;
@@ -242,6 +243,43 @@ impl Cells for Octree {
     }
 }
 
+/// A grid as a tree: slices along x, in each of them rows along y, and in those the cells.
+impl Cells for Grid {
+    /// As many coordinates as there are levels above, and how many these are.
+    type Place = ([usize; 3], usize);
+
+    fn top(&self, bounds: Aabb) -> (Self::Place, Region) {
+        (([0; 3], 0), Region::of_scene(bounds))
+    }
+
+    fn look(&self, (at, axis): Self::Place, region: &Region) -> Found<Self::Place> {
+        if axis == 3 {
+            let (first, count) = self.cell(at);
+            return leaf(first, count);
+        }
+        let bounds = region.bounds().expect("a box within a grid");
+        let walls = self.walls(axis);
+        let planes = walls[1..self.count(axis)].iter().map(|&offset| {
+            #[expect(clippy::cast_possible_truncation, reason = "an axis")]
+            let kind = axis as u8;
+            let direction = Direction::Axis(axis);
+            (Plane { direction, offset }, kind)
+        });
+        let children = (0..self.count(axis)).map(|number| {
+            let (mut at, mut part) = (at, bounds);
+            at[axis] = number;
+            part.min[axis] = walls[number];
+            part.max[axis] = walls[number + 1];
+            ((at, axis + 1), region.part(part))
+        });
+        Found {
+            leaf: None,
+            planes: planes.collect(),
+            children: children.collect(),
+        }
+    }
+}
+
 impl Cells for SlantTree {
     type Place = u32;
 
@@ -345,6 +383,7 @@ pub fn with_cells<K: Task>(structure: &Structure, task: K) -> Option<K::Result> 
         Layout::Plane(tree, _) => task.run(tree),
         Layout::Objects(Objects::Slanted(tree)) => task.run(tree),
         Layout::Objects(tree) => task.run(&Boxes(tree.nested())),
+        Layout::Grid(grid) => task.run(grid),
         Layout::OctreeParam(tree)
         | Layout::OctreeNet(tree)
         | Layout::OctreeBeam(tree, _)

@@ -52,11 +52,18 @@ pub const TREES: &[StructureSpec] = &[
     trees::octree_beam::SPEC,
     trees::octree_samet::SPEC,
     trees::octree_glassner::SPEC,
+    trees::grid::SPEC,
     trees::brute::SPEC,
 ];
 
 /// Parameters that every structure has, unless its row has one of the same name.
 pub const COMMON: &[ParamSpec] = &[params::SHADOW];
+
+/// Structures that divide space, but not by a tree: no shaft goes down in them.
+const FLAT: &[&str] = &["grid"];
+
+/// The same for trees that divide space.
+const COMMON_SPACE: &[ParamSpec] = &[params::SHADOW_BEAM];
 
 /// A structure's row.
 #[derive(Debug)]
@@ -176,7 +183,8 @@ impl StructureSpec {
     /// Its parameters, and those that all structures have.
     pub fn all_params(&self) -> impl Iterator<Item = &'static ParamSpec> + use<> {
         let own = self.params;
-        let common = COMMON
+        let space = matches!(self.family, "space" | "octants") && !FLAT.contains(&self.id);
+        let common = if space { COMMON_SPACE } else { COMMON }
             .iter()
             .filter(move |c| own.iter().all(|p| p.name != c.name));
         own.iter().chain(common)
@@ -206,11 +214,15 @@ pub mod params {
               shadow rays, wide for others; counters tell what dir does. dir: one by one, by plane distances in the order of the \
               direction; ta-b: by entry and exit points (Havran et al. 1997); ta-a, sung, arvo: by the side of the \
               origin and distances, as TA-A, as Sung and Shirley 1992, as Arvo 1988. wide: three levels at a time, \
-              several rays in turn. tile8, tile16: as dir, but camera rays go in tiles of 64 or 256. The answer \
-              is the same",
+              several rays in turn. seq: each leaf from the root, \
+              without a stack (Kaplan 1985). rope: from leaf to leaf by links to what lies across each face (MacDonald and \
+              Booth 1990); ropetree: by a small tree for each face (Havran et al. 1998); both need about twice \
+              the memory of nodes and more. tile8, tile16: as dir, but camera rays go in tiles of 64 or 256. p4, p8, p16: as \
+              dir, but rays to the nearest hit go in packets of 4, 8 or 16, one to a lane. The answer is the same",
         unit: "",
         kind: Kind::Choice(&[
-            "auto", "dir", "wide", "tile8", "tile16", "ta-b", "ta-a", "sung", "arvo",
+            "auto", "dir", "wide", "tile8", "tile16", "p4", "p8", "p16", "ta-b", "ta-a", "sung",
+            "arvo", "seq", "rope", "ropetree",
         ]),
         default: Default::Choice("auto"),
     };
@@ -218,7 +230,8 @@ pub mod params {
     /// The same, by single rays where nothing is said: for a tree that others are measured against.
     pub const TRAVERSAL_BASELINE: ParamSpec = ParamSpec {
         kind: Kind::Choice(&[
-            "dir", "auto", "wide", "tile8", "tile16", "ta-b", "ta-a", "sung", "arvo",
+            "dir", "auto", "wide", "tile8", "tile16", "p4", "p8", "p16", "ta-b", "ta-a", "sung",
+            "arvo", "seq", "rope", "ropetree",
         ]),
         default: Default::Choice("dir"),
         ..TRAVERSAL_AXIS
@@ -230,18 +243,35 @@ pub mod params {
         label: "Traversal",
         doc: "How rays walk the tree. auto: whatever is quickest for a batch: tile8 for camera rays, dir for \
               shadow rays, wide for others; counters tell what dir does. dir: one by one, by plane distances in the order of the \
-              direction. wide: three levels at a time, several rays in turn. tile8, tile16: as dir, but camera \
-              rays go in tiles of 64 or 256. The answer is the same",
+              direction. ta-b-poly: by the heights of entry and exit points over the plane. wide: three levels at a \
+              time, several rays in turn. tile8, tile16: as dir, but camera rays go in tiles of 64 or 256. p4, p8, \
+              p16: as dir, but rays to the nearest hit go in packets of 4, 8 or 16, one to a lane. The answer is \
+              the same",
         unit: "",
-        kind: Kind::Choice(&["auto", "dir", "wide", "tile8", "tile16"]),
+        kind: Kind::Choice(&[
+            "auto",
+            "dir",
+            "wide",
+            "tile8",
+            "tile16",
+            "p4",
+            "p8",
+            "p16",
+            "ta-b-poly",
+        ]),
         default: Default::Choice("auto"),
     };
 
     /// Walks of axis-aligned trees that are there to be compared with.
     pub const TRAVERSAL_PLAIN: ParamSpec = ParamSpec {
-        doc: "How rays walk the tree: by plane distances in the order of the direction (dir), or by entry and exit \
-              points (TA-B, Havran et al. 1997). The answer is the same",
-        kind: Kind::Choice(&["dir", "ta-b"]),
+        doc: "How rays walk the tree, one by one. dir: by plane distances in the order of the direction; ta-b: by \
+              entry and exit points (Havran et al. 1997); ta-a, sung, arvo: by the side of the origin and \
+              distances, as TA-A, as Sung and Shirley 1992, as Arvo 1988; seq: each leaf from the root (Kaplan \
+              1985); rope, ropetree: from leaf to leaf by links (MacDonald and Booth 1990; Havran et al. 1998). \
+              The answer is the same",
+        kind: Kind::Choice(&[
+            "dir", "ta-b", "ta-a", "sung", "arvo", "seq", "rope", "ropetree",
+        ]),
         default: Default::Choice("dir"),
         ..TRAVERSAL_AXIS
     };
@@ -261,16 +291,17 @@ pub mod params {
     pub const SHADOW: ParamSpec = ParamSpec {
         name: "shadow",
         label: "Shadow Rays",
-        doc: "cache: what blocked a light last is tested first (Wilt 1994). Saves where shadows are large,               and costs a test where they end. The answer is the same",
+        doc: "cache: what blocked a light last is tested first (Wilt 1994). Saves where shadows are large, and \
+              costs a test where they end. The answer is the same",
         unit: "",
         kind: Kind::Choice(&["none", "cache"]),
         default: Default::Choice("none"),
     };
 
-    /// The same on octrees.
-    pub const SHADOW_OCTREE: ParamSpec = ParamSpec {
+    /// The same on trees that divide space.
+    pub const SHADOW_BEAM: ParamSpec = ParamSpec {
         doc: "cache: what blocked a light last is tested first (Wilt 1994). beam: rays to one light go \
-              through the octree together; mostly one walk shows that nothing is in the way of all 64. \
+              through the tree together; mostly one walk shows that nothing is in the way of all 64. \
               The answer is the same",
         kind: Kind::Choice(&["none", "cache", "beam"]),
         ..SHADOW

@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! A built structure over a scene: rays in, answers out.
 
+use crate::build::grid::Grid;
 use crate::build::octree_nodes::Octree;
 use crate::build::plane_tree::{PlaneTree, Shape};
+use crate::build::ropes::{self, Ropes};
 use crate::build::{Monitor, footprint};
 use crate::error::{Error, Result};
 use crate::leaf_depth::LeafDepths;
@@ -11,10 +13,10 @@ use crate::registry::Built;
 use crate::scene::Triangles;
 use crate::spec::{Config, Value};
 use crate::traverse::batch::{Batch, Walk, WithWalk, Write};
-use crate::traverse::box_tile;
 use crate::traverse::cases;
 use crate::traverse::frame::FrameRay;
 use crate::traverse::objects::Objects;
+use crate::traverse::packet::{self, Width};
 use crate::traverse::path::Path;
 use crate::traverse::query::{Any, Closest, Query};
 use crate::traverse::replay::{Record, Recording};
@@ -23,8 +25,10 @@ use crate::traverse::wide_tree::WideTree;
 use crate::traverse::{Hit, Ray, RayCounters, Tracer, plane_dir, plane_ta_b, plane_ta_b_1997};
 use crate::traverse::{
     Order, octree_beam, octree_glassner, octree_net, octree_param, octree_samet, octree_step,
-    plane_arvo, plane_beam, plane_sung, plane_ta_a, plane_tile, plane_wide,
+    plane_arvo, plane_beam, plane_rope, plane_seq, plane_seq_1985, plane_sung, plane_ta_a,
+    plane_ta_b_poly, plane_tile, plane_wide,
 };
+use crate::traverse::{box_packet, box_tile, grid_step, plane_packet};
 use fearless_simd::Level;
 use std::marker::PhantomData;
 use std::sync::{Arc, OnceLock};
@@ -39,6 +43,8 @@ pub enum Layout {
     Plane(PlaneTree, PlaneWalk),
     /// Objects, by boxes or intervals around them.
     Objects(Objects),
+    /// Equal cells.
+    Grid(Grid),
     /// Octants, from the top.
     OctreeParam(Octree),
     /// Octants, from leaf to leaf by links.
@@ -51,7 +57,7 @@ pub enum Layout {
     OctreeGlassner(Octree),
 }
 
-/// A way of walking a tree of planes. All but the first need axis-aligned planes.
+/// A way of walking a tree of planes. All but `Dir` and `TaBPoly` need axis-aligned planes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PlaneWalk {
     /// By distances in the order of the direction.
@@ -60,6 +66,16 @@ pub enum PlaneWalk {
     TaB,
     /// The same as published.
     TaB1997,
+    /// By entry and exit points, whatever the planes.
+    TaBPoly,
+    /// Leaf after leaf, each from the root.
+    Seq,
+    /// The same as published.
+    Seq1985,
+    /// From leaf to leaf by ropes.
+    Rope,
+    /// The same as published.
+    Rope1990,
     /// By the side of the origin and distances, case by case.
     TaA,
     /// The same as published.
@@ -87,6 +103,8 @@ enum Batches {
     Sixteen,
     /// Several rays in flight through wide nodes.
     Wide,
+    /// Rays to the nearest hit in packets of so many, whatever their order.
+    Packets(u32),
     /// Camera rays in tiles, other rays to the nearest hit in flight; shadow rays, and rays that are counted, as the
     /// layout walks single rays.
     Auto,
@@ -99,6 +117,9 @@ impl Batches {
             Some((_, Value::Choice("tile8"))) => Self::Eight,
             Some((_, Value::Choice("tile16"))) => Self::Sixteen,
             Some((_, Value::Choice("wide"))) => Self::Wide,
+            Some((_, Value::Choice("p4"))) => Self::Packets(4),
+            Some((_, Value::Choice("p8"))) => Self::Packets(8),
+            Some((_, Value::Choice("p16"))) => Self::Packets(16),
             Some((_, Value::Choice("auto"))) => Self::Auto,
             _ => Self::Own,
         }
@@ -114,6 +135,8 @@ pub struct Structure {
     built: Built,
     /// The tree of planes once more, for walks through wide nodes.
     wide: Option<WideTree>,
+    /// Links between the leaves of the tree of planes, for walks from leaf to leaf.
+    ropes: Option<Ropes>,
     build_seconds: f64,
     /// Gathered when somebody asks.
     leaf_depths: OnceLock<LeafDepths>,
@@ -139,13 +162,25 @@ impl Structure {
             .build()
             .map_err(|e| Error::Memory(format!("threads: {e}")))?;
         let start = Instant::now();
-        let built = pool.install(|| (config.structure().build)(&scene, &config, monitor))?;
+        let mut built = pool.install(|| (config.structure().build)(&scene, &config, monitor))?;
         let batches = Batches::new(&config);
         let wide = match (&built.layout, batches) {
             (Layout::Plane(tree, _), Batches::Wide | Batches::Auto) => {
                 let wide = WideTree::new(tree);
                 monitor.take(wide.bytes())?;
                 Some(wide)
+            }
+            _ => None,
+        };
+        let ropes = match &built.layout {
+            Layout::Plane(tree, PlaneWalk::Rope | PlaneWalk::Rope1990) => {
+                let kind = match config.choice("traversal") {
+                    "ropetree" => ropes::Kind::RopeTrees,
+                    _ => ropes::Kind::Ropes,
+                };
+                let ropes = Ropes::new(tree, built.frame.bounds(), kind, monitor)?;
+                built.shape.links = ropes.count();
+                Some(ropes)
             }
             _ => None,
         };
@@ -156,6 +191,7 @@ impl Structure {
             config,
             built,
             wide,
+            ropes,
             build_seconds,
             leaf_depths: OnceLock::new(),
             outline: OnceLock::new(),
@@ -192,6 +228,11 @@ impl Structure {
         &self.built
     }
 
+    /// The links between leaves, where the walk needs them.
+    pub fn ropes(&self) -> Option<&Ropes> {
+        self.ropes.as_ref()
+    }
+
     /// What counted walks tell apart, by the places in [`RayCounters::cases`].
     pub fn cases(&self) -> &'static [&'static str] {
         match self.built.layout {
@@ -207,13 +248,16 @@ impl Structure {
             Layout::Brute => 0,
             Layout::Plane(tree, _) => tree.bytes(),
             Layout::Objects(tree) => tree.nested().bytes(),
+            Layout::Grid(grid) => grid.bytes(),
             Layout::OctreeParam(tree)
             | Layout::OctreeNet(tree)
             | Layout::OctreeBeam(tree, _)
             | Layout::OctreeSamet(tree)
             | Layout::OctreeGlassner(tree) => tree.bytes(),
         };
-        nodes + self.wide.as_ref().map_or(0, WideTree::bytes) + self.built.blocks.bytes()
+        let more = self.wide.as_ref().map_or(0, WideTree::bytes)
+            + self.ropes.as_ref().map_or(0, Ropes::bytes);
+        nodes + more + self.built.blocks.bytes()
     }
 
     fn batch<'a>(&'a self, level: Level, rays: &'a [Ray]) -> Batch<'a> {
@@ -296,12 +340,40 @@ impl Structure {
         if Q::ANY && self.config.choice("shadow") == "beam" {
             return self.shadow_beams(&job, write, counters);
         }
+        if let (Batches::Packets(rays), false) = (self.batches, Q::ANY) {
+            return match rays {
+                4 => self.packets::<packet::Four>(&job, write, counters),
+                8 => self.packets::<packet::Eight>(&job, write, counters),
+                _ => self.packets::<packet::Sixteen>(&job, write, counters),
+            };
+        }
         // Shadow rays of neighbours go the same way, for which single rays are quicker.
         let streams = self.batches == Batches::Wide || !Q::ANY;
         if let (Some(wide), None, true) = (&self.wide, &counters, streams) {
             return job.stream::<_, Q>(&plane_wide::Walk(wide), write);
         }
         self.walk::<Q>(&job, &mut write, counters);
+    }
+
+    /// Walks rays to their nearest hits in packets.
+    ///
+    /// # Panics
+    /// For structures that do not offer it.
+    fn packets<L: Width>(
+        &self,
+        job: &Batch<'_>,
+        write: impl FnMut(usize, Hit),
+        counters: Option<&mut [RayCounters]>,
+    ) {
+        match &self.built.layout {
+            Layout::Plane(tree, _) => {
+                job.tiles(&plane_packet::Walk::<L>::new(tree), write, counters);
+            }
+            Layout::Objects(Objects::Boxes8(tree)) => {
+                job.tiles(&box_packet::Walk::<8, L>::new(tree), write, counters);
+            }
+            _ => unreachable!("only trees of planes and of eight boxes to a node offer packets"),
+        }
     }
 
     /// Hands the way of walking single rays to `then`.
@@ -318,6 +390,13 @@ impl Structure {
                 PlaneWalk::Dir | PlaneWalk::Beams(_) => then.with(&plane_dir::Walk(tree)),
                 PlaneWalk::TaB => then.with(&plane_ta_b::Walk(tree)),
                 PlaneWalk::TaB1997 => then.with(&plane_ta_b_1997::Walk(tree)),
+                PlaneWalk::TaBPoly => then.with(&plane_ta_b_poly::Walk(tree)),
+                PlaneWalk::Seq => then.with(&plane_seq::Walk(tree)),
+                PlaneWalk::Seq1985 => {
+                    then.with(&plane_seq_1985::Walk(tree, self.built.frame.bounds()))
+                }
+                PlaneWalk::Rope => then.with(&plane_rope::Walk::<false>(tree, self.linked())),
+                PlaneWalk::Rope1990 => then.with(&plane_rope::Walk::<true>(tree, self.linked())),
                 PlaneWalk::TaA => then.with(&plane_ta_a::Walk::<false>(tree)),
                 PlaneWalk::TaA1997 => then.with(&plane_ta_a::Walk::<true>(tree)),
                 PlaneWalk::Sung => then.with(&plane_sung::Walk::<false>(tree)),
@@ -326,6 +405,7 @@ impl Structure {
                 PlaneWalk::Arvo1988 => then.with(&plane_arvo::Walk::<true>(tree)),
             },
             Layout::Objects(tree) => tree.with_walk(self.built.frame.bounds(), then),
+            Layout::Grid(grid) => then.with(&grid_step::Walk(grid)),
             Layout::OctreeParam(tree) => then.with(&octree_param::Walk(tree)),
             Layout::OctreeNet(tree) | Layout::OctreeBeam(tree, _) => {
                 then.with(&octree_step::Walk(tree, octree_net::Links))
@@ -335,6 +415,11 @@ impl Structure {
                 then.with(&octree_step::Walk(tree, octree_glassner::Location))
             }
         }
+    }
+
+    /// The ropes of a tree that is walked by them.
+    fn linked(&self) -> &Ropes {
+        self.ropes.as_ref().expect("built with the tree")
     }
 
     /// The nearest hit of one ray, and what its walk did.
@@ -426,7 +511,7 @@ impl Structure {
         (seconds, strayed)
     }
 
-    /// Walks shadow rays through an octree as beams.
+    /// Walks shadow rays through a tree that divides space as beams.
     ///
     /// # Panics
     /// For other structures, which do not offer it.
@@ -452,7 +537,10 @@ impl Structure {
                 let walk = octree_step::Walk(tree, octree_glassner::Location);
                 job.shadow_beams((tree, &walk), write, counters);
             }
-            _ => unreachable!("only octrees offer shadow beams"),
+            Layout::Plane(tree, _) => {
+                job.shadow_beams((tree, &plane_dir::Walk(tree)), write, counters);
+            }
+            _ => unreachable!("only trees that divide space offer shadow beams"),
         }
     }
 }

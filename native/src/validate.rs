@@ -8,8 +8,10 @@ use crate::traverse::nested::{Look, Nested, visit};
 use crate::traverse::objects::Objects;
 use std::collections::BTreeSet;
 
+mod grid;
 mod octree;
 mod planes;
+mod ropes;
 mod slanted;
 
 /// Broken invariants, in words; empty for a sound structure.
@@ -17,11 +19,17 @@ pub fn validate(structure: &Structure) -> Vec<String> {
     let mut broken = Vec::new();
     match &structure.built().layout {
         Layout::Brute => {}
-        Layout::Plane(tree, _) => planes::planes(structure, tree, &mut broken),
+        Layout::Plane(tree, _) => {
+            planes::planes(structure, tree, &mut broken);
+            if let Some(links) = structure.ropes() {
+                ropes::ropes(structure, (tree, links), &mut broken);
+            }
+        }
         Layout::Objects(Objects::Slanted(tree)) => {
             slanted::slanted(structure, tree, &mut broken);
         }
         Layout::Objects(tree) => object_tree(structure, tree.nested(), &mut broken),
+        Layout::Grid(cells) => grid::grid(structure, cells, &mut broken),
         Layout::OctreeParam(tree)
         | Layout::OctreeNet(tree)
         | Layout::OctreeSamet(tree)
@@ -65,6 +73,7 @@ impl Layout {
                 ids
             }
             Self::Objects(tree) => nested_ids(structure, tree.nested()),
+            Self::Grid(cells) => grid::cells(structure, cells),
         }
     }
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Whether a triangle and a cube have a point in common, by separating axes (Akenine-Möller 2001), in
+//! Whether a triangle and a box have a point in common, by separating axes (Akenine-Möller 2001), in
 //! f64 with margins: "no" is certain, "yes" may be wrong by a hair.
 
 use crate::geom::vec3::{Vec3, cross, dot, sub, widen};
@@ -45,11 +45,17 @@ impl TriangleBox {
 
     /// Whether the triangle may meet the cube of this centre that reaches so far along each axis.
     pub fn meets(&self, centre: Vec3, reach: f64) -> bool {
+        self.meets_box(centre, [reach; 3])
+    }
+
+    /// Whether it may meet the box of this centre that reaches so far.
+    pub fn meets_box(&self, centre: Vec3, reach: Vec3) -> bool {
         let corners = self.corners.map(|p| sub(p, centre));
         let apart = |axis: Vec3, doubt: f64| {
             let [x, y, z] = corners.map(|p| dot(axis, p));
             let (low, high) = (x.min(y).min(z), x.max(y).max(z));
-            let limit = reach * (axis[0].abs() + axis[1].abs() + axis[2].abs()) + doubt;
+            let size = axis.map(f64::abs);
+            let limit = dot(reach, size) + doubt;
             low > limit || high < -limit
         };
         let units = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];

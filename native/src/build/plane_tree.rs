@@ -202,6 +202,11 @@ impl PlaneTree {
         }
     }
 
+    /// How many places there are for nodes; one beside the root stays free.
+    pub fn places(&self) -> usize {
+        self.nodes.len()
+    }
+
     /// Size in bytes.
     pub fn bytes(&self) -> usize {
         size_of_val(&*self.nodes) + size_of_val(&*self.planes)

@@ -48,10 +48,11 @@ pub const SPEC: StructureSpec = StructureSpec {
 const TRAVERSAL: ParamSpec = ParamSpec {
     name: "traversal",
     label: "Traversal",
-    doc: "How camera rays walk the tree: one by one, the nearest box first, or in tiles of 64 or 256, \
-          which need eight boxes to a node. The answer is the same",
+    doc: "How rays walk the tree. ordered: one by one, the nearest box first. tile8, tile16: camera rays in tiles \
+          of 64 or 256. p4, p8, p16: rays to the nearest hit in packets of 4, 8 or 16, one to a lane. Tiles and \
+          packets need eight boxes to a node. The answer is the same",
     unit: "",
-    kind: Kind::Choice(&["ordered", "tile8", "tile16"]),
+    kind: Kind::Choice(&["ordered", "tile8", "tile16", "p4", "p8", "p16"]),
     default: Default::Choice("ordered"),
 };
 

@@ -120,7 +120,11 @@ pub fn lay_out(
     let tree = PlaneTree::new(preorder, scene, &frame, &mut blocks)?;
     let robust = config.choice("robust") != "none";
     let walk = match (config.choice("traversal"), robust) {
-        ("auto" | "dir" | "wide" | "tile8" | "tile16", _) => PlaneWalk::Dir,
+        ("auto" | "dir" | "wide" | "tile8" | "tile16" | "p4" | "p8" | "p16", _) => PlaneWalk::Dir,
+        ("seq", true) => PlaneWalk::Seq,
+        ("seq", false) => PlaneWalk::Seq1985,
+        ("rope" | "ropetree", true) => PlaneWalk::Rope,
+        ("rope" | "ropetree", false) => PlaneWalk::Rope1990,
         ("ta-a", true) => PlaneWalk::TaA,
         ("ta-a", false) => PlaneWalk::TaA1997,
         ("sung", true) => PlaneWalk::Sung,

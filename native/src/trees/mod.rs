@@ -21,6 +21,7 @@ pub mod bsp_random;
 pub mod bsp_wn;
 pub mod bsp_wn_area;
 pub mod bvh_sah;
+pub mod grid;
 pub mod interval;
 pub mod kd;
 pub mod kd_median;

@@ -261,10 +261,18 @@ pub fn lay_out(
     let shape = Shape::new(preorder);
     let mut blocks = Blocks::new();
     let tree = PlaneTree::new(preorder, scene, &frame, &mut blocks)?;
+    let by_heights = config
+        .values()
+        .any(|(name, v)| name == "traversal" && *v == Value::Choice("ta-b-poly"));
+    let walk = if by_heights {
+        PlaneWalk::TaBPoly
+    } else {
+        PlaneWalk::Dir
+    };
     Ok(Built {
         frame: frame.with_robust(config.choice("robust") != "none"),
         blocks,
-        layout: Layout::Plane(tree, PlaneWalk::Dir),
+        layout: Layout::Plane(tree, walk),
         shape,
         left_out,
     })

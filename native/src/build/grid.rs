@@ -1,0 +1,311 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Uniform grids: the scene's box in equal cells, about so many per triangle, as near to cubes as whole
+//! numbers allow (Cleary and Wyvill 1988).
+//!
+//! The walls are floats, and a triangle is in every cell that it has a point in, walls included: nothing is
+//! widened here, for the walk knows how far its own distances are off. The result is a pure function of
+//! the triangles and the parameters, for any number of threads.
+
+use super::Monitor;
+use super::footprint;
+use super::overlap::TriangleBox;
+use crate::error::{Error, Result};
+use crate::geom::Aabb;
+use crate::scene::Triangles;
+use crate::traverse::blocks::Blocks;
+use crate::traverse::frame::{Frame, U};
+use rayon::prelude::*;
+
+/// Cells are not thinner than this share of the scene's largest coordinate: walls closer together than a ray
+/// can tell only add steps.
+const THINNEST: f32 = 256.0 * U;
+
+/// Cells along one axis at most.
+const LONGEST: f64 = 4096.0;
+
+/// Triangles that one task sorts into cells.
+const TASK: usize = 1024;
+
+/// A uniform grid over a scene.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Grid {
+    /// Per axis the walls in ascending order, one more than there are cells.
+    walls: [Vec<f32>; 3],
+    /// Cells per unit of length.
+    per_unit: [f32; 3],
+    /// Where each cell's blocks begin and how many triangles they hold; x runs fastest, z slowest.
+    cells: Vec<[u32; 2]>,
+}
+
+/// How many cells a box is divided into along each axis, so that about `cells` result. Axes along which even
+/// one cell is too long, or the scene too thin to be divided, leave their share to the others.
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "at most LONGEST"
+)]
+pub fn resolution(bounds: &Aabb, cells: f64) -> [usize; 3] {
+    let extent = [0, 1, 2].map(|k| bounds.extent(k));
+    let thinnest = f64::from(THINNEST * bounds.magnitude());
+    let most = extent.map(|e| (e / thinnest).min(LONGEST));
+    let mut open: Vec<usize> = (0..3)
+        .filter(|&k| extent[k] > 0.0 && most[k] >= 2.0)
+        .collect();
+    let mut left = cells;
+    let mut out = [1.0_f64; 3];
+    loop {
+        let volume: f64 = open.iter().map(|&k| extent[k]).product();
+        let per_unit = (left / volume).powf(1.0 / open.len() as f64);
+        for &k in &open {
+            out[k] = (extent[k] * per_unit).round();
+        }
+        // The axis that is farthest out of its range takes the end of the range.
+        let excess = |k: usize| (out[k] / most[k]).max(1.0 / out[k]);
+        let worst = (open.iter().copied()).max_by(|&a, &b| excess(a).total_cmp(&excess(b)));
+        match worst {
+            Some(k) if !(1.0 <= out[k] && out[k] <= most[k]) => {
+                out[k] = if out[k] > most[k] {
+                    most[k].floor()
+                } else {
+                    1.0
+                };
+                left /= out[k];
+                open.retain(|&other| other != k);
+            }
+            _ => break,
+        }
+    }
+    out.map(|n| n as usize)
+}
+
+impl Grid {
+    /// Builds a grid of about `cells` cells and puts the triangles of each into `blocks`.
+    ///
+    /// # Errors
+    /// [`Error::Cancelled`] and [`Error::Memory`] when the monitor says so; [`Error::Memory`] for more places in
+    /// cells than can be numbered.
+    #[expect(clippy::cast_possible_truncation, reason = "only ever a guess")]
+    pub fn new(
+        (scene, frame): (&Triangles, &Frame),
+        cells: f64,
+        blocks: &mut Blocks,
+        monitor: &Monitor,
+    ) -> Result<Self> {
+        let bounds = frame.bounds();
+        let counts = if bounds.is_empty() {
+            [1; 3]
+        } else {
+            resolution(&bounds, cells)
+        };
+        let number = counts[0] * counts[1] * counts[2];
+        monitor.take(number * footprint::leaf::<()>(0, 8))?;
+        let mut grid = Self {
+            walls: [0, 1, 2].map(|k| walls(&bounds, k, counts[k])),
+            per_unit: [0, 1, 2].map(|k| (counts[k] as f64 / bounds.extent(k)) as f32),
+            cells: vec![[0; 2]; number],
+        };
+
+        let tasks = scene.live().len().div_ceil(TASK).max(1) as f64;
+        let places: Vec<Vec<(u32, u32)>> = scene
+            .live()
+            .par_chunks(TASK)
+            .map(|ids| {
+                let found = grid.sort((scene, frame), ids, monitor)?;
+                monitor.advance(1.0 / tasks);
+                Ok(found)
+            })
+            .collect::<Result<_>>()?;
+        monitor.check()?;
+        for (cell, _) in places.iter().flatten() {
+            grid.cells[*cell as usize][1] += 1;
+        }
+        let sum: usize = places.iter().map(Vec::len).sum();
+        if sum >= 1 << 28 {
+            return Err(Error::Memory(format!(
+                "the grid would have {sum} places for triangles; at most 2^28 are possible"
+            )));
+        }
+        let mut next = Vec::with_capacity(number);
+        let mut before = 0_u32;
+        for [_, count] in &grid.cells {
+            next.push(before);
+            before += count;
+        }
+        // Triangles are in ascending order, so those of each cell are too.
+        let mut ids = vec![0; sum];
+        for (cell, id) in places.into_iter().flatten() {
+            let place = &mut next[cell as usize];
+            ids[*place as usize] = id;
+            *place += 1;
+        }
+        let mut ids = ids.as_slice();
+        for cell in &mut grid.cells {
+            let (own, rest) = ids.split_at(cell[1] as usize);
+            ids = rest;
+            if !own.is_empty() {
+                cell[0] = blocks.push_leaf(scene, frame, own);
+            }
+        }
+        blocks.seal();
+        Ok(grid)
+    }
+
+    /// The cells that each of some triangles is in.
+    fn sort(
+        &self,
+        (scene, frame): (&Triangles, &Frame),
+        ids: &[u32],
+        monitor: &Monitor,
+    ) -> Result<Vec<(u32, u32)>> {
+        let (mut out, mut gathered) = (Vec::new(), 0);
+        for &id in ids {
+            monitor.check()?;
+            let corners = scene.corners(id).map(|p| frame.point(p));
+            let triangle = TriangleBox::new(corners, frame.bounds().magnitude());
+            let [x, y, z] = self.reached(&Aabb::of_triangle(corners));
+            for k in z[0]..=z[1] {
+                for j in y[0]..=y[1] {
+                    for i in x[0]..=x[1] {
+                        let cell = self.bounds([i, j, k]);
+                        let (low, high) = (cell.min.map(f64::from), cell.max.map(f64::from));
+                        let centre = [0, 1, 2].map(|k| 0.5 * (low[k] + high[k]));
+                        let reach = [0, 1, 2].map(|k| 0.5 * (high[k] - low[k]));
+                        if triangle.meets_box(centre, reach) {
+                            monitor.charge(&mut gathered, footprint::leaf::<()>(1, 0))?;
+                            #[expect(
+                                clippy::cast_possible_truncation,
+                                reason = "4096^3 at most, by far fewer"
+                            )]
+                            out.push((self.index([i, j, k]) as u32, id));
+                        }
+                    }
+                }
+            }
+        }
+        monitor.take(gathered)?;
+        Ok(out)
+    }
+
+    /// Per axis the first and the last cell that have a point in common with a box.
+    fn reached(&self, bounds: &Aabb) -> [[usize; 2]; 3] {
+        [0, 1, 2].map(|k| {
+            let walls = &self.walls[k];
+            let last = walls.len() - 2;
+            let first = walls[1..].partition_point(|wall| *wall < bounds.min[k]);
+            let end = walls.partition_point(|wall| *wall <= bounds.max[k]);
+            [first.min(last), end.saturating_sub(1).min(last)]
+        })
+    }
+
+    /// The walls across an axis, in ascending order.
+    #[inline(always)]
+    pub fn walls(&self, axis: usize) -> &[f32] {
+        &self.walls[axis]
+    }
+
+    /// Cells per unit of length along an axis; means nothing for an axis along which the scene is flat.
+    #[inline(always)]
+    pub fn per_unit(&self, axis: usize) -> f32 {
+        self.per_unit[axis]
+    }
+
+    /// How many cells there are along an axis.
+    #[inline(always)]
+    pub fn count(&self, axis: usize) -> usize {
+        self.walls[axis].len() - 1
+    }
+
+    /// Where a cell is kept.
+    #[inline(always)]
+    fn index(&self, [x, y, z]: [usize; 3]) -> usize {
+        (z * self.count(1) + y) * self.count(0) + x
+    }
+
+    /// Where a cell's blocks begin, and how many triangles they hold.
+    #[inline(always)]
+    pub fn cell(&self, place: [usize; 3]) -> (u32, usize) {
+        let [first, count] = self.cells[self.index(place)];
+        (first, count as usize)
+    }
+
+    /// The box of a cell.
+    pub fn bounds(&self, place: [usize; 3]) -> Aabb {
+        Aabb {
+            min: [0, 1, 2].map(|k| self.walls[k][place[k]]),
+            max: [0, 1, 2].map(|k| self.walls[k][place[k] + 1]),
+        }
+    }
+
+    /// Visits all cells, x fastest.
+    pub fn visit(&self, mut see: impl FnMut([usize; 3], (u32, usize))) {
+        for z in 0..self.count(2) {
+            for y in 0..self.count(1) {
+                for x in 0..self.count(0) {
+                    see([x, y, z], self.cell([x, y, z]));
+                }
+            }
+        }
+    }
+
+    /// Size in bytes.
+    pub fn bytes(&self) -> usize {
+        let walls: usize = self.walls.iter().map(|walls| size_of_val(&**walls)).sum();
+        walls + size_of_val(&*self.cells)
+    }
+}
+
+/// The walls of `count` equal cells.
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "rounded, and then they are what they are"
+)]
+fn walls(bounds: &Aabb, axis: usize, count: usize) -> Vec<f32> {
+    let (low, high) = (bounds.min[axis], bounds.max[axis]);
+    let step = (f64::from(high) - f64::from(low)) / count as f64;
+    let inner = (1..count).map(|i| ((f64::from(low) + i as f64 * step) as f32).clamp(low, high));
+    // -0.0 becomes 0.0.
+    let all = std::iter::once(low).chain(inner).chain([high]);
+    all.map(|x| x + 0.0).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn bounds(max: [f32; 3]) -> Aabb {
+        Aabb { min: [0.0; 3], max }
+    }
+
+    #[test]
+    fn cells_are_as_many_and_as_even_as_whole_numbers_allow() {
+        assert_eq!(resolution(&bounds([1.0; 3]), 1000.0), [10; 3]);
+        assert_eq!(resolution(&bounds([4.0, 2.0, 1.0]), 64.0), [8, 4, 2]);
+        // What a thin axis cannot take goes to the others.
+        assert_eq!(resolution(&bounds([1.0, 1.0, 0.0]), 100.0), [10, 10, 1]);
+        assert_eq!(resolution(&bounds([1.0, 1.0, 1e-9]), 100.0), [10, 10, 1]);
+        assert_eq!(resolution(&bounds([1.0, 0.0, 0.0]), 100.0), [100, 1, 1]);
+        assert_eq!(resolution(&bounds([0.0; 3]), 100.0), [1; 3]);
+        assert_eq!(resolution(&bounds([1.0; 3]), 0.01), [1; 3]);
+        // Far from the origin cells as wide as rounding can tell.
+        let far = Aabb {
+            min: [1e6; 3],
+            max: [1e6 + 1.0, 1e6 + 64.0, 1e6 + 64.0],
+        };
+        let [x, y, z] = resolution(&far, 1e6);
+        assert!(x == 1 && y == 4 && z == 4, "{x} {y} {z}");
+    }
+
+    #[test]
+    fn walls_ascend_and_end_at_the_box() {
+        let far = Aabb {
+            min: [-3.0, 1e6, 0.5],
+            max: [7.0, 1e6 + 64.0, 0.5],
+        };
+        for (axis, count) in [(0, 7), (1, 4), (2, 1)] {
+            let walls = walls(&far, axis, count);
+            assert_eq!(walls.len(), count + 1);
+            assert_eq!((walls[0], walls[count]), (far.min[axis], far.max[axis]));
+            assert!(walls.is_sorted());
+        }
+    }
+}

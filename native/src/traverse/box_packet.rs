@@ -1,0 +1,211 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Trees of boxes walked by packets: each box of a node against all rays, one to a lane. The box that the
+//! first ray inside it enters soonest is visited first.
+
+use super::batch::TileWalk;
+use super::blocks::Blocks;
+use super::box_tree::{self, BoxTree, INNER, Slabs};
+use super::frame::Frame;
+use super::packet::{self, Group, MOST, Packet, Row, Width};
+use super::query::Counters;
+use super::ray::{Hit, Ray};
+use crate::build::plane_tree::MAX_DEPTH;
+use crate::scene::Triangles;
+use fearless_simd::{Simd, SimdBase, SimdFloat};
+use std::marker::PhantomData;
+
+/// The walk over one tree.
+pub struct Walk<'a, const W: usize, L>(&'a BoxTree<W>, PhantomData<L>);
+
+impl<'a, const W: usize, L> Walk<'a, W, L> {
+    /// Over this tree.
+    pub fn new(tree: &'a BoxTree<W>) -> Self {
+        Self(tree, PhantomData)
+    }
+}
+
+/// A box still to visit, and where each ray enters it; the others nowhere.
+#[derive(Clone, Copy)]
+pub struct Pending {
+    /// Where the first of them does.
+    first: f32,
+    link: u32,
+    count: u32,
+    enter: Row,
+}
+
+/// Waiting boxes, and those of a ray alone.
+pub struct Stacks {
+    packet: Vec<Pending>,
+    single: Vec<box_tree::Pending>,
+}
+
+/// What slab tests need of the rays: [`Slabs`], a ray to a lane.
+struct Rows {
+    inv: [Row; 3],
+    near: [Row; 3],
+    far: [Row; 3],
+}
+
+impl Rows {
+    #[inline(always)]
+    fn new(packet: &Packet<'_>) -> Self {
+        let mut rows = Self {
+            inv: [[0.0; MOST]; 3],
+            near: [[0.0; MOST]; 3],
+            far: [[0.0; MOST]; 3],
+        };
+        for (i, frame) in packet.frames.iter().enumerate() {
+            let slabs = Slabs::new(frame);
+            for k in 0..3 {
+                rows.inv[k][i] = slabs.inv[k];
+                rows.near[k][i] = slabs.near[k];
+                rows.far[k][i] = slabs.far[k];
+            }
+        }
+        rows
+    }
+}
+
+impl<const W: usize, L: Width> TileWalk for Walk<'_, W, L> {
+    const RAYS: usize = L::RAYS;
+    type Scratch = Stacks;
+
+    fn scratch(&self) -> Stacks {
+        let blank = Pending {
+            first: 0.0,
+            link: 0,
+            count: 0,
+            enter: [0.0; MOST],
+        };
+        Stacks {
+            // Each level leaves at most all children but one behind, and the lowest all of them.
+            packet: vec![blank; (MAX_DEPTH + 1) * (W - 1) + 2 * W],
+            single: super::batch::Walk::scratch(&box_tree::Walk(self.0)),
+        }
+    }
+
+    #[inline(always)]
+    fn cast_tile<S: Simd, C: Counters>(
+        &self,
+        simd: S,
+        triangles: (&Triangles, &Blocks),
+        (frame, rays): (&Frame, &[Ray]),
+        stacks: &mut Stacks,
+        write: &mut impl FnMut(usize, Hit),
+        counters: &mut [C],
+    ) {
+        let mut packet = Packet::new(frame, rays);
+        let rows = Rows::new(&packet);
+        let mut left = packet.entering();
+        while left != 0 {
+            let group = packet.group(left);
+            left &= !group.lanes;
+            if group.lanes.count_ones() == 1 {
+                let single = (&box_tree::Walk(self.0), &mut stacks.single);
+                packet.alone(simd, single, triangles, group.lead, counters);
+            } else {
+                let stack = stacks.packet.as_mut_slice();
+                self.follow(
+                    simd,
+                    triangles,
+                    (&mut packet, &rows),
+                    group,
+                    stack,
+                    counters,
+                );
+            }
+        }
+        packet.finish(write);
+    }
+}
+
+impl<const W: usize, L: Width> Walk<'_, W, L> {
+    /// Walks some rays of a packet. Steps are charged to the first of them.
+    #[inline(always)]
+    fn follow<S: Simd, C: Counters>(
+        &self,
+        simd: S,
+        triangles: (&Triangles, &Blocks),
+        (packet, rows): (&mut Packet<'_>, &Rows),
+        group: Group,
+        stack: &mut [Pending],
+        counters: &mut [C],
+    ) {
+        // Where their boxes end is of no use to leaves.
+        let ends: Row = std::array::from_fn(|i| packet.frames[i].t_max);
+        let mut enters = packet.enter(group);
+        let mut waiting = 0;
+        let mut node = &self.0.nodes[0];
+        loop {
+            counters[group.lead].step_axis();
+            let inside = packet::load::<S, L>(simd, &enters);
+            let reach = packet::load::<S, L>(simd, &packet.reach);
+            let base = waiting;
+            for child in 0..W {
+                if node.count[child] == 0 {
+                    continue;
+                }
+                let (mut enter, mut leave) = (inside, reach);
+                for k in 0..3 {
+                    let back = group.signs >> k & 1 == 1;
+                    let (low, high) = (node.bounds[k][child], node.bounds[3 + k][child]);
+                    let (soon, late) = if back { (high, low) } else { (low, high) };
+                    let inv = packet::load::<S, L>(simd, &rows.inv[k]);
+                    let near = packet::load::<S, L>(simd, &rows.near[k]);
+                    let far = packet::load::<S, L>(simd, &rows.far[k]);
+                    // What is not a number bounds nothing.
+                    enter = L::Vector::splat(simd, soon).mul_add(inv, near).max(enter);
+                    leave = L::Vector::splat(simd, late).mul_add(inv, far).min(leave);
+                }
+                let lanes = packet::live::<S, L>(enter, leave);
+                if lanes == 0 {
+                    continue;
+                }
+                let mut own = [f32::INFINITY; MOST];
+                packet::store::<S, L>(enter, &mut own);
+                let first = own[lanes.trailing_zeros() as usize % MOST];
+                // Rays that miss this box take no part in what is inside.
+                for (i, enter) in own.iter_mut().enumerate() {
+                    if lanes >> i & 1 == 0 {
+                        *enter = f32::INFINITY;
+                    }
+                }
+                let mut at = waiting;
+                while at > base && stack[at - 1].first < first {
+                    stack[at] = stack[at - 1];
+                    at -= 1;
+                }
+                stack[at] = Pending {
+                    first,
+                    link: node.link[child],
+                    count: node.count[child],
+                    enter: own,
+                };
+                waiting += 1;
+            }
+
+            // Go on with the nearest box; leaves are tested until an inner node comes up.
+            node = loop {
+                if waiting == 0 {
+                    return;
+                }
+                waiting -= 1;
+                let next = &stack[waiting];
+                let enter = packet::load::<S, L>(simd, &next.enter);
+                let reach = packet::load::<S, L>(simd, &packet.reach);
+                let lanes = packet::live::<S, L>(enter, reach);
+                if lanes == 0 {
+                    continue;
+                }
+                if next.count == INNER {
+                    enters = next.enter;
+                    break &self.0.nodes[next.link as usize];
+                }
+                let leaf = (next.link, next.count as usize);
+                counters[group.lead].leaf(leaf.1);
+                packet.leaf(simd, triangles, leaf, (lanes, &ends), counters);
+            };
+        }
+    }
+}

@@ -1,0 +1,170 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! TA-B carried over to planes of any direction: the ray's entry and exit *points* in the current cell are kept,
+//! and their heights over a plane tell which children are on the way. Two products of three numbers decide, where
+//! distances take two products, a division and a comparison with the direction; a division is needed only when both
+//! children are visited, and then the two heights give the crossing by the rule of three.
+//!
+//! A height of a point of the scene is off by less than the frame's `oblique_pad`: the coordinates of a
+//! point `o + t d` by at most `u (|o| + 2 |p|)`, the product with a normal by `3 u |p|`, the difference by
+//! `2 u |p|` more, each times `sqrt(3)`, which is less than half of that pad; where the coordinates are off
+//! from the start, the pad says so. Between entry and exit the true heights run straight, so a child is skipped
+//! only when both ends are certainly on the other side. When both are visited, their parts overlap by what
+//! [`PADS`] of the pad may move the crossing.
+
+use super::batch;
+use super::blocks::Blocks;
+use super::frame::{FrameRay, keep_max, keep_min};
+use super::query::{Best, Counters, Query};
+use super::ray::{Hit, Ray};
+use crate::build::plane_tree::{MAX_DEPTH, Node, PlaneTree};
+use crate::geom::vec3::map;
+use crate::scene::Triangles;
+use fearless_simd::Simd;
+
+/// How many pads the heights at both ends are moved by for the crossing: one each for the errors of the two
+/// heights, and two for the roundings of the quotient, of the interval's length and of what comes out. The latter
+/// are at most 11 u times the frame ray's span, while a pad moves a crossing by 28 u of it divided by the speed
+/// over the plane, which is less than `2 sqrt(3)`.
+const PADS: f32 = 4.0;
+
+/// Spans of rays below this leave room for `o + t d` and its products.
+const FAR: f32 = 1e36;
+
+/// The part of the ray in a cell, by its ends.
+#[derive(Clone, Copy, Default)]
+pub struct Segment {
+    entry: [f32; 3],
+    exit: [f32; 3],
+    enter: f32,
+    leave: f32,
+}
+
+/// The walk over one tree.
+pub struct Walk<'a>(pub &'a PlaneTree);
+
+impl batch::Walk for Walk<'_> {
+    type Scratch = [(u32, Segment); MAX_DEPTH + 1];
+
+    fn scratch(&self) -> Self::Scratch {
+        [(0, Segment::default()); MAX_DEPTH + 1]
+    }
+
+    #[inline(always)]
+    fn cast<S: Simd, Q: Query, C: Counters>(
+        &self,
+        simd: S,
+        (scene, blocks): (&Triangles, &Blocks),
+        (ray, frame): (&Ray, &FrameRay),
+        stack: &mut Self::Scratch,
+        counters: &mut C,
+    ) -> Hit {
+        let tree = self.0;
+        let mut best = Best::new(frame);
+        let mut segment = Segment {
+            entry: point(frame, frame.t_min),
+            exit: point(frame, frame.t_max),
+            enter: frame.t_min,
+            leave: frame.t_max,
+        };
+        // Where a coordinate along the way might overflow, no height decides.
+        let wild = if frame.span < FAR { 0.0 } else { f32::INFINITY };
+        let pads = map(frame.pad, |pad| pad + wild);
+        let oblique_pad = frame.oblique_pad + wild;
+        let mut waiting = 0;
+        let mut node = tree.root();
+        loop {
+            let (heights, pad, children, empty) = match tree.node(node) {
+                Node::Axis {
+                    axis,
+                    split,
+                    children,
+                    empty,
+                    ..
+                } => {
+                    counters.step_axis();
+                    let heights = (segment.entry[axis] - split, segment.exit[axis] - split);
+                    (heights, pads[axis], children, empty)
+                }
+                Node::Oblique {
+                    normal,
+                    offset,
+                    children,
+                    empty,
+                } => {
+                    counters.step_oblique();
+                    let height = |p: [f32; 3]| {
+                        normal[0] * p[0] + normal[1] * p[1] + normal[2] * p[2] - offset
+                    };
+                    let heights = (height(segment.entry), height(segment.exit));
+                    (heights, oblique_pad, children, empty)
+                }
+                Node::Leaf { first, count } => {
+                    counters.leaf(count);
+                    let ray = (ray, frame, segment.leave);
+                    let leaf = (first, count);
+                    if blocks.test::<S, Q, C>(simd, leaf, scene, ray, &mut best, counters) {
+                        return best.hit();
+                    }
+                    loop {
+                        if waiting == 0 {
+                            return best.hit();
+                        }
+                        waiting -= 1;
+                        let (next, part) = stack[waiting];
+                        if part.enter <= best.reach {
+                            (node, segment) = (next, part);
+                            break;
+                        }
+                    }
+                    continue;
+                }
+            };
+            let (entry, exit) = heights;
+            if entry < -pad && exit < -pad {
+                node = children;
+                continue;
+            }
+            if entry > pad && exit > pad {
+                node = children + 1;
+                continue;
+            }
+            // Up or down, the near child first; of two on the way an empty one is not visited.
+            let near = children + u32::from(exit < entry);
+            let from = if exit < entry { entry } else { -entry };
+            // Of no height at all the sign would decide, and must not.
+            let way = (exit - entry).abs();
+            let per_height = (segment.leave - segment.enter) / way;
+            let early = segment.enter + (from - PADS * pad) * per_height;
+            let late = segment.enter + (from + PADS * pad) * per_height;
+            // What is not a number bounds nothing.
+            let far_from = keep_max(early, segment.enter);
+            let near_to = keep_min(late, segment.leave);
+            let far = Segment {
+                entry: point(frame, far_from),
+                enter: far_from,
+                ..segment
+            };
+            if empty >> (near & 1) & 1 == 1 {
+                (node, segment) = (near ^ 1, far);
+                continue;
+            }
+            if empty == 0 {
+                stack[waiting] = (near ^ 1, far);
+                waiting += 1;
+            }
+            segment.exit = point(frame, near_to);
+            segment.leave = near_to;
+            node = near;
+        }
+    }
+}
+
+/// The ray's point at `t`.
+#[inline(always)]
+fn point(frame: &FrameRay, t: f32) -> [f32; 3] {
+    [
+        frame.o[0] + t * frame.d[0],
+        frame.o[1] + t * frame.d[1],
+        frame.o[2] + t * frame.d[2],
+    ]
+}

@@ -1,0 +1,99 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Uniform grids where their walls meet: triangles that reach a corner of cells from one side, and rays that only
+//! just touch them there.
+
+use halfspace_native::build::Monitor;
+use halfspace_native::oracle::cases::{Random, ray, soup};
+use halfspace_native::spec::Config;
+use halfspace_native::structure::{Layout, Structure};
+use halfspace_native::traverse::{Hit, Ray, Tracer};
+use halfspace_native::validate::validate;
+
+type Corners = [[f32; 3]; 3];
+
+/// Corners of cells along each axis.
+const SIDE: usize = 6;
+
+fn build(triangles: &[Corners], spec: &str) -> Structure {
+    let config = Config::parse(spec).unwrap();
+    Structure::build(soup(triangles.concat()), config, 1, &Monitor::new()).unwrap()
+}
+
+/// A flat scene of as many triangles as there will be, in the box that the scene will have.
+fn outline(low: [f32; 3], high: [f32; 3]) -> Vec<Corners> {
+    let ends = [[low, low, high], [high, high, low]];
+    let mut triangles: Vec<Corners> = ends.to_vec();
+    triangles[0][1][0] = high[0];
+    triangles[1][1][0] = low[0];
+    triangles.resize(SIDE.pow(3) + 2, triangles[0]);
+    triangles
+}
+
+#[test]
+fn triangles_that_reach_a_corner_from_one_cell_are_met_there() {
+    let mut random = Random(5);
+    let boxes = [
+        ([0.0; 3], [1.0; 3]),
+        ([-3.0, 0.1, 7.0], [2.0, 4.3, 9.1]),
+        ([1e3; 3], [1e3 + 1.0; 3]),
+    ];
+    let mut lost = 0;
+    for (low, high) in boxes {
+        let mut triangles = outline(low, high);
+        let spec = format!("grid:density={}", 343.0 / triangles.len() as f32);
+        let walls = {
+            let structure = build(&triangles, &spec);
+            let Layout::Grid(grid) = &structure.built().layout else {
+                panic!("a grid")
+            };
+            [0, 1, 2].map(|k| grid.walls(k).to_vec())
+        };
+        let mut rays = Vec::new();
+        for i in 0..SIDE.pow(3) {
+            let at = [i % SIDE, i / SIDE % SIDE, i / SIDE.pow(2)];
+            let corner: [f32; 3] =
+                std::array::from_fn(|k| walls[k][1 + at[k] % (walls[k].len() - 2)]);
+            // Into one of the eight cells around the corner, and one float away from the others.
+            let side = random.below(8);
+            let up = |k: usize| side >> k & 1 == 1;
+            let tip: [f32; 3] = std::array::from_fn(|k| match up(k) {
+                true => corner[k].next_up(),
+                false => corner[k].next_down(),
+            });
+            let mut inside = || {
+                std::array::from_fn(|k| {
+                    let size = 0.05 * (high[k] - low[k]) * random.unit();
+                    corner[k] + if up(k) { size } else { -size }
+                })
+            };
+            triangles[i + 2] = [tip, inside(), inside()];
+            for _ in 0..40 {
+                let o: [f32; 3] = std::array::from_fn(|k| {
+                    low[k] + (high[k] - low[k]) * (3.0 * random.unit() - 1.0)
+                });
+                // Not of length 1, at which distances to the three walls would round alike.
+                let length = 0.5 + random.unit();
+                let d = std::array::from_fn(|k| length * (tip[k] - o[k]));
+                rays.push(ray(o, d));
+            }
+        }
+        let expected = answers(&build(&triangles, "brute"), &rays);
+        let structure = build(&triangles, &spec);
+        assert_eq!(validate(&structure), Vec::<String>::new());
+        let found = answers(&structure, &rays);
+        let wrong = (found.iter().zip(&expected)).filter(|(a, b)| a != b);
+        assert_eq!(wrong.count(), 0, "from {low:?} to {high:?}");
+        let published = answers(&build(&triangles, &format!("{spec},robust=none")), &rays);
+        lost += (published.iter().zip(&expected))
+            .filter(|(a, b)| a != b)
+            .count();
+    }
+    // Without its bounds the walk passes some of them: what was asked above is not void.
+    assert!(lost > 0);
+}
+
+fn answers(structure: &Structure, rays: &[Ray]) -> Vec<[u32; 2]> {
+    let mut hits = vec![Hit::MISS; rays.len()];
+    structure.closest(rays, &mut hits, None);
+    hits.iter().map(|h| [h.triangle, h.t.to_bits()]).collect()
+}
