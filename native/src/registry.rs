@@ -210,14 +210,14 @@ pub mod params {
     pub const TRAVERSAL_AXIS: ParamSpec = ParamSpec {
         name: "traversal",
         label: "Traversal",
-        doc: "How rays walk the tree. auto: whatever is quickest for a batch: tile8 for camera rays, dir for \
-              shadow rays, wide for others; counters tell what dir does. dir: one by one, by plane distances in the order of the \
+        doc: "How rays walk the tree. auto: whatever is quickest for a batch: tile8 for camera rays and \
+              for shadow rays, wide for others; counters tell what dir does. dir: one by one, by plane distances in the order of the \
               direction; ta-b: by entry and exit points (Havran et al. 1997); ta-a, sung, arvo: by the side of the \
               origin and distances, as TA-A, as Sung and Shirley 1992, as Arvo 1988. wide: three levels at a time, \
               several rays in turn. seq: each leaf from the root, \
               without a stack (Kaplan 1985). rope: from leaf to leaf by links to what lies across each face (MacDonald and \
               Booth 1990); ropetree: by a small tree for each face (Havran et al. 1998); both need about twice \
-              the memory of nodes and more. tile8, tile16: as dir, but camera rays go in tiles of 64 or 256. p4, p8, p16: as \
+              the memory of nodes and more. tile8, tile16: as dir, but camera rays go in tiles of 64 or 256, and shadow rays of one light in tiles of 64 from the light. p4, p8, p16: as \
               dir, but rays to the nearest hit go in packets of 4, 8 or 16, one to a lane. The answer is the same",
         unit: "",
         kind: Kind::Choice(&[
@@ -241,10 +241,10 @@ pub mod params {
     pub const TRAVERSAL_ANY: ParamSpec = ParamSpec {
         name: "traversal",
         label: "Traversal",
-        doc: "How rays walk the tree. auto: whatever is quickest for a batch: tile8 for camera rays, dir for \
-              shadow rays, wide for others; counters tell what dir does. dir: one by one, by plane distances in the order of the \
+        doc: "How rays walk the tree. auto: whatever is quickest for a batch: tile8 for camera rays and \
+              for shadow rays, wide for others; counters tell what dir does. dir: one by one, by plane distances in the order of the \
               direction. ta-b-poly: by the heights of entry and exit points over the plane. wide: three levels at a \
-              time, several rays in turn. tile8, tile16: as dir, but camera rays go in tiles of 64 or 256. p4, p8, \
+              time, several rays in turn. tile8, tile16: as dir, but camera rays go in tiles of 64 or 256, and shadow rays of one light in tiles of 64 from the light. p4, p8, \
               p16: as dir, but rays to the nearest hit go in packets of 4, 8 or 16, one to a lane. The answer is \
               the same",
         unit: "",
@@ -301,7 +301,8 @@ pub mod params {
     /// The same on trees that divide space.
     pub const SHADOW_BEAM: ParamSpec = ParamSpec {
         doc: "cache: what blocked a light last is tested first (Wilt 1994). beam: rays to one light go \
-              through the tree together; mostly one walk shows that nothing is in the way of all 64. \
+              through the tree together; mostly one walk shows that nothing is in the way of all 64. On trees \
+              of planes that spares walks, and single rays are quicker all the same. \
               The answer is the same",
         kind: Kind::Choice(&["none", "cache", "beam"]),
         ..SHADOW
