@@ -1,0 +1,287 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Tests of [`super`].
+
+use super::super::albedo::Grids;
+use super::super::closure::{ClosureParams, Input, Kind};
+use super::super::material::{Material, MaterialParams};
+use super::super::program::{Op, Operand, Step};
+use std::f32::consts::TAU;
+
+use super::super::sampler::PixelSampler;
+use super::*;
+
+fn compile(params: MaterialParams) -> Material {
+    Material::new(&params, 0, &mut Grids::default()).unwrap()
+}
+
+/// A material of one shader node with a white colour and this roughness.
+fn node(kind: Kind, roughness: f32, more: &[(Input, f32)]) -> Material {
+    let mut closure = ClosureParams::new(kind);
+    let white = [(Input::Color, 1.0), (Input::Roughness, roughness)];
+    for &(input, value) in white.iter().chain(more) {
+        closure.inputs[input as usize] = Operand::number(value);
+    }
+    compile(MaterialParams {
+        closures: vec![closure],
+        ..Default::default()
+    })
+}
+
+fn seen(material: &Material, wi: Vec3, inside: bool) -> Bsdf<true, true> {
+    Bsdf::new(&material.closures, &[], wi, Normals::FLAT, inside)
+}
+
+fn view(cos: f32) -> Vec3 {
+    vec3((1.0 - cos * cos).sqrt(), 0.0, cos)
+}
+
+/// Albedo by sampling: the mean weight of `n` samples.
+fn albedo(material: &Material, cos: f32, inside: bool) -> f64 {
+    let sampler = PixelSampler::new(3, 5, 7);
+    let bsdf = seen(material, view(cos), inside);
+    let n = 1 << 16;
+    let sum: f64 = (0..n)
+        .filter_map(|i| bsdf.sample(sampler.pair(i, 0)[0], sampler.pair(i, 1)))
+        .map(|s| f64::from(s.weight.mean()))
+        .sum();
+    sum / f64::from(n)
+}
+
+const WHITE: [f32; 3] = [1.0; 3];
+
+#[test]
+fn white_furnace_of_every_shader_node() {
+    let principled = |more: &[(Input, f32)]| {
+        let more = more.to_vec();
+        move |roughness| node(Kind::Principled, roughness, &more)
+    };
+    type Make = Box<dyn Fn(f32) -> Material>;
+    let cases: Vec<(&str, Make)> = vec![
+        ("Diffuse", Box::new(|r| node(Kind::Diffuse, r, &[]))),
+        ("Glossy", Box::new(|r| node(Kind::Glossy, r, &[]))),
+        ("Glass", Box::new(|r| node(Kind::Glass, r, &[]))),
+        ("Principled", Box::new(principled(&[]))),
+        (
+            "without a layer",
+            Box::new(principled(&[(Input::Specular, 0.0)])),
+        ),
+        ("metal", Box::new(principled(&[(Input::Metallic, 1.0)]))),
+        (
+            "transmission",
+            Box::new(principled(&[(Input::Transmission, 1.0)])),
+        ),
+        (
+            "mixed",
+            Box::new(principled(&[
+                (Input::Metallic, 0.3),
+                (Input::Transmission, 0.5),
+            ])),
+        ),
+        (
+            "coated",
+            Box::new(principled(&[
+                (Input::CoatWeight, 1.0),
+                (Input::CoatRoughness, 0.2),
+            ])),
+        ),
+    ];
+    for (name, make) in cases {
+        for roughness in [0.0, 0.1, 0.5, 1.0] {
+            let material = make(roughness);
+            let mut wrong = Vec::new();
+            for cos in [0.1, 0.4, 0.7, 1.0] {
+                for inside in [false, true] {
+                    let a = albedo(&material, cos, inside);
+                    if (a - 1.0).abs() > 0.002 {
+                        wrong.push((cos, inside, a));
+                    }
+                }
+            }
+            assert!(wrong.is_empty(), "{name} roughness {roughness}: {wrong:?}");
+        }
+    }
+    // The Refraction node loses what its facets shadow, in Cycles as here; smooth, it does not.
+    let refraction = node(Kind::Refraction, 0.0, &[]);
+    assert!((albedo(&refraction, 0.6, false) - 1.0).abs() < 1e-5);
+    assert!(albedo(&node(Kind::Refraction, 0.5, &[]), 0.6, false) < 1.0);
+}
+
+#[test]
+fn a_furnace_is_white_where_the_inputs_vary_as_well() {
+    // Roughness, index and specular from a program: the grids stand in for the tables.
+    let mut closure = ClosureParams::new(Kind::Principled);
+    for (i, input) in [Input::Roughness, Input::Ior, Input::Specular]
+        .into_iter()
+        .enumerate()
+    {
+        closure.inputs[input as usize] = Operand::Register(i as u16);
+    }
+    closure.inputs[Input::Color as usize] = Operand::number(1.0);
+    closure.inputs[Input::Transmission as usize] = Operand::number(0.3);
+    let step = Step {
+        op: Op::Attribute(0),
+        args: Vec::new(),
+    };
+    let material = compile(MaterialParams {
+        closures: vec![closure],
+        program: vec![step; 3],
+        ..Default::default()
+    });
+    let sampler = PixelSampler::new(3, 5, 7);
+    for (roughness, ior, specular) in [(0.23, 1.33, 0.3), (0.55, 1.6, 0.9), (0.97, 1.45, 0.5)] {
+        let registers = [roughness, ior, specular].map(|x: f32| [x; 4]);
+        for cos in [0.3, 0.8] {
+            let bsdf = Bsdf::<true, true>::new(
+                &material.closures,
+                &registers,
+                view(cos),
+                Normals::FLAT,
+                false,
+            );
+            let n = 1 << 15;
+            let sum: f64 = (0..n)
+                .filter_map(|i| bsdf.sample(sampler.pair(i, 0)[0], sampler.pair(i, 1)))
+                .map(|s| f64::from(s.weight.mean()))
+                .sum();
+            let a = sum / f64::from(n);
+            assert!(
+                (a - 1.0).abs() < 0.005,
+                "{roughness} {ior} {specular} {cos}: {a}"
+            );
+        }
+    }
+}
+
+#[test]
+fn the_density_is_that_of_the_samples() {
+    // The density integrates to the share of samples that were not lost; checked with uniform
+    // directions over the whole sphere.
+    let sampler = PixelSampler::new(1, 1, 1);
+    for (metallic, transmission) in [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (0.3, 0.5)] {
+        for inside in [false, true] {
+            let material = compile(MaterialParams {
+                metallic,
+                transmission,
+                roughness: 0.6,
+                ..Default::default()
+            });
+            let bsdf = seen(&material, view(0.6), inside);
+            let n = 1 << 17;
+            let (mut density, mut energy, mut kept, mut sampled) = (0.0, 0.0, 0.0, 0.0);
+            for i in 0..n {
+                let u = sampler.pair(i, 4);
+                let z = 1.0 - 2.0 * u[1];
+                let r = (1.0 - z * z).max(0.0).sqrt();
+                let (sin, cos) = (TAU * u[0]).sin_cos();
+                let (f, pdf) = bsdf.eval(vec3(r * cos, r * sin, z));
+                density += f64::from(pdf) * 2.0 * f64::from(TAU);
+                energy += f64::from(f.mean()) * 2.0 * f64::from(TAU);
+                if let Some(s) = bsdf.sample(sampler.pair(i, 0)[0], sampler.pair(i, 1)) {
+                    kept += 1.0;
+                    sampled += f64::from(s.weight.mean());
+                }
+            }
+            let n = f64::from(n);
+            assert!(
+                (density / n - kept / n).abs() < 0.01,
+                "{metallic} {transmission} {inside}"
+            );
+            assert!(
+                (energy / n - sampled / n).abs() < 0.01,
+                "{metallic} {transmission} {inside}"
+            );
+        }
+    }
+}
+
+#[test]
+fn samples_fall_where_the_density_says() {
+    // Counts of samples in 12 × 12 bins of the sphere against the density integrated over
+    // each bin; the sampler's nets keep the noise of a count far below its square root.
+    const BINS: usize = 12;
+    let sampler = PixelSampler::new(9, 2, 5);
+    for roughness in [0.3, 0.6] {
+        for (metallic, transmission) in [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)] {
+            for (inside, cos) in [(false, 0.5), (true, 0.9), (true, 0.5)] {
+                let material = compile(MaterialParams {
+                    metallic,
+                    transmission,
+                    roughness,
+                    ..Default::default()
+                });
+                let bsdf = seen(&material, view(cos), inside);
+                let bin = |w: Vec3| {
+                    let z = ((0.5 * (w.z + 1.0)) * BINS as f32) as usize;
+                    let turn = w.y.atan2(w.x) / TAU + 0.5;
+                    z.min(BINS - 1) * BINS + ((turn * BINS as f32) as usize).min(BINS - 1)
+                };
+                let n = 1 << 17;
+                let (mut counted, mut integrated) = ([0.0; BINS * BINS], [0.0; BINS * BINS]);
+                for i in 0..n {
+                    if let Some(s) = bsdf.sample(sampler.pair(i, 0)[0], sampler.pair(i, 1)) {
+                        counted[bin(s.wo)] += 1.0 / f64::from(n);
+                    }
+                    let u = sampler.pair(i, 4);
+                    let z = 1.0 - 2.0 * u[1];
+                    let r = (1.0 - z * z).max(0.0).sqrt();
+                    let (sin, cos) = (TAU * u[0]).sin_cos();
+                    let w = vec3(r * cos, r * sin, z);
+                    integrated[bin(w)] +=
+                        f64::from(bsdf.eval(w).1) * 2.0 * f64::from(TAU) / f64::from(n);
+                }
+                for (i, (c, p)) in counted.iter().zip(integrated).enumerate() {
+                    assert!(
+                        (c - p).abs() < 2e-3 + 0.03 * p,
+                        "metal {metallic} glass {transmission} rough {roughness} inside {inside} \
+                         bin {} {}: {c} {p}",
+                        i / BINS,
+                        i % BINS
+                    );
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn reflection_is_reciprocal() {
+    // Without the regained energy, which is scaled by the viewing side only (as in Cycles),
+    // f(wi, wo) = f(wo, wi).
+    let material = compile(MaterialParams {
+        metallic: 1.0,
+        roughness: 0.5,
+        ..Default::default()
+    });
+    let (a, b) = (
+        vec3(0.3, 0.2, 0.933).normalized(),
+        vec3(-0.5, 0.4, 0.768).normalized(),
+    );
+    let value = |wi: Vec3, wo: Vec3| {
+        let bsdf = seen(&material, wi, false);
+        let scale = bsdf.facets[0].scale.x;
+        bsdf.eval(wo).0.x / wo.z / scale
+    };
+    assert!((value(a, b) / value(b, a) - 1.0).abs() < 1e-4);
+}
+
+#[test]
+fn a_mirror_reflects_and_a_window_refracts_by_snell() {
+    let mirror = compile(MaterialParams {
+        metallic: 1.0,
+        roughness: 0.0,
+        ..Default::default()
+    });
+    let bsdf = seen(&mirror, view(0.6), false);
+    let s = bsdf.sample(0.5, [0.1, 0.9]).unwrap();
+    assert_eq!((s.wo, s.pdf), (vec3(-0.8, 0.0, 0.6), f32::INFINITY));
+    let glass = compile(MaterialParams {
+        transmission: 1.0,
+        roughness: 0.0,
+        base_color: WHITE,
+        ..Default::default()
+    });
+    let bsdf = seen(&glass, view(0.6), false);
+    let s = bsdf.sample(0.999, [0.1, 0.9]).unwrap();
+    assert!((s.wo.x + 0.8 / 1.5).abs() < 1e-6 && s.wo.z < 0.0);
+    assert_eq!(bsdf.eval(s.wo).1, 0.0, "a window has no density");
+}
