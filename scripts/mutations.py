@@ -65,6 +65,7 @@ ENDS = ("contract", "the_ends_of_the_interval_count_and_nothing_beyond")
 BLOCK = ("lib", "traverse::blocks::tests::no_hit_is_ever_rejected")
 VERDICT = ("lib", "geom::verdict::tests")
 INTEGERS = ("lib", "geom::exact")
+BEAMS = ("beams", "pixels_are_those_of_single_rays_at_every_size")
 STABILITY = ("tests/core/test_stability.py", "lie")
 
 _FRAME = "native/src/traverse/frame.rs"
@@ -185,6 +186,48 @@ FAULTS = (
         "-shift + ray.slack[k]",
         "-shift",
         ALL,
+    ),
+    Fault(
+        "walls of the sorted grid on the wrong side",
+        "native/src/build/grid_order.rs",
+        "at.ceil() - 1.0",
+        "at.floor()",
+        ("lib", "build::grid_order::tests"),
+    ),
+    Fault(
+        "oblique planes crossed at the soonest where they are left",
+        "native/src/traverse/slant_tree.rs",
+        "slabs.latest(direction, near)",
+        "slabs.soonest(direction, near)",
+        ALL,
+    ),
+    Fault(
+        "triangles beyond the oblique plane of their node",
+        "native/src/build/slanted.rs",
+        "around(below, k).1",
+        "around(below, k).1.next_down().next_down()",
+        ALL,
+    ),
+    Fault(
+        "pixels hidden before one plane given up",
+        "native/src/traverse/plane_beam.rs",
+        "open != piece.pixels",
+        "false",
+        BEAMS,
+    ),
+    Fault(
+        "pixels of a cut beam lost",
+        "native/src/traverse/plane_beam.rs",
+        "!outside",
+        "outside",
+        BEAMS,
+    ),
+    Fault(
+        "shadow beams past the upper half of each cell",
+        "native/src/traverse/shaft_tree.rs",
+        "!u64::from(empty)",
+        "1",
+        ("beams", "shadow_beams_answer_like_single_rays_and_mostly_at_once"),
     ),
     Fault(
         "cubes that a triangle touches denied",

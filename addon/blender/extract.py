@@ -95,11 +95,12 @@ def find(depsgraph: Any, notes: Notes, *, uvs: bool = False) -> Found:
     for instance in depsgraph.object_instances:
         if instance.show_self:
             reader.visit(instance.object, instance.matrix_world, instance.parent if instance.is_instance else None)
-    background, shown = world.read_world(depsgraph.scene_eval.world, notes, reader.palette.gallery)
+    final = depsgraph.mode == "RENDER"
+    background, shown, suns = world.read_world(depsgraph.scene_eval.world, notes, reader.palette.gallery, wait=final)
     return Found(
         placements=reader.placements(),
         materials=reader.palette.materials(),
-        lights=tuple(reader.lights),
+        lights=(*reader.lights, *suns),
         world=background,
         numbers=Numbers(reader.object_numbers, reader.palette.pass_indices()),
         images=reader.palette.images(shown),

@@ -34,10 +34,20 @@ class Gallery:
             self._images.append(image)
         return self._numbers[key]
 
+    def add(self, name: str, pixels: F32) -> int:
+        """The number of a picture that Blender has not, (h, w, 4) linear float32."""
+        key = id(pixels)
+        if key not in self._numbers:
+            self._numbers[key] = len(self._images)
+            self._images.append(Image(name, pixels))
+        return self._numbers[key]
+
     def read(self, used: set[int], notes: Notes) -> tuple[Image, ...]:
         """All images by number; those that nobody uses stay empty."""
         return tuple(
-            read_image(image, notes) if number in used else Image(image.name, EMPTY)
+            (image if isinstance(image, Image) else read_image(image, notes))
+            if number in used
+            else Image(image.name, EMPTY)
             for number, image in enumerate(self._images)
         )
 

@@ -7,16 +7,18 @@ it drives at its own value, and is remarked.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from mathutils import Euler, Matrix, Vector
 
+from . import sky
 from .nodes import Place, Remark, Unsupported
 
 if TYPE_CHECKING:
-    from ..core.scene import Operand, Step
+    from ..core.scene import Light, Operand, Step
     from .images import Gallery
 
 DEEPEST = 100
@@ -47,10 +49,20 @@ class Layers:
 class Values:
     """Writes the program of one material or world."""
 
-    def __init__(self, layers: Layers, gallery: Gallery, remark: Remark, *, background: bool = False) -> None:
+    def __init__(
+        self, layers: Layers, gallery: Gallery, remark: Remark, *, background: bool = False, wait: bool = True
+    ) -> None:
+        """background: for a world. wait: whether what takes seconds is waited for.
+
+        sun_strength: what the sun of a sky is multiplied by, where it is a light of its own, one of `suns`; else it
+        is part of the program.
+        """
         self.steps: list[Step] = []
         self.images: set[int] = set()
         self.layers, self.gallery, self.remark, self.background = layers, gallery, remark, background
+        self.wait = wait
+        self.sun_strength: float | None = None
+        self.suns: list[Light] = []
         self._known: dict[Any, Operand] = {}
         self._open: list[Any] = []
 
@@ -179,6 +191,28 @@ def _image(values: Values, node: Place) -> Operand:
             ),
         )
     return values.step("alpha", rgba) if node.socket.name == "Alpha" else rgba
+
+
+def _sky(values: Values, node: Place) -> Operand:
+    if not values.background:
+        raise Unsupported("Sky Texture outside of the world")
+    try:
+        found = sky.of_node(node.node, wait=values.wait)
+    except sky.SkyError as error:
+        raise Unsupported(f"Sky Texture ({error})") from None
+    where = values.step("unit", values.vector(node, "generated"))
+    number = values.gallery.add("Sky Texture", found.pixels)
+    values.images.add(number)
+    rgb = values.step("image", where, image=number, interpolation="linear", extension="repeat", panorama=True)
+    if found.sun is None:
+        return rgb
+    if values.sun_strength is not None:
+        values.suns.append(found.light(values.sun_strength))
+        return rgb
+    away = values.step("vector_math", where, found.direction, 0.0, kind="DISTANCE")
+    inside = values.step("math", away, 2 * math.sin(found.angle / 4), 0.0, kind="LESS_THAN")
+    disc = values.step("vector_math", inside, found.sun, 0.0, kind="MULTIPLY")
+    return values.step("vector_math", rgb, disc, 0.0, kind="ADD")
 
 
 def _texture_coordinate(values: Values, node: Place) -> Operand:
@@ -453,6 +487,7 @@ NODES: dict[str, Callable[[Values, Place], Operand]] = {
     "ShaderNodeValue": lambda _, node: _constant(node.socket),
     "ShaderNodeTexImage": _image,
     "ShaderNodeTexEnvironment": _image,
+    "ShaderNodeTexSky": _sky,
     "ShaderNodeTexCoord": _texture_coordinate,
     "ShaderNodeUVMap": lambda values, node: values.layer(UV, node.node.uv_map),
     "ShaderNodeNewGeometry": _geometry,

@@ -6,7 +6,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from ..core.scene import World
+from ..core.scene import Light, World
 from .images import Gallery
 from .nodes import Place, Unsupported, active_tree
 from .surfaces import Surface
@@ -16,42 +16,47 @@ if TYPE_CHECKING:
     from ..core.notes import Notes
 
 
-def read_world(world: Any, notes: Notes, gallery: Gallery | None = None) -> tuple[World, set[int]]:
-    """The background, and the numbers of the images it shows.
+def read_world(
+    world: Any, notes: Notes, gallery: Gallery | None = None, *, wait: bool = True
+) -> tuple[World, set[int], list[Light]]:
+    """The background, the numbers of the images it shows, and the suns in it that are lights.
+
+    wait: whether a Sky Texture is waited for.
 
     What is not understood goes into `notes` and is replaced by its default.
     """
-    found, images = _read(world, notes, gallery)
+    found, images, suns = _read(world, notes, gallery, wait)
     # Cycles keeps these with the world, when it is switched on.
     flags = getattr(world, "cycles_visibility", None)
     hidden = tuple(ray for ray in ("camera", "diffuse", "glossy", "transmission") if not getattr(flags, ray, True))
-    return replace(found, hidden_from=hidden), images
+    return replace(found, hidden_from=hidden), images, [replace(sun, hidden_from=hidden) for sun in suns]
 
 
-def _read(world: Any, notes: Notes, gallery: Gallery | None) -> tuple[World, set[int]]:
-    nothing: set[int] = set()
+def _read(world: Any, notes: Notes, gallery: Gallery | None, wait: bool) -> tuple[World, set[int], list[Light]]:
+    nothing: tuple[set[int], list[Light]] = (set(), [])
     if world is None:
-        return World(), nothing
+        return World(), *nothing
     plain = World(_positive(world.color))
     tree = active_tree(world)
     if tree is None:
-        return plain, nothing
+        return plain, *nothing
 
     def remark(what: str) -> None:
         notes.add(f"{what} is not supported yet in world", world.name)
 
     output = tree.get_output_node("ALL")
     if output is None:
-        return World(), nothing
+        return World(), *nothing
     if output.inputs["Volume"].is_linked:
         remark("Volume")
-    values = Values(Layers(), gallery or Gallery(), remark, background=True)
+    values = Values(Layers(), gallery or Gallery(), remark, background=True, wait=wait)
     surface = Surface(values, plain.color)
+    values.sun_strength = _sky_strength(output)
     try:
         surface.read(Place(output.inputs["Surface"]))
     except Unsupported as unsupported:
         remark(str(unsupported))
-        return plain, nothing
+        return plain, *nothing
     # A background and an emission are the same here; other shaders have no meaning.
     total: Any = None
     for closure in surface.closures:
@@ -66,10 +71,26 @@ def _read(world: Any, notes: Notes, gallery: Gallery | None) -> tuple[World, set
         else:
             total = values.step("vector_math", total, part, 0.0, kind="ADD")
     if total is None:
-        return World(), nothing
+        return World(), *nothing
     if isinstance(total, tuple):
-        return World(_positive(total)), nothing
-    return World((0.0, 0.0, 0.0), tuple(values.steps), total), values.images
+        return World(_positive(total)), *nothing
+    return World((0.0, 0.0, 0.0), tuple(values.steps), total), values.images, values.suns
+
+
+def _sky_strength(output: Any) -> float | None:
+    """The strength of a background whose colour is a Sky Texture as it stands; None for any other world."""
+    try:
+        shader = Place(output.inputs["Surface"]).source()
+        if shader.node.bl_idname != "ShaderNodeBackground":
+            return None
+        color, strength = (Place(shader.node.inputs[name], shader.groups).source() for name in ("Color", "Strength"))
+        if color.node.bl_idname != "ShaderNodeTexSky" or strength.socket.is_output:
+            return None
+        vector = color.input("Vector")
+        turned = vector is not None and vector.source().socket.is_output
+        return None if turned else max(float(strength.socket.default_value), 0.0)
+    except Unsupported:
+        return None
 
 
 def _positive(color: Any) -> tuple[float, float, float]:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
@@ -89,6 +89,16 @@ class Result:
             row = asdict(outcome)
             charts = [{**chart, "lines": {k: list(v) for k, v in chart["lines"].items()}} for chart in row["charts"]]
             yield {"claim": self.claim.id, "paper": self.claim.paper, "says": self.claim.says, **row, "charts": charts}
+
+
+def outcome(row: Mapping[str, Any]) -> Outcome:
+    """The outcome in a row of `Result.as_rows`, after JSON too."""
+    names = [one.name for one in fields(Outcome)]
+    drawn = [
+        {**chart, "lines": {name: [tuple(point) for point in line] for name, line in chart["lines"].items()}}
+        for chart in row["charts"]
+    ]
+    return Outcome(**{**{name: row[name] for name in names}, "charts": tuple(Chart(**chart) for chart in drawn)})
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ from __future__ import annotations
 import html
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from . import charts, plots
@@ -65,7 +66,13 @@ def _claim(result: Result) -> str:
             f'<tr><td class="{kind}">{outcome.verdict}</td><td>{html.escape(outcome.configuration)}</td>'
             f'<td>{html.escape(outcome.measured)}<div class="why">{why}</div></td></tr>'
         )
-    charts = [chart for outcome in result.outcomes for chart in outcome.charts]
+    charts = [
+        chart
+        if chart.title.startswith(outcome.configuration)
+        else replace(chart, title=f"{outcome.configuration}: {chart.title}")
+        for outcome in result.outcomes
+        for chart in outcome.charts
+    ]
     return (
         f'<h3 id="{result.claim.id}">{html.escape(result.claim.id)}</h3>'
         f"<p><em>Published:</em> {html.escape(result.claim.says)}</p>"
@@ -90,6 +97,9 @@ def _lines(axes: Any, chart: Chart) -> None:
             axes.bar([place + number * width for place in x], y, width * 0.92, color=colour, label=name)
         else:
             axes.plot(x, y, marker + "-", color=colour, label=name)
+    if chart.bars:
+        places = sorted({place for points in chart.lines.values() for place, _ in points})
+        axes.set_xticks([place + 0.4 - 0.4 / len(chart.lines) for place in places], [f"{place:g}" for place in places])
     if chart.level is not None:
         axes.axhline(chart.level[0], linestyle=":", color="#555555", label=chart.level[1])
     axes.set_ylim(bottom=0)

@@ -160,7 +160,11 @@ class Verdict:
         ]
 
 
-def judge(first: Runs, second: Runs, *, tolerance: float = 2e-3) -> Verdict:
+ROUNDING = 2e-3
+"""Share of a square's brightness that tables and filters may round away."""
+
+
+def judge(first: Runs, second: Runs, *, tolerance: float = ROUNDING) -> Verdict:
     """Decide whether two renderers show the same. Raises ComparisonError.
 
     tolerance: share of a square's brightness that counts as one rounding of tables and filters, added to the standard

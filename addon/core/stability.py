@@ -50,7 +50,9 @@ EXACT_PAIRS = {"small": 200_000, "large": 4_000_000}
 """Pairs of a ray and a triangle that exact arithmetic decides per case."""
 
 
-MOST_RAYS = {"small": {"needles": 100, "mixed exponents": 400, "random bits": 150}}
+MOST_RAYS = {
+    "small": {"needles": 100, "mixed exponents": 400, "camera far away": 150, "chain": 200, "random bits": 50},
+}
 """By size: cases of which only so many rays are asked, evenly chosen. Nearly all their pairs of a ray and a triangle
 are too close to call in f64 and go to exact arithmetic; with all rays they would take as long as all others."""
 

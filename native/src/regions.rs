@@ -6,7 +6,7 @@ use crate::build::cell::{Cell, ConvexCell, Direction, Plane};
 use crate::build::grid::Grid;
 use crate::build::octree_nodes::Octree;
 use crate::build::plane_tree::{Node, PlaneTree};
-use crate::build::slanted::direction;
+use crate::build::slanted_tree::direction;
 use crate::geom::Aabb;
 use crate::geom::vec3::{Vec3, dot, widen};
 use crate::polygons;

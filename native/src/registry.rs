@@ -59,6 +59,12 @@ pub const TREES: &[StructureSpec] = &[
 /// Parameters that every structure has, unless its row has one of the same name.
 pub const COMMON: &[ParamSpec] = &[params::SHADOW];
 
+/// Structures that divide space, but not by a tree: no shaft goes down in them.
+const FLAT: &[&str] = &["grid"];
+
+/// The same for trees that divide space.
+const COMMON_SPACE: &[ParamSpec] = &[params::SHADOW_BEAM];
+
 /// A structure's row.
 #[derive(Debug)]
 pub struct StructureSpec {
@@ -177,7 +183,8 @@ impl StructureSpec {
     /// Its parameters, and those that all structures have.
     pub fn all_params(&self) -> impl Iterator<Item = &'static ParamSpec> + use<> {
         let own = self.params;
-        let common = COMMON
+        let space = matches!(self.family, "space" | "octants") && !FLAT.contains(&self.id);
+        let common = if space { COMMON_SPACE } else { COMMON }
             .iter()
             .filter(move |c| own.iter().all(|p| p.name != c.name));
         own.iter().chain(common)
@@ -203,14 +210,14 @@ pub mod params {
     pub const TRAVERSAL_AXIS: ParamSpec = ParamSpec {
         name: "traversal",
         label: "Traversal",
-        doc: "How rays walk the tree. auto: whatever is quickest for a batch: tile8 for camera rays, dir for \
-              shadow rays, wide for others; counters tell what dir does. dir: one by one, by plane distances in the order of the \
+        doc: "How rays walk the tree. auto: whatever is quickest for a batch: tile8 for camera rays and \
+              for shadow rays, wide for others; counters tell what dir does. dir: one by one, by plane distances in the order of the \
               direction; ta-b: by entry and exit points (Havran et al. 1997); ta-a, sung, arvo: by the side of the \
               origin and distances, as TA-A, as Sung and Shirley 1992, as Arvo 1988. wide: three levels at a time, \
               several rays in turn. seq: each leaf from the root, \
               without a stack (Kaplan 1985). rope: from leaf to leaf by links to what lies across each face (MacDonald and \
               Booth 1990); ropetree: by a small tree for each face (Havran et al. 1998); both need about twice \
-              the memory of nodes and more. tile8, tile16: as dir, but camera rays go in tiles of 64 or 256. p4, p8, p16: as \
+              the memory of nodes and more. tile8, tile16: as dir, but camera rays go in tiles of 64 or 256, and shadow rays of one light in tiles of 64 from the light. p4, p8, p16: as \
               dir, but rays to the nearest hit go in packets of 4, 8 or 16, one to a lane. The answer is the same",
         unit: "",
         kind: Kind::Choice(&[
@@ -234,10 +241,10 @@ pub mod params {
     pub const TRAVERSAL_ANY: ParamSpec = ParamSpec {
         name: "traversal",
         label: "Traversal",
-        doc: "How rays walk the tree. auto: whatever is quickest for a batch: tile8 for camera rays, dir for \
-              shadow rays, wide for others; counters tell what dir does. dir: one by one, by plane distances in the order of the \
+        doc: "How rays walk the tree. auto: whatever is quickest for a batch: tile8 for camera rays and \
+              for shadow rays, wide for others; counters tell what dir does. dir: one by one, by plane distances in the order of the \
               direction. ta-b-poly: by the heights of entry and exit points over the plane. wide: three levels at a \
-              time, several rays in turn. tile8, tile16: as dir, but camera rays go in tiles of 64 or 256. p4, p8, \
+              time, several rays in turn. tile8, tile16: as dir, but camera rays go in tiles of 64 or 256, and shadow rays of one light in tiles of 64 from the light. p4, p8, \
               p16: as dir, but rays to the nearest hit go in packets of 4, 8 or 16, one to a lane. The answer is \
               the same",
         unit: "",
@@ -284,16 +291,17 @@ pub mod params {
     pub const SHADOW: ParamSpec = ParamSpec {
         name: "shadow",
         label: "Shadow Rays",
-        doc: "cache: what blocked a light last is tested first (Wilt 1994). Saves where shadows are large,               and costs a test where they end. The answer is the same",
+        doc: "cache: what blocked a light last is tested first (Wilt 1994). Saves where shadows are large, and \
+              costs a test where they end. The answer is the same",
         unit: "",
         kind: Kind::Choice(&["none", "cache"]),
         default: Default::Choice("none"),
     };
 
-    /// The same on octrees.
-    pub const SHADOW_OCTREE: ParamSpec = ParamSpec {
+    /// The same on trees that divide space.
+    pub const SHADOW_BEAM: ParamSpec = ParamSpec {
         doc: "cache: what blocked a light last is tested first (Wilt 1994). beam: rays to one light go \
-              through the octree together; mostly one walk shows that nothing is in the way of all 64. \
+              through the tree together; mostly one walk shows that nothing is in the way of all 64. \
               The answer is the same",
         kind: Kind::Choice(&["none", "cache", "beam"]),
         ..SHADOW

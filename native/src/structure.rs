@@ -105,8 +105,8 @@ enum Batches {
     Wide,
     /// Rays to the nearest hit in packets of so many, whatever their order.
     Packets(u32),
-    /// Camera rays in tiles, other rays to the nearest hit in flight; shadow rays, and rays that are counted, as the
-    /// layout walks single rays.
+    /// Camera rays in tiles, shadow rays in tiles from their light, other rays to the nearest hit in flight; rays that
+    /// are counted as the layout walks single rays.
     Auto,
 }
 
@@ -340,6 +340,9 @@ impl Structure {
         if Q::ANY && self.config.choice("shadow") == "beam" {
             return self.shadow_beams(&job, write, counters);
         }
+        if Q::ANY && self.shadow_tiles(&job, &mut write, counters.is_some()) {
+            return;
+        }
         if let (Batches::Packets(rays), false) = (self.batches, Q::ANY) {
             return match rays {
                 4 => self.packets::<packet::Four>(&job, write, counters),
@@ -347,7 +350,7 @@ impl Structure {
                 _ => self.packets::<packet::Sixteen>(&job, write, counters),
             };
         }
-        // Shadow rays of neighbours go the same way, for which single rays are quicker.
+        // Shadow rays that go in no tile still go much the same way, for which single rays are quicker.
         let streams = self.batches == Batches::Wide || !Q::ANY;
         if let (Some(wide), None, true) = (&self.wide, &counters, streams) {
             return job.stream::<_, Q>(&plane_wide::Walk(wide), write);
@@ -415,6 +418,25 @@ impl Structure {
                 then.with(&octree_step::Walk(tree, octree_glassner::Location))
             }
         }
+    }
+
+    /// Walks shadow rays in tiles, where that is chosen; says whether it was. Tiles of what is counted are not
+    /// walked: nobody reads their speed, and every walk that counts is compiled once more.
+    fn shadow_tiles(&self, job: &Batch<'_>, write: Write<'_>, counted: bool) -> bool {
+        use Batches::{Auto, Eight, Sixteen};
+        if counted || job.shadow_cache {
+            return false;
+        }
+        match (&self.built.layout, self.batches) {
+            (Layout::Plane(tree, _), Auto | Eight | Sixteen) => {
+                job.quick_tiles(&plane_tile::Shadow::<4>(tree), write);
+            }
+            (Layout::Objects(Objects::Boxes8(tree)), Eight | Sixteen) => {
+                job.quick_tiles(&box_tile::Shadow::<8, 4>(tree), write);
+            }
+            _ => return false,
+        }
+        true
     }
 
     /// The ropes of a tree that is walked by them.
@@ -511,7 +533,7 @@ impl Structure {
         (seconds, strayed)
     }
 
-    /// Walks shadow rays through an octree as beams.
+    /// Walks shadow rays through a tree that divides space as beams.
     ///
     /// # Panics
     /// For other structures, which do not offer it.
@@ -537,7 +559,10 @@ impl Structure {
                 let walk = octree_step::Walk(tree, octree_glassner::Location);
                 job.shadow_beams((tree, &walk), write, counters);
             }
-            _ => unreachable!("only octrees offer shadow beams"),
+            Layout::Plane(tree, _) => {
+                job.shadow_beams((tree, &plane_dir::Walk(tree)), write, counters);
+            }
+            _ => unreachable!("only trees that divide space offer shadow beams"),
         }
     }
 }

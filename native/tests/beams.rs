@@ -338,6 +338,15 @@ fn shadow_beams_answer_like_single_rays_and_mostly_at_once() {
         let lit = lit.count();
         assert!(i % 4 != 0 || 4 * empty > lit, "light {i}: {empty} of {lit}");
     }
+    for tree in ["kd", "bsp-random"] {
+        let beams = build(&scene, &format!("{tree}:shadow=beam"));
+        for (i, rays) in lights.iter().enumerate() {
+            let (found, counted) = shadows(&beams, rays);
+            assert_eq!(found, shadows(&single, rays).0, "{tree}, light {i}");
+            let spared = counted.iter().filter(|c| c.spared == 1).count();
+            assert!(spared > rays.len() / 50, "{tree}, light {i}: {spared}");
+        }
+    }
 }
 
 #[test]
@@ -348,7 +357,6 @@ fn shadow_beams_lose_nothing_on_hard_scenes() {
             continue;
         }
         let single = build(&case.scene, "octree-net");
-        let beams = build(&case.scene, "octree-param:shadow=beam");
         // The rays of the case, and rays from the places they start at to the corners of the scene.
         let mut rays = case.rays.clone();
         for light in [bounds.min, bounds.max] {
@@ -357,8 +365,12 @@ fn shadow_beams_lose_nothing_on_hard_scenes() {
                 ..ray(r.o, std::array::from_fn(|k| light[k] - r.o[k]))
             }));
         }
-        let (expected, found) = (shadows(&single, &rays).0, shadows(&beams, &rays).0);
-        let wrong = found.iter().zip(&expected).filter(|(a, b)| a != b).count();
-        assert_eq!(wrong, 0, "{}: of {}", case.name, rays.len());
+        let expected = shadows(&single, &rays).0;
+        for tree in ["octree-param", "kd", "bsp-wn-plus-kd"] {
+            let beams = build(&case.scene, &format!("{tree}:shadow=beam"));
+            let found = shadows(&beams, &rays).0;
+            let wrong = found.iter().zip(&expected).filter(|(a, b)| a != b).count();
+            assert_eq!(wrong, 0, "{}, {tree}: of {}", case.name, rays.len());
+        }
     }
 }

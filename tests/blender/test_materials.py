@@ -225,10 +225,10 @@ def test_a_world_is_a_colour(scene: Any) -> None:
     notes = Notes()
     assert read_world(world, notes)[0].color == pytest.approx((1, 0.5, 0.25))
     assert not notes
-    sky = world.node_tree.nodes.new("ShaderNodeTexSky")
-    world.node_tree.links.new(sky.outputs[0], background.inputs["Color"])
+    unknown = world.node_tree.nodes.new("ShaderNodeTexMagic")
+    world.node_tree.links.new(unknown.outputs[0], background.inputs["Color"])
     assert read_world(world, notes)[0].color == pytest.approx((1, 0.5, 0.25))
-    assert any("Sky Texture" in line and "World" in line for line in notes.lines())
+    assert any("Magic Texture" in line and "World" in line for line in notes.lines())
     assert read_world(None, notes)[0].color == (0, 0, 0)
 
 
@@ -243,6 +243,6 @@ def test_a_panorama_is_a_program_over_the_direction(scene: Any) -> None:
     texture.image = bpy.data.images.new("Sky", 8, 4, float_buffer=True)
     world.node_tree.links.new(texture.outputs[0], background.inputs["Color"])
     notes = Notes()
-    found, images = read_world(world, notes, Gallery())
+    found, images, _ = read_world(world, notes, Gallery())
     assert [step["op"] for step in found.program] == ["coordinate", "image"]
     assert (found.program[1]["panorama"], found.radiance, images, notes.lines()) == (True, 1, {0}, [])

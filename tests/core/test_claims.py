@@ -80,9 +80,24 @@ def test_all_claims_are_measured_and_shown(tmp_path: Path, capsys: pytest.Captur
     ).replace("https://matplotlib.org", "")
 
 
-def test_a_wrong_answer_is_told(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_stopped_run_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = ["beams-flat-line", "--quick", "--out", str(tmp_path)]
+    assert command.main(asked) == 0
+    first = (tmp_path / "claims.json").read_text(), (tmp_path / "claims.html").read_text()
+    monkeypatch.setattr(Lab, "seconds", lambda *_: pytest.fail("measured again"))
+    assert command.main(asked) == 0
+    rows = [json.loads(text)["rows"] for text in (first[0], (tmp_path / "claims.json").read_text())]
+    assert rows[0] == rows[1]
+    assert first[1].count("<svg") == (tmp_path / "claims.html").read_text().count("<svg")
+
+
+def test_a_wrong_answer_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     monkeypatch.setattr(native, "load", lambda: LyingNative("wrong_any_hit"))
-    assert command.main(["shadow-cache", "--quick"]) == 1
+    asked = ["shadow-cache", "--quick", "--out", str(tmp_path)]
+    assert command.main(asked) == 1
+    assert command.main(asked) == 1, "what was wrong stays wrong in a run that goes on"
     assert "0 of" in capsys.readouterr().out
 
 

@@ -58,9 +58,11 @@ def test_configurations_add_traversals_and_what_may_fail() -> None:
     assert made == [
         *own,
         "kd:shadow=cache",
+        "kd:shadow=beam",
         *textbook,
         deep,
         cached,
+        f"{deep},shadow=beam",
         f"{deep},robust=none",
         "brute",
         "brute:shadow=cache",

@@ -26,6 +26,8 @@ pub mod preorder;
 pub mod profile;
 pub mod ropes;
 pub mod slanted;
+mod slanted_split;
+pub mod slanted_tree;
 pub mod space;
 pub mod sweep;
 pub mod tighten;

@@ -7,32 +7,17 @@
 //! part above the other ([`super::profile`]). Regions price planes and decide nothing else: the planes
 //! themselves are heights of triangles, rounded outwards.
 
-use super::cell::{Cell, ConvexCell, Direction, Plane};
+use super::cell::{Cell, ConvexCell, Plane};
 use super::cost::Costs;
 use super::object::{self, TASK};
-use super::plane_tree::{MAX_DEPTH, Shape};
-use super::profile::Profile;
+use super::plane_tree::MAX_DEPTH;
+use super::slanted_split::{Best, Piece, Room};
+use super::slanted_tree::{Item, Kind, SlantedTree, direction};
 use super::{Monitor, footprint};
 use crate::error::Result;
 use crate::scene::Triangles;
-use crate::traverse::dop_tree::{NORMALS, height};
 use crate::traverse::frame::Frame;
 use rayon::prelude::*;
-
-/// Bins of centres per direction.
-const BINS: usize = 16;
-
-/// How many directions there are.
-pub const DIRECTIONS: usize = NORMALS.len();
-
-/// A direction, by its place in [`NORMALS`].
-pub fn direction(k: usize) -> Direction {
-    if k < 3 {
-        Direction::Axis(k)
-    } else {
-        Direction::Oblique(NORMALS[k])
-    }
-}
 
 /// How nodes are parted.
 pub struct Policy {
@@ -46,125 +31,6 @@ pub struct Policy {
     pub empty: f32,
     /// The first so many directions are tried.
     pub directions: usize,
-}
-
-/// What a node is.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Kind {
-    /// A leaf.
-    Leaf {
-        /// How many triangles it holds.
-        count: usize,
-    },
-    /// An inner node with one child, the next.
-    Only {
-        /// A place in [`NORMALS`].
-        direction: usize,
-        /// Where the child begins and where it ends.
-        planes: [f32; 2],
-    },
-    /// An inner node; the child below is the next.
-    Pair {
-        /// A place in [`NORMALS`].
-        direction: usize,
-        /// Where the child below ends and where the child above begins.
-        planes: [f32; 2],
-        /// How many items ahead the child above is.
-        above: usize,
-    },
-}
-
-/// A node in preorder.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Item {
-    /// What it is.
-    pub kind: Kind,
-    /// The surface of its region.
-    area: f64,
-}
-
-/// A tree in preorder.
-#[derive(Debug, Clone)]
-pub struct SlantedTree {
-    /// Nodes, the root first; never empty.
-    pub items: Vec<Item>,
-    /// Triangle numbers of the leaves, one leaf after another.
-    pub ids: Vec<u32>,
-}
-
-impl SlantedTree {
-    /// Its shape.
-    pub fn shape(&self) -> Shape {
-        let mut shape = Shape::default();
-        let whole = self.items[0].area;
-        let mut depth_sum = 0;
-        // Where the subtrees end in which the item lies that is looked at.
-        let mut depths = vec![0];
-        for item in &self.items {
-            let depth = depths.pop().expect("every item has its place");
-            let share = if whole > 0.0 { item.area / whole } else { 0.0 };
-            let mut step = |direction: usize| {
-                let oblique = direction >= 3;
-                shape.nodes_axis += usize::from(!oblique);
-                shape.nodes_oblique += usize::from(oblique);
-                shape.sah_cost += if oblique { 5.0 } else { 1.0 } * share;
-            };
-            match item.kind {
-                Kind::Leaf { count } => {
-                    shape.leaves += 1;
-                    shape.leaves_empty += usize::from(count == 0);
-                    shape.references += count;
-                    shape.leaf_max = shape.leaf_max.max(count);
-                    shape.depth_max = shape.depth_max.max(depth);
-                    shape.sah_cost += 80.0 * share * count as f64;
-                    depth_sum += depth;
-                }
-                Kind::Only { direction, .. } => {
-                    step(direction);
-                    depths.push(depth + 1);
-                }
-                Kind::Pair { direction, .. } => {
-                    step(direction);
-                    depths.extend([depth + 1; 2]);
-                }
-            }
-        }
-        shape.depth_mean = depth_sum as f64 / shape.leaves.max(1) as f64;
-        shape
-    }
-}
-
-/// A triangle, as the builder moves it about.
-#[derive(Debug, Clone, Copy)]
-struct Piece {
-    /// In the frame of the walk.
-    corners: [[f32; 3]; 3],
-    id: u32,
-}
-
-impl Piece {
-    /// Lowest and highest height along a direction, rounded; the same wherever they are asked for.
-    #[inline(always)]
-    fn reach(&self, k: usize) -> (f32, f32) {
-        let [a, b, c] = self.corners.map(|p| direction(k).height(p));
-        (a.min(b).min(c), a.max(b).max(c))
-    }
-
-    #[inline(always)]
-    fn centre(&self, k: usize) -> f32 {
-        let (low, high) = self.reach(k);
-        0.5 * low + 0.5 * high
-    }
-
-    /// Heights between which it certainly lies.
-    fn bounds(&self, k: usize) -> (f32, f32) {
-        let heights = self.corners.map(|p| height(NORMALS[k], p));
-        heights
-            .iter()
-            .fold((f32::INFINITY, f32::NEG_INFINITY), |all, h| {
-                (all.0.min(h.0), all.1.max(h.1))
-            })
-    }
 }
 
 /// Floats between which all pieces lie along a direction.
@@ -219,50 +85,6 @@ struct Node {
     work: f64,
 }
 
-/// What one thread uses again and again.
-#[derive(Default)]
-struct Room {
-    profile: Profile,
-    /// Lowest and highest heights of the pieces along a direction.
-    reaches: Vec<(f32, f32)>,
-}
-
-/// The pieces whose centres fall between two heights.
-#[derive(Clone, Copy)]
-struct Bin {
-    low: f32,
-    high: f32,
-    /// Their largest centre: parting at it agrees with the bins without computing them again.
-    last: f32,
-    count: usize,
-}
-
-impl Bin {
-    const EMPTY: Self = Self {
-        low: f32::INFINITY,
-        high: f32::NEG_INFINITY,
-        last: f32::NEG_INFINITY,
-        count: 0,
-    };
-
-    fn union(&self, other: &Self) -> Self {
-        Self {
-            low: self.low.min(other.low),
-            high: self.high.max(other.high),
-            last: self.last.max(other.last),
-            count: self.count + other.count,
-        }
-    }
-}
-
-/// A partition and what it costs.
-#[derive(Clone, Copy)]
-struct Best {
-    cost: f32,
-    direction: usize,
-    at: f32,
-}
-
 struct Builder<'a> {
     policy: &'a Policy,
     monitor: &'a Monitor,
@@ -283,7 +105,7 @@ impl Builder<'_> {
         let levels = pieces.len().next_power_of_two().ilog2() as usize;
         // Halving reaches single triangles in so many levels.
         while node.depth + levels + 1 < MAX_DEPTH {
-            let Some(k) = self.cut(pieces, &node.cell, room) else {
+            let Some(k) = self.policy.cut(pieces, &node.cell, room) else {
                 break;
             };
             let planes = around(pieces, k);
@@ -303,12 +125,12 @@ impl Builder<'_> {
         }
         let count = pieces.len();
         let area = node.cell.area();
-        let mut best = self.best(pieces, &node.cell, room);
+        let mut best = self.policy.best(pieces, &node.cell, room);
         let worth = best.is_some_and(|best| best.cost < self.policy.costs.leaf(count as f32));
         if count < 2 || (!worth && count <= self.policy.leaf_max) {
             best = None;
         } else if best.is_none() {
-            best = self.widest(pieces);
+            best = Policy::widest(pieces);
         }
         let Some(Best {
             direction: k, at, ..
@@ -377,161 +199,6 @@ impl Builder<'_> {
         }
         self.monitor.take(footprint::boxes::<Item>(items))
     }
-
-    /// The direction along which two planes around the pieces leave the least of the cell's surface, if
-    /// that is worth a node.
-    fn cut(&self, pieces: &[Piece], cell: &ConvexCell, room: &mut Room) -> Option<usize> {
-        if self.policy.empty == 0.0 || pieces.is_empty() {
-            return None;
-        }
-        let profile = &mut room.profile;
-        let mut least = self.policy.empty;
-        let mut best = None;
-        for k in 0..self.policy.directions {
-            if !cell.extent(direction(k), profile) {
-                return None;
-            }
-            let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
-            for piece in pieces {
-                let reach = piece.reach(k);
-                (low, high) = (low.min(reach.0), high.max(reach.1));
-            }
-            (low, high) = (low.max(profile.low), high.min(profile.high));
-            // By Brunn and Minkowski the share that is left is at least the square of that of the height.
-            let span = profile.high - profile.low;
-            let bound = (high - low) / span;
-            if span <= 0.0 || bound * bound >= least || bound > 0.95 {
-                continue;
-            }
-            cell.divide(direction(k), profile);
-            // What lies below the one and what lies above the other have the part between in common.
-            let share = profile.shares(high).0 + profile.shares(low).1 - 1.0;
-            if share < least {
-                (least, best) = (share, Some(k));
-            }
-        }
-        best
-    }
-
-    /// The cheapest partition.
-    fn best(&self, pieces: &[Piece], cell: &ConvexCell, room: &mut Room) -> Option<Best> {
-        let costs = &self.policy.costs;
-        let mut best: Option<Best> = None;
-        if pieces.len() < 2 {
-            return None;
-        }
-        for k in 0..self.policy.directions {
-            let Some(bins) = bins(pieces, k, &mut room.reaches) else {
-                continue;
-            };
-            let profile = &mut room.profile;
-            if !cell.extent(direction(k), profile) {
-                return None;
-            }
-            let step = if k < 3 {
-                costs.step
-            } else {
-                self.policy.oblique_step
-            };
-            let mut above = [Bin::EMPTY; BINS];
-            above[BINS - 1] = bins[BINS - 1];
-            for i in (0..BINS - 1).rev() {
-                above[i] = bins[i].union(&above[i + 1]);
-            }
-            // First by bounds on the shares, which take no division of the surface.
-            let mut divided = k < 3;
-            if divided {
-                cell.divide(direction(k), profile);
-            }
-            let mut below = Bin::EMPTY;
-            for i in 1..BINS {
-                let parts = bins[i - 1].count > 0;
-                below = below.union(&bins[i - 1]);
-                if !parts || above[i].count == 0 {
-                    continue;
-                }
-                let (end, begin) = (
-                    below.high.clamp(profile.low, profile.high),
-                    above[i].low.clamp(profile.low, profile.high),
-                );
-                let leaves = [
-                    costs.leaf(below.count as f32),
-                    costs.leaf(above[i].count as f32),
-                ];
-                let cost = |shares: [f32; 2]| step + shares[0] * leaves[0] + shares[1] * leaves[1];
-                let limit = best.map_or(f32::INFINITY, |best| best.cost);
-                let least = [profile.least_shares(end)[0], profile.least_shares(begin)[1]];
-                if cost(least) >= limit {
-                    continue;
-                }
-                if !divided {
-                    cell.divide(direction(k), profile);
-                    divided = true;
-                }
-                let cost = cost([profile.shares(end).0, profile.shares(begin).1]);
-                if cost < limit {
-                    best = Some(Best {
-                        cost,
-                        direction: k,
-                        at: below.last,
-                    });
-                }
-            }
-        }
-        best
-    }
-
-    /// Where no partition has a price: the direction along which centres differ the most.
-    fn widest(&self, pieces: &[Piece]) -> Option<Best> {
-        let spread = |k: usize| {
-            let centres = pieces.iter().map(|piece| piece.centre(k));
-            let (low, high) = centres.fold((f32::INFINITY, f32::NEG_INFINITY), |all, x| {
-                (all.0.min(x), all.1.max(x))
-            });
-            (low, high - low)
-        };
-        let spreads: Vec<_> = (0..3).map(spread).collect();
-        let k = (1..3).fold(0, |a, b| if spreads[b].1 > spreads[a].1 { b } else { a });
-        (spreads[k].1 > 0.0).then_some(Best {
-            cost: 0.0,
-            direction: k,
-            at: spreads[k].0 + 0.5 * spreads[k].1,
-        })
-    }
-}
-
-/// Pieces in bins by their centres along a direction; `None` when these coincide.
-fn bins(pieces: &[Piece], k: usize, reaches: &mut Vec<(f32, f32)>) -> Option<[Bin; BINS]> {
-    reaches.clear();
-    reaches.extend(pieces.iter().map(|piece| piece.reach(k)));
-    let centre = |&(low, high): &(f32, f32)| 0.5 * low + 0.5 * high;
-    let (mut first, mut last) = (f32::INFINITY, f32::NEG_INFINITY);
-    for reach in &*reaches {
-        let at = centre(reach);
-        (first, last) = (first.min(at), last.max(at));
-    }
-    let scale = BINS as f32 / (last - first);
-    if !scale.is_finite() {
-        return None;
-    }
-    let mut bins = [Bin::EMPTY; BINS];
-    for reach in &*reaches {
-        let at = centre(reach);
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "saturates, and is clamped"
-        )]
-        let i = ((at - first) * scale) as usize;
-        let bin = &mut bins[i.min(BINS - 1)];
-        *bin = bin.union(&Bin {
-            low: reach.0,
-            high: reach.1,
-            last: at,
-            count: 1,
-        });
-    }
-    Some(bins)
 }
 
 /// Moves the half with the smaller centres to the front, equal ones by number.

@@ -17,7 +17,7 @@ use super::vec3::{Vec3, cross, dot, map, widen};
 /// value (three differences, two products, three sums), each of half an epsilon; each of its six
 /// products is at most the product of its rows' largest components. Ten roundings leave room for the
 /// second order and for the bound itself.
-const DETERMINANT_ERROR: f64 = 6.0 * 5.0 * f64::EPSILON;
+pub(crate) const DETERMINANT_ERROR: f64 = 6.0 * 5.0 * f64::EPSILON;
 
 /// f64 computes `t` only where the determinant is at least this many times its own error.
 const WELL_CONDITIONED: f64 = 1_048_576.0;

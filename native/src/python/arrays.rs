@@ -143,12 +143,23 @@ impl<'py> Points<'py> {
     }
 }
 
+/// The first number with a property. Looks at many at once: nearly always there is none.
+#[inline(always)]
+fn first(numbers: &[f32], is: impl Fn(f32) -> bool) -> Option<usize> {
+    const GROUP: usize = 256;
+    numbers
+        .chunks(GROUP)
+        .position(|group| group.iter().fold(false, |any, &x| any | is(x)))
+        .and_then(|group| {
+            let before = group * GROUP;
+            let found = numbers[before..].iter().position(|&x| is(x))?;
+            Some(before + found)
+        })
+}
+
 /// Passes when all rows are finite; names the first that is not.
 pub fn check_finite(name: &str, points: &[[f32; 3]]) -> Result<()> {
-    match points
-        .iter()
-        .position(|row| row.iter().any(|x| !x.is_finite()))
-    {
+    match first(points.as_flattened(), |x| !x.is_finite()).map(|i| i / 3) {
         None => Ok(()),
         Some(i) => Err(Error::NonFinite(format!(
             "{name}[{i}]: {:?} is not finite",
@@ -232,36 +243,53 @@ pub fn indices(name: &str, value: &Bound<'_, PyAny>, vertices: usize) -> Result<
 }
 
 /// One number for all rays, or one for each.
-pub enum PerRay {
+pub enum PerRay<'py> {
+    /// The same for all.
+    Same(f32),
+    /// One each, borrowed where the array already is what the core wants.
+    Borrowed(PyReadonlyArray1<'py, f32>),
+    /// One each.
+    Owned(Vec<f32>),
+}
+
+/// The same, free of Python.
+#[derive(Clone, Copy)]
+pub enum Limits<'a> {
     /// The same for all.
     Same(f32),
     /// One each.
-    Each(Vec<f32>),
+    Each(&'a [f32]),
 }
 
-impl PerRay {
-    /// The number of ray `i`.
-    #[inline(always)]
-    pub fn get(&self, i: usize) -> f32 {
+impl PerRay<'_> {
+    /// The numbers.
+    pub fn limits(&self) -> Limits<'_> {
         match self {
-            Self::Same(x) => *x,
-            Self::Each(xs) => xs[i],
+            Self::Same(x) => Limits::Same(*x),
+            Self::Borrowed(array) => {
+                Limits::Each(array.as_slice().expect("contiguity was checked"))
+            }
+            Self::Owned(xs) => Limits::Each(xs),
         }
     }
 }
 
 /// A number, or an (n,) array of numbers; infinite is allowed, NaN is not.
-pub fn per_ray(name: &str, value: &Bound<'_, PyAny>, rays: usize) -> Result<PerRay> {
+pub fn per_ray<'py>(name: &str, value: &Bound<'py, PyAny>, rays: usize) -> Result<PerRay<'py>> {
     #[expect(
         clippy::cast_possible_truncation,
         reason = "distances are f32 from here on"
     )]
-    let found = if let Ok(array) = value.extract::<PyReadonlyArray1<'_, f32>>() {
-        check_copy(name, &*array, size_of::<f32>())?;
-        PerRay::Each(array.as_array().iter().copied().collect())
+    let found = if let Ok(array) = value.extract::<PyReadonlyArray1<'py, f32>>() {
+        if array.is_c_contiguous() {
+            PerRay::Borrowed(array)
+        } else {
+            check_copy(name, &*array, size_of::<f32>())?;
+            PerRay::Owned(array.as_array().iter().copied().collect())
+        }
     } else if let Ok(array) = value.extract::<PyReadonlyArray1<'_, f64>>() {
         check_copy(name, &*array, size_of::<f32>())?;
-        PerRay::Each(array.as_array().iter().map(|&x| x as f32).collect())
+        PerRay::Owned(array.as_array().iter().map(|&x| x as f32).collect())
     } else if let Ok(number) = value.extract::<f64>() {
         PerRay::Same(number as f32)
     } else {
@@ -270,18 +298,18 @@ pub fn per_ray(name: &str, value: &Bound<'_, PyAny>, rays: usize) -> Result<PerR
             describe(value)
         )));
     };
-    match &found {
-        PerRay::Same(x) if x.is_nan() => {
+    match found.limits() {
+        Limits::Same(x) if x.is_nan() => {
             Err(Error::NonFinite(format!("{name}: NaN is no distance")))
         }
-        PerRay::Each(xs) if xs.len() != rays => Err(Error::Shape(format!(
+        Limits::Each(xs) if xs.len() != rays => Err(Error::Shape(format!(
             "{name}: expected a number or {rays} of them, got {}",
             describe(value)
         ))),
-        PerRay::Each(xs) => match xs.iter().position(|x| x.is_nan()) {
+        Limits::Each(xs) => match first(xs, |x| x.is_nan()) {
             Some(i) => Err(Error::NonFinite(format!("{name}[{i}]: NaN is no distance"))),
             None => Ok(found),
         },
-        PerRay::Same(_) => Ok(found),
+        Limits::Same(_) => Ok(found),
     }
 }

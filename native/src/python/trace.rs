@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Rays from arrays, hits to arrays, and the exact oracle.
 
-use super::arrays::{self, PerRay, Points, Threads};
+use super::arrays::{self, Limits, PerRay, Points, Threads};
 use crate::error::{Error, Result, caught};
 use crate::memory::check_room;
 use crate::oracle::exact_closest;
@@ -16,14 +16,14 @@ use std::thread::Builder;
 
 /// Rays handed to a worker at once: enough to forget the cost of handing them over, few enough to
 /// stay in its cache.
-const CHUNK: usize = 4096;
+const CHUNK: usize = 2048;
 
 /// The arguments of `closest` and `occluded`, which own or hold on to the arrays.
 pub struct RayArrays<'py> {
     origins: Points<'py>,
     directions: Points<'py>,
-    t_min: PerRay,
-    t_max: PerRay,
+    t_min: PerRay<'py>,
+    t_max: PerRay<'py>,
     order: Order,
 }
 
@@ -32,8 +32,8 @@ pub struct RayArrays<'py> {
 pub struct Rays<'a> {
     origins: &'a [[f32; 3]],
     directions: &'a [[f32; 3]],
-    t_min: &'a PerRay,
-    t_max: &'a PerRay,
+    t_min: Limits<'a>,
+    t_max: Limits<'a>,
     order: Order,
 }
 
@@ -73,7 +73,7 @@ impl<'py> RayArrays<'py> {
                 origins.len()
             )));
         }
-        let limit = |name, value: Option<&Bound<'_, PyAny>>, default| match value {
+        let limit = |name, value: Option<&Bound<'py, PyAny>>, default| match value {
             None => Ok(PerRay::Same(default)),
             Some(value) => arrays::per_ray(name, value, origins.len()),
         };
@@ -93,8 +93,8 @@ impl<'py> RayArrays<'py> {
         Rays {
             origins: self.origins.rows(),
             directions: self.directions.rows(),
-            t_min: &self.t_min,
-            t_max: &self.t_max,
+            t_min: self.t_min.limits(),
+            t_max: self.t_max.limits(),
             order: self.order,
         }
     }
@@ -103,18 +103,49 @@ impl<'py> RayArrays<'py> {
 impl Rays<'_> {
     /// All of them.
     pub fn all(&self) -> Vec<Ray> {
-        (0..self.origins.len()).map(|i| self.ray(i)).collect()
+        let mut rays = vec![BLANK; self.origins.len()];
+        self.put(0, &mut rays);
+        rays
     }
 
-    fn ray(&self, i: usize) -> Ray {
-        Ray {
-            o: self.origins[i],
-            d: self.directions[i],
-            t_min: self.t_min.get(i),
-            t_max: self.t_max.get(i),
+    /// Overwrites `rays` with those from the `first` on.
+    // Field by field, and with the kinds of limits told apart outside the loops: rays that are put together
+    // first and copied then take longer to bring in than to trace in tiles.
+    fn put(&self, first: usize, rays: &mut [Ray]) {
+        let range = first..first + rays.len();
+        let ends = self.origins[range.clone()]
+            .iter()
+            .zip(&self.directions[range.clone()]);
+        for (ray, (o, d)) in rays.iter_mut().zip(ends) {
+            ray.o = *o;
+            ray.d = *d;
+        }
+        match self.t_min {
+            Limits::Same(t_min) => rays.iter_mut().for_each(|ray| ray.t_min = t_min),
+            Limits::Each(t_min) => {
+                for (ray, t_min) in rays.iter_mut().zip(&t_min[range.clone()]) {
+                    ray.t_min = *t_min;
+                }
+            }
+        }
+        match self.t_max {
+            Limits::Same(t_max) => rays.iter_mut().for_each(|ray| ray.t_max = t_max),
+            Limits::Each(t_max) => {
+                for (ray, t_max) in rays.iter_mut().zip(&t_max[range]) {
+                    ray.t_max = *t_max;
+                }
+            }
         }
     }
 }
+
+/// What buffers of rays hold before they are filled.
+const BLANK: Ray = Ray {
+    o: [0.0; 3],
+    d: [0.0; 3],
+    t_min: 0.0,
+    t_max: 0.0,
+};
 
 /// Answers of `closest`.
 #[pyclass(frozen)]
@@ -246,7 +277,7 @@ fn in_chunks<T: Clone + Send>(
         .max(1);
     let queue = Mutex::new(chunks.into_iter());
     let worker = || {
-        let mut buffer = Vec::with_capacity(CHUNK);
+        let mut buffer = vec![BLANK; CHUNK];
         loop {
             let next = queue
                 .lock()
@@ -255,9 +286,9 @@ fn in_chunks<T: Clone + Send>(
             let Some((first, answers, counts)) = next else {
                 return;
             };
-            buffer.clear();
-            buffer.extend((first..first + answers.len()).map(|i| rays.ray(i)));
-            work(&buffer, answers, counted.then_some(counts));
+            let buffer = &mut buffer[..answers.len()];
+            rays.put(first, buffer);
+            work(buffer, answers, counted.then_some(counts));
         }
     };
     caught(|| {

@@ -458,7 +458,8 @@ fn shade<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
         let (ray, hit, mut path) = (wave.rays[i], wave.hits[i], wave.paths[i]);
         let d = Vec3::from(ray.d);
         let out = &mut wave.samples[path.slot as usize];
-        if LIGHTS && features.lights_met && (lamps_seen || !path.camera) {
+        let unseen = path.camera && (!lamps_seen || (settings.film_transparent && !hit.is_hit()));
+        if LIGHTS && features.lights_met && !unseen {
             wave.work.lights_asked += 1;
             let span = [path.passed, path.passed + hit.t];
             let light = scene

@@ -306,6 +306,11 @@ impl<'a> Batch<'a> {
         blocked.then(|| best.hit())
     }
 
+    /// Walks the rays tile by tile, without counting.
+    pub fn quick_tiles<W: TileWalk>(&self, walk: &W, mut write: impl FnMut(usize, Hit)) {
+        dispatch!(self.level, simd => self.each_tile(simd, walk, &mut write, |_| NoCount));
+    }
+
     /// Walks the rays tile by tile.
     pub fn tiles<W: TileWalk>(
         &self,
@@ -314,9 +319,7 @@ impl<'a> Batch<'a> {
         counters: Option<&mut [RayCounters]>,
     ) {
         match counters {
-            None => dispatch!(self.level, simd => {
-                self.each_tile(simd, walk, &mut write, |_| NoCount);
-            }),
+            None => self.quick_tiles(walk, write),
             Some(counters) => {
                 let mut counters = counters.iter_mut();
                 baseline!(simd => {

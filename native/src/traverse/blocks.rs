@@ -170,6 +170,20 @@ impl Blocks {
         (block, at + (1 + WORDS * n) as u32)
     }
 
+    /// The corners of the triangle whose words begin at `from` and are `n` apart.
+    #[inline(always)]
+    pub(super) fn corners_at(&self, from: usize, n: usize) -> [[f32; 3]; 3] {
+        let words = self.block_words(from);
+        let corner = |k: usize| [words[k * n], words[(k + 1) * n], words[(k + 2) * n]];
+        [corner(0), corner(3), corner(6)]
+    }
+
+    /// The number of that triangle.
+    #[inline(always)]
+    pub(super) fn id_at(&self, from: usize, n: usize) -> u32 {
+        self.block_words(from)[9 * n].to_bits()
+    }
+
     /// The words of the block that begins at `at`, and some behind it.
     #[inline(always)]
     pub(super) fn block_words(&self, at: usize) -> &[f32; SPAN] {

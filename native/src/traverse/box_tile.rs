@@ -8,8 +8,10 @@ use super::box_tree::{self, BoxTree, INNER, Pending, Wide};
 use super::frame::Frame;
 use super::query::Counters;
 use super::ray::{Hit, Ray};
-use super::tile::{self, BUDGET, LANES, Tile};
-use super::tile_leaf;
+use super::shadow_tile;
+use super::tile::{self, LANES, Patience, Tile};
+use super::tile_leaf::{self, Judge};
+use super::tile_nearest::{self, Nearest};
 use crate::build::plane_tree::MAX_DEPTH;
 use crate::scene::Triangles;
 use fearless_simd::Simd;
@@ -19,9 +21,11 @@ pub struct Walk<'a, const W: usize, const R: usize>(pub &'a BoxTree<W>);
 
 impl<const W: usize, const R: usize> TileWalk for Walk<'_, W, R> {
     const RAYS: usize = R * LANES;
-    type Scratch = ();
+    type Scratch = Patience;
 
-    fn scratch(&self) {}
+    fn scratch(&self) -> Patience {
+        Patience::default()
+    }
 
     #[inline(always)]
     fn cast_tile<S: Simd, C: Counters>(
@@ -29,14 +33,23 @@ impl<const W: usize, const R: usize> TileWalk for Walk<'_, W, R> {
         simd: S,
         triangles: (&Triangles, &Blocks),
         (frame, rays): (&Frame, &[Ray]),
-        _: &mut (),
+        patience: &mut Patience,
         write: &mut impl FnMut(usize, Hit),
         counters: &mut [C],
     ) {
         let mut tile = Tile::<R>::new(simd, frame, rays);
-        if tile.inside.0 <= tile.inside.1
-            && !self.follow(simd, triangles.1, (&mut tile, rays), counters)
-        {
+        if !tile.is_inside() {
+            // Nothing to hit.
+        } else if patience.tries() {
+            let mut nearest = Nearest::default();
+            let job = (&mut tile, rays, &mut nearest);
+            let finished = self.follow(simd, triangles.1, job, counters);
+            tile_nearest::settle(simd, triangles.1, (&mut tile, rays), counters);
+            patience.learn(finished);
+            if !finished {
+                tile.give_up();
+            }
+        } else {
             tile.give_up();
         }
         let single = box_tree::Walk(self.0);
@@ -51,20 +64,56 @@ impl<const W: usize, const R: usize> TileWalk for Walk<'_, W, R> {
     }
 }
 
+/// The same walk for shadow rays, in tiles turned round.
+pub struct Shadow<'a, const W: usize, const R: usize>(pub &'a BoxTree<W>);
+
+impl<const W: usize, const R: usize> TileWalk for Shadow<'_, W, R> {
+    const RAYS: usize = R * LANES;
+    type Scratch = Patience;
+
+    fn scratch(&self) -> Patience {
+        Patience::default()
+    }
+
+    #[inline(always)]
+    fn cast_tile<S: Simd, C: Counters>(
+        &self,
+        simd: S,
+        triangles: (&Triangles, &Blocks),
+        (frame, rays): (&Frame, &[Ray]),
+        patience: &mut Patience,
+        write: &mut impl FnMut(usize, Hit),
+        counters: &mut [C],
+    ) {
+        let single = box_tree::Walk(self.0);
+        shadow_tile::cast::<_, _, _, R>(
+            simd,
+            (&single, triangles),
+            (frame, rays, patience),
+            #[inline(always)]
+            |tile, shadows, counters| {
+                Walk(self.0).follow(simd, triangles.1, (tile, rays, shadows), counters)
+            },
+            write,
+            counters,
+        );
+    }
+}
+
 impl<const W: usize, const R: usize> Walk<'_, W, R> {
     /// Walks the tile to its end; says whether it came there within its budget.
     #[inline(always)]
-    fn follow<S: Simd, C: Counters>(
+    fn follow<S: Simd, C: Counters, J: Judge<R>>(
         &self,
         simd: S,
         blocks: &Blocks,
-        (tile, rays): (&mut Tile<R>, &[Ray]),
+        (tile, rays, judge): (&mut Tile<R>, &[Ray], &mut J),
         counters: &mut [C],
     ) -> bool {
         let mut stack = [Pending::default(); (MAX_DEPTH + 3) * 8];
         let mut leaves = [0.0; (MAX_DEPTH + 3) * 8];
         let mut waiting = 0;
-        let mut budget = BUDGET * R * LANES;
+        let mut budget = J::BUDGET * R * LANES;
         let mut node = &self.0.nodes[0];
         loop {
             counters[0].step_axis();
@@ -109,7 +158,7 @@ impl<const W: usize, const R: usize> Walk<'_, W, R> {
                     blocks,
                     (next.link, count),
                     (next.enter, leaves[waiting]),
-                    (&mut *tile, rays),
+                    (&mut *tile, rays, &mut *judge),
                     counters,
                 );
                 match budget.checked_sub(4 + kept) {

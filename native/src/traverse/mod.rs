@@ -52,7 +52,9 @@ pub mod ray;
 pub mod replay;
 pub mod shadow_beam;
 pub mod shadow_cache;
+mod shadow_tile;
 pub mod shaft;
+pub mod shaft_tree;
 pub mod slab_boxes;
 pub mod slab_node;
 pub mod slab_tree;
@@ -61,6 +63,8 @@ pub mod slant_tree;
 pub mod stream;
 pub mod tile;
 pub mod tile_leaf;
+mod tile_nearest;
+mod tile_verdict;
 pub mod view;
 pub mod wide_tree;
 

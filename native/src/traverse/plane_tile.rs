@@ -14,8 +14,10 @@ use super::frame::{Frame, U};
 use super::plane_dir;
 use super::query::Counters;
 use super::ray::{Hit, Ray};
-use super::tile::{self, BUDGET, LANES, Tile, load, splat};
-use super::tile_leaf;
+use super::shadow_tile;
+use super::tile::{self, LANES, Patience, Tile, load, splat};
+use super::tile_leaf::{self, Judge};
+use super::tile_nearest::{self, Nearest};
 use crate::build::plane_tree::{MAX_DEPTH, Node, PlaneTree};
 use crate::scene::Triangles;
 use fearless_simd::{Select, Simd, SimdBase, SimdFloat, SimdMask, f32x16, mask32x16};
@@ -37,9 +39,11 @@ struct Pending {
 
 impl<const R: usize> TileWalk for Walk<'_, R> {
     const RAYS: usize = R * LANES;
-    type Scratch = ();
+    type Scratch = Patience;
 
-    fn scratch(&self) {}
+    fn scratch(&self) -> Patience {
+        Patience::default()
+    }
 
     #[inline(always)]
     fn cast_tile<S: Simd, C: Counters>(
@@ -47,14 +51,23 @@ impl<const R: usize> TileWalk for Walk<'_, R> {
         simd: S,
         triangles: (&Triangles, &Blocks),
         (frame, rays): (&Frame, &[Ray]),
-        _: &mut (),
+        patience: &mut Patience,
         write: &mut impl FnMut(usize, Hit),
         counters: &mut [C],
     ) {
         let mut tile = Tile::<R>::new(simd, frame, rays);
-        if tile.inside.0 <= tile.inside.1
-            && !self.follow(simd, triangles.1, (&mut tile, rays), counters)
-        {
+        if !tile.is_inside() {
+            // Nothing to hit.
+        } else if patience.tries() {
+            let mut nearest = Nearest::default();
+            let job = (&mut tile, rays, &mut nearest);
+            let finished = self.follow(simd, triangles.1, job, counters);
+            tile_nearest::settle(simd, triangles.1, (&mut tile, rays), counters);
+            patience.learn(finished);
+            if !finished {
+                tile.give_up();
+            }
+        } else {
             tile.give_up();
         }
         let single = plane_dir::Walk(self.0);
@@ -69,20 +82,56 @@ impl<const R: usize> TileWalk for Walk<'_, R> {
     }
 }
 
+/// The same walk for shadow rays, in tiles turned round.
+pub struct Shadow<'a, const R: usize>(pub &'a PlaneTree);
+
+impl<const R: usize> TileWalk for Shadow<'_, R> {
+    const RAYS: usize = R * LANES;
+    type Scratch = Patience;
+
+    fn scratch(&self) -> Patience {
+        Patience::default()
+    }
+
+    #[inline(always)]
+    fn cast_tile<S: Simd, C: Counters>(
+        &self,
+        simd: S,
+        triangles: (&Triangles, &Blocks),
+        (frame, rays): (&Frame, &[Ray]),
+        patience: &mut Patience,
+        write: &mut impl FnMut(usize, Hit),
+        counters: &mut [C],
+    ) {
+        let single = plane_dir::Walk(self.0);
+        shadow_tile::cast::<_, _, _, R>(
+            simd,
+            (&single, triangles),
+            (frame, rays, patience),
+            #[inline(always)]
+            |tile, shadows, counters| {
+                Walk(self.0).follow(simd, triangles.1, (tile, rays, shadows), counters)
+            },
+            write,
+            counters,
+        );
+    }
+}
+
 impl<const R: usize> Walk<'_, R> {
     /// Walks the tile to its end; says whether it came there within its budget.
     #[inline(always)]
-    fn follow<S: Simd, C: Counters>(
+    fn follow<S: Simd, C: Counters, J: Judge<R>>(
         &self,
         simd: S,
         blocks: &Blocks,
-        (tile, rays): (&mut Tile<R>, &[Ray]),
+        (tile, rays, judge): (&mut Tile<R>, &[Ray], &mut J),
         counters: &mut [C],
     ) -> bool {
         let tree = self.0;
         let mut stack = [Pending::default(); MAX_DEPTH + 1];
         let mut waiting = 0;
-        let mut budget = BUDGET * R * LANES;
+        let mut budget = J::BUDGET * R * LANES;
         let mut node = tree.root();
         let (mut enter, mut leave) = tile.inside;
         loop {
@@ -132,7 +181,7 @@ impl<const R: usize> Walk<'_, R> {
                             blocks,
                             leaf,
                             (enter, leave),
-                            (&mut *tile, rays),
+                            (&mut *tile, rays, &mut *judge),
                             counters,
                         );
                         let Some(left) = budget.checked_sub(4 + kept) else {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Shadow beams: rays to one light go through the octree together, as González López and Gisbert
+//! Shadow beams: rays to one light go through a tree together, as González López and Gisbert
 //! Cantó announce but do not build.
 //!
 //! Seen from the light the ends of its shadow rays are pixels on the six faces of a cube (on one
@@ -21,15 +21,11 @@ use super::query::{Any, Best, Count, Counters, NoCount};
 use super::ray::{Hit, RayCounters};
 use super::shadow_cache::ShadowCache;
 use super::shaft::{Extent, Shaft};
-use crate::build::octree_nodes::Octree;
-use fearless_simd::{Simd, SimdBase, dispatch, f32x8};
+use super::shaft_tree::ShaftTree;
+use fearless_simd::{Simd, dispatch};
 
 /// Beams of fewer rays are not worth their walk.
 const LEAST: u32 = 4;
-
-/// A beam may visit so many inner nodes and blocks of triangles for each of its rays before they go on
-/// singly. Measured, as the next: half and twice as many save less on rooms and on leaves.
-const STEPS_PER_RAY: u32 = 2;
 
 /// It may put one triangle to its rays for so many of them.
 const RAYS_PER_TRIANGLE: u32 = 4;
@@ -48,15 +44,13 @@ struct Beam {
     open: u64,
     /// Bound on the error of a start or an end.
     pad: f32,
-    /// Nodes to visit, and their lowest corners.
-    waiting: Vec<(u32, [f32; 3])>,
 }
 
 impl Batch<'_> {
-    /// Finds any hit of each ray by beams through an octree; `walk` serves rays that go singly.
-    pub fn shadow_beams<W: Walk>(
+    /// Finds any hit of each ray by beams through a tree that divides space; `walk` serves rays that go singly.
+    pub fn shadow_beams<T: ShaftTree, W: Walk>(
         &self,
-        (tree, walk): (&Octree, &W),
+        (tree, walk): (&T, &W),
         mut write: impl FnMut(usize, Hit),
         counters: Option<&mut [RayCounters]>,
     ) {
@@ -78,16 +72,17 @@ impl Batch<'_> {
     }
 
     #[inline(always)]
-    fn each_beam<S: Simd, W: Walk, C: Counters>(
+    fn each_beam<S: Simd, T: ShaftTree, W: Walk, C: Counters>(
         &self,
         simd: S,
-        (tree, walk): (&Octree, &W),
+        (tree, walk): (&T, &W),
         sorted: &[u64],
         write: &mut impl FnMut(usize, Hit),
         counters: &mut [C],
     ) {
         let mut scratch = walk.scratch();
         let mut beam = Beam::new();
+        let mut waiting = Vec::with_capacity(64);
         let mut cache = ShadowCache::new(self.scene.bounds());
         for run in sorted.chunk_by(|a, b| light_cube::same_face(*a, *b)) {
             for keys in run.chunks(RAYS) {
@@ -107,6 +102,7 @@ impl Batch<'_> {
                         }
                     }
                     if beam.open.count_ones() >= LEAST {
+                        let tree = (tree, &mut waiting);
                         self.follow(simd, tree, &mut beam, &mut blocker, write, counters);
                     }
                 }
@@ -130,29 +126,26 @@ impl Batch<'_> {
 
     /// Walks a beam; what stays open must go on singly.
     #[inline(always)]
-    fn follow<S: Simd, C: Counters>(
+    fn follow<S: Simd, T: ShaftTree, C: Counters>(
         &self,
         simd: S,
-        tree: &Octree,
+        (tree, waiting): (&T, &mut Vec<T::Place>),
         beam: &mut Beam,
         blocker: &mut Hit,
         write: &mut impl FnMut(usize, Hit),
         counters: &mut [C],
     ) {
-        let cube = tree.cube();
         let shaft = beam.shaft(self.frame.bounds().magnitude());
         let open = beam.open.count_ones();
-        let mut steps = STEPS_PER_RAY * open;
+        let mut steps = T::STEPS_PER_RAY * open;
         let mut triangles = open.div_ceil(RAYS_PER_TRIANGLE);
         // What a beam does for all is charged to its first ray.
         let charged = beam.ids[beam.open.trailing_zeros() as usize];
         let mut empty = true;
-        beam.waiting.clear();
-        beam.waiting.push((0, cube.corner));
-        while let Some((index, low)) = beam.waiting.pop() {
-            let node = tree.node(index);
-            if !node.is_inner() {
-                let (first, count) = node.blocks();
+        waiting.clear();
+        waiting.push(tree.top(self.frame.bounds()));
+        while let Some(place) = waiting.pop() {
+            if let Some((first, count)) = tree.step(simd, place, &shaft, waiting) {
                 counters[charged].leaf(count);
                 let (mut at, mut left) = (first as usize, count);
                 while left > 0 {
@@ -188,24 +181,6 @@ impl Batch<'_> {
                 return;
             }
             steps -= 1;
-            let half = cube.edge(node.level() + 1);
-            let lows = [
-                octants(simd, low[0], half, 1),
-                octants(simd, low[1], half, 2),
-                octants(simd, low[2], half, 4),
-            ];
-            let edge = f32x8::splat(simd, half);
-            let highs = [lows[0] + edge, lows[1] + edge, lows[2] + edge];
-            let met = shaft.meets(simd, &lows, &highs) & !u64::from(node.empty_octants());
-            for octant in lanes(met) {
-                let mut child = low;
-                for (k, x) in child.iter_mut().enumerate() {
-                    if octant >> k & 1 == 1 {
-                        *x += half;
-                    }
-                }
-                beam.waiting.push((node.children() + octant as u32, child));
-            }
         }
         for i in lanes(beam.open) {
             write(beam.ids[i], Hit::MISS);
@@ -253,18 +228,6 @@ impl Batch<'_> {
     }
 }
 
-/// A coordinate of the lower corners of eight octants.
-#[inline(always)]
-fn octants<S: Simd>(simd: S, low: f32, half: f32, bit: usize) -> f32x8<S> {
-    let mut lows = [low; 8];
-    for (octant, x) in lows.iter_mut().enumerate() {
-        if octant & bit != 0 {
-            *x = low + half;
-        }
-    }
-    f32x8::from_slice(simd, &lows)
-}
-
 impl Beam {
     /// Without rays.
     fn new() -> Self {
@@ -277,7 +240,6 @@ impl Beam {
             reach: [0.0; RAYS],
             open: 0,
             pad: 0.0,
-            waiting: Vec::with_capacity(64),
         }
     }
 

@@ -16,7 +16,7 @@ use super::query::{Best, Counters, Query};
 use super::ray::{Hit, Ray};
 use crate::build::leaves::Leaves;
 use crate::build::plane_tree::MAX_DEPTH;
-use crate::build::slanted::{self, DIRECTIONS, SlantedTree};
+use crate::build::slanted_tree::{self, DIRECTIONS, SlantedTree};
 use crate::error::{Error, Result};
 use crate::geom::Aabb;
 use crate::scene::Triangles;
@@ -127,7 +127,7 @@ impl SlantTree {
         while let Some((place, from)) = open.pop() {
             let link = nodes.len();
             nodes[place] = match tree.items[from].kind {
-                slanted::Kind::Leaf { count } => {
+                slanted_tree::Kind::Leaf { count } => {
                     let first = leaves.push(next, count);
                     let count = u32::try_from(count).expect("checked above");
                     next += count;
@@ -136,12 +136,12 @@ impl SlantTree {
                         planes: [first, 0],
                     }
                 }
-                slanted::Kind::Only { direction, planes } => {
+                slanted_tree::Kind::Only { direction, planes } => {
                     nodes.push(Node::EMPTY);
                     open.push((link, from + 1));
                     Node::inner(direction, true, link, planes)
                 }
-                slanted::Kind::Pair {
+                slanted_tree::Kind::Pair {
                     direction,
                     planes,
                     above,

@@ -12,10 +12,14 @@ use super::blocks::Blocks;
 use super::frame::{Frame, PRUNE, TINY};
 use super::query::{Closest, Counters};
 use super::ray::{Hit, Ray};
-use crate::geom::vec3::map;
 use crate::geom::verdict::verdict_within;
 use crate::scene::Triangles;
 use fearless_simd::{Select, Simd, SimdBase, SimdMask, f32x16, mask32x16};
+
+mod held;
+mod pyramid;
+pub use held::Held;
+pub use pyramid::Pyramid;
 
 /// Rays side by side.
 pub const LANES: usize = 16;
@@ -26,8 +30,53 @@ pub type Row = [f32; LANES];
 /// Tiles need origins and directions of ordinary size, so that nothing overflows.
 const ORDINARY: f32 = 1_152_921_504_606_846_976.0;
 
-/// Steps and triangles per ray after which the rays of a tile go on singly.
-pub const BUDGET: usize = 12;
+/// The ray that sits in this lane of this row: a row is a square of 4 by 4 of the 8 by 8 pixels that 64
+/// rays in a row stand for, so that its rays stay together.
+#[inline(always)]
+pub const fn place(row: usize, lane: usize) -> usize {
+    row / 4 * 64 + (row % 4 / 2 * 4 + lane / 4) * 8 + row % 2 * 4 + lane % 4
+}
+
+/// The row and lane where a ray sits.
+#[inline(always)]
+pub const fn seat(ray: usize) -> (usize, usize) {
+    let (x, y) = (ray % 8, ray / 8 % 8);
+    (ray / 64 * 4 + y / 4 * 2 + x / 4, y % 4 * 4 + x % 4)
+}
+
+/// Whether the next tile is walked as one: after tiles that did not come to their end, some go singly without
+/// having tried, twice as many each time. Where geometry is finer than rays are, it is for many tiles.
+#[derive(Debug, Default)]
+pub struct Patience {
+    /// So many tiles go singly now.
+    waiting: u32,
+    /// And so many after the next that does not come to its end.
+    next: u32,
+}
+
+impl Patience {
+    const LEAST: u32 = 2;
+    const MOST: u32 = 16;
+
+    /// Whether the next tile is to be tried.
+    #[inline(always)]
+    pub fn tries(&mut self) -> bool {
+        let tries = self.waiting == 0;
+        self.waiting = self.waiting.saturating_sub(1);
+        tries
+    }
+
+    /// Learns whether a tile came to its end.
+    #[inline(always)]
+    pub fn learn(&mut self, finished: bool) {
+        if finished {
+            self.next = Self::LEAST;
+        } else {
+            self.waiting = self.next.max(Self::LEAST);
+            self.next = (2 * self.waiting).min(Self::MOST);
+        }
+    }
+}
 
 /// How long rays of a tile take for a unit of height along an axis, in one direction.
 #[derive(Debug, Clone, Copy)]
@@ -62,18 +111,23 @@ pub struct Tile<const R: usize> {
     pub(super) v: [Row; R],
     /// The triangles hit, bit patterns of their numbers.
     pub(super) id: [[u32; LANES]; R],
+    /// Hits that are certain, but not worked out yet.
+    pub(super) held: Held<R>,
     /// How far from the origin a plane must be to be told from it, per axis.
     pub pad: [f32; 3],
     /// Bound on the error of the height of the origin over an oblique plane that meets the scene.
     pub oblique_pad: f32,
+    /// How far off their common origin the lines of the rays may pass, in the scene's units and, as far as that
+    /// turns their directions, in the frame.
+    pub blur: [f32; 2],
     /// Per axis how long rays take downwards and upwards.
     pub pace: [[Pace; 2]; 3],
     /// Per axis whether most rays go up.
     pub up: [bool; 3],
     /// The part of all rays inside the scene's box.
     pub inside: (f32, f32),
-    /// Directions that hold all others between them.
-    pub corners: Option<[[f32; 3]; 4]>,
+    /// What holds all directions between it.
+    pub pyramid: Option<Pyramid<R>>,
     /// A distance in the scene's units times this is one in the frame.
     pub to_frame: f32,
     /// Added to distances in the frame for the rounding of the smallest ones.
@@ -81,14 +135,12 @@ pub struct Tile<const R: usize> {
 }
 
 impl<const R: usize> Tile<R> {
-    /// Of at least one ray and at most `16 R`.
+    /// Without rays, for directions of about this size.
     #[inline(always)]
-    pub fn new<S: Simd>(simd: S, frame: &Frame, rays: &[Ray]) -> Self {
-        let first = &rays[0];
-        let longest = largest(first.d);
+    fn blank(o: [f32; 3], longest: f32) -> Self {
         let unit = f32::from_bits(longest.to_bits() & 0x7f80_0000);
-        let mut tile = Self {
-            o: first.o,
+        Self {
+            o,
             d: [[[0.0; LANES]; 3]; R],
             active: [0; R],
             rest: [0; R],
@@ -100,46 +152,132 @@ impl<const R: usize> Tile<R> {
             u: [[0.0; LANES]; R],
             v: [[0.0; LANES]; R],
             id: [[Hit::NONE; LANES]; R],
+            held: Held::none(),
             pad: [0.0; 3],
             oblique_pad: 0.0,
+            blur: [0.0; 2],
             pace: [[Pace {
                 least: f32::MAX,
                 most: f32::INFINITY,
             }; 2]; 3],
             up: [true; 3],
             inside: (0.0, f32::NEG_INFINITY),
-            corners: None,
+            pyramid: None,
             to_frame: unit,
             last_place: f32::from_bits(1) * unit + TINY,
-        };
-        for (i, ray) in rays.iter().enumerate() {
-            let (row, lane) = (i / LANES, i % LANES);
-            for k in 0..3 {
-                tile.d[row][k][lane] = ray.d[k];
-            }
-            tile.t_min[row][lane] = ray.t_min;
-            tile.t[row][lane] = ray.t_max;
-            let same = (0..3).all(|k| ray.o[k].to_bits() == first.o[k].to_bits());
-            tile.active[row] |= u16::from(same) << lane;
-            tile.rest[row] |= 1 << lane;
         }
-        let ordinary = frame.is_scene()
-            && first.o.iter().all(|x| x.abs() < ORDINARY)
-            && (ORDINARY.recip()..ORDINARY).contains(&unit);
-        if !ordinary {
-            tile.active = [0; R];
-            return tile;
-        }
-        (tile.pad, tile.oblique_pad) = frame.pads(first.o);
-        let ranges = tile.ranges(simd, unit);
+    }
+
+    /// Of at least one ray and at most `16 R`.
+    #[inline(always)]
+    pub fn new<S: Simd>(simd: S, frame: &Frame, rays: &[Ray]) -> Self {
+        let first = &rays[0];
+        let mut tile = Self::blank(first.o, largest(first.d));
+        let mut other = 0;
         for row in 0..R {
-            tile.rest[row] &= !tile.active[row];
+            for lane in 0..LANES {
+                let Some(ray) = rays.get(place(row, lane)) else {
+                    continue;
+                };
+                for k in 0..3 {
+                    tile.d[row][k][lane] = ray.d[k];
+                    other |= ray.o[k].to_bits() ^ first.o[k].to_bits();
+                }
+                tile.t_min[row][lane] = ray.t_min;
+                tile.t[row][lane] = ray.t_max;
+            }
         }
-        if let Some(ranges) = ranges {
-            tile.enter(simd, frame, ranges);
-            tile.corners = tile.pyramid(simd, ranges);
+        if other == 0 && rays.len() == R * LANES {
+            tile.active = [u16::MAX; R];
+            tile.rest = [u16::MAX; R];
+        } else {
+            for (i, ray) in rays.iter().enumerate() {
+                let (row, lane) = seat(i);
+                let same = (0..3).all(|k| ray.o[k].to_bits() == first.o[k].to_bits());
+                tile.active[row] |= u16::from(same) << lane;
+                tile.rest[row] |= 1 << lane;
+            }
+        }
+        if tile.is_ordinary(frame) {
+            tile.begin(simd, frame);
+        } else {
+            tile.active = [0; R];
         }
         tile
+    }
+
+    /// Of directions from a common origin, the longest component of which is given; the `active` of all that are
+    /// `there` take part, as far as the ends of the directions.
+    #[inline(always)]
+    pub(super) fn turned(
+        o: [f32; 3],
+        longest: f32,
+        d: [[Row; 3]; R],
+        (active, there): ([u16; R], [u16; R]),
+    ) -> Self {
+        let mut tile = Self::blank(o, longest);
+        tile.d = d;
+        tile.active = active;
+        tile.rest = there;
+        tile.t = [[1.0 + 1e-6; LANES]; R];
+        tile
+    }
+
+    /// Brings such a tile into the frame; returns by how much its directions differ, in parts of the longest.
+    /// `None` if they differ too much, or are odd.
+    #[inline(always)]
+    pub(super) fn settle_in<S: Simd>(&mut self, simd: S, frame: &Frame) -> Option<f32> {
+        if !self.is_ordinary(frame) {
+            return None;
+        }
+        self.begin(simd, frame);
+        let pyramid = self.pyramid.as_ref()?;
+        let mut spread = 0.0_f32;
+        for k in 0..3 {
+            let at = |i: usize| pyramid.corners[i][k];
+            let low = at(0).min(at(1)).min(at(2)).min(at(3));
+            let high = at(0).max(at(1)).max(at(2)).max(at(3));
+            spread = spread.max(high - low);
+        }
+        Some(spread)
+    }
+
+    /// Ends some rays of a row.
+    #[inline(always)]
+    pub(super) fn stop<S: Simd>(&mut self, simd: S, row: usize, lanes: u16) {
+        self.active[row] &= !lanes;
+        let lanes = mask32x16::from_bitmask(simd, u64::from(lanes));
+        let reach: f32x16<S> =
+            lanes.select(splat(simd, f32::NEG_INFINITY), load(simd, &self.reach[row]));
+        reach.store_slice(&mut self.reach[row]);
+    }
+
+    /// Whether nothing overflows, as far as the origin and the scale tell.
+    #[inline(always)]
+    fn is_ordinary(&self, frame: &Frame) -> bool {
+        frame.is_scene()
+            && self.o.iter().all(|x| x.abs() < ORDINARY)
+            && (ORDINARY.recip()..ORDINARY).contains(&self.to_frame)
+    }
+
+    /// Brings the active rays into the frame and to the scene's box.
+    #[inline(always)]
+    fn begin<S: Simd>(&mut self, simd: S, frame: &Frame) {
+        (self.pad, self.oblique_pad) = frame.pads(self.o);
+        let blur = self.blur[0];
+        // A height changes by at most the sum of the normal's components times that, which is 1.74.
+        for pad in &mut self.pad {
+            *pad += 1.01 * blur;
+        }
+        self.oblique_pad += 2.0 * blur;
+        let ranges = self.ranges(simd, self.to_frame);
+        for row in 0..R {
+            self.rest[row] &= !self.active[row];
+        }
+        if let Some(ranges) = ranges {
+            self.enter(simd, frame, ranges);
+            self.pyramid = Pyramid::new(simd, self, ranges);
+        }
     }
 
     /// Brings directions into the frame, leaves out odd rays and returns the range of the directions
@@ -235,93 +373,6 @@ impl<const R: usize> Tile<R> {
         self.inside = (enter.max(soonest), leave.min(self.far));
     }
 
-    /// Four directions between which all others lie: in the plane at height 1 along the axis along
-    /// which all rays go, a parallelogram with the sides of the tile.
-    #[inline(always)]
-    fn pyramid<S: Simd>(&self, simd: S, ranges: [(f32, f32); 3]) -> Option<[[f32; 3]; 4]> {
-        // Slopes stay below 8, and are off by less than 2^-20.
-        let advance = |k: usize| ranges[k].0.max(-ranges[k].1);
-        let axis = (0..3).fold(0, |a, b| if advance(b) > advance(a) { b } else { a });
-        if advance(axis) < 0.25 {
-            return None;
-        }
-        let [i, j] = [(axis + 1) % 3, (axis + 2) % 3];
-        let slope = |ray: usize| {
-            let d = |k: usize| self.d[ray / LANES][k][ray % LANES];
-            [d(i) / d(axis), d(j) / d(axis)]
-        };
-        let first =
-            (0..R * LANES).find(|&ray| self.active[ray / LANES] >> (ray % LANES) & 1 == 1)?;
-        let origin = slope(first);
-        let side = |ray: usize| {
-            let s = slope(ray);
-            [s[0] - origin[0], s[1] - origin[1]]
-        };
-        let (mut e1, mut e2) = ([1.0, 0.0], [0.0, 1.0]);
-        let mut area: f32 = 1.0;
-        if self.active.iter().all(|&row| row == u16::MAX) {
-            // The ends of the first row of pixels and of the first column.
-            let (right, down) = (side(R * LANES - 57), side(56));
-            let (w, h) = (length(right), length(down));
-            let cross = right[0] * down[1] - right[1] * down[0];
-            if cross.abs() > 0.1 * w * h && w < 16.0 * h && h < 16.0 * w {
-                (e1, e2, area) = (right, down, cross);
-            }
-        }
-        let inverse = splat(simd, 1.0 / area);
-        let mut low = [splat(simd, f32::INFINITY); 2];
-        let mut high = [splat(simd, f32::NEG_INFINITY); 2];
-        for row in 0..R {
-            let active = mask32x16::from_bitmask(simd, u64::from(self.active[row]));
-            let d = &self.d[row];
-            let advance: f32x16<S> = active.select(load(simd, &d[axis]), splat(simd, 1.0));
-            let x = load(simd, &d[i]) / advance - splat(simd, origin[0]);
-            let y = load(simd, &d[j]) / advance - splat(simd, origin[1]);
-            let parts = [
-                (x * splat(simd, e2[1]) - y * splat(simd, e2[0])) * inverse,
-                (y * splat(simd, e1[0]) - x * splat(simd, e1[1])) * inverse,
-            ];
-            for n in 0..2 {
-                let below: f32x16<S> = active.select(parts[n], splat(simd, f32::INFINITY));
-                let above: f32x16<S> = active.select(parts[n], splat(simd, f32::NEG_INFINITY));
-                low[n] = low[n].min(below);
-                high[n] = high[n].max(above);
-            }
-        }
-        // Roundings of slopes, of the parts above and of the corners below move the sides by less
-        // than 2^-18 in all, and by less than 10^-4 of the tile.
-        let others = [length(e2), length(e1)];
-        let ends = [
-            (low[0].reduce_min(), high[0].reduce_max()),
-            (low[1].reduce_min(), high[1].reduce_max()),
-        ];
-        let widened = |n: usize| {
-            let (low, high): (f32, f32) = ends[n];
-            let pad = 4e-6 * others[n] / area.abs() + 1e-4 * (1.0 + low.abs() + high.abs());
-            [low - pad, high + pad]
-        };
-        let range = [widened(0), widened(1)];
-        let sign = 1.0_f32.copysign(ranges[axis].0 + ranges[axis].1);
-        let mut steepest = 0.0_f32;
-        let mut corner = |a: usize, b: usize| {
-            let at = |n: usize| origin[n] + range[0][a] * e1[n] + range[1][b] * e2[n];
-            let mut corner = [0.0; 3];
-            (corner[axis], corner[i], corner[j]) = (sign, sign * at(0), sign * at(1));
-            steepest = steepest.max(at(0).abs()).max(at(1).abs());
-            corner
-        };
-        let corners = [corner(0, 0), corner(1, 0), corner(0, 1), corner(1, 1)];
-        // Error bounds want components below 2.
-        let scale = match steepest {
-            x if x < 1.75 => 1.0,
-            x if x < 7.0 => 0.25,
-            x if x < 28.0 => 0.0625,
-            _ => return None,
-        };
-        let scaled = |n: usize| map(corners[n], |x| x * scale);
-        Some([scaled(0), scaled(1), scaled(2), scaled(3)])
-    }
-
     /// Puts one ray's candidate to the verdict.
     #[inline(never)]
     pub(super) fn offer(
@@ -347,11 +398,27 @@ impl<const R: usize> Tile<R> {
         self.reach[row][lane] = reach.min(self.reach[row][lane]);
     }
 
+    /// Whether there is something to walk.
+    #[inline(always)]
+    pub fn is_inside(&self) -> bool {
+        self.inside.0 <= self.inside.1
+    }
+
     /// Leaves all rays to walks of their own, which need look no farther than the tile did.
     pub fn give_up(&mut self) {
         for row in 0..R {
             self.rest[row] |= self.active[row];
         }
+    }
+
+    /// How far any ray still has to look before `leave`, in lengths of what lies in the pyramid.
+    #[inline(always)]
+    pub(super) fn stretched(&self, pyramid: &Pyramid<R>, leave: f32) -> f32 {
+        let mut far = f32::NEG_INFINITY;
+        for row in 0..R {
+            far = far.max(self.row_reach[row].min(leave) * pyramid.stretch[row]);
+        }
+        far
     }
 
     /// The best hit of a ray.
@@ -381,15 +448,16 @@ pub fn finish<S: Simd, W: Walk, C: Counters, const R: usize>(
     write: &mut impl FnMut(usize, Hit),
     counters: &mut [C],
 ) {
-    for (i, _) in rays.iter().enumerate() {
-        write(i, tile.hit(i / LANES, i % LANES));
+    for i in 0..rays.len() {
+        let (row, lane) = seat(i);
+        write(i, tile.hit(row, lane));
     }
     if tile.rest == [0; R] {
         return;
     }
     let mut scratch = single.scratch();
     for (i, ray) in rays.iter().enumerate() {
-        let (row, lane) = (i / LANES, i % LANES);
+        let (row, lane) = seat(i);
         if tile.rest[row] >> lane & 1 == 0 {
             continue;
         }
@@ -421,11 +489,6 @@ pub fn splat<S: Simd>(simd: S, x: f32) -> f32x16<S> {
 #[inline(always)]
 pub fn load<S: Simd>(simd: S, row: &Row) -> f32x16<S> {
     f32x16::from_slice(simd, row)
-}
-
-#[inline(always)]
-fn length(a: [f32; 2]) -> f32 {
-    (a[0] * a[0] + a[1] * a[1]).sqrt()
 }
 
 /// The lanes of a mask.

@@ -1,34 +1,93 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The triangles of a leaf against a tile of rays: first eight triangles at a time against the pyramid
-//! that holds the rays, then each that is left against sixteen rays at a time, in f32; what f32
-//! cannot rule out goes to the verdict, in f64 for sixteen rays at a time where that is certain.
+//! that holds the rays, then each that is left against the parts of the pyramid that hold its rows,
+//! then against the sixteen rays of each row that is left, in f32. What f32 cannot rule out goes to a [`Judge`].
 //!
 //! The f32 test and its bounds are those of [`super::lanes`]: with a common origin each quantity is a
 //! dot product of the direction with a vector that depends on the triangle alone. If such a product is
-//! negative for four directions, it is for all directions between them.
+//! negative for four directions, it is for all directions between them. Only hits ahead of the
+//! origin count, so the side of the triangle on which the origin lies tells the sign that
+//! all weights of a hit have; only where that is in doubt both signs are tried.
+//!
+//! Errors beyond those of the single test: the third weight, whose vector is the sum of the other two and
+//! the determinant's, is off by 180 u S E + 96 u E^2, which its bound covers. A product in a row's part of the
+//! pyramid is put together from those with three corners, with factors of 3 in all, and from 7
+//! roundings of numbers up to 84 S E, or for the third weight twice that: less than 1500 u S E + 760 u E^2. Eight
+//! times the bound of the single test covers it.
+//!
+//! Where the lines of the rays pass the common origin at a distance of up to a blur B, which turns their directions
+//! by up to b in the frame, offsets are off by B and directions by b per component: determinants by 6 b E^2,
+//! weights by 6 b S E + 12 B E, the third by twice that and 6 b E^2, and the product that gives the
+//! distance by 6 B E^2. The bounds take a little more, for what both do together.
 
 use super::blocks::{Blocks, DET_ERROR, LANES as WIDE, SPAN, T_ERROR, UNDERFLOW, UV_ERROR};
-use super::frame::PRUNE;
 use super::query::Counters;
-use super::ray::{Hit, Ray};
-use super::tile::{LANES, Row, Tile, bits, load, splat};
-use crate::geom::verdict::FromOrigin;
-use fearless_simd::{
-    Select, Simd, SimdBase, SimdFloat, SimdMask, f32x8, f32x16, f64x8, mask32x16, mask64x8,
-};
+use super::ray::Ray;
+use super::tile::{Tile, bits, load, splat};
+use fearless_simd::{Simd, SimdBase, SimdFloat, SimdMask, f32x4, f32x8, f32x16};
+
+/// Products at the corners of the pyramid, one number a lane: at the first, and how much more at the ends
+/// of the two sides that begin there.
+#[derive(Clone, Copy)]
+struct Corners {
+    first: [f32; WIDE],
+    sides: [[f32; WIDE]; 2],
+}
 
 /// Eight triangles as seen from the origin of a tile, one number a lane.
 struct Seen {
     det: [[f32; WIDE]; 3],
-    u: [[f32; WIDE]; 3],
-    v: [[f32; WIDE]; 3],
+    /// The weights of the corners.
+    weights: [[[f32; WIDE]; 3]; 3],
     t: [f32; WIDE],
     det_error: [f32; WIDE],
     uv_error: [f32; WIDE],
     t_error: [f32; WIDE],
+    /// The same for products that are put together from others.
+    det_row_error: [f32; WIDE],
+    uv_row_error: [f32; WIDE],
+    /// The weights and the determinant at the corners of the pyramid.
+    at: [Corners; 4],
     /// Those that some ray of the tile may hit.
     kept: u64,
+    /// Those of which no side is known.
+    edgewise: u64,
 }
+
+/// Rays of a row that may hit a triangle.
+pub struct Candidate<S: Simd> {
+    /// The row.
+    pub row: usize,
+    /// The rays.
+    pub open: u16,
+    /// Those whose lines certainly pass through the triangle.
+    pub sure: u16,
+    /// The distance in the frame: numerator, its error, denominator, its error. Without meaning where no ray is sure.
+    pub distance: [f32x16<S>; 4],
+    /// The triangle's number.
+    pub id: u32,
+    /// Where its words begin, and how far apart they are.
+    pub words: (usize, usize),
+}
+
+/// What is made of rays that may hit a triangle.
+pub trait Judge<const R: usize> {
+    /// Triangles kept per ray, a leaf counting as four, after which the rays of a tile go on singly.
+    const BUDGET: usize;
+
+    /// Takes note of the hits; `tile.reach` is then how far each ray still has to look.
+    fn judge<S: Simd, C: Counters>(
+        &mut self,
+        simd: S,
+        blocks: &Blocks,
+        tile: (&mut Tile<R>, &[Ray]),
+        candidate: &Candidate<S>,
+        counters: &mut [C],
+    );
+}
+
+/// What the error of a single test is taken times for rows.
+const ROW_ERROR: f32 = 8.0;
 
 /// Tests the tile against the leaf of `count` triangles that begins at `first`, in whose cell the rays
 /// are between `enter` and `leave`. Returns how many triangles the pyramid let through. What is tested
@@ -41,7 +100,7 @@ pub fn test<S: Simd, C: Counters, const R: usize>(
     blocks: &Blocks,
     (first, count): (u32, usize),
     ends: (f32, f32),
-    (tile, rays): (&mut Tile<R>, &[Ray]),
+    (tile, rays, judge): (&mut Tile<R>, &[Ray], &mut impl Judge<R>),
     counters: &mut [C],
 ) -> usize {
     counters[0].tests(count);
@@ -51,7 +110,7 @@ pub fn test<S: Simd, C: Counters, const R: usize>(
     while left > 0 {
         let n = left.min(WIDE);
         let (block, next) = blocks.block(at, n);
-        let seen = look(simd, tile, block, n);
+        let seen = look(simd, tile, ends.1, (block, n));
         let mut open = seen.kept;
         kept += open.count_ones() as usize;
         while open != 0 {
@@ -60,9 +119,9 @@ pub fn test<S: Simd, C: Counters, const R: usize>(
             one(
                 simd,
                 (&seen, lane),
-                (block, n),
+                (blocks, at as usize + 1, n),
                 ends,
-                (tile, rays),
+                (&mut *tile, rays, &mut *judge),
                 counters,
             );
         }
@@ -129,7 +188,12 @@ fn dot16<S: Simd>(a: Vector16<S>, d: Vector16<S>) -> f32x16<S> {
 
 /// Eight triangles against the pyramid.
 #[inline(always)]
-fn look<S: Simd, const R: usize>(simd: S, tile: &Tile<R>, block: &[f32; SPAN], n: usize) -> Seen {
+fn look<S: Simd, const R: usize>(
+    simd: S,
+    tile: &Tile<R>,
+    leave: f32,
+    (block, n): (&[f32; SPAN], usize),
+) -> Seen {
     let a = point8(simd, block, n, 0);
     let e1 = sub8(point8(simd, block, n, 3), a);
     let e2 = sub8(point8(simd, block, n, 6), a);
@@ -140,53 +204,103 @@ fn look<S: Simd, const R: usize>(simd: S, tile: &Tile<R>, block: &[f32; SPAN], n
     // Zero, or NaN where some product may have overflowed: NaN bounds reject nothing.
     let product = splat8(simd, 64.0) * span * size * size.max(splat8(simd, 1.0));
     let floor = product.mul_add(splat8(simd, 0.0), splat8(simd, UNDERFLOW));
-    let det_error = size.mul_add(size * splat8(simd, DET_ERROR), splat8(simd, UNDERFLOW));
+    let [blur, turn] = tile.blur;
+    // What of the bounds is due to the blur, and does not grow when products are put together.
+    let det_blur = size * size * splat8(simd, 7.0 * turn);
+    let uv_blur = size * span.mul_add(splat8(simd, 14.0 * turn), splat8(simd, 30.0 * blur))
+        + det_blur * splat8(simd, 3.0);
+    let det_error = size.mul_add(
+        size * splat8(simd, 7.0f32.mul_add(turn, DET_ERROR)),
+        splat8(simd, UNDERFLOW),
+    );
     let uv_error = size.mul_add(
-        span * splat8(simd, 2.0 * UV_ERROR),
+        span.mul_add(
+            splat8(simd, 14.0f32.mul_add(turn, 2.0 * UV_ERROR)),
+            splat8(simd, 30.0 * blur),
+        ),
         det_error.mul_add(splat8(simd, 3.0), floor),
     );
-    let t_error = (size * size).mul_add(span * splat8(simd, T_ERROR), floor);
+    let t_error = (size * size).mul_add(
+        span.mul_add(splat8(simd, T_ERROR), splat8(simd, 7.0 * blur)),
+        floor,
+    );
     let (det, u, v) = (cross8(e2, e1), cross8(e2, s), cross8(s, e1));
     let t = dot8(e2, v);
-    let mut kept = (1_u64 << n) - 1;
-    if let Some(corners) = &tile.corners {
-        let (most, least) = (splat8(simd, f32::INFINITY), splat8(simd, f32::NEG_INFINITY));
-        let (mut u_low, mut v_low, mut w_low) = (most, most, most);
-        let (mut u_high, mut v_high, mut w_high) = (least, least, least);
-        for &[x, y, z] in corners {
-            let d = [splat8(simd, x), splat8(simd, y), splat8(simd, z)];
-            let (u, v) = (dot8(u, d), dot8(v, d));
-            let w = dot8(det, d) - u - v;
-            (u_low, v_low, w_low) = (u_low.min(u), v_low.min(v), w_low.min(w));
-            (u_high, v_high, w_high) = (u_high.max(u), v_high.max(v), w_high.max(w));
-        }
-        // No ray has three weights above zero, and none has three below.
-        let outside = u_high.min(v_high).min(w_high).simd_lt(-uv_error)
-            & u_low.max(v_low).max(w_low).simd_gt(uv_error);
-        kept &= !outside.to_bitmask();
-    }
+    // All as seen from the side on which the determinant of a hit is positive.
+    let side = splat8(simd, 1.0).copysign(t);
+    let t = t * side;
+    let edgewise = !t.simd_gt(t_error).to_bitmask();
+    let det = [det[0] * side, det[1] * side, det[2] * side];
+    let u = [u[0] * side, u[1] * side, u[2] * side];
+    let v = [v[0] * side, v[1] * side, v[2] * side];
+    let w = [
+        det[0] - u[0] - v[0],
+        det[1] - u[1] - v[1],
+        det[2] - u[2] - v[2],
+    ];
+    let blank = Corners {
+        first: [0.0; WIDE],
+        sides: [[0.0; WIDE]; 2],
+    };
     let mut seen = Seen {
         det: [[0.0; WIDE]; 3],
-        u: [[0.0; WIDE]; 3],
-        v: [[0.0; WIDE]; 3],
+        weights: [[[0.0; WIDE]; 3]; 3],
         t: [0.0; WIDE],
         det_error: [0.0; WIDE],
         uv_error: [0.0; WIDE],
         t_error: [0.0; WIDE],
-        kept,
+        det_row_error: [0.0; WIDE],
+        uv_row_error: [0.0; WIDE],
+        at: [blank; 4],
+        kept: (1_u64 << n) - 1,
+        edgewise,
     };
-    if kept != 0 {
+    let rows_of = splat8(simd, ROW_ERROR);
+    let det_row_error = det_blur + (det_error - det_blur) * rows_of;
+    let uv_row_error = uv_blur + (uv_error - uv_blur) * rows_of;
+    if let Some(pyramid) = &tile.pyramid {
+        let below = -uv_error;
+        let mut outside = 0;
+        for (i, of) in [u, v, w, det].into_iter().enumerate() {
+            let [a, b, c, d] = &pyramid.corners;
+            let a = dot8(of, direction8(simd, a));
+            let b = dot8(of, direction8(simd, b));
+            let c = dot8(of, direction8(simd, c));
+            let d = dot8(of, direction8(simd, d));
+            let most = a.max(b).max(c.max(d));
+            if i < 3 {
+                outside |= most.simd_lt(below).to_bitmask();
+            } else {
+                let far = splat8(simd, tile.stretched(pyramid, leave));
+                let doubt = far.abs() * det_row_error + t_error;
+                outside |= t.simd_gt(most.mul_add(far, doubt)).to_bitmask();
+            }
+            a.store_slice(&mut seen.at[i].first);
+            (b - a).store_slice(&mut seen.at[i].sides[0]);
+            (c - a).store_slice(&mut seen.at[i].sides[1]);
+        }
+        seen.kept &= !(outside & !edgewise);
+    }
+    if seen.kept != 0 {
         for k in 0..3 {
             det[k].store_slice(&mut seen.det[k]);
-            u[k].store_slice(&mut seen.u[k]);
-            v[k].store_slice(&mut seen.v[k]);
+            u[k].store_slice(&mut seen.weights[0][k]);
+            v[k].store_slice(&mut seen.weights[1][k]);
+            w[k].store_slice(&mut seen.weights[2][k]);
         }
         t.store_slice(&mut seen.t);
         det_error.store_slice(&mut seen.det_error);
         uv_error.store_slice(&mut seen.uv_error);
+        det_row_error.store_slice(&mut seen.det_row_error);
+        uv_row_error.store_slice(&mut seen.uv_row_error);
         t_error.store_slice(&mut seen.t_error);
     }
     seen
+}
+
+#[inline(always)]
+fn direction8<S: Simd>(simd: S, d: &[f32; 3]) -> Vector8<S> {
+    [splat8(simd, d[0]), splat8(simd, d[1]), splat8(simd, d[2])]
 }
 
 #[inline(always)]
@@ -198,216 +312,120 @@ fn pick<S: Simd>(simd: S, rows: &[[f32; WIDE]; 3], lane: usize) -> Vector16<S> {
     ]
 }
 
-/// One triangle against all rows.
+/// The rows that may hit this triangle.
+#[inline(always)]
+fn rows<S: Simd, const R: usize>(
+    simd: S,
+    (seen, lane): (&Seen, usize),
+    (enter, leave): (f32, f32),
+    tile: &Tile<R>,
+) -> u32 {
+    let mut open = 0;
+    let all = |x: f32| f32x4::splat(simd, x);
+    let below = all(-seen.uv_row_error[lane]);
+    let det_error = all(seen.det_row_error[lane]);
+    let (t, t_error) = (all(seen.t[lane]), all(seen.t_error[lane]));
+    for first in (0..R).step_by(4) {
+        let reach = f32x4::from_slice(simd, &tile.row_reach[first..first + 4]);
+        // Rows whose rays have hit something nearer, or have ended.
+        let mut out = reach.simd_lt(all(enter));
+        if let Some(pyramid) = &tile.pyramid
+            && seen.edgewise >> lane & 1 == 0
+        {
+            let [a, b] = &pyramid.middle;
+            let a = f32x4::from_slice(simd, &a[first..first + 4]);
+            let b = f32x4::from_slice(simd, &b[first..first + 4]);
+            let [c, d] = &pyramid.half;
+            let c = f32x4::from_slice(simd, &c[first..first + 4]);
+            let d = f32x4::from_slice(simd, &d[first..first + 4]);
+            let u = most(simd, &seen.at[0], lane, [a, b, c, d]);
+            let v = most(simd, &seen.at[1], lane, [a, b, c, d]);
+            let w = most(simd, &seen.at[2], lane, [a, b, c, d]);
+            out |= u.min(v).min(w).simd_lt(below);
+            let det = most(simd, &seen.at[3], lane, [a, b, c, d]);
+            let depth =
+                reach.min(all(leave)) * f32x4::from_slice(simd, &pyramid.stretch[first..first + 4]);
+            out |= t.simd_gt(det.mul_add(depth, depth.abs().mul_add(det_error, t_error)));
+        }
+        #[expect(clippy::cast_possible_truncation, reason = "four lanes")]
+        let inside = !out.to_bitmask() as u32 & 0xf;
+        open |= inside << first;
+    }
+    open
+}
+
+/// The most that a product is in parts of the pyramid with these middles and halves.
+#[inline(always)]
+fn most<S: Simd>(simd: S, at: &Corners, lane: usize, [a, b, c, d]: [f32x4<S>; 4]) -> f32x4<S> {
+    let [g, h] = [at.sides[0][lane], at.sides[1][lane]];
+    let first = f32x4::splat(simd, at.first[lane]);
+    let middle = a.mul_add(
+        f32x4::splat(simd, g),
+        b.mul_add(f32x4::splat(simd, h), first),
+    );
+    let (g, h) = (f32x4::splat(simd, g.abs()), f32x4::splat(simd, h.abs()));
+    c.mul_add(g, d.mul_add(h, middle))
+}
+
+/// One triangle against all rows; its words begin at `from` and are `n` apart.
 #[inline(always)]
 fn one<S: Simd, C: Counters, const R: usize>(
     simd: S,
     (seen, lane): (&Seen, usize),
-    (block, n): (&[f32; SPAN], usize),
+    (blocks, from, n): (&Blocks, usize, usize),
     (enter, leave): (f32, f32),
-    (tile, rays): (&mut Tile<R>, &[Ray]),
+    (tile, rays, judge): (&mut Tile<R>, &[Ray], &mut impl Judge<R>),
     counters: &mut [C],
 ) {
+    let mut left = rows(simd, (seen, lane), (enter, leave), tile);
+    if left == 0 {
+        return;
+    }
+    let [of_u, of_v, of_w] = [
+        pick(simd, &seen.weights[0], lane),
+        pick(simd, &seen.weights[1], lane),
+        pick(simd, &seen.weights[2], lane),
+    ];
     let of_det = pick(simd, &seen.det, lane);
-    let of_u = pick(simd, &seen.u, lane);
-    let of_v = pick(simd, &seen.v, lane);
     let t = splat(simd, seen.t[lane]);
-    let below = splat(simd, -seen.uv_error[lane]);
-    let det_error = splat(simd, 3.0 * seen.det_error[lane]);
+    let error = splat(simd, seen.uv_error[lane]);
+    let det_error = splat(simd, seen.det_error[lane]);
     let t_error = splat(simd, seen.t_error[lane]);
-    let mut exact: Option<FromOrigin> = None;
-    for row in 0..R {
-        // Rays that have hit something nearer, or have ended.
-        if tile.row_reach[row] < enter {
-            continue;
-        }
+    let id = blocks.id_at(from + lane, n);
+    let edgewise = seen.edgewise >> lane & 1 == 1;
+    while left != 0 {
+        let row = left.trailing_zeros() as usize % R;
+        left &= left - 1;
         let [x, y, z] = &tile.d[row];
         let d = [load(simd, x), load(simd, y), load(simd, z)];
-        let (det, u, v) = (dot16(of_det, d), dot16(of_u, d), dot16(of_v, d));
-        let sign = splat(simd, 1.0).copysign(det);
-        let (det, u, v, t) = (det * sign, u * sign, v * sign, t * sign);
-        let least = u.min(v).min(det - u - v);
-        let reach = load(simd, &tile.reach[row]).min(splat(simd, leave));
-        let doubt = reach.abs().mul_add(det_error, t_error);
-        let rejected = least.simd_lt(below) | t.simd_gt(det.mul_add(reach, doubt));
-        let mut open = !bits(rejected) & tile.active[row];
+        let (u, v, w) = (dot16(of_u, d), dot16(of_v, d), dot16(of_w, d));
+        let least = u.min(v).min(w);
+        let mut rejected = bits(least.simd_lt(-error));
+        let det = dot16(of_det, d);
+        if edgewise {
+            rejected &= bits(u.max(v).max(w).simd_gt(error));
+        } else {
+            let reach = load(simd, &tile.reach[row]).min(splat(simd, leave));
+            let doubt = reach.abs().mul_add(det_error * splat(simd, 3.0), t_error);
+            rejected |= bits(t.simd_gt(det.mul_add(reach, doubt)));
+        }
+        let open = !rejected & tile.active[row];
         if open == 0 {
             continue;
         }
-        // A triangle that reaches into several leaves is met again in each.
-        let id = block[1 + 9 * n + lane].to_bits();
-        for lane in 0..LANES {
-            open &= !(u16::from(tile.id[row][lane] == id) << lane);
-        }
-        if open == 0 {
-            continue;
-        }
-        let corner = |r: usize| {
-            let at = 1 + r * n + lane;
-            [block[at], block[at + n], block[at + 2 * n]]
+        let candidate = Candidate {
+            row,
+            open,
+            sure: if edgewise {
+                0
+            } else {
+                open & bits(least.simd_gt(error))
+            },
+            distance: [t, t_error, det, det_error],
+            id,
+            words: (from + lane, n),
         };
-        let corners = [corner(0), corner(3), corner(6)];
-        if exact.is_none() {
-            exact = Some(FromOrigin::new(tile.o, corners));
-        }
-        let mut doubtful = match &exact {
-            Some(exact) => verdicts(simd, exact, (id, row, open), tile),
-            None => open,
-        };
-        while doubtful != 0 {
-            let lane = doubtful.trailing_zeros() as usize % LANES;
-            doubtful &= doubtful - 1;
-            tile.offer(&rays[row * LANES + lane], (row, lane), (id, corners));
-        }
-        for i in 0..LANES {
-            if open >> i & 1 == 1 {
-                counters[row * LANES + i].verdict();
-            }
-        }
+        judge.judge(simd, blocks, (&mut *tile, rays), &candidate, counters);
         tile.row_reach[row] = load(simd, &tile.reach[row]).reduce_max();
     }
 }
-
-/// The new values of some lanes.
-#[inline(always)]
-fn keep<S: Simd>(simd: S, lanes: u16, new: f32x16<S>, row: &mut Row) {
-    let lanes = mask32x16::from_bitmask(simd, u64::from(lanes));
-    let kept: f32x16<S> = lanes.select(new, load(simd, row));
-    kept.store_slice(row);
-}
-
-/// The verdicts of the `open` rays of a row, as far as f64 is certain of them; returns the others.
-#[inline(always)]
-fn verdicts<S: Simd, const R: usize>(
-    simd: S,
-    triangle: &FromOrigin,
-    (id, row, open): (u32, usize, u16),
-    tile: &mut Tile<R>,
-) -> u16 {
-    let [x, y, z] = &tile.d[row];
-    let (x, y, z) = (
-        simd.widen_f32x16(load(simd, x)),
-        simd.widen_f32x16(load(simd, y)),
-        simd.widen_f32x16(load(simd, z)),
-    );
-    let to_scene = 1.0 / f64::from(tile.to_frame);
-    let low = half(simd, triangle, [x.0, y.0, z.0], to_scene);
-    let high = half(simd, triangle, [x.1, y.1, z.1], to_scene);
-    let open = open & !(low.miss | high.miss << 8);
-    if open == 0 {
-        return 0;
-    }
-    let (hit, well) = (low.hit | high.hit << 8, low.well | high.well << 8);
-    let early = simd.narrow_f64x8(low.early, high.early);
-    let late = simd.narrow_f64x8(low.late, high.late);
-    let t_min = load(simd, &tile.t_min[row]);
-    let best = load(simd, &tile.t[row]);
-    // Certainly too near or too far, whatever the last bit is.
-    let open = open & !(bits(late.simd_lt(t_min) | early.simd_gt(best)) & well);
-    let certain = hit & well & bits(early.simd_eq(late));
-    let nearer = bits(early.simd_lt(best) & early.simd_ge(t_min));
-    let taken = open & certain & nearer;
-    if taken != 0 {
-        // -0.0 becomes 0.0.
-        let t = early + splat(simd, 0.0);
-        let reach = t * splat(simd, tile.to_frame * PRUNE) + splat(simd, tile.last_place);
-        let reach = reach.min(load(simd, &tile.reach[row]));
-        keep(simd, taken, reach, &mut tile.reach[row]);
-        keep(simd, taken, t, &mut tile.t[row]);
-        keep(
-            simd,
-            taken,
-            simd.narrow_f64x8(low.u, high.u),
-            &mut tile.u[row],
-        );
-        keep(
-            simd,
-            taken,
-            simd.narrow_f64x8(low.v, high.v),
-            &mut tile.v[row],
-        );
-        for lane in 0..LANES {
-            if taken >> lane & 1 == 1 {
-                tile.id[row][lane] = id;
-            }
-        }
-    }
-    // Uncertain ones, and ties.
-    open & !taken
-}
-
-/// What f64 knows of eight rays.
-struct Half<S: Simd> {
-    /// Certainly missed.
-    miss: u16,
-    /// Certainly hit.
-    hit: u16,
-    /// The distance certainly lies between the two below.
-    well: u16,
-    early: f64x8<S>,
-    late: f64x8<S>,
-    u: f64x8<S>,
-    v: f64x8<S>,
-}
-
-#[inline(always)]
-fn splat64<S: Simd>(simd: S, x: f64) -> f64x8<S> {
-    f64x8::splat(simd, x)
-}
-
-#[inline(always)]
-fn weight<S: Simd>(simd: S, normal: [f64; 3], d: [f64x8<S>; 3]) -> f64x8<S> {
-    d[0] * splat64(simd, normal[0])
-        + d[1] * splat64(simd, normal[1])
-        + d[2] * splat64(simd, normal[2])
-}
-
-/// The verdict's own arithmetic, operation by operation, with error bounds at least as large.
-#[inline(always)]
-fn half<S: Simd>(simd: S, triangle: &FromOrigin, d: [f64x8<S>; 3], to_scene: f64) -> Half<S> {
-    let [a, b, c] = triangle.normals;
-    let w = [weight(simd, a, d), weight(simd, b, d), weight(simd, c, d)];
-    let [a, b, c] = triangle.errors;
-    let sums = a + b + c;
-    let (above_a, below_a) = (
-        w[0].simd_gt(splat64(simd, a)),
-        w[0].simd_lt(splat64(simd, -a)),
-    );
-    let (above_b, below_b) = (
-        w[1].simd_gt(splat64(simd, b)),
-        w[1].simd_lt(splat64(simd, -b)),
-    );
-    let (above_c, below_c) = (
-        w[2].simd_gt(splat64(simd, c)),
-        w[2].simd_lt(splat64(simd, -c)),
-    );
-    let miss = (above_a | above_b | above_c) & (below_a | below_b | below_c);
-    let hit = (above_a & above_b & above_c) | (below_a & below_b & below_c);
-    let sum = w[0] + w[1] + w[2];
-    let epsilon = splat64(simd, 2.0 * f64::EPSILON);
-    let sum_error = sum.abs() * epsilon + splat64(simd, sums);
-    let well = sum
-        .abs()
-        .simd_gt(sum_error * splat64(simd, FromOrigin::WELL_CONDITIONED));
-    let inverse = splat64(simd, 1.0) / sum;
-    let t = splat64(simd, triangle.distance.0) * inverse;
-    let error = splat64(simd, triangle.distance.1) + t.abs() * sum_error;
-    let slack = error * inverse.abs() * splat64(simd, 1.0 + 2e-6) + t.abs() * epsilon;
-    Half {
-        miss: bits8(miss),
-        hit: bits8(hit),
-        well: bits8(well),
-        early: (t - slack) * splat64(simd, to_scene),
-        late: (t + slack) * splat64(simd, to_scene),
-        u: w[1] * inverse,
-        v: w[2] * inverse,
-    }
-}
-
-#[inline(always)]
-#[expect(clippy::cast_possible_truncation, reason = "eight lanes")]
-fn bits8<S: Simd>(mask: mask64x8<S>) -> u16 {
-    mask.to_bitmask() as u16 & 0xff
-}
-
-const _: () = assert!(Hit::NONE == u32::MAX, "no triangle has a larger number");

@@ -4,7 +4,6 @@
 use super::octree::{self, LEAF_SIZE, MAX_DEPTH_PARAM, REFERENCES, Walked};
 use crate::build::Monitor;
 use crate::error::Result;
-use crate::registry::params::SHADOW_OCTREE;
 use crate::registry::{Built, StructureSpec};
 use crate::registry::{Default, Kind, ParamSpec};
 use crate::scene::Triangles;
@@ -30,13 +29,7 @@ pub const SPEC: StructureSpec = StructureSpec {
     family: "octants",
     summary: "The octree with links, on which 64 camera rays of a tile go as one beam until they part.",
     paper: "Gonzalez Lopez and Gisbert Canto, Trazado de haces de rayos en escenas estructuradas espacialmente mediante arboles octales",
-    params: &[
-        LEAF_SIZE,
-        REFERENCES,
-        MAX_DEPTH_PARAM,
-        BEAM_LEAST,
-        SHADOW_OCTREE,
-    ],
+    params: &[LEAF_SIZE, REFERENCES, MAX_DEPTH_PARAM, BEAM_LEAST],
     build,
 };
 

@@ -4,7 +4,6 @@
 use super::octree::{self, LEAF_SIZE, MAX_DEPTH_PARAM, REFERENCES, Walked};
 use crate::build::Monitor;
 use crate::error::Result;
-use crate::registry::params::SHADOW_OCTREE;
 use crate::registry::{Built, StructureSpec};
 use crate::scene::Triangles;
 use crate::spec::Config;
@@ -18,7 +17,7 @@ pub const SPEC: StructureSpec = StructureSpec {
     family: "octants",
     summary: "Cubes halved along all axes; rays find every next leaf from the root.",
     paper: "Glassner 1984, Space subdivision for fast ray tracing",
-    params: &[LEAF_SIZE, REFERENCES, MAX_DEPTH_PARAM, SHADOW_OCTREE],
+    params: &[LEAF_SIZE, REFERENCES, MAX_DEPTH_PARAM],
     build,
 };
 

@@ -1,0 +1,158 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Directions between which all rays of a tile lie, and where in between those of each row do: a
+//! triangle is compared with all of them at once, then with each row's part.
+//!
+//! In the plane at height 1 along the axis along which all rays go, directions are points, the pyramid
+//! is a parallelogram with the sides of the tile, and each row is in a parallelogram with the same sides
+//! inside it. A product with a direction that is negative at the corners is negative in between.
+
+use super::{LANES, Tile, load, seat, splat};
+use fearless_simd::{Select, Simd, SimdBase, SimdMask, f32x16, mask32x16};
+
+/// What holds the directions of a tile of `R` rows.
+#[derive(Debug, Clone, Copy)]
+pub struct Pyramid<const R: usize> {
+    /// Four directions: an origin, the ends of two sides, and the corner across. Components stay below 2.
+    pub corners: [[f32; 3]; 4],
+    /// The middle of each row, in parts of the two sides.
+    pub middle: [[f32; R]; 2],
+    /// How far each row reaches from its middle.
+    pub half: [[f32; R]; 2],
+    /// Directions of a row are at most so many times as long as what lies in the parallelogram.
+    pub stretch: [f32; R],
+}
+
+/// What is added to a row's part of a side, for the roundings of parts.
+const PART_ERROR: f32 = 1e-5;
+
+impl<const R: usize> Pyramid<R> {
+    /// Around the active rays of a tile whose directions have these ranges; `None` where they spread too
+    /// far.
+    #[inline(always)]
+    pub fn new<S: Simd>(simd: S, tile: &Tile<R>, ranges: [(f32, f32); 3]) -> Option<Self> {
+        // Slopes stay below 8, and are off by less than 2^-20.
+        let advance = |k: usize| ranges[k].0.max(-ranges[k].1);
+        let axis = (0..3).fold(0, |a, b| if advance(b) > advance(a) { b } else { a });
+        if advance(axis) < 0.25 {
+            return None;
+        }
+        let [i, j] = [(axis + 1) % 3, (axis + 2) % 3];
+        let slope = |ray: usize| {
+            let (row, lane) = seat(ray);
+            let d = |k: usize| tile.d[row][k][lane];
+            [d(i) / d(axis), d(j) / d(axis)]
+        };
+        let first = (0..R * LANES).find(|&ray| {
+            let (row, lane) = seat(ray);
+            tile.active[row] >> lane & 1 == 1
+        })?;
+        let origin = slope(first);
+        let side = |ray: usize| {
+            let s = slope(ray);
+            [s[0] - origin[0], s[1] - origin[1]]
+        };
+        let (mut e1, mut e2) = ([1.0, 0.0], [0.0, 1.0]);
+        let mut area: f32 = 1.0;
+        if tile.active.iter().all(|&row| row == u16::MAX) {
+            // The ends of the first row of pixels and of the first column.
+            let (right, down) = (side(R * LANES - 57), side(56));
+            let (w, h) = (length(right), length(down));
+            let cross = right[0] * down[1] - right[1] * down[0];
+            if cross.abs() > 0.1 * w * h && w < 16.0 * h && h < 16.0 * w {
+                (e1, e2, area) = (right, down, cross);
+            }
+        }
+        let inverse = splat(simd, 1.0 / area);
+        // Per part and row.
+        let mut low = [[f32::INFINITY; R]; 2];
+        let mut high = [[f32::NEG_INFINITY; R]; 2];
+        let mut tallest = [0.0; R];
+        for row in 0..R {
+            if tile.active[row] == 0 {
+                continue;
+            }
+            let active = mask32x16::from_bitmask(simd, u64::from(tile.active[row]));
+            let d = &tile.d[row];
+            let advance: f32x16<S> = active.select(load(simd, &d[axis]), splat(simd, 1.0));
+            let x = load(simd, &d[i]) / advance - splat(simd, origin[0]);
+            let y = load(simd, &d[j]) / advance - splat(simd, origin[1]);
+            let parts = [
+                (x * splat(simd, e2[1]) - y * splat(simd, e2[0])) * inverse,
+                (y * splat(simd, e1[0]) - x * splat(simd, e1[1])) * inverse,
+            ];
+            for n in 0..2 {
+                let below: f32x16<S> = active.select(parts[n], splat(simd, f32::INFINITY));
+                let above: f32x16<S> = active.select(parts[n], splat(simd, f32::NEG_INFINITY));
+                low[n][row] = below.reduce_min();
+                high[n][row] = above.reduce_max();
+            }
+            tallest[row] = advance.abs().reduce_max();
+        }
+        // Roundings of slopes, of the parts above and of the corners below move the sides by less
+        // than 2^-18 in all, and by less than 10^-4 of the tile.
+        let others = [length(e2), length(e1)];
+        let ends = |n: usize| {
+            let low = low[n].iter().copied().fold(f32::INFINITY, f32::min);
+            let high = high[n].iter().copied().fold(f32::NEG_INFINITY, f32::max);
+            let pad = 4e-6 * others[n] / area.abs() + 1e-4 * (1.0 + low.abs() + high.abs());
+            (low - pad, high + pad, pad)
+        };
+        let range = [ends(0), ends(1)];
+        let sign = 1.0_f32.copysign(ranges[axis].0 + ranges[axis].1);
+        let mut steepest = 0.0_f32;
+        let mut corner = |a: f32, b: f32| {
+            let at = |n: usize| origin[n] + a * e1[n] + b * e2[n];
+            let mut corner = [0.0; 3];
+            (corner[axis], corner[i], corner[j]) = (sign, sign * at(0), sign * at(1));
+            steepest = steepest.max(at(0).abs()).max(at(1).abs());
+            corner
+        };
+        let [(a0, a1, _), (b0, b1, _)] = range;
+        let mut corners = [
+            corner(a0, b0),
+            corner(a1, b0),
+            corner(a0, b1),
+            corner(a1, b1),
+        ];
+        // Error bounds want components below 2.
+        let scale = match steepest {
+            x if x < 1.75 => 1.0,
+            x if x < 7.0 => 0.25,
+            x if x < 28.0 => 0.0625,
+            _ => return None,
+        };
+        for corner in &mut corners {
+            for x in corner {
+                *x *= scale;
+            }
+        }
+        let mut pyramid = Self {
+            corners,
+            middle: [[0.0; R]; 2],
+            half: [[0.0; R]; 2],
+            stretch: [1.0; R],
+        };
+        for n in 0..2 {
+            let (from, to, pad) = range[n];
+            let inverse = 1.0 / (to - from);
+            for row in 0..R {
+                // Of rows without rays, infinite ends: nobody asks for them.
+                let first = (low[n][row] - pad - from) * inverse;
+                let last = (high[n][row] + pad - from) * inverse;
+                pyramid.middle[n][row] = 0.5 * (first + last);
+                pyramid.half[n][row] = 0.5 * (last - first) + PART_ERROR;
+            }
+        }
+        for (row, stretch) in pyramid.stretch.iter_mut().enumerate() {
+            if tile.active[row] != 0 {
+                *stretch = tallest[row] / scale * (1.0 + PART_ERROR);
+            }
+        }
+        Some(pyramid)
+    }
+}
+
+#[inline(always)]
+fn length(a: [f32; 2]) -> f32 {
+    (a[0] * a[0] + a[1] * a[1]).sqrt()
+}

@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Sky Textures come as pictures and suns, once for each content, and what goes wrong is said."""
+
+from __future__ import annotations
+
+import math
+import subprocess
+from typing import Any
+
+import bpy
+import numpy as np
+import pytest
+
+from addon.blender import sky
+from addon.blender.images import Gallery
+from addon.blender.world import read_world
+from addon.core.notes import Notes
+
+
+@pytest.fixture
+def world(scene: Any) -> Any:
+    """A world whose colour is a sky with the sun 30° high, in the direction of +X, half as strong as it is."""
+    made = bpy.data.worlds.new("World")
+    if made.node_tree is None:
+        made.use_nodes = True
+    tree = made.node_tree
+    background = next(n for n in tree.nodes if n.bl_idname == "ShaderNodeBackground")
+    background.inputs["Strength"].default_value = 0.5
+    texture = tree.nodes.new("ShaderNodeTexSky")
+    texture.sun_elevation, texture.sun_rotation = math.radians(30), math.radians(90)
+    tree.links.new(texture.outputs[0], background.inputs["Color"])
+    return made
+
+
+def test_a_sky_is_a_picture_and_a_sun(world: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    notes, gallery = Notes(), Gallery()
+    found, images, suns = read_world(world, notes, gallery)
+    assert notes.lines() == []
+    assert found.program[-1]["op"] != "image", "its strength is part of the program"
+    (picture,) = gallery.read(images, notes)
+    height, width = picture.pixels.shape[:2]
+    assert width == 2 * height
+    brightness = picture.pixels[..., :3].sum(axis=2)
+    row, column = np.unravel_index(int(brightness.argmax()), brightness.shape)
+    latitude = math.degrees(((row + 0.5) / height - 0.5) * math.pi)
+    assert -1 <= latitude <= 45, "brightest about the sun or above the horizon below it"
+    assert abs((column + 0.5) / width - 0.5) < 0.05, "+X is in the middle"
+    (sun,) = suns
+    assert np.allclose(sun.to_world[:3, 2], (math.cos(math.radians(30)), 0, 0.5), atol=1e-5)
+    assert sun.angle == pytest.approx(0.009512, abs=1e-5)
+    assert sun.hidden_from == ()
+    assert min(sun.power) > 0
+    assert sun.power[0] > sun.power[2], "a low sun is yellow"
+
+    # Known by content: nothing is rendered again, whatever else changes.
+    monkeypatch.setattr(sky.subprocess, "run", lambda *_, **__: pytest.fail("rendered again"))
+    tree = world.node_tree
+    tree.nodes["Background"].inputs["Strength"].default_value = 1.0
+    assert read_world(world, notes, Gallery())[2][0].power == pytest.approx([2 * c for c in sun.power])
+
+    # Behind a node, the sun is part of the program.
+    texture = next(n for n in tree.nodes if n.bl_idname == "ShaderNodeTexSky")
+    gamma = tree.nodes.new("ShaderNodeGamma")
+    tree.links.new(texture.outputs[0], gamma.inputs[0])
+    tree.links.new(gamma.outputs[0], tree.nodes["Background"].inputs["Color"])
+    found, _, suns = read_world(world, notes, Gallery())
+    assert suns == []
+    assert "DISTANCE" in [step.get("kind") for step in found.program]
+
+
+@pytest.mark.parametrize(
+    "error", [OSError("no Blender"), subprocess.TimeoutExpired("blender", 1), subprocess.CalledProcessError(1, "x")]
+)
+def test_a_sky_that_cannot_be_rendered_is_said(world: Any, monkeypatch: pytest.MonkeyPatch, error: Exception) -> None:
+    def fail(*_: Any, **__: Any) -> None:
+        raise error
+
+    texture = next(n for n in world.node_tree.nodes if n.bl_idname == "ShaderNodeTexSky")
+    texture.sun_elevation = 0.123
+    monkeypatch.setattr(sky.subprocess, "run", fail)
+    notes = Notes()
+    found, images, suns = read_world(world, notes, Gallery())
+    assert (images, suns) == (set(), [])
+    assert found.color == pytest.approx([0.5 * c for c in world.color])
+    assert "Sky Texture" in notes.lines()[0]
+    assert "World" in notes.lines()[0]
+
+
+def test_the_viewport_does_not_wait(world: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    begun: list[str] = []
+    monkeypatch.setattr(sky, "_begin", begun.append)
+    texture = next(n for n in world.node_tree.nodes if n.bl_idname == "ShaderNodeTexSky")
+    texture.sun_elevation = 0.321
+    notes = Notes()
+    read_world(world, notes, Gallery(), wait=False)
+    assert len(begun) == 1
+    assert "being prepared" in notes.lines()[0]
