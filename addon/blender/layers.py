@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..core.scene import F32, F64, U32, ObjectFrame
-from .values import COLOR, TANGENT, UV
+from .value_nodes import COLOR, TANGENT, UV
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
