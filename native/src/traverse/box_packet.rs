@@ -11,7 +11,7 @@ use super::query::Counters;
 use super::ray::{Hit, Ray};
 use crate::build::plane_tree::MAX_DEPTH;
 use crate::scene::Triangles;
-use fearless_simd::{Simd, SimdBase, SimdFloat};
+use fearless_simd::{Select, Simd, SimdBase, SimdFloat};
 use std::marker::PhantomData;
 
 /// The walk over one tree.
@@ -34,53 +34,55 @@ pub struct Pending {
     enter: Row,
 }
 
-/// Waiting boxes, and those of a ray alone.
-pub struct Stacks {
-    packet: Vec<Pending>,
+/// The rays, waiting boxes, and those of a ray alone.
+pub struct Scratch {
+    packet: Packet,
+    rows: Rows,
+    stack: Vec<Pending>,
     single: Vec<box_tree::Pending>,
 }
 
 /// What slab tests need of the rays: [`Slabs`], a ray to a lane.
+#[derive(Default)]
 struct Rows {
     inv: [Row; 3],
     near: [Row; 3],
     far: [Row; 3],
+    /// Where rays leave the scene: the ends of boxes are of no use to leaves.
+    ends: Row,
 }
 
 impl Rows {
     #[inline(always)]
-    fn new(packet: &Packet<'_>) -> Self {
-        let mut rows = Self {
-            inv: [[0.0; MOST]; 3],
-            near: [[0.0; MOST]; 3],
-            far: [[0.0; MOST]; 3],
-        };
-        for (i, frame) in packet.frames.iter().enumerate() {
+    fn fill(&mut self, packet: &Packet) {
+        for (i, frame) in packet.frames.iter().enumerate().take(MOST) {
             let slabs = Slabs::new(frame);
             for k in 0..3 {
-                rows.inv[k][i] = slabs.inv[k];
-                rows.near[k][i] = slabs.near[k];
-                rows.far[k][i] = slabs.far[k];
+                self.inv[k][i] = slabs.inv[k];
+                self.near[k][i] = slabs.near[k];
+                self.far[k][i] = slabs.far[k];
             }
+            self.ends[i] = frame.t_max;
         }
-        rows
     }
 }
 
 impl<const W: usize, L: Width> TileWalk for Walk<'_, W, L> {
     const RAYS: usize = L::RAYS;
-    type Scratch = Stacks;
+    type Scratch = Scratch;
 
-    fn scratch(&self) -> Stacks {
+    fn scratch(&self) -> Scratch {
         let blank = Pending {
             first: 0.0,
             link: 0,
             count: 0,
             enter: [0.0; MOST],
         };
-        Stacks {
+        Scratch {
+            packet: Packet::default(),
+            rows: Rows::default(),
             // Each level leaves at most all children but one behind, and the lowest all of them.
-            packet: vec![blank; (MAX_DEPTH + 1) * (W - 1) + 2 * W],
+            stack: vec![blank; (MAX_DEPTH + 1) * (W - 1) + 2 * W],
             single: super::batch::Walk::scratch(&box_tree::Walk(self.0)),
         }
     }
@@ -89,31 +91,29 @@ impl<const W: usize, L: Width> TileWalk for Walk<'_, W, L> {
     fn cast_tile<S: Simd, C: Counters>(
         &self,
         simd: S,
-        triangles: (&Triangles, &Blocks),
+        (scene, blocks): (&Triangles, &Blocks),
         (frame, rays): (&Frame, &[Ray]),
-        stacks: &mut Stacks,
+        scratch: &mut Scratch,
         write: &mut impl FnMut(usize, Hit),
         counters: &mut [C],
     ) {
-        let mut packet = Packet::new(frame, rays);
-        let rows = Rows::new(&packet);
-        let mut left = packet.entering();
+        let Scratch {
+            packet,
+            rows,
+            stack,
+            single,
+        } = scratch;
+        let task = (scene, blocks, rays);
+        let mut left = packet.fill(frame, rays);
+        rows.fill(packet);
         while left != 0 {
             let group = packet.group(left);
             left &= !group.lanes;
             if group.lanes.count_ones() == 1 {
-                let single = (&box_tree::Walk(self.0), &mut stacks.single);
-                packet.alone(simd, single, triangles, group.lead, counters);
+                let single = (&box_tree::Walk(self.0), &mut *single);
+                packet.alone(simd, single, task, group.lead, counters);
             } else {
-                let stack = stacks.packet.as_mut_slice();
-                self.follow(
-                    simd,
-                    triangles,
-                    (&mut packet, &rows),
-                    group,
-                    stack,
-                    counters,
-                );
+                self.follow(simd, task, (&mut *packet, rows), group, stack, counters);
             }
         }
         packet.finish(write);
@@ -126,14 +126,12 @@ impl<const W: usize, L: Width> Walk<'_, W, L> {
     fn follow<S: Simd, C: Counters>(
         &self,
         simd: S,
-        triangles: (&Triangles, &Blocks),
-        (packet, rows): (&mut Packet<'_>, &Rows),
+        task: (&Triangles, &Blocks, &[Ray]),
+        (packet, rows): (&mut Packet, &Rows),
         group: Group,
         stack: &mut [Pending],
         counters: &mut [C],
     ) {
-        // Where their boxes end is of no use to leaves.
-        let ends: Row = std::array::from_fn(|i| packet.frames[i].t_max);
         let mut enters = packet.enter(group);
         let mut waiting = 0;
         let mut node = &self.0.nodes[0];
@@ -162,15 +160,12 @@ impl<const W: usize, L: Width> Walk<'_, W, L> {
                 if lanes == 0 {
                     continue;
                 }
-                let mut own = [f32::INFINITY; MOST];
-                packet::store::<S, L>(enter, &mut own);
-                let first = own[lanes.trailing_zeros() as usize % MOST];
                 // Rays that miss this box take no part in what is inside.
-                for (i, enter) in own.iter_mut().enumerate() {
-                    if lanes >> i & 1 == 0 {
-                        *enter = f32::INFINITY;
-                    }
-                }
+                let outside = L::Vector::splat(simd, f32::INFINITY);
+                let entered = enter.simd_le(leave).select(enter, outside);
+                let mut own = [f32::INFINITY; MOST];
+                packet::store::<S, L>(entered, &mut own);
+                let first = own[lanes.trailing_zeros() as usize % MOST];
                 let mut at = waiting;
                 while at > base && stack[at - 1].first < first {
                     stack[at] = stack[at - 1];
@@ -194,7 +189,7 @@ impl<const W: usize, L: Width> Walk<'_, W, L> {
                 let next = &stack[waiting];
                 let enter = packet::load::<S, L>(simd, &next.enter);
                 let reach = packet::load::<S, L>(simd, &packet.reach);
-                let lanes = packet::live::<S, L>(enter, reach);
+                let lanes = packet::live::<S, L>(enter, reach) & group.lanes;
                 if lanes == 0 {
                     continue;
                 }
@@ -204,7 +199,7 @@ impl<const W: usize, L: Width> Walk<'_, W, L> {
                 }
                 let leaf = (next.link, next.count as usize);
                 counters[group.lead].leaf(leaf.1);
-                packet.leaf(simd, triangles, leaf, (lanes, &ends), counters);
+                packet.leaf(simd, task, leaf, (lanes, &rows.ends), counters);
             };
         }
     }

@@ -8,7 +8,7 @@
 //! ray's answer depends on its company: what its own walk would visit, the packet visits with it.
 
 use super::batch::Walk;
-use super::blocks::Blocks;
+use super::blocks::{Blocks, LANES, SPAN};
 use super::frame::{Frame, FrameRay, keep_min};
 use super::lanes::Free;
 use super::query::{Best, Closest, Counters};
@@ -75,12 +75,13 @@ pub fn live<S: Simd, L: Width>(enter: L::Vector<S>, leave: L::Vector<S>) -> u64 
     enter.simd_le(leave).to_bitmask()
 }
 
-/// Up to 16 rays, and what each has found.
-pub struct Packet<'a> {
-    rays: &'a [Ray],
+/// Up to 16 rays, and what each has found. Packets share one after another, as most of it is the same size
+/// whatever they are.
+#[derive(Default)]
+pub struct Packet {
     /// The rays in the frame.
-    pub frames: [FrameRay<'static>; MOST],
-    best: [Best; MOST],
+    pub frames: Vec<FrameRay<'static>>,
+    best: Vec<Best>,
     /// Origins per axis.
     pub o: [Row; 3],
     /// Directions per axis.
@@ -100,42 +101,39 @@ pub struct Group {
     pub signs: u32,
 }
 
-impl<'a> Packet<'a> {
-    /// Of at least one ray and at most 16.
+impl Packet {
+    /// Takes at least one ray and at most 16, and forgets all others. Returns those that enter the scene.
     #[inline(always)]
-    pub fn new(frame: &Frame, rays: &'a [Ray]) -> Self {
-        let frames: [FrameRay; MOST] = std::array::from_fn(|i| {
-            let framed = rays.get(i).and_then(|ray| frame.ray(ray));
-            framed.unwrap_or(FrameRay::NOTHING)
-        });
-        let per_axis = |of: fn(&FrameRay) -> [f32; 3]| {
-            let row = |k: usize| std::array::from_fn(|i| of(&frames[i])[k]);
-            [row(0), row(1), row(2)]
-        };
-        Self {
-            o: per_axis(|ray| ray.o),
-            d: per_axis(|ray| ray.d),
-            reach: std::array::from_fn(|i| frames[i].t_max),
-            best: std::array::from_fn(|i| Best::new(&frames[i])),
-            rays,
-            frames,
+    pub fn fill(&mut self, frame: &Frame, rays: &[Ray]) -> u64 {
+        self.frames.clear();
+        self.best.clear();
+        let mut entering = 0;
+        for (i, ray) in rays.iter().enumerate().take(MOST) {
+            let framed = frame.ray(ray);
+            entering |= u64::from(framed.is_some()) << i;
+            let framed = framed.unwrap_or(FrameRay::NOTHING);
+            for k in 0..3 {
+                self.o[k][i] = framed.o[k];
+                self.d[k][i] = framed.d[k];
+            }
+            self.reach[i] = framed.t_max;
+            self.best.push(Best::new(&framed));
+            self.frames.push(framed);
         }
-    }
-
-    /// The rays that enter the scene.
-    pub fn entering(&self) -> u64 {
-        let enters = |i: usize| u64::from(self.frames[i].t_min <= self.frames[i].t_max) << i;
-        (0..self.rays.len()).fold(0, |lanes, i| lanes | enters(i))
+        entering
     }
 
     /// The rays among `left` that go with the first of them.
     #[inline(always)]
     pub fn group(&self, left: u64) -> Group {
-        let lead = left.trailing_zeros() as usize % MOST;
+        let lead = left.trailing_zeros() as usize;
         let signs = self.frames[lead].signs;
-        let with = |i: usize| u64::from(self.frames[i].signs == signs) << i;
+        let mut lanes = 0;
+        for i in 0..self.frames.len() {
+            lanes |= u64::from(self.frames[i].signs == signs) << i;
+        }
         Group {
-            lanes: (0..MOST).fold(0, |lanes, i| lanes | with(i)) & left,
+            lanes: lanes & left,
             lead,
             signs,
         }
@@ -144,13 +142,13 @@ impl<'a> Packet<'a> {
     /// Where each ray of a group enters the scene; the others nowhere.
     #[inline(always)]
     pub fn enter(&self, group: Group) -> Row {
-        std::array::from_fn(|i| {
+        let mut enter = [f32::INFINITY; MOST];
+        for (i, frame) in self.frames.iter().enumerate().take(MOST) {
             if group.lanes >> i & 1 == 1 {
-                self.frames[i].t_min
-            } else {
-                f32::INFINITY
+                enter[i] = frame.t_min;
             }
-        })
+        }
+        enter
     }
 
     /// Tests the triangles of a leaf against the rays of `lanes`, which leave its cell at `leave`. Where
@@ -159,7 +157,7 @@ impl<'a> Packet<'a> {
     pub fn leaf<S: Simd, C: Counters>(
         &mut self,
         simd: S,
-        (scene, blocks): (&Triangles, &Blocks),
+        (scene, blocks, rays): (&Triangles, &Blocks, &[Ray]),
         leaf: (u32, usize),
         (lanes, leave): (u64, &Row),
         counters: &mut [C],
@@ -167,13 +165,14 @@ impl<'a> Packet<'a> {
         for half in [0, HALF] {
             let mut open = lanes >> half & 0xff;
             if open.count_ones() as usize > leaf.1 {
-                self.side_by_side(simd, (scene, blocks), leaf, (half, open, leave), counters);
+                let lanes = (half, open, leave);
+                self.side_by_side(simd, (scene, blocks, rays), leaf, lanes, counters);
                 continue;
             }
             while open != 0 {
                 let i = (half + open.trailing_zeros() as usize) % MOST;
                 open &= open - 1;
-                let ray = (&self.rays[i], &self.frames[i], leave[i]);
+                let ray = (&rays[i], &self.frames[i], leave[i]);
                 let best = &mut self.best[i];
                 blocks.test::<S, Closest, C>(simd, leaf, scene, ray, best, &mut counters[i]);
                 self.reach[i] = keep_min(self.best[i].reach, self.reach[i]);
@@ -182,47 +181,45 @@ impl<'a> Packet<'a> {
     }
 
     /// Each triangle against eight rays.
+    // Vectors in closures are slow, so there is none here.
     #[inline(always)]
     fn side_by_side<S: Simd, C: Counters>(
         &mut self,
         simd: S,
-        (scene, blocks): (&Triangles, &Blocks),
-        leaf: (u32, usize),
+        (scene, blocks, rays): (&Triangles, &Blocks, &[Ray]),
+        (first, count): (u32, usize),
         (half, lanes, leave): (usize, u64, &Row),
         counters: &mut [C],
     ) {
         let mut each = lanes;
         while each != 0 {
-            counters[half + each.trailing_zeros() as usize].tests(leaf.1);
+            counters[half + each.trailing_zeros() as usize].tests(count);
             each &= each - 1;
         }
-        let [o, d] = [
-            self.eight(simd, &self.o, half),
-            self.eight(simd, &self.d, half),
-        ];
+        let (o, d) = (eight(simd, &self.o, half), eight(simd, &self.d, half));
         let leave = f32x8::from_slice(simd, &leave[half..half + HALF]);
-        blocks.each(leaf, |id, corners| {
-            let reach = f32x8::from_slice(simd, &self.reach[half..half + HALF]).min(leave);
-            let mut open = Free::new(corners).candidates(simd, o, d, reach) & lanes;
-            while open != 0 {
-                let i = (half + open.trailing_zeros() as usize) % MOST;
-                open &= open - 1;
-                let ray = (&self.rays[i], &self.frames[i]);
-                let corners = || blocks.scene_corners(scene, id, corners);
-                let best = &mut self.best[i];
-                best.offer::<Closest, C>(ray, id, corners, &mut counters[i]);
-                self.reach[i] = keep_min(self.best[i].reach, self.reach[i]);
+        let (mut at, mut left) = (first, count);
+        while left > 0 {
+            let n = left.min(LANES);
+            let (block, next) = blocks.block(at, n);
+            for lane in 0..n {
+                let corners = corners(block, n, lane);
+                let reach = f32x8::from_slice(simd, &self.reach[half..half + HALF]).min(leave);
+                let mut open = Free::new(corners).candidates(simd, o, d, reach) & lanes;
+                while open != 0 {
+                    let i = (half + open.trailing_zeros() as usize) % MOST;
+                    open &= open - 1;
+                    let id = block[1 + 9 * n + lane].to_bits();
+                    let corners = || blocks.scene_corners(scene, id, corners);
+                    let ray = (&rays[i], &self.frames[i]);
+                    let best = &mut self.best[i];
+                    best.offer::<Closest, C>(ray, id, corners, &mut counters[i]);
+                    self.reach[i] = keep_min(best.reach, self.reach[i]);
+                }
             }
-        });
-    }
-
-    #[inline(always)]
-    fn eight<S: Simd>(&self, simd: S, rows: &[Row; 3], half: usize) -> [f32x8<S>; 3] {
-        [
-            f32x8::from_slice(simd, &rows[0][half..half + HALF]),
-            f32x8::from_slice(simd, &rows[1][half..half + HALF]),
-            f32x8::from_slice(simd, &rows[2][half..half + HALF]),
-        ]
+            at = next;
+            left -= n;
+        }
     }
 
     /// Walks a ray alone.
@@ -231,11 +228,12 @@ impl<'a> Packet<'a> {
         &mut self,
         simd: S,
         (walk, scratch): (&W, &mut W::Scratch),
-        triangles: (&Triangles, &Blocks),
+        (scene, blocks, rays): (&Triangles, &Blocks, &[Ray]),
         i: usize,
         counters: &mut [C],
     ) {
-        let ray = (&self.rays[i], &self.frames[i]);
+        let ray = (&rays[i], &self.frames[i]);
+        let triangles = (scene, blocks);
         let hit = walk.cast::<S, Closest, C>(simd, triangles, ray, scratch, &mut counters[i]);
         self.best[i] = Best::known(hit);
     }
@@ -243,8 +241,28 @@ impl<'a> Packet<'a> {
     /// Hands on what the rays have found.
     #[inline(always)]
     pub fn finish(&self, write: &mut impl FnMut(usize, Hit)) {
-        for i in 0..self.rays.len() {
-            write(i, self.best[i].hit());
+        for (i, best) in self.best.iter().enumerate() {
+            write(i, best.hit());
         }
     }
+}
+
+/// Eight of the rays.
+#[inline(always)]
+fn eight<S: Simd>(simd: S, rows: &[Row; 3], half: usize) -> [f32x8<S>; 3] {
+    [
+        f32x8::from_slice(simd, &rows[0][half..half + HALF]),
+        f32x8::from_slice(simd, &rows[1][half..half + HALF]),
+        f32x8::from_slice(simd, &rows[2][half..half + HALF]),
+    ]
+}
+
+/// The corners of one of the `n` triangles of a block.
+#[inline(always)]
+fn corners(block: &[f32; SPAN], n: usize, lane: usize) -> [[f32; 3]; 3] {
+    let corner = |row: usize| {
+        let at = 1 + row * n + lane;
+        [block[at], block[at + n], block[at + 2 * n]]
+    };
+    [corner(0), corner(3), corner(6)]
 }

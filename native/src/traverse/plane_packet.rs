@@ -33,13 +33,16 @@ pub struct Pending {
     leave: Row,
 }
 
-/// Waiting children, and those of a ray alone.
-pub struct Stacks {
-    packet: Vec<Pending>,
+/// The rays, waiting children, and those of a ray alone.
+pub struct Scratch {
+    packet: Packet,
+    axes: Axes,
+    stack: Vec<Pending>,
     single: <plane_dir::Walk<'static> as super::batch::Walk>::Scratch,
 }
 
-/// What planes across an axis need of the rays.
+/// What planes need of the rays.
+#[derive(Default)]
 struct Axes {
     inv: [Row; 3],
     slack: [Row; 3],
@@ -48,14 +51,13 @@ struct Axes {
 
 impl Axes {
     #[inline(always)]
-    fn new(packet: &Packet<'_>) -> Self {
-        let frames = &packet.frames;
-        let inv = |k: usize| std::array::from_fn(|i| frames[i].inv[k]);
-        let slack = |k: usize| std::array::from_fn(|i| frames[i].slack[k]);
-        Self {
-            inv: [inv(0), inv(1), inv(2)],
-            slack: [slack(0), slack(1), slack(2)],
-            oblique_pad: std::array::from_fn(|i| frames[i].oblique_pad),
+    fn fill(&mut self, packet: &Packet) {
+        for (i, frame) in packet.frames.iter().enumerate().take(MOST) {
+            for k in 0..3 {
+                self.inv[k][i] = frame.inv[k];
+                self.slack[k][i] = frame.slack[k];
+            }
+            self.oblique_pad[i] = frame.oblique_pad;
         }
     }
 }
@@ -65,16 +67,18 @@ type Part<S, L> = (u32, <L as Width>::Vector<S>, <L as Width>::Vector<S>);
 
 impl<L: Width> TileWalk for Walk<'_, L> {
     const RAYS: usize = L::RAYS;
-    type Scratch = Stacks;
+    type Scratch = Scratch;
 
-    fn scratch(&self) -> Stacks {
+    fn scratch(&self) -> Scratch {
         let blank = Pending {
             node: 0,
             enter: [0.0; MOST],
             leave: [0.0; MOST],
         };
-        Stacks {
-            packet: vec![blank; MAX_DEPTH + 1],
+        Scratch {
+            packet: Packet::default(),
+            axes: Axes::default(),
+            stack: vec![blank; MAX_DEPTH + 1],
             single: super::batch::Walk::scratch(&plane_dir::Walk(self.0)),
         }
     }
@@ -83,31 +87,29 @@ impl<L: Width> TileWalk for Walk<'_, L> {
     fn cast_tile<S: Simd, C: Counters>(
         &self,
         simd: S,
-        triangles: (&Triangles, &Blocks),
+        (scene, blocks): (&Triangles, &Blocks),
         (frame, rays): (&Frame, &[Ray]),
-        stacks: &mut Stacks,
+        scratch: &mut Scratch,
         write: &mut impl FnMut(usize, Hit),
         counters: &mut [C],
     ) {
-        let mut packet = Packet::new(frame, rays);
-        let axes = Axes::new(&packet);
-        let mut left = packet.entering();
+        let Scratch {
+            packet,
+            axes,
+            stack,
+            single,
+        } = scratch;
+        let task = (scene, blocks, rays);
+        let mut left = packet.fill(frame, rays);
+        axes.fill(packet);
         while left != 0 {
             let group = packet.group(left);
             left &= !group.lanes;
             if group.lanes.count_ones() == 1 {
-                let single = (&plane_dir::Walk(self.0), &mut stacks.single);
-                packet.alone(simd, single, triangles, group.lead, counters);
+                let single = (&plane_dir::Walk(self.0), &mut *single);
+                packet.alone(simd, single, task, group.lead, counters);
             } else {
-                let stack = stacks.packet.as_mut_slice();
-                self.follow(
-                    simd,
-                    triangles,
-                    (&mut packet, &axes),
-                    group,
-                    stack,
-                    counters,
-                );
+                self.follow(simd, task, (&mut *packet, axes), group, stack, counters);
             }
         }
         packet.finish(write);
@@ -120,8 +122,8 @@ impl<L: Width> Walk<'_, L> {
     fn follow<S: Simd, C: Counters>(
         &self,
         simd: S,
-        triangles: (&Triangles, &Blocks),
-        (packet, axes): (&mut Packet<'_>, &Axes),
+        task: (&Triangles, &Blocks, &[Ray]),
+        (packet, axes): (&mut Packet, &Axes),
         group: Group,
         stack: &mut [Pending],
         counters: &mut [C],
@@ -168,12 +170,12 @@ impl<L: Width> Walk<'_, L> {
                 }
                 Node::Leaf { first, count } => {
                     counters[lead].leaf(count);
-                    let lanes = packet::live::<S, L>(enter, leave);
+                    let lanes = packet::live::<S, L>(enter, leave) & group.lanes;
                     if count != 0 {
                         let mut leaves = [0.0; MOST];
                         packet::store::<S, L>(leave, &mut leaves);
                         let cell = (lanes, &leaves);
-                        packet.leaf(simd, triangles, (first, count), cell, counters);
+                        packet.leaf(simd, task, (first, count), cell, counters);
                     }
                     let reach = packet::load::<S, L>(simd, &packet.reach);
                     loop {
@@ -222,7 +224,7 @@ fn on_way<S: Simd, L: Width>((child, enter, leave): Part<S, L>, empty: u32) -> b
 #[inline(always)]
 fn oblique<S: Simd, L: Width>(
     simd: S,
-    (packet, axes): (&Packet<'_>, &Axes),
+    (packet, axes): (&Packet, &Axes),
     lead: usize,
     (normal, offset, children): ([f32; 3], f32, u32),
     (enter, leave): (L::Vector<S>, L::Vector<S>),
