@@ -5,12 +5,16 @@ from __future__ import annotations
 
 import threading
 from fractions import Fraction
+from pathlib import Path
 from typing import Any
 
 import halfspace_native as native
 import numpy as np
 import pytest
 
+from addon.core import workload
+
+SCENES = Path(__file__).resolve().parents[3] / "shared" / "scenes"
 SPECS = [row["id"] for row in native.structures()]
 VERTICES = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], np.float32)
 TRIANGLES = np.array([[0, 1, 2], [0, 1, 3]], np.int32)
@@ -122,6 +126,15 @@ def test_nothing_is_a_scene_too(spec: str) -> None:
     assert tree.validate() == []
     assert np.isfinite(tree.statistics["sah_cost"])
     assert len(tree.split_polygons()["kind"]) == 0
+
+
+def test_planes_through_edges_of_the_teapot_part_their_cells() -> None:
+    # Planes of triangles run through corners of cells that other such planes made, and that rounding moved.
+    file = SCENES / "utah-teapot-plane.npz"
+    if not file.exists():
+        pytest.skip(f"{file} is not there")
+    scene = workload.load_npz(file)
+    assert native.build(scene.vertices, scene.triangles, "bsp-ize").validate() == []
 
 
 @pytest.mark.parametrize("spec", ["kd", "bih", "bih5", "bih1", "bih4", "bih-n"])

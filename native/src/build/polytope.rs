@@ -19,8 +19,13 @@ use super::profile::{EdgeTerm, Profile};
 use crate::geom::Aabb;
 use crate::geom::vec3::{Vec3, add_scaled, cross, dot, length, sub, widen};
 
-/// Vertices within this share of the scene's size of a plane count as lying on it.
-const ON: f64 = 1.0 / (1_u64 << 40) as f64;
+/// Vertices within this share of the scene's size of a plane count as lying on it. Where a plane runs through
+/// vertices that rounding moved, some of an edge's ends may, and leave no polytope: then more do, or fewer.
+const ON: [f64; 3] = [
+    1.0 / (1_u64 << 40) as f64,
+    1.0 / (1_u64 << 36) as f64,
+    1.0 / (1_u64 << 46) as f64,
+];
 
 /// Planes nearer than this share of the scene's size to a cell's end are not tried.
 pub const NEAR: f32 = 1.0 / (1 << 21) as f32;
@@ -154,7 +159,7 @@ impl Polytope {
 
     /// What rounding of the vertices does to areas, in units of the scene's size times the root of
     /// the area: some vertices are snapped to planes.
-    const AREA_NOISE: f64 = 1024.0 * ON;
+    const AREA_NOISE: f64 = 1024.0 * ON[0];
 
     /// Largest coordinate of the scene.
     pub fn magnitude(&self) -> f64 {
@@ -252,12 +257,17 @@ impl Polytope {
     /// The parts below and above a plane; `None` when the plane does not part the polytope, or
     /// when rounding left a part that is no polytope.
     pub fn split(&self, plane: Plane) -> Option<(Self, Self)> {
+        ON.iter().find_map(|&on| self.split_within(plane, on))
+    }
+
+    /// The same, where vertices within this share of the scene's size lie on the plane.
+    fn split_within(&self, plane: Plane, on: f64) -> Option<(Self, Self)> {
         let n = widen(plane.direction.vector());
         let mut heights = [0.0; VERTICES];
         for (height, &v) in heights.iter_mut().zip(&self.vertices) {
             let h = dot(n, v) - f64::from(plane.offset);
             // Snapped once per vertex, so that all faces agree on it.
-            *height = if h.abs() <= ON * self.magnitude {
+            *height = if h.abs() <= on * self.magnitude {
                 0.0
             } else {
                 h
