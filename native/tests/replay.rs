@@ -26,8 +26,13 @@ fn every_walk_repeats_itself_without_triangles() {
     rays.push(ray([90.0; 3], [1.0; 3]));
     let kd = build(&scene, "kd").record(rays.clone(), false).unwrap();
     for tree in TREES.iter().filter(|tree| tree.id != "brute") {
-        let single = tree.traversals().iter().filter(|w| !w.starts_with("tile"));
-        let ways = single.map(|w| format!(":traversal={w}"));
+        // Recordings are of single rays.
+        let single = |way: &&&str| !way.starts_with("tile") && !["p4", "p8", "p16"].contains(way);
+        let ways = tree
+            .traversals()
+            .iter()
+            .filter(single)
+            .map(|w| format!(":traversal={w}"));
         for way in ways.chain([String::new()]) {
             let spec = &format!("{}{way}", tree.id);
             let structure = build(&scene, spec);
@@ -46,7 +51,7 @@ fn every_walk_repeats_itself_without_triangles() {
                     let mut hits = vec![Hit::MISS; rays.len()];
                     structure.closest(&rays, &mut hits, Some(&mut counters));
                 }
-                assert_eq!(recording.counters, counters, "{spec}, any: {any}");
+                assert!(recording.counters == counters, "{spec}, any: {any}");
             }
             // The check can fail: another tree's recording does not fit.
             if ["octree", "bvh"].iter().any(|kind| spec.starts_with(kind)) {
