@@ -19,7 +19,8 @@ PAPER = "Hoobergs, trees of planes along normals (thesis, KU Leuven 2019)"
 BASES = {"faithful": "kd-sah:traversal=dir", "best": "kd"}
 """What times are related to."""
 
-RULES = {"faithful": "costs=thesis,ties=pbrt,slab=0,clip=0", "best": ""}
+RULES = {"faithful": "costs=thesis,ties=pbrt,slab=0,clip=0,traversal=dir", "best": ""}
+"""What the trees are built by, and that they are walked as what they are related to."""
 
 SCENES = {"leg": "killeroo-feet", "sponza": "sponza-dabrovic", "conference": "conference"}
 
