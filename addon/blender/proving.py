@@ -206,9 +206,9 @@ SCENES: dict[str, Callable[[Any], None]] = {
 
 
 LAYER = (
-    "What a rough dielectric layer takes from the base below it is integrated here and looked up in tables by Cycles, "
-    "which at 82° (roughness 0.4, index 1.38) takes 0.207 where the integral is 0.197; so its base is up to 1.5 % "
-    "darker towards the horizon, the same square on."
+    "What a rough dielectric layer takes from the base below it: at 82° (roughness 0.4, index 1.38) Cycles takes "
+    "0.207, Halfspace 0.197, and integration over all directions, without light that bounces on within the layer, "
+    "0.196; so the base is up to 1.5 % darker in Cycles towards the horizon."
 )
 
 DIFFERENCES: dict[str, tuple[str, float]] = {"textures": (LAYER, 8e-3)}
