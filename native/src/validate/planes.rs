@@ -4,9 +4,8 @@
 
 use crate::build::cell::{Cell, ConvexCell, Direction, Plane};
 use crate::build::plane_tree::{MAX_DEPTH, Node, PlaneTree};
-use crate::build::polytope::{Facet, NEAR, Polytope};
+use crate::build::polytope::NEAR;
 use crate::build::profile::Profile;
-use crate::geom::vec3::{dot, sub};
 use crate::structure::Structure;
 use crate::traverse::frame::U;
 use std::collections::BTreeSet;
@@ -97,23 +96,6 @@ fn beyond(corners: [[f32; 3]; 3], (plane, above): (Plane, bool), magnitude: f32)
     }
 }
 
-/// The least distance between two parallel planes, one of them along a facet, that hold a cell between them.
-#[expect(
-    clippy::cast_possible_truncation,
-    reason = "compared with a bound for f32"
-)]
-fn thickness(cell: &Polytope) -> f32 {
-    let across = |facet: &Facet| {
-        let on = cell.corners(facet).next().unwrap_or_default();
-        let all = cell.facets().iter().flat_map(|facet| cell.corners(facet));
-        all.fold(0.0_f64, |most, p| most.max(-dot(facet.normal, sub(p, on))))
-    };
-    cell.facets()
-        .iter()
-        .map(across)
-        .fold(f64::INFINITY, f64::min) as f32
-}
-
 /// What is wrong with a cut through a cell.
 fn fault(cell: &ConvexCell, plane: Plane) -> Option<String> {
     let offset = plane.offset;
@@ -130,8 +112,7 @@ fn fault(cell: &ConvexCell, plane: Plane) -> Option<String> {
         // In cells as thin as this, which only nodes have that must be parted whatever it costs, rounding
         // may leave no two convex bodies. Both children then have the whole cell, which is no fault.
         let part = (offset - profile.low).min(profile.high - offset);
-        let thin = part.min(thickness(cell)) <= 8.0 * NEAR * magnitude;
-        let lost = part >= -HEIGHT * magnitude && thin;
+        let lost = part >= -HEIGHT * magnitude && part <= 8.0 * NEAR * magnitude;
         return (!lost).then(|| {
             format!(
                 "the plane {plane:?} does not part its cell, from {} to {}, in a scene of size {magnitude}",
