@@ -15,20 +15,22 @@ use crate::spec::{Config, Value};
 use crate::traverse::batch::{Batch, Walk, WithWalk, Write};
 use crate::traverse::cases;
 use crate::traverse::frame::FrameRay;
+use crate::traverse::grid_step;
 use crate::traverse::objects::Objects;
 use crate::traverse::packet::{self, Width};
+use crate::traverse::packet_walk::Packets;
 use crate::traverse::path::Path;
 use crate::traverse::query::{Any, Closest, Query};
 use crate::traverse::replay::{Record, Recording};
 use crate::traverse::stream::Alone;
+use crate::traverse::tile_walk::{ShadowTiles, Tiles};
 use crate::traverse::wide_tree::WideTree;
 use crate::traverse::{Hit, Ray, RayCounters, Tracer, plane_dir, plane_ta_b, plane_ta_b_1997};
 use crate::traverse::{
     Order, octree_beam, octree_glassner, octree_net, octree_param, octree_samet, octree_step,
     plane_arvo, plane_beam, plane_rope, plane_seq, plane_seq_1985, plane_sung, plane_ta_a,
-    plane_ta_b_poly, plane_tile, plane_wide,
+    plane_ta_b_poly, plane_wide,
 };
-use crate::traverse::{box_packet, box_tile, grid_step, plane_packet};
 use fearless_simd::Level;
 use std::marker::PhantomData;
 use std::sync::{Arc, OnceLock};
@@ -370,10 +372,10 @@ impl Structure {
     ) {
         match &self.built.layout {
             Layout::Plane(tree, _) => {
-                job.tiles(&plane_packet::Walk::<L>::new(tree), write, counters);
+                job.tiles(&Packets::<_, L>::new(tree), write, counters);
             }
             Layout::Objects(Objects::Boxes8(tree)) => {
-                job.tiles(&box_packet::Walk::<8, L>::new(tree), write, counters);
+                job.tiles(&Packets::<_, L>::new(tree), write, counters);
             }
             _ => unreachable!("only trees of planes and of eight boxes to a node offer packets"),
         }
@@ -429,10 +431,10 @@ impl Structure {
         }
         match (&self.built.layout, self.batches) {
             (Layout::Plane(tree, _), Auto | Eight | Sixteen) => {
-                job.quick_tiles(&plane_tile::Shadow::<4>(tree), write);
+                job.quick_tiles(&ShadowTiles::<_, 4>(tree), write);
             }
             (Layout::Objects(Objects::Boxes8(tree)), Eight | Sixteen) => {
-                job.quick_tiles(&box_tile::Shadow::<8, 4>(tree), write);
+                job.quick_tiles(&ShadowTiles::<_, 4>(tree), write);
             }
             _ => return false,
         }
@@ -612,19 +614,19 @@ impl Tracer for AtLevel<'_> {
                 job.tiles(&plane_beam::Walk(tree, *least), write, counters);
             }
             (Layout::Plane(tree, _), Batches::Eight) => {
-                job.tiles(&plane_tile::Walk::<4>(tree), write, counters);
+                job.tiles(&Tiles::<_, 4>(tree), write, counters);
             }
             (Layout::Plane(tree, _), Batches::Auto) if counters.is_none() => {
-                job.tiles(&plane_tile::Walk::<4>(tree), write, counters);
+                job.tiles(&Tiles::<_, 4>(tree), write, counters);
             }
             (Layout::Plane(tree, _), Batches::Sixteen) => {
-                job.tiles(&plane_tile::Walk::<16>(tree), write, counters);
+                job.tiles(&Tiles::<_, 16>(tree), write, counters);
             }
             (Layout::Objects(Objects::Boxes8(tree)), Batches::Eight) => {
-                job.tiles(&box_tile::Walk::<8, 4>(tree), write, counters);
+                job.tiles(&Tiles::<_, 4>(tree), write, counters);
             }
             (Layout::Objects(Objects::Boxes8(tree)), Batches::Sixteen) => {
-                job.tiles(&box_tile::Walk::<8, 16>(tree), write, counters);
+                job.tiles(&Tiles::<_, 16>(tree), write, counters);
             }
             _ => self.closest(rays, hits, counters),
         }

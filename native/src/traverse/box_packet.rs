@@ -2,27 +2,15 @@
 //! Trees of boxes walked by packets: each box of a node against all rays, one to a lane. The box that the
 //! first ray inside it enters soonest is visited first.
 
-use super::batch::TileWalk;
 use super::blocks::Blocks;
 use super::box_tree::{self, BoxTree, INNER, Slabs};
-use super::frame::Frame;
 use super::packet::{self, Group, MOST, Packet, Row, Width};
+use super::packet_walk::{self, PacketTree};
 use super::query::Counters;
-use super::ray::{Hit, Ray};
+use super::ray::Ray;
 use crate::build::plane_tree::MAX_DEPTH;
 use crate::scene::Triangles;
 use fearless_simd::{Select, Simd, SimdBase, SimdFloat};
-use std::marker::PhantomData;
-
-/// The walk over one tree.
-pub struct Walk<'a, const W: usize, L>(&'a BoxTree<W>, PhantomData<L>);
-
-impl<'a, const W: usize, L> Walk<'a, W, L> {
-    /// Over this tree.
-    pub fn new(tree: &'a BoxTree<W>) -> Self {
-        Self(tree, PhantomData)
-    }
-}
 
 /// A box still to visit, and where each ray enters it; the others nowhere.
 #[derive(Clone, Copy)]
@@ -34,17 +22,9 @@ pub struct Pending {
     enter: Row,
 }
 
-/// The rays, waiting boxes, and those of a ray alone.
-pub struct Scratch {
-    packet: Packet,
-    rows: Rows,
-    stack: Vec<Pending>,
-    single: Vec<box_tree::Pending>,
-}
-
 /// What slab tests need of the rays: [`Slabs`], a ray to a lane.
 #[derive(Default)]
-struct Rows {
+pub struct Rows {
     inv: [Row; 3],
     near: [Row; 3],
     far: [Row; 3],
@@ -52,7 +32,7 @@ struct Rows {
     ends: Row,
 }
 
-impl Rows {
+impl packet_walk::Rows for Rows {
     #[inline(always)]
     fn fill(&mut self, packet: &Packet) {
         for (i, frame) in packet.frames.iter().enumerate().take(MOST) {
@@ -67,63 +47,31 @@ impl Rows {
     }
 }
 
-impl<const W: usize, L: Width> TileWalk for Walk<'_, W, L> {
-    const RAYS: usize = L::RAYS;
-    type Scratch = Scratch;
+impl<const W: usize> PacketTree for BoxTree<W> {
+    type Rows = Rows;
+    type Pending = Pending;
+    type Single<'a>
+        = box_tree::Walk<'a, W>
+    where
+        Self: 'a;
 
-    fn scratch(&self) -> Scratch {
+    fn single(&self) -> Self::Single<'_> {
+        box_tree::Walk(self)
+    }
+
+    fn stack(&self) -> Vec<Pending> {
         let blank = Pending {
             first: 0.0,
             link: 0,
             count: 0,
             enter: [0.0; MOST],
         };
-        Scratch {
-            packet: Packet::default(),
-            rows: Rows::default(),
-            // Each level leaves at most all children but one behind, and the lowest all of them.
-            stack: vec![blank; (MAX_DEPTH + 1) * (W - 1) + 2 * W],
-            single: super::batch::Walk::scratch(&box_tree::Walk(self.0)),
-        }
+        // Each level leaves at most all children but one behind, and the lowest all of them.
+        vec![blank; (MAX_DEPTH + 1) * (W - 1) + 2 * W]
     }
 
     #[inline(always)]
-    fn cast_tile<S: Simd, C: Counters>(
-        &self,
-        simd: S,
-        (scene, blocks): (&Triangles, &Blocks),
-        (frame, rays): (&Frame, &[Ray]),
-        scratch: &mut Scratch,
-        write: &mut impl FnMut(usize, Hit),
-        counters: &mut [C],
-    ) {
-        let Scratch {
-            packet,
-            rows,
-            stack,
-            single,
-        } = scratch;
-        let task = (scene, blocks, rays);
-        let mut left = packet.fill(frame, rays);
-        rows.fill(packet);
-        while left != 0 {
-            let group = packet.group(left);
-            left &= !group.lanes;
-            if group.lanes.count_ones() == 1 {
-                let single = (&box_tree::Walk(self.0), &mut *single);
-                packet.alone(simd, single, task, group.lead, counters);
-            } else {
-                self.follow(simd, task, (&mut *packet, rows), group, stack, counters);
-            }
-        }
-        packet.finish(write);
-    }
-}
-
-impl<const W: usize, L: Width> Walk<'_, W, L> {
-    /// Walks some rays of a packet. Steps are charged to the first of them.
-    #[inline(always)]
-    fn follow<S: Simd, C: Counters>(
+    fn follow<S: Simd, C: Counters, L: Width>(
         &self,
         simd: S,
         task: (&Triangles, &Blocks, &[Ray]),
@@ -134,7 +82,7 @@ impl<const W: usize, L: Width> Walk<'_, W, L> {
     ) {
         let mut enters = packet.enter(group);
         let mut waiting = 0;
-        let mut node = &self.0.nodes[0];
+        let mut node = &self.nodes[0];
         loop {
             counters[group.lead].step_axis();
             let inside = packet::load::<S, L>(simd, &enters);
@@ -195,7 +143,7 @@ impl<const W: usize, L: Width> Walk<'_, W, L> {
                 }
                 if next.count == INNER {
                     enters = next.enter;
-                    break &self.0.nodes[next.link as usize];
+                    break &self.nodes[next.link as usize];
                 }
                 let leaf = (next.link, next.count as usize);
                 counters[group.lead].leaf(leaf.1);

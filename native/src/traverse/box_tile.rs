@@ -2,108 +2,28 @@
 //! Trees of boxes walked by tiles of rays with a common origin: a box is passed by when intervals over
 //! the whole tile show that no ray meets it. The nearest box comes first, as for single rays.
 
-use super::batch::TileWalk;
 use super::blocks::Blocks;
 use super::box_tree::{self, BoxTree, INNER, Pending, Wide};
-use super::frame::Frame;
 use super::query::Counters;
-use super::ray::{Hit, Ray};
-use super::shadow_tile;
-use super::tile::{self, LANES, Patience, Tile};
+use super::ray::Ray;
+use super::tile::{LANES, Tile};
 use super::tile_leaf::{self, Judge};
-use super::tile_nearest::{self, Nearest};
+use super::tile_walk::TileTree;
 use crate::build::plane_tree::MAX_DEPTH;
-use crate::scene::Triangles;
 use fearless_simd::Simd;
 
-/// The walk over one tree by tiles of `16 R` rays.
-pub struct Walk<'a, const W: usize, const R: usize>(pub &'a BoxTree<W>);
+impl<const W: usize> TileTree for BoxTree<W> {
+    type Single<'a>
+        = box_tree::Walk<'a, W>
+    where
+        Self: 'a;
 
-impl<const W: usize, const R: usize> TileWalk for Walk<'_, W, R> {
-    const RAYS: usize = R * LANES;
-    type Scratch = Patience;
-
-    fn scratch(&self) -> Patience {
-        Patience::default()
+    fn single(&self) -> Self::Single<'_> {
+        box_tree::Walk(self)
     }
 
     #[inline(always)]
-    fn cast_tile<S: Simd, C: Counters>(
-        &self,
-        simd: S,
-        triangles: (&Triangles, &Blocks),
-        (frame, rays): (&Frame, &[Ray]),
-        patience: &mut Patience,
-        write: &mut impl FnMut(usize, Hit),
-        counters: &mut [C],
-    ) {
-        let mut tile = Tile::<R>::new(simd, frame, rays);
-        if !tile.is_inside() {
-            // Nothing to hit.
-        } else if patience.tries() {
-            let mut nearest = Nearest::default();
-            let job = (&mut tile, rays, &mut nearest);
-            let finished = self.follow(simd, triangles.1, job, counters);
-            tile_nearest::settle(simd, triangles.1, (&mut tile, rays), counters);
-            patience.learn(finished);
-            if !finished {
-                tile.give_up();
-            }
-        } else {
-            tile.give_up();
-        }
-        let single = box_tree::Walk(self.0);
-        tile::finish(
-            simd,
-            &tile,
-            (&single, triangles),
-            (frame, rays),
-            write,
-            counters,
-        );
-    }
-}
-
-/// The same walk for shadow rays, in tiles turned round.
-pub struct Shadow<'a, const W: usize, const R: usize>(pub &'a BoxTree<W>);
-
-impl<const W: usize, const R: usize> TileWalk for Shadow<'_, W, R> {
-    const RAYS: usize = R * LANES;
-    type Scratch = Patience;
-
-    fn scratch(&self) -> Patience {
-        Patience::default()
-    }
-
-    #[inline(always)]
-    fn cast_tile<S: Simd, C: Counters>(
-        &self,
-        simd: S,
-        triangles: (&Triangles, &Blocks),
-        (frame, rays): (&Frame, &[Ray]),
-        patience: &mut Patience,
-        write: &mut impl FnMut(usize, Hit),
-        counters: &mut [C],
-    ) {
-        let single = box_tree::Walk(self.0);
-        shadow_tile::cast::<_, _, _, R>(
-            simd,
-            (&single, triangles),
-            (frame, rays, patience),
-            #[inline(always)]
-            |tile, shadows, counters| {
-                Walk(self.0).follow(simd, triangles.1, (tile, rays, shadows), counters)
-            },
-            write,
-            counters,
-        );
-    }
-}
-
-impl<const W: usize, const R: usize> Walk<'_, W, R> {
-    /// Walks the tile to its end; says whether it came there within its budget.
-    #[inline(always)]
-    fn follow<S: Simd, C: Counters, J: Judge<R>>(
+    fn follow<S: Simd, C: Counters, J: Judge<R>, const R: usize>(
         &self,
         simd: S,
         blocks: &Blocks,
@@ -114,7 +34,7 @@ impl<const W: usize, const R: usize> Walk<'_, W, R> {
         let mut leaves = [0.0; (MAX_DEPTH + 3) * 8];
         let mut waiting = 0;
         let mut budget = J::BUDGET * R * LANES;
-        let mut node = &self.0.nodes[0];
+        let mut node = &self.nodes[0];
         loop {
             counters[0].step_axis();
             let mut enter = [0.0; W];
@@ -149,7 +69,7 @@ impl<const W: usize, const R: usize> Walk<'_, W, R> {
                     continue;
                 }
                 if next.count == INNER {
-                    break &self.0.nodes[next.link as usize];
+                    break &self.nodes[next.link as usize];
                 }
                 let count = next.count as usize;
                 counters[0].leaf(count);

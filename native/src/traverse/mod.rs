@@ -30,6 +30,7 @@ pub mod octree_param;
 pub mod octree_samet;
 pub mod octree_step;
 pub mod packet;
+pub mod packet_walk;
 pub mod path;
 pub mod place;
 pub mod plane_arvo;
@@ -65,6 +66,7 @@ pub mod tile;
 pub mod tile_leaf;
 mod tile_nearest;
 mod tile_verdict;
+pub mod tile_walk;
 pub mod view;
 pub mod wide_tree;
 

@@ -3,27 +3,15 @@
 //! the rays of a packet may disagree about the near side; the first of them decides which comes first, and each
 //! keeps its own intervals of both.
 
-use super::batch::TileWalk;
 use super::blocks::Blocks;
-use super::frame::Frame;
 use super::packet::{self, Group, MOST, Packet, Row, Width};
+use super::packet_walk::{PacketTree, Rows};
 use super::plane_dir;
 use super::query::Counters;
-use super::ray::{Hit, Ray};
+use super::ray::Ray;
 use crate::build::plane_tree::{MAX_DEPTH, Node, PlaneTree, near_child};
 use crate::scene::Triangles;
 use fearless_simd::{Select, Simd, SimdBase, SimdFloat, SimdMask};
-use std::marker::PhantomData;
-
-/// The walk over one tree.
-pub struct Walk<'a, L>(&'a PlaneTree, PhantomData<L>);
-
-impl<'a, L> Walk<'a, L> {
-    /// Over this tree.
-    pub fn new(tree: &'a PlaneTree) -> Self {
-        Self(tree, PhantomData)
-    }
-}
 
 /// A child still to visit, and the interval of each ray inside it.
 #[derive(Clone, Copy)]
@@ -33,23 +21,15 @@ pub struct Pending {
     leave: Row,
 }
 
-/// The rays, waiting children, and those of a ray alone.
-pub struct Scratch {
-    packet: Packet,
-    axes: Axes,
-    stack: Vec<Pending>,
-    single: <plane_dir::Walk<'static> as super::batch::Walk>::Scratch,
-}
-
 /// What planes need of the rays.
 #[derive(Default)]
-struct Axes {
+pub struct Axes {
     inv: [Row; 3],
     slack: [Row; 3],
     oblique_pad: Row,
 }
 
-impl Axes {
+impl Rows for Axes {
     #[inline(always)]
     fn fill(&mut self, packet: &Packet) {
         for (i, frame) in packet.frames.iter().enumerate().take(MOST) {
@@ -65,61 +45,29 @@ impl Axes {
 /// A child, and the interval of each ray inside it.
 type Part<S, L> = (u32, <L as Width>::Vector<S>, <L as Width>::Vector<S>);
 
-impl<L: Width> TileWalk for Walk<'_, L> {
-    const RAYS: usize = L::RAYS;
-    type Scratch = Scratch;
+impl PacketTree for PlaneTree {
+    type Rows = Axes;
+    type Pending = Pending;
+    type Single<'a>
+        = plane_dir::Walk<'a>
+    where
+        Self: 'a;
 
-    fn scratch(&self) -> Scratch {
+    fn single(&self) -> Self::Single<'_> {
+        plane_dir::Walk(self)
+    }
+
+    fn stack(&self) -> Vec<Pending> {
         let blank = Pending {
             node: 0,
             enter: [0.0; MOST],
             leave: [0.0; MOST],
         };
-        Scratch {
-            packet: Packet::default(),
-            axes: Axes::default(),
-            stack: vec![blank; MAX_DEPTH + 1],
-            single: super::batch::Walk::scratch(&plane_dir::Walk(self.0)),
-        }
+        vec![blank; MAX_DEPTH + 1]
     }
 
     #[inline(always)]
-    fn cast_tile<S: Simd, C: Counters>(
-        &self,
-        simd: S,
-        (scene, blocks): (&Triangles, &Blocks),
-        (frame, rays): (&Frame, &[Ray]),
-        scratch: &mut Scratch,
-        write: &mut impl FnMut(usize, Hit),
-        counters: &mut [C],
-    ) {
-        let Scratch {
-            packet,
-            axes,
-            stack,
-            single,
-        } = scratch;
-        let task = (scene, blocks, rays);
-        let mut left = packet.fill(frame, rays);
-        axes.fill(packet);
-        while left != 0 {
-            let group = packet.group(left);
-            left &= !group.lanes;
-            if group.lanes.count_ones() == 1 {
-                let single = (&plane_dir::Walk(self.0), &mut *single);
-                packet.alone(simd, single, task, group.lead, counters);
-            } else {
-                self.follow(simd, task, (&mut *packet, axes), group, stack, counters);
-            }
-        }
-        packet.finish(write);
-    }
-}
-
-impl<L: Width> Walk<'_, L> {
-    /// Walks some rays of a packet. Steps are charged to the first of them.
-    #[inline(always)]
-    fn follow<S: Simd, C: Counters>(
+    fn follow<S: Simd, C: Counters, L: Width>(
         &self,
         simd: S,
         task: (&Triangles, &Blocks, &[Ray]),
@@ -128,14 +76,13 @@ impl<L: Width> Walk<'_, L> {
         stack: &mut [Pending],
         counters: &mut [C],
     ) {
-        let tree = self.0;
         let lead = group.lead;
         let mut waiting = 0;
-        let mut node = tree.root();
+        let mut node = self.root();
         let mut enter = packet::load::<S, L>(simd, &packet.enter(group));
         let mut leave = packet::load::<S, L>(simd, &packet.reach);
         loop {
-            let (parts, empty) = match tree.node(node) {
+            let (parts, empty) = match self.node(node) {
                 Node::Axis {
                     axis,
                     split,

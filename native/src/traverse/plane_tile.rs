@@ -8,26 +8,20 @@
 //! through others, where it hits nothing. When a tile does much more than a tile that stays together
 //! needs, its rays go on singly, each as far as the best hit that the tile found.
 
-use super::batch::TileWalk;
 use super::blocks::Blocks;
-use super::frame::{Frame, U};
+use super::frame::U;
 use super::plane_dir;
 use super::query::Counters;
-use super::ray::{Hit, Ray};
-use super::shadow_tile;
-use super::tile::{self, LANES, Patience, Tile, load, splat};
+use super::ray::Ray;
+use super::tile::{LANES, Tile, load, splat};
 use super::tile_leaf::{self, Judge};
-use super::tile_nearest::{self, Nearest};
+use super::tile_walk::TileTree;
 use crate::build::plane_tree::{MAX_DEPTH, Node, PlaneTree};
-use crate::scene::Triangles;
 use fearless_simd::{Select, Simd, SimdBase, SimdFloat, SimdMask, f32x16, mask32x16};
 
 /// Bound on the error of `n . d` for `|n| <= 1` and components of `d` below 2: 3 roundings of at most
 /// `sqrt(3) 2` each.
 const SPEED_ERROR: f32 = 16.0 * U;
-
-/// The walk over one tree by tiles of `16 R` rays.
-pub struct Walk<'a, const R: usize>(pub &'a PlaneTree);
 
 /// A child still to visit, and where rays are inside it.
 #[derive(Clone, Copy, Default)]
@@ -37,105 +31,31 @@ struct Pending {
     leave: f32,
 }
 
-impl<const R: usize> TileWalk for Walk<'_, R> {
-    const RAYS: usize = R * LANES;
-    type Scratch = Patience;
+impl TileTree for PlaneTree {
+    type Single<'a>
+        = plane_dir::Walk<'a>
+    where
+        Self: 'a;
 
-    fn scratch(&self) -> Patience {
-        Patience::default()
+    fn single(&self) -> Self::Single<'_> {
+        plane_dir::Walk(self)
     }
 
     #[inline(always)]
-    fn cast_tile<S: Simd, C: Counters>(
-        &self,
-        simd: S,
-        triangles: (&Triangles, &Blocks),
-        (frame, rays): (&Frame, &[Ray]),
-        patience: &mut Patience,
-        write: &mut impl FnMut(usize, Hit),
-        counters: &mut [C],
-    ) {
-        let mut tile = Tile::<R>::new(simd, frame, rays);
-        if !tile.is_inside() {
-            // Nothing to hit.
-        } else if patience.tries() {
-            let mut nearest = Nearest::default();
-            let job = (&mut tile, rays, &mut nearest);
-            let finished = self.follow(simd, triangles.1, job, counters);
-            tile_nearest::settle(simd, triangles.1, (&mut tile, rays), counters);
-            patience.learn(finished);
-            if !finished {
-                tile.give_up();
-            }
-        } else {
-            tile.give_up();
-        }
-        let single = plane_dir::Walk(self.0);
-        tile::finish(
-            simd,
-            &tile,
-            (&single, triangles),
-            (frame, rays),
-            write,
-            counters,
-        );
-    }
-}
-
-/// The same walk for shadow rays, in tiles turned round.
-pub struct Shadow<'a, const R: usize>(pub &'a PlaneTree);
-
-impl<const R: usize> TileWalk for Shadow<'_, R> {
-    const RAYS: usize = R * LANES;
-    type Scratch = Patience;
-
-    fn scratch(&self) -> Patience {
-        Patience::default()
-    }
-
-    #[inline(always)]
-    fn cast_tile<S: Simd, C: Counters>(
-        &self,
-        simd: S,
-        triangles: (&Triangles, &Blocks),
-        (frame, rays): (&Frame, &[Ray]),
-        patience: &mut Patience,
-        write: &mut impl FnMut(usize, Hit),
-        counters: &mut [C],
-    ) {
-        let single = plane_dir::Walk(self.0);
-        shadow_tile::cast::<_, _, _, R>(
-            simd,
-            (&single, triangles),
-            (frame, rays, patience),
-            #[inline(always)]
-            |tile, shadows, counters| {
-                Walk(self.0).follow(simd, triangles.1, (tile, rays, shadows), counters)
-            },
-            write,
-            counters,
-        );
-    }
-}
-
-impl<const R: usize> Walk<'_, R> {
-    /// Walks the tile to its end; says whether it came there within its budget.
-    #[inline(always)]
-    fn follow<S: Simd, C: Counters, J: Judge<R>>(
+    fn follow<S: Simd, C: Counters, J: Judge<R>, const R: usize>(
         &self,
         simd: S,
         blocks: &Blocks,
         (tile, rays, judge): (&mut Tile<R>, &[Ray], &mut J),
         counters: &mut [C],
     ) -> bool {
-        let tree = self.0;
         let mut stack = [Pending::default(); MAX_DEPTH + 1];
         let mut waiting = 0;
         let mut budget = J::BUDGET * R * LANES;
-        let mut node = tree.root();
+        let mut node = self.root();
         let (mut enter, mut leave) = tile.inside;
         loop {
-            match tree.node(node) {
+            match self.node(node) {
                 Node::Axis {
                     axis,
                     split,

@@ -12,7 +12,7 @@ use super::blocks::Blocks;
 use super::frame::Frame;
 use super::query::{Any, Counters};
 use super::ray::{Hit, Ray};
-use super::tile::{LANES, Patience, Row, Tile, bits, load, place, seat, splat};
+use super::tile::{Backoff, LANES, Row, Tile, bits, load, place, seat, splat};
 use super::tile_leaf::{Candidate, Judge};
 use super::tile_nearest::count;
 use super::tile_verdict::any;
@@ -179,18 +179,18 @@ fn light(rays: &[Ray]) -> [f32; 3] {
 pub fn cast<S: Simd, W: Walk, C: Counters, const R: usize>(
     simd: S,
     (single, triangles): (&W, (&Triangles, &Blocks)),
-    (frame, rays, patience): (&Frame, &[Ray], &mut Patience),
+    (frame, rays, backoff): (&Frame, &[Ray], &mut Backoff),
     follow: impl FnOnce(&mut Tile<R>, &mut Shadows<R>, &mut [C]) -> bool,
     write: &mut impl FnMut(usize, Hit),
     counters: &mut [C],
 ) {
     let (mut blocked, mut rest) = ([0; R], [u16::MAX; R]);
-    if patience.tries()
+    if backoff.tries()
         && let Some((mut tile, mut shadows)) = Shadows::new(simd, frame, rays)
     {
         if tile.is_inside() {
             let finished = follow(&mut tile, &mut shadows, counters);
-            patience.learn(finished);
+            backoff.learn(finished);
             if !finished {
                 tile.give_up();
             }

@@ -47,14 +47,14 @@ pub const fn seat(ray: usize) -> (usize, usize) {
 /// Whether the next tile is walked as one: after tiles that did not come to their end, some go singly without
 /// having tried, twice as many each time. Where geometry is finer than rays are, it is for many tiles.
 #[derive(Debug, Default)]
-pub struct Patience {
+pub struct Backoff {
     /// So many tiles go singly now.
     waiting: u32,
     /// And so many after the next that does not come to its end.
     next: u32,
 }
 
-impl Patience {
+impl Backoff {
     const LEAST: u32 = 2;
     const MOST: u32 = 16;
 
