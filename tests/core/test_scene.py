@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from addon.core.scene import Camera, Geometry, Material, Scene, SceneError, Source, World
+from addon.core.scene import Camera, Geometry, Material, Scene, SceneError, Source, World, faulty
 
 VERTICES = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [np.nan, 0, 0], [2, 0, 0]], np.float32)
 
@@ -51,6 +51,21 @@ def test_faulty_triangles_are_counted_by_object() -> None:
     flat, broken, good = [0, 1, 4], [0, 1, 3], [0, 1, 2]
     assert geometry([good, flat, broken, flat, good], sources=sources).faulty_triangles() == {"A": 1, "B": 2}
     assert geometry([good] * 5, sources=sources).faulty_triangles() == {}
+
+
+@pytest.mark.parametrize("scale", [2.0**-140, 2.0**-90, 1.0, 2.0**90])
+def test_faulty_triangles_are_those_without_area_at_any_scale(scale: float) -> None:
+    rng = np.random.default_rng(7)
+    whole = rng.integers(-3, 4, (200, 3))
+    whole[::2] = whole[::2] * 2**20 + rng.integers(-1, 2, (100, 3))  # needles, whose area f32 loses
+    triangles = rng.integers(0, 200, (3000, 3)).astype(np.int32)
+    corners = whole[triangles]
+    flat = ~np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]).any(axis=1)
+    vertices = (whole * scale).astype(np.float32)
+    vertices[5, 2], vertices[6, 0] = np.nan, np.inf
+    broken = np.isin(triangles, (5, 6)).any(axis=1)
+    assert np.array_equal(faulty(vertices, triangles), flat | broken)
+    assert flat.sum() > 100
 
 
 def test_a_camera_that_is_not_finite_is_refused() -> None:
