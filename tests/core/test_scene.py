@@ -53,19 +53,20 @@ def test_faulty_triangles_are_counted_by_object() -> None:
     assert geometry([good] * 5, sources=sources).faulty_triangles() == {}
 
 
-@pytest.mark.parametrize("scale", [2.0**-140, 2.0**-90, 1.0, 2.0**90])
+@pytest.mark.parametrize("scale", [2.0**-149, 2.0**-90, 1.0, 2.0**90])
 def test_faulty_triangles_are_those_without_area_at_any_scale(scale: float) -> None:
     rng = np.random.default_rng(7)
-    whole = rng.integers(-3, 4, (200, 3))
-    whole[::2] = whole[::2] * 2**20 + rng.integers(-1, 2, (100, 3))  # needles, whose area f32 loses
-    triangles = rng.integers(0, 200, (3000, 3)).astype(np.int32)
-    corners = whole[triangles]
-    flat = ~np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]).any(axis=1)
-    vertices = (whole * scale).astype(np.float32)
-    vertices[5, 2], vertices[6, 0] = np.nan, np.inf
-    broken = np.isin(triangles, (5, 6)).any(axis=1)
-    assert np.array_equal(faulty(vertices, triangles), flat | broken)
-    assert flat.sum() > 100
+    # Three points in a line, which differences rounded to f32 put beside it, and beside them points almost there.
+    start, step = rng.integers(-(2**24), -(2**24) + 2**20, (500, 3)), rng.integers(2**23, 10_500_000, (500, 3))
+    line = np.stack([start, start + step, start + 3 * step], axis=1)
+    line[250:, 1] += rng.integers(-1, 2, (250, 3))
+    line *= rng.choice([-1, 1], (500, 1, 3))
+    flat = ~np.cross(line[:, 1] - line[:, 0], line[:, 2] - line[:, 0]).any(axis=1)
+    assert 250 <= flat.sum() < 300
+    vertices = (line.reshape(-1, 3) * scale).astype(np.float32)
+    vertices[5, 2], vertices[999, 0] = np.nan, np.inf
+    flat[[1, 333]] = True
+    assert np.array_equal(faulty(vertices, np.arange(1500, dtype=np.int32).reshape(-1, 3)), flat)
 
 
 def test_a_camera_that_is_not_finite_is_refused() -> None:
