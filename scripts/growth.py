@@ -2,9 +2,9 @@
 """How building and tracing grow with the number of triangles: ten thousand to ten million, one surface, the same rays.
 
 `python scripts/growth.py [options]`. Every tessellation is first proved against brute force, bit for bit; only then
-anything is timed. Writes growth.json and growth.html, with the fits of c n log n to the builds and of a + b log n to
-the rays. Exit status: 0 all answers agree with brute force; 1 some answer differs; 2 bad usage, or something could not
-be built.
+anything is timed. With `--out` it writes growth.json and growth.html, again after each line, with the fits of c n log n
+to the builds and of a + b log n to the rays. Exit status: 0 all answers agree with brute force; 1 some answer differs;
+2 bad usage, or something could not be built.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import sys
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
@@ -74,6 +74,8 @@ def run(asked: argparse.Namespace) -> int:
         if isinstance(event, growth.Point):
             points.append(event)
             print("  ".join(growth_report.cells(event, points)), flush=True)
+            if asked.out is not None:  # so that a run that is stopped leaves what it has
+                save(asked.out, module, points, options)
         else:
             say(event)
     print("\n" + growth_report.as_text(points) + "\n", flush=True)
@@ -81,15 +83,16 @@ def run(asked: argparse.Namespace) -> int:
         for line in [*point.left_out, *([point.error] if point.error else [])]:
             print(f"growth: {point.spec}, {point.triangles:,} triangles: {line}", file=sys.stderr)
     if asked.out is not None:
-        document = results.document(module, [point.as_row() for point in points], asdict(options))
-        save(asked.out, document | {"fits": growth_report.fits(points)}, points)
+        say(f"wrote {asked.out / 'growth.html'} and growth.json")
     if any(point.errors is not None and not point.right for point in points):
         return 1
     return BAD_INPUT if any(point.error for point in points) else 0
 
 
-def save(folder: Path, document: dict[str, object], points: Sequence[growth.Point]) -> None:
+def save(folder: Path, module: Any, points: Sequence[growth.Point], options: growth.Options) -> None:
     """Write both files, each whole or not at all. Raises FolderError."""
+    document = results.document(module, [point.as_row() for point in points], asdict(options))
+    document["fits"] = growth_report.fits(points)
     with results.writing(folder):
         results.write_all(
             {
@@ -97,7 +100,6 @@ def save(folder: Path, document: dict[str, object], points: Sequence[growth.Poin
                 folder / "growth.html": growth_report.as_html(document, points),
             }
         )
-    say(f"wrote {folder / 'growth.html'} and growth.json")
 
 
 def read_options(asked: argparse.Namespace) -> growth.Options:

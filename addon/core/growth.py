@@ -25,7 +25,7 @@ from .workload import View, Workload
 SIZES = tuple(round(10 ** (4 + half / 2)) for half in range(7))
 """Triangles: half decades from ten thousand to ten million."""
 
-LEAST = 200
+LEAST = 400
 """Fewer triangles would not show the bumps."""
 
 MOST = 50_000_000
