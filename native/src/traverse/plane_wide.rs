@@ -83,15 +83,12 @@ const fn spread(first: u8, children: u8) -> [u8; 32] {
 
 static SPREAD: [[u8; 32]; 3] = [spread(0, 8), spread(1, 4), spread(3, 2)];
 
-/// A number for each child.
-type Row = [f32; CHILDREN];
-
 /// A ray on its way.
 pub struct Course {
-    /// Per axis what crossings of planes take, eight times over: factor, and what to add on each side.
-    inv: [Row; 3],
-    near: [Row; 3],
-    far: [Row; 3],
+    /// Per axis what crossings of planes take: factor, and what to add on each side.
+    inv: [f32; 3],
+    near: [f32; 3],
+    far: [f32; 3],
     /// Per axis all planes, where the ray goes down.
     down: [u32; 3],
     /// The node to go on with, and where the ray enters and leaves it.
@@ -126,9 +123,9 @@ impl Steps for Walk<'_> {
 
     fn course(&self) -> Course {
         Course {
-            inv: [[0.0; CHILDREN]; 3],
-            near: [[0.0; CHILDREN]; 3],
-            far: [[0.0; CHILDREN]; 3],
+            inv: [0.0; 3],
+            near: [0.0; 3],
+            far: [0.0; 3],
             down: [0; 3],
             next: (OVER, 0.0, 0.0),
             waiting: 0,
@@ -141,11 +138,7 @@ impl Steps for Walk<'_> {
     #[inline(always)]
     fn begin(&self, ray: &FrameRay, course: &mut Course) {
         let slabs = Slabs::new(ray);
-        for k in 0..3 {
-            course.inv[k] = [slabs.inv[k]; CHILDREN];
-            course.near[k] = [slabs.near[k]; CHILDREN];
-            course.far[k] = [slabs.far[k]; CHILDREN];
-        }
+        (course.inv, course.near, course.far) = (slabs.inv, slabs.near, slabs.far);
         let down = |k: usize| ray.negative[k] * 0x7f;
         course.down = [down(0), down(1), down(2)];
         course.next = (self.0.root(), ray.t_min, ray.t_max);
@@ -203,16 +196,15 @@ fn axis<S: Simd>(simd: S, line: &Line, course: &mut Course, interval: (f32, f32)
     let (y, z) = (info.along_y(), info.along_z());
     let mask = |bits: u32| mask32x8::from_bitmask(simd, u64::from(bits));
     let (in_y, in_z) = (mask(y), mask(z));
-    let load = |row: &Row| f32x8::from_slice(simd, row);
-    let of = |v: &[Row; 3]| {
-        let xy: f32x8<S> = in_y.select(load(&v[1]), load(&v[0]));
-        let all: f32x8<S> = in_z.select(load(&v[2]), xy);
+    let of = |v: [f32; 3]| {
+        let xy: f32x8<S> = in_y.select(f32x8::splat(simd, v[1]), f32x8::splat(simd, v[0]));
+        let all: f32x8<S> = in_z.select(f32x8::splat(simd, v[2]), xy);
         all
     };
-    let inv = of(&course.inv);
+    let inv = of(course.inv);
     let heights = f32x8::from_slice(simd, &line.first);
-    let low = heights.mul_add(inv, of(&course.near));
-    let high = heights.mul_add(inv, of(&course.far));
+    let low = heights.mul_add(inv, of(course.near));
+    let high = heights.mul_add(inv, of(course.far));
     let down = course.down;
     let signs = down[0] ^ (y & (down[0] ^ down[1])) ^ (z & (down[0] ^ down[2]));
     push(
