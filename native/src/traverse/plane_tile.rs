@@ -33,7 +33,7 @@ struct Pending {
 
 impl TileTree for PlaneTree {
     type Single<'a>
-        = plane_dir::Walk<'a>
+        = plane_dir::Walk<&'a PlaneTree>
     where
         Self: 'a;
 
