@@ -213,8 +213,7 @@ class _Run:
                     candidate.build_seconds.append(self._build(candidate.spec)[1])
 
     def _first_pictures(self, group: Sequence[Candidate]) -> Iterator[Event]:
-        views = [one for one in self._prepared.ray_sets if one.name == "primary"]
-        for view in views:
+        for view in (one for one in self._prepared.ray_sets if one.name == "primary"):
             yield from map(
                 self._step, first.rounds(self._build, group, view, self._options.repeats, self._options.threads)
             )
@@ -229,6 +228,9 @@ class _Run:
                 own = rays.blocks(len(some), SELF_CHECK, options.seed)
                 some, right = some.take(own), right.take(own)
             arguments: dict[str, Any] = {"t_max": some.t_max, "order": some.order, "threads": options.threads}
+            if rows.is_lazy(candidate.spec):
+                # The tree that these rays have built stays.
+                structure.closest(some.origins, some.directions, **arguments)
             # By the clock that times the passes: on a busy machine another one would call a quick structure slow.
             now = timing.clock(options.threads)
             start = now()

@@ -30,7 +30,8 @@ def rounds(
     build: a structure of a configuration, and the seconds that it took. Fills `first_seconds`, and adds rays whose
     answers differ from those of the first configuration to `differing_pixels`.
     """
-    able = [c for c in group if c.spec != yardstick.SPEC and len(view) <= c.checked[view.name] * 1e6 * SECONDS]
+    ours = [c for c in group if c.spec != yardstick.SPEC and c.seconds.get(view.name)]
+    able = [c for c in ours if len(view) <= float(np.median(c.mrays(view.name))) * 1e6 * SECONDS]
     if not any(is_lazy(candidate.spec) for candidate in able):
         return
     arguments: dict[str, Any] = {"t_max": view.t_max, "order": view.order, "threads": threads}

@@ -143,7 +143,8 @@ def eager(spec: str) -> str:
 
 def building(row: Row) -> float:
     """Seconds of a row's build; where rays do part of it, with their first pass over the camera rays."""
-    return float((row.get("first_s") if is_lazy(row["spec"]) and row.get("first_s") else row["build_s"])["med"])
+    first = row.get("first_s")
+    return float((first if first and is_lazy(row["spec"]) else row["build_s"])["med"])
 
 
 def agrees(row: Row) -> bool:

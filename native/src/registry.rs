@@ -406,8 +406,8 @@ pub mod params {
         name: "lazy",
         label: "Lazy Build",
         doc: "1: only the upper part is built at once, the rest where a ray comes for the first time. The first picture \
-              is there sooner, the tree and the answer are the same; rays go one by one. Only with the traversals auto and \
-              dir; others build the whole tree at once. What rays have built does not count as build time, nor against \
+              is there sooner, the tree and the answer are the same; rays that go in no tile go one by one. Only with \
+              the traversals auto, dir and tile8; others build the whole tree at once. What rays have built does not count as build time, nor against \
               the memory limit",
         unit: "",
         kind: Kind::Choice(&["0", "1"]),

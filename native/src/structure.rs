@@ -485,6 +485,9 @@ impl Structure {
             (Layout::Plane(tree, _), Auto | Eight | Sixteen) => {
                 job.quick_tiles(&ShadowTiles::<_, 4>(tree), write);
             }
+            (Layout::Lazy(tree), Auto | Eight) => {
+                job.quick_tiles(&ShadowTiles::<_, 4>(tree), write);
+            }
             (Layout::Objects(Objects::Boxes8(tree)), Eight | Sixteen) => {
                 job.quick_tiles(&ShadowTiles::<_, 4>(tree), write);
             }
@@ -666,6 +669,9 @@ impl Tracer for AtLevel<'_> {
                 job.tiles(&Tiles::<_, 4>(tree), write, counters);
             }
             (Layout::Plane(tree, _), Batches::Auto) if counters.is_none() => {
+                job.tiles(&Tiles::<_, 4>(tree), write, counters);
+            }
+            (Layout::Lazy(tree), Batches::Auto | Batches::Eight) if counters.is_none() => {
                 job.tiles(&Tiles::<_, 4>(tree), write, counters);
             }
             (Layout::Plane(tree, _), Batches::Sixteen) => {

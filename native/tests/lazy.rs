@@ -69,7 +69,10 @@ fn the_tree_is_that_of_a_build_at_once() {
             let eager = build(&scene, &at_once, threads);
             let untouched = build(&scene, &spec, threads);
             let before = untouched.progress();
-            assert!(before.built == 0 && before.waiting > 4, "{spec}: {before:?}");
+            assert!(
+                before.built == 0 && before.waiting > 4,
+                "{spec}: {before:?}"
+            );
             same_tree(&eager, &untouched, &spec);
             let seen = build(&scene, &spec, threads);
             for one in rays.chunks(1) {
@@ -80,7 +83,10 @@ fn the_tree_is_that_of_a_build_at_once() {
             assert!(some.shape.leaves < eager.shape().leaves, "{spec}");
             same_tree(&eager, &seen, &spec);
             let all = seen.progress();
-            assert!(all.built > some.built && all.waiting == 0, "{spec}: {all:?}");
+            assert!(
+                all.built > some.built && all.waiting == 0,
+                "{spec}: {all:?}"
+            );
             assert_eq!(validate(&seen), Vec::<String>::new(), "{spec}");
         }
     }

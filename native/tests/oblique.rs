@@ -42,6 +42,8 @@ fn same_tree(scene: &Arc<Triangles>, a: &str, b: &str) {
 #[test]
 fn three_directions_make_the_kd_tree() {
     let scene = scattered(3000);
+    // A tree whose leaves are large.
+    let cut_short = |id: &str| format!("{id}max_depth=4");
     for id in [
         "bsp-wn-plus-kd",
         "bsp-cn-plus-kd",
@@ -49,6 +51,8 @@ fn three_directions_make_the_kd_tree() {
         "rbsp-kd",
     ] {
         same_tree(&scene, &format!("{id}:k=3"), "kd:traversal=dir");
+        let (own, kd) = (format!("{id}:k=3,"), "kd:traversal=dir,");
+        same_tree(&scene, &cut_short(&own), &cut_short(kd));
         let thesis = format!("{id}:k=3,costs=thesis,ties=pbrt,clip=0");
         same_tree(&scene, &thesis, "kd-sah:traversal=dir");
     }
@@ -102,11 +106,11 @@ fn large_leaves_hold_what_no_plane_parts() {
     let scattered = scattered(3000);
     for id in ["bsp-wn-plus-kd", "bsp-cn", "rbsp", "bsp-ize-kd"] {
         for (scene, limit) in [(&scattered, 3), (case("fan"), 10)] {
-            let shape = *build(scene, &format!("{id}:max_depth={limit}")).shape();
+            let shape = build(scene, &format!("{id}:max_depth={limit}")).shape();
             assert!(shape.leaf_max <= 64, "{id}: {}", shape.leaf_max);
             assert_eq!(shape.leaves_large, 0, "{id}");
         }
-        let shape = *build(case("identical"), id).shape();
+        let shape = build(case("identical"), id).shape();
         assert_eq!((shape.leaf_max, shape.leaves_large), (100, 1), "{id}");
     }
 }

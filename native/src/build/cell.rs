@@ -66,6 +66,14 @@ pub trait Cell: Clone + Send + Sync {
     /// The parts below and above a plane through the cell. A part that rounding lost is the whole
     /// cell again: cells price planes and never decide where a triangle goes.
     fn split(&self, plane: Plane) -> (Self, Self);
+    /// Those parts below and above a plane that are wanted.
+    fn parts(&self, plane: Plane, wanted: [bool; 2]) -> [Option<Self>; 2] {
+        if wanted == [false; 2] {
+            return [None, None];
+        }
+        let (below, above) = self.split(plane);
+        [wanted[0].then_some(below), wanted[1].then_some(above)]
+    }
 }
 
 /// A cell bounded by axis-aligned planes only.
@@ -206,6 +214,20 @@ impl Cell for ConvexCell {
         match self.polytope().split(plane) {
             Some((below, above)) => (Self::Polytope(below), Self::Polytope(above)),
             None => (self.clone(), self.clone()),
+        }
+    }
+
+    fn parts(&self, plane: Plane, wanted: [bool; 2]) -> [Option<Self>; 2] {
+        if wanted == [false; 2] {
+            return [None, None];
+        }
+        if let (Self::Box(_), Direction::Axis(_)) = (self, plane.direction) {
+            let (below, above) = self.split(plane);
+            return [wanted[0].then_some(below), wanted[1].then_some(above)];
+        }
+        match self.polytope().parts(plane, wanted) {
+            Some(parts) => parts.map(|part| part.map(Self::Polytope)),
+            None => wanted.map(|wanted| wanted.then(|| self.clone())),
         }
     }
 }

@@ -257,11 +257,18 @@ impl Polytope {
     /// The parts below and above a plane; `None` when the plane does not part the polytope, or
     /// when rounding left a part that is no polytope.
     pub fn split(&self, plane: Plane) -> Option<(Self, Self)> {
-        ON.iter().find_map(|&on| self.split_within(plane, on))
+        let [below, above] = self.parts(plane, [true; 2])?;
+        below.zip(above)
+    }
+
+    /// Those of the two parts that are wanted.
+    pub fn parts(&self, plane: Plane, wanted: [bool; 2]) -> Option<[Option<Self>; 2]> {
+        ON.iter()
+            .find_map(|&on| self.parts_within(plane, wanted, on))
     }
 
     /// The same, where vertices within this share of the scene's size lie on the plane.
-    fn split_within(&self, plane: Plane, on: f64) -> Option<(Self, Self)> {
+    fn parts_within(&self, plane: Plane, wanted: [bool; 2], on: f64) -> Option<[Option<Self>; 2]> {
         let n = widen(plane.direction.vector());
         let mut heights = [0.0; VERTICES];
         for (height, &v) in heights.iter_mut().zip(&self.vertices) {
@@ -279,9 +286,14 @@ impl Polytope {
         }
         let norm = length(n);
         let normal = n.map(|x| x / norm);
-        let below = self.part(heights, 1.0, normal)?;
-        let above = self.part(heights, -1.0, normal.map(|x| -x))?;
-        Some((below, above))
+        let mut parts = [None, None];
+        if wanted[0] {
+            parts[0] = Some(self.part(heights, 1.0, normal)?);
+        }
+        if wanted[1] {
+            parts[1] = Some(self.part(heights, -1.0, normal.map(|x| -x))?);
+        }
+        Some(parts)
     }
 
     /// The part where `sign * height <= 0`, closed by a face of outward normal `normal`.

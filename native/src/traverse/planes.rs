@@ -20,6 +20,9 @@ pub trait Planes: Copy + Sync {
     /// A node, and whatever it takes to find its children.
     type At: Copy;
 
+    /// Whether leaves lie in other blocks than the tree's own.
+    const PARTS: bool;
+
     /// The root.
     fn root(self) -> Self::At;
 
@@ -41,6 +44,7 @@ pub trait Planes: Copy + Sync {
 
 impl Planes for &PlaneTree {
     type At = u32;
+    const PARTS: bool = false;
 
     #[inline(always)]
     fn root(self) -> u32 {
@@ -72,6 +76,7 @@ impl Planes for &PlaneTree {
 
 impl<'t> Planes for &'t LazyTree {
     type At = (&'t Part, u32);
+    const PARTS: bool = true;
 
     #[inline(always)]
     fn root(self) -> Self::At {

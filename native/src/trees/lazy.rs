@@ -16,7 +16,7 @@ use crate::trees::kd::plane_tree;
 /// Why the whole tree is built at once in spite of `lazy=1`, if it is.
 fn obstacle(config: &Config) -> Option<String> {
     for (key, walks) in [
-        ("traversal", ["auto", "dir"].as_slice()),
+        ("traversal", ["auto", "dir", "tile8"].as_slice()),
         ("shadow", &["none", "cache"]),
     ] {
         let chosen = config.choice(key);

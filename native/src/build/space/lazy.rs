@@ -20,10 +20,10 @@ use std::sync::Arc;
 const TOP: usize = 4096;
 
 /// A subtree is built down to nodes of so many times fewer references than its root.
-const FAN: usize = 8;
+const FAN: usize = 2;
 
 /// Nodes of fewer references are not worth waiting for.
-const LEAST: usize = 32;
+const LEAST: usize = 16;
 
 /// What the loop asks before each node.
 pub(super) trait Later<P: PlanePolicy>: Sync {
@@ -93,8 +93,12 @@ impl<P: PlanePolicy + Send + 'static> Seed for Waiting<P> {
             later: Some(&later),
             alone: true,
         };
+        // Each level of the tree puts the pieces below its plane behind the others.
+        let mut room = Vec::with_capacity(3 * pieces.len());
+        room.extend_from_slice(&pieces);
+        drop(pieces);
         builder
-            .subtree(pieces, node)
+            .subtree(room, node)
             .and_then(|preorder| Part::new(preorder, scene, frame, depth))
             .expect("a subtree of few references meets no limit")
     }

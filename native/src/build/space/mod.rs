@@ -132,7 +132,7 @@ pub struct Params {
 
 /// A node that is about to be built.
 struct Pending<C> {
-    /// `None` for nodes that are leaves by their size.
+    /// `None` for nodes that are leaves whatever planes there are.
     cell: Option<C>,
     /// Share of the root's surface.
     share: f32,
@@ -158,6 +158,20 @@ struct Task<P> {
     done: f64,
     /// Bytes that the monitor has not been told of.
     gathered: usize,
+}
+
+/// Room that a task works in, and leaves empty or stale.
+#[derive(Default)]
+struct Kept {
+    scratch: Scratch,
+    profile: Profile,
+    directions: Vec<Direction>,
+    planes: Vec<Plane>,
+    groups: Groups,
+}
+
+thread_local! {
+    static KEPT: std::cell::Cell<Kept> = std::cell::Cell::default();
 }
 
 /// A split that was decided on.
@@ -216,11 +230,13 @@ impl<P: PlanePolicy> Builder<'_, P> {
             curve::sort(&mut pieces, &frame.bounds());
         }
         let budget = pieces.len().saturating_mul(BUDGET);
+        let share = f32::from(u8::from(root.area() > 0.0));
+        let settled = self.settled(pieces.len(), 0, share);
         self.subtree(
             pieces,
             Pending {
-                share: f32::from(u8::from(root.area() > 0.0)),
-                cell: Some(root),
+                share,
+                cell: (!settled).then_some(root),
                 depth: 0,
                 key: 0,
                 bad: 0,
@@ -235,18 +251,33 @@ impl<P: PlanePolicy> Builder<'_, P> {
         let _held = self
             .monitor
             .hold(footprint::waiting::<P::Piece>(pieces.len()))?;
+        // Kept from one small subtree to the next, where a thread builds many alone.
+        let kept = if self.alone {
+            KEPT.take()
+        } else {
+            Kept::default()
+        };
         let mut task = Task {
             pieces,
-            scratch: Scratch::default(),
-            profile: Profile::default(),
-            directions: Vec::new(),
-            planes: Vec::new(),
-            groups: Groups::default(),
+            scratch: kept.scratch,
+            profile: kept.profile,
+            directions: kept.directions,
+            planes: kept.planes,
+            groups: kept.groups,
             out: Preorder::default(),
             done: 0.0,
             gathered: 0,
         };
         self.node(&mut task, 0, node)?;
+        if self.alone {
+            KEPT.set(Kept {
+                scratch: task.scratch,
+                profile: task.profile,
+                directions: task.directions,
+                planes: task.planes,
+                groups: task.groups,
+            });
+        }
         self.monitor.take(task.gathered)?;
         self.monitor.advance(task.done);
         Ok(task.out)
@@ -283,20 +314,18 @@ impl<P: PlanePolicy> Builder<'_, P> {
         let (n_above, n_below) = (above - from, task.pieces.len() - above);
         let share = node.share;
         task.out.items.push(Item::Inner { plane, share });
-        let needed = |n: usize| n > self.params.leaf_size;
-        let (cell_below, cell_above) = if needed(n_below) || needed(n_above) {
-            let (below, above) = cell.split(plane);
-            (
-                needed(n_below).then_some(below),
-                needed(n_above).then_some(above),
-            )
-        } else {
-            (None, None)
-        };
+        let shares = best.shares.map(|part| share * part);
+        let [cell_below, cell_above] = cell.parts(
+            plane,
+            [
+                !self.settled(n_below, node.depth + 1, shares[0]),
+                !self.settled(n_above, node.depth + 1, shares[1]),
+            ],
+        );
         let portion = |n: usize| n as f64 / (n_below + n_above).max(1) as f64;
         let child = |cell, side: usize, n: usize| Pending {
             cell,
-            share: share * best.shares[side],
+            share: shares[side],
             depth: node.depth + 1,
             key: child_key(node.key, side),
             bad,
@@ -328,6 +357,16 @@ impl<P: PlanePolicy> Builder<'_, P> {
         self.node(task, from, above_node)
     }
 
+    /// Whether a node is a leaf before any plane is tried, and so needs no cell.
+    fn settled(&self, n: usize, depth: usize, share: f32) -> bool {
+        let params = self.params;
+        let visits = share * self.scene.live().len() as f32;
+        n <= params.leaf_size
+            || depth >= MAX_DEPTH
+            || (depth >= params.max_depth && n <= params.leaf_most)
+            || (n <= AREA_STOP_MOST && (n * n) as f32 * visits <= params.area_stop)
+    }
+
     /// The split of a node and its cell, or `None` for a leaf.
     fn choose<'c>(
         &self,
@@ -338,13 +377,6 @@ impl<P: PlanePolicy> Builder<'_, P> {
         let n = task.pieces.len() - from;
         let params = self.params;
         let cell = node.cell.as_ref()?;
-        if n <= params.leaf_size || node.depth >= MAX_DEPTH {
-            return None;
-        }
-        let visits = node.share * self.scene.live().len() as f32;
-        if n <= AREA_STOP_MOST && (n * n) as f32 * visits <= params.area_stop {
-            return None;
-        }
         task.directions.clear();
         task.planes.clear();
         let view = Node {

@@ -228,10 +228,12 @@ fn axes_only(
     clip: bool,
     monitor: &Monitor,
 ) -> Result<Preorder> {
-    // Planes in the walls of boxes do for planar triangles what slabs do elsewhere.
+    // Planes in the walls of boxes do for planar triangles what slabs do elsewhere; and the kd-tree's leaves are
+    // as large as its prices want them.
     let params = &Params {
         slab: 0.0,
         sorted: false,
+        leaf_most: usize::MAX,
         ..*params
     };
     if clip {
