@@ -120,6 +120,8 @@ class _Run:
             min(BUILDS, options.repeats) + 1 + passes + options.peak + bool(options.offsets) + options.maps
         )
         self._steps_each += len(options.curve)
+        if any(rows.is_lazy(spec) for spec in chosen):
+            self._steps_each += options.repeats
         self._total = max(len(chosen), 1) * self._steps_each
         self._count = 0
 
