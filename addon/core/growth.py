@@ -293,7 +293,7 @@ class BuildFit:
 class TraceFit:
     """base, slope: of nanoseconds ~ base + slope log2 n, by least squares; power: of nanoseconds ~ n^power.
 
-    ratios: measured over the line, by size.
+    ratios: one, and how far the measured is from the line as a share of the mean, by size.
     """
 
     base: float
@@ -318,7 +318,7 @@ def fit_trace(counts: Sequence[int], values: Sequence[float]) -> TraceFit | None
         return None
     depth, t = np.log2(np.array(counts, np.float64)), np.maximum(values, 1e-9)
     slope, base = (float(value) for value in np.polyfit(depth, t, 1))
-    ratios = t / np.maximum(base + slope * depth, 1e-9)
+    ratios = 1 + (t - base - slope * depth) / t.mean()
     return TraceFit(base, slope, _power(np.exp2(depth), t), tuple(ratios.tolist()))
 
 

@@ -83,6 +83,9 @@ def test_what_grows_as_n_log_n_and_log_n_is_fitted_without_a_rest() -> None:
     assert traced is not None
     assert (traced.base, traced.slope) == pytest.approx((20, 7))
     assert traced.ratios == pytest.approx([1, 1, 1])
+    bent = growth.fit_trace(counts, [1.0, 2.0, 9.0])
+    assert bent is not None
+    assert bent.ratios == pytest.approx([1.25, 0.5, 1.25])
     assert growth.fit_build([1000], [1.0]) is None
     assert growth.fit_trace([1000, 2000], [1.0, 2.0]) is None
 

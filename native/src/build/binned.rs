@@ -83,24 +83,26 @@ impl SurfaceArea {
     }
 
     /// Tries all partitions between different centres.
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "the lowest eight bits are the place of one of few objects"
+    )]
     fn sweep(&self, objects: &[Object], centres: &Aabb) -> Option<Best> {
         let n = objects.len();
         let mut best: Option<Best> = None;
-        let mut order: [u8; SWEEP] = std::array::from_fn(|i| u8::try_from(i).expect("few"));
+        let mut order = [0_u64; SWEEP];
         let mut areas = [0.0; SWEEP];
         for axis in 0..3 {
             if centres.min[axis] >= centres.max[axis] {
                 continue;
             }
-            let object = |i: u8| &objects[usize::from(i)];
             let order = &mut order[..n];
-            order.sort_unstable_by(|&a, &b| {
-                let centres = (object(a).centre(axis), object(b).centre(axis));
-                centres
-                    .0
-                    .total_cmp(&centres.1)
-                    .then(object(a).id.cmp(&object(b).id))
-            });
+            for (i, (key, object)) in order.iter_mut().zip(objects).enumerate() {
+                *key = u64::from(ascending(object.centre(axis))) << 8 | i as u64;
+            }
+            // How equal centres are ordered does not matter: nothing parts them.
+            order.sort_unstable();
+            let object = |key: u64| &objects[usize::from(key as u8)];
             let mut above = Aabb::EMPTY;
             for i in (1..n).rev() {
                 above = above.union(&object(order[i]).bounds);
@@ -157,6 +159,17 @@ impl SurfaceArea {
             }
         }
         best
+    }
+}
+
+/// A number that grows as the float does, in the order of [`f32::total_cmp`].
+#[inline(always)]
+fn ascending(x: f32) -> u32 {
+    let bits = x.to_bits();
+    if bits >> 31 == 0 {
+        bits | 1 << 31
+    } else {
+        !bits
     }
 }
 

@@ -3,6 +3,7 @@
 //! threads are joined by appending, and the result does not depend on who built what.
 
 use super::cell::Plane;
+use super::lazy_tree::Unbuilt;
 
 /// A node in preorder.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -21,15 +22,19 @@ pub enum Item {
         /// The cell's share of the root's surface.
         share: f32,
     },
+    /// The root of a subtree that is built later; they follow in order too.
+    Later,
 }
 
 /// A tree or subtree in preorder.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Default)]
 pub struct Preorder {
     /// Nodes.
     pub items: Vec<Item>,
     /// Triangle numbers of the leaves, one after another.
     pub ids: Vec<u32>,
+    /// Subtrees that are built later.
+    pub parts: Vec<Unbuilt>,
 }
 
 impl Preorder {
@@ -41,9 +46,16 @@ impl Preorder {
         self.items.push(Item::Leaf { count, share });
     }
 
+    /// Appends a subtree that is built later.
+    pub fn later(&mut self, part: Unbuilt) {
+        self.items.push(Item::Later);
+        self.parts.push(part);
+    }
+
     /// Appends another subtree.
     pub fn append(&mut self, mut other: Self) {
         self.items.append(&mut other.items);
         self.ids.append(&mut other.ids);
+        self.parts.append(&mut other.parts);
     }
 }
