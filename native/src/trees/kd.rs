@@ -85,6 +85,7 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built>
         stop: Stop::Cheapest,
         sorted: false,
         early: false,
+        enough: 0.0,
     };
     plane_tree(
         scene,
