@@ -324,19 +324,8 @@ def read_structures(asked: argparse.Namespace, module: Any) -> list[str]:
     chosen = specs.expand(wanted, module.structures(), given, left_out)
     for line in left_out:
         say(f"left out: {line}")
-    corners, triangle = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], [[0, 1, 2]]
-    for spec in chosen:
-        try:
-            module.build(_array(corners, "float32"), _array(triangle, "int32"), spec, threads=1)
-        except ValueError as error:
-            raise specs.SpecError(f"{spec}: {error}") from error
+    specs.prove(module, chosen)
     return chosen
-
-
-def _array(values: list[Any], dtype: str) -> Any:
-    import numpy as np
-
-    return np.array(values, dtype)
 
 
 def loader(scene: str, size: tuple[int, int]) -> Callable[[], workload.Workload]:

@@ -11,6 +11,11 @@ both, and the verdict printed: the means of all channels within 1 %, no square o
 errors (after Šidák's correction for their number), and the ratio of the times to equal error. With `--slope` besides,
 Halfspace alone renders them: how fast the error of independent samples falls, and of samples as they are rendered.
 
+With `--whole` the time of a whole render of FILE, from the call behind F12 to the picture, reading the scene and
+building included: by default one sample of 1920 × 1080 pixels, direct light without bounces, and of an .npz a lamp
+without size alone, so that each pixel takes a camera ray and a shadow ray. The engines alternate; medians, and their
+ratio beside the error of the pictures and of the rays. With `--most R` a larger ratio is a failure.
+
 Exit status: 0 compared, and what was asked holds; 1 it does not; 2 bad usage or input, said in one line.
 """
 
@@ -62,12 +67,16 @@ def parser() -> argparse.ArgumentParser:
         help="with --scene: darken a part of Halfspace's pictures, to see the verdict fall",
     )
     made.add_argument("--slope", action="store_true", help="with --scene: only the slope of the error over the samples")
-    made.add_argument("--size", default="960x540", metavar="WxH", help="pixels (default: 960x540)")
-    made.add_argument("--samples", type=int, default=64, help="samples per pixel, all runs together (default: 64)")
-    made.add_argument("--runs", type=int, default=4, help="independent pictures per engine (default: 4)")
-    made.add_argument("--bounces", type=int, default=4, help="bounces of light in both engines (default: 4)")
+    made.add_argument("--whole", action="store_true", help="time whole renders, one sample per run")
+    made.add_argument("--most", type=float, metavar="R", help="with --whole: the largest ratio of times that holds")
+    made.add_argument("--size", metavar="WxH", help="pixels (default: 960x540; with --whole 1920x1080)")
+    made.add_argument(
+        "--samples", type=int, help="samples per pixel, all runs together (default: 64; with --whole one per run)"
+    )
+    made.add_argument("--runs", type=int, help="independent pictures per engine (default: 4; with --whole 7)")
+    made.add_argument("--bounces", type=int, help="bounces of light in both engines (default: 4; with --whole 0)")
     made.add_argument("--threads", type=int, default=0, help="threads of both engines (default: all)")
-    made.add_argument("--structure", default="kd", metavar="ID", help="Halfspace's acceleration structure")
+    made.add_argument("--structure", default="kd", metavar="SPEC", help="Halfspace's acceleration structure")
     made.add_argument("--out", type=Path, default=ROOT / "out" / "compare", metavar="DIR", help="where to write")
     return made
 
@@ -75,7 +84,9 @@ def parser() -> argparse.ArgumentParser:
 def main(arguments: Sequence[str]) -> int:
     """Compare. Returns the exit status."""
     try:
-        asked = parser().parse_args(arguments)
+        asked = read(arguments)
+        if asked.whole:
+            return 0 if time_whole(asked) else DIFFERENT
         if asked.scene is None:
             run(asked)
             return 0
@@ -83,6 +94,23 @@ def main(arguments: Sequence[str]) -> int:
     except (InputError, OSError, RuntimeError, ValueError) as error:
         print("compare: " + " ".join(str(error).removeprefix("Error:").split()), file=sys.stderr)
         return BAD_INPUT
+
+
+def read(arguments: Sequence[str]) -> argparse.Namespace:
+    """The command line with the defaults of what it asks for. Raises InputError."""
+    asked = parser().parse_args(arguments)
+    if asked.whole and (asked.scene is not None or asked.slope):
+        raise InputError("--whole: renders a file, not --scene")
+    if asked.most is not None and not (asked.whole and asked.most > 0):
+        raise InputError("--most: expected --whole and a ratio above 0")
+    usual: dict[str, Any] = {"size": "960x540", "samples": 64, "runs": 4, "bounces": 4}
+    if asked.whole:
+        runs = asked.runs if asked.runs is not None else 7
+        usual = {"size": "1920x1080", "samples": runs, "runs": runs, "bounces": 0}
+    for name, value in usual.items():
+        if getattr(asked, name) is None:
+            setattr(asked, name, value)
+    return asked
 
 
 def run(asked: argparse.Namespace) -> None:
@@ -131,6 +159,33 @@ def judge_scenes(asked: argparse.Namespace) -> bool:
         _print_left_out(bpy.context.scene)
     print(f"{sum(v.same for v in verdicts)} of {len(verdicts)} scenes are the same up to noise")
     return all(verdict.same for verdict in verdicts)
+
+
+def time_whole(asked: argparse.Namespace) -> bool:
+    """Time whole renders, with the error of the pictures and of the rays. Returns whether all holds."""
+    from addon.core import comparison
+
+    bpy = _start(asked)
+    from addon.blender import whole
+
+    name = _open(bpy, asked.file, whole.LIGHTS)
+    scene: Any = bpy.context.scene
+    _prepare(scene, asked, name)
+    times = whole.measure(scene, asked.runs)
+    ratio, worked = times.ratio("clock"), times.ratio("processor")
+    found, _ = _pictures(scene, asked, name)
+    checked = whole.check_rays(scene)
+    print(f"\n{name}, {asked.size}, {-(-asked.samples // asked.runs)} spp, {asked.bounces} bounces, whole renders:")
+    for line in times.lines():
+        print(f"  {line}")
+    print(f"  Halfspace over Cycles: {ratio:.3f} by the clock, {worked:.3f} by the processor")
+    pair = found["HALFSPACE"], found["CYCLES"]
+    for line in [*comparison.compare(*pair).lines()[:2], *comparison.judge(*pair).lines()]:
+        print(f"  {line}")
+    print(f"  {checked.errors.rays:,} rays of {asked.structure} compared with brute force: ", end="")
+    print("no difference" if checked.right else f"WRONG: {checked.errors.as_row('brute')}")
+    _print_left_out(scene)
+    return checked.right and (asked.most is None or ratio <= asked.most)
 
 
 def judge_slopes(asked: argparse.Namespace) -> bool:
@@ -210,24 +265,32 @@ def _start(asked: argparse.Namespace) -> Any:
 
 
 def _render_both(bpy: Any, asked: argparse.Namespace, name: str) -> tuple[dict[str, Any], dict[str, float]]:
-    """The runs of both engines on the current scene, and the seconds each took. The runs alternate."""
-    from addon.blender import pictures
-    from addon.core import comparison
+    """Prepare the current scene and render it with both engines."""
+    _prepare(bpy.context.scene, asked, name)
+    return _pictures(bpy.context.scene, asked, name)
 
-    scene: Any = bpy.context.scene
+
+def _prepare(scene: Any, asked: argparse.Namespace, name: str) -> None:
+    """Tell both engines the same. Raises InputError."""
     if scene.camera is None:
         raise InputError(f"{name}: the scene has no camera")
-    render = scene.render
     _set_picture(scene, asked)
     samples = -(-asked.samples // asked.runs)
     _configure_halfspace(scene, asked.structure, samples, asked.bounces)
     _configure_cycles(scene, samples, asked.bounces)
 
+
+def _pictures(scene: Any, asked: argparse.Namespace, name: str) -> tuple[dict[str, Any], dict[str, float]]:
+    """The runs of both engines, and the seconds each took. The runs alternate."""
+    from addon.blender import pictures
+    from addon.core import comparison
+
+    samples = -(-asked.samples // asked.runs)
     seconds = {"HALFSPACE": 0.0, "CYCLES": 0.0}
     linear: dict[str, list[Any]] = {"HALFSPACE": [], "CYCLES": []}
     for seed in range(asked.runs):
         for engine in seconds:
-            render.engine = engine
+            scene.render.engine = engine
             begun = time.perf_counter()
             linear[engine].append(_run(pictures, scene, seed))
             seconds[engine] += time.perf_counter() - begun
@@ -268,11 +331,11 @@ def _size(text: str) -> tuple[int, int]:
     return int(width), int(height)
 
 
-def _open(bpy: Any, file: Path | None) -> str:
-    """Open the scene, always from a .blend of its own. Returns its name."""
+def _open(bpy: Any, file: Path | None, lights: Sequence[str] | None = None) -> str:
+    """Open the scene, always from a .blend of its own. Returns its name. lights: of an .npz, None for all."""
     from addon.blender import scenes
 
-    name = scenes.open_file(file)
+    name = scenes.open_file(file, lights)
     if file is not None and file.suffix.lower() == ".blend":
         return name
     with tempfile.TemporaryDirectory(prefix="halfspace-compare-") as folder:
@@ -283,10 +346,13 @@ def _open(bpy: Any, file: Path | None) -> str:
 
 
 def _configure_halfspace(scene: Any, structure: str, samples: int, bounces: int) -> None:
+    from addon.blender import presets
+    from addon.core import specs
+
     try:
-        scene.halfspace.structure = structure
-    except TypeError:
-        raise InputError(f"--structure: unknown structure {structure!r}") from None
+        presets.apply(scene.halfspace, structure)
+    except specs.SpecError as error:
+        raise InputError(f"--structure: {error}") from error
     scene.halfspace.samples, scene.halfspace.max_bounces = samples, bounces
     scene.halfspace.clamp_indirect = 0.0
 

@@ -142,8 +142,9 @@ class _Picture:
         )
 
         def show() -> None:
-            self._fill(job, buffers, origin)
-            self.engine.update_result(self.result)
+            if not bpy.app.background:  # else nobody sees it
+                self._fill(job, buffers, origin)
+                self.engine.update_result(self.result)
             self._say(_summary(label, session.structure.statistics, job))
 
         watch(job, milliseconds=UPDATE_MILLISECONDS, keep_going=self._tracing, show=show)

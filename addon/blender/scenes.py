@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import bpy
@@ -11,8 +12,11 @@ from ..core.workload import WorkloadError, load_npz
 from . import showcase, stage
 
 
-def open_file(file: Path | None) -> str:
-    """Make the file's scene the current one. Returns its name. Raises WorkloadError, and Blender's RuntimeError."""
+def open_file(file: Path | None, lights: Sequence[str] | None = None) -> str:
+    """Make the file's scene the current one. Returns its name. Raises WorkloadError, and Blender's RuntimeError.
+
+    lights: which of `stage.LIGHTS` a bare geometry gets, None for all.
+    """
     if file is not None and not file.is_file():
         raise WorkloadError(f"{file}: there is no such file")
     if file is not None and file.suffix.lower() == ".blend":
@@ -25,5 +29,5 @@ def open_file(file: Path | None) -> str:
     if workload is None:
         showcase.build(bpy.context.scene)
         return "showcase"
-    stage.build(bpy.context.scene, workload)
+    stage.build(bpy.context.scene, workload, stage.LIGHTS if lights is None else lights)
     return workload.name

@@ -12,6 +12,8 @@ from mathutils import Matrix, Vector
 from ..core.workload import bounds
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from ..core.scene import F64
     from ..core.workload import View, Workload
 
@@ -19,14 +21,17 @@ SUN, SKY = 4.0, (0.35, 0.5, 0.8)
 LAMP = 0.35
 """How bright the lamp is at a distance of a tenth of the scene's diagonal, beside the sun's 4 W/m²."""
 
+LIGHTS = ("sun", "lamp", "sky")
+"""What lights a geometry unless told otherwise. Instead of the lamp there may be a "point", the same without size."""
 
-def build(scene: Any, workload: Workload) -> None:
+
+def build(scene: Any, workload: Workload, lights: Sequence[str] = LIGHTS) -> None:
     """Fill an empty scene with a workload's triangles, seen by its view, in its own coordinates and up direction."""
     item = bpy.data.objects.new(workload.name, _mesh(workload))
     scene.collection.objects.link(item)
     see(scene, workload.view)
     low, high = bounds(workload.vertices, workload.triangles)
-    _lights(scene, workload.view, float(np.linalg.norm(high - low)))
+    _lights(scene, workload.view, float(np.linalg.norm(high - low)), lights)
 
 
 def _mesh(workload: Workload) -> Any:
@@ -64,25 +69,30 @@ def see(scene: Any, view: View) -> None:
     scene.collection.objects.link(scene.camera)
 
 
-def _lights(scene: Any, view: View, diagonal: float) -> None:
-    """A sun high behind the left shoulder, a lamp ahead, above the line of sight, and a blue sky."""
+def _lights(scene: Any, view: View, diagonal: float, chosen: Sequence[str]) -> None:
+    """A sun high behind the left shoulder, a lamp ahead, above the line of sight, and a blue sky, as far as chosen."""
     up = np.array(view.up) / np.linalg.norm(view.up)
     forward = np.array(view.target) - view.eye
     forward -= up * (forward @ up)
     forward /= np.linalg.norm(forward) or 1.0
     left = np.cross(up, forward)
 
-    sun = bpy.data.lights.new("Sun", "SUN")
-    sun.energy, sun.angle, sun.color = SUN, np.radians(0.53), (1.0, 0.93, 0.82)
-    _add(scene, sun, _looking(np.zeros(3), -up - 0.25 * left + 0.2 * forward, up + 1e-3 * forward))
+    if "sun" in chosen:
+        sun = bpy.data.lights.new("Sun", "SUN")
+        sun.energy, sun.angle, sun.color = SUN, np.radians(0.53), (1.0, 0.93, 0.82)
+        _add(scene, sun, _looking(np.zeros(3), -up - 0.25 * left + 0.2 * forward, up + 1e-3 * forward))
+    if "lamp" in chosen or "point" in chosen:
+        distance = 0.1 * diagonal
+        lamp = bpy.data.lights.new("Lamp", "POINT")
+        lamp.energy, lamp.color = LAMP * SUN * 4 * np.pi**2 * distance**2, (1.0, 0.62, 0.3)
+        lamp.shadow_soft_size = 0.03 * distance if "lamp" in chosen else 0.0
+        place = np.array(view.eye) + 2.5 * distance * forward + 0.3 * distance * up - 0.2 * distance * left
+        _add(scene, lamp, Matrix.Translation(Vector(place)))
+    if "sky" in chosen:
+        _sky(scene)
 
-    distance = 0.1 * diagonal
-    lamp = bpy.data.lights.new("Lamp", "POINT")
-    lamp.energy, lamp.color = LAMP * SUN * 4 * np.pi**2 * distance**2, (1.0, 0.62, 0.3)
-    lamp.shadow_soft_size = 0.03 * distance
-    place = np.array(view.eye) + 2.5 * distance * forward + 0.3 * distance * up - 0.2 * distance * left
-    _add(scene, lamp, Matrix.Translation(Vector(place)))
 
+def _sky(scene: Any) -> None:
     world = bpy.data.worlds.new("Sky")
     if world.node_tree is None:
         world.use_nodes = True

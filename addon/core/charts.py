@@ -126,7 +126,7 @@ def build_against_tracing(figure: Any, rows: Sequence[Row], styles: Styles) -> N
     for spec, build, tracing in points:
         colour, marker = styles[spec]
         axes.plot(max(build, 1e-5), tracing, marker, color=colour, markersize=7, label=spec, zorder=3)
-    _logarithmic(axes)
+    logarithmic(axes)
     low, high = axes.get_xlim(), axes.get_ylim()
     front = pareto([(max(build, 1e-5), tracing) for _, build, tracing in points])
     axes.plot(*zip(*front, strict=True), "-", color=INK, linewidth=1.2, zorder=2)
@@ -174,7 +174,7 @@ def error_against_time(figure: Any, rows: Sequence[Row], styles: Styles) -> None
             line = [0.75 * longest[0][key] * (x / ends[0]) ** power for x in ends]
             axes.plot(ends, line, ":", color=INK)
             axes.set_title(f"fitted slope {curve.slope(longest, key):.2f}".replace("-", "−"))
-        _logarithmic(axes)
+        logarithmic(axes)
         axes.set_xlabel("build and render, seconds" if with_build else "render, seconds")
         axes.set_ylabel({"rmse": "RMSE", "relmse": "relMSE, the worst 0.1 % left out"}[key])
     _legend(figure, len(rows), panels[0])
@@ -192,7 +192,7 @@ def time_against_rays(figure: Any, rows: Sequence[Row], styles: Styles) -> None:
     first, last = fastest[0]["rays"], fastest[-1]["rays"]
     start = 0.7 * fastest[-1]["seconds"] * first / last
     axes.plot([first, last], [start, start * last / first], ":", color=INK)
-    _logarithmic(axes)
+    logarithmic(axes)
     axes.set_xlabel("primary rays")
     axes.set_ylabel("seconds")
     _legend(axes, len(rows))
@@ -295,7 +295,8 @@ def cost_map_height(rows: Sequence[Row]) -> float:
     return -(-len(rows) // columns) * (9.6 / columns * float(height / width) + 0.32) + 0.7
 
 
-def _logarithmic(axes: Any) -> None:
+def logarithmic(axes: Any) -> None:
+    """Both axes logarithmic, with plain numbers and a grid."""
     axes.set_xscale("log")
     axes.set_yscale("log")
     axes.grid(visible=True, which="major")

@@ -77,8 +77,22 @@ def as_html(document: dict[str, Any], published: Published | None = None) -> str
     parts.append(_machines(document))
     if inside:
         parts.append(_appendix(rows))
-    template = resources.files(__package__ or "").joinpath("page.html").read_text(encoding="utf-8")
-    return template.replace("%FACTS%", _safe(_facts(document))).replace("%BODY%", "\n".join(parts))
+    return filled("Error and run time", INTRODUCTION, document, "\n".join(parts))
+
+
+INTRODUCTION = """No time stands here without the error measured for the same configuration. A shaded line with a cross
+gave answers that differ from the reference. Embree is the yardstick; its arithmetic is another, so it may differ in the
+last digits and on shared edges. A column's title sorts by it; a number leads to its place in <code>bench.json</code>.
+"""
+
+
+def filled(title: str, introduction: str, document: dict[str, Any], body: str) -> str:
+    """A page with the looks of all reports. introduction, body: HTML; document: tells version and machine."""
+    found = resources.files(__package__ or "").joinpath("page.html").read_text(encoding="utf-8")
+    parts = {"TITLE": _safe(title), "FACTS": _safe(_facts(document)), "INTRODUCTION": introduction, "BODY": body}
+    for name, text in parts.items():
+        found = found.replace(f"%{name}%", text)
+    return found
 
 
 def _overview(rows: Sequence[Row]) -> str:

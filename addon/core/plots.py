@@ -79,7 +79,7 @@ def scene_figures(rows: Sequence[Row], published: Published | None = None) -> li
     below = charts.room_for_legend([row["spec"] for row in measured])
 
     def add(title: str, caption: str, height: float, draw: Callable[[Any], None]) -> None:
-        found.append(Picture(title, _svg(draw, height), caption))
+        found.append(Picture(title, svg(draw, height), caption))
 
     if curves:
         add("Error against run time", charts.ERROR, 4.4 + below, lambda f: charts.error_against_time(f, curves, styles))
@@ -126,10 +126,11 @@ def _without_outliers(rows: Sequence[Row]) -> tuple[list[Row], list[str]]:
 
 def figure(draw: Callable[[Any], None], height: float) -> str:
     """One plot as an SVG element. draw: told the axes. height: inches, at a width of nine."""
-    return _svg(lambda page: draw(page.add_subplot()), height)
+    return svg(lambda page: draw(page.add_subplot()), height)
 
 
-def _svg(draw: Callable[[Any], None], height: float) -> str:
+def svg(draw: Callable[[Any], None], height: float) -> str:
+    """A figure as an SVG element. draw: told the figure. height: inches, at a width of nine."""
     import matplotlib as mpl
     from matplotlib.figure import Figure
 
@@ -138,6 +139,6 @@ def _svg(draw: Callable[[Any], None], height: float) -> str:
         draw(figure)
         text = io.StringIO()
         figure.savefig(text, format="svg", metadata={"Date": None})
-    svg = text.getvalue()
+    found = text.getvalue()
     # Inside a page, the element alone; the prologue belongs to files.
-    return svg[svg.index("<svg") :]
+    return found[found.index("<svg") :]

@@ -64,11 +64,20 @@ class RaySet:
         )
 
 
-def make(workload: Workload, tracer: Any, *, size: tuple[int, int], seed: int, names: Sequence[str]) -> list[RaySet]:
+def make(
+    workload: Workload,
+    tracer: Any,
+    *,
+    size: tuple[int, int],
+    seed: int,
+    names: Sequence[str],
+    offset: float = OFFSET,
+) -> list[RaySet]:
     """The named sets, in the order of NAMES, then the scene's own.
 
     tracer: a native structure over the workload's triangles; it finds the primary hits. size: width and height in
-    pixels, multiples of 8. Sets that need hits are empty when nothing is seen.
+    pixels, multiples of 8. offset: how far origins are moved off the surface, as a share of the diagonal. Sets that
+    need hits are empty when nothing is seen.
     """
     width, height = size
     if width % TILE or height % TILE or width <= 0 or height <= 0:
@@ -78,7 +87,7 @@ def make(workload: Workload, tracer: Any, *, size: tuple[int, int], seed: int, n
     tiles = tile_order(width, height)
     sets = {"primary": _ordered(primary, tiles)}
     if set(names) - {"primary"}:
-        sets |= _secondary(workload, tracer, primary, directions, forward, tiles, seed)
+        sets |= _secondary(workload, tracer, primary, directions, forward, tiles, seed, offset)
     return [sets[name] for name in NAMES if name in names] + list(workload.extra)
 
 
@@ -131,6 +140,7 @@ def _secondary(
     forward: F64,
     tiles: NDArray[np.int64],
     seed: int,
+    offset: float,
 ) -> dict[str, RaySet]:
     """Shadow, diffuse and shuffled rays. Hit points come from barycentric coordinates in f64."""
     found = tracer.closest(primary.origins, primary.directions)
@@ -142,7 +152,7 @@ def _secondary(
     normals *= np.where((normals * directions).sum(axis=1) > 0, -1.0, 1.0)[:, None]
     u, v = found.u.astype(np.float64)[:, None], found.v.astype(np.float64)[:, None]
     diagonal = workload.diagonal()
-    points = corners[:, 0] * (1 - u - v) + corners[:, 1] * u + corners[:, 2] * v + OFFSET * diagonal * normals
+    points = corners[:, 0] * (1 - u - v) + corners[:, 1] * u + corners[:, 2] * v + offset * diagonal * normals
 
     light = _light(workload.view, tracer, forward, diagonal)
     seen = tiles[hit[tiles]]

@@ -43,11 +43,35 @@ def check(name: str, array: Any, dtype: Any, shape: tuple[int | None, ...]) -> N
 
 def faulty(vertices: F32, triangles: I32) -> NDArray[np.bool_]:
     """Which of the triangles, (m,), have no area or a vertex that is not finite."""
-    edges = vertices.astype(np.float64)[triangles]
+    finite = np.isfinite(vertices).all(axis=1)
+    found = np.zeros(len(triangles), bool) if finite.all() else ~finite[triangles].all(axis=1)
+    # Nearly all others have an area that f32 sees along one axis or another. Only the rest are asked in f64.
+    doubtful = np.flatnonzero(~found)
+    columns = [np.ascontiguousarray(column) for column in vertices.T]
+    for x, y in ((0, 1), (1, 2), (2, 0)):
+        doubtful = doubtful[~_plainly_sound(columns[x], columns[y], triangles[doubtful])]
+    edges = vertices[triangles[doubtful]].astype(np.float64)
+    normals = np.cross(edges[:, 1] - edges[:, 0], edges[:, 2] - edges[:, 0])
+    found[doubtful] = ~normals.any(axis=1)
+    return found
+
+
+CLEAR = np.float32(2.0**-20)
+"""Differences, products and their difference are rounded four times, each by at most 2^-24 of the products' sum."""
+
+TINY = np.float32(1e-30)
+"""Far above what underflow can take from a product."""
+
+
+def _plainly_sound(x: F32, y: F32, triangles: I32) -> NDArray[np.bool_]:
+    """Which triangles, (m,), certainly have an area in the plane of these finite coordinates, each (n,)."""
+    a, b, c = triangles.T
+    x0, y0 = x[a], y[a]
     with np.errstate(invalid="ignore", over="ignore"):
-        normals = np.cross(edges[:, 1] - edges[:, 0], edges[:, 2] - edges[:, 0])
-    finite: NDArray[np.bool_] = np.isfinite(edges).all(axis=(1, 2))
-    return ~finite | ~normals.any(axis=1)
+        left, right = (x[b] - x0) * (y[c] - y0), (y[b] - y0) * (x[c] - x0)
+        size = np.abs(left) + np.abs(right)
+        sound: NDArray[np.bool_] = (np.abs(left - right) > CLEAR * size + TINY) & np.isfinite(size)
+    return sound
 
 
 @dataclass(frozen=True)

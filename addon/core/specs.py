@@ -7,6 +7,8 @@ import itertools
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 
 class SpecError(ValueError):
     """A structure, family, parameter or range is unknown or wrong. The message says what there is, in one line."""
@@ -117,6 +119,16 @@ def expand(
     if len(found) > MOST:
         raise SpecError(f"these are more than {MOST:,} configurations")
     return list(found)
+
+
+def prove(native: Any, chosen: Sequence[str]) -> None:
+    """Prove by a tiny build that each configuration is valid. Raises SpecError."""
+    corners, triangle = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32), np.array([[0, 1, 2]], np.int32)
+    for spec in chosen:
+        try:
+            native.build(corners, triangle, spec, threads=1)
+        except ValueError as error:
+            raise SpecError(f"{spec}: {error}") from error
 
 
 def _families(row: Mapping[str, Any]) -> list[str]:

@@ -11,7 +11,9 @@ import numpy as np
 import pytest
 from shapes import read, world_corners
 
-from addon.blender import pictures, stage
+from addon.blender import pictures, stage, whole
+from addon.core.accuracy import Errors
+from addon.core.check import Check
 from addon.core.workload import load_npz
 
 
@@ -80,7 +82,34 @@ def test_the_slope_of_a_scene_is_told(tmp_path: Path, capsys: pytest.CaptureFixt
     assert "textures, 24x24, 1 to 4 samples: RMSE falls with the power -0." in text
     assert "1 of 1 scenes: the error of independent samples falls as it should" in text
     with pytest.raises(compare.InputError, match="at least 16"):
-        compare.judge_slopes(compare.parser().parse_args([*arguments, "--samples", "8"]))
+        compare.judge_slopes(compare.read([*arguments, "--samples", "8"]))
+
+
+def test_whole_renders_are_timed_beside_the_error(
+    court: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = [str(court), "--whole", "--size", "96x64", "--runs", "2", "--out", str(tmp_path)]
+    assert compare.main(arguments) == 0
+    text = capsys.readouterr().out
+    assert "court, 96x64, 1 spp, 0 bounces, whole renders:" in text
+    for words in ("HALFSPACE: ", "CYCLES: ", "Halfspace over Cycles: ", "mean ratio, red green blue: 1.00"):
+        assert words in text
+    assert " rays of kd compared with brute force: no difference" in text
+    assert [light.name for light in bpy.data.lights] == ["Lamp"]
+    assert bpy.data.lights["Lamp"].shadow_soft_size == 0
+    # No ratio is so small.
+    assert compare.main([*arguments, "--most", "1e-9"]) == 1
+
+
+def test_a_wrong_answer_in_a_timed_render_is_a_failure(
+    court: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = [str(court), "--whole", "--size", "96x64", "--runs", "2", "--out", str(tmp_path)]
+    wrong = Check(Errors(rays=9, false_miss=1), {}, {}, {})
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(whole, "check_rays", lambda _: wrong)
+        assert compare.main(arguments) == 1
+    assert "compared with brute force: WRONG: " in capsys.readouterr().out
 
 
 def test_bad_input_is_said_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -93,6 +122,8 @@ def test_bad_input_is_said_in_one_line(tmp_path: Path, capsys: pytest.CaptureFix
         (["--size", "4x4"], "--size"),
         (["--runs", "1"], "at least 2 runs"),
         (["--structure", "oak"], "unknown structure 'oak'"),
+        (["--whole", "--scene", "all"], "--whole: renders a file"),
+        (["--most", "0.7"], "--most: expected --whole"),
     ):
         assert compare.main([*arguments, "--out", str(tmp_path)]) == 2
         said = capsys.readouterr().err

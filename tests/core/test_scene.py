@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from addon.core.scene import Camera, Geometry, Material, Scene, SceneError, Source, World
+from addon.core.scene import Camera, Geometry, Material, Scene, SceneError, Source, World, faulty
 
 VERTICES = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [np.nan, 0, 0], [2, 0, 0]], np.float32)
 
@@ -51,6 +51,22 @@ def test_faulty_triangles_are_counted_by_object() -> None:
     flat, broken, good = [0, 1, 4], [0, 1, 3], [0, 1, 2]
     assert geometry([good, flat, broken, flat, good], sources=sources).faulty_triangles() == {"A": 1, "B": 2}
     assert geometry([good] * 5, sources=sources).faulty_triangles() == {}
+
+
+@pytest.mark.parametrize("scale", [2.0**-149, 2.0**-90, 1.0, 2.0**90])
+def test_faulty_triangles_are_those_without_area_at_any_scale(scale: float) -> None:
+    rng = np.random.default_rng(7)
+    # Three points in a line, which differences rounded to f32 put beside it, and beside them points almost there.
+    start, step = rng.integers(-(2**24), -(2**24) + 2**20, (500, 3)), rng.integers(2**23, 10_500_000, (500, 3))
+    line = np.stack([start, start + step, start + 3 * step], axis=1)
+    line[250:, 1] += rng.integers(-1, 2, (250, 3))
+    line *= rng.choice([-1, 1], (500, 1, 3))
+    flat = ~np.cross(line[:, 1] - line[:, 0], line[:, 2] - line[:, 0]).any(axis=1)
+    assert 250 <= flat.sum() < 300
+    vertices = (line.reshape(-1, 3) * scale).astype(np.float32)
+    vertices[5, 2], vertices[999, 0] = np.nan, np.inf
+    flat[[1, 333]] = True
+    assert np.array_equal(faulty(vertices, np.arange(1500, dtype=np.int32).reshape(-1, 3)), flat)
 
 
 def test_a_camera_that_is_not_finite_is_refused() -> None:

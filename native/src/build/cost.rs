@@ -31,6 +31,13 @@ impl Costs {
         empty: 0.9,
     };
 
+    /// Fitted to plane trees as they are walked by default. At half this price of a step scattered rays
+    /// are no quicker, camera rays in tiles up to a fifth slower, and trees larger.
+    pub const PLANES: Self = Self {
+        step: 20.0,
+        ..Self::BLOCKS
+    };
+
     /// Those of pbrt's and Hoobergs's kd-trees: a triangle costs 80 steps, emptiness earns nothing.
     pub const THESIS: Self = Self {
         step: 1.0,

@@ -7,9 +7,9 @@ use crate::registry::params::{
 };
 use crate::registry::{Default, Kind, ParamSpec};
 
-/// Price of a step through an oblique node, in the units of [`Costs::BLOCKS`]. Dearer ones measured no
+/// Price of a step through an oblique node, in the units of [`Costs::PLANES`]. Dearer ones measured no
 /// faster on killeroo, Sponza and Conference, though a step itself takes about twice an axis node's.
-const OBLIQUE_STEP: f32 = 12.0;
+const OBLIQUE_STEP: f32 = 22.0;
 
 /// Leaves hold no more triangles unless no plane parts them.
 pub const LEAF_MOST: usize = 64;
@@ -158,11 +158,11 @@ const OBLIQUE: ParamSpec = ParamSpec {
 
 /// The numbers behind `costs=fitted`.
 const PRICES: [ParamSpec; 6] = [
-    step_cost(Costs::BLOCKS),
+    step_cost(Costs::PLANES),
     OBLIQUE,
-    leaf_cost(Costs::BLOCKS),
-    triangle_cost(Costs::BLOCKS),
-    empty_factor(Costs::BLOCKS),
+    leaf_cost(Costs::PLANES),
+    triangle_cost(Costs::PLANES),
+    empty_factor(Costs::PLANES),
     AREA_STOP,
 ];
 
