@@ -61,7 +61,7 @@ fn three_directions_make_the_kd_tree() {
 #[test]
 fn walls_parallel_to_axes_leave_out_oblique_planes() {
     let walls = soup(grid(3, 0.0));
-    let turned = scattered(300);
+    let turned = scattered(3000);
     for tree in TREES.iter().filter(|t| t.id.ends_with("-kd")) {
         let structure = build(&walls, tree.id);
         assert_eq!(structure.shape().nodes_oblique, 0, "{}", tree.id);
@@ -114,7 +114,7 @@ fn fewer_directions_are_told() {
 
 #[test]
 fn seeds_choose_the_tree() {
-    let scene = scattered(400);
+    let scene = scattered(3000);
     for tree in TREES.iter().filter(|t| {
         ["k", "seed"]
             .iter()

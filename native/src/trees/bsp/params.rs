@@ -130,7 +130,7 @@ pub const K_SMALL: ParamSpec = ParamSpec {
     name: "k_small",
     label: "K of Small Nodes",
     doc: "Directions tried at nodes of up to 32 triangles, where this is less than K. Most nodes are small; more \
-          build slower and trace the same. costs=thesis tries K everywhere",
+          build slower and trace hardly faster. costs=thesis tries K everywhere",
     unit: "directions",
     kind: Kind::Integer { min: 1, max: 32 },
     default: Default::Integer(4),
@@ -143,7 +143,7 @@ const ENOUGH: ParamSpec = ParamSpec {
           try no other direction. More builds faster; 0 tries all everywhere, as costs=thesis does",
     unit: "",
     kind: Kind::Float { min: 0.0, max: 1.0 },
-    default: Default::Float(0.9),
+    default: Default::Float(0.8),
 };
 
 const OBLIQUE: ParamSpec = ParamSpec {
