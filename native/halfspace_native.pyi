@@ -67,8 +67,9 @@ class Statistics(TypedDict):
     structure stores them. depth_max, depth_mean: of the leaves, the root at 0. leaf_max: triangles
     in the largest leaf. leaves_large: leaves of more than 64. sah_cost: expected cost of a random ray in the
     thesis's units (80 a triangle, 1 an axis step, 5 an oblique step), the same for all structures.
-    left_out: what the scene did not need, each with its reason. dropped_triangles: those without
-    area or with a vertex that is not finite.
+    parts_built, parts_waiting: with lazy=1 the subtrees that rays have had built, and those that wait at the
+    ends of what is built; all other numbers are then of what is built so far. left_out: what the scene did not
+    need, each with its reason. dropped_triangles: those without area or with a vertex that is not finite.
     """
 
     build_seconds: float
@@ -84,6 +85,8 @@ class Statistics(TypedDict):
     depth_max: int
     depth_mean: float
     sah_cost: float
+    parts_built: int
+    parts_waiting: int
     left_out: list[str]
     dropped_triangles: int
 

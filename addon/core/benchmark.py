@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from . import accuracy, costmap, peak, rays, rows, timing, yardstick
+from . import accuracy, costmap, first, peak, rays, rows, timing, yardstick
 from .accuracy import Answers
 from .preparation import REFERENCES, Options, Prepared, Progress, prepare, prepared
 from .rows import Row, agrees, first_line
@@ -120,6 +120,8 @@ class _Run:
             min(BUILDS, options.repeats) + 1 + passes + options.peak + bool(options.offsets) + options.maps
         )
         self._steps_each += len(options.curve)
+        if any(rows.is_lazy(spec) for spec in chosen):
+            self._steps_each += options.repeats
         self._total = max(len(chosen), 1) * self._steps_each
         self._count = 0
 
@@ -197,6 +199,7 @@ class _Run:
             steps = timing.rounds(timed, rays_of_set.name, self._options.repeats, self._options.threads)
             yield from map(self._step, steps)
         yield from map(self._step, timing.scaling(sound, self._prepared.views, SCALING_ROUNDS, self._options))
+        yield from self._first_pictures(sound)
         ours = [candidate for candidate in sound if candidate.spec != yardstick.SPEC]
         yield from self._extras(ours)
         yield from self._draw(ours)
@@ -211,6 +214,12 @@ class _Run:
                 if candidate.build_seconds[0] <= BUILD_SECONDS:
                     candidate.build_seconds.append(self._build(candidate.spec)[1])
 
+    def _first_pictures(self, group: Sequence[Candidate]) -> Iterator[Event]:
+        for view in (one for one in self._prepared.ray_sets if one.name == "primary"):
+            yield from map(
+                self._step, first.rounds(self._build, group, view, self._options.repeats, self._options.threads)
+            )
+
     def _prove(self, candidate: Candidate) -> None:
         """Compare closest and any hits with the reference, count steps, and choose how many rays can be timed."""
         options, structure = self._options, candidate.structure
@@ -221,6 +230,9 @@ class _Run:
                 own = rays.blocks(len(some), SELF_CHECK, options.seed)
                 some, right = some.take(own), right.take(own)
             arguments: dict[str, Any] = {"t_max": some.t_max, "order": some.order, "threads": options.threads}
+            if rows.is_lazy(candidate.spec):
+                # The tree that these rays have built stays.
+                structure.closest(some.origins, some.directions, **arguments)
             # By the clock that times the passes: on a busy machine another one would call a quick structure slow.
             now = timing.clock(options.threads)
             start = now()
@@ -237,6 +249,8 @@ class _Run:
             candidate.timed[whole.name] = timing.affordable(whole, candidate.checked[whole.name], limit, options.seed)
             hits = float(answers.hit.mean()) if len(some) else 0.0
             candidate.counted[whole.name] = {"hits": hits, **timing.count(candidate, some, arguments)}
+        # Now, for of a tree that rays have built there is more after each pass.
+        candidate.statistics = dict(structure.statistics)
 
     def _extras(self, candidates: Sequence[Candidate]) -> Iterator[Event]:
         """Peak memory, and wrong answers far from the origin. Failing in these takes no row away."""
@@ -313,11 +327,12 @@ class _Run:
 
     def _row(self, candidate: Candidate, anchor: Candidate | None, group: Sequence[Candidate], round_id: str) -> Row:
         options = self._options
-        statistics = dict(candidate.structure.statistics)
+        statistics = dict(candidate.statistics)
         row = rows.empty(self._native, self._workload, candidate.spec, options.threads)
         row["round_id"] = round_id
         row["anchor"] = None if anchor is None else anchor.spec
         row["build_s"] = rows.spread(candidate.build_seconds)
+        row["first_s"] = rows.spread(candidate.first_seconds) if candidate.first_seconds else None
         row["bytes"] = statistics.get("bytes")
         row["peak_bytes"] = candidate.peak_bytes
         row["left_out"] = [*statistics.pop("left_out", []), *candidate.left_out]

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 from . import curve, ranking, yardstick
-from .rows import Row, agrees
+from .rows import Row, agrees, building, eager, is_lazy
 
 ERRORS = {
     "false_miss": "false miss",
@@ -65,9 +65,11 @@ def set_names(rows: Iterable[Row]) -> list[str]:
 def cells(rows: Sequence[Row]) -> tuple[list[str], list[list[str]]]:
     """The titles and the lines of one scene's table."""
     sets = set_names(rows)
+    first = ["first s"] if any(row.get("first_s") for row in rows) else []
     titles = [
         "structure",
         "build s",
+        *first,
         "MB",
         "peak MB",
         "image s",
@@ -78,6 +80,7 @@ def cells(rows: Sequence[Row]) -> tuple[list[str], list[list[str]]]:
     lines = []
     for row in rows:
         line = [row["spec"], _number(row["build_s"] and row["build_s"]["med"], 3)]
+        line += [_number(row["first_s"] and row["first_s"]["med"], 3)] if first else []
         line.append(_number(row["bytes"] and row["bytes"] / 1e6, 1))
         line.append(_number(row["peak_bytes"] and row["peak_bytes"] / 1e6, 1))
         line.append(_number(image_total(row), 2))
@@ -124,7 +127,12 @@ def findings(rows: Sequence[Row]) -> list[str]:
         found = ranking.rank(measured, name)
         if found is not None:
             sentences.append(f"{name.capitalize()} rays: {_about_ranking(found, name)}")
-    sentences += [*_about_totals(measured), *_about_pictures(measured), *_about_yardstick(rows)]
+    sentences += [
+        *_about_first_pictures(measured),
+        *_about_totals(measured),
+        *_about_pictures(measured),
+        *_about_yardstick(rows),
+    ]
     failed = [row["spec"] or "the scene" for row in rows if row["error"]]
     if failed:
         sentences.append(f"Failed, with the reason below: {', '.join(failed)}.")
@@ -147,19 +155,33 @@ def _about_errors(measured: Sequence[Row]) -> Iterator[str]:
         )
 
 
+def _about_first_pictures(measured: Sequence[Row]) -> Iterator[str]:
+    """How soon the camera rays are answered when rays build the tree, and when it is built before."""
+    timed = {row["spec"]: row for row in measured if row.get("first_s")}
+    for spec, row in timed.items():
+        at_once = timed.get(eager(spec))
+        if is_lazy(spec) and at_once is not None:
+            took, other = row["first_s"]["med"], at_once["first_s"]["med"]
+            differing = row["errors"]["differing_pixels"] + at_once["errors"]["differing_pixels"]
+            yield (
+                f"Build and camera rays together take {_seconds(took)} with {spec}, {took / other:.2f} of the "
+                f"{_seconds(other)} with {at_once['spec']}; {differing} rays differ."
+            )
+
+
 def _about_totals(measured: Sequence[Row]) -> Iterator[str]:
     """Build and tracing together, for who builds once and traces little."""
     totals = []
     for row in measured:
         speeds = [one["mrays_s"]["med"] for one in row["rays"].values() if one["mrays_s"]]
         if speeds:
-            totals.append((row["build_s"]["med"] + sum(1.0 / speed for speed in speeds), row))
+            totals.append((building(row) + sum(1.0 / speed for speed in speeds), row))
     if len(totals) > 1:
         (first, best), (second, other), *_ = sorted(totals, key=lambda item: item[0])
         yield (
             f"The build and one million rays of each set together take {_seconds(first)} with {best['spec']} "
-            f"(build {_seconds(best['build_s']['med'])}) and {_seconds(second)} with {other['spec']} "
-            f"(build {_seconds(other['build_s']['med'])}), the next."
+            f"(build {_seconds(building(best))}) and {_seconds(second)} with {other['spec']} "
+            f"(build {_seconds(building(other))}), the next."
         )
 
 
@@ -213,7 +235,7 @@ def image_total(row: Row) -> float | None:
     """Seconds of a row's build and one picture together; None where no picture was made."""
     if row.get("image_s") is None or not row["build_s"]:
         return None
-    return float(row["build_s"]["med"] + row["image_s"])
+    return building(row) + float(row["image_s"])
 
 
 def worth_it(rows: Sequence[Row]) -> list[str]:

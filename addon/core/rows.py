@@ -20,6 +20,7 @@ OF_THE_CLOCK = {
     *(
         "seconds",
         "seconds_with_build",
+        "first_s",
         "render_s",
         "image_s",
         "map",
@@ -31,6 +32,10 @@ OF_THE_CLOCK = {
     ),
 }
 """Keys whose values differ from run to run. All others are the same on every machine."""
+
+
+LAZY = "lazy=1"
+"""In the configuration of a tree that rays have built."""
 
 
 def empty(native: Any, workload: Workload, spec: str, threads: int) -> Row:
@@ -49,6 +54,7 @@ def empty(native: Any, workload: Workload, spec: str, threads: int) -> Row:
         "round_id": None,
         "anchor": None,
         "build_s": None,
+        "first_s": None,
         "bytes": None,
         "peak_bytes": None,
         "statistics": None,
@@ -86,6 +92,7 @@ def failed_scene(name: str, error: BaseException) -> Row:
                 "round_id",
                 "anchor",
                 "build_s",
+                "first_s",
                 "bytes",
                 "peak_bytes",
                 "statistics",
@@ -120,6 +127,24 @@ def first_line(error: BaseException) -> str:
 def spread(numbers: Sequence[float] | NDArray[np.float64]) -> dict[str, float]:
     """Smallest, median and largest."""
     return {"min": float(min(numbers)), "med": float(np.median(numbers)), "max": float(max(numbers))}
+
+
+def is_lazy(spec: str) -> bool:
+    """Whether rays build part of this configuration's tree."""
+    return LAZY in spec.partition(":")[2].split(",")
+
+
+def eager(spec: str) -> str:
+    """The same configuration, built at once."""
+    structure, _, rest = spec.partition(":")
+    kept = ",".join(pair for pair in rest.split(",") if pair != LAZY)
+    return f"{structure}:{kept}" if kept else structure
+
+
+def building(row: Row) -> float:
+    """Seconds of a row's build; where rays do part of it, with their first pass over the camera rays."""
+    first = row.get("first_s")
+    return float((first if first and is_lazy(row["spec"]) else row["build_s"])["med"])
 
 
 def agrees(row: Row) -> bool:

@@ -33,6 +33,8 @@ LEAST_RAYS = 64
 class Candidate:
     """A configuration while it is measured.
 
+    first_seconds: of builds with their first pass over the camera rays, one per round. statistics: of its structure,
+    once its answers were compared.
     checked: million rays per second of each set, once, while its answers were compared. timed: the rays of each set
     that it can be timed on. seconds: of each set, one per round. control: the same again, where it served as control.
     """
@@ -40,6 +42,8 @@ class Candidate:
     spec: str
     structure: Any
     build_seconds: list[float] = field(default_factory=list)
+    first_seconds: list[float] = field(default_factory=list)
+    statistics: dict[str, Any] = field(default_factory=dict)
     peak_bytes: int | None = None
     errors: dict[str, Errors] = field(default_factory=dict)
     checked: dict[str, float] = field(default_factory=dict)

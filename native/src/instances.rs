@@ -436,11 +436,7 @@ impl Instances {
         if !outline.flat.is_empty() && enter_flat::<Q>(mesh, place, walker, counters) {
             return None;
         }
-        match mesh
-            .built()
-            .frame
-            .placed(walker.ray, place, walker.best.hit())
-        {
+        match mesh.frame().placed(walker.ray, place, walker.best.hit()) {
             Placed::Miss => None,
             Placed::Walk(framed) => Some(framed),
             Placed::Blind => {

@@ -41,6 +41,7 @@ pub fn split_polygons(structure: &Structure, max_depth: usize, max_count: usize)
     };
     match &structure.built().layout {
         Layout::Brute => {}
+        Layout::Lazy(_) => unreachable!("what is built is whole"),
         Layout::Plane(tree, _) => {
             planes(structure, tree, (max_depth, max_count), &mut polygons);
         }

@@ -380,6 +380,7 @@ pub trait Task {
 pub fn with_cells<K: Task>(structure: &Structure, task: K) -> Option<K::Result> {
     Some(match &structure.built().layout {
         Layout::Brute => return None,
+        Layout::Lazy(_) => unreachable!("what is built is whole"),
         Layout::Plane(tree, _) => task.run(tree),
         Layout::Objects(Objects::Slanted(tree)) => task.run(tree),
         Layout::Objects(tree) => task.run(&Boxes(tree.nested())),

@@ -401,6 +401,19 @@ pub mod params {
         }
     }
 
+    /// Whether rays have the tree built.
+    pub const LAZY: ParamSpec = ParamSpec {
+        name: "lazy",
+        label: "Lazy Build",
+        doc: "1: only the upper part is built at once, the rest where a ray comes for the first time. The first picture \
+              is there sooner, the tree and the answer are the same; rays that go in no tile go one by one. Only with \
+              the traversals auto, dir and tile8; others build the whole tree at once. What rays have built does not count as build time, nor against \
+              the memory limit",
+        unit: "",
+        kind: Kind::Choice(&["0", "1"]),
+        default: Default::Choice("0"),
+    };
+
     /// When a cell is too small to be parted.
     pub const AREA_STOP: ParamSpec = ParamSpec {
         name: "area_stop",

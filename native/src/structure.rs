@@ -2,6 +2,7 @@
 //! A built structure over a scene: rays in, answers out.
 
 use crate::build::grid::Grid;
+use crate::build::lazy_tree::{LazyTree, Progress};
 use crate::build::octree_nodes::Octree;
 use crate::build::plane_tree::{PlaneTree, Shape};
 use crate::build::ropes::{self, Ropes};
@@ -14,7 +15,7 @@ use crate::scene::Triangles;
 use crate::spec::{Config, Value};
 use crate::traverse::batch::{Batch, Walk, WithWalk, Write};
 use crate::traverse::cases;
-use crate::traverse::frame::FrameRay;
+use crate::traverse::frame::{Frame, FrameRay};
 use crate::traverse::grid_step;
 use crate::traverse::objects::Objects;
 use crate::traverse::packet::{self, Width};
@@ -37,12 +38,14 @@ use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
 /// A tree, laid out for one way of walking: matched once per batch of rays, never per ray.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, PartialEq)]
 pub enum Layout {
     /// No tree.
     Brute,
     /// Planes.
     Plane(PlaneTree, PlaneWalk),
+    /// Planes, built as far as rays go; walked by distances in the order of the direction.
+    Lazy(LazyTree),
     /// Objects, by boxes or intervals around them.
     Objects(Objects),
     /// Equal cells.
@@ -135,6 +138,8 @@ pub struct Structure {
     config: Config,
     batches: Batches,
     built: Built,
+    /// All of a tree that is built as far as rays go, in one piece, once somebody asks.
+    whole: OnceLock<Built>,
     /// The tree of planes once more, for walks through wide nodes.
     wide: Option<WideTree>,
     /// Links between the leaves of the tree of planes, for walks from leaf to leaf.
@@ -192,6 +197,7 @@ impl Structure {
             batches,
             config,
             built,
+            whole: OnceLock::new(),
             wide,
             ropes,
             build_seconds,
@@ -215,9 +221,25 @@ impl Structure {
         self.build_seconds
     }
 
-    /// The tree's shape.
-    pub fn shape(&self) -> &Shape {
-        &self.built.shape
+    /// The tree's shape, as far as it is built.
+    pub fn shape(&self) -> Shape {
+        self.progress().shape
+    }
+
+    /// How far the tree is built: wholly, unless rays have it built.
+    pub fn progress(&self) -> Progress {
+        match &self.built.layout {
+            Layout::Lazy(tree) => tree.progress(),
+            _ => Progress {
+                shape: self.built.shape,
+                ..Progress::default()
+            },
+        }
+    }
+
+    /// The frame its coordinates are in.
+    pub fn frame(&self) -> &Frame {
+        &self.built.frame
     }
 
     /// What the scene did not need, each with its reason.
@@ -225,9 +247,27 @@ impl Structure {
         &self.built.left_out
     }
 
-    /// Everything that was built, for validation and drawing.
+    /// All of the tree, for validation and drawing. Where rays have it built, this builds what is left and lays
+    /// it out once more in one piece.
+    ///
+    /// # Panics
+    /// When the whole has more nodes or leaf data than its links can name, which is an error of other builds.
     pub fn built(&self) -> &Built {
-        &self.built
+        let Layout::Lazy(tree) = &self.built.layout else {
+            return &self.built;
+        };
+        self.whole.get_or_init(|| {
+            let (tree, blocks, shape) = tree
+                .whole(&self.scene, &self.built.frame)
+                .expect("the links of a tree reach all of it");
+            Built {
+                frame: self.built.frame,
+                blocks,
+                layout: Layout::Plane(tree, PlaneWalk::Dir),
+                shape,
+                left_out: self.built.left_out.clone(),
+            }
+        })
     }
 
     /// The links between leaves, where the walk needs them.
@@ -249,6 +289,7 @@ impl Structure {
         let nodes = match &self.built.layout {
             Layout::Brute => 0,
             Layout::Plane(tree, _) => tree.bytes(),
+            Layout::Lazy(tree) => tree.progress().bytes,
             Layout::Objects(tree) => tree.nested().bytes(),
             Layout::Grid(grid) => grid.bytes(),
             Layout::OctreeParam(tree)
@@ -259,14 +300,24 @@ impl Structure {
         };
         let more = self.wide.as_ref().map_or(0, WideTree::bytes)
             + self.ropes.as_ref().map_or(0, Ropes::bytes);
-        nodes + more + self.built.blocks.bytes()
+        let whole = self.whole.get().map_or(0, |whole| {
+            let Layout::Plane(tree, _) = &whole.layout else {
+                return 0;
+            };
+            tree.bytes() + whole.blocks.bytes()
+        });
+        nodes + more + whole + self.built.blocks.bytes()
     }
 
     fn batch<'a>(&'a self, level: Level, rays: &'a [Ray]) -> Batch<'a> {
+        self.batch_of(&self.built, level, rays)
+    }
+
+    fn batch_of<'a>(&'a self, built: &'a Built, level: Level, rays: &'a [Ray]) -> Batch<'a> {
         Batch {
             scene: &self.scene,
-            frame: &self.built.frame,
-            blocks: &self.built.blocks,
+            frame: &built.frame,
+            blocks: &built.blocks,
             rays,
             level,
             shadow_cache: self.config.choice("shadow") == "cache",
@@ -316,7 +367,7 @@ impl Structure {
         if let Layout::Brute = &self.built.layout {
             return job.brute::<Q>(self.built.shape.references, write, counters);
         }
-        self.with_walk(Trace::<Q>(job, write, counters, PhantomData));
+        self.with_walk(&self.built, Trace::<Q>(job, write, counters, PhantomData));
     }
 
     /// The same structure on a given instruction set instead of the best one: for tests, which show
@@ -385,12 +436,13 @@ impl Structure {
     ///
     /// # Panics
     /// For brute force, which walks nothing.
-    fn with_walk<F: WithWalk>(&self, then: F) -> F::Output {
+    fn with_walk<F: WithWalk>(&self, built: &Built, then: F) -> F::Output {
         if let (Batches::Wide, Some(wide)) = (self.batches, &self.wide) {
             return then.with(&Alone(&plane_wide::Walk(wide)));
         }
-        match &self.built.layout {
+        match &built.layout {
             Layout::Brute => unreachable!("brute force has no tree to walk"),
+            Layout::Lazy(tree) => then.with(&plane_dir::Walk(tree)),
             Layout::Plane(tree, walk) => match walk {
                 PlaneWalk::Dir | PlaneWalk::Beams(_) => then.with(&plane_dir::Walk(tree)),
                 PlaneWalk::TaB => then.with(&plane_ta_b::Walk(tree)),
@@ -433,6 +485,9 @@ impl Structure {
             (Layout::Plane(tree, _), Auto | Eight | Sixteen) => {
                 job.quick_tiles(&ShadowTiles::<_, 4>(tree), write);
             }
+            (Layout::Lazy(tree), Auto | Eight) => {
+                job.quick_tiles(&ShadowTiles::<_, 4>(tree), write);
+            }
             (Layout::Objects(Objects::Boxes8(tree)), Eight | Sixteen) => {
                 job.quick_tiles(&ShadowTiles::<_, 4>(tree), write);
             }
@@ -455,7 +510,8 @@ impl Structure {
                 self.0.path(walk)
             }
         }
-        let job = self.batch(Level::new(), std::slice::from_ref(ray));
+        let built = self.built();
+        let job = self.batch_of(built, Level::new(), std::slice::from_ref(ray));
         if let Layout::Brute = &self.built.layout {
             let (mut nearest, mut path) = (Hit::MISS, Path::default());
             let counters = std::slice::from_mut(&mut path.counters);
@@ -463,7 +519,7 @@ impl Structure {
             job.brute::<Closest>(count, |_, hit| nearest = hit, Some(counters));
             return (nearest, path);
         }
-        self.with_walk(Follow(&job))
+        self.with_walk(built, Follow(&job))
     }
 
     /// Walks rays one by one and records what each leaf answers, for [`Self::replay`].
@@ -488,21 +544,14 @@ impl Structure {
         }
         let mut counters = vec![RayCounters::default(); rays.len()];
         let mut record = Record::default();
-        let job = self.batch(Level::new(), &rays);
+        let built = self.built();
+        let job = self.batch_of(built, Level::new(), &rays);
         if any {
-            self.with_walk(Recorder::<Any>(
-                &job,
-                &mut counters,
-                &mut record,
-                PhantomData,
-            ));
+            let recorder = Recorder::<Any>(&job, &mut counters, &mut record, PhantomData);
+            self.with_walk(built, recorder);
         } else {
-            self.with_walk(Recorder::<Closest>(
-                &job,
-                &mut counters,
-                &mut record,
-                PhantomData,
-            ));
+            let recorder = Recorder::<Closest>(&job, &mut counters, &mut record, PhantomData);
+            self.with_walk(built, recorder);
         }
         Ok(Recording {
             rays,
@@ -524,13 +573,16 @@ impl Structure {
                 self.0.replay::<_, Q>(walk, self.1, took)
             }
         }
-        let job = self.batch(Level::new(), &recording.rays);
+        let built = self.built();
+        let job = self.batch_of(built, Level::new(), &recording.rays);
         let mut seconds = Vec::new();
         let record = &recording.record;
         let strayed = if recording.any {
-            self.with_walk(Player::<Any>(&job, record, &mut seconds, PhantomData))
+            let player = Player::<Any>(&job, record, &mut seconds, PhantomData);
+            self.with_walk(built, player)
         } else {
-            self.with_walk(Player::<Closest>(&job, record, &mut seconds, PhantomData))
+            let player = Player::<Closest>(&job, record, &mut seconds, PhantomData);
+            self.with_walk(built, player)
         };
         (seconds, strayed)
     }
@@ -617,6 +669,9 @@ impl Tracer for AtLevel<'_> {
                 job.tiles(&Tiles::<_, 4>(tree), write, counters);
             }
             (Layout::Plane(tree, _), Batches::Auto) if counters.is_none() => {
+                job.tiles(&Tiles::<_, 4>(tree), write, counters);
+            }
+            (Layout::Lazy(tree), Batches::Auto | Batches::Eight) if counters.is_none() => {
                 job.tiles(&Tiles::<_, 4>(tree), write, counters);
             }
             (Layout::Plane(tree, _), Batches::Sixteen) => {

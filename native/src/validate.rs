@@ -19,6 +19,7 @@ pub fn validate(structure: &Structure) -> Vec<String> {
     let mut broken = Vec::new();
     match &structure.built().layout {
         Layout::Brute => {}
+        Layout::Lazy(_) => unreachable!("what is built is whole"),
         Layout::Plane(tree, _) => {
             planes::planes(structure, tree, &mut broken);
             if let Some(links) = structure.ropes() {
@@ -58,6 +59,7 @@ impl Layout {
                 .ids(0, structure.shape().references)
                 .into_iter()
                 .collect(),
+            Self::Lazy(_) => unreachable!("what is built is whole"),
             Self::OctreeParam(tree)
             | Self::OctreeNet(tree)
             | Self::OctreeBeam(tree, _)

@@ -47,6 +47,9 @@ fn specs() -> Vec<String> {
     let mut specs = Vec::new();
     for tree in TREES {
         specs.push(tree.id.to_owned());
+        if tree.params.iter().any(|p| p.name == "lazy") {
+            specs.push(format!("{}:lazy=1", tree.id));
+        }
         specs.extend(
             tree.traversals()
                 .iter()

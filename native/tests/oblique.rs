@@ -145,11 +145,11 @@ fn large_leaves_hold_what_no_plane_parts() {
     let scattered = scattered(3000);
     for id in ["bsp-wn-plus-kd", "bsp-cn", "rbsp", "bsp-ize-kd"] {
         for (scene, limit) in [(&scattered, 3), (case("fan"), 10)] {
-            let shape = *build(scene, &format!("{id}:max_depth={limit}")).shape();
+            let shape = build(scene, &format!("{id}:max_depth={limit}")).shape();
             assert!(shape.leaf_max <= 64, "{id}: {}", shape.leaf_max);
             assert_eq!(shape.leaves_large, 0, "{id}");
         }
-        let shape = *build(case("identical"), id).shape();
+        let shape = build(case("identical"), id).shape();
         assert_eq!((shape.leaf_max, shape.leaves_large), (100, 1), "{id}");
     }
 }

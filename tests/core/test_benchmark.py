@@ -10,16 +10,29 @@ from typing import Any, ClassVar
 import halfspace_native
 import numpy as np
 import pytest
-from lying_native import LIES, LyingNative
+from lying_native import LIES, Lying, LyingNative
 
-from addon.core import benchmark, costmap, grid, peak, rays, workload, yardstick
+from addon.core import benchmark, costmap, grid, peak, rays, report, workload, yardstick
 from addon.core.benchmark import Options, Row
 
 QUICK = Options(size=(64, 64), repeats=2, check_rays=512)
 SCENES = Path(__file__).resolve().parents[3] / "shared" / "scenes"
 
 KEYS = {
-    *("scene", "triangles", "spec", "structure", "k", "alpha", "seed", "threads", "build_s", "bytes", "statistics"),
+    *(
+        "scene",
+        "triangles",
+        "spec",
+        "structure",
+        "k",
+        "alpha",
+        "seed",
+        "threads",
+        "build_s",
+        "first_s",
+        "bytes",
+        "statistics",
+    ),
     *("rays", "errors", "curve", "render_s", "left_out"),
 }
 RAY_KEYS = {"n", "mrays_s", "steps", "tests", "hits"}
@@ -89,6 +102,34 @@ def test_exact_arithmetic_agrees() -> None:
     small = grid.workload(boxes=2, rays=256)
     (row,) = benchmark.measure(halfspace_native, small, ["kd"], options, lambda _: None)
     assert (row["errors"]["false_miss"], row["errors"]["false_hit"], row["errors"]["wrong_triangle"]) == (0, 0, 0)
+
+
+def test_builds_with_their_first_picture_are_timed_where_rays_build_and_compared() -> None:
+    rows = measure(["kd", "kd:lazy=1"])
+    assert all(row["first_s"]["min"] > 0.0 for row in rows.values())
+    assert benchmark.agrees(rows["kd:lazy=1"])
+    assert rows["kd:lazy=1"]["statistics"]["parts_built"] > 0
+    (said,) = [text for text in report.findings(list(rows.values())) if text.startswith("Build and camera rays")]
+    assert "with kd:lazy=1" in said
+    assert "with kd; 0 rays differ" in said
+    assert measure(["kd"])["kd"]["first_s"] is None, "no tree of it is built by rays"
+
+    class LateLiar:
+        """As the real module, but what rays build is wrong whenever it is built again."""
+
+        built = 0
+
+        def __getattr__(self, name: str) -> Any:
+            return getattr(halfspace_native, name)
+
+        def build(self, vertices: Any, triangles: Any, spec: str, **options: Any) -> Any:
+            structure = halfspace_native.build(vertices, triangles, spec, **options)
+            self.built += spec == "kd:lazy=1"
+            return Lying(structure, "late") if spec == "kd:lazy=1" and self.built > QUICK.repeats else structure
+
+    wrong = measure(["kd", "kd:lazy=1"], native=LateLiar())["kd:lazy=1"]
+    assert wrong["errors"]["differing_pixels"] > 0
+    assert not benchmark.agrees(wrong)
 
 
 def test_a_configuration_that_cannot_be_built_is_a_row_and_the_others_go_on() -> None:

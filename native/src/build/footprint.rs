@@ -15,6 +15,11 @@ pub const fn leaf<T>(count: usize, node: usize) -> usize {
     4 * size_of::<T>() + 2 * node + count * (2 * size_of::<u32>() + REFERENCE)
 }
 
+/// A subtree of `count` references of type `T` that is built later, with its share of the inner nodes.
+pub const fn later<T>(count: usize) -> usize {
+    256 + count * size_of::<T>()
+}
+
 /// `count` nodes of a tree of boxes, as items `T` and laid out; its triangles are counted by [`TRIANGLE`].
 pub const fn boxes<T>(count: usize) -> usize {
     count * (2 * size_of::<T>() + 40)

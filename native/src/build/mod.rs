@@ -12,6 +12,7 @@ pub mod grid;
 pub mod grid_order;
 pub mod groups;
 pub mod insertion;
+pub mod lazy_tree;
 pub mod leaves;
 pub mod monitor;
 pub mod object;

@@ -19,6 +19,10 @@ use crate::traverse::frame::Frame;
 /// No tree is deeper. Walks keep at most one waiting child per level.
 pub const MAX_DEPTH: usize = 60;
 
+/// Instead of a leaf's number of triangles: here a subtree begins that is built later, and the place of the
+/// leaf's triangles is its number among those of its tree.
+pub const ENTRANCE: usize = (1 << (32 - LOW_BITS)) - 1;
+
 const LEAF: u32 = 3;
 const OBLIQUE: u32 = 4;
 const KIND: u32 = 7;
@@ -130,6 +134,7 @@ impl PlaneTree {
             planes: Vec::new(),
         };
         let mut ids = preorder.ids.as_slice();
+        let mut parts = 0;
         // Places still to fill, the next one last: preorder visits below before above.
         let mut places = vec![(0_usize, None)];
         for item in &preorder.items {
@@ -144,6 +149,10 @@ impl PlaneTree {
                     ids = rest;
                     let first = blocks.push_leaf(scene, frame, own);
                     tree.nodes[place] = [first, count << LOW_BITS | LEAF];
+                }
+                Item::Later => {
+                    tree.nodes[place] = [parts, (ENTRANCE as u32) << LOW_BITS | LEAF];
+                    parts += 1;
                 }
                 Item::Inner { plane, .. } => {
                     let children = tree.nodes.len();
@@ -226,6 +235,23 @@ impl PlaneTree {
 }
 
 impl Shape {
+    /// Takes in the shape of a subtree whose root has this depth.
+    pub fn join(&mut self, other: &Self, depth: usize) {
+        let depth_sum = self.depth_mean * self.leaves as f64
+            + (other.depth_mean + depth as f64) * other.leaves as f64;
+        self.nodes_axis += other.nodes_axis;
+        self.nodes_oblique += other.nodes_oblique;
+        self.leaves += other.leaves;
+        self.leaves_empty += other.leaves_empty;
+        self.references += other.references;
+        self.links += other.links;
+        self.leaf_max = self.leaf_max.max(other.leaf_max);
+        self.leaves_large += other.leaves_large;
+        self.depth_max = self.depth_max.max(other.depth_max + depth);
+        self.depth_mean = depth_sum / self.leaves.max(1) as f64;
+        self.sah_cost += other.sah_cost;
+    }
+
     /// Measures a tree in preorder.
     pub fn new(preorder: &Preorder) -> Self {
         let mut shape = Self::default();
@@ -247,6 +273,7 @@ impl Shape {
                     }
                     depths.extend([depth + 1; 2]);
                 }
+                Item::Later => {}
                 Item::Leaf { count, share } => {
                     let count = count as usize;
                     shape.leaves += 1;

@@ -3,6 +3,7 @@
 //! threads are joined by appending, and the result does not depend on who built what.
 
 use super::cell::Plane;
+use super::lazy_tree::Unbuilt;
 
 /// A node in preorder.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -21,10 +22,12 @@ pub enum Item {
         /// The cell's share of the root's surface.
         share: f32,
     },
+    /// The root of a subtree that is built later; they follow in order too.
+    Later,
 }
 
 /// A tree or subtree in preorder.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Default)]
 pub struct Preorder {
     /// Nodes.
     pub items: Vec<Item>,
@@ -32,6 +35,8 @@ pub struct Preorder {
     pub ids: Vec<u32>,
     /// Nodes that tried their first directions only, as these were enough.
     pub first_only: usize,
+    /// Subtrees that are built later.
+    pub parts: Vec<Unbuilt>,
 }
 
 impl Preorder {
@@ -43,10 +48,17 @@ impl Preorder {
         self.items.push(Item::Leaf { count, share });
     }
 
+    /// Appends a subtree that is built later.
+    pub fn later(&mut self, part: Unbuilt) {
+        self.items.push(Item::Later);
+        self.parts.push(part);
+    }
+
     /// Appends another subtree.
     pub fn append(&mut self, mut other: Self) {
         self.items.append(&mut other.items);
         self.ids.append(&mut other.ids);
         self.first_only += other.first_only;
+        self.parts.append(&mut other.parts);
     }
 }

@@ -145,7 +145,8 @@ impl Structure {
     #[getter]
     fn statistics<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let dict = PyDict::new(py);
-        let shape = self.0.shape();
+        let progress = self.0.progress();
+        let shape = progress.shape;
         dict.set_item("build_seconds", self.0.build_seconds())?;
         dict.set_item("bytes", self.0.bytes())?;
         dict.set_item("nodes_axis", shape.nodes_axis)?;
@@ -159,6 +160,8 @@ impl Structure {
         dict.set_item("depth_max", shape.depth_max)?;
         dict.set_item("depth_mean", shape.depth_mean)?;
         dict.set_item("sah_cost", shape.sah_cost)?;
+        dict.set_item("parts_built", progress.built)?;
+        dict.set_item("parts_waiting", progress.waiting)?;
         dict.set_item("left_out", self.0.left_out())?;
         dict.set_item("dropped_triangles", self.0.scene().dropped())?;
         Ok(dict)

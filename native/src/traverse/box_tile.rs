@@ -10,6 +10,7 @@ use super::tile::{LANES, Tile};
 use super::tile_leaf::{self, Judge};
 use super::tile_walk::TileTree;
 use crate::build::plane_tree::MAX_DEPTH;
+use crate::scene::Triangles;
 use fearless_simd::Simd;
 
 impl<const W: usize> TileTree for BoxTree<W> {
@@ -26,7 +27,7 @@ impl<const W: usize> TileTree for BoxTree<W> {
     fn follow<S: Simd, C: Counters, J: Judge<R>, const R: usize>(
         &self,
         simd: S,
-        blocks: &Blocks,
+        (_, blocks): (&Triangles, &Blocks),
         (tile, rays, judge): (&mut Tile<R>, &[Ray], &mut J),
         counters: &mut [C],
     ) -> bool {

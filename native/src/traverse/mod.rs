@@ -48,6 +48,7 @@ pub mod plane_ta_b_1997;
 pub mod plane_ta_b_poly;
 pub mod plane_tile;
 pub mod plane_wide;
+pub mod planes;
 pub mod query;
 pub mod ray;
 pub mod replay;

@@ -9,28 +9,36 @@
 use super::batch;
 use super::blocks::Blocks;
 use super::frame::{FrameRay, keep_max, keep_min};
+use super::planes::{Inside, Planes};
 use super::query::{Best, Counters, Query};
 use super::ray::{Hit, Ray};
-use crate::build::plane_tree::{MAX_DEPTH, Node, PlaneTree, near_child};
+use crate::build::plane_tree::{MAX_DEPTH, Node, near_child};
 use crate::scene::Triangles;
 use fearless_simd::Simd;
 
 /// A child still to visit, and the interval of the ray inside it.
-#[derive(Clone, Copy, Default)]
-pub struct Pending {
-    node: u32,
+#[derive(Clone, Copy)]
+pub struct Pending<A> {
+    node: A,
     enter: f32,
     leave: f32,
 }
 
 /// The walk over one tree.
-pub struct Walk<'a>(pub &'a PlaneTree);
+pub struct Walk<T>(pub T);
 
-impl batch::Walk for Walk<'_> {
-    type Scratch = [Pending; MAX_DEPTH + 1];
+/// Children still to visit, one for each level at most.
+pub type Stack<A> = [Pending<A>; MAX_DEPTH + 1];
+
+impl<T: Planes> batch::Walk for Walk<T> {
+    type Scratch = Stack<T::At>;
 
     fn scratch(&self) -> Self::Scratch {
-        [Pending::default(); MAX_DEPTH + 1]
+        [Pending {
+            node: self.0.root(),
+            enter: 0.0,
+            leave: 0.0,
+        }; MAX_DEPTH + 1]
     }
 
     #[inline(always)]
@@ -61,7 +69,8 @@ impl batch::Walk for Walk<'_> {
                     let slack = frame.slack[axis];
                     let near = near_child(link, frame.signs);
                     (node, enter, leave) = step(
-                        (near, empty),
+                        tree,
+                        (node, near, empty),
                         (distance - slack, distance + slack),
                         (enter, leave),
                         (stack, &mut waiting),
@@ -81,7 +90,8 @@ impl batch::Walk for Walk<'_> {
                     let slack = frame.oblique_pad * inv.abs();
                     let near = children ^ u32::from(speed.is_sign_negative());
                     (node, enter, leave) = step(
-                        (near, empty),
+                        tree,
+                        (node, near, empty),
                         (distance - slack, distance + slack),
                         (enter, leave),
                         (stack, &mut waiting),
@@ -89,6 +99,13 @@ impl batch::Walk for Walk<'_> {
                     continue;
                 }
                 Node::Leaf { first, count } => {
+                    let blocks = match tree.inside((node, first, count), (scene, blocks)) {
+                        Inside::Triangles(blocks) => blocks,
+                        Inside::Part(root) => {
+                            node = root;
+                            continue;
+                        }
+                    };
                     counters.leaf(count);
                     if blocks.test::<S, Q, C>(
                         simd,
@@ -123,18 +140,21 @@ impl batch::Walk for Walk<'_> {
 ///
 /// Of two children on the way an empty one is not visited: the other gets its part of the interval.
 #[inline(always)]
-fn step(
-    (near, empty): (u32, u32),
+fn step<T: Planes>(
+    tree: T,
+    (node, near, empty): (T::At, u32, u32),
     (low, high): (f32, f32),
     (enter, leave): (f32, f32),
-    (stack, waiting): (&mut [Pending; MAX_DEPTH + 1], &mut usize),
-) -> (u32, f32, f32) {
-    let far = near ^ 1;
+    (stack, waiting): (&mut Stack<T::At>, &mut usize),
+) -> (T::At, f32, f32) {
+    let far = tree.sibling(node, near ^ 1);
+    let side = near & 1;
+    let near = tree.sibling(node, near);
     if low > leave {
         (near, enter, leave)
     } else if high < enter {
         (far, enter, leave)
-    } else if empty >> (near & 1) & 1 == 1 {
+    } else if empty >> side & 1 == 1 {
         (far, keep_max(low, enter), leave)
     } else {
         if empty == 0 {

@@ -49,7 +49,7 @@ impl PacketTree for PlaneTree {
     type Rows = Axes;
     type Pending = Pending;
     type Single<'a>
-        = plane_dir::Walk<'a>
+        = plane_dir::Walk<&'a PlaneTree>
     where
         Self: 'a;
 

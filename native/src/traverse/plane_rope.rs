@@ -114,7 +114,7 @@ impl<const PUBLISHED: bool> Walk<'_, PUBLISHED> {
         triangles: (&Triangles, &Blocks),
         (ray, frame): (&Ray, &FrameRay),
         (best, from): (&Best, f32),
-        stack: &mut <plane_dir::Walk<'static> as batch::Walk>::Scratch,
+        stack: &mut plane_dir::Stack<u32>,
         counters: &mut C,
     ) -> Hit {
         if from > best.reach {
@@ -130,7 +130,7 @@ impl<const PUBLISHED: bool> Walk<'_, PUBLISHED> {
 }
 
 impl<const PUBLISHED: bool> batch::Walk for Walk<'_, PUBLISHED> {
-    type Scratch = <plane_dir::Walk<'static> as batch::Walk>::Scratch;
+    type Scratch = plane_dir::Stack<u32>;
 
     fn scratch(&self) -> Self::Scratch {
         batch::Walk::scratch(&plane_dir::Walk(self.0))

@@ -11,12 +11,15 @@
 use super::blocks::Blocks;
 use super::frame::U;
 use super::plane_dir;
+use super::planes::{Inside, Planes};
 use super::query::Counters;
 use super::ray::Ray;
 use super::tile::{LANES, Tile, load, splat};
 use super::tile_leaf::{self, Judge};
 use super::tile_walk::TileTree;
+use crate::build::lazy_tree::LazyTree;
 use crate::build::plane_tree::{MAX_DEPTH, Node, PlaneTree};
+use crate::scene::Triangles;
 use fearless_simd::{Select, Simd, SimdBase, SimdFloat, SimdMask, f32x16, mask32x16};
 
 /// Bound on the error of `n . d` for `|n| <= 1` and components of `d` below 2: 3 roundings of at most
@@ -24,16 +27,16 @@ use fearless_simd::{Select, Simd, SimdBase, SimdFloat, SimdMask, f32x16, mask32x
 const SPEED_ERROR: f32 = 16.0 * U;
 
 /// A child still to visit, and where rays are inside it.
-#[derive(Clone, Copy, Default)]
-struct Pending {
-    node: u32,
+#[derive(Clone, Copy)]
+struct Pending<A> {
+    node: A,
     enter: f32,
     leave: f32,
 }
 
 impl TileTree for PlaneTree {
     type Single<'a>
-        = plane_dir::Walk<'a>
+        = plane_dir::Walk<&'a PlaneTree>
     where
         Self: 'a;
 
@@ -45,82 +48,148 @@ impl TileTree for PlaneTree {
     fn follow<S: Simd, C: Counters, J: Judge<R>, const R: usize>(
         &self,
         simd: S,
-        blocks: &Blocks,
-        (tile, rays, judge): (&mut Tile<R>, &[Ray], &mut J),
+        triangles: (&Triangles, &Blocks),
+        tile: (&mut Tile<R>, &[Ray], &mut J),
         counters: &mut [C],
     ) -> bool {
-        let mut stack = [Pending::default(); MAX_DEPTH + 1];
-        let mut waiting = 0;
-        let mut budget = J::BUDGET * R * LANES;
-        let mut node = self.root();
-        let (mut enter, mut leave) = tile.inside;
-        loop {
-            match self.node(node) {
-                Node::Axis {
-                    axis,
-                    split,
-                    children,
-                    empty,
-                    ..
-                } => {
-                    // Steps of a tile are charged to its first ray.
-                    counters[0].step_axis();
-                    let gap = split - tile.o[axis];
-                    let (size, pad) = (gap.abs(), tile.pad[axis]);
-                    let part = if size > pad {
-                        let up = gap > 0.0;
-                        let pace = &tile.pace[axis][usize::from(up)];
-                        let crossing = ((size - pad) * pace.least, (size + pad) * pace.most);
-                        (children + u32::from(!up), crossing)
-                    } else {
-                        let near = children + u32::from(!tile.up[axis]);
-                        (near, (f32::NEG_INFINITY, f32::INFINITY))
-                    };
-                    (node, enter, leave) =
-                        step(part, empty, (enter, leave), (&mut stack, &mut waiting));
-                    continue;
-                }
-                Node::Oblique {
-                    normal,
-                    offset,
-                    children,
-                    empty,
-                } => {
-                    counters[0].step_oblique();
-                    let part = oblique(simd, tile, (normal, offset), children);
-                    (node, enter, leave) =
-                        step(part, empty, (enter, leave), (&mut stack, &mut waiting));
-                    continue;
-                }
-                Node::Leaf { first, count } => {
-                    counters[0].leaf(count);
-                    if count != 0 {
-                        let leaf = (first, count);
-                        let kept = tile_leaf::test(
-                            simd,
-                            blocks,
-                            leaf,
-                            (enter, leave),
-                            (&mut *tile, rays, &mut *judge),
-                            counters,
-                        );
-                        let Some(left) = budget.checked_sub(4 + kept) else {
-                            return false;
-                        };
-                        budget = left;
+        follow(simd, self, triangles, tile, counters)
+    }
+}
+
+impl TileTree for LazyTree {
+    type Single<'a>
+        = plane_dir::Walk<&'a Self>
+    where
+        Self: 'a;
+
+    fn single(&self) -> Self::Single<'_> {
+        plane_dir::Walk(self)
+    }
+
+    #[inline(always)]
+    fn follow<S: Simd, C: Counters, J: Judge<R>, const R: usize>(
+        &self,
+        simd: S,
+        triangles: (&Triangles, &Blocks),
+        tile: (&mut Tile<R>, &[Ray], &mut J),
+        counters: &mut [C],
+    ) -> bool {
+        follow(simd, self, triangles, tile, counters)
+    }
+}
+
+/// Walks a tile to its end; says whether it came there within its budget.
+#[inline(always)]
+fn follow<S: Simd, T: Planes, C: Counters, J: Judge<R>, const R: usize>(
+    simd: S,
+    tree: T,
+    (scene, mut blocks): (&Triangles, &Blocks),
+    (tile, rays, judge): (&mut Tile<R>, &[Ray], &mut J),
+    counters: &mut [C],
+) -> bool {
+    let whole = blocks;
+    let mut stack = [Pending {
+        node: tree.root(),
+        enter: 0.0,
+        leave: 0.0,
+    }; MAX_DEPTH + 1];
+    let mut waiting = 0;
+    let mut budget = J::BUDGET * R * LANES;
+    let mut node = tree.root();
+    let (mut enter, mut leave) = tile.inside;
+    loop {
+        match tree.node(node) {
+            Node::Axis {
+                axis,
+                split,
+                children,
+                empty,
+                ..
+            } => {
+                // Steps of a tile are charged to its first ray.
+                counters[0].step_axis();
+                let gap = split - tile.o[axis];
+                let (size, pad) = (gap.abs(), tile.pad[axis]);
+                let part = if size > pad {
+                    let up = gap > 0.0;
+                    let pace = &tile.pace[axis][usize::from(up)];
+                    let crossing = ((size - pad) * pace.least, (size + pad) * pace.most);
+                    (children + u32::from(!up), crossing)
+                } else {
+                    let near = children + u32::from(!tile.up[axis]);
+                    (near, (f32::NEG_INFINITY, f32::INFINITY))
+                };
+                (node, enter, leave) = step(
+                    tree,
+                    (node, empty),
+                    part,
+                    (enter, leave),
+                    (&mut stack, &mut waiting),
+                );
+                continue;
+            }
+            Node::Oblique {
+                normal,
+                offset,
+                children,
+                empty,
+            } => {
+                counters[0].step_oblique();
+                let part = oblique(simd, tile, (normal, offset), children);
+                (node, enter, leave) = step(
+                    tree,
+                    (node, empty),
+                    part,
+                    (enter, leave),
+                    (&mut stack, &mut waiting),
+                );
+                continue;
+            }
+            Node::Leaf { first, count } => {
+                let own = match tree.inside((node, first, count), (scene, whole)) {
+                    Inside::Triangles(own) => own,
+                    Inside::Part(root) => {
+                        node = root;
+                        continue;
                     }
+                };
+                counters[0].leaf(count);
+                if count != 0 {
+                    let leaf = (first, count);
+                    if T::PARTS && !std::ptr::eq(own, blocks) {
+                        judge.leave(simd, blocks, (&mut *tile, rays), counters);
+                        blocks = own;
+                    }
+                    let kept = tile_leaf::test(
+                        simd,
+                        blocks,
+                        leaf,
+                        (enter, leave),
+                        (&mut *tile, rays, &mut *judge),
+                        counters,
+                    );
+                    let Some(left) = budget.checked_sub(4 + kept) else {
+                        if T::PARTS {
+                            judge.leave(simd, blocks, (tile, rays), counters);
+                        }
+                        return false;
+                    };
+                    budget = left;
                 }
             }
-            loop {
-                if waiting == 0 {
-                    return true;
+        }
+        loop {
+            if waiting == 0 {
+                if T::PARTS {
+                    judge.leave(simd, blocks, (tile, rays), counters);
                 }
-                waiting -= 1;
-                let next = stack[waiting];
-                if next.enter <= tile.far {
-                    (node, enter, leave) = (next.node, next.enter, next.leave.min(tile.far));
-                    break;
-                }
+                return true;
+            }
+            waiting -= 1;
+            let next = stack[waiting];
+            if next.enter <= tile.far {
+                (node, enter, leave) = (next.node, next.enter, next.leave.min(tile.far));
+                break;
             }
         }
     }
@@ -129,17 +198,20 @@ impl TileTree for PlaneTree {
 /// The child to go on with and its part of the rays, the other one waiting if it is on the way too. Of
 /// two children on the way an empty one is not visited.
 #[inline(always)]
-fn step(
+fn step<T: Planes>(
+    tree: T,
+    (node, empty): (T::At, u32),
     (near, (first, last)): (u32, (f32, f32)),
-    empty: u32,
     (enter, leave): (f32, f32),
-    (stack, waiting): (&mut [Pending; MAX_DEPTH + 1], &mut usize),
-) -> (u32, f32, f32) {
+    (stack, waiting): (&mut [Pending<T::At>; MAX_DEPTH + 1], &mut usize),
+) -> (T::At, f32, f32) {
+    let (side, other) = (near & 1, tree.sibling(node, near ^ 1));
+    let near = tree.sibling(node, near);
     if first > leave {
         return (near, enter, leave);
     }
-    let far = (near ^ 1, enter.max(first), leave);
-    if last < enter || empty >> (near & 1) & 1 == 1 {
+    let far = (other, enter.max(first), leave);
+    if last < enter || empty >> side & 1 == 1 {
         return far;
     }
     if empty == 0 {

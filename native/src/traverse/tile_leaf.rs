@@ -84,6 +84,18 @@ pub trait Judge<const R: usize> {
         candidate: &Candidate<S>,
         counters: &mut [C],
     );
+
+    /// The walk leaves these blocks for others: nothing may be kept by its place in them.
+    #[inline(always)]
+    fn leave<S: Simd, C: Counters>(
+        &mut self,
+        simd: S,
+        blocks: &Blocks,
+        tile: (&mut Tile<R>, &[Ray]),
+        counters: &mut [C],
+    ) {
+        let _ = (simd, blocks, tile, counters);
+    }
 }
 
 /// What the error of a single test is taken times for rows.

@@ -6,7 +6,7 @@
 use super::blocks::Blocks;
 use super::query::Counters;
 use super::ray::Ray;
-use super::tile::{LANES, Tile, place};
+use super::tile::{Held, LANES, Tile, place};
 use super::tile_leaf::{Candidate, Judge};
 use super::tile_verdict::{each, shared};
 use crate::geom::verdict::FromOrigin;
@@ -67,6 +67,21 @@ impl<const R: usize> Judge<R> for Nearest {
             tile.offer(ray, (row, lane), (id, corners));
         }
         count(open, row, counters);
+    }
+
+    #[inline(always)]
+    fn leave<S: Simd, C: Counters>(
+        &mut self,
+        simd: S,
+        blocks: &Blocks,
+        (tile, rays): (&mut Tile<R>, &[Ray]),
+        counters: &mut [C],
+    ) {
+        self.last = None;
+        if tile.held.lanes != [0; R] {
+            settle(simd, blocks, (&mut *tile, rays), counters);
+            tile.held = Held::none();
+        }
     }
 }
 

@@ -28,7 +28,7 @@ pub trait TileTree: Sync {
     fn follow<S: Simd, C: Counters, J: Judge<R>, const R: usize>(
         &self,
         simd: S,
-        blocks: &Blocks,
+        triangles: (&Triangles, &Blocks),
         tile: (&mut Tile<R>, &[Ray], &mut J),
         counters: &mut [C],
     ) -> bool;
@@ -60,7 +60,7 @@ impl<T: TileTree, const R: usize> TileWalk for Tiles<'_, T, R> {
             let finished = backoff.tries() && {
                 let mut nearest = Nearest::default();
                 let job = (&mut tile, rays, &mut nearest);
-                let finished = self.0.follow(simd, triangles.1, job, counters);
+                let finished = self.0.follow(simd, triangles, job, counters);
                 tile_nearest::settle(simd, triangles.1, (&mut tile, rays), counters);
                 backoff.learn(finished);
                 finished
@@ -108,7 +108,7 @@ impl<T: TileTree, const R: usize> TileWalk for ShadowTiles<'_, T, R> {
             #[inline(always)]
             |tile, shadows, counters| {
                 self.0
-                    .follow(simd, triangles.1, (tile, rays, shadows), counters)
+                    .follow(simd, triangles, (tile, rays, shadows), counters)
             },
             write,
             counters,

@@ -18,6 +18,7 @@ use crate::spec::Config;
 use crate::structure::{Layout, PlaneWalk};
 use crate::traverse::blocks::Blocks;
 use crate::traverse::frame::Frame;
+use crate::trees::lazy;
 use std::marker::PhantomData;
 
 /// The registry's row.
@@ -37,12 +38,13 @@ pub const SPEC: StructureSpec = StructureSpec {
         params::empty_factor(Costs::PLANES),
         params::AREA_STOP,
         params::MAX_DEPTH,
+        params::LAZY,
     ],
     build,
 };
 
 /// The three axes, everywhere, for pieces of this kind.
-#[derive(Debug)]
+#[derive(Debug, Clone, Copy)]
 pub struct Axes<P>(pub PhantomData<P>);
 
 impl<P: Piece> PlanePolicy for Axes<P> {
@@ -87,13 +89,11 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built>
         early: false,
         enough: 0.0,
     };
-    plane_tree(
-        scene,
-        config,
-        &Axes::<ClippedBox>(PhantomData),
-        &params,
-        monitor,
-    )
+    let policy = Axes::<ClippedBox>(PhantomData);
+    if config.choice("lazy") == "1" {
+        return lazy::build(scene, config, policy, &params, monitor);
+    }
+    plane_tree(scene, config, &policy, &params, monitor)
 }
 
 /// Builds an axis-aligned tree and lays it out.

@@ -26,6 +26,7 @@ pub mod interval;
 pub mod kd;
 pub mod kd_median;
 pub mod kd_sah;
+pub mod lazy;
 pub mod octree;
 pub mod octree_arvo;
 pub mod octree_beam;

@@ -8,6 +8,7 @@
 
 mod choice;
 mod curve;
+pub mod lazy;
 mod single;
 
 use super::Monitor;
@@ -24,6 +25,7 @@ use crate::error::Result;
 use crate::geom::Aabb;
 use crate::scene::Triangles;
 use crate::traverse::frame::Frame;
+use lazy::Later;
 use rayon::prelude::*;
 
 /// Subtrees of at least this many references become tasks of their own.
@@ -185,6 +187,20 @@ struct Task<P> {
     gathered: usize,
 }
 
+/// Room that a task works in, and leaves empty or stale.
+#[derive(Default)]
+struct Kept {
+    scratch: Scratch,
+    profile: Profile,
+    directions: Vec<Direction>,
+    planes: Vec<Plane>,
+    groups: Groups,
+}
+
+thread_local! {
+    static KEPT: std::cell::Cell<Kept> = std::cell::Cell::default();
+}
+
 /// A split that was decided on.
 struct Choice {
     plane: Plane,
@@ -198,6 +214,10 @@ struct Builder<'a, P: PlanePolicy> {
     policy: &'a P,
     params: &'a Params,
     monitor: &'a Monitor,
+    /// What is built later, if anything is.
+    later: Option<&'a dyn Later<P>>,
+    /// Whether the calling thread builds all by itself.
+    alone: bool,
 }
 
 /// Builds a tree over the live triangles of `scene`, in the frame `frame`, in the current rayon pool.
@@ -211,58 +231,81 @@ pub fn build<P: PlanePolicy>(
     params: &Params,
     monitor: &Monitor,
 ) -> Result<Preorder> {
-    let root = policy.root(frame.bounds());
-    let mut pieces: Vec<_> = scene
-        .live()
-        .par_iter()
-        .map(|&id| P::Piece::new(id, scene.corners(id).map(|p| frame.point(p))))
-        .collect();
-    if params.sorted {
-        curve::sort(&mut pieces, &frame.bounds());
-    }
-    let builder = Builder {
+    Builder {
         scene,
         frame,
         policy,
         params,
         monitor,
-    };
-    let budget = pieces.len().saturating_mul(BUDGET);
-    let share = f32::from(u8::from(root.area() > 0.0));
-    let settled = builder.settled(pieces.len(), 0, share);
-    builder.subtree(
-        pieces,
-        Pending {
-            share,
-            cell: (!settled).then_some(root),
-            depth: 0,
-            key: 0,
-            bad: 0,
-            budget,
-            work: 1.0,
-        },
-    )
+        later: None,
+        alone: false,
+    }
+    .tree()
 }
 
 impl<P: PlanePolicy> Builder<'_, P> {
+    /// Builds the tree of the whole scene.
+    fn tree(&self) -> Result<Preorder> {
+        let (scene, frame) = (self.scene, self.frame);
+        let root = self.policy.root(frame.bounds());
+        let mut pieces: Vec<_> = scene
+            .live()
+            .par_iter()
+            .map(|&id| P::Piece::new(id, scene.corners(id).map(|p| frame.point(p))))
+            .collect();
+        if self.params.sorted {
+            curve::sort(&mut pieces, &frame.bounds());
+        }
+        let budget = pieces.len().saturating_mul(BUDGET);
+        let share = f32::from(u8::from(root.area() > 0.0));
+        let settled = self.settled(pieces.len(), 0, share);
+        self.subtree(
+            pieces,
+            Pending {
+                share,
+                cell: (!settled).then_some(root),
+                depth: 0,
+                key: 0,
+                bad: 0,
+                budget,
+                work: 1.0,
+            },
+        )
+    }
+
     /// Builds a subtree as a task of its own.
     fn subtree(&self, pieces: Vec<P::Piece>, node: Pending<P::Cell>) -> Result<Preorder> {
         let _held = self
             .monitor
             .hold(footprint::waiting::<P::Piece>(pieces.len()))?;
+        // Kept from one small subtree to the next, where a thread builds many alone.
+        let kept = if self.alone {
+            KEPT.take()
+        } else {
+            Kept::default()
+        };
         let mut task = Task {
             pieces,
             aside: Vec::new(),
-            scratch: Scratch::default(),
-            profile: Profile::default(),
-            directions: Vec::new(),
-            planes: Vec::new(),
-            groups: Groups::default(),
+            scratch: kept.scratch,
+            profile: kept.profile,
+            directions: kept.directions,
+            planes: kept.planes,
+            groups: kept.groups,
             out: Preorder::default(),
             done: 0.0,
             gathered: 0,
         };
         self.node(&mut task, 0, node)?;
+        if self.alone {
+            KEPT.set(Kept {
+                scratch: task.scratch,
+                profile: task.profile,
+                directions: task.directions,
+                planes: task.planes,
+                groups: task.groups,
+            });
+        }
         self.monitor.take(task.gathered)?;
         self.monitor.advance(task.done);
         Ok(task.out)
@@ -271,6 +314,18 @@ impl<P: PlanePolicy> Builder<'_, P> {
     /// Builds the node whose pieces are those of the task from `from` on, and removes them.
     fn node(&self, task: &mut Task<P::Piece>, from: usize, node: Pending<P::Cell>) -> Result<()> {
         self.monitor.check()?;
+        let count = task.pieces.len() - from;
+        if let Some(later) = self.later
+            && node.cell.is_some()
+            && later.takes(count)
+        {
+            self.monitor
+                .charge(&mut task.gathered, footprint::later::<P::Piece>(count))?;
+            task.done += node.work;
+            let pieces = task.pieces.split_off(from);
+            task.out.later(later.keep(pieces, node));
+            return Ok(());
+        }
         let Some((cell, choice)) = self.choose(task, from, &node) else {
             let bytes = footprint::leaf::<Item>(task.pieces.len() - from, 24);
             self.monitor.charge(&mut task.gathered, bytes)?;
@@ -282,7 +337,6 @@ impl<P: PlanePolicy> Builder<'_, P> {
         };
 
         // Part the pieces: those above the plane stay in place, those below follow them.
-        let count = task.pieces.len() - from;
         let Choice { plane, best, bad } = choice;
         let above = self.part(task, from, plane, best);
         let (n_above, n_below) = (above - from, task.pieces.len() - above);
@@ -314,12 +368,17 @@ impl<P: PlanePolicy> Builder<'_, P> {
         let below = child(cell_below, 0, n_below);
         let above_node = child(cell_above, 1, n_above);
         if count >= TASK {
+            // Not kept while the subtrees are built.
+            task.aside = Vec::new();
             let pieces_below = task.pieces.split_off(above);
             let pieces_above = task.pieces.split_off(from);
-            let (first, second) = rayon::join(
-                || self.subtree(pieces_below, below),
-                || self.subtree(pieces_above, above_node),
-            );
+            let below = || self.subtree(pieces_below, below);
+            let above = || self.subtree(pieces_above, above_node);
+            let (first, second) = if self.alone {
+                (below(), above())
+            } else {
+                rayon::join(below, above)
+            };
             task.out.append(first?);
             task.out.append(second?);
             return Ok(());

@@ -1,0 +1,169 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Trees that rays have built: the tree is that of a build at once, whoever builds it and in whatever order, and
+//! the answers are those of brute force while it grows.
+
+use halfspace_native::build::Monitor;
+use halfspace_native::oracle::cases::{Case, Random, Size, aimed, cases, grid, soup};
+use halfspace_native::registry::TREES;
+use halfspace_native::scene::Triangles;
+use halfspace_native::spec::Config;
+use halfspace_native::structure::Structure;
+use halfspace_native::traverse::{Hit, Order, Ray, RayCounters, Tracer};
+use halfspace_native::validate::validate;
+use std::sync::{Arc, Barrier};
+
+fn build(scene: &Arc<Triangles>, spec: &str, threads: usize) -> Structure {
+    let config = Config::parse(spec).unwrap();
+    Structure::build(scene.clone(), config, threads, &Monitor::new()).unwrap()
+}
+
+/// Every structure that rays can have built, at once and lazily.
+fn specs() -> Vec<(String, String)> {
+    let lazy = |tree: &&_| {
+        let tree: &halfspace_native::registry::StructureSpec = tree;
+        tree.params.iter().any(|p| p.name == "lazy")
+    };
+    let specs: Vec<_> = (TREES.iter().filter(lazy))
+        .map(|tree| (tree.id.to_owned(), format!("{}:lazy=1", tree.id)))
+        .collect();
+    assert!(!specs.is_empty());
+    specs
+}
+
+fn closest(structure: &Structure, rays: &[Ray]) -> Vec<Hit> {
+    let mut hits = vec![Hit::MISS; rays.len()];
+    structure.closest(rays, &mut hits, None);
+    hits
+}
+
+/// How many answers differ in some bit.
+fn wrong(hits: &[Hit], expected: &[Hit]) -> usize {
+    let bits = |h: &Hit| (h.triangle, h.t.to_bits(), h.u.to_bits(), h.v.to_bits());
+    (hits.iter().zip(expected))
+        .filter(|(a, b)| bits(a) != bits(b))
+        .count()
+}
+
+fn same_tree(eager: &Structure, lazy: &Structure, about: &str) {
+    let (eager, lazy) = (eager.built(), lazy.built());
+    assert!(eager.layout == lazy.layout, "{about}: nodes");
+    assert!(eager.blocks == lazy.blocks, "{about}: leaves");
+    // The expected cost is summed in another order.
+    let cost = (eager.shape.sah_cost - lazy.shape.sah_cost).abs();
+    assert!(cost <= 1e-4 * eager.shape.sah_cost, "{about}: cost");
+    assert_eq!(eager.shape.references, lazy.shape.references, "{about}");
+    assert_eq!(eager.shape.depth_max, lazy.shape.depth_max, "{about}");
+}
+
+/// A scene with parts of parts.
+fn large() -> Arc<Triangles> {
+    soup(grid(11, 0.3))
+}
+
+#[test]
+fn the_tree_is_that_of_a_build_at_once() {
+    let scene = large();
+    let rays = aimed(&scene, 40, &mut Random(3));
+    for (at_once, spec) in specs() {
+        for threads in [1, 2, 16] {
+            let eager = build(&scene, &at_once, threads);
+            let untouched = build(&scene, &spec, threads);
+            let before = untouched.progress();
+            assert!(
+                before.built == 0 && before.waiting > 4,
+                "{spec}: {before:?}"
+            );
+            same_tree(&eager, &untouched, &spec);
+            let seen = build(&scene, &spec, threads);
+            for one in rays.chunks(1) {
+                closest(&seen, one);
+            }
+            let some = seen.progress();
+            assert!(some.built > 4 && some.waiting > 4, "{spec}: {some:?}");
+            assert!(some.shape.leaves < eager.shape().leaves, "{spec}");
+            same_tree(&eager, &seen, &spec);
+            let all = seen.progress();
+            assert!(
+                all.built > some.built && all.waiting == 0,
+                "{spec}: {all:?}"
+            );
+            assert_eq!(validate(&seen), Vec::<String>::new(), "{spec}");
+        }
+    }
+    for Case { name, scene, .. } in cases(Size::Small, 7) {
+        for (at_once, spec) in specs() {
+            let (eager, lazy) = (build(&scene, &at_once, 1), build(&scene, &spec, 1));
+            same_tree(&eager, &lazy, &format!("{name}, {spec}"));
+        }
+    }
+}
+
+#[test]
+fn rays_that_build_get_the_answers_of_brute_force() {
+    for Case {
+        name, scene, rays, ..
+    } in cases(Size::Small, 7)
+    {
+        let rays: Vec<_> = rays.into_iter().step_by(3).collect();
+        let expected = closest(&build(&scene, "brute", 1), &rays);
+        for (_, spec) in specs() {
+            let hits = closest(&build(&scene, &spec, 1), &rays);
+            assert_eq!(wrong(&hits, &expected), 0, "{name}, {spec}");
+            let mut tiles = hits.clone();
+            build(&scene, &spec, 1).closest_ordered(&rays, &mut tiles, None, Order::Tiles);
+            assert_eq!(wrong(&tiles, &expected), 0, "{name}, {spec}: tiles");
+            let mut counted = hits.clone();
+            let mut counters = vec![RayCounters::default(); rays.len()];
+            build(&scene, &spec, 1).closest(&rays, &mut counted, Some(&mut counters));
+            assert_eq!(wrong(&counted, &expected), 0, "{name}, {spec}: counted");
+            let mut blocked = vec![false; rays.len()];
+            build(&scene, &spec, 1).occluded(&rays, &mut blocked, None);
+            let differ = |(blocked, hit): &(&bool, &Hit)| **blocked != hit.is_hit();
+            let wrong = blocked.iter().zip(&expected).filter(differ).count();
+            assert_eq!(wrong, 0, "{name}, {spec}: occluded");
+        }
+    }
+}
+
+#[test]
+fn rays_of_several_threads_race_for_the_same_parts() {
+    const THREADS: usize = 4;
+    let scene = large();
+    let rays = aimed(&scene, 400, &mut Random(8));
+    let expected = closest(&build(&scene, "kd", 1), &rays);
+    for (at_once, spec) in specs() {
+        let lazy = build(&scene, &spec, 1);
+        let start = Barrier::new(THREADS);
+        let answers: Vec<_> = std::thread::scope(|scope| {
+            let threads: Vec<_> = (0..THREADS)
+                .map(|_| {
+                    scope.spawn(|| {
+                        start.wait();
+                        closest(&lazy, &rays)
+                    })
+                })
+                .collect();
+            threads.into_iter().map(|t| t.join().unwrap()).collect()
+        });
+        for hits in answers {
+            assert_eq!(wrong(&hits, &expected), 0, "{spec}");
+        }
+        same_tree(&build(&scene, &at_once, 1), &lazy, &spec);
+    }
+}
+
+#[test]
+fn walks_of_a_tree_in_one_piece_say_why_it_is_built_at_once() {
+    let scene = soup(grid(4, 0.3));
+    for (at_once, spec) in specs() {
+        for more in ["traversal=p8", "shadow=beam"] {
+            let structure = build(&scene, &format!("{spec},{more}"), 1);
+            let said = |reason: &String| reason.starts_with("lazy: ") && reason.contains(more);
+            assert!(structure.left_out().iter().any(said), "{spec},{more}");
+            assert_eq!(structure.progress().waiting, 0);
+        }
+        assert!(build(&scene, &at_once, 1).left_out().is_empty());
+    }
+    let bad = Config::parse("kd:lazy=2").unwrap_err().to_string();
+    assert!(bad.contains("lazy=2 is not one of 0, 1"), "{bad}");
+}
