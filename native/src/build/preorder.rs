@@ -33,6 +33,8 @@ pub struct Preorder {
     pub items: Vec<Item>,
     /// Triangle numbers of the leaves, one after another.
     pub ids: Vec<u32>,
+    /// Nodes that tried their first directions only, as these were enough.
+    pub first_only: usize,
     /// Subtrees that are built later.
     pub parts: Vec<Unbuilt>,
 }
@@ -56,6 +58,7 @@ impl Preorder {
     pub fn append(&mut self, mut other: Self) {
         self.items.append(&mut other.items);
         self.ids.append(&mut other.ids);
+        self.first_only += other.first_only;
         self.parts.append(&mut other.parts);
     }
 }

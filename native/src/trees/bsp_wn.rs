@@ -35,7 +35,7 @@ pub const PLUS: StructureSpec = StructureSpec {
     build: |scene, config, monitor| grow(scene, config, monitor, Variant::Plus),
 };
 
-const PLUS_PARAMS: [ParamSpec; params::USUAL] = params::usual(params::k(3, 6));
+const PLUS_PARAMS: [ParamSpec; params::PLUS] = params::plus(params::k(3, 6));
 
 /// The registry's row: with the axes as cheap nodes.
 pub const PLUS_KD: StructureSpec = StructureSpec {

@@ -87,6 +87,7 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built>
         stop: Stop::Cheapest,
         sorted: false,
         early: false,
+        enough: 0.0,
     };
     let policy = Axes::<ClippedBox>(PhantomData);
     if config.choice("lazy") == "1" {

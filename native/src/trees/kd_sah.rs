@@ -66,6 +66,7 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built>
         stop: Stop::Tolerant(3),
         sorted: false,
         early: false,
+        enough: 0.0,
     };
     plane_tree(scene, config, &Axes::<Boxed>(PhantomData), &params, monitor)
 }

@@ -55,9 +55,14 @@ const K: ParamSpec = ParamSpec {
 const PLAIN_PARAMS: [ParamSpec; params::USUAL] = with_set(params::usual(K), 2);
 const KD_PARAMS: [ParamSpec; params::KD] = with_set(params::kd(K), 3);
 
-/// Fixed directions need no seed: its place takes the set.
+/// Fixed directions need no seed: its place takes the set. Their first few are no choice of the node's, so small
+/// nodes try as many as others.
 const fn with_set<const N: usize>(mut params: [ParamSpec; N], seed: usize) -> [ParamSpec; N] {
     params[seed] = SET;
+    params[seed + 1] = ParamSpec {
+        default: Default::Integer(32),
+        ..params::K_SMALL
+    };
     params
 }
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Which split a node gets: the cheapest of all planes, if it is cheap enough.
 
-use super::{Builder, Choice, Node, ObliqueStep, Pending, PlanePolicy, Stop, Task};
+use super::{Builder, Choice, ObliqueStep, Pending, PlanePolicy, Round, Stop, Task};
 use crate::build::cell::{Cell, Direction, Plane};
 use crate::build::cost::Costs;
 use crate::build::piece::Piece;
@@ -90,15 +90,16 @@ impl<P: PlanePolicy> Builder<'_, P> {
         &self,
         task: &mut Task<P::Piece>,
         from: usize,
-        cell: &P::Cell,
-        bad: u32,
+        node: &Pending<P::Cell>,
+        round: Round,
     ) -> Option<Choice> {
         let params = self.params;
+        let (cell, bad) = (node.cell.as_ref()?, node.bad);
         let n = task.pieces.len() - from;
         let terms = self.terms(n);
         let leaf = terms.leaf;
         let costs = &params.costs;
-        let found = self.sweep_all(task, from, cell, terms.hull, |direction, found| Pricing {
+        let pricing = |direction, found: &Found| Pricing {
             costs,
             steps: match direction {
                 Direction::Axis(_) => [costs.step, f32::INFINITY],
@@ -106,7 +107,21 @@ impl<P: PlanePolicy> Builder<'_, P> {
             },
             limits: terms.limits(found),
             by_count: false,
-        });
+        };
+        let mut found = [None; 2];
+        let ended = self.sweep_all(task, from, (cell, 0), terms.hull, pricing, &mut found);
+        if round == Round::First && !ended {
+            // What fills one block is only parted from emptiness, which oblique planes do best.
+            let enough = found[0].is_some_and(|(_, best)| best.cost < params.enough * leaf);
+            if enough && !terms.hull {
+                task.out.first_only += 1;
+            } else {
+                let known = task.directions.len();
+                self.policy
+                    .further(&node.view(&task.pieces[from..]), &mut task.directions);
+                self.sweep_all(task, from, (cell, known), terms.hull, pricing, &mut found);
+            }
+        }
         let [first, second] = self.singles(task, from, cell, &terms, found);
         let as_code = matches!(params.oblique, ObliqueStep::Linear { as_code: true, .. });
         let second = second.filter(|(_, best)| best.cost < leaf);
@@ -159,22 +174,17 @@ impl<P: PlanePolicy> Builder<'_, P> {
         };
         let n = (task.pieces.len() - from) as f32;
         let attempt = |task: &mut Task<P::Piece>| {
-            let [best, _] = self.sweep_all(task, from, cell, false, |_, _| pricing);
-            best.filter(|(_, Best { counts, .. })| {
+            let mut found = [None; 2];
+            self.sweep_all(task, from, (cell, 0), false, |_, _| pricing, &mut found);
+            found[0].filter(|(_, Best { counts, .. })| {
                 // Triangles that cross each other would go on being cut for ever.
                 counts[0].max(counts[1]) <= 0.95 * n && counts[0] + counts[1] <= 1.7 * n
             })
         };
         let found = attempt(task).or_else(|| {
             task.directions.clear();
-            self.policy.last_resort(
-                &Node {
-                    pieces: &task.pieces[from..],
-                    depth: node.depth,
-                    key: node.key,
-                },
-                &mut task.directions,
-            );
+            self.policy
+                .last_resort(&node.view(&task.pieces[from..]), &mut task.directions);
             attempt(task)
         });
         let (plane, best) = found?;
@@ -185,15 +195,17 @@ impl<P: PlanePolicy> Builder<'_, P> {
         })
     }
 
-    /// The cheapest planes of all directions of the task. `pricing` is told what was found before.
+    /// The cheapest planes of the task's directions, from the `first` on, where cheaper than what was found.
+    /// `pricing` is told what was found before. Says whether the search is to end here.
     fn sweep_all<'p>(
         &self,
         task: &mut Task<P::Piece>,
         from: usize,
-        cell: &P::Cell,
+        (cell, first): (&P::Cell, usize),
         hull: bool,
         pricing: impl Fn(Direction, &Found) -> Pricing<'p> + Sync,
-    ) -> Found {
+        found: &mut Found,
+    ) -> bool {
         let Task {
             pieces,
             scratch,
@@ -201,7 +213,7 @@ impl<P: PlanePolicy> Builder<'_, P> {
             directions,
             ..
         } = task;
-        let pieces = &pieces[from..];
+        let (pieces, directions) = (&pieces[from..], &directions[first..]);
         let slab = self.params.slab * self.frame.bounds().magnitude();
         let n = pieces.len();
         let attempt = |direction: Direction,
@@ -258,22 +270,20 @@ impl<P: PlanePolicy> Builder<'_, P> {
                     found
                 })
                 .collect();
-            let mut found = [None; 2];
-            attempts.iter().for_each(|new| keep_better(&mut found, new));
-            return found;
+            attempts.iter().for_each(|new| keep_better(found, new));
+            return false;
         }
-        let mut found = [None; 2];
-        for &direction in &*directions {
-            attempt(direction, &mut found, scratch, profile);
+        for &direction in directions {
+            attempt(direction, found, scratch, profile);
             let parted = |best: &Option<(Plane, Best)>| {
                 best.is_some_and(|(_, b)| {
                     b.counts[0] + b.counts[1] <= n as f32 && b.counts[0] > 0.0 && b.counts[1] > 0.0
                 })
             };
             if self.params.early && parted(&found[0]) {
-                break;
+                return true;
             }
         }
-        found
+        false
     }
 }

@@ -52,7 +52,10 @@ pub trait PlanePolicy: Sync {
     fn directions(&self, node: &Node<'_, Self::Piece>, out: &mut Vec<Direction>);
     /// Single planes to try beside the sweeps, into the empty `out`.
     fn planes(&self, _: &Node<'_, Self::Piece>, _: &mut Vec<Plane>) {}
-    /// Further directions, into the empty `out`, for a node that would otherwise become a leaf.
+    /// Directions to sweep after those of [`Self::directions`], added to `out`, where these left planes that cost more
+    /// than [`Params::enough`].
+    fn further(&self, _: &Node<'_, Self::Piece>, _: &mut Vec<Direction>) {}
+    /// Directions, into the empty `out`, for a node that would otherwise become a leaf.
     fn more(&self, _: &Node<'_, Self::Piece>, _: &mut Vec<Direction>) {}
     /// Directions, into the empty `out`, for a node that is too large for a leaf and that those of
     /// [`Self::directions`] do not part.
@@ -128,6 +131,8 @@ pub struct Params {
     pub sorted: bool,
     /// Whether the search ends once a plane parts the node's triangles without cutting any.
     pub early: bool,
+    /// Nodes whose first directions have a plane cheaper than this share of their leaf try no further ones.
+    pub enough: f32,
 }
 
 /// A node that is about to be built.
@@ -146,9 +151,31 @@ struct Pending<C> {
     work: f64,
 }
 
+impl<C> Pending<C> {
+    /// What a policy is told about it.
+    fn view<'a, P>(&self, pieces: &'a [P]) -> Node<'a, P> {
+        Node {
+            pieces,
+            depth: self.depth,
+            key: self.key,
+        }
+    }
+}
+
+/// Which directions are swept.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Round {
+    /// The first ones, and further ones where these are not enough.
+    First,
+    /// Those for nodes that would be leaves.
+    More,
+}
+
 /// What one thread keeps while it builds a subtree.
 struct Task<P> {
     pieces: Vec<P>,
+    /// Room for pieces below a plane.
+    aside: Vec<P>,
     scratch: Scratch,
     profile: Profile,
     directions: Vec<Direction>,
@@ -259,6 +286,7 @@ impl<P: PlanePolicy> Builder<'_, P> {
         };
         let mut task = Task {
             pieces,
+            aside: Vec::new(),
             scratch: kept.scratch,
             profile: kept.profile,
             directions: kept.directions,
@@ -340,6 +368,8 @@ impl<P: PlanePolicy> Builder<'_, P> {
         let below = child(cell_below, 0, n_below);
         let above_node = child(cell_above, 1, n_above);
         if count >= TASK {
+            // Not kept while the subtrees are built.
+            task.aside = Vec::new();
             let pieces_below = task.pieces.split_off(above);
             let pieces_above = task.pieces.split_off(from);
             let below = || self.subtree(pieces_below, below);
@@ -379,28 +409,18 @@ impl<P: PlanePolicy> Builder<'_, P> {
         let cell = node.cell.as_ref()?;
         task.directions.clear();
         task.planes.clear();
-        let view = Node {
-            pieces: &task.pieces[from..],
-            depth: node.depth,
-            key: node.key,
-        };
+        let view = node.view(&task.pieces[from..]);
         self.policy.directions(&view, &mut task.directions);
         self.policy.planes(&view, &mut task.planes);
         let mut choice = None;
         if node.depth < params.max_depth {
-            choice = self.affordable(task, from, cell, node.bad);
+            choice = self.affordable(task, from, node, Round::First);
             if choice.as_ref().is_none_or(|c| c.bad > node.bad) {
                 let tried = std::mem::take(&mut task.directions);
-                self.policy.more(
-                    &Node {
-                        pieces: &task.pieces[from..],
-                        depth: node.depth,
-                        key: node.key,
-                    },
-                    &mut task.directions,
-                );
+                let view = node.view(&task.pieces[from..]);
+                self.policy.more(&view, &mut task.directions);
                 if !task.directions.is_empty() {
-                    let second = self.affordable(task, from, cell, node.bad);
+                    let second = self.affordable(task, from, node, Round::More);
                     choice = match (choice, second) {
                         (Some(a), Some(b)) => Some(if b.best.cost < a.best.cost { b } else { a }),
                         (a, b) => a.or(b),
@@ -408,6 +428,9 @@ impl<P: PlanePolicy> Builder<'_, P> {
                 }
                 task.directions.extend(tried);
             }
+        } else {
+            let view = node.view(&task.pieces[from..]);
+            self.policy.further(&view, &mut task.directions);
         }
         let choice = match choice {
             None if n > params.leaf_most => self.forced(task, from, node)?,
@@ -416,36 +439,44 @@ impl<P: PlanePolicy> Builder<'_, P> {
                 ..choice?
             },
         };
-        let total: usize = task.pieces[from..]
-            .iter()
-            .map(|piece| {
-                let (min, max) = piece.interval(choice.plane.direction);
-                let (below, above) = choice.best.touching.sides(choice.plane.offset, min, max);
-                usize::from(below) + usize::from(above)
-            })
-            .sum();
-        (total <= node.budget).then_some((cell, choice))
+        // Counts as f32 are exact for all nodes but those that no budget is too small for.
+        let total = choice.best.counts[0] + choice.best.counts[1];
+        (total <= node.budget as f32).then_some((cell, choice))
     }
 
     /// Parts the pieces from `from` on by a plane: first those above, then those below. Returns
     /// where those below begin.
     fn part(&self, task: &mut Task<P::Piece>, from: usize, plane: Plane, best: Best) -> usize {
-        let end = task.pieces.len();
+        let Task { pieces, aside, .. } = task;
+        let end = pieces.len();
         let mut above_end = from;
+        aside.clear();
         for i in from..end {
-            let piece = task.pieces[i];
-            let (min, max) = piece.interval(plane.direction);
-            let (below, above) = match best.touching.sides(plane.offset, min, max) {
-                (true, true) => piece.cut(plane, (self.scene, self.frame)),
-                (below, above) => (below.then_some(piece), above.then_some(piece)),
-            };
-            if let Some(piece) = above {
-                task.pieces[above_end] = piece;
-                above_end += 1;
+            let (min, max) = pieces[i].interval(plane.direction);
+            match best.touching.sides(plane.offset, min, max) {
+                (false, true) => {
+                    if above_end < i {
+                        pieces[above_end] = pieces[i];
+                    }
+                    above_end += 1;
+                }
+                (true, false) => aside.push(pieces[i]),
+                (below, above) => {
+                    let parts = if below && above {
+                        pieces[i].cut(plane, (self.scene, self.frame))
+                    } else {
+                        (None, None)
+                    };
+                    if let Some(piece) = parts.1 {
+                        pieces[above_end] = piece;
+                        above_end += 1;
+                    }
+                    aside.extend(parts.0);
+                }
             }
-            task.pieces.extend(below);
         }
-        task.pieces.drain(above_end..end);
+        pieces.truncate(above_end);
+        pieces.extend_from_slice(aside);
         above_end
     }
 }

@@ -2,7 +2,7 @@
 //! Sweeps of few triangles: all are counted against eight candidates at a time, and nothing is sorted.
 
 use super::{Batch, Scratch, Ties};
-use fearless_simd::{Select, Simd, SimdBase, f32x8};
+use fearless_simd::{Select, Simd, SimdBase, f32x16};
 
 /// Tries all ends.
 #[inline(always)]
@@ -43,19 +43,23 @@ fn try_each<S: Simd>(
     candidates: &mut Vec<f32>,
 ) {
     let simd = batch.simd;
-    candidates.resize(candidates.len().next_multiple_of(8), f32::NAN);
-    let (zero, one) = (f32x8::splat(simd, 0.0), f32x8::splat(simd, 1.0));
-    for chunk in candidates.chunks_exact(8) {
-        let at = f32x8::from_slice(simd, chunk);
+    candidates.resize(candidates.len().next_multiple_of(16), f32::NAN);
+    let (zero, one) = (f32x16::splat(simd, 0.0), f32x16::splat(simd, 1.0));
+    // Nothing lies in a plane unless something is flat along the direction.
+    let flat = batch.ties == Ties::Clean && min.iter().zip(max).any(|(min, max)| min >= max);
+    for chunk in candidates.chunks_exact(16) {
+        let at = f32x16::from_slice(simd, chunk);
         let mut sums = [zero; 4];
         for (&min, &max) in min.iter().zip(max) {
-            let (min, max) = (f32x8::splat(simd, min), f32x8::splat(simd, max));
+            let (min, max) = (f32x16::splat(simd, min), f32x16::splat(simd, max));
             let (below, above) = (min.simd_lt(at), max.simd_gt(at));
             match batch.ties {
                 Ties::Clean => {
                     sums[0] += below.select(one, zero);
                     sums[1] += above.select(one, zero);
-                    sums[2] += (below | above).select(zero, one);
+                    if flat {
+                        sums[2] += (below | above).select(zero, one);
+                    }
                 }
                 Ties::StartsFirst => {
                     sums[0] += below.select(one, zero);
@@ -65,11 +69,20 @@ fn try_each<S: Simd>(
                 }
             }
         }
-        batch.at.copy_from_slice(chunk);
-        for (row, sum) in batch.counts.iter_mut().zip(sums) {
+        let mut counts = [[0.0; 16]; 4];
+        for (row, sum) in counts.iter_mut().zip(sums) {
             sum.store_slice(row);
         }
-        batch.waiting = 8;
-        batch.price();
+        for half in [0, 8] {
+            if chunk[half].is_nan() {
+                continue;
+            }
+            batch.at.copy_from_slice(&chunk[half..half + 8]);
+            for (row, counts) in batch.counts.iter_mut().zip(&counts) {
+                row.copy_from_slice(&counts[half..half + 8]);
+            }
+            batch.waiting = 8;
+            batch.price();
+        }
     }
 }

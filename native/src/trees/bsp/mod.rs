@@ -72,6 +72,8 @@ struct Policy<'a, S, P> {
     source: &'a S,
     variant: Variant,
     k: usize,
+    /// The same at small nodes.
+    k_small: usize,
     /// Nodes above this depth try the axes only.
     axes_depth: usize,
     pieces: PhantomData<P>,
@@ -81,6 +83,18 @@ struct Policy<'a, S, P> {
 pub const AXES: [[f32; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 
 impl<S: Source, P: Piece> Policy<'_, S, P> {
+    /// The source's directions beside the `known` ones.
+    fn sources(&self, node: &Node<'_, P>, mut known: Vec<[f32; 3]>, out: &mut Vec<Direction>) {
+        let first = known.len();
+        let k = if node.pieces.len() <= params::SMALL {
+            self.k_small
+        } else {
+            self.k
+        };
+        self.source.directions(node, k, &mut known);
+        self.emit(&known[first..], out);
+    }
+
     fn emit(&self, vectors: &[[f32; 3]], out: &mut Vec<Direction>) {
         out.extend(vectors.iter().map(|&n| {
             match self.variant {
@@ -103,14 +117,17 @@ impl<S: Source, P: Piece> PlanePolicy for Policy<'_, S, P> {
     }
 
     fn directions(&self, node: &Node<'_, P>, out: &mut Vec<Direction>) {
-        let mut vectors = Vec::with_capacity(self.k);
         if self.variant != Variant::Plain || node.depth < self.axes_depth {
-            vectors.extend(AXES);
+            self.emit(&AXES, out);
+        } else {
+            self.sources(node, Vec::with_capacity(self.k), out);
         }
-        if node.depth >= self.axes_depth {
-            self.source.directions(node, self.k, &mut vectors);
+    }
+
+    fn further(&self, node: &Node<'_, P>, out: &mut Vec<Direction>) {
+        if self.variant != Variant::Plain && node.depth >= self.axes_depth {
+            self.sources(node, AXES.to_vec(), out);
         }
-        self.emit(&vectors, out);
     }
 
     fn more(&self, node: &Node<'_, P>, out: &mut Vec<Direction>) {
@@ -144,22 +161,45 @@ pub fn build<S: Source>(
     source: impl FnOnce(Arc<Normals>) -> S,
 ) -> Result<Built> {
     let params = loop_params(scene, config, variant);
-    build_with(
+    let mut fewer = false;
+    let mut built = build_with(
         scene,
         config,
         monitor,
         (variant, &params),
         |frame, normals, needed| {
             let k = if needed { config.integer("k") } else { 3 };
-            let source = source(normals);
-            let task = (&source, variant, k, config.integer("axes_depth"));
+            let fitted = config.choice("costs") == "fitted";
+            fewer = fitted && config.integer("k_small") < k;
+            let task = Task {
+                source: &source(normals),
+                variant,
+                k: [
+                    k,
+                    if fitted {
+                        k.min(config.integer("k_small"))
+                    } else {
+                        k
+                    },
+                ],
+                axes_depth: config.integer("axes_depth"),
+            };
             if config.choice("clip") == "1" {
                 oblique::<S, Clipped>(scene, frame, &params, task, monitor)
             } else {
                 oblique::<S, Whole>(scene, frame, &params, task, monitor)
             }
         },
-    )
+    )?;
+    if fewer {
+        built.left_out.push(format!(
+            "directions of small nodes: {} instead of {} are tried at those of up to {} triangles",
+            config.integer("k_small"),
+            config.integer("k"),
+            params::SMALL,
+        ));
+    }
+    Ok(built)
 }
 
 /// Builds a tree and lays it out: the kd-tree where oblique planes are of no use, otherwise what `grow`
@@ -203,18 +243,28 @@ pub fn build_with(
     lay_out(scene, config, frame, &preorder, left_out)
 }
 
+/// What a tree is to be made of.
+struct Task<'a, S> {
+    source: &'a S,
+    variant: Variant,
+    /// At large nodes, and at small ones.
+    k: [usize; 2],
+    axes_depth: usize,
+}
+
 fn oblique<S: Source, P: Piece>(
     scene: &Triangles,
     frame: &Frame,
     params: &Params,
-    (source, variant, k, axes_depth): (&S, Variant, usize, usize),
+    task: Task<'_, S>,
     monitor: &Monitor,
 ) -> Result<Preorder> {
     let policy = Policy::<S, P> {
-        source,
-        variant,
-        k,
-        axes_depth,
+        source: task.source,
+        variant: task.variant,
+        k: task.k[0],
+        k_small: task.k[1],
+        axes_depth: task.axes_depth,
         pieces: PhantomData,
     };
     space::build(scene, frame, &policy, params, monitor)
@@ -258,9 +308,17 @@ pub fn lay_out(
     config: &Config,
     frame: Frame,
     preorder: &Preorder,
-    left_out: Vec<String>,
+    mut left_out: Vec<String>,
 ) -> Result<Built> {
     let shape = Shape::new(preorder);
+    if preorder.first_only > 0 {
+        left_out.push(format!(
+            "directions beside the axes: at {} of {} nodes, where a plane along an axis costs less than {} of a leaf",
+            preorder.first_only,
+            shape.nodes_axis + shape.nodes_oblique,
+            config.float("enough"),
+        ));
+    }
     let mut blocks = Blocks::new();
     let tree = PlaneTree::new(preorder, scene, &frame, &mut blocks)?;
     let by_heights = config
@@ -338,5 +396,10 @@ pub fn loop_params(scene: &Triangles, config: &Config, variant: Variant) -> Para
         early: config
             .values()
             .any(|(name, v)| name == "early" && *v == Value::Choice("1")),
+        enough: if !thesis && config.values().any(|(name, _)| name == "enough") {
+            config.float("enough")
+        } else {
+            0.0
+        },
     }
 }

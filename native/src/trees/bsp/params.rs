@@ -122,6 +122,30 @@ const AXES_DEPTH: ParamSpec = ParamSpec {
     default: Default::Integer(0),
 };
 
+/// Nodes of at most this many triangles are small.
+pub const SMALL: usize = 32;
+
+/// K at small nodes.
+pub const K_SMALL: ParamSpec = ParamSpec {
+    name: "k_small",
+    label: "K of Small Nodes",
+    doc: "Directions tried at nodes of up to 32 triangles, where this is less than K. Most nodes are small; more \
+          build slower and trace hardly faster. costs=thesis tries K everywhere",
+    unit: "directions",
+    kind: Kind::Integer { min: 1, max: 32 },
+    default: Default::Integer(4),
+};
+
+const ENOUGH: ParamSpec = ParamSpec {
+    name: "enough",
+    label: "Axes Enough",
+    doc: "Nodes of more than eight triangles where a plane along an axis costs less than this share of their leaf \
+          try no other direction. More builds faster; 0 tries all everywhere, as costs=thesis does",
+    unit: "",
+    kind: Kind::Float { min: 0.0, max: 1.0 },
+    default: Default::Float(0.8),
+};
+
 const OBLIQUE: ParamSpec = ParamSpec {
     name: "oblique_cost",
     label: "Oblique Cost",
@@ -157,24 +181,50 @@ const fn join<const A: usize, const B: usize, const N: usize>(
     all
 }
 
-/// How many parameters a variant without cheap axis nodes has.
-pub const USUAL: usize = 17;
+/// How many parameters a variant without special axes has.
+pub const USUAL: usize = 18;
+
+/// How many a variant with the axes has.
+pub const PLUS: usize = USUAL + 1;
 
 /// How many a variant with cheap axis nodes has.
-pub const KD: usize = USUAL + 2;
+pub const KD: usize = PLUS + 2;
 
-/// Parameters of a variant without cheap axis nodes.
+/// Parameters of a variant without special axes.
 pub const fn usual(k: ParamSpec) -> [ParamSpec; USUAL] {
     join(
         [
             k,
             TRAVERSAL_ANY,
             SEED,
+            K_SMALL,
             COSTS,
             TIES,
             SLAB,
             CLIP,
             EARLY,
+            AXES_DEPTH,
+            ROBUST,
+            MAX_DEPTH,
+        ],
+        PRICES,
+    )
+}
+
+/// Parameters of a variant with the axes.
+pub const fn plus(k: ParamSpec) -> [ParamSpec; PLUS] {
+    join(
+        [
+            k,
+            TRAVERSAL_ANY,
+            SEED,
+            K_SMALL,
+            COSTS,
+            TIES,
+            SLAB,
+            CLIP,
+            EARLY,
+            ENOUGH,
             AXES_DEPTH,
             ROBUST,
             MAX_DEPTH,
@@ -191,12 +241,14 @@ pub const fn kd(k: ParamSpec) -> [ParamSpec; KD] {
             TRAVERSAL_ANY,
             ALPHA,
             SEED,
+            K_SMALL,
             COSTS,
             RULE,
             TIES,
             SLAB,
             CLIP,
             EARLY,
+            ENOUGH,
             AXES_DEPTH,
             ROBUST,
             MAX_DEPTH,
