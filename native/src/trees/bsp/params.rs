@@ -143,7 +143,7 @@ const ENOUGH: ParamSpec = ParamSpec {
           try no other direction. More builds faster; 0 tries all everywhere, as costs=thesis does",
     unit: "",
     kind: Kind::Float { min: 0.0, max: 1.0 },
-    default: Default::Float(0.8),
+    default: Default::Float(0.6),
 };
 
 const OBLIQUE: ParamSpec = ParamSpec {
