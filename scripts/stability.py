@@ -202,7 +202,7 @@ def run_scenes(module: Any, chosen: list[str], asked: argparse.Namespace) -> int
                 if not questions:
                     questions = agreement.questions(module, scene, asked.rays, asked.seed, threads=asked.threads)
                     told = ", ".join(f"{len(q.rays):,} {q.rays.name} ({q.proven:,})" for q in questions)
-                    say(f"{scene.name}, {len(scene.triangles):,} triangles: {told} rays (answered by brute force)")
+                    say(f"{scene.name}, {len(scene.triangles):,} triangles: {told} rays (of them by brute force)")
                 began = time.process_time()
                 row = agreement.row(module, scene, spec, questions, threads=asked.threads)
                 row["seconds"] = time.process_time() - began
@@ -214,7 +214,7 @@ def run_scenes(module: Any, chosen: list[str], asked: argparse.Namespace) -> int
     for row in rows:
         for text in row["broken"]:
             say(f"{row['case']}, {row['spec']} is broken: {text}")
-    verdict = stability.limit(rows)
+    verdict = stability.limit(rows, f"brute force, or beyond its share {agreement.REFERENCE} that agrees with it,")
     say(f"{verdict}; seed {asked.seed}, {sum(row['seconds'] for row in rows):.0f} s of processor")
     if asked.out is not None:
         document = {**results.document(module, rows, {"seed": asked.seed, "rays": asked.rays}), "verdict": verdict}

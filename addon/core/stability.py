@@ -179,8 +179,11 @@ def sums(rows: Iterable[Row]) -> list[Row]:
     return list(found.values())
 
 
-def limit(rows: Iterable[Row]) -> str:
-    """What the absence of differences proves, in one sentence. A ray counts once for each configuration."""
+def limit(rows: Iterable[Row], reference: str = "brute force") -> str:
+    """What the absence of differences proves, in one sentence. A ray counts once for each configuration.
+
+    reference: whom all rays were answered by.
+    """
     ours = [row for row in rows if not allowed_to_fail(row["spec"])]
     answers = sum(row["rays"] for row in ours)
     exact = sum(row["exact_rays"] for row in ours)
@@ -190,7 +193,7 @@ def limit(rows: Iterable[Row]) -> str:
     if wrong or not answers:
         return f"{wrong} of {len(ours)} rows differ, {answers:,} answers compared"
     return (
-        f"no difference in {answers:,} answers to {answers // specs:,} rays against brute force and in {exact:,} to "
+        f"no difference in {answers:,} answers to {answers // specs:,} rays against {reference} and in {exact:,} to "
         f"{exact // specs:,} rays against exact arithmetic: fewer than {3 / answers:.1e} of such answers are wrong, "
         "with 95 % confidence (3/N)"
     )

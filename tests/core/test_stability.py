@@ -132,8 +132,8 @@ def test_whole_scenes_are_compared_and_resumed(tmp_path: Path, capsys: pytest.Ca
         assert row["statistics"]["bytes"] > row["statistics"]["nodes_axis"]
     assert links["octree-beam"] > 0
     assert command.main(asked) == 0
-    assert "answered by brute force" in told
-    assert "answered by brute force" not in capsys.readouterr().out
+    assert "of them by brute force" in told
+    assert "of them by brute force" not in capsys.readouterr().out
 
 
 def test_a_scene_answered_wrongly_sets_the_status(
