@@ -15,7 +15,7 @@ import os
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
@@ -36,6 +36,7 @@ from addon.core import (
     workload,
     yardstick,
 )
+from addon.core.usage import Parser, UsageError
 
 SUFFIXES = (".npz", ".blend", ".obj", ".ply", ".stl", ".glb", ".gltf", ".usd", ".usda", ".usdc", ".usdz")
 
@@ -90,18 +91,9 @@ PRESETS: dict[str, dict[str, str]] = {
 BAD_INPUT = 2
 
 
-class UsageError(ValueError):
-    """The command line or the input is wrong. The message is one line."""
-
-
-class _Parser(argparse.ArgumentParser):
-    def error(self, message: str) -> NoReturn:
-        raise UsageError(message)
-
-
 def parser() -> argparse.ArgumentParser:
     """The command line."""
-    made = _Parser(prog="bench", description=(__doc__ or "").splitlines()[0])
+    made = Parser(prog="bench", description=(__doc__ or "").splitlines()[0])
     add = made.add_argument
     add("scenes", nargs="*", metavar="SCENE", help=f"a file ({' '.join(SUFFIXES)}), grid, or showcase (default)")
     add("--structures", metavar="SPEC[,SPEC...]", help="configurations, families, or all (default: all); k=2..10 works")

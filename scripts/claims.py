@@ -12,28 +12,19 @@ import json
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NoReturn
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from addon.core import claims, claims_report, claims_table, native, results
+from addon.core.usage import Parser, UsageError
 
 SCENES = Path(__file__).resolve().parents[2] / "shared" / "scenes"
 """Where scenes are looked for that are not part of the project."""
 
 
-class UsageError(ValueError):
-    """The command line is wrong. The message is one line."""
-
-
-class _Parser(argparse.ArgumentParser):
-    def error(self, message: str) -> NoReturn:
-        raise UsageError(message)
-
-
 def parser() -> argparse.ArgumentParser:
     """The command line."""
-    made = _Parser(prog="claims", description=(__doc__ or "").splitlines()[0])
+    made = Parser(prog="claims", description=(__doc__ or "").splitlines()[0])
     add = made.add_argument
     add("claims", nargs="*", metavar="CLAIM", help="which claims (default: all); `list` prints them")
     add("--quick", action="store_true", help="three repeats instead of seven")

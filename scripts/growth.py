@@ -15,29 +15,21 @@ import sys
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from addon.core import growth, growth_report, native, rays, results, specs
+from addon.core.usage import Parser, UsageError
 
 STRUCTURES = "kd,bsp-wn-plus-kd"
 
 BAD_INPUT = 2
 
 
-class UsageError(ValueError):
-    """The command line is wrong. The message is one line."""
-
-
-class _Parser(argparse.ArgumentParser):
-    def error(self, message: str) -> NoReturn:
-        raise UsageError(message)
-
-
 def parser() -> argparse.ArgumentParser:
     """The command line."""
-    made = _Parser(prog="growth", description=(__doc__ or "").splitlines()[0])
+    made = Parser(prog="growth", description=(__doc__ or "").splitlines()[0])
     add = made.add_argument
     add("--structures", default=STRUCTURES, metavar="SPEC[,SPEC...]", help=f"configurations (default: {STRUCTURES})")
     add("--triangles", metavar="N[,N...]", help="sizes, e.g. 1e4,1e5 (default: half decades from 1e4 to 1e7)")

@@ -15,11 +15,12 @@ import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from addon.core import agreement, grid, leaks, native, results, specs, stability, trials, workload
+from addon.core.usage import Parser, UsageError
 
 BUNNY = Path(__file__).resolve().parents[2] / "shared" / "scenes" / "stanford-bunny.npz"
 """A scanned surface whose few holes are closed by fans."""
@@ -31,18 +32,9 @@ SAY_SECONDS = 30.0
 """How often a long run tells how far it is."""
 
 
-class UsageError(ValueError):
-    """The command line is wrong. The message is one line."""
-
-
-class _Parser(argparse.ArgumentParser):
-    def error(self, message: str) -> NoReturn:
-        raise UsageError(message)
-
-
 def parser() -> argparse.ArgumentParser:
     """The command line."""
-    made = _Parser(prog="stability", description=(__doc__ or "").splitlines()[0])
+    made = Parser(prog="stability", description=(__doc__ or "").splitlines()[0])
     add = made.add_argument
     add("--size", choices=("small", "large"), default="small", help="hundreds or tens of thousands of triangles")
     add("--structures", default="all", metavar="SPEC[,SPEC...]", help="configurations, families, or all (default)")
