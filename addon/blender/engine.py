@@ -225,12 +225,8 @@ class _Picture:
     def _note_dropped(self, geometry: Any, statistics: dict[str, Any]) -> None:
         for index in statistics.get("dropped_instances", ()):
             self.notes.add("Dropped, the transform is out of range", geometry.names[index])
-        dropped = statistics["dropped_triangles"]
-        if dropped:
-            names = {name for _, name in geometry.runs()}
-            # Where there is only one object nobody needs to search for them.
-            counts = geometry.faulty_triangles() if len(names) > 1 else dict.fromkeys(names, dropped)
-            for name, count in counts.items():
+        if statistics["dropped_triangles"]:
+            for name, count in geometry.faulty_triangles().items():
                 self.notes.add("Dropped triangles without area or with coordinates that are not finite", name, count)
 
     def _say(self, text: str) -> None:

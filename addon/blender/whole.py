@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import statistics
 import time
+from collections import deque
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -82,9 +83,7 @@ def check_rays(scene: Any) -> Check:
         raise RuntimeError("no structure was kept")
     render = scene.render
     workload = workloads.current(scene.name, (render.resolution_x, render.resolution_y))
-    found: Check | None = None
-    for found in check.steps(native.load(), tree.structure, workload):  # noqa: B007 (the last)
-        pass
-    if found is None:
+    last = deque(check.steps(native.load(), tree.structure, workload), maxlen=1)
+    if not last:
         raise RuntimeError("the camera sees nothing")
-    return found
+    return last[0]
