@@ -130,12 +130,8 @@ CHECKS: dict[str, Callable[[], Counts]] = {
 """Name to check, in the order in which they run: the quick ones first, and last what is compiled meanwhile."""
 
 
-AFTER_CARGO = ("core", "blender", "blender-lts", "rust")
-"""The checks after the last that locks cargo's folder."""
-
-
 def compile_rust_tests() -> subprocess.Popen[bytes]:
-    """Begin to compile the Rust tests, which keeps one core busy for minutes, beside the checks that follow.
+    """Begin to compile the Rust tests, which takes minutes, beside the native module: another profile, another lock.
 
     Whatever it prints is told by the check itself, which finds the work done.
     """
@@ -160,9 +156,13 @@ def why_not(name: str, lts_problem: str | None) -> str | None:
     return None
 
 
-def set_up(names: list[str]) -> str | None:
-    """Make the environments ready. Returns why the one for Blender LTS is missing, or None. Raises SetupError."""
+def set_up(names: list[str]) -> tuple[str | None, subprocess.Popen[bytes] | None]:
+    """Make the environments ready. Raises SetupError.
+
+    Returns why the one for Blender LTS is missing, or None, and what compiles the Rust tests meanwhile, if wanted.
+    """
     environment.prepare(CURRENT)
+    compiling = compile_rust_tests() if "rust" in names else None
     ready, problem = [CURRENT], None
     if "blender-lts" in names:
         if environment.available(LTS):
@@ -171,7 +171,7 @@ def set_up(names: list[str]) -> str | None:
         else:
             problem = f"Python {LTS.version}, which Blender {LTS.blender} needs, was not found"
     environment.install_wheel(*ready)
-    return problem
+    return problem, compiling
 
 
 def main(wanted: list[str]) -> int:
@@ -182,15 +182,12 @@ def main(wanted: list[str]) -> int:
     start = time.monotonic()
     try:
         with environment.alone():
-            lts_problem = set_up(names)
+            lts_problem, compiling = set_up(names)
     except environment.SetupError as error:
         print(f"The set-up failed: {error}\n\n{Counts(failed=1)}", flush=True)
         return 1
     results: dict[str, tuple[Counts, str]] = {}
-    compiling: subprocess.Popen[bytes] | None = None
     for name in names:
-        if compiling is None and "rust" in names and name in AFTER_CARGO:
-            compiling = compile_rust_tests()
         if name == "rust" and compiling is not None:
             compiling.wait()
         reason = why_not(name, lts_problem)
