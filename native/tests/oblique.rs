@@ -102,11 +102,18 @@ fn fewer_directions_are_told() {
         let enough = format!("{id}:enough=0.9");
         assert_eq!(told(&enough), [true; 2], "{id}");
         assert_eq!(told(&format!("{id}:enough=0")), [false, true], "{id}");
-        assert_eq!(told(&format!("{enough},k_small=32")), [true, false], "{id}");
+        // A share of K, whatever K is, and never the axes alone.
+        for (k, small) in [(6, 4), (10, 7), (5, 4)] {
+            let left_out = build(&scene, &format!("{id}:k={k}")).left_out().join(" ");
+            let told = format!("small nodes: {small} instead of {k} ");
+            assert!(left_out.contains(&told), "{id}: {left_out}");
+        }
+        assert_eq!(told(&format!("{id}:k=4")), [false; 2], "{id}");
+        assert_eq!(told(&format!("{enough},k_small=1")), [true, false], "{id}");
         let thesis = format!("{id}:costs=thesis");
         assert_eq!(told(&thesis), [false; 2], "{id}");
-        same_tree(&scene, &thesis, &format!("{thesis},enough=0,k_small=32"));
-        let all = build(&scene, &format!("{id}:enough=0,k_small=32"));
+        same_tree(&scene, &thesis, &format!("{thesis},enough=0,k_small=1"));
+        let all = build(&scene, &format!("{id}:enough=0,k_small=1"));
         assert!(
             build(&scene, &enough).built().layout != all.built().layout,
             "{id}"
@@ -123,7 +130,7 @@ fn seeds_choose_the_tree() {
             .all(|name| t.params.iter().any(|p| p.name == *name))
     }) {
         let mut spec = format!("{}:k=5", tree.id);
-        for all in ["k_small=32", "enough=0"] {
+        for all in ["k_small=1", "enough=0"] {
             let (name, _) = all.split_once('=').expect("a key");
             if tree.params.iter().any(|p| p.name == name) {
                 spec = format!("{spec},{all}");

@@ -60,7 +60,7 @@ const KD_PARAMS: [ParamSpec; params::KD] = with_set(params::kd(K), 3);
 const fn with_set<const N: usize>(mut params: [ParamSpec; N], seed: usize) -> [ParamSpec; N] {
     params[seed] = SET;
     params[seed + 1] = ParamSpec {
-        default: Default::Integer(32),
+        default: Default::Float(1.0),
         ..params::K_SMALL
     };
     params

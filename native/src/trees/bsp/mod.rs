@@ -161,7 +161,7 @@ pub fn build<S: Source>(
     source: impl FnOnce(Arc<Normals>) -> S,
 ) -> Result<Built> {
     let params = loop_params(scene, config, variant);
-    let mut fewer = false;
+    let mut tried = [0; 2];
     let mut built = build_with(
         scene,
         config,
@@ -169,19 +169,11 @@ pub fn build<S: Source>(
         (variant, &params),
         |frame, normals, needed| {
             let k = if needed { config.integer("k") } else { 3 };
-            let fitted = config.choice("costs") == "fitted";
-            fewer = fitted && config.integer("k_small") < k;
+            tried = [k, at_small_nodes(config, variant, k)];
             let task = Task {
                 source: &source(normals),
                 variant,
-                k: [
-                    k,
-                    if fitted {
-                        k.min(config.integer("k_small"))
-                    } else {
-                        k
-                    },
-                ],
+                k: tried,
                 axes_depth: config.integer("axes_depth"),
             };
             if config.choice("clip") == "1" {
@@ -191,15 +183,30 @@ pub fn build<S: Source>(
             }
         },
     )?;
-    if fewer {
+    let [k, small] = tried;
+    if small < k {
         built.left_out.push(format!(
-            "directions of small nodes: {} instead of {} are tried at those of up to {} triangles",
-            config.integer("k_small"),
-            config.integer("k"),
+            "directions of small nodes: {small} instead of {k} are tried at those of up to {} triangles",
             params::SMALL,
         ));
     }
     Ok(built)
+}
+
+/// K at small nodes: a share of K, but never the axes alone.
+#[expect(
+    clippy::cast_precision_loss,
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "at most 32"
+)]
+fn at_small_nodes(config: &Config, variant: Variant, k: usize) -> usize {
+    if config.choice("costs") != "fitted" {
+        return k;
+    }
+    let axes = if variant == Variant::Plain { 0 } else { 3 };
+    let share = (k as f32 * config.float("k_small")).ceil() as usize;
+    share.max(axes + 1).min(k)
 }
 
 /// Builds a tree and lays it out: the kd-tree where oblique planes are of no use, otherwise what `grow`

@@ -128,12 +128,12 @@ pub const SMALL: usize = 32;
 /// K at small nodes.
 pub const K_SMALL: ParamSpec = ParamSpec {
     name: "k_small",
-    label: "K of Small Nodes",
-    doc: "Directions tried at nodes of up to 32 triangles, where this is less than K. Most nodes are small; more \
-          build slower and trace hardly faster. costs=thesis tries K everywhere",
-    unit: "directions",
-    kind: Kind::Integer { min: 1, max: 32 },
-    default: Default::Integer(4),
+    label: "K at Small Nodes",
+    doc: "Share of K that is tried at nodes of up to 32 triangles, but always one direction beside the axes. Most \
+          nodes are small; more builds slower and traces hardly faster. costs=thesis tries K everywhere",
+    unit: "of K",
+    kind: Kind::Float { min: 0.0, max: 1.0 },
+    default: Default::Float(0.66),
 };
 
 const ENOUGH: ParamSpec = ParamSpec {
