@@ -19,6 +19,18 @@ pub fn all<S: Simd>(batch: &mut Batch<'_, S>, scratch: &mut Scratch) {
     try_each(batch, (min, max), candidates);
 }
 
+/// Tries the heights that wait in the scratch.
+#[inline(always)]
+pub fn waiting<S: Simd>(batch: &mut Batch<'_, S>, scratch: &mut Scratch) {
+    let Scratch {
+        min,
+        max,
+        starts: candidates,
+        ..
+    } = scratch;
+    try_each(batch, (min, max), candidates);
+}
+
 /// Tries the planes that leave one side empty.
 #[inline(always)]
 pub fn hull<S: Simd>(batch: &mut Batch<'_, S>, scratch: &mut Scratch) {

@@ -1,26 +1,28 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The sweep: the cheapest plane along one direction, tried at every end of every triangle.
 //!
-//! Few triangles are counted outright, eight candidates at a time ([`count`]). Of many, only those
-//! stretches of the direction are looked into that may hold the cheapest plane ([`bins`]), so that a
-//! build stays within O(n log n) (the bound of Wald and Havran 2006, reached without keeping event
-//! lists). All ways give the same plane, bit for bit.
+//! Few triangles are counted outright, sixteen candidates at a time ([`count`]). Of more, only those
+//! stretches of the direction are looked into that may hold the cheapest plane: they are counted as well
+//! ([`stretches`]), or, of many triangles, sorted ([`bins`]), so that a build stays within O(n log n) (the
+//! bound of Wald and Havran 2006, reached without keeping event lists). All ways give the same plane, bit
+//! for bit.
 
 mod bins;
 mod count;
+mod stretches;
 
 use super::cost::Costs;
 use super::profile::Profile;
 use fearless_simd::{Level, Select, Simd, SimdBase, SimdMask, dispatch, f32x8};
 
-/// Up to this many triangles are counted without sorting.
-const COUNT_LIMIT: usize = 32;
+/// Of up to this many triangles all ends are counted.
+const COUNT_LIMIT: usize = 8;
+
+/// Of up to this many, those in stretches that have a chance.
+const STRETCH_LIMIT: usize = 256;
 
 /// Shorter lists are sorted by comparisons.
 const RADIX_LIMIT: usize = 256;
-
-/// From this many on, stretches without a chance are left out.
-const BIN_LIMIT: usize = 33;
 
 /// Which side a triangle goes to when it only touches the plane.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -175,8 +177,10 @@ pub fn sweep(
             count::hull(&mut batch, scratch);
         } else if n <= COUNT_LIMIT {
             count::all(&mut batch, scratch);
-        } else if n < BIN_LIMIT || pricing.by_count {
+        } else if pricing.by_count {
             sorted(&mut batch, scratch);
+        } else if n <= STRETCH_LIMIT {
+            stretches::search(&mut batch, scratch);
         } else {
             bins::search(&mut batch, scratch);
         }
@@ -437,8 +441,8 @@ mod tests {
 
     proptest! {
         #[test]
-        fn bins_find_the_plane_that_sorting_finds(
-            ends in prop::collection::vec((0u16..700, 0u16..90), BIN_LIMIT..400),
+        fn searches_find_the_plane_that_sorting_finds(
+            ends in prop::collection::vec((0u16..700, 0u16..90), COUNT_LIMIT + 1..2 * STRETCH_LIMIT),
             clean in any::<bool>(),
             thesis in any::<bool>(),
             slabs in any::<bool>(),
@@ -454,13 +458,17 @@ mod tests {
             let costs = if thesis { Costs::THESIS } else { Costs::BLOCKS };
             let profile = unit();
             let pricing = Pricing { steps: [costs.step, 3.0 * costs.step], ..pricing(&costs) };
-            let binned = sweep(&mut scratch, &profile, &pricing, ties, Candidates::All);
+            let found = sweep(&mut scratch, &profile, &pricing, ties, Candidates::All);
             let merged = dispatch!(Level::new(), simd => {
                 let mut batch = Batch::new(simd, &profile, &pricing, ties);
                 sorted(&mut batch, &mut scratch);
                 batch.finish()
             });
-            prop_assert_eq!(binned, merged);
+            prop_assert_eq!(found, merged);
+            // And where it has to be as cheap as that.
+            let limits = found.map(|best| best.map_or(f32::INFINITY, |b| b.cost));
+            let pricing = Pricing { limits, ..pricing };
+            prop_assert_eq!(sweep(&mut scratch, &profile, &pricing, ties, Candidates::All), found);
         }
     }
 
