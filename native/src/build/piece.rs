@@ -178,6 +178,8 @@ const CORNERS: usize = 6;
 /// more of the triangle than need be.
 #[derive(Debug, Clone, Copy)]
 pub struct Clipped {
+    /// Of the corners, rounded as heights are: most directions that are tried are axes.
+    bounds: Aabb,
     corners: [Vec3; CORNERS],
     count: u32,
     id: u32,
@@ -187,7 +189,11 @@ impl Clipped {
     /// The part where `sign * (n . x - offset) >= -margin`.
     fn part(&self, sign: f64, n: Vec3, offset: f64, margin: f64) -> Option<Self> {
         let count = self.count as usize;
-        let mut out = Self { count: 0, ..*self };
+        let mut out = Self {
+            count: 0,
+            bounds: Aabb::EMPTY,
+            ..*self
+        };
         let mut room = true;
         let mut push = |p: Vec3| {
             if let Some(corner) = out.corners.get_mut(out.count as usize) {
@@ -211,13 +217,35 @@ impl Clipped {
         if !room {
             return Some(*self);
         }
+        out.enclose();
         (out.count > 0).then_some(out)
+    }
+
+    /// Finds the bounds anew.
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "planes have f32 heights; the walks allow for the rounding"
+    )]
+    fn enclose(&mut self) {
+        let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+        for p in &self.corners[..self.count as usize] {
+            for k in 0..3 {
+                low[k] = if p[k] < low[k] { p[k] } else { low[k] };
+                high[k] = if p[k] > high[k] { p[k] } else { high[k] };
+            }
+        }
+        // Positive zero, as in the bounds of boxes.
+        self.bounds = Aabb {
+            min: low.map(|x| x as f32 + 0.0),
+            max: high.map(|x| x as f32 + 0.0),
+        };
     }
 }
 
 impl Piece for Clipped {
     fn new(id: u32, corners: [[f32; 3]; 3]) -> Self {
         let mut out = Self {
+            bounds: Aabb::of_triangle(corners),
             corners: [[0.0; 3]; CORNERS],
             count: 3,
             id,
@@ -239,29 +267,22 @@ impl Piece for Clipped {
         reason = "planes have f32 heights; the walks allow for the rounding"
     )]
     fn interval(&self, direction: Direction) -> (f32, f32) {
-        let corners = &self.corners[..self.count as usize];
+        let n = match direction {
+            Direction::Axis(k) => return (self.bounds.min[k], self.bounds.max[k]),
+            Direction::Oblique(n) => widen(n),
+        };
         let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
-        let mut see = |height: f64| {
+        for &p in &self.corners[..self.count as usize] {
+            let height = dot(n, p);
             low = if height < low { height } else { low };
             high = if height > high { height } else { high };
-        };
-        match direction {
-            Direction::Axis(k) => corners.iter().for_each(|p| see(p[k])),
-            Direction::Oblique(n) => {
-                let n = widen(n);
-                corners.iter().for_each(|&p| see(dot(n, p)));
-            }
         }
         // Positive zero, as in the bounds of boxes.
         (low as f32 + 0.0, high as f32 + 0.0)
     }
 
     fn bounds(&self) -> Aabb {
-        let mut bounds = Aabb::EMPTY;
-        for k in 0..3 {
-            (bounds.min[k], bounds.max[k]) = self.interval(Direction::Axis(k));
-        }
-        bounds
+        self.bounds
     }
 
     fn cut(self, plane: Plane, (_, frame): (&Triangles, &Frame)) -> (Option<Self>, Option<Self>) {

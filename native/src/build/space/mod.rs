@@ -338,8 +338,9 @@ impl<P: PlanePolicy> Builder<'_, P> {
 
         // Part the pieces: those above the plane stay in place, those below follow them.
         let Choice { plane, best, bad } = choice;
-        let above = self.part(task, from, plane, best);
-        let (n_above, n_below) = (above - from, task.pieces.len() - above);
+        self.part(task, from, plane, best);
+        let above = task.pieces.len();
+        let (n_above, n_below) = (above - from, task.aside.len());
         let share = node.share;
         task.out.items.push(Item::Inner { plane, share });
         let shares = best.shares.map(|part| share * part);
@@ -368,10 +369,12 @@ impl<P: PlanePolicy> Builder<'_, P> {
         let below = child(cell_below, 0, n_below);
         let above_node = child(cell_above, 1, n_above);
         if count >= TASK {
-            // Not kept while the subtrees are built.
-            task.aside = Vec::new();
-            let pieces_below = task.pieces.split_off(above);
-            let pieces_above = task.pieces.split_off(from);
+            let pieces_below = std::mem::take(&mut task.aside);
+            let pieces_above = if from == 0 {
+                std::mem::take(&mut task.pieces)
+            } else {
+                task.pieces.split_off(from)
+            };
             let below = || self.subtree(pieces_below, below);
             let above = || self.subtree(pieces_above, above_node);
             let (first, second) = if self.alone {
@@ -383,6 +386,7 @@ impl<P: PlanePolicy> Builder<'_, P> {
             task.out.append(second?);
             return Ok(());
         }
+        task.pieces.extend_from_slice(&task.aside);
         self.node(task, above, below)?;
         self.node(task, from, above_node)
     }
@@ -444,13 +448,18 @@ impl<P: PlanePolicy> Builder<'_, P> {
         (total <= node.budget as f32).then_some((cell, choice))
     }
 
-    /// Parts the pieces from `from` on by a plane: first those above, then those below. Returns
-    /// where those below begin.
-    fn part(&self, task: &mut Task<P::Piece>, from: usize, plane: Plane, best: Best) -> usize {
+    /// Parts the pieces from `from` on by a plane: those above stay, those below are put aside.
+    fn part(&self, task: &mut Task<P::Piece>, from: usize, plane: Plane, best: Best) {
         let Task { pieces, aside, .. } = task;
         let end = pieces.len();
         let mut above_end = from;
         aside.clear();
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "a count"
+        )]
+        aside.reserve(best.counts[0] as usize);
         for i in from..end {
             let (min, max) = pieces[i].interval(plane.direction);
             match best.touching.sides(plane.offset, min, max) {
@@ -476,8 +485,6 @@ impl<P: PlanePolicy> Builder<'_, P> {
             }
         }
         pieces.truncate(above_end);
-        pieces.extend_from_slice(aside);
-        above_end
     }
 }
 
