@@ -32,12 +32,20 @@ pub trait Piece: Copy + Send + Sync {
     /// The ends of all pieces along a direction, for the sweep.
     #[inline(always)]
     fn project(pieces: &[Self], direction: Direction, scratch: &mut Scratch) {
+        // Two passes over the pieces, because lists of known length are filled without asking for room.
         scratch.min.clear();
         scratch.max.clear();
-        for piece in pieces {
-            let (min, max) = piece.interval(direction);
-            scratch.min.push(min);
-            scratch.max.push(max);
+        let ends = |piece: &Self| piece.interval(direction);
+        if let Direction::Axis(_) = direction {
+            scratch.min.extend(pieces.iter().map(|piece| ends(piece).0));
+            scratch.max.extend(pieces.iter().map(|piece| ends(piece).1));
+            return;
+        }
+        scratch.min.resize(pieces.len(), 0.0);
+        scratch.max.resize(pieces.len(), 0.0);
+        let lists = scratch.min.iter_mut().zip(&mut scratch.max);
+        for (piece, (min, max)) in pieces.iter().zip(lists) {
+            (*min, *max) = ends(piece);
         }
     }
 }

@@ -430,20 +430,31 @@ impl Draft {
     /// Pairs the faces' sides; `None` unless every side has exactly one partner.
     fn finish(self, magnitude: f64) -> Option<Polytope> {
         let mut edges: Vec<Edge> = Vec::with_capacity(self.loops.len() / 2);
-        // Edges that wait for their second face. Few at any time, so that a search through them is the
-        // quickest way to find one.
-        let mut open: Vec<usize> = Vec::with_capacity(16);
+        // The latest edge from each vertex, and the one before each: few, so that an edge's second face finds it
+        // quickly.
+        const NONE: u16 = u16::MAX;
+        let mut latest = [NONE; VERTICES];
+        let mut before: Vec<u16> = Vec::with_capacity(self.loops.len() / 2);
+        let mut open = 0;
         for (index, facet) in self.facets.iter().enumerate() {
             let face = u8::try_from(index).ok()?;
             let from = usize::from(facet.first);
             let ring = &self.loops[from..from + usize::from(facet.count)];
             for (i, &a) in ring.iter().enumerate() {
                 let b = *ring.get(i + 1).unwrap_or(&ring[0]);
-                let twin = |&edge: &usize| edges[edge].a == b && edges[edge].b == a;
-                if let Some(place) = open.iter().position(twin) {
-                    edges[open.swap_remove(place)].right = face;
-                } else {
-                    open.push(edges.len());
+                let mut twin = latest[usize::from(b)];
+                while let Some(edge) = edges.get_mut(usize::from(twin)) {
+                    if edge.b == a && edge.right == u8::MAX {
+                        edge.right = face;
+                        open -= 1;
+                        break;
+                    }
+                    twin = before[usize::from(twin)];
+                }
+                if twin == NONE {
+                    before.push(latest[usize::from(a)]);
+                    latest[usize::from(a)] = u16::try_from(edges.len()).ok()?;
+                    open += 1;
                     edges.push(Edge {
                         a,
                         b,
@@ -454,7 +465,7 @@ impl Draft {
             }
         }
         // Euler's formula rules out sides that more than two faces share.
-        if !open.is_empty() || self.vertices.len() + self.facets.len() != edges.len() + 2 {
+        if open != 0 || self.vertices.len() + self.facets.len() != edges.len() + 2 {
             return None;
         }
         let area = self.facets.iter().map(|f| f.area).sum();

@@ -2,7 +2,7 @@
 //! Sweeps of few triangles: all are counted against eight candidates at a time, and nothing is sorted.
 
 use super::{Batch, Scratch, Ties};
-use fearless_simd::{Select, Simd, SimdBase, f32x16};
+use fearless_simd::{Select, Simd, SimdBase, SimdSplit, f32x16};
 
 /// Tries all ends.
 #[inline(always)]
@@ -64,37 +64,26 @@ fn try_each<S: Simd>(
         let mut sums = [zero; 4];
         for (&min, &max) in min.iter().zip(max) {
             let (min, max) = (f32x16::splat(simd, min), f32x16::splat(simd, max));
-            let (below, above) = (min.simd_lt(at), max.simd_gt(at));
-            match batch.ties {
-                Ties::Clean => {
-                    sums[0] += below.select(one, zero);
-                    sums[1] += above.select(one, zero);
-                    if flat {
-                        sums[2] += (below | above).select(zero, one);
-                    }
+            sums[0] += min.simd_lt(at).select(one, zero);
+            if batch.ties == Ties::Clean {
+                sums[1] += max.simd_gt(at).select(one, zero);
+                if flat {
+                    sums[2] += (min.simd_lt(at) | max.simd_gt(at)).select(zero, one);
                 }
-                Ties::StartsFirst => {
-                    sums[0] += below.select(one, zero);
-                    sums[1] += max.simd_ge(at).select(one, zero);
-                    sums[2] += min.simd_le(at).select(one, zero);
-                    sums[3] += above.select(one, zero);
-                }
+            } else {
+                sums[1] += max.simd_ge(at).select(one, zero);
+                sums[2] += min.simd_le(at).select(one, zero);
+                sums[3] += max.simd_gt(at).select(one, zero);
             }
         }
-        let mut counts = [[0.0; 16]; 4];
-        for (row, sum) in counts.iter_mut().zip(sums) {
-            sum.store_slice(row);
-        }
-        for half in [0, 8] {
-            if chunk[half].is_nan() {
-                continue;
-            }
-            batch.at.copy_from_slice(&chunk[half..half + 8]);
-            for (row, counts) in batch.counts.iter_mut().zip(&counts) {
-                row.copy_from_slice(&counts[half..half + 8]);
-            }
-            batch.waiting = 8;
-            batch.price();
+        // Written out, because calls through `map` would not be compiled for this instruction set.
+        let (low, high) = at.split();
+        let [first, second, third, fourth] = sums;
+        let (first, second) = (first.split(), second.split());
+        let (third, fourth) = (third.split(), fourth.split());
+        batch.price(low, [first.0, second.0, third.0, fourth.0]);
+        if !chunk[8].is_nan() {
+            batch.price(high, [first.1, second.1, third.1, fourth.1]);
         }
     }
 }

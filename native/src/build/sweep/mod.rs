@@ -135,12 +135,23 @@ impl Scratch {
         if thickness <= 0.0 {
             return;
         }
-        for (&min, &max) in self.min.iter().zip(&self.max) {
-            if max - min <= 0.5 * thickness {
-                let (below, above) = (min - thickness, max + thickness);
-                // Neighbours often lie in one plane.
-                if self.extra.last() != Some(&above) {
-                    self.extra.extend([below, above]);
+        let half = 0.5 * thickness;
+        // By dozens first: few are parallel in most nodes.
+        for (mins, maxs) in self.min.chunks(16).zip(self.max.chunks(16)) {
+            let flattest = mins
+                .iter()
+                .zip(maxs)
+                .fold(false, |any, (&min, &max)| any | (max - min <= half));
+            if !flattest {
+                continue;
+            }
+            for (&min, &max) in mins.iter().zip(maxs) {
+                if max - min <= half {
+                    let (below, above) = (min - thickness, max + thickness);
+                    // Neighbours often lie in one plane.
+                    if self.extra.last() != Some(&above) {
+                        self.extra.extend([below, above]);
+                    }
                 }
             }
         }
@@ -227,7 +238,7 @@ impl<'a, S: Simd> Batch<'a, S> {
         }
         self.waiting += 1;
         if self.waiting == 8 {
-            self.price();
+            self.flush();
         }
     }
 
@@ -235,7 +246,13 @@ impl<'a, S: Simd> Batch<'a, S> {
     #[inline(always)]
     fn flush(&mut self) {
         if self.waiting > 0 {
-            self.price();
+            self.at[self.waiting..].fill(f32::NAN);
+            self.waiting = 0;
+            let at = f32x8::from_slice(self.simd, &self.at);
+            // Written out: a closure given to `map` would not be compiled for this instruction set.
+            let row = |i: usize| f32x8::from_slice(self.simd, &self.counts[i]);
+            let counts = [row(0), row(1), row(2), row(3)];
+            self.price(at, counts);
         }
     }
 
@@ -245,18 +262,12 @@ impl<'a, S: Simd> Batch<'a, S> {
         self.best
     }
 
-    /// Prices the candidates that wait.
+    /// Prices eight candidates; heights that are not numbers are none.
     #[inline(always)]
-    fn price(&mut self) {
+    fn price(&mut self, at: f32x8<S>, [first, second, third, fourth]: [f32x8<S>; 4]) {
         let simd = self.simd;
         let splat = |x: f32| f32x8::splat(simd, x);
         let profile = self.profile;
-        self.at[self.waiting..].fill(f32::NAN);
-        self.waiting = 0;
-        let at = f32x8::from_slice(simd, &self.at);
-        // Written out: a closure given to `map` would not be compiled for this instruction set.
-        let row = |i: usize| f32x8::from_slice(simd, &self.counts[i]);
-        let (first, second, third, fourth) = (row(0), row(1), row(2), row(3));
         let zero = splat(0.0);
         let inside = at.simd_gt(splat(profile.low + profile.margin))
             & at.simd_lt(splat(profile.high - profile.margin));
@@ -307,11 +318,11 @@ impl<'a, S: Simd> Batch<'a, S> {
                 if !promising.any_true() {
                     continue;
                 }
-                let mut costs = [0.0; 8];
-                promising
-                    .select(cost, splat(f32::NAN))
-                    .store_slice(&mut costs);
-                for (lane, (&cost, &at)) in costs.iter().zip(&self.at).enumerate() {
+                let mut lanes = promising.to_bitmask();
+                while lanes != 0 {
+                    let lane = lanes.trailing_zeros() as usize;
+                    lanes &= lanes - 1;
+                    let (cost, at) = (lane_of(cost, lane), lane_of(at, lane));
                     let better =
                         best.is_none_or(|b| cost < b.cost || (cost == b.cost && at < b.at));
                     if better && cost < f32::INFINITY {

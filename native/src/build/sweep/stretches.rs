@@ -82,8 +82,11 @@ fn gather<S: Simd>(simd: S, scratch: &mut Scratch, (from, to): (f32, f32)) {
         starts: candidates,
         ..
     } = scratch;
-    candidates.clear();
-    candidates.resize(min.len() + max.len() + extra.len() + 16, 0.0);
+    // Room for all, and for what is written beyond the last; what it holds is of no matter.
+    let most = min.len() + max.len() + extra.len() + 16;
+    if candidates.len() < most {
+        candidates.resize(most, 0.0);
+    }
     let (from, to) = (f32x16::splat(simd, from), f32x16::splat(simd, to));
     let mut count = 0;
     for list in [&*min, max, extra] {
