@@ -204,7 +204,7 @@ impl Polytope {
             start_above += facet.area * (1.0 + nu);
             if sine2 < LEVEL {
                 start_below += facet.area * (1.0 - nu);
-                tangents.push([[0.0; 3]; 2]);
+                tangents.push([[0.0; 2]; 3]);
                 continue;
             }
             let (down, up) = if nu < 0.0 {
@@ -212,7 +212,8 @@ impl Polytope {
             } else {
                 (1.0 / (1.0 + nu), (1.0 + nu) / sine2)
             };
-            tangents.push([down, up].map(|x| [x * t[0], x * t[1], x * t[2]]));
+            let [x, y, z] = t;
+            tangents.push([[down * x, up * x], [down * y, up * y], [down * z, up * z]]);
         }
         // A level face on top adds nothing below: its factor is zero but for rounding.
         out.constant = [
@@ -241,15 +242,20 @@ impl Polytope {
             let p = sub(self.vertices[a], origin);
             let m = sub(self.vertices[b], self.vertices[a]);
             let slope = 0.5 * scale / reach;
-            let coefficients = |up: Vec3, down: Vec3| {
-                let g = sub(up, down);
-                [narrow(scale * dot(p, g)), narrow(slope * dot(m, g))]
-            };
+            // Below and above side by side, two numbers in one register.
+            let (mut linear, mut quadratic) = ([0.0; 2], [0.0; 2]);
+            for k in 0..3 {
+                for side in 0..2 {
+                    let g = up[k][side] - down[k][side];
+                    linear[side] += p[k] * g;
+                    quadratic[side] += m[k] * g;
+                }
+            }
             out.edges.push(EdgeTerm {
                 start: narrow(heights[a] - base),
                 reach: narrow(reach),
-                below: coefficients(up[0], down[0]),
-                above: coefficients(up[1], down[1]),
+                below: [narrow(scale * linear[0]), narrow(slope * quadratic[0])],
+                above: [narrow(scale * linear[1]), narrow(slope * quadratic[1])],
             });
         }
     }

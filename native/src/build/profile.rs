@@ -41,7 +41,7 @@ pub struct Profile {
     /// Heights of the vertices of a polytope, between its two steps.
     pub heights: Vec<f64>,
     /// Room for what its faces add to the edges.
-    pub tangents: Vec<[[f64; 3]; 2]>,
+    pub tangents: Vec<[[f64; 2]; 3]>,
 }
 
 impl Profile {

@@ -13,7 +13,7 @@ mod stretches;
 
 use super::cost::Costs;
 use super::profile::Profile;
-use fearless_simd::{Level, Select, Simd, SimdBase, SimdMask, dispatch, f32x8};
+use fearless_simd::{Level, Select, Simd, SimdBase, SimdMask, dispatch, f32x8, f32x16};
 
 /// Of up to this many triangles all ends are counted.
 const COUNT_LIMIT: usize = 8;
@@ -135,24 +135,31 @@ impl Scratch {
         if thickness <= 0.0 {
             return;
         }
-        let half = 0.5 * thickness;
-        // By dozens first: few are parallel in most nodes.
-        for (mins, maxs) in self.min.chunks(16).zip(self.max.chunks(16)) {
-            let flattest = mins
-                .iter()
-                .zip(maxs)
-                .fold(false, |any, (&min, &max)| any | (max - min <= half));
-            if !flattest {
-                continue;
-            }
-            for (&min, &max) in mins.iter().zip(maxs) {
-                if max - min <= half {
-                    let (below, above) = (min - thickness, max + thickness);
-                    // Neighbours often lie in one plane.
-                    if self.extra.last() != Some(&above) {
-                        self.extra.extend([below, above]);
-                    }
-                }
+        dispatch!(Level::new(), simd => slabs(simd, (&self.min, &self.max), thickness, &mut self.extra));
+    }
+}
+
+/// The heights of slabs. Few triangles are parallel to the planes in most nodes.
+#[inline(always)]
+fn slabs<S: Simd>(simd: S, (mins, maxs): (&[f32], &[f32]), thickness: f32, out: &mut Vec<f32>) {
+    let half = f32x16::splat(simd, 0.5 * thickness);
+    let (mut min, mut max) = ([0.0; 16], [f32::INFINITY; 16]);
+    for (mins, maxs) in mins.chunks(16).zip(maxs.chunks(16)) {
+        let extent = if mins.len() == 16 {
+            f32x16::from_slice(simd, maxs) - f32x16::from_slice(simd, mins)
+        } else {
+            min[..mins.len()].copy_from_slice(mins);
+            max[..mins.len()].copy_from_slice(maxs);
+            f32x16::from_slice(simd, &max) - f32x16::from_slice(simd, &min)
+        };
+        let mut flat = extent.simd_le(half).to_bitmask();
+        while flat != 0 {
+            let i = flat.trailing_zeros() as usize;
+            flat &= flat - 1;
+            let (below, above) = (mins[i] - thickness, maxs[i] + thickness);
+            // Neighbours often lie in one plane.
+            if out.last() != Some(&above) {
+                out.extend([below, above]);
             }
         }
     }

@@ -172,15 +172,10 @@ impl<S: Simd> Least<S> {
     /// The stretch of the least price.
     #[inline(always)]
     fn first(&self) -> usize {
-        let mut inner = [0.0; 16];
-        self.inner[0].store_slice(&mut inner[..8]);
-        self.inner[1].store_slice(&mut inner[8..]);
-        let mut first = 0;
-        for (i, &price) in inner.iter().enumerate() {
-            if price < inner[first] {
-                first = i;
-            }
-        }
-        first
+        let [a, b] = self.inner;
+        let least = f32x8::splat(a.simd, a.min(b).reduce_min());
+        let bits = a.simd_eq(least).to_bitmask() | b.simd_eq(least).to_bitmask() << 8;
+        // Prices are numbers, so that one is the least.
+        (bits.trailing_zeros() as usize).min(15)
     }
 }
