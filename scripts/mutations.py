@@ -62,7 +62,7 @@ EXACT = ("contract", "brute_force_answers_like_exact_arithmetic")
 """What is wrong everywhere alike."""
 
 ENDS = ("contract", "the_ends_of_the_interval_count_and_nothing_beyond")
-BLOCK = ("lib", "traverse::blocks::tests::no_hit_is_ever_rejected")
+BLOCK = ("lib", "traverse::candidates::tests::no_hit_is_ever_rejected")
 VERDICT = ("lib", "geom::verdict::tests")
 INTEGERS = ("lib", "geom::exact")
 BEAMS = ("beams", "pixels_are_those_of_single_rays_at_every_size")
@@ -70,7 +70,7 @@ STABILITY = ("tests/core/test_stability.py", "lie")
 
 _FRAME = "native/src/traverse/frame.rs"
 _QUERY = "native/src/traverse/query.rs"
-_BLOCKS = "native/src/traverse/blocks.rs"
+_CANDIDATES = "native/src/traverse/candidates.rs"
 _VERDICT = "native/src/geom/verdict.rs"
 _MONITOR = "native/src/build/monitor.rs"
 
@@ -150,19 +150,19 @@ FAULTS = (
     ),
     Fault(
         "the f32 test without bounds on its weights",
-        _BLOCKS,
-        "least.simd_lt(-uv_error)",
-        "least.simd_lt(splat(0.0))",
+        _CANDIDATES,
+        "self.least.simd_lt(-uv_error)",
+        "self.least.simd_lt(splat(0.0))",
         BLOCK,
     ),
     Fault(
         "the f32 test without a bound on its distance",
-        _BLOCKS,
+        _CANDIDATES,
         "(T_ERROR * span * size + 6.0 * blur * (size + 2.0 * span)) * size + floor",
         "0.0 * span",
         BLOCK,
     ),
-    Fault("the f32 test blind behind the origin", _BLOCKS, "keep_max(-ray.t_min, reach)", "reach", BLOCK),
+    Fault("the f32 test blind behind the origin", _CANDIDATES, "keep_max(-ray.t_min, reach)", "reach", BLOCK),
     Fault(
         "signs that f64 cannot tell taken as they are",
         _VERDICT,
@@ -313,6 +313,16 @@ FAULTS = (
         "true",
         ("grid", "triangles_that_reach_a_corner"),
     ),
+    Fault("hits that wait forgotten for one as near", _QUERY, "far >= self.held.low", "false", ALL),
+    Fault(
+        "no room for the rounding of hits that wait",
+        _FRAME,
+        "high * (PRUNE * PRUNE) + 2.0 * self.last_place",
+        "high",
+        BLOCK,
+    ),
+    Fault("sure distances without a far end", _CANDIDATES, "[low[lane], high[lane]]", "[low[lane], low[lane]]", BLOCK),
+    Fault("sure hits outside the interval", _FRAME, "begun && within", "true", ENDS),
 )
 
 
@@ -366,7 +376,7 @@ def build(copy: Path) -> dict[str, Path]:
     """Build the tests of the copy: program name to file. Raises CalledProcessError."""
     programs = sorted({fault.test[0] for fault in FAULTS if fault.is_rust})
     chosen = [part for name in programs for part in (["--lib"] if name == "lib" else ["--test", name])]
-    command = ["cargo", "test", "--release", "--no-run", "--message-format=json", *chosen]
+    command = ["cargo", "test", "--release", "--no-run", "--message-format=json-render-diagnostics", *chosen]
     release = {"LTO": "off", "CODEGEN_UNITS": "16"}
     environment = {"CARGO_TARGET_DIR": str(ROOT / "build" / "mutations")} | dict(os.environ)
     environment |= {f"CARGO_PROFILE_RELEASE_{key}": value for key, value in release.items()}

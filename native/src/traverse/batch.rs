@@ -32,6 +32,10 @@ macro_rules! baseline {
 }
 pub(super) use baseline;
 
+/// So many rays are brought into the frame one after another before the first is walked: alone each would
+/// wait for its own divisions.
+pub(super) const AHEAD: usize = 8;
+
 /// A way of walking a tree with single rays.
 pub trait Walk: Sync {
     /// Buffers that rays can share one after another, such as a stack.
@@ -113,6 +117,15 @@ impl<'a> Batch<'a> {
         match self.placed {
             None => self.frame.ray(&self.rays[i]),
             Some(placed) => Some(placed[i]),
+        }
+    }
+
+    /// The rays from `first` on in the frame of the structure, as many as there is room for.
+    #[inline(always)]
+    fn frame_ahead(&self, first: usize, frames: &mut [Option<FrameRay<'a>>; AHEAD]) {
+        let left = self.rays.len() - first;
+        for (i, framed) in frames.iter_mut().enumerate().take(left) {
+            *framed = self.framed(first + i);
         }
     }
 
@@ -235,37 +248,36 @@ impl<'a> Batch<'a> {
     ) {
         let mut scratch = walk.scratch();
         let mut cache = self.cache::<Q>();
-        for (i, ray) in self.rays.iter().enumerate() {
-            let mut counters = counter(i);
-            let own;
-            let framed = if let Some(placed) = self.placed {
-                &placed[i]
-            } else if let Some(framed) = self.frame.ray(ray) {
-                own = framed;
-                &own
-            } else {
-                write(i, Hit::MISS);
-                continue;
-            };
-            if Q::ANY
-                && let Some(hit) = self.cached(&cache, (ray, framed), &mut counters)
-            {
+        let mut frames = [None; AHEAD];
+        for (chunk, rays) in self.rays.chunks(AHEAD).enumerate() {
+            let first = chunk * AHEAD;
+            self.frame_ahead(first, &mut frames);
+            for (i, (ray, framed)) in (first..).zip(rays.iter().zip(&frames)) {
+                let mut counters = counter(i);
+                let Some(framed) = framed else {
+                    write(i, Hit::MISS);
+                    continue;
+                };
+                if Q::ANY
+                    && let Some(hit) = self.cached(&cache, (ray, framed), &mut counters)
+                {
+                    write(i, hit);
+                    continue;
+                }
+                let hit = walk.cast::<S, Q, C>(
+                    simd,
+                    (self.scene, self.blocks),
+                    (ray, framed),
+                    &mut scratch,
+                    &mut counters,
+                );
+                if Q::ANY
+                    && let Some(cache) = &mut cache
+                {
+                    cache.remember(cache.entry(ray), &hit);
+                }
                 write(i, hit);
-                continue;
             }
-            let hit = walk.cast::<S, Q, C>(
-                simd,
-                (self.scene, self.blocks),
-                (ray, framed),
-                &mut scratch,
-                &mut counters,
-            );
-            if Q::ANY
-                && let Some(cache) = &mut cache
-            {
-                cache.remember(cache.entry(ray), &hit);
-            }
-            write(i, hit);
         }
     }
 

@@ -5,16 +5,16 @@
 //! rows of `n` floats (the three corners, each x y z); `n` triangle numbers. Rows are as long as the block has triangles, without padding: loads run over
 //! the end of a row and the surplus lanes are ignored.
 //!
-//! The test is that of Möller and Trumbore 1997, with an error bound on each of its quantities. It
-//! rejects a triangle only when the bound proves the miss; all others go to the exact verdict.
+//! What [`super::candidates`] cannot rule out goes to the exact verdict.
 
-use super::frame::{Frame, FrameRay, U, keep_max, keep_min};
+use super::candidates::Candidates;
+use super::frame::{Frame, FrameRay, keep_max, keep_min};
 use super::keep::{Keep, write_lane};
 use super::query::{Best, Counters, Query};
 use super::ray::Ray;
 use crate::geom::vec3::map;
 use crate::scene::Triangles;
-use fearless_simd::{Simd, SimdBase, SimdFloat, SimdMask, f32x8};
+use fearless_simd::Simd;
 
 /// Triangles per block.
 pub const LANES: usize = 8;
@@ -25,21 +25,6 @@ pub(super) const WORDS: usize = 10;
 /// Words that the test may read from the beginning of any block, however few triangles it has: all
 /// loads then lie provably inside, and are checked once per block.
 pub(super) const SPAN: usize = 1 + WORDS * LANES + LANES;
-
-// With |d| < 2 per component, |e| <= E, |o - v| <= S and all inputs of the test rounded once, the
-// roundings of each quantity add up to less than (per component bounds, worst case of signs):
-//   d x e2: 12 u E      s x e1: 8 u S E
-//   det = e1 . (d x e2): 84 u E^2       u = s . (d x e2): 84 u S E
-//   v = d . (s x e1): 84 u S E          t = e2 . (s x e1): 48 u S E^2
-// A determinant within its error may come out with the wrong sign, and then all signs are wrong.
-// But then the true weights of a hit, which add up to it, are as small, and so is t times it. Three
-// times the determinant's error on the other bounds covers that case.
-pub(super) const DET_ERROR: f32 = 96.0 * U;
-pub(super) const UV_ERROR: f32 = 96.0 * U;
-pub(super) const T_ERROR: f32 = 64.0 * U;
-
-/// Absolute part of every bound, where products lost bits below the normal numbers.
-pub(super) const UNDERFLOW: f32 = 1e-36;
 
 /// All leaf triangles of a structure, in one array.
 #[derive(Debug, Clone, Default)]
@@ -267,27 +252,57 @@ impl Blocks {
                     .expect("sealed: no block is the last")
             };
             let mut open = Candidates::new(simd, block, n, frame, keep_min(leave, best.reach));
-            while let Some(lane) = open.next::<Q>() {
-                let id = block[1 + 9 * n + lane].to_bits();
-                // The corners are at hand, unless the frame had to scale them.
-                let corners = || {
-                    if self.scaled() {
-                        return scene.corners(id);
-                    }
-                    let at = |r: usize| block[1 + r * n + lane];
-                    [
-                        [at(0), at(1), at(2)],
-                        [at(3), at(4), at(5)],
-                        [at(6), at(7), at(8)],
-                    ]
-                };
-                if best.offer::<Q, C>((ray, frame), id, corners, counters) {
+            if open.any() {
+                open.refine::<Q, C>(simd, block, n, frame);
+                let triangles = (block, n, scene);
+                if self.settle::<S, Q, C>(simd, open, triangles, (ray, frame), best, counters) {
                     return true;
                 }
-                open.drop_beyond(simd, best.reach);
             }
             at += if indices { 4 * n } else { 1 + WORDS * n };
             left -= n;
+        }
+        false
+    }
+
+    /// Puts the candidates of a block of `n` triangles to the verdict, the nearest first; says whether the
+    /// walk may end.
+    #[inline(always)]
+    fn settle<S: Simd, Q: Query, C: Counters>(
+        &self,
+        simd: S,
+        mut open: Candidates<S>,
+        (block, n, scene): (&[f32; SPAN], usize, &Triangles),
+        (ray, frame): (&Ray, &FrameRay),
+        best: &mut Best,
+        counters: &mut C,
+    ) -> bool {
+        while let Some(lane) = open.next::<Q>() {
+            let id = block[1 + 9 * n + lane].to_bits();
+            // The corners are at hand, unless the frame had to scale them.
+            let corners = || {
+                if self.scaled() {
+                    return scene.corners(id);
+                }
+                let at = |r: usize| block[1 + r * n + lane];
+                [
+                    [at(0), at(1), at(2)],
+                    [at(3), at(4), at(5)],
+                    [at(6), at(7), at(8)],
+                ]
+            };
+            let held = match open.sure(lane) {
+                Some(range) => best.hold::<Q>((ray, frame), id, range, corners),
+                _ => None,
+            };
+            let ends = match held {
+                Some(ends) => ends,
+                None => best.offer::<Q, C>((ray, frame), id, corners, counters),
+            };
+            if ends {
+                return true;
+            }
+            open.drop_beyond(simd, best.reach);
         }
         false
     }
@@ -310,140 +325,3 @@ impl Blocks {
         block[0] = size;
     }
 }
-
-/// The triangles of one block that the ray may hit, the nearest first.
-struct Candidates<S: Simd> {
-    lanes: u64,
-    det: f32x8<S>,
-    t: f32x8<S>,
-    det_error: f32,
-    t_error: f32,
-}
-
-impl<S: Simd> Candidates<S> {
-    /// Rejects every triangle that the ray certainly misses between its start and `reach`.
-    #[inline(always)]
-    fn new(simd: S, block: &[f32; SPAN], n: usize, ray: &FrameRay, reach: f32) -> Self {
-        let splat = |x: f32| f32x8::splat(simd, x);
-        let row = |r: usize| f32x8::from_slice(simd, &block[1 + r * n..1 + r * n + LANES]);
-        let size = block[0];
-        let (dx, dy, dz) = (splat(ray.d[0]), splat(ray.d[1]), splat(ray.d[2]));
-        let s = [
-            splat(ray.o[0]) - row(0),
-            splat(ray.o[1]) - row(1),
-            splat(ray.o[2]) - row(2),
-        ];
-        let [sx, sy, sz] = s;
-        let v = [row(0), row(1), row(2)];
-        let a = [row(3) - v[0], row(4) - v[1], row(5) - v[2]];
-        let b = [row(6) - v[0], row(7) - v[1], row(8) - v[2]];
-        let ([ax, ay, az], [bx, by, bz]) = (a, b);
-
-        // p = d x e2, q = s x e1
-        let px = dy.mul_sub(bz, dz * by);
-        let py = dz.mul_sub(bx, dx * bz);
-        let pz = dx.mul_sub(by, dy * bx);
-        let qx = sy.mul_sub(az, sz * ay);
-        let qy = sz.mul_sub(ax, sx * az);
-        let qz = sx.mul_sub(ay, sy * ax);
-        let det = ax.mul_add(px, ay.mul_add(py, az * pz));
-        let u = sx.mul_add(px, sy.mul_add(py, sz * pz));
-        let v = dx.mul_add(qx, dy.mul_add(qy, dz * qz));
-        let t = bx.mul_add(qx, by.mul_add(qy, bz * qz));
-
-        // Turn everything so that the determinant is positive.
-        let sign = splat(1.0).copysign(det);
-        let (det, u, v, t) = (det * sign, u * sign, v * sign, t * sign);
-        let least = u.min(v).min(det - u - v);
-
-        // A corner of a triangle that is hit within reach, or behind the origin where the ray begins there, is
-        // no farther than that, and its size.
-        let farthest = keep_max(-ray.t_min, reach);
-        // In an instance's space offsets and edges may be off by the blur; what the rows of a determinant
-        // are off by adds up, times six for its products and times the size of the other rows.
-        let (blur, drift) = (ray.blur, 6.0 * ray.drift);
-        let size = size + blur;
-        let span = keep_min((2.0 + drift) * farthest + size, ray.span) + blur;
-        // Zero, or NaN where some product may have overflowed: NaN bounds reject nothing.
-        let overflow = 0.0 * (64.0 * span * size * size.max(1.0));
-        let floor = UNDERFLOW + overflow;
-        let det_error = ((DET_ERROR + drift) * size + 24.0 * blur) * size + UNDERFLOW;
-        let t_error = (T_ERROR * span * size + 6.0 * blur * (size + 2.0 * span)) * size + floor;
-        let uv_error = 2.0 * ((UV_ERROR + drift) * span * size + 12.0 * blur * (span + size))
-            + 3.0 * det_error
-            + floor;
-        let doubt = t_error + 3.0 * reach.abs() * det_error;
-        let rejected =
-            least.simd_lt(splat(-uv_error)) | t.simd_gt(det.mul_add(splat(reach), splat(doubt)));
-        let mut lanes = !rejected.to_bitmask() & ((1 << n) - 1);
-        if lanes != 0 {
-            // The bounds above are those of the block's largest triangle; now each gets its own.
-            let largest = |v: [f32x8<S>; 3]| v[0].abs().max(v[1].abs()).max(v[2].abs());
-            let size = largest(a).max(largest(b)) + splat(blur);
-            let span = largest(s) + splat(blur);
-            let blurred = (span + size * splat(4.0)).mul_add(splat(24.0 * blur), splat(floor));
-            let uv_error = size.mul_add(
-                size * splat(3.0 * (DET_ERROR + drift)),
-                size.mul_add(span * splat(2.0 * (UV_ERROR + drift)), blurred),
-            );
-            let behind = if ray.t_min >= -1e-30 {
-                -doubt
-            } else {
-                f32::NEG_INFINITY
-            };
-            // Rays inside an axis-parallel wall: the verdict would say at length what equality of
-            // coordinates says at once, that they miss it. Differences of floats vanish only then.
-            let apart = |k: usize| {
-                let offset = s[k].abs().max(a[k].abs()).max(b[k].abs());
-                offset.max(splat(ray.still[k]))
-            };
-            let nearest = apart(0).min(apart(1)).min(apart(2));
-            let in_wall = nearest.simd_eq(splat(0.0));
-            let rejected = least.simd_lt(-uv_error) | t.simd_lt(splat(behind)) | in_wall;
-            lanes &= !rejected.to_bitmask();
-        }
-        Self {
-            lanes,
-            det,
-            t,
-            det_error,
-            t_error,
-        }
-    }
-
-    /// Takes out the lane that seems nearest; any lane, when any hit will do.
-    #[inline(always)]
-    fn next<Q: Query>(&mut self) -> Option<usize> {
-        if self.lanes == 0 {
-            return None;
-        }
-        let mut lane = self.lanes.trailing_zeros() as usize;
-        let mut others = self.lanes & (self.lanes - 1);
-        if !Q::ANY && others != 0 {
-            let mut distances = [0.0; LANES];
-            (self.t / self.det).store_slice(&mut distances);
-            while others != 0 {
-                let other = others.trailing_zeros() as usize;
-                if distances[other] < distances[lane] {
-                    lane = other;
-                }
-                others &= others - 1;
-            }
-        }
-        self.lanes &= !(1 << lane);
-        Some(lane)
-    }
-
-    /// Drops the triangles that lie certainly beyond `reach`.
-    #[inline(always)]
-    fn drop_beyond(&mut self, simd: S, reach: f32) {
-        if self.lanes != 0 {
-            let doubt = f32x8::splat(simd, self.t_error + 3.0 * reach.abs() * self.det_error);
-            let limit = self.det.mul_add(f32x8::splat(simd, reach), doubt);
-            self.lanes &= !self.t.simd_gt(limit).to_bitmask();
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests;

@@ -423,6 +423,29 @@ impl<'a> FrameRay<'a> {
         self.slackened(t, PRUNE) + self.last_place
     }
 
+    /// What a distance in the frame is taken times in the scene; a power of two.
+    #[inline(always)]
+    pub fn to_scene(&self) -> f64 {
+        1.0 / self.to_frame
+    }
+
+    /// Whether a hit between these distances in the frame certainly lies in the ray's own interval, and its
+    /// `t` in the range of floats. Of rays in an instance's space nothing is certain.
+    #[inline(always)]
+    pub fn surely_within(&self, ray: &Ray, [low, high]: [f32; 2]) -> bool {
+        let begun = low > self.reach(ray.t_min) && low > 0.0;
+        // Written so that nothing is certain of what is not a number.
+        let within = high < self.lower(ray.t_max) && high < self.lower(f32::MAX);
+        self.place.is_none() && begun && within
+    }
+
+    /// A distance in the frame that nothing can fall below which is farther than what lies no farther than
+    /// `high` there, after the distances of both in the scene are rounded.
+    #[inline(always)]
+    pub fn beyond(&self, high: f32) -> f32 {
+        high * (PRUNE * PRUNE) + 2.0 * self.last_place
+    }
+
     /// A distance in the frame that nothing at `t` or farther can fall below.
     #[inline(always)]
     fn lower(&self, t: f32) -> f32 {

@@ -2,14 +2,14 @@
 //! One triangle against eight rays of a common origin or direction: what depends on the shared half
 //! and the triangle alone is worked out once, and each ray is left with three dot products.
 //!
-//! The test and its error bounds are those of [`super::blocks`], with the triple products turned
+//! The test and its error bounds are those of [`super::candidates`], with the triple products turned
 //! around so that what differs comes last; the bounds there hold for these orders as well. With the
 //! direction last, the cross products of edges and offsets are off by 8 u E^2 and 8 u S E per
 //! component, the dot products with |d| < 2 make that 48 and add 36, which is 84 u E^2 and
 //! 84 u S E again. With the offset last, those of direction and edge are off by 12 u E, those of
 //! edges by 8 u E^2; offset and dot product make that 84 u S E and 48 u S E^2 again.
 
-use super::blocks::{DET_ERROR, T_ERROR, UNDERFLOW, UV_ERROR};
+use super::candidates::{DET_ERROR, T_ERROR, UNDERFLOW, UV_ERROR};
 use fearless_simd::{Simd, SimdBase, SimdFloat, SimdMask, f32x8};
 
 /// A triangle as seen from one origin.
@@ -124,7 +124,7 @@ impl Along {
     }
 }
 
-/// A triangle for rays that share nothing; the test of [`super::blocks`], a lane per ray.
+/// A triangle for rays that share nothing; the test of [`super::candidates`], a lane per ray.
 pub struct Free {
     corner: [f32; 3],
     e1: [f32; 3],

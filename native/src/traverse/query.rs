@@ -28,18 +28,34 @@ impl Query for Any {
     const ANY: bool = true;
 }
 
-/// What happens during a walk, reported when it happens.
+/// What happens during a walk, reported when it happens. Of what a counter does not say otherwise it takes no note.
 pub trait Counters {
+    /// Whether nobody asks which triangles were put to the verdict: a shadow ray then needs none where f32
+    /// is sure of a hit.
+    const QUICK: bool = false;
+    /// Whether, beyond that, the verdict on a triangle that f32 is sure of may wait until it is known that no
+    /// other is nearer. The walk then ends with [`Best::answer`].
+    const LATE: bool = false;
+
     /// An inner node with an axis-aligned plane, a box, a slab pair or an octant was visited.
-    fn step_axis(&mut self);
+    #[inline(always)]
+    fn step_axis(&mut self) {}
     /// An inner node with an oblique plane was visited.
-    fn step_oblique(&mut self);
+    #[inline(always)]
+    fn step_oblique(&mut self) {}
     /// A leaf with this many triangles was visited.
-    fn leaf(&mut self, triangles: usize);
+    #[inline(always)]
+    fn leaf(&mut self, triangles: usize) {
+        let _ = triangles;
+    }
     /// This many triangles were tested in f32.
-    fn tests(&mut self, triangles: usize);
+    #[inline(always)]
+    fn tests(&mut self, triangles: usize) {
+        let _ = triangles;
+    }
     /// A candidate was put to the exact verdict.
-    fn verdict(&mut self);
+    #[inline(always)]
+    fn verdict(&mut self) {}
     /// A walk that tells cases apart met this one, by its place in [`RayCounters::cases`]; it is worked out
     /// only when it is counted.
     #[inline(always)]
@@ -62,7 +78,8 @@ pub trait Counters {
     }
 
     /// The answer came without a walk of the ray's own.
-    fn spared(&mut self);
+    #[inline(always)]
+    fn spared(&mut self) {}
 }
 
 /// Counts nothing, costs nothing.
@@ -70,18 +87,15 @@ pub trait Counters {
 pub struct NoCount;
 
 impl Counters for NoCount {
-    #[inline(always)]
-    fn step_axis(&mut self) {}
-    #[inline(always)]
-    fn step_oblique(&mut self) {}
-    #[inline(always)]
-    fn leaf(&mut self, _: usize) {}
-    #[inline(always)]
-    fn tests(&mut self, _: usize) {}
-    #[inline(always)]
-    fn verdict(&mut self) {}
-    #[inline(always)]
-    fn spared(&mut self) {}
+    const QUICK: bool = true;
+}
+
+/// The same for walks that pass their verdicts late.
+pub struct NoCountLate;
+
+impl Counters for NoCountLate {
+    const QUICK: bool = true;
+    const LATE: bool = true;
 }
 
 /// Counts into the counters of one ray, and records what its leaves answer if there is a record.
@@ -138,9 +152,30 @@ impl Counters for Count<'_> {
     }
 }
 
+/// A triangle that a ray certainly hits, and on which there is no verdict yet.
+#[derive(Clone, Copy)]
+pub struct Held {
+    /// Its number in the structure; [`Hit::NONE`] if there is none.
+    pub triangle: u32,
+    /// Its corners in the scene.
+    pub corners: [[f32; 3]; 3],
+    /// Lower bound on its distance in the frame's units.
+    low: f32,
+}
+
+impl Held {
+    const NOTHING: Self = Self {
+        triangle: Hit::NONE,
+        corners: [[0.0; 3]; 3],
+        low: f32::INFINITY,
+    };
+}
+
 /// The best hit of a walk so far, and how far the walk still has to look.
 pub struct Best {
     hit: Hit,
+    /// What may be a better one.
+    held: Held,
     /// Upper bound, in the frame's units, on the distance of anything that could still win.
     pub reach: f32,
 }
@@ -151,6 +186,7 @@ impl Best {
     pub fn new(ray: &FrameRay) -> Self {
         Self {
             hit: ray.known,
+            held: Held::NOTHING,
             reach: ray.t_max,
         }
     }
@@ -160,6 +196,7 @@ impl Best {
     pub fn blank() -> Self {
         Self {
             hit: Hit::MISS,
+            held: Held::NOTHING,
             reach: f32::INFINITY,
         }
     }
@@ -169,6 +206,7 @@ impl Best {
     pub fn known(hit: Hit) -> Self {
         Self {
             hit,
+            held: Held::NOTHING,
             reach: f32::NEG_INFINITY,
         }
     }
@@ -214,10 +252,54 @@ impl Best {
                 u: found.u,
                 v: found.v,
             };
-            self.reach = frame.reach(found.t);
+            self.reach = keep_min(frame.reach(found.t), self.reach);
             counters.improved(self.hit);
         }
         Q::ANY
+    }
+
+    /// Takes a triangle that the ray certainly hits, between these distances in the frame's units. Says whether
+    /// the walk may end; `None` when only the verdict can tell what comes of it.
+    ///
+    /// Of two such triangles one may be certainly nearer, however both distances are rounded: the other one is
+    /// forgotten, and of most rays only one triangle is ever put to the verdict.
+    #[inline(always)]
+    pub fn hold<Q: Query>(
+        &mut self,
+        (ray, frame): (&Ray, &FrameRay),
+        id: u32,
+        [low, high]: [f32; 2],
+        corners: impl FnOnce() -> [[f32; 3]; 3],
+    ) -> Option<bool> {
+        if !frame.surely_within(ray, [low, high]) {
+            return None;
+        }
+        debug_assert_eq!(frame.first, 0, "not in an instance's space");
+        if Q::ANY {
+            // Nobody asks how far away it is.
+            self.hit = Hit {
+                t: ray.t_max,
+                triangle: id,
+                u: 0.0,
+                v: 0.0,
+            };
+            return Some(true);
+        }
+        if id == self.hit.triangle || id == self.held.triangle {
+            return Some(false);
+        }
+        let far = frame.beyond(high);
+        // Lower than nothing is every distance.
+        if far >= self.held.low {
+            return None;
+        }
+        self.held = Held {
+            triangle: id,
+            corners: corners(),
+            low,
+        };
+        self.reach = keep_min(far, self.reach);
+        Some(false)
     }
 
     /// Takes a hit from a recording; says whether the walk may end.
@@ -231,9 +313,29 @@ impl Best {
         Q::ANY
     }
 
-    /// The answer.
+    /// The answer of a walk that puts its candidates to the verdict at once.
     #[inline(always)]
     pub fn hit(&self) -> Hit {
+        debug_assert_eq!(self.held.triangle, Hit::NONE, "a verdict is still to come");
+        self.hit
+    }
+
+    /// The triangle on which there is no verdict yet, where that is all that is known.
+    #[inline(always)]
+    pub fn held(&self) -> Option<&Held> {
+        (self.held.triangle != Hit::NONE && !self.hit.is_hit()).then_some(&self.held)
+    }
+
+    /// The answer at the end of a walk, after the verdict that may have waited for it.
+    #[inline(always)]
+    pub fn answer(&mut self, ray: (&Ray, &FrameRay)) -> Hit {
+        if self.held.triangle != Hit::NONE {
+            let Held {
+                triangle, corners, ..
+            } = std::mem::replace(&mut self.held, Held::NOTHING);
+            self.offer::<Closest, _>(ray, triangle, || corners, &mut NoCount);
+            debug_assert!(self.hit.is_hit(), "the ray certainly hits it");
+        }
         self.hit
     }
 }

@@ -79,19 +79,6 @@ impl Replay<'_> {
 }
 
 impl Counters for Replay<'_> {
-    #[inline(always)]
-    fn step_axis(&mut self) {}
-    #[inline(always)]
-    fn step_oblique(&mut self) {}
-    #[inline(always)]
-    fn leaf(&mut self, _: usize) {}
-    #[inline(always)]
-    fn tests(&mut self, _: usize) {}
-    #[inline(always)]
-    fn verdict(&mut self) {}
-    #[inline(always)]
-    fn spared(&mut self) {}
-
     const REPLAY: bool = true;
 
     #[inline(always)]

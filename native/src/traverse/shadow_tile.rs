@@ -12,7 +12,7 @@ use super::blocks::Blocks;
 use super::frame::Frame;
 use super::query::{Any, Counters};
 use super::ray::{Hit, Ray};
-use super::tile::{Backoff, LANES, Row, Tile, bits, load, place, seat, splat};
+use super::tile::{Backoff, LANES, Row, Tile, bits, load, place, seat, singly, splat};
 use super::tile_leaf::{Candidate, Judge};
 use super::tile_nearest::count;
 use super::tile_verdict::any;
@@ -197,31 +197,29 @@ pub fn cast<S: Simd, W: Walk, C: Counters, const R: usize>(
         }
         (blocked, rest) = (shadows.blocked, tile.rest);
     }
-    let mut scratch = single.scratch();
-    for (i, ray) in rays.iter().enumerate() {
+    let is = |lanes: [u16; R], i: usize| {
         let (row, lane) = seat(i);
-        let is = |lanes: [u16; R]| lanes[row] >> lane & 1 == 1;
-        let hit = if is(blocked) {
+        lanes[row] >> lane & 1 == 1
+    };
+    for (i, ray) in rays.iter().enumerate() {
+        if is(blocked, i) {
             // Of any hit only that there is one is asked.
-            Hit {
+            let hit = Hit {
                 t: ray.t_max,
                 triangle: 0,
                 u: 0.0,
                 v: 0.0,
-            }
-        } else if let (true, Some(framed)) = (is(rest), frame.ray(ray)) {
-            single.cast::<S, Any, C>(
-                simd,
-                triangles,
-                (ray, &framed),
-                &mut scratch,
-                &mut counters[i],
-            )
-        } else {
-            Hit::MISS
-        };
-        write(i, hit);
+            };
+            write(i, hit);
+        } else if !is(rest, i) {
+            write(i, Hit::MISS);
+        }
     }
+    let rest = rays
+        .iter()
+        .enumerate()
+        .filter_map(|(i, ray)| (is(rest, i) && !is(blocked, i)).then_some((i, *ray)));
+    singly::<S, W, Any, C>(simd, (single, triangles), (frame, rest), write, counters);
 }
 
 // No closures: they do not have the instruction set of the function around them unless they are inlined.

@@ -9,7 +9,8 @@
 use super::batch::{self, Batch};
 use super::blocks::Blocks;
 use super::frame::FrameRay;
-use super::query::{Best, Counters, NoCount, Query};
+use super::late::Late;
+use super::query::{Best, Counters, NoCount, NoCountLate, Query};
 use super::ray::{Hit, Ray};
 use super::shadow_cache::ShadowCache;
 use crate::scene::Triangles;
@@ -184,6 +185,7 @@ impl<'a> Batch<'a> {
     ) {
         let triangles = (self.scene, self.blocks);
         let mut cache = self.cache::<Q>();
+        let mut late = Late::new();
         let mut following = 0;
         let mut flights: Vec<Flight<'a, W>> = Vec::with_capacity(FLIGHT);
         let mut queues = Queues {
@@ -206,13 +208,21 @@ impl<'a> Batch<'a> {
                 let ray = queues.ray(Next::OVER, i);
                 let flight = &mut flights[ray as usize];
                 if let Some(own) = self.rays.get(flight.place) {
-                    let hit = flight.best.hit();
-                    if Q::ANY
-                        && let Some(cache) = &mut cache
-                    {
-                        cache.remember(cache.entry(own), &hit);
+                    match flight.best.held() {
+                        Some(held) if self.frame.is_scene() => {
+                            let ray = (flight.place, self.rays);
+                            late.push(simd, ray, &flight.frame, held, write);
+                        }
+                        _ => {
+                            let hit = flight.best.answer((own, &flight.frame));
+                            if Q::ANY
+                                && let Some(cache) = &mut cache
+                            {
+                                cache.remember(cache.entry(own), &hit);
+                            }
+                            write(flight.place, hit);
+                        }
                     }
-                    write(flight.place, hit);
                 }
                 if self.embark::<W, Q>(walk, &mut following, flight, &cache, write) {
                     queues.push(walk.next(&flight.course), ray);
@@ -250,10 +260,11 @@ impl<'a> Batch<'a> {
                 let flight = &mut flights[ray as usize];
                 let own = (&self.rays[flight.place], &flight.frame);
                 let course = (&mut flight.course, &mut flight.best);
-                walk.leaf::<S, Q, _>(simd, triangles, own, course, &mut NoCount);
+                walk.leaf::<S, Q, _>(simd, triangles, own, course, &mut NoCountLate);
                 queues.push(walk.next(&flight.course), ray);
             }
             if queues.count == [0; KINDS] {
+                late.settle(simd, self.rays, write);
                 return;
             }
         }

@@ -7,10 +7,10 @@
 //! so directions of both signs are no exception. Rays that start elsewhere, or are odd in another way,
 //! are left to a walk of single rays.
 
-use super::batch::Walk;
+use super::batch::{AHEAD, Walk};
 use super::blocks::Blocks;
 use super::frame::{Frame, PRUNE, TINY};
-use super::query::{Closest, Counters};
+use super::query::{Closest, Counters, Query};
 use super::ray::{Hit, Ray};
 use crate::geom::verdict::verdict_within;
 use crate::scene::Triangles;
@@ -455,27 +455,49 @@ pub fn finish<S: Simd, W: Walk, C: Counters, const R: usize>(
     if tile.rest == [0; R] {
         return;
     }
-    let mut scratch = single.scratch();
-    for (i, ray) in rays.iter().enumerate() {
+    let rest = rays.iter().enumerate().filter_map(|(i, ray)| {
         let (row, lane) = seat(i);
-        if tile.rest[row] >> lane & 1 == 0 {
-            continue;
-        }
         // The same hit again, or a better one.
         let found = tile.hit(row, lane);
         let t_max = if found.is_hit() { found.t } else { ray.t_max };
-        let ray = Ray { t_max, ..*ray };
-        let hit = match frame.ray(&ray) {
-            Some(framed) => single.cast::<S, Closest, C>(
-                simd,
-                triangles,
-                (&ray, &framed),
-                &mut scratch,
-                &mut counters[i],
-            ),
-            None => Hit::MISS,
-        };
-        write(i, hit);
+        (tile.rest[row] >> lane & 1 == 1).then_some((i, Ray { t_max, ..*ray }))
+    });
+    singly::<S, W, Closest, C>(simd, (single, triangles), (frame, rest), write, counters);
+}
+
+/// Walks rays of a tile, each with its place, one by one.
+#[inline(always)]
+pub fn singly<S: Simd, W: Walk, Q: Query, C: Counters>(
+    simd: S,
+    (single, triangles): (&W, (&Triangles, &Blocks)),
+    (frame, mut rays): (&Frame, impl Iterator<Item = (usize, Ray)>),
+    write: &mut impl FnMut(usize, Hit),
+    counters: &mut [C],
+) {
+    let mut scratch = single.scratch();
+    loop {
+        let mut ahead = [None; AHEAD];
+        for seat in &mut ahead {
+            if let Some((i, ray)) = rays.next() {
+                *seat = Some((i, ray, frame.ray(&ray)));
+            }
+        }
+        for (i, ray, framed) in ahead.iter().flatten() {
+            let hit = match framed {
+                Some(framed) => single.cast::<S, Q, C>(
+                    simd,
+                    triangles,
+                    (ray, framed),
+                    &mut scratch,
+                    &mut counters[*i],
+                ),
+                None => Hit::MISS,
+            };
+            write(*i, hit);
+        }
+        if ahead[AHEAD - 1].is_none() {
+            return;
+        }
     }
 }
 

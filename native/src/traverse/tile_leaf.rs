@@ -20,7 +20,8 @@
 //! weights by 6 b S E + 12 B E, the third by twice that and 6 b E^2, and the product that gives the
 //! distance by 6 B E^2. The bounds take a little more, for what both do together.
 
-use super::blocks::{Blocks, DET_ERROR, LANES as WIDE, SPAN, T_ERROR, UNDERFLOW, UV_ERROR};
+use super::blocks::{Blocks, LANES as WIDE, SPAN};
+use super::candidates::{DET_ERROR, T_ERROR, UNDERFLOW, UV_ERROR};
 use super::query::Counters;
 use super::ray::Ray;
 use super::tile::{Tile, bits, load, splat};

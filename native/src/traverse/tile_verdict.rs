@@ -96,7 +96,7 @@ pub fn any<S: Simd>(
     open: u16,
 ) -> (u16, u16) {
     let corners = [widen(corners[0]), widen(corners[1]), widen(corners[2])];
-    let (o, d) = (wide(simd, o), wide(simd, d));
+    let (o, d, to_scene) = (wide(simd, o), wide(simd, d), all(simd, to_scene));
     let low = half(simd, &From::seen(simd, o[0], corners), d[0], to_scene);
     let high = half(simd, &From::seen(simd, o[1], corners), d[1], to_scene);
     let join = |low: u16, high: u16| low | high << HALF;
@@ -112,6 +112,33 @@ pub fn any<S: Simd>(
     let inside = tile::bits(early.simd_ge(t_min) & late.simd_le(t_max)) & well & hit;
     let open = open & !(miss | outside);
     (open & inside, open & !inside)
+}
+
+/// The verdict on sixteen rays as in [`any`], and a triangle for each that it certainly hits: which of them f64 is certain of to the last
+/// bit, and their `t` and the weights of the second and the third corner.
+#[inline(always)]
+pub fn apart<S: Simd>(
+    simd: S,
+    (o, d, to_scene): (&[Row; 3], &[Row; 3], &[f64; LANES]),
+    corners: &[[Row; 3]; 3],
+) -> (u16, [Row; 3]) {
+    let (o, d) = (wide(simd, o), wide(simd, d));
+    let [a, b, c] = corners;
+    let (a, b, c) = (wide(simd, a), wide(simd, b), wide(simd, c));
+    let (below, above) = to_scene.split_at(HALF);
+    let low = From::of(simd, [sub(a[0], o[0]), sub(b[0], o[0]), sub(c[0], o[0])]);
+    let low = half(simd, &low, d[0], f64x8::from_slice(simd, below));
+    let high = From::of(simd, [sub(a[1], o[1]), sub(b[1], o[1]), sub(c[1], o[1])]);
+    let high = half(simd, &high, d[1], f64x8::from_slice(simd, above));
+    let early = simd.narrow_f64x8(low.early, high.early);
+    let late = simd.narrow_f64x8(low.late, high.late);
+    let certain = (low.hit & low.well) | (high.hit & high.well) << HALF;
+    let mut out = [[0.0; LANES]; 3];
+    // -0.0 becomes 0.0.
+    (early + splat(simd, 0.0)).store_slice(&mut out[0]);
+    simd.narrow_f64x8(low.u, high.u).store_slice(&mut out[1]);
+    simd.narrow_f64x8(low.v, high.v).store_slice(&mut out[2]);
+    (certain & tile::bits(early.simd_eq(late)), out)
 }
 
 /// What the verdict knows of eight triangles, each as seen from an origin.
@@ -215,7 +242,7 @@ fn take<S: Simd, const R: usize>(
     ids: u32x16<S>,
 ) -> u16 {
     let d = wide(simd, &tile.d[row]);
-    let to_scene = 1.0 / f64::from(tile.to_frame);
+    let to_scene = all(simd, 1.0 / f64::from(tile.to_frame));
     let low = half(simd, &triangles[0], d[0], to_scene);
     let high = half(simd, &triangles[1], d[1], to_scene);
     let open = open & !(low.miss | high.miss << HALF);
@@ -268,7 +295,7 @@ struct Half<S: Simd> {
 
 /// The verdict on eight rays.
 #[inline(always)]
-fn half<S: Simd>(simd: S, triangle: &From<S>, d: Vector<S>, to_scene: f64) -> Half<S> {
+fn half<S: Simd>(simd: S, triangle: &From<S>, d: Vector<S>, to_scene: f64x8<S>) -> Half<S> {
     let [a, b, c] = triangle.normals;
     let w = [dot(d, a), dot(d, b), dot(d, c)];
     let [a, b, c] = triangle.errors;
@@ -292,8 +319,8 @@ fn half<S: Simd>(simd: S, triangle: &From<S>, d: Vector<S>, to_scene: f64) -> Ha
         miss: bits(miss),
         hit: bits(hit),
         well: bits(well),
-        early: (t - slack) * all(simd, to_scene),
-        late: (t + slack) * all(simd, to_scene),
+        early: (t - slack) * to_scene,
+        late: (t + slack) * to_scene,
         u: w[1] * inverse,
         v: w[2] * inverse,
     }

@@ -2,6 +2,11 @@
 
 use super::*;
 use crate::geom::verdict::verdict;
+use crate::scene::Triangles;
+use crate::traverse::Ray;
+use crate::traverse::blocks::{Blocks, WORDS};
+use crate::traverse::frame::Frame;
+use crate::traverse::query::{Closest, NoCountLate};
 use fearless_simd::{Level, dispatch};
 use proptest::prelude::*;
 
@@ -57,12 +62,31 @@ proptest! {
         let mut at = first as usize;
         for ids in scene.live().chunks(LANES) {
             let n = ids.len();
-            let block = blocks.words[at..].first_chunk().unwrap();
+            let block = blocks.block_words(at);
             for &(farthest, reach) in &reaches {
-                let mask = dispatch!(Level::new(), simd => Candidates::new(simd, block, n, &framed, reach).lanes);
+                let (mask, sure) = dispatch!(Level::new(), simd => {
+                    let mut open = Candidates::new(simd, block, n, &framed, reach);
+                    open.refine::<Closest, NoCountLate>(simd, block, n, &framed);
+                    (open.lanes, std::array::from_fn::<_, LANES, _>(|lane| open.sure(lane)))
+                });
                 for (lane, &id) in ids.iter().enumerate() {
                     let lost = mask >> lane & 1 == 0 && hit(id).is_some_and(|t| t <= farthest);
                     prop_assert!(!lost, "triangle {id} was rejected");
+                    let Some([low, high]) = sure[lane].filter(|_| mask >> lane & 1 == 1) else {
+                        continue;
+                    };
+                    // A distance that f32 is sure of, compared in the frame after the verdict has rounded it.
+                    let found = verdict(o, d, scene.corners(id)).map(|v| v.t);
+                    prop_assert!(found.is_some(), "triangle {id} is missed for sure");
+                    if framed.surely_within(&ray, [low, high]) {
+                        let t = found.unwrap();
+                        prop_assert!(t_min <= t && t.is_finite(), "{t} is outside");
+                        let at = f64::from(t) / framed.to_scene();
+                        let slack = 1e-7 * at + 1e-44 / framed.to_scene();
+                        prop_assert!(f64::from(low) <= at + slack && at - slack <= f64::from(high));
+                        let above = (at as f32).next_up();
+                        prop_assert!(framed.reach(t) <= framed.beyond(above), "something as near is lost");
+                    }
                 }
             }
             at += 1 + WORDS * n;
