@@ -1,0 +1,399 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Rays through a built structure: which walk a batch of them takes.
+
+use super::{Layout, PlaneWalk, Structure};
+use crate::build::ropes::Ropes;
+use crate::leaf_depth::LeafDepths;
+use crate::registry::Built;
+use crate::scene::Triangles;
+use crate::spec::{Config, Value};
+use crate::traverse::batch::{Batch, Walk, WithWalk, Write};
+use crate::traverse::frame::FrameRay;
+use crate::traverse::objects::Objects;
+use crate::traverse::packet::Width;
+use crate::traverse::packet_walk::Packets;
+use crate::traverse::query::{Any, Closest, Query};
+use crate::traverse::stream::Alone;
+use crate::traverse::tile_walk::{ShadowTiles, Tiles};
+use crate::traverse::{
+    Hit, Order, Ray, RayCounters, Tracer, grid_step, octree_beam, octree_glassner, octree_net,
+    octree_param, octree_samet, octree_step, packet, plane_arvo, plane_beam, plane_dir, plane_rope,
+    plane_seq, plane_seq_1985, plane_sung, plane_ta_a, plane_ta_b, plane_ta_b_1997,
+    plane_ta_b_poly, plane_wide,
+};
+use fearless_simd::Level;
+use std::marker::PhantomData;
+
+/// How batches of rays are walked.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Batches {
+    /// As the layout walks single rays, or its own tiles.
+    Own,
+    /// Camera rays in tiles of 8 x 8.
+    Eight,
+    /// Four such tiles at once.
+    Sixteen,
+    /// Several rays in flight through wide nodes.
+    Wide,
+    /// Rays to the nearest hit in packets of so many, whatever their order.
+    Packets(u32),
+    /// Camera rays in tiles, shadow rays in tiles from their light, other rays to the nearest hit in flight; rays that
+    /// are counted as the layout walks single rays.
+    Auto,
+}
+
+impl Batches {
+    pub(super) fn new(config: &Config) -> Self {
+        let chosen = config.values().find(|(name, _)| *name == "traversal");
+        match chosen {
+            Some((_, Value::Choice("tile8"))) => Self::Eight,
+            Some((_, Value::Choice("tile16"))) => Self::Sixteen,
+            Some((_, Value::Choice("wide"))) => Self::Wide,
+            Some((_, Value::Choice("p4"))) => Self::Packets(4),
+            Some((_, Value::Choice("p8"))) => Self::Packets(8),
+            Some((_, Value::Choice("p16"))) => Self::Packets(16),
+            Some((_, Value::Choice("auto"))) => Self::Auto,
+            _ => Self::Own,
+        }
+    }
+}
+
+impl Structure {
+    fn batch<'a>(&'a self, level: Level, rays: &'a [Ray]) -> Batch<'a> {
+        self.batch_of(&self.built, level, rays)
+    }
+
+    pub(super) fn batch_of<'a>(
+        &'a self,
+        built: &'a Built,
+        level: Level,
+        rays: &'a [Ray],
+    ) -> Batch<'a> {
+        Batch {
+            scene: &self.scene,
+            frame: &built.frame,
+            blocks: &built.blocks,
+            rays,
+            level,
+            shadow_cache: self.config.choice("shadow") == "cache",
+            placed: None,
+        }
+    }
+
+    /// Walks rays that were brought into the space of an instance of this mesh, one by one.
+    pub(crate) fn walk_placed<Q: Query>(
+        &self,
+        level: Level,
+        (rays, placed): (&[Ray], &[FrameRay<'_>]),
+        write: Write<'_>,
+        counters: Option<&mut [RayCounters]>,
+    ) {
+        let job = Batch {
+            shadow_cache: false,
+            placed: Some(placed),
+            ..self.batch(level, rays)
+        };
+        self.walk::<Q>(&job, write, counters);
+    }
+
+    fn walk<Q: Query>(
+        &self,
+        job: &Batch<'_>,
+        write: Write<'_>,
+        counters: Option<&mut [RayCounters]>,
+    ) {
+        struct Trace<'a, Q>(
+            &'a Batch<'a>,
+            Write<'a>,
+            Option<&'a mut [RayCounters]>,
+            PhantomData<Q>,
+        );
+        impl<Q: Query> WithWalk for Trace<'_, Q> {
+            type Output = ();
+            fn with<W: Walk>(self, walk: &W) {
+                self.0.walk::<_, Q>(walk, self.1, self.2);
+            }
+        }
+        if let Layout::Brute = &self.built.layout {
+            return job.brute::<Q>(self.built.shape.references, write, counters);
+        }
+        self.with_walk(&self.built, Trace::<Q>(job, write, counters, PhantomData));
+    }
+
+    /// The same structure on a given instruction set instead of the best one: for tests, which show
+    /// that answers do not depend on it.
+    pub fn at_level(&self, level: Level) -> AtLevel<'_> {
+        AtLevel {
+            structure: self,
+            level,
+        }
+    }
+
+    fn trace<Q: Query, T>(
+        &self,
+        level: Level,
+        rays: &[Ray],
+        answers: &mut [T],
+        counters: Option<&mut [RayCounters]>,
+        answer: impl Fn(Hit) -> T + Copy,
+    ) {
+        assert_eq!(rays.len(), answers.len(), "one answer per ray");
+        let job = self.batch(level, rays);
+        let mut write = |i: usize, hit: Hit| answers[i] = answer(hit);
+        if Q::ANY && self.config.choice("shadow") == "beam" {
+            return self.shadow_beams(&job, write, counters);
+        }
+        if Q::ANY && self.shadow_tiles(&job, &mut write, counters.is_some()) {
+            return;
+        }
+        if let (Batches::Packets(rays), false) = (self.batches, Q::ANY) {
+            return match rays {
+                4 => self.packets::<packet::Four>(&job, write, counters),
+                8 => self.packets::<packet::Eight>(&job, write, counters),
+                _ => self.packets::<packet::Sixteen>(&job, write, counters),
+            };
+        }
+        // Shadow rays that go in no tile still go much the same way, for which single rays are quicker.
+        let streams = self.batches == Batches::Wide || !Q::ANY;
+        if let (Some(wide), None, true) = (&self.wide, &counters, streams) {
+            return job.stream::<_, Q>(&plane_wide::Walk(wide), write);
+        }
+        self.walk::<Q>(&job, &mut write, counters);
+    }
+
+    /// Walks rays to their nearest hits in packets.
+    ///
+    /// # Panics
+    /// For structures that do not offer it.
+    fn packets<L: Width>(
+        &self,
+        job: &Batch<'_>,
+        write: impl FnMut(usize, Hit),
+        counters: Option<&mut [RayCounters]>,
+    ) {
+        match &self.built.layout {
+            Layout::Plane(tree, _) => {
+                job.tiles(&Packets::<_, L>::new(tree), write, counters);
+            }
+            Layout::Objects(Objects::Boxes8(tree)) => {
+                job.tiles(&Packets::<_, L>::new(tree), write, counters);
+            }
+            _ => unreachable!("only trees of planes and of eight boxes to a node offer packets"),
+        }
+    }
+
+    /// Hands the way of walking single rays to `then`.
+    ///
+    /// # Panics
+    /// For brute force, which walks nothing.
+    pub(super) fn with_walk<F: WithWalk>(&self, built: &Built, then: F) -> F::Output {
+        if let (Batches::Wide, Some(wide)) = (self.batches, &self.wide) {
+            return then.with(&Alone(&plane_wide::Walk(wide)));
+        }
+        match &built.layout {
+            Layout::Brute => unreachable!("brute force has no tree to walk"),
+            Layout::Lazy(tree) => then.with(&plane_dir::Walk(tree)),
+            Layout::Plane(tree, walk) => match walk {
+                PlaneWalk::Dir | PlaneWalk::Beams(_) => then.with(&plane_dir::Walk(tree)),
+                PlaneWalk::TaB => then.with(&plane_ta_b::Walk(tree)),
+                PlaneWalk::TaB1997 => then.with(&plane_ta_b_1997::Walk(tree)),
+                PlaneWalk::TaBPoly => then.with(&plane_ta_b_poly::Walk(tree)),
+                PlaneWalk::Seq => then.with(&plane_seq::Walk(tree)),
+                PlaneWalk::Seq1985 => {
+                    then.with(&plane_seq_1985::Walk(tree, self.built.frame.bounds()))
+                }
+                PlaneWalk::Rope => then.with(&plane_rope::Walk::<false>(tree, self.linked())),
+                PlaneWalk::Rope1990 => then.with(&plane_rope::Walk::<true>(tree, self.linked())),
+                PlaneWalk::TaA => then.with(&plane_ta_a::Walk::<false>(tree)),
+                PlaneWalk::TaA1997 => then.with(&plane_ta_a::Walk::<true>(tree)),
+                PlaneWalk::Sung => then.with(&plane_sung::Walk::<false>(tree)),
+                PlaneWalk::Sung1992 => then.with(&plane_sung::Walk::<true>(tree)),
+                PlaneWalk::Arvo => then.with(&plane_arvo::Walk::<false>(tree)),
+                PlaneWalk::Arvo1988 => then.with(&plane_arvo::Walk::<true>(tree)),
+            },
+            Layout::Objects(tree) => tree.with_walk(self.built.frame.bounds(), then),
+            Layout::Grid(grid) => then.with(&grid_step::Walk(grid)),
+            Layout::OctreeParam(tree) => then.with(&octree_param::Walk(tree)),
+            Layout::OctreeNet(tree) | Layout::OctreeBeam(tree, _) => {
+                then.with(&octree_step::Walk(tree, octree_net::Links))
+            }
+            Layout::OctreeSamet(tree) => then.with(&octree_step::Walk(tree, octree_samet::Ascent)),
+            Layout::OctreeGlassner(tree) => {
+                then.with(&octree_step::Walk(tree, octree_glassner::Location))
+            }
+        }
+    }
+
+    /// Walks shadow rays in tiles, where that is chosen; says whether it was. Tiles of what is counted are not
+    /// walked: nobody reads their speed, and every walk that counts is compiled once more.
+    fn shadow_tiles(&self, job: &Batch<'_>, write: Write<'_>, counted: bool) -> bool {
+        use Batches::{Auto, Eight, Sixteen};
+        if counted || job.shadow_cache {
+            return false;
+        }
+        match (&self.built.layout, self.batches) {
+            (Layout::Plane(tree, _), Auto | Eight | Sixteen) => {
+                job.quick_tiles(&ShadowTiles::<_, 4>(tree), write);
+            }
+            (Layout::Lazy(tree), Auto | Eight) => {
+                job.quick_tiles(&ShadowTiles::<_, 4>(tree), write);
+            }
+            (Layout::Objects(Objects::Boxes8(tree)), Eight | Sixteen) => {
+                job.quick_tiles(&ShadowTiles::<_, 4>(tree), write);
+            }
+            _ => return false,
+        }
+        true
+    }
+
+    /// The ropes of a tree that is walked by them.
+    fn linked(&self) -> &Ropes {
+        self.ropes.as_ref().expect("built with the tree")
+    }
+
+    /// Walks shadow rays through a tree that divides space as beams.
+    ///
+    /// # Panics
+    /// For other structures, which do not offer it.
+    fn shadow_beams(
+        &self,
+        job: &Batch<'_>,
+        write: impl FnMut(usize, Hit),
+        counters: Option<&mut [RayCounters]>,
+    ) {
+        match &self.built.layout {
+            Layout::OctreeParam(tree) => {
+                job.shadow_beams((tree, &octree_param::Walk(tree)), write, counters);
+            }
+            Layout::OctreeNet(tree) | Layout::OctreeBeam(tree, _) => {
+                let walk = octree_step::Walk(tree, octree_net::Links);
+                job.shadow_beams((tree, &walk), write, counters);
+            }
+            Layout::OctreeSamet(tree) => {
+                let walk = octree_step::Walk(tree, octree_samet::Ascent);
+                job.shadow_beams((tree, &walk), write, counters);
+            }
+            Layout::OctreeGlassner(tree) => {
+                let walk = octree_step::Walk(tree, octree_glassner::Location);
+                job.shadow_beams((tree, &walk), write, counters);
+            }
+            Layout::Plane(tree, _) => {
+                job.shadow_beams((tree, &plane_dir::Walk(tree)), write, counters);
+            }
+            _ => unreachable!("only trees that divide space offer shadow beams"),
+        }
+    }
+}
+
+/// A structure whose rays run on a given instruction set.
+pub struct AtLevel<'a> {
+    structure: &'a Structure,
+    level: Level,
+}
+
+impl Tracer for AtLevel<'_> {
+    fn triangles(&self) -> Option<&Triangles> {
+        Some(&self.structure.scene)
+    }
+
+    fn count(&self) -> usize {
+        self.structure.scene.len()
+    }
+
+    fn corners(&self, id: u32) -> [[f32; 3]; 3] {
+        self.structure.scene.corners(id)
+    }
+
+    fn closest(&self, rays: &[Ray], hits: &mut [Hit], counters: Option<&mut [RayCounters]>) {
+        let (structure, level) = (self.structure, self.level);
+        structure.trace::<Closest, _>(level, rays, hits, counters, |hit| hit);
+    }
+
+    fn closest_ordered(
+        &self,
+        rays: &[Ray],
+        hits: &mut [Hit],
+        counters: Option<&mut [RayCounters]>,
+        order: Order,
+    ) {
+        assert_eq!(rays.len(), hits.len(), "one answer per ray");
+        let job = self.structure.batch(self.level, rays);
+        let write = |i: usize, hit: Hit| hits[i] = hit;
+        if order != Order::Tiles {
+            return self.closest(rays, hits, counters);
+        }
+        match (&self.structure.built.layout, self.structure.batches) {
+            (Layout::OctreeBeam(tree, least), _) => {
+                job.tiles(&octree_beam::Walk(tree, *least), write, counters);
+            }
+            (Layout::Plane(tree, PlaneWalk::Beams(least)), _) => {
+                job.tiles(&plane_beam::Walk(tree, *least), write, counters);
+            }
+            (Layout::Plane(tree, _), Batches::Eight) => {
+                job.tiles(&Tiles::<_, 4>(tree), write, counters);
+            }
+            (Layout::Plane(tree, _), Batches::Auto) if counters.is_none() => {
+                job.tiles(&Tiles::<_, 4>(tree), write, counters);
+            }
+            (Layout::Lazy(tree), Batches::Auto | Batches::Eight) if counters.is_none() => {
+                job.tiles(&Tiles::<_, 4>(tree), write, counters);
+            }
+            (Layout::Plane(tree, _), Batches::Sixteen) => {
+                job.tiles(&Tiles::<_, 16>(tree), write, counters);
+            }
+            (Layout::Objects(Objects::Boxes8(tree)), Batches::Eight) => {
+                job.tiles(&Tiles::<_, 4>(tree), write, counters);
+            }
+            (Layout::Objects(Objects::Boxes8(tree)), Batches::Sixteen) => {
+                job.tiles(&Tiles::<_, 16>(tree), write, counters);
+            }
+            _ => self.closest(rays, hits, counters),
+        }
+    }
+
+    fn occluded(&self, rays: &[Ray], occluded: &mut [bool], counters: Option<&mut [RayCounters]>) {
+        let (structure, level) = (self.structure, self.level);
+        structure.trace::<Any, _>(level, rays, occluded, counters, |hit| hit.is_hit());
+    }
+}
+
+impl Tracer for Structure {
+    fn triangles(&self) -> Option<&Triangles> {
+        Some(&self.scene)
+    }
+
+    fn count(&self) -> usize {
+        self.scene.len()
+    }
+
+    fn corners(&self, id: u32) -> [[f32; 3]; 3] {
+        self.scene.corners(id)
+    }
+
+    fn closest(&self, rays: &[Ray], hits: &mut [Hit], counters: Option<&mut [RayCounters]>) {
+        self.at_level(Level::new()).closest(rays, hits, counters);
+    }
+
+    fn closest_ordered(
+        &self,
+        rays: &[Ray],
+        hits: &mut [Hit],
+        counters: Option<&mut [RayCounters]>,
+        order: Order,
+    ) {
+        self.at_level(Level::new())
+            .closest_ordered(rays, hits, counters, order);
+    }
+
+    fn leaf_depths(&self, rays: &[Ray], depths: &mut [u32]) {
+        let known = self.leaf_depths.get_or_init(|| LeafDepths::new(self));
+        for (ray, depth) in rays.iter().zip(depths) {
+            *depth = known.of(self, ray);
+        }
+    }
+
+    fn occluded(&self, rays: &[Ray], occluded: &mut [bool], counters: Option<&mut [RayCounters]>) {
+        self.at_level(Level::new())
+            .occluded(rays, occluded, counters);
+    }
+}
