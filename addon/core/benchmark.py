@@ -293,7 +293,9 @@ class _Run:
             while waiting or running:
                 while waiting and len(running) < at_once:
                     spec = waiting.pop(0).spec
-                    running[spec] = peak.Measurement(self._native, scene, spec, self._options.threads)
+                    running[spec] = peak.Measurement(
+                        self._native, scene, spec, self._options.threads, self._options.memory_limit
+                    )
                     yield self._step(f"{spec}: building in a process of its own, for the memory")
                 ended = [spec for spec, one in running.items() if one.wait(0.05)]
                 if not ended:

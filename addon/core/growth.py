@@ -228,7 +228,7 @@ def _measure(
     if options.peak:
         yield f"{where}: building in a process of its own, for the memory"
         try:
-            point.peak_bytes = _peak(native, workload, point.spec, max(options.threads))
+            point.peak_bytes = _peak(native, workload, point.spec, options)
         except (peak.PeakError, OSError) as error:
             point.left_out.append(f"peak memory: {first_line(error)}")
 
@@ -261,11 +261,11 @@ def _pace(structure: Any, some: RaySet, repeats: int) -> dict[str, float]:
     return {"nanoseconds": 1e3 / rate} | {name: float(np.mean(counters[name])) for name in ("steps", "tests")}
 
 
-def _peak(native: Any, workload: Workload, spec: str, threads: int) -> int:
+def _peak(native: Any, workload: Workload, spec: str, options: Options) -> int:
     """The bytes by which a build's memory rises at most. Raises PeakError and OSError."""
     scene = peak.save_scene(workload.vertices, workload.triangles)
     try:
-        running = peak.Measurement(native, scene, spec, threads)
+        running = peak.Measurement(native, scene, spec, max(options.threads), options.memory_limit)
         try:
             while not running.wait(1.0):
                 pass

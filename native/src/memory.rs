@@ -13,7 +13,10 @@ const SMALL: u64 = 64 << 20;
 pub fn default_limit() -> u64 {
     let kind = RefreshKind::nothing().with_memory(MemoryRefreshKind::nothing().with_ram());
     let system = System::new_with_specifics(kind);
-    let container = system.cgroup_limits().map_or(u64::MAX, |c| c.free_memory);
+    // What a container holds in caches of files it gives back; it counts as free, as it does for the machine.
+    let container = system
+        .cgroup_limits()
+        .map_or(u64::MAX, |c| c.total_memory.saturating_sub(c.rss));
     match system.available_memory().min(container) {
         // A system that does not tell.
         0 => u64::MAX,
