@@ -61,6 +61,7 @@ def main(arguments: Sequence[str]) -> int:
         workload.WorkloadError,
         agreement.ReferenceDiffersError,
         results.FolderError,
+        MemoryError,
     ) as error:
         print(f"stability: {' '.join(str(error).split())}", file=sys.stderr)
         return 2

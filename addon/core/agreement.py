@@ -71,8 +71,14 @@ def compare(native: Any, structure: Any, asked: list[Question], *, threads: int 
 
 
 def row(native: Any, workload: Workload, spec: str, asked: list[Question], *, threads: int = 0) -> Row:
-    """One row of the table of `stability`, with its nodes, links and bytes, and what is broken in it."""
-    structure = native.build(workload.vertices, workload.triangles, spec, threads=threads)
+    """One row of the table of `stability`, with its nodes, links and bytes, and what is broken in it.
+
+    Raises MemoryError, which names the scene and the structure, when the build needs more than there is.
+    """
+    try:
+        structure = native.build(workload.vertices, workload.triangles, spec, threads=threads)
+    except MemoryError as error:
+        raise MemoryError(f"{workload.name}, {spec}: {error}") from error
     statistics = structure.statistics
     return {
         "case": workload.name,

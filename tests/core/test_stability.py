@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import csv
 import json
+import types
 from pathlib import Path
 
 import halfspace_native
@@ -13,7 +14,7 @@ import pytest
 import stability as command
 from lying_native import LIES, LyingNative
 
-from addon.core import leaks, stability, trials
+from addon.core import agreement, leaks, stability, trials
 
 LIMIT = 1500
 
@@ -143,6 +144,20 @@ def test_a_scene_answered_wrongly_sets_the_status(
     assert command.main(["--structures", "kd:robust=none,shadow=none", "--rays", "2000", "--scenes", "grid"]) == 1
     assert "DIFFERS" in capsys.readouterr().out
     assert command.main(["--scenes", str(tmp_path / "none.npz")]) == 2
+
+
+def test_a_build_without_room_is_one_line(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    def crowded(*_: object, **__: object) -> None:
+        raise MemoryError("memory_limit: the build needs more than the 1 MB it may take")
+
+    wide = types.SimpleNamespace(build=crowded)
+    honest = agreement.row
+    monkeypatch.setattr(agreement, "row", lambda _, *rest, **named: honest(wide, *rest, **named))
+    assert command.main(["--structures", "kd:shadow=none", "--rays", "100", "--scenes", "grid"]) == 2
+    told = capsys.readouterr().err.splitlines()[-1]
+    assert told.startswith("stability: ")
+    assert "kd:" in told
+    assert "memory_limit" in told
 
 
 @pytest.mark.parametrize("bad", [["--structures", "tree"], ["--long", "-1"], ["--size", "huge"], ["--long", "x"]])
