@@ -3,6 +3,8 @@
 
 pub mod aabb;
 pub mod exact;
+#[cfg(test)]
+pub mod strategies;
 pub mod transform;
 pub mod vec3;
 pub mod verdict;

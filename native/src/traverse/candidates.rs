@@ -43,6 +43,7 @@ impl Errors {
         // A corner of a triangle that is hit within reach, or behind the origin where the ray begins there, is
         // no farther than that, and its size.
         let farthest = keep_max(-ray.t_min, reach);
+        // The first branch is the second one without blur and drift, at half its operations.
         let (det, uv, t, floor) = if ray.place.is_none() {
             let span = keep_min(2.0 * farthest + size, ray.span);
             let lever = span * size;

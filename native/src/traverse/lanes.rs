@@ -273,26 +273,13 @@ fn largest(a: [f32; 3]) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geom::strategies::point;
     use crate::geom::verdict::verdict;
     use crate::scene::Triangles;
     use crate::traverse::Ray;
     use crate::traverse::frame::Frame;
     use fearless_simd::{Level, dispatch};
     use proptest::prelude::*;
-
-    fn coordinate() -> impl Strategy<Value = f32> {
-        prop_oneof![
-            (-8i8..8).prop_map(f32::from),
-            -1.0f32..1.0,
-            -1e-3f32..1e-3,
-            -1e6f32..1e6,
-            prop::num::f32::NORMAL | prop::num::f32::SUBNORMAL | prop::num::f32::ZERO,
-        ]
-    }
-
-    fn point() -> impl Strategy<Value = [f32; 3]> {
-        [coordinate(), coordinate(), coordinate()]
-    }
 
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(20_000))]

@@ -98,3 +98,68 @@ impl Late {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geom::strategies::point;
+    use crate::geom::verdict::verdict;
+    use crate::scene::Triangles;
+    use crate::traverse::frame::Frame;
+    use fearless_simd::{Level, dispatch};
+    use proptest::prelude::*;
+
+    /// A triangle, an origin, weights of a point to aim at.
+    fn aimed() -> impl Strategy<Value = ([[f32; 3]; 3], [f32; 3], [f32; 2])> {
+        let corner = || point().prop_map(|p| p.map(|x| if x.abs() < 1e9 { x } else { 1.0 }));
+        (
+            [corner(), corner(), corner()],
+            point(),
+            [0.0f32..1.0, 0.0f32..1.0],
+        )
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(2_000))]
+        #[test]
+        fn late_verdicts_are_those_of_single_rays(shots in prop::collection::vec(aimed(), 1..80)) {
+            let corners: Vec<_> = shots.iter().flat_map(|(corners, ..)| *corners).collect();
+            let indices = (0..corners.len() as u32 / 3).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+            let scene = Triangles::new(corners, indices).unwrap();
+            let frame = Frame::new(scene.bounds());
+            // Walks in scaled frames put nothing off.
+            prop_assume!(frame.is_scene());
+            let (mut rays, mut framed, mut held, mut expected) = (vec![], vec![], vec![], vec![]);
+            for (triangle, (corners, o, [s, t])) in (0..).zip(&shots) {
+                let [a, b, c] = corners;
+                let d = std::array::from_fn(|k| {
+                    a[k] * (1.0 - s) * (1.0 - t) + b[k] * s + c[k] * t * (1.0 - s) - o[k]
+                });
+                let ray = Ray { o: *o, d, t_min: 0.0, t_max: f32::INFINITY };
+                let hit = verdict(*o, d, *corners).filter(|hit| (0.0..f32::INFINITY).contains(&hit.t));
+                let (Some(hit), Some(in_frame)) = (hit, frame.ray(&ray)) else {
+                    continue;
+                };
+                rays.push(ray);
+                framed.push(in_frame);
+                held.push(Held { triangle, corners: *corners, low: 0.0 });
+                expected.push([hit.t.to_bits(), triangle, hit.u.to_bits(), hit.v.to_bits()]);
+            }
+            let mut answers = vec![None; rays.len()];
+            dispatch!(Level::new(), simd => {
+                let mut late = Late::new();
+                let mut write = |place: usize, hit: Hit| {
+                    assert!(answers[place].is_none(), "answered twice");
+                    answers[place] = Some([hit.t.to_bits(), hit.triangle, hit.u.to_bits(), hit.v.to_bits()]);
+                };
+                for place in 0..rays.len() {
+                    late.push(simd, (place, &rays), &framed[place], &held[place], &mut write);
+                }
+                late.settle(simd, &rays, &mut write);
+            });
+            for (answer, right) in answers.iter().zip(expected) {
+                prop_assert_eq!(*answer, Some(right));
+            }
+        }
+    }
+}

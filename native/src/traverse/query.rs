@@ -160,7 +160,7 @@ pub struct Held {
     /// Its corners in the scene.
     pub corners: [[f32; 3]; 3],
     /// Lower bound on its distance in the frame's units.
-    low: f32,
+    pub low: f32,
 }
 
 impl Held {
@@ -289,7 +289,7 @@ impl Best {
             return Some(false);
         }
         let far = frame.beyond(high);
-        // Lower than nothing is every distance.
+        // While nothing is held its lower bound is infinite, and every triangle is nearer than that.
         if far >= self.held.low {
             return None;
         }

@@ -114,8 +114,8 @@ pub fn any<S: Simd>(
     (open & inside, open & !inside)
 }
 
-/// The verdict on sixteen rays as in [`any`], and a triangle for each that it certainly hits: which of them f64 is certain of to the last
-/// bit, and their `t` and the weights of the second and the third corner.
+/// The verdict on sixteen rays as in [`any`], and a triangle for each that it certainly hits: which of them f64 is
+/// certain of to the last bit, and their `t` and the weights of the second and the third corner.
 #[inline(always)]
 pub fn apart<S: Simd>(
     simd: S,

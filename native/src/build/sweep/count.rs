@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Sweeps of few triangles: all are counted against eight candidates at a time, and nothing is sorted.
+//! Sweeps of few triangles: all are counted against sixteen candidates at a time, and nothing is sorted.
 
 use super::{Batch, Scratch, Ties};
 use fearless_simd::{Select, Simd, SimdBase, SimdSplit, f32x16};
@@ -16,7 +16,22 @@ pub fn all<S: Simd>(batch: &mut Batch<'_, S>, scratch: &mut Scratch) {
     } = scratch;
     candidates.clear();
     candidates.extend(min.iter().chain(&*max).chain(&*extra));
-    try_each(batch, (min, max), candidates);
+    waiting(batch, scratch);
+}
+
+/// Tries the planes that leave one side empty.
+#[inline(always)]
+pub fn hull<S: Simd>(batch: &mut Batch<'_, S>, scratch: &mut Scratch) {
+    let (low, high) = scratch.hull();
+    let Scratch {
+        extra,
+        starts: candidates,
+        ..
+    } = scratch;
+    candidates.clear();
+    candidates.extend([low, high]);
+    candidates.extend(extra.iter().filter(|&&at| at < low || at > high));
+    waiting(batch, scratch);
 }
 
 /// Tries the heights that wait in the scratch.
@@ -28,32 +43,7 @@ pub fn waiting<S: Simd>(batch: &mut Batch<'_, S>, scratch: &mut Scratch) {
         starts: candidates,
         ..
     } = scratch;
-    try_each(batch, (min, max), candidates);
-}
-
-/// Tries the planes that leave one side empty.
-#[inline(always)]
-pub fn hull<S: Simd>(batch: &mut Batch<'_, S>, scratch: &mut Scratch) {
-    let (low, high) = scratch.hull();
-    let Scratch {
-        min,
-        max,
-        extra,
-        starts: candidates,
-        ..
-    } = scratch;
-    candidates.clear();
-    candidates.extend([low, high]);
-    candidates.extend(extra.iter().filter(|&&at| at < low || at > high));
-    try_each(batch, (min, max), candidates);
-}
-
-#[inline(always)]
-fn try_each<S: Simd>(
-    batch: &mut Batch<'_, S>,
-    (min, max): (&[f32], &[f32]),
-    candidates: &mut Vec<f32>,
-) {
+    let (min, max) = (min.as_slice(), max.as_slice());
     let simd = batch.simd;
     candidates.resize(candidates.len().next_multiple_of(16), f32::NAN);
     let (zero, one) = (f32x16::splat(simd, 0.0), f32x16::splat(simd, 1.0));

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 
 use super::*;
+use crate::geom::strategies::point;
 use crate::geom::verdict::verdict;
 use crate::scene::Triangles;
 use crate::traverse::Ray;
@@ -9,20 +10,6 @@ use crate::traverse::frame::Frame;
 use crate::traverse::query::{Closest, NoCountLate};
 use fearless_simd::{Level, dispatch};
 use proptest::prelude::*;
-
-fn coordinate() -> impl Strategy<Value = f32> {
-    prop_oneof![
-        (-8i8..8).prop_map(f32::from),
-        -1.0f32..1.0,
-        -1e-3f32..1e-3,
-        -1e6f32..1e6,
-        prop::num::f32::NORMAL | prop::num::f32::SUBNORMAL | prop::num::f32::ZERO,
-    ]
-}
-
-fn point() -> impl Strategy<Value = [f32; 3]> {
-    [coordinate(), coordinate(), coordinate()]
-}
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(20_000))]

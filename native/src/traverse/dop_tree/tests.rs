@@ -1,23 +1,10 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 
 use super::*;
+use crate::geom::strategies::point;
 use crate::geom::verdict::verdict;
 use num_bigint::BigInt;
 use proptest::prelude::*;
-
-fn coordinate() -> impl Strategy<Value = f32> {
-    prop_oneof![
-        (-8i8..8).prop_map(f32::from),
-        -1.0f32..1.0,
-        -1e-3f32..1e-3,
-        -1e6f32..1e6,
-        prop::num::f32::NORMAL | prop::num::f32::SUBNORMAL | prop::num::f32::ZERO,
-    ]
-}
-
-fn point() -> impl Strategy<Value = [f32; 3]> {
-    [coordinate(), coordinate(), coordinate()]
-}
 
 /// A float as a whole number of the smallest float.
 fn whole(x: f32) -> BigInt {
