@@ -48,7 +48,7 @@ class Measurement:
         library = str(Path(native.__file__).resolve().parent)
         environment = {**os.environ, "PYTHONPATH": os.pathsep.join([library, str(Path(np.__file__).parents[1])])}
         # The text, not the file: this module may lie in an archive.
-        asked = [str(scene), spec, str(threads), "" if memory_limit is None else str(memory_limit)]
+        asked = [str(scene), spec, str(threads), *([] if memory_limit is None else [str(memory_limit)])]
         command = [sys.executable, "-c", inspect.getsource(sys.modules[__name__]), *asked]
         self.spec = spec
         self._deadline = time.monotonic() + TIME_LIMIT
@@ -110,14 +110,14 @@ def main(arguments: list[str]) -> int:
     """Build once and print the bytes. Returns the exit status."""
     import halfspace_native
 
-    path, spec, threads, limit = arguments
+    path, spec, threads, *limit = arguments
     with np.load(path) as file:
         vertices, triangles = file["vertices"], file["triangles"]
     # Starts the thread pool and whatever else a first build brings with it.
     halfspace_native.build(vertices[:3], np.array([[0, 1, 2]], np.int32), spec, threads=int(threads))
     _forget_peak()
     before, peak_before = _resident()
-    memory_limit = int(limit) if limit else None
+    memory_limit = int(limit[0]) if limit else None
     halfspace_native.build(vertices, triangles, spec, threads=int(threads), memory_limit=memory_limit)
     _, peak_after = _resident()
     print(peak_after - (before if peak_after > peak_before else peak_after))

@@ -10,7 +10,7 @@ import halfspace_native as native
 import numpy as np
 import pytest
 
-from addon.core import benchmark, grid, workload
+from addon.core import benchmark, grid, peak, workload
 from addon.core.workload import WorkloadError
 
 STRUCTURES = [row["id"] for row in native.structures()]
@@ -39,6 +39,20 @@ def test_a_tree_is_stopped_while_it_grows() -> None:
         native.build(needles, triangles, "kd-sah", memory_limit=limit, monitor=monitor)
     # The monitor can serve another build.
     native.build(SOUP, INDICES, "kd", memory_limit=limit, monitor=monitor)
+
+
+def test_a_peak_is_measured_under_the_limit_that_was_asked_for() -> None:
+    scene = peak.save_scene(SOUP, INDICES)
+    try:
+        measurements = [peak.Measurement(native, scene, "kd", 1, memory_limit=limit) for limit in (200_000, None)]
+        refused, allowed = measurements
+        while not all(measurement.wait(0.05) for measurement in measurements):
+            pass
+        with pytest.raises(peak.PeakError, match="memory_limit: the build needs more than the 1 MB"):
+            refused.result()
+        assert allowed.result() > 0
+    finally:
+        scene.unlink()
 
 
 def test_a_limit_is_a_number_of_bytes() -> None:
