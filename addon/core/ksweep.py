@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from .rows import Row
-from .thesis import base_of, spread, time_of
+from .thesis import base_of, percent, spread
 
 
 @dataclass(frozen=True)
@@ -24,19 +24,16 @@ class Line:
 def lines(rows: Sequence[Row]) -> tuple[str, list[Line]]:
     """The base, and a line for each structure of one scene that was measured with two or more k.
 
-    The time of a row is that of one ray of each set together, in units of the anchor's, so that rows of different
-    hours and machines can be put in one line.
+    Times are in units of the anchor's, so that rows of different hours and machines can be put in one line.
     """
     base = base_of(rows)
     if base is None:
         return "", []
-    unit = time_of(base)
-    assert unit is not None
     found: dict[str, dict[int, list[float]]] = {}
     for row in rows:
-        time = time_of(row)
+        time = percent(row, base)
         if row["k"] is not None and time is not None:
-            found.setdefault(row["structure"], {}).setdefault(row["k"], []).append(100 * time / unit)
+            found.setdefault(row["structure"], {}).setdefault(row["k"], []).append(time)
     made = []
     for structure, by_k in found.items():
         if len(by_k) > 1:

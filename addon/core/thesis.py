@@ -100,6 +100,20 @@ def time_of(row: Row) -> float | None:
     return total or None
 
 
+def percent(row: Row, base: Row) -> float | None:
+    """Its time in percent of the base's; None where they cannot be related.
+
+    Of a row that was timed beside the base it is the mean over the ray sets, otherwise that of the sums of `time_of`.
+    """
+    time, unit = time_of(row), time_of(base)
+    if time is None or unit is None:
+        return None
+    if row["anchor"] == base["spec"]:
+        sets = sum(bool(one["rounds"]) for one in row["rays"].values())
+        return 100 * time / sets
+    return 100 * time / unit if row["anchor"] == base["anchor"] else None
+
+
 def base_of(rows: Iterable[Row]) -> Row | None:
     """The row of a scene that its times are related to."""
     known = {row["spec"]: row for row in rows if time_of(row)}
@@ -170,6 +184,8 @@ def _comparison(scenes: Mapping[str, Sequence[Row]], known: Published) -> Table:
 def _percent(rows: Sequence[Row], own: Sequence[Row], column: str) -> list[float]:
     """A number of each row in percent of the base's."""
     base = base_of(rows)
+    if base is not None and column == "render":
+        return [value for value in (percent(row, base) for row in own) if value is not None]
     unit = None if base is None else _number(base, column)
     if not unit:
         return []
@@ -177,8 +193,6 @@ def _percent(rows: Sequence[Row], own: Sequence[Row], column: str) -> list[float
 
 
 def _number(row: Row, column: str) -> float | None:
-    if column == "render":
-        return time_of(row)
     if column == "build":
         return row["build_s"] and float(row["build_s"]["med"])
     primary = (row["rays"] or {}).get("primary") or {}

@@ -83,6 +83,13 @@ def test_the_yardstick_is_measured_beside_and_relates_all() -> None:
     assert rows["embree"]["errors"]["sets"]["primary"]["false_miss"] == 0
 
 
+def test_a_sweep_over_k_is_timed_beside_the_tree_that_it_is_related_to() -> None:
+    assert benchmark.anchor_of(["embree", "kd-sah", "bsp-wn:k=3", "rbsp:k=13"]) == "embree"
+    assert benchmark.anchor_of(["embree", "bsp-wn:k=3", "kd-sah", "bsp-wn:k=13"]) == "kd-sah"
+    assert benchmark.anchor_of(["embree", "bsp-wn:k=3", "bsp-wn:k=13"]) == "embree"
+    assert benchmark.anchor_of(["bsp-wn:k=3"]) is None
+
+
 @pytest.mark.skipif(yardstick.problem() is not None, reason=str(yardstick.problem()))
 def test_embree_hits_the_same_triangles_on_a_scene_without_ties() -> None:
     rng = np.random.default_rng(5)

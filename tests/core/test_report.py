@@ -241,6 +241,23 @@ def test_k_sweeps_take_medians_over_seeds_and_published_ones_beside() -> None:
     assert line.high == pytest.approx((800.0, 1200.0))
 
 
+def test_times_of_a_k_sweep_are_related_to_the_base_in_the_same_rounds() -> None:
+    base = {**everything("kd-sah", 1.0), "anchor": "kd-sah"}
+    rows = [base, *(everything(f"bsp-wn:k={k}", 1.0, k) for k in (2, 3))]
+    for one in rows:
+        one["anchor"] = "kd-sah"
+        for rates in one["rays"].values():
+            if rates["rounds"]:
+                rates["anchor_rounds"] = list(base["rays"]["primary"]["rounds"])
+    # The machine was three times as slow when the last was measured, and so was the base beside it.
+    for key in ("rounds", "anchor_rounds"):
+        rows[2]["rays"]["primary"][key] = [rate / 3 for rate in rows[2]["rays"]["primary"][key]]
+    assert ksweep.lines(rows)[1][0].median == pytest.approx((100.0, 100.0))
+    # What was timed beside something else cannot be related.
+    rows[2]["anchor"] = "embree"
+    assert thesis.percent(rows[2], base) is None
+
+
 def test_published_results_are_read_and_a_wrong_file_is_told(tmp_path: Path) -> None:
     entry = {"scene": "sponza", "structure": "wn+^kd", "K": 6, "render_pct_of_kd": 80.4}
     path = tmp_path / "published.json"
