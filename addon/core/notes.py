@@ -3,8 +3,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 NAMES_SHOWN = 8
-"""A line names at most this many objects or materials, and counts the rest."""
+"""A line names at most this many objects, materials or configurations, and counts the rest."""
 
 
 class Notes:
@@ -20,13 +22,16 @@ class Notes:
 
     def lines(self) -> list[str]:
         """One line per remark: the remark, then the names, with counts where something happened several times."""
-        return [f"{remark}: {_list(subjects)}" for remark, subjects in self._subjects.items()]
+        return [
+            f"{remark}: {some([name if count == 1 else f'{name} ({count})' for name, count in subjects.items()])}"
+            for remark, subjects in self._subjects.items()
+        ]
 
     def __bool__(self) -> bool:
         return bool(self._subjects)
 
 
-def _list(subjects: dict[str, int]) -> str:
-    shown = [name if count == 1 else f"{name} ({count})" for name, count in list(subjects.items())[:NAMES_SHOWN]]
-    rest = len(subjects) - len(shown)
-    return ", ".join(shown) + (f" and {rest} more" if rest else "")
+def some(names: Sequence[str]) -> str:
+    """The first of many names, and how many others there are."""
+    rest = len(names) - NAMES_SHOWN
+    return ", ".join(names[:NAMES_SHOWN]) + (f" and {rest} more" if rest > 0 else "")

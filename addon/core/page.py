@@ -11,6 +11,7 @@ from importlib import resources
 from typing import Any
 
 from . import plots, ranking, thesis, yardstick
+from .notes import some
 from .report import by_scene, findings, heading, image_total, set_names, worth_it
 from .rows import Row, agrees
 from .thesis import Published
@@ -217,7 +218,7 @@ def _left_out(rows: Sequence[Row]) -> str:
         for text in [*([row["error"]] if row["error"] else []), *row["left_out"], *row["too_slow"]]:
             reasons.setdefault(text, []).append(row["spec"] or row["scene"])
     items = "".join(
-        f"<li>{_safe(text)} <span class=note>({_safe(', '.join(dict.fromkeys(specs)))})</span></li>"
+        f"<li>{_safe(text)} <span class=note>({_safe(some(list(dict.fromkeys(specs))))})</span></li>"
         for text, specs in reasons.items()
     )
     return f"<h3>Left out, and failed</h3><ul>{items}</ul>" if items else ""

@@ -241,6 +241,11 @@ def test_k_sweeps_take_medians_over_seeds_and_published_ones_beside() -> None:
     assert line.high == pytest.approx((800.0, 1200.0))
 
 
+def test_what_many_rows_leave_out_names_a_few_of_them() -> None:
+    text = page.as_html(document([row(f"kd:leaf_size={n}") for n in range(12)]))
+    assert "kd:leaf_size=7 and 4 more)" in text
+
+
 def test_times_of_a_k_sweep_are_related_to_the_base_in_the_same_rounds() -> None:
     base = {**everything("kd-sah", 1.0), "anchor": "kd-sah"}
     rows = [base, *(everything(f"bsp-wn:k={k}", 1.0, k) for k in (2, 3))]
