@@ -6,7 +6,7 @@ use crate::build::cell::{Cell, Direction, Plane};
 use crate::build::cost::Costs;
 use crate::build::piece::Piece;
 use crate::build::profile::Profile;
-use crate::build::sweep::{Best, Candidates, Pricing, Scratch, sweep};
+use crate::build::sweep::{Best, Candidates, Pricing, Scratch, Ties, sweep};
 use rayon::prelude::*;
 
 /// Nodes of at least this many references sweep their directions in parallel.
@@ -240,6 +240,11 @@ impl<P: PlanePolicy> Builder<'_, P> {
             if pricing.by_count {
                 // What must be parted is parted, however thin the parts.
                 profile.margin /= 1024.0;
+            }
+            if self.params.ties == Ties::StartsFirst {
+                // The published builders know no margin. Two planes in the normals of a wall, almost one, part it
+                // from what is on both sides by a cell thinner than rounding: their walks then miss it, ours do not.
+                profile.margin = 0.0;
             }
             let candidates = if hull {
                 Candidates::Hull
