@@ -158,7 +158,8 @@ class _Run:
                 yield self._failed(spec, error)
                 continue
             waiting.append(candidate)
-            size += candidate.structure.statistics["bytes"]
+            # Embree does not tell.
+            size += candidate.structure.statistics.get("bytes", 0)
             if len(waiting) >= GROUP or size > LIVE_BYTES:
                 yield from self._measure(waiting, anchor)
                 waiting, size = [], 0

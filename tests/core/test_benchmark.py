@@ -91,6 +91,15 @@ def test_a_sweep_over_k_is_timed_beside_the_tree_that_it_is_related_to() -> None
 
 
 @pytest.mark.skipif(yardstick.problem() is not None, reason=str(yardstick.problem()))
+def test_embree_is_a_row_as_others_where_it_is_not_the_anchor() -> None:
+    rows = measure(["embree", "bsp-wn:k=3", "kd-sah", "bsp-wn:k=4"])
+    assert {row["anchor"] for row in rows.values()} == {"kd-sah"}
+    assert not any(row["error"] for row in rows.values())
+    for name in rays.NAMES:
+        assert len(rows["embree"]["rays"][name]["anchor_rounds"]) == len(rows["embree"]["rays"][name]["rounds"])
+
+
+@pytest.mark.skipif(yardstick.problem() is not None, reason=str(yardstick.problem()))
 def test_embree_hits_the_same_triangles_on_a_scene_without_ties() -> None:
     rng = np.random.default_rng(5)
     corners = rng.normal(size=(300, 1, 3)) + 0.3 * rng.normal(size=(300, 3, 3))
