@@ -8,6 +8,7 @@
 
 mod choice;
 mod curve;
+mod forecast;
 pub mod lazy;
 mod single;
 
@@ -136,6 +137,7 @@ pub struct Params {
 }
 
 /// A node that is about to be built.
+#[derive(Clone)]
 struct Pending<C> {
     /// `None` for nodes that are leaves whatever planes there are.
     cell: Option<C>,
