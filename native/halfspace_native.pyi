@@ -117,7 +117,9 @@ class Monitor:
     """Progress of a build, 0 to 1, and a way to stop it; usable from any thread."""
 
     progress: float
+    """The share of the work done."""
     cancelled: bool
+    """Whether it was asked to stop."""
     def __init__(self) -> None: ...
     def cancel(self) -> None:
         """Asks the build to stop; it raises Cancelled within a tenth of a second."""
@@ -213,6 +215,7 @@ class Structure:
     spec: str
     """The configuration, with only what differs from the defaults."""
     statistics: Statistics
+    """Numbers of the build."""
 
     def closest(
         self,
@@ -270,10 +273,16 @@ class Structure:
         """Broken invariants in words; empty for a sound structure. Takes time, for tests."""
 
     def split_polygons(self, max_depth: int = 60, max_count: int = 20_000) -> SplitPolygons:
-        """The split planes of nodes down to max_depth, at most max_count of them."""
+        """The split planes of nodes down to max_depth, at most max_count of them, breadth first.
+
+        Raises SpecError for numbers below 0.
+        """
 
     def leaf_cells(self, min_triangles: int = 1, max_count: int = 20_000) -> LeafCells:
-        """The cells of leaves with at least min_triangles, the fullest first, at most max_count."""
+        """The cells of leaves with at least min_triangles, the fullest first, at most max_count.
+
+        Raises SpecError for numbers below 0.
+        """
 
     def trace_path(
         self,
@@ -284,6 +293,7 @@ class Structure:
     ) -> RayPath:
         """The way of one ray to its nearest hit: what the walk itself tested, and what lies on the way.
 
+        origin, direction: three numbers each, scene frame. t_min, t_max: as for closest(); inf when not given.
         Raises NonFiniteError.
         """
 
@@ -321,7 +331,7 @@ def build(
     counted, and all keep their numbers. spec: "id" or "id:key=value,...", see structures(). The
     result is a function of these alone, on any number of threads; 0 = one per core.
     memory_limit: bytes that the build may take beside the scene, counted while it works; None = seven
-    eighths of what the machine has free when it begins.
+    eighths of what the machine has free when it begins. With lazy=1 what rays will have built is estimated.
     Raises SpecError, ShapeError, Cancelled, and MemoryError when the limit is met or the tree cannot be
     addressed; RuntimeError for an internal error.
     """
@@ -354,6 +364,7 @@ class Instances:
     """
 
     statistics: InstanceStatistics
+    """Numbers of the build and of the meshes."""
 
     def __len__(self) -> int:
         """How many instances there are, dropped ones included."""
@@ -446,7 +457,7 @@ def cases(size: Literal["small", "large"] = "small", *, seed: int = 7) -> list[C
     """The extreme cases that every structure must answer like brute force.
 
     small: hundreds of triangles and rays each; large: tens of thousands. Another seed moves what is random
-    in them. Raises SpecError when size is neither.
+    in them, 0 to 2**64 - 1. Raises SpecError when size is neither, or seed no such number.
     """
 
 def ulp_distance(a: npt.NDArray[np.float32], b: npt.NDArray[np.float32]) -> npt.NDArray[np.int64]:

@@ -407,8 +407,9 @@ pub mod params {
         label: "Lazy Build",
         doc: "1: only the upper part is built at once, the rest where a ray comes for the first time. The first picture \
               is there sooner, the tree and the answer are the same; rays that go in no tile go one by one. Only with \
-              the traversals auto, dir and tile8; others build the whole tree at once. What rays have built does not count as build time, nor against \
-              the memory limit",
+              the traversals auto, dir and tile8; others build the whole tree at once. What rays have built does not \
+              count as build time. The memory limit covers what is built before the first ray; where the whole, \
+              estimated from some subtrees built on trial, would not fit, nothing is built",
         unit: "",
         kind: Kind::Choice(&["0", "1"]),
         default: Default::Choice("0"),

@@ -37,7 +37,7 @@ impl Config {
     /// Reads a configuration string. Keys not given take their defaults.
     ///
     /// # Errors
-    /// [`Error::Spec`] that names an unknown structure or key, or a value out of its range.
+    /// [`Error::Spec`] that names an unknown structure or key, a key given twice, or a value out of its range.
     pub fn parse(text: &str) -> Result<Self> {
         let (id, rest) = text.trim().split_once(':').unwrap_or((text.trim(), ""));
         let structure = registry::find(id).ok_or_else(|| {
@@ -51,6 +51,7 @@ impl Config {
             .all_params()
             .map(|p| (p, p.default.value()))
             .collect();
+        let mut given = vec![false; values.len()];
         for pair in rest
             .split(',')
             .map(str::trim)
@@ -68,6 +69,12 @@ impl Config {
                     known.join(", ")
                 ))
             })?;
+            if std::mem::replace(&mut given[slot], true) {
+                let name = values[slot].0.name;
+                return Err(Error::Spec(format!(
+                    "spec: {name} is given twice in '{id}'"
+                )));
+            }
             let slot = &mut values[slot];
             slot.1 = slot.0.parse(text.trim())?;
         }
@@ -195,6 +202,10 @@ mod tests {
                 "traversal=fast is not one of auto, dir",
             ),
             ("kd:max_depth", "'max_depth' in 'kd' should read key=value"),
+            (
+                "kd:traversal=dir,max_depth=9,traversal =dir",
+                "spec: traversal is given twice in 'kd'",
+            ),
             ("", "unknown structure ''"),
         ] {
             let message = Config::parse(text).unwrap_err().to_string();

@@ -3,6 +3,8 @@
 //! the answers are those of brute force while it grows.
 
 use halfspace_native::build::Monitor;
+use halfspace_native::build::lazy_tree::{Part, Unbuilt};
+use halfspace_native::error::Error;
 use halfspace_native::oracle::cases::{Case, Random, Size, aimed, cases, grid, soup};
 use halfspace_native::registry::TREES;
 use halfspace_native::scene::Triangles;
@@ -88,6 +90,11 @@ fn the_tree_is_that_of_a_build_at_once() {
                 "{spec}: {all:?}"
             );
             assert_eq!(validate(&seen), Vec::<String>::new(), "{spec}");
+            // Beside the heads of its parts it has the same nodes and leaves; wide nodes are for other walks.
+            let single = build(&scene, &format!("{at_once}:traversal=dir"), threads).bytes();
+            let heads = (all.built + 1) * (size_of::<Part>() + size_of::<Unbuilt>());
+            let parts = all.bytes - heads;
+            assert!(parts >= single, "{spec}: {parts} bytes, {single} at once");
         }
     }
     for Case { name, scene, .. } in cases(Size::Small, 7) {
@@ -149,6 +156,42 @@ fn rays_of_several_threads_race_for_the_same_parts() {
             assert_eq!(wrong(&hits, &expected), 0, "{spec}");
         }
         same_tree(&build(&scene, &at_once, 1), &lazy, &spec);
+    }
+}
+
+/// What rays have built cannot be refused half way, so a tree that would take too much is refused before.
+#[test]
+fn a_tree_whose_whole_has_no_room_is_refused_before_rays_come() {
+    // Long thin triangles all over each other, each in many leaves.
+    let mut random = Random(5);
+    let corners = (0..3000).flat_map(|_| {
+        let at = random.point(0.0, 1.0);
+        let beside = |size: f32, random: &mut Random| {
+            let by = random.point(-size, size);
+            [0, 1, 2].map(|k| at[k] + by[k])
+        };
+        [at, beside(0.5, &mut random), beside(0.005, &mut random)]
+    });
+    let scene = soup(corners.collect());
+    for (_, spec) in specs() {
+        let within = |limit: usize| {
+            let monitor = Monitor::new();
+            monitor.limit_memory(limit as u64);
+            Structure::build(scene.clone(), Config::parse(&spec).unwrap(), 1, &monitor)
+        };
+        let ample = build(&scene, &spec, 1);
+        let start = ample.bytes();
+        ample.built();
+        let whole = ample.progress().bytes;
+        assert!(whole > 8 * start, "{spec}: {start} of {whole} bytes");
+        let error = within(whole / 4 * 3).err();
+        assert!(
+            matches!(&error, Some(Error::Memory(text)) if text.contains("once rays")),
+            "{spec}, {whole} bytes: {error:?}"
+        );
+        let enough = within(whole / 2 * 3);
+        assert!(enough.is_ok(), "{spec}, {whole} bytes: {:?}", enough.err());
+        assert_eq!(enough.unwrap().progress().built, 0, "{spec}");
     }
 }
 

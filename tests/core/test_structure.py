@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import re
 import threading
+from collections.abc import Callable
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -182,6 +183,30 @@ def test_a_build_names_what_is_wrong(error: str, message: str, change: dict[str,
         arguments["triangles"] = np.array(change["triangles"])
     with pytest.raises(getattr(native, error), match=message):
         native.build(**arguments)
+
+
+@pytest.mark.parametrize("number", [-1, 10**30, -(10**5000)], ids=["negative", "large", "endless"])
+@pytest.mark.parametrize(
+    ("argument", "ask"),
+    [
+        ("threads", lambda n: native.build(VERTICES, TRIANGLES, threads=n)),
+        ("memory_limit", lambda n: native.build(VERTICES, TRIANGLES, memory_limit=n)),
+        ("max_depth", lambda n: native.build(VERTICES, TRIANGLES).split_polygons(n)),
+        ("max_count", lambda n: native.build(VERTICES, TRIANGLES).split_polygons(max_count=n)),
+        ("min_triangles", lambda n: native.build(VERTICES, TRIANGLES).leaf_cells(n)),
+        ("max_count", lambda n: native.build(VERTICES, TRIANGLES).leaf_cells(max_count=n)),
+        ("seed", lambda n: native.cases(seed=n)),
+    ],
+)
+def test_whole_numbers_out_of_range_name_their_argument(
+    argument: str, ask: Callable[[Any], object], number: int
+) -> None:
+    got = number if abs(number) < 10**40 else "one of more than 40 digits"
+    with pytest.raises(native.SpecError) as caught:
+        ask(number)
+    assert re.fullmatch(f"{argument}: expected a whole number from 0 to [0-9]+, got {got}", str(caught.value))
+    with pytest.raises(TypeError, match=argument):
+        ask("many")
 
 
 @pytest.mark.parametrize("method", ["closest", "occluded"])

@@ -55,14 +55,6 @@ pub trait Cell: Clone + Send + Sync {
     /// How the surface divides when the cell is cut along `direction`, into `out`, which
     /// [`Self::extent`] was given before. Dearer by far than the extent alone.
     fn divide(&self, direction: Direction, out: &mut Profile);
-    /// Both.
-    fn profile(&self, direction: Direction, out: &mut Profile) -> bool {
-        let surface = self.extent(direction, out);
-        if surface {
-            self.divide(direction, out);
-        }
-        surface
-    }
     /// The parts below and above a plane through the cell. A part that rounding lost is the whole
     /// cell again: cells price planes and never decide where a triangle goes.
     fn split(&self, plane: Plane) -> (Self, Self);
@@ -245,7 +237,8 @@ mod tests {
         let mut profile = Profile::default();
         for k in 0..3 {
             let direction = Direction::Axis(k);
-            assert!(cell.profile(direction, &mut profile));
+            assert!(cell.extent(direction, &mut profile));
+            cell.divide(direction, &mut profile);
             let offset = profile.low + 0.25 * (profile.high - profile.low);
             let (below, above) = cell.split(Plane { direction, offset });
             let (left, right) = profile.shares(offset);
@@ -260,6 +253,6 @@ mod tests {
             min: [0.0; 3],
             max: [1.0, 0.0, 0.0],
         });
-        assert!(!line.profile(Direction::Axis(0), &mut Profile::default()));
+        assert!(!line.extent(Direction::Axis(0), &mut Profile::default()));
     }
 }

@@ -19,6 +19,9 @@ use std::sync::{Mutex, OnceLock, PoisonError};
 pub trait Seed: Send {
     /// Builds it.
     fn grow(self: Box<Self>, scene: &Triangles) -> Part;
+
+    /// The same once more.
+    fn again(&self) -> Box<dyn Seed>;
 }
 
 /// A subtree that is built when it is first asked for.
@@ -27,6 +30,8 @@ pub struct Unbuilt {
     seed: Mutex<Option<Box<dyn Seed>>>,
     /// Of the seed.
     bytes: usize,
+    /// Triangles, each as often as it is in the seed.
+    references: usize,
 }
 
 impl fmt::Debug for Unbuilt {
@@ -36,13 +41,37 @@ impl fmt::Debug for Unbuilt {
 }
 
 impl Unbuilt {
-    /// A subtree that grows from this seed of so many bytes.
-    pub fn new(bytes: usize, seed: Box<dyn Seed>) -> Self {
+    /// A subtree that grows from this seed of so many bytes, which holds so many references.
+    pub fn new(bytes: usize, references: usize, seed: Box<dyn Seed>) -> Self {
         Self {
             part: OnceLock::new(),
             seed: Mutex::new(Some(seed)),
             bytes,
+            references,
         }
+    }
+
+    /// What its seed takes.
+    pub fn bytes(&self) -> usize {
+        self.bytes
+    }
+
+    /// How many references its seed holds.
+    pub fn references(&self) -> usize {
+        self.references
+    }
+
+    /// What the subtree takes once rays have been everywhere in it; 0 when somebody builds it. Builds it on trial, with
+    /// all below it, and throws that away.
+    pub fn trial(&self, scene: &Triangles) -> usize {
+        let seed = self.seed.lock().unwrap_or_else(PoisonError::into_inner);
+        let Some(again) = seed.as_ref().map(|seed| seed.again()) else {
+            return 0;
+        };
+        drop(seed);
+        let part = again.grow(scene);
+        part.finish(scene);
+        part.progress().bytes
     }
 
     /// The subtree; the first who asks builds it.
@@ -112,6 +141,33 @@ impl Part {
             + self.tree.bytes()
             + self.blocks.bytes()
             + self.parts.len() * size_of::<Unbuilt>()
+    }
+
+    /// Builds all below it that is not built.
+    fn finish(&self, scene: &Triangles) {
+        for below in &self.parts {
+            below.get(scene).finish(scene);
+        }
+    }
+
+    /// How far it is built.
+    fn progress(&self) -> Progress {
+        let mut sum = Progress::default();
+        let mut open = vec![self];
+        while let Some(part) = open.pop() {
+            sum.shape.join(&part.shape, part.depth);
+            sum.bytes += part.bytes();
+            for below in &part.parts {
+                if let Some(part) = below.part.get() {
+                    sum.built += 1;
+                    open.push(part);
+                } else {
+                    sum.waiting += 1;
+                    sum.bytes += below.bytes;
+                }
+            }
+        }
+        sum
     }
 
     /// Appends the nodes from `node` on, and builds what is not built.
@@ -198,22 +254,7 @@ impl LazyTree {
 
     /// How far it is built.
     pub fn progress(&self) -> Progress {
-        let mut sum = Progress::default();
-        let mut open = vec![&self.top];
-        while let Some(part) = open.pop() {
-            sum.shape.join(&part.shape, part.depth);
-            sum.bytes += part.bytes();
-            for below in &part.parts {
-                if let Some(part) = below.part.get() {
-                    sum.built += 1;
-                    open.push(part);
-                } else {
-                    sum.waiting += 1;
-                    sum.bytes += below.bytes;
-                }
-            }
-        }
-        sum
+        self.top.progress()
     }
 
     /// The whole tree in one piece. Builds all that is not built.

@@ -98,6 +98,12 @@ impl Monitor {
         self.exhausted.store(false, Ordering::Relaxed);
     }
 
+    /// How many more bytes the work may take.
+    pub fn room(&self) -> u64 {
+        let used = self.used.load(Ordering::Relaxed);
+        self.limit.load(Ordering::Relaxed).saturating_sub(used)
+    }
+
     /// As [`Self::take`], in larger steps: `gathered` is the thread's own sum of what it has not told yet,
     /// and told by [`Self::take`] in the end.
     ///

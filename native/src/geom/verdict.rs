@@ -103,12 +103,8 @@ impl FromOrigin {
 
 /// Decides on the line `o + t d` and the closed triangle `v`. A line in the triangle's plane
 /// misses it, and so does every line a triangle without area. `d` need not be of unit length.
-#[inline(always)]
-pub fn verdict(o: [f32; 3], d: [f32; 3], v: [[f32; 3]; 3]) -> Option<Verdict> {
-    verdict_within(o, d, v, [f32::NEG_INFINITY, f32::INFINITY])
-}
-
-/// The same for callers whom only a `t` in the closed interval `span` interests: where f64 proves
+///
+/// Only a `t` in the closed interval `span` interests: where f64 proves
 /// that `t` lies outside it, its last bits are not worked out and the answer is a miss. This is
 /// what happens to the triangle that a scattered ray starts from, whose `t` is all rounding error.
 #[inline(always)]
@@ -184,6 +180,12 @@ fn exact_verdict(o: [f32; 3], d: [f32; 3], v: [[f32; 3]; 3]) -> Option<Verdict> 
         u: hit.weights[0],
         v: hit.weights[1],
     })
+}
+
+/// The same wherever on the line.
+#[cfg(test)]
+pub(crate) fn verdict(o: [f32; 3], d: [f32; 3], v: [[f32; 3]; 3]) -> Option<Verdict> {
+    verdict_within(o, d, v, [f32::NEG_INFINITY, f32::INFINITY])
 }
 
 #[cfg(test)]

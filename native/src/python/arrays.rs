@@ -84,33 +84,6 @@ pub fn points(name: &str, value: &Bound<'_, PyAny>) -> Result<Vec<[f32; 3]>> {
     })
 }
 
-/// A number of threads; 0 is one per core.
-#[derive(Clone, Copy)]
-pub struct Threads(pub usize);
-
-impl Threads {
-    /// One per core.
-    pub const ALL: Self = Self(0);
-    /// More than this is a slip of the keyboard, and starting them can take minutes.
-    const MOST: i64 = 1024;
-}
-
-impl<'py> FromPyObject<'_, 'py> for Threads {
-    type Error = PyErr;
-
-    fn extract(value: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
-        let count: i64 = value.extract()?;
-        match usize::try_from(count) {
-            Ok(threads) if count <= Self::MOST => Ok(Self(threads)),
-            _ => Err(Error::Spec(format!(
-                "threads: expected a whole number from 0 to {}, got {count}",
-                Self::MOST
-            ))
-            .into()),
-        }
-    }
-}
-
 /// Points that a call only reads: borrowed where the array already is what the core wants.
 pub enum Points<'py> {
     /// C-contiguous float32.

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The oracle's generated scenes as dictionaries of arrays.
 
+use super::whole::Seed;
 use crate::error::{Error, Result};
 use crate::oracle::cases::{self, Case, Size};
 use numpy::{PyArray1, PyArray2, PyArrayMethods, ToPyArray};
@@ -47,11 +48,15 @@ fn size_of(name: &str) -> Result<Size> {
     }
 }
 
+/// The extreme cases that every structure must answer like brute force.
+///
+/// small: hundreds of triangles and rays each; large: tens of thousands. Another seed moves what is random
+/// in them, 0 to 2**64 - 1. Raises SpecError when size is neither, or seed no such number.
 #[pyfunction]
-#[pyo3(name = "cases", signature = (size="small", *, seed=7))]
-fn all<'py>(py: Python<'py>, size: &str, seed: u64) -> PyResult<Bound<'py, PyList>> {
+#[pyo3(name = "cases", signature = (size="small", *, seed=Seed(7)), text_signature = "(size='small', *, seed=7)")]
+fn all<'py>(py: Python<'py>, size: &str, seed: Seed) -> PyResult<Bound<'py, PyList>> {
     let size = size_of(size)?;
-    let made = py.detach(|| cases::cases(size, seed));
+    let made = py.detach(|| cases::cases(size, seed.0));
     let list = PyList::empty(py);
     for case in &made {
         list.append(dictionary(py, case)?)?;

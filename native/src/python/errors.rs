@@ -10,25 +10,25 @@ create_exception!(
     halfspace_native,
     ShapeError,
     PyValueError,
-    "An array has the wrong shape, type or range."
+    "An array has the wrong shape or type, or an index is out of range."
 );
 create_exception!(
     halfspace_native,
     NonFiniteError,
     PyValueError,
-    "A number is NaN or infinite."
+    "A number is NaN, or infinite where a finite one is needed."
 );
 create_exception!(
     halfspace_native,
     SpecError,
     PyValueError,
-    "A configuration is not understood."
+    "A configuration string or a setting is not understood or out of range."
 );
 create_exception!(
     halfspace_native,
     Cancelled,
     PyRuntimeError,
-    "The work was cancelled."
+    "The work was cancelled through its monitor."
 );
 
 impl From<Error> for PyErr {

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Structures in places.
 
-use super::arrays::{Threads, check_copy, describe};
+use super::arrays::{check_copy, describe};
 use super::structure::{Monitor, Structure, memory_limit};
 use super::trace::{self, Hits};
+use super::whole::{MemoryLimit, Threads};
 use crate::build::Monitor as BuildMonitor;
 use crate::error::{Error, Result, caught};
 use crate::geom::Transform;
@@ -13,13 +14,17 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::sync::Arc;
 
-/// Meshes, each with its structure, in places.
+/// Structures of meshes in places: two levels. Immutable; any number of threads may ask it.
+///
+/// Answers are bit for bit those of a structure over flattened(). Triangles are numbered as there: those of the first
+/// instance, then those of the second.
 #[pyclass(frozen)]
 pub struct Instances(pub Arc<instances::Instances>);
 
 #[pymethods]
 impl Instances {
-    #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, order="none", threads=Threads::ALL, counters=false))]
+    /// As Structure.closest(). Steps count those of the tree over the places too.
+    #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, order="none", threads=Threads::ALL, counters=false), text_signature = "($self, origins, directions, t_min=None, t_max=None, *, order='none', threads=0, counters=False)")]
     #[expect(clippy::too_many_arguments, reason = "Python keywords")]
     fn closest(
         &self,
@@ -37,7 +42,8 @@ impl Instances {
         Ok(py.detach(|| trace::closest((&*self.0, &[]), rays, threads.0, counters))?)
     }
 
-    #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, order="none", threads=Threads::ALL, counters=false))]
+    /// As Structure.occluded().
+    #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, order="none", threads=Threads::ALL, counters=false), text_signature = "($self, origins, directions, t_min=None, t_max=None, *, order='none', threads=0, counters=False)")]
     #[expect(clippy::too_many_arguments, reason = "Python keywords")]
     fn occluded<'py>(
         &self,
@@ -57,10 +63,12 @@ impl Instances {
         trace::occluded_answer(py, &occluded, counts, &[])
     }
 
+    /// How many instances there are, dropped ones included.
     fn __len__(&self) -> usize {
         self.0.len()
     }
 
+    /// Numbers of the build and of the meshes.
     #[getter]
     fn statistics<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         use crate::traverse::Tracer;
@@ -91,6 +99,10 @@ impl Instances {
         Ok(dict)
     }
 
+    /// Vertices (n, 3) and triangles (m, 3) of the scene in which every mesh is copied to its places: a corner is
+    /// x * m[0] + y * m[1] + z * m[2] + m[3] for each row m of its matrix, in float64 and in this order, then rounded
+    /// to float32. In mirrored places the second and the third corner of each triangle change places. Instances that
+    /// were dropped have NaN vertices. Raises MemoryError.
     fn flattened<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
         let (vertices, triangles) = py.detach(|| self.0.flattened())?;
         let triangles: Vec<[i32; 3]> = (triangles.iter())
@@ -123,8 +135,15 @@ fn transforms(value: &Bound<'_, PyAny>) -> Result<Vec<Transform>> {
         .collect())
 }
 
+/// Puts structures in places: only the tree over the places is built, the structures are shared.
+///
+/// structures: of the meshes, in the meshes' own space; their configurations may differ. mesh: (k,) int32, which of
+/// them stands in each place. matrices: (k, 4, 4) or (k, 3, 4) float64, mesh to scene. threads, monitor, memory_limit:
+/// as for build().
+/// Instances whose matrix is singular, not finite or out of the range of float32 are dropped and named in the
+/// statistics. Raises ShapeError (also for more than 2**31 - 2 triangles), Cancelled, MemoryError.
 #[pyfunction]
-#[pyo3(signature = (structures, mesh, matrices, *, threads=Threads::ALL, monitor=None, memory_limit=None))]
+#[pyo3(signature = (structures, mesh, matrices, *, threads=Threads::ALL, monitor=None, memory_limit=None), text_signature = "(structures, mesh, matrices, *, threads=0, monitor=None, memory_limit=None)")]
 #[pyo3(name = "build_instances")]
 fn build(
     py: Python<'_>,
@@ -133,9 +152,9 @@ fn build(
     matrices: &Bound<'_, PyAny>,
     threads: Threads,
     monitor: Option<&Monitor>,
-    memory_limit: Option<i64>,
+    memory_limit: Option<MemoryLimit>,
 ) -> PyResult<Instances> {
-    let limit = self::memory_limit(memory_limit)?;
+    let limit = self::memory_limit(memory_limit);
     let meshes: Vec<_> = (structures.iter()).map(|one| Arc::clone(&one.0)).collect();
     let numbers: PyReadonlyArray1<'_, i32> = mesh.extract().map_err(|_| {
         Error::Shape(format!(

@@ -13,11 +13,12 @@ mod seeing;
 mod shader_args;
 mod structure;
 mod trace;
+mod whole;
 
 use fearless_simd::Level;
 use pyo3::prelude::*;
 
-/// The widest instruction set of this machine that the module uses.
+/// The instruction set chosen for this machine: avx512, avx2, sse4.2, neon or fallback.
 #[pyfunction]
 fn level() -> &'static str {
     let level = Level::new();
@@ -41,7 +42,7 @@ fn level() -> &'static str {
     "fallback"
 }
 
-/// What a build may take where no limit is given.
+/// Bytes that a build may take now where no limit is given: seven eighths of what the machine has free.
 #[pyfunction]
 fn free_memory() -> u64 {
     crate::memory::default_limit()

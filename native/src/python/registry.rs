@@ -61,6 +61,7 @@ fn row<'py>(py: Python<'py>, spec: &StructureSpec) -> PyResult<Bound<'py, PyDict
     Ok(dict)
 }
 
+/// The registry: every structure and its parameters, in the order in which lists show them.
 #[pyfunction]
 fn structures(py: Python<'_>) -> PyResult<Bound<'_, PyList>> {
     let list = PyList::empty(py);

@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Scenes to render and renders in progress.
 
-use super::arrays::{Threads, describe};
+use super::arrays::describe;
 use super::instances::Instances;
 use super::render_args as args;
 use super::shader_args;
 use super::structure::Structure;
+use super::whole::{Milliseconds, Threads};
 use crate::error::{Error, Result};
 use crate::render::job::Job;
 use crate::render::scene::{self, SceneParams, SharedTracer};
@@ -16,7 +17,58 @@ use pyo3::types::PyDict;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// A structure with materials, lights and world.
+/// A structure with materials, lights and world: everything but the camera.
+///
+/// All lengths and positions are in the structure's frame, all colours linear RGB. Unknown keys
+/// are refused, so that a misspelt one is not silently ignored.
+///
+/// structure: what rays ask, a Structure or Instances; shared, not copied.
+/// material_index: (m,) int32, the material of each of the structure's m triangles, dropped ones
+///     included; None = all use the first.
+/// materials: dictionaries, all keys optional, the defaults being Blender's Principled BSDF:
+///     "name" (for messages), "base_color" (3,), "metallic" 0..1, "roughness" 0..1, "ior" > 0,
+///     "transmission" 0..1, "specular" (0.5 = as the ior says, 0 = no coat), "emission" (3,)
+///     radiance on both sides, "alpha" (0 = invisible). An empty list is one default material.
+///     What varies over a surface is given by "program" and "closures" instead. A program is a list
+///     of steps, dictionaries with "op", "args" and the settings of the operation; an argument is
+///     the number of an earlier step (an int) or a constant (a float, or three or four floats). A
+///     closure has a "kind" (principled, diffuse, glossy, glass, refraction, transparent,
+///     emission), inputs of the names above and "weight", "color", "specular_tint", "coat_weight",
+///     "coat_roughness", "coat_ior", "coat_tint", each an argument as in a program, and "normal",
+///     "multiscatter" (True). At most 8 closures, 4 of them principled. "hidden_from" names the rays
+///     that pass a surface of it as if it were not there: camera, shadow, diffuse, glossy, transmission.
+/// corner_normals: (m, 3, 3) float32, shading normals of each triangle's corners, any length;
+///     None = flat.
+/// surfaces: for Instances instead of these two, None = the first material and flat: "meshes", a list of
+///     {"material_index": (m,) int32 slots or None, "corner_normals": (m, 3, 3) float32 in the mesh's space or None};
+///     "materials" (s,) int32, the materials of the slots, instance after instance; "first_material" (k + 1,) int32,
+///     where each instance's begin, slots beyond its last using that; "normal_matrix" (k, 3, 3) float32, the inverse
+///     transpose that turns normals to the scene, row by row; "keeps_length" (k,) bool, whether it keeps unit length.
+/// lights: dictionaries with "kind" ("point", "sun", "spot", "area"), "to_world" (4, 4), "power"
+///     (3,), and, as the kind needs, "radius", "angle", "spot_size", "spot_blend", "shape"
+///     ("SQUARE", "RECTANGLE", "DISK", "ELLIPSE"), "size", "size_y"; "casts_shadow" (True).
+///     A light shines along its -Z. Angles are full angles in radians. Brightness is that of
+///     Cycles: power P gives a point or spot light the radiant intensity P / 4π W/sr, an area
+///     light the radiance P / (π area) on one side, a sun the irradiance P in W/m². A light with a
+///     size is seen by every ray that "hidden_from" does not name, ("camera",) if it is not given, and
+///     lights what would scatter such rays. Lights without power are left out.
+/// world: {"color": (3,)}, radiance of the background; None = black. With "program" and "radiance",
+///     an argument as in a material, the radiance of each direction. "hidden_from" as for materials.
+/// images: dictionaries of "name", "pixels", (h, w, 4) float32, rows from the bottom, and "srgb",
+///     whether colours are decoded after filtering. Without pixels an image is missing: pink.
+/// layers: (m, 3, 2 to 4) float32 arrays that programs read at the corners, or None for an absent one.
+/// objects: dictionaries of "to_object", (3, 4), scene frame to the object's space, and "generated",
+///     (2, 3), what is added there and then multiplied to get 0..1 in its box.
+/// object_index: (m,) uint32, the object of each triangle; None = all are the first.
+/// origin: (3,), the world position of the scene frame's origin.
+/// indices: numbers that objects and materials carry, for the passes of that name; None = all 0. "first" (n,) int32,
+///     the first triangle of each run of triangles of one object, ascending from 0; "object" (n,) float32, the
+///     runs' numbers; "material" float32, by material; "uvs" (m, 3, 2) float32, NaN where
+///     there are none, or None, for the UV pass.
+///
+/// Raises ShapeError (array of the wrong shape or type, index out of range), NonFiniteError,
+/// SpecError (a number out of range, a missing or unknown key); each names the key and its index.
+/// Releases the GIL while it compiles the scene.
 #[pyclass(frozen)]
 pub struct RenderScene(Arc<scene::RenderScene>);
 
@@ -75,56 +127,66 @@ impl RenderScene {
         Ok(Self(Arc::new(scene)))
     }
 
+    /// What this scene does not need and its paths therefore do not contain, each with its
+    /// reason, such as "shadow rays: no lights".
     #[getter]
     fn left_out(&self) -> Vec<String> {
         self.0.features().left_out()
     }
 }
 
-/// A render in progress, or its result.
+/// A render on threads of its own, or its result.
+///
+/// Deleting it cancels the render and waits for its threads. All methods may be called from any
+/// Python thread.
 #[pyclass(frozen)]
 pub struct RenderJob(Job);
 
 #[pymethods]
 impl RenderJob {
-    fn wait(&self, py: Python<'_>, milliseconds: i64) -> PyResult<bool> {
-        let time = u64::try_from(milliseconds).map_err(|_| {
-            Error::Spec(format!(
-                "milliseconds must be at least 0, got {milliseconds}"
-            ))
-        })?;
-        Ok(py.detach(|| self.0.wait(Duration::from_millis(time))))
+    /// Waits until the render has ended or the time is over; True when it has ended, be it
+    /// done, failed or cancelled. Releases the GIL. SpecError for a negative time.
+    fn wait(&self, py: Python<'_>, milliseconds: Milliseconds) -> bool {
+        py.detach(|| self.0.wait(Duration::from_millis(milliseconds.0)))
     }
 
+    /// Asks the render to stop and returns at once; it stops within 0.1 s. What was finished
+    /// stays readable.
     fn cancel(&self) {
         self.0.cancel();
     }
 
+    /// Share of all pixel samples that are done, 0..1.
     #[getter]
     fn progress(&self) -> f64 {
         self.0.progress()
     }
 
+    /// Whether the render has ended: done, failed or cancelled.
     #[getter]
     fn finished(&self) -> bool {
         self.0.is_finished()
     }
 
+    /// Whether it ended early because it was cancelled. False while it is still stopping.
     #[getter]
     fn cancelled(&self) -> bool {
         self.0.is_cancelled()
     }
 
+    /// Samples that every pixel has, or needs no more of.
     #[getter]
     fn samples_done(&self) -> u32 {
         self.0.samples_done()
     }
 
+    /// What went wrong, None if nothing did.
     #[getter]
     fn error(&self) -> Option<String> {
         self.0.error()
     }
 
+    /// The passes that are filled, and their numbers of channels.
     #[getter]
     fn passes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let dict = PyDict::new(py);
@@ -134,6 +196,7 @@ impl RenderJob {
         Ok(dict)
     }
 
+    /// Numbers so far.
     #[getter]
     fn statistics<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let statistics = self.0.statistics();
@@ -152,6 +215,20 @@ impl RenderJob {
         Ok(dict)
     }
 
+    /// Writes a pass as it is now: rows from the bottom up, channels innermost.
+    ///
+    /// out: float32, one-dimensional, C-contiguous, width * height * channels elements, where
+    ///     width and height are those of the border. Pixels without a sample yet are zero.
+    /// "Combined" is the mean so far, premultiplied RGBA, scene linear. "Depth" (along the view
+    /// axis, 1e10 = nothing seen) and "Position" are those of the first sample, because a mean
+    /// across an edge is a place where nothing is, and so are "Object Index" and "Material Index";
+    /// "Normal" and "UV" (with 1 as third channel) are means, not renormalised. "Mist" is a mean, 1
+    /// where nothing is seen, "Denoising Albedo" the mean share of light that the first surface
+    /// sends on. "Traversal Steps", "Triangle Tests" and "Leaf Depth" (of the last leaf that was
+    /// tested) are means per camera ray. "Sample Count" is each pixel's own.
+    ///
+    /// Raises SpecError (unknown pass, or one that was not asked for), ShapeError (type, size,
+    /// contiguity or a read-only array). Releases the GIL.
     fn copy_into(&self, py: Python<'_>, name: &str, out: &Bound<'_, PyAny>) -> PyResult<()> {
         let pass = pass(name)?;
         let wrong = |what: &str| {
@@ -178,8 +255,35 @@ fn pass(name: &str) -> Result<Pass> {
     })
 }
 
+/// Starts a render and returns at once.
+///
+/// camera: "kind" ("perspective", "orthographic"), "to_world" (4, 4) (the camera looks along its
+///     -Z, +Y is up; scale is ignored), "window" (left, right, bottom, top) of the full frame at
+///     distance 1 (perspective) or in scene units (orthographic), "clip_start" and "clip_end" as
+///     depths along -Z. Depth of field: "aperture_radius" (0: none) in scene units, "aperture_blades" (0: round),
+///     "aperture_rotation" in radians, "aperture_ratio" (1: as high as wide), "focus_distance" along -Z.
+/// settings: "width" and "height" of the full frame in pixels; "border" (x0, y0, x1, y1) in pixels
+///     from the lower left, half open, or None; "samples" per pixel: cost in proportion;
+///     "integrator" ("path", "whitted": direct light, mirrors and clear glass, or "ao": openness within
+///     "ambient_distance" (inf));
+///     "max_bounces" (4): 0 = direct light only, as in Cycles; "clamp_indirect" (0): most that a sample adds
+///     after its first bounce, as the mean of its channels, 0 = no limit; "seed" (0);
+///     "film_transparent" (False); "passes" (["Combined"]), names as in RenderJob.passes; "step_samples" (None):
+///     samples between two updates of a tile, None = 1, 1, 2, 4, then 8 at a time; "filter"
+///     ("blackman_harris", or "box") and "filter_width" (1.5), as in Cycles. "noise_threshold" (0: off): blocks of
+///     8 x 8 pixels with less noise get no more samples, after "min_samples" (0: as suits the threshold); this is no
+///     longer unbiased. "time_limit" (0: none): seconds after which no samples begin, once each pixel has one. "mist":
+///     {"start" (5), "depth" (25), "falloff" ("QUADRATIC", "LINEAR", "INVERSE_QUADRATIC")} of the pass.
+/// threads: 0 = one per core.
+///
+/// The image depends on scene, camera and settings alone, bit for bit: not on the structure, not
+/// on the number of threads, not on step_samples; and a border shows the same pixels as the full
+/// frame. With a noise threshold a border may end other blocks; with a time limit the image depends on the machine too.
+///
+/// Raises SpecError, ShapeError or NonFiniteError naming the key. An error while rendering does
+/// not raise: see RenderJob.error.
 #[pyfunction]
-#[pyo3(signature = (scene, camera, settings, *, threads=Threads::ALL))]
+#[pyo3(signature = (scene, camera, settings, *, threads=Threads::ALL), text_signature = "(scene, camera, settings, *, threads=0)")]
 fn render(
     py: Python<'_>,
     scene: &RenderScene,

@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Building, statistics, validation, what there is to see.
 
-use super::arrays::{self, Threads};
+use super::arrays;
 use super::seeing;
 use super::trace::{self, Hits};
+use super::whole::{MaxCount, MaxDepth, MemoryLimit, MinTriangles, Threads};
 use crate::build::Monitor as BuildMonitor;
-use crate::error::{Error, Result, caught};
+use crate::error::caught;
 use crate::memory;
 use crate::scene::Triangles;
 use crate::spec::Config;
@@ -18,7 +19,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::sync::Arc;
 
-/// Progress and cancellation of a build.
+/// Progress of a build, 0 to 1, and a way to stop it; usable from any thread.
 #[pyclass(frozen)]
 pub struct Monitor(pub Arc<BuildMonitor>);
 
@@ -29,22 +30,25 @@ impl Monitor {
         Self(Arc::new(BuildMonitor::new()))
     }
 
+    /// The share of the work done.
     #[getter]
     fn progress(&self) -> f64 {
         self.0.progress()
     }
 
+    /// Whether it was asked to stop.
     #[getter]
     fn cancelled(&self) -> bool {
         self.0.is_cancelled()
     }
 
+    /// Asks the build to stop; it raises Cancelled within a tenth of a second.
     fn cancel(&self) {
         self.0.cancel();
     }
 }
 
-/// Rays whose walks through a structure were recorded.
+/// Rays and what each leaf of a structure answered to them, from Structure.record().
 #[pyclass(frozen)]
 pub struct Recording {
     structure: Arc<structure::Structure>,
@@ -53,11 +57,19 @@ pub struct Recording {
 
 #[pymethods]
 impl Recording {
+    /// What each ray cost when it was recorded, as Hits.counters.
     #[getter]
     fn counters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         trace::counters(py, self.structure.cases(), &self.recording.counters)
     }
 
+    /// Walks the rays again on the calling thread, through the same nodes in the same order but with
+    /// the recorded answers in place of triangle tests.
+    ///
+    /// The seconds of each 1024 rays, the last of the rest: the time of traversal alone, from the ray
+    /// in the structure's frame to the last leaf. To compare walks on a busy machine take the median of
+    /// each chunk over several replays, interleaved, and add them up. RuntimeError if a ray visits
+    /// other leaves than recorded, which is a bug.
     fn replay<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray1<f64>>> {
         let (seconds, strayed) = py.detach(|| self.structure.replay(&self.recording));
         if strayed > 0 {
@@ -73,18 +85,27 @@ impl Recording {
     }
 }
 
-/// A built structure.
+/// A structure built over triangles. Immutable; any number of threads may ask it.
 #[pyclass(frozen, weakref)]
 pub struct Structure(pub Arc<structure::Structure>);
 
 #[pymethods]
 impl Structure {
+    /// The configuration, with only what differs from the defaults.
     #[getter]
     fn spec(&self) -> String {
         self.0.config().canonical()
     }
 
-    #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, order="none", threads=Threads::ALL, counters=false))]
+    /// The nearest triangle that each ray meets; the same bits for every structure.
+    ///
+    /// origins, directions: (n, 3), scene frame; directions of any length, a zero direction meets
+    /// nothing. t_min, t_max: the closed interval that counts, in units of the direction, one
+    /// number or (n,), negative behind the origin; 0 and inf when not given. A hit whose distance
+    /// is beyond all floats is none. order: "tile8" promises that every 64 consecutive
+    /// rays are an 8x8-pixel tile. threads: 0 = one per core.
+    /// Raises ShapeError, NonFiniteError (NaN or infinite rays, NaN distances), SpecError (order).
+    #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, order="none", threads=Threads::ALL, counters=false), text_signature = "($self, origins, directions, t_min=None, t_max=None, *, order='none', threads=0, counters=False)")]
     #[expect(clippy::too_many_arguments, reason = "Python keywords")]
     fn closest(
         &self,
@@ -103,7 +124,9 @@ impl Structure {
         Ok(py.detach(|| trace::closest((tracer.0, tracer.1), rays, threads.0, counters))?)
     }
 
-    #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, order="none", threads=Threads::ALL, counters=false))]
+    /// Whether each ray meets anything at all: (n,) bool; with counters=True a pair of that
+    /// and the counters of Hits. Arguments and errors as for closest().
+    #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, order="none", threads=Threads::ALL, counters=false), text_signature = "($self, origins, directions, t_min=None, t_max=None, *, order='none', threads=0, counters=False)")]
     #[expect(clippy::too_many_arguments, reason = "Python keywords")]
     fn occluded<'py>(
         &self,
@@ -123,6 +146,11 @@ impl Structure {
         trace::occluded_answer(py, &occluded, counts, self.0.cases())
     }
 
+    /// Traces the rays one by one, on one thread, and records what every leaf answers, so that the
+    /// walks can be repeated without triangle tests.
+    ///
+    /// any_hit: as occluded() does, else as closest(). Arguments and errors as for closest(); also
+    /// SpecError for "brute", which walks nothing.
     #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, any_hit=false))]
     fn record(
         &self,
@@ -142,6 +170,7 @@ impl Structure {
         })
     }
 
+    /// Numbers of the build.
     #[getter]
     fn statistics<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let dict = PyDict::new(py);
@@ -167,31 +196,42 @@ impl Structure {
         Ok(dict)
     }
 
+    /// Broken invariants in words; empty for a sound structure. Takes time, for tests.
     fn validate(&self, py: Python<'_>) -> Vec<String> {
         py.detach(|| validate::validate(&self.0))
     }
 
-    #[pyo3(signature = (max_depth=60, max_count=20_000))]
+    /// The split planes of nodes down to max_depth, at most max_count of them, breadth first.
+    ///
+    /// Raises SpecError for numbers below 0.
+    #[pyo3(signature = (max_depth=MaxDepth(60), max_count=MaxCount(20_000)), text_signature = "($self, max_depth=60, max_count=20000)")]
     fn split_polygons<'py>(
         &self,
         py: Python<'py>,
-        max_depth: usize,
-        max_count: usize,
+        max_depth: MaxDepth,
+        max_count: MaxCount,
     ) -> PyResult<Bound<'py, PyDict>> {
-        seeing::planes(py, &self.0, max_depth, max_count)
+        seeing::planes(py, &self.0, max_depth.0, max_count.0)
     }
 
-    #[pyo3(signature = (min_triangles=1, max_count=20_000))]
+    /// The cells of leaves with at least min_triangles, the fullest first, at most max_count.
+    ///
+    /// Raises SpecError for numbers below 0.
+    #[pyo3(signature = (min_triangles=MinTriangles(1), max_count=MaxCount(20_000)), text_signature = "($self, min_triangles=1, max_count=20000)")]
     fn leaf_cells<'py>(
         &self,
         py: Python<'py>,
-        min_triangles: usize,
-        max_count: usize,
+        min_triangles: MinTriangles,
+        max_count: MaxCount,
     ) -> PyResult<Bound<'py, PyDict>> {
-        seeing::cells(py, &self.0, min_triangles, max_count)
+        seeing::cells(py, &self.0, min_triangles.0, max_count.0)
     }
 
-    #[pyo3(signature = (origin, direction, t_min=0.0, t_max=f32::INFINITY))]
+    /// The way of one ray to its nearest hit: what the walk itself tested, and what lies on the way.
+    ///
+    /// origin, direction: three numbers each, scene frame. t_min, t_max: as for closest(); inf when not given.
+    /// Raises NonFiniteError.
+    #[pyo3(signature = (origin, direction, t_min=0.0, t_max=f32::INFINITY), text_signature = "($self, origin, direction, t_min=0.0, t_max=...)")]
     fn trace_path<'py>(
         &self,
         py: Python<'py>,
@@ -213,18 +253,21 @@ impl Structure {
 }
 
 /// Bytes that a build may take.
-pub fn memory_limit(bytes: Option<i64>) -> Result<u64> {
-    match bytes.map(u64::try_from) {
-        None => Ok(memory::default_limit()),
-        Some(Ok(bytes)) => Ok(bytes),
-        Some(Err(_)) => Err(Error::Spec(
-            "memory_limit: expected a number of bytes of at least 0".to_owned(),
-        )),
-    }
+pub fn memory_limit(asked: Option<MemoryLimit>) -> u64 {
+    asked.map_or_else(memory::default_limit, |limit| limit.0)
 }
 
+/// Builds a structure over triangles.
+///
+/// vertices: (n, 3). triangles: (m, 3) indices; those without area or not finite are dropped and
+/// counted, and all keep their numbers. spec: "id" or "id:key=value,...", see structures(). The
+/// result is a function of these alone, on any number of threads; 0 = one per core.
+/// memory_limit: bytes that the build may take beside the scene, counted while it works; None = seven
+/// eighths of what the machine has free when it begins. With lazy=1 what rays will have built is estimated.
+/// Raises SpecError, ShapeError, Cancelled, and MemoryError when the limit is met or the tree cannot be
+/// addressed; RuntimeError for an internal error.
 #[pyfunction]
-#[pyo3(signature = (vertices, triangles, spec="kd", *, threads=Threads::ALL, monitor=None, memory_limit=None))]
+#[pyo3(signature = (vertices, triangles, spec="kd", *, threads=Threads::ALL, monitor=None, memory_limit=None), text_signature = "(vertices, triangles, spec='kd', *, threads=0, monitor=None, memory_limit=None)")]
 fn build(
     py: Python<'_>,
     vertices: &Bound<'_, PyAny>,
@@ -232,9 +275,9 @@ fn build(
     spec: &str,
     threads: Threads,
     monitor: Option<&Monitor>,
-    memory_limit: Option<i64>,
+    memory_limit: Option<MemoryLimit>,
 ) -> PyResult<Structure> {
-    let limit = self::memory_limit(memory_limit)?;
+    let limit = self::memory_limit(memory_limit);
     let config = Config::parse(spec)?;
     let vertices = arrays::points("vertices", vertices)?;
     let indices = arrays::indices("triangles", triangles, vertices.len())?;

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Rays from arrays, hits to arrays, and the exact oracle.
 
-use super::arrays::{self, Limits, PerRay, Points, Threads};
+use super::arrays::{self, Limits, PerRay, Points};
+use super::whole::Threads;
 use crate::error::{Error, Result, caught};
 use crate::memory::check_room;
 use crate::oracle::exact_closest;
@@ -147,7 +148,21 @@ const BLANK: Ray = Ray {
     t_max: 0.0,
 };
 
-/// Answers of `closest`.
+/// Answers of closest(), one per ray.
+///
+/// t: (n,) float32, distance in units of the direction, correctly rounded; inf = miss.
+/// triangle: (n,) int32, -1 = miss; of several at the same t the one with the smallest number.
+/// u, v: (n,) float32, weights of the second and third corner: the point is
+/// (1 - u - v) a + u b + v c. Each access makes a new array.
+/// counters: None, or per ray (n,) uint32 under "steps", "steps_axis", "steps_oblique", "leaves",
+/// "leaves_empty", "tests", "verdicts", "spared" (1: answered without a walk of its own); from TA-B
+/// also the cases of ray and split plane, "case_n1" to "case_n5" (origin below the plane: 1 away from
+/// it, 2 along it, 3 towards it but the cell ends before, 4 through it inside the cell, 5 through it
+/// before the cell), "case_p1" to "case_p5" (above), "case_z1" (in the plane: upwards), "case_z2"
+/// (downwards), "case_z3" (along); from beam-hh "beam_visits" (of nodes, by the beam whose first ray this is),
+/// "beam_cuts" (a polygon parted it) and "beam_singles" (1: the ray went singly).
+/// on_boundary: None, or from exact_closest (n,) bool: the ray passes exactly through an edge or
+/// a corner of the triangle that it hits.
 #[pyclass(frozen)]
 pub struct Hits {
     hits: Vec<Hit>,
@@ -352,8 +367,11 @@ pub fn occluded_answer<'py>(
     }
 }
 
+/// The nearest triangle by exact integer arithmetic alone, O(n) per ray: for small inputs.
+///
+/// Arguments and errors as for build() and Structure.closest().
 #[pyfunction]
-#[pyo3(name = "exact_closest", signature = (vertices, triangles, origins, directions, t_min=None, t_max=None, *, threads=Threads::ALL))]
+#[pyo3(name = "exact_closest", signature = (vertices, triangles, origins, directions, t_min=None, t_max=None, *, threads=Threads::ALL), text_signature = "(vertices, triangles, origins, directions, t_min=None, t_max=None, *, threads=0)")]
 #[expect(clippy::too_many_arguments, reason = "Python keywords")]
 fn exact(
     py: Python<'_>,
@@ -403,6 +421,9 @@ fn ulps(a: f32, b: f32) -> i64 {
     (order(a) - order(b)).abs()
 }
 
+/// How many float32 steps lie between a and b, (n,) each, counted through zero.
+///
+/// Two NaN are 0 apart, NaN and a number 2**63 - 1. Raises ShapeError when the lengths differ.
 #[pyfunction]
 fn ulp_distance<'py>(
     py: Python<'py>,

@@ -114,8 +114,8 @@ mod tests {
 
     #[test]
     fn quiet_blocks_stop_unless_a_neighbour_is_loud() {
-        let mut noise = Noise::new(AREA.len());
-        for pixel in 0..AREA.len() {
+        let mut noise = Noise::new(AREA.pixels());
+        for pixel in 0..AREA.pixels() {
             let x = pixel % 32;
             for index in 0..16 {
                 // The leftmost blocks flicker.
@@ -131,7 +131,7 @@ mod tests {
 
     #[test]
     fn what_stopped_stays_stopped_and_what_is_not_finite_goes_on() {
-        let mut noise = Noise::new(AREA.len());
+        let mut noise = Noise::new(AREA.pixels());
         noise.add(0, 0, [f32::NAN, 0.0, 0.0]);
         let mut active = vec![true; 12];
         active[11] = false;

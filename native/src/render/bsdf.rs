@@ -26,14 +26,6 @@ pub struct Normals {
     pub mapped: Option<[Vec3; 2]>,
 }
 
-impl Normals {
-    /// All the same.
-    pub const FLAT: Self = Self {
-        geometric: vec3(0.0, 0.0, 1.0),
-        mapped: None,
-    };
-}
-
 /// A sampled direction.
 #[derive(Debug, Clone, Copy)]
 pub struct Scatter {

@@ -81,13 +81,8 @@ pub struct TileArea {
 
 impl TileArea {
     /// Its number of pixels.
-    pub fn len(&self) -> usize {
+    pub fn pixels(&self) -> usize {
         self.width as usize * self.height as usize
-    }
-
-    /// Whether it has no pixels.
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
     }
 
     /// How many blocks there are across and up.
@@ -177,7 +172,7 @@ impl Film {
                 };
                 let (across, up) = area.blocks();
                 let blocks = (across * up) as usize;
-                let noise = (settings.noise_threshold > 0.0).then(|| Noise::new(area.len()));
+                let noise = (settings.noise_threshold > 0.0).then(|| Noise::new(area.pixels()));
                 tiles.push(Tile {
                     area,
                     sums: Mutex::new(Sums {
@@ -185,7 +180,7 @@ impl Film {
                         samples: vec![0; blocks],
                         active: vec![true; blocks],
                         noise,
-                        values: vec![0.0; area.len() * stride],
+                        values: vec![0.0; area.pixels() * stride],
                     }),
                 });
             }
@@ -243,7 +238,7 @@ impl Film {
         let area = self.tiles[tile].area;
         let mut sums = self.sums(tile);
         let sums = &mut *sums;
-        for (index, chunk) in (sums.done..).zip(samples.chunks_exact(area.len())) {
+        for (index, chunk) in (sums.done..).zip(samples.chunks_exact(area.pixels())) {
             let pixels = sums.values.chunks_exact_mut(self.stride.max(1)).zip(chunk);
             for (pixel, (out, sample)) in pixels.enumerate() {
                 if sums.active[area.block_of(pixel)] {

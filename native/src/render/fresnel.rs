@@ -1,9 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Fresnel reflectance: exact for dielectrics, Schlick's form for metals.
+//! Fresnel reflectance of dielectrics.
 
 use std::sync::LazyLock;
-
-use super::vector::Vec3;
 
 /// Unpolarised reflectance of a smooth dielectric boundary, and the cosine of the refracted ray
 /// (0 under total internal reflection). `eta`: index of the far side over that of the near side.
@@ -30,20 +28,6 @@ pub fn f0_from_ior(eta: f32) -> f32 {
 pub fn ior_from_f0(f0: f32) -> f32 {
     let r = f0.clamp(0.0, 0.99).sqrt();
     (1.0 + r) / (1.0 - r)
-}
-
-/// Schlick 1994: reflectance of a metal with reflectance `f0` at normal incidence. This is
-/// Principled's "F82 tint" model with a white tint (Kutz, Hašan and Edmondson 2021).
-#[inline(always)]
-pub fn schlick(f0: Vec3, cos_i: f32) -> Vec3 {
-    let m = (1.0 - cos_i).clamp(0.0, 1.0);
-    let m2 = m * m;
-    f0 + (Vec3::ONE - f0) * (m2 * m2 * m)
-}
-
-/// Cosine-weighted mean of [`schlick`] over the hemisphere: the integral of 2 c (1 - c)^5 is 1/21.
-pub fn schlick_mean(f0: Vec3) -> Vec3 {
-    f0 + (Vec3::ONE - f0) * (1.0 / 21.0)
 }
 
 /// Cosine-weighted mean of [`dielectric`] over the hemisphere, by the midpoint rule.

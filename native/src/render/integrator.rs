@@ -191,9 +191,9 @@ impl Wavefront {
     ) -> Result<&[PixelSample], Stopped> {
         self.samples.clear();
         self.samples
-            .resize(area.len() * count as usize, PixelSample::EMPTY);
+            .resize(area.pixels() * count as usize, PixelSample::EMPTY);
         for index in 0..count {
-            let base = index as usize * area.len();
+            let base = index as usize * area.pixels();
             self.start(context, area, active, first + index, base);
             let mut primary = true;
             while !self.rays.is_empty() {

@@ -90,7 +90,7 @@ impl Job {
             steps += 1;
         }
         let tiles = film.tiles();
-        let pixels: u64 = (0..tiles).map(|t| film.area(t).len() as u64).sum();
+        let pixels: u64 = (0..tiles).map(|t| film.area(t).pixels() as u64).sum();
         let threads = match threads {
             0 => std::thread::available_parallelism().map_or(1, usize::from),
             n => n.min(1024),
@@ -286,7 +286,7 @@ impl Shared {
                 self.film.skip(tile, count);
             }
             *done += count;
-            let finished = area.len() as u64 * u64::from(count);
+            let finished = area.pixels() as u64 * u64::from(count);
             self.done.fetch_add(finished, Ordering::Relaxed);
             self.state().work.add(&wavefront.work);
             wavefront.work = Work::default();

@@ -16,75 +16,22 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 
-use super::camera::matrix_column;
-use super::check::{Error, Result, finite, within};
-use super::light_shapes::{Area, Disc, LightRay, Sun, Triangle};
-use super::light_tree::{Ball, LightTree};
+use super::check::Result;
+use super::light_shapes::{LightRay, Triangle};
 use super::place::RayKind;
 use super::vector::Vec3;
 use super::visibility::Visibility;
 use super::world::DirectionMap;
 
-/// Outline of an area light.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum AreaShape {
-    /// `size` × `size`.
-    Square,
-    /// `size` × `size_y`.
-    Rectangle,
-    /// A circle of diameter `size`.
-    Disk,
-    /// An ellipse with diameters `size` and `size_y`.
-    Ellipse,
-}
+mod compile;
+mod light;
+mod many;
+mod params;
 
-/// What kind of light, with its own numbers.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum LightKind {
-    /// Shines in all directions.
-    Point {
-        /// Soft size, scene units; 0 allowed.
-        radius: f32,
-    },
-    /// A point light with a cone.
-    Spot {
-        /// Soft size, scene units; 0 allowed.
-        radius: f32,
-        /// Full angle of the cone, radians.
-        size: f32,
-        /// Share of the cone over which it fades, 0..1.
-        blend: f32,
-    },
-    /// Infinitely far.
-    Sun {
-        /// Full angle of its disc, radians.
-        angle: f32,
-    },
-    /// A flat emitter.
-    Area {
-        /// Outline.
-        shape: AreaShape,
-        /// Extent along the light's X before `to_world`.
-        size: f32,
-        /// Extent along the light's Y before `to_world`.
-        size_y: f32,
-    },
-}
-
-/// A light as its user describes it. It shines along its own -Z.
-#[derive(Debug, Clone, PartialEq)]
-pub struct LightParams {
-    /// Kind and shape.
-    pub kind: LightKind,
-    /// Light to scene frame; rows, column vectors.
-    pub to_world: [[f64; 4]; 4],
-    /// Watts (sun: W/m²) per colour, linear.
-    pub power: [f32; 3],
-    /// Whether surfaces block it.
-    pub casts_shadow: bool,
-    /// Which rays see it.
-    pub visible: Visibility,
-}
+use self::compile::compile;
+use self::light::{Light, Shape};
+use self::many::Many;
+pub use self::params::{AreaShape, LightKind, LightParams};
 
 /// A sample of the light arriving at a point.
 #[derive(Debug, Clone, Copy)]
@@ -138,24 +85,6 @@ pub struct Receiver {
     pub normal: Vec3,
 }
 
-enum Shape {
-    Disc(Disc),
-    Sun(Sun),
-    Area(Area),
-    Triangle(u32, Triangle),
-    World,
-}
-
-struct Light {
-    shape: Shape,
-    /// Radiance of a light with a size, intensity or irradiance of one without.
-    strength: Vec3,
-    /// Mean of power-like strength, for choosing.
-    brightness: f32,
-    casts_shadow: bool,
-    visible: Visibility,
-}
-
 /// All lights of a scene: lamps first, then glowing triangles, then the background.
 pub struct Lights {
     lights: Vec<Light>,
@@ -168,19 +97,6 @@ pub struct Lights {
     many: Option<Many>,
     any_met: bool,
     any_seen: bool,
-}
-
-/// What chooses among more lights than can be weighed one by one.
-struct Many {
-    /// Everything that has a place.
-    tree: LightTree,
-    /// Lamps that a ray can meet and that have a place.
-    met: LightTree,
-    /// Suns and the background.
-    far: Vec<u32>,
-    /// Running sum of their brightness, 0 to 1, for when they are many as well.
-    far_running: Vec<f32>,
-    far_brightness: f32,
 }
 
 /// Up to this many lights each is weighed at every point; beyond, a tree is walked.
@@ -441,139 +357,6 @@ impl Lights {
     }
 }
 
-impl Many {
-    fn new(lights: &[Light], lamps: usize) -> Self {
-        let ball = |(i, light): (usize, &Light)| light.ball(i as u32);
-        let all = lights.iter().enumerate();
-        let near: Vec<Ball> = all.clone().filter_map(ball).collect();
-        let met = all
-            .clone()
-            .take(lamps)
-            .filter(|(_, light)| light.can_be_met())
-            .filter_map(ball)
-            .collect();
-        let far: Vec<u32> = all
-            .filter(|(_, light)| light.is_far())
-            .map(|(i, _)| i as u32)
-            .collect();
-        let mut sum = 0.0_f64;
-        let mut running: Vec<f64> = far
-            .iter()
-            .map(|&f| {
-                sum += f64::from(lights[f as usize].brightness);
-                sum
-            })
-            .collect();
-        running.iter_mut().for_each(|r| *r /= sum);
-        Self {
-            tree: LightTree::new(near, lights.len()),
-            met: LightTree::new(met, lights.len()),
-            far,
-            far_running: running.into_iter().map(|r| r as f32).collect(),
-            far_brightness: sum as f32,
-        }
-    }
-
-    /// The share of the choices that go to suns and the background.
-    fn share_of_far(&self, receiver: Receiver) -> Option<f32> {
-        let (near, far) = (self.tree.importance(receiver), self.far_brightness);
-        match (near > 0.0, far > 0.0) {
-            // A bound says little about what really arrives, so neither is starved.
-            (true, true) => Some((far / (near + far)).clamp(0.1, 0.9)),
-            (true, false) => Some(0.0),
-            (false, true) => Some(1.0),
-            (false, false) => None,
-        }
-    }
-
-    fn far_probability(&self, position: usize) -> f32 {
-        let before = position.checked_sub(1).map_or(0.0, |p| self.far_running[p]);
-        self.far_running[position] - before
-    }
-
-    fn choose(&self, lights: &[Light], receiver: Receiver, choice: f32) -> Option<(usize, f32)> {
-        let share = self.share_of_far(receiver)?;
-        if choice < share {
-            let left = choice / share;
-            let position = self.far_running.partition_point(|&c| c <= left);
-            let position = position.min(self.far.len() - 1);
-            let index = self.far[position] as usize;
-            let probability = self.far_probability(position) * share;
-            return (lights[index].importance(receiver) > 0.0).then_some((index, probability));
-        }
-        let left = ((choice - share) / (1.0 - share)).min(1.0 - f32::EPSILON);
-        let (index, probability) = self.tree.choose(receiver, left)?;
-        Some((index, probability * (1.0 - share)))
-    }
-
-    fn probability(&self, lights: &[Light], receiver: Receiver, index: usize) -> f32 {
-        let Some(share) = self.share_of_far(receiver) else {
-            return 0.0;
-        };
-        if lights[index].is_far() {
-            let position = self.far.partition_point(|&f| (f as usize) < index);
-            self.far_probability(position) * share
-        } else {
-            self.tree.probability(receiver, index) * (1.0 - share)
-        }
-    }
-}
-
-impl Light {
-    fn has_size(&self) -> bool {
-        match &self.shape {
-            Shape::Disc(disc) => disc.radius > 0.0,
-            Shape::Sun(sun) => sun.has_size(),
-            Shape::Area(_) | Shape::Triangle(..) | Shape::World => true,
-        }
-    }
-
-    fn is_far(&self) -> bool {
-        matches!(self.shape, Shape::Sun(_) | Shape::World)
-    }
-
-    /// A ball around a light that has a place.
-    fn ball(&self, light: u32) -> Option<Ball> {
-        let (centre, radius) = match &self.shape {
-            Shape::Disc(disc) => (disc.centre(), disc.radius),
-            Shape::Area(area) => area.ball(),
-            Shape::Triangle(_, triangle) => triangle.ball(),
-            Shape::Sun(_) | Shape::World => return None,
-        };
-        Some(Ball {
-            centre,
-            radius,
-            brightness: self.brightness,
-            light,
-        })
-    }
-
-    fn can_be_met(&self) -> bool {
-        self.has_size() && self.casts_shadow
-    }
-
-    /// Roughly the irradiance the light could give; zero only where it gives none.
-    fn importance(&self, receiver: Receiver) -> f32 {
-        self.brightness
-            * match &self.shape {
-                Shape::Disc(disc) => disc.importance(receiver.point, receiver.normal),
-                Shape::Sun(sun) => sun.importance(receiver.normal),
-                Shape::Area(area) => area.importance(receiver.point, receiver.normal),
-                Shape::Triangle(_, triangle) => {
-                    let (centre, radius) = triangle.ball();
-                    let ball = Ball {
-                        centre,
-                        radius,
-                        brightness: 1.0,
-                        light: 0,
-                    };
-                    ball.importance(receiver)
-                }
-                Shape::World => 1.0,
-            }
-    }
-}
-
 /// Veach and Guibas 1995, §3.2, exponent 2: the weight of the technique with density `a`.
 #[inline(always)]
 pub fn power_heuristic(a: f32, b: f32) -> f32 {
@@ -584,107 +367,5 @@ pub fn power_heuristic(a: f32, b: f32) -> f32 {
     } else {
         let r = a / b;
         r * r / (1.0 + r * r)
-    }
-}
-
-fn compile(params: &LightParams, index: usize) -> Result<Option<Light>> {
-    let name = |key: &str| format!("lights[{index}]['{key}']");
-    for (row, values) in params.to_world.iter().enumerate() {
-        finite(values, || format!("{}[{row}]", name("to_world")))?;
-    }
-    finite(&params.power, || name("power"))?;
-    for &p in &params.power {
-        within(p.into(), 0.0, 1e30, || name("power"))?;
-    }
-    let size = |value: f32, key: &str| within(value.into(), 0.0, 1e18, || name(key));
-    let angle = |value: f32, key: &str| {
-        within(value.into(), 0.0, std::f64::consts::PI * 1.000_001, || {
-            name(key)
-        })
-    };
-    let flat = || Error::Spec(format!("{} has an axis of length zero", name("to_world")));
-    let power = Vec3::from(params.power);
-    let position = matrix_column(&params.to_world, 3);
-    let pi = std::f32::consts::PI;
-    let (shape, strength, brightness) = match params.kind {
-        LightKind::Point { radius } => {
-            size(radius, "radius")?;
-            let disc = Disc::new(position, radius, None);
-            (
-                Shape::Disc(disc),
-                power * disc_strength(radius),
-                power.mean() / (4.0 * pi),
-            )
-        }
-        LightKind::Spot {
-            radius,
-            size: cone,
-            blend,
-        } => {
-            size(radius, "radius")?;
-            angle(cone, "spot_size")?;
-            finite(&[blend], || name("spot_blend"))?;
-            let cone = super::light_shapes::Cone::new(&params.to_world, cone, blend);
-            let disc = Disc::new(position, radius, Some(cone.ok_or_else(flat)?));
-            (
-                Shape::Disc(disc),
-                power * disc_strength(radius),
-                power.mean() / (4.0 * pi),
-            )
-        }
-        LightKind::Sun { angle: full } => {
-            angle(full, "angle")?;
-            let axis = matrix_column(&params.to_world, 2);
-            if axis == Vec3::ZERO {
-                return Err(flat());
-            }
-            let sun = Sun::new(axis.normalized(), full);
-            let strength = power * sun.radiance_of_one();
-            (Shape::Sun(sun), strength, power.mean())
-        }
-        LightKind::Area {
-            shape,
-            size: u,
-            size_y,
-        } => {
-            size(u, "size")?;
-            let v = match shape {
-                AreaShape::Square | AreaShape::Disk => u,
-                AreaShape::Rectangle | AreaShape::Ellipse => size_y,
-            };
-            size(v, "size_y")?;
-            let round = matches!(shape, AreaShape::Disk | AreaShape::Ellipse);
-            let [x, y, z] = [0, 1, 2].map(|k| matrix_column(&params.to_world, k));
-            let Some(area) = Area::new(position, x * u, y * v, -z, round) else {
-                // A light without area has no radiance to give.
-                return Ok(None);
-            };
-            let strength = power * (1.0 / (pi * area.area()));
-            (Shape::Area(area), strength, power.mean() / pi)
-        }
-    };
-    if !strength.is_finite() {
-        return Err(Error::Spec(format!(
-            "{} is too large for the light's size",
-            name("power")
-        )));
-    }
-    let light = Light {
-        shape,
-        strength,
-        brightness,
-        casts_shadow: params.casts_shadow,
-        visible: params.visible,
-    };
-    Ok((brightness > 0.0 && strength.max_component() > 0.0).then_some(light))
-}
-
-/// Radiance of a disc light per watt, or intensity of a point without size.
-fn disc_strength(radius: f32) -> f32 {
-    let intensity = 0.25 * std::f32::consts::FRAC_1_PI;
-    if radius > 0.0 {
-        intensity / (std::f32::consts::PI * radius * radius)
-    } else {
-        intensity
     }
 }

@@ -40,17 +40,6 @@ impl Visibility {
     pub const fn is_all(self) -> bool {
         self.0 == Self::ALL.0
     }
-
-    /// Whether light from it reaches every lobe.
-    #[inline(always)]
-    pub const fn lights_all(self) -> bool {
-        self.to(RayKind::Diffuse) && self.to(RayKind::Glossy) && self.to(RayKind::Transmission)
-    }
-
-    /// Whether no ray that scattered off a surface sees it.
-    pub const fn lights_none(self) -> bool {
-        !self.to(RayKind::Diffuse) && !self.to(RayKind::Glossy) && !self.to(RayKind::Transmission)
-    }
 }
 
 #[cfg(test)]
@@ -61,7 +50,6 @@ mod tests {
     fn a_thing_hidden_from_one_kind_is_seen_by_the_others() {
         let glossy_only_hidden = Visibility::ALL.without(RayKind::Glossy);
         assert!(!glossy_only_hidden.to(RayKind::Glossy) && glossy_only_hidden.to(RayKind::Camera));
-        assert!(!glossy_only_hidden.lights_all() && !glossy_only_hidden.lights_none());
-        assert!(Visibility::NOT_BY_CAMERA.lights_all() && !Visibility::NOT_BY_CAMERA.is_all());
+        assert!(!Visibility::NOT_BY_CAMERA.is_all() && Visibility::ALL.is_all());
     }
 }

@@ -7,25 +7,21 @@
 //! so directions of both signs are no exception. Rays that start elsewhere, or are odd in another way,
 //! are left to a walk of single rays.
 
-use super::batch::{AHEAD, Walk};
-use super::blocks::Blocks;
 use super::frame::{Frame, PRUNE, TINY};
-use super::query::{Closest, Counters, Query};
 use super::ray::{Hit, Ray};
 use crate::geom::verdict::verdict_within;
-use crate::scene::Triangles;
 use fearless_simd::{Select, Simd, SimdBase, SimdMask, f32x16, mask32x16};
 
+mod backoff;
 mod held;
 mod pyramid;
+mod row;
+mod single;
+pub use backoff::Backoff;
 pub use held::Held;
 pub use pyramid::Pyramid;
-
-/// Rays side by side.
-pub const LANES: usize = 16;
-
-/// One number for each ray of a row.
-pub type Row = [f32; LANES];
+pub use row::{LANES, Row, bits, load, splat};
+pub use single::{finish, singly};
 
 /// Tiles need origins and directions of ordinary size, so that nothing overflows.
 const ORDINARY: f32 = 1_152_921_504_606_846_976.0;
@@ -42,40 +38,6 @@ pub const fn place(row: usize, lane: usize) -> usize {
 pub const fn seat(ray: usize) -> (usize, usize) {
     let (x, y) = (ray % 8, ray / 8 % 8);
     (ray / 64 * 4 + y / 4 * 2 + x / 4, y % 4 * 4 + x % 4)
-}
-
-/// Whether the next tile is walked as one: after tiles that did not come to their end, some go singly without
-/// having tried, twice as many each time. Where geometry is finer than rays are, it is for many tiles.
-#[derive(Debug, Default)]
-pub struct Backoff {
-    /// So many tiles go singly now.
-    waiting: u32,
-    /// And so many after the next that does not come to its end.
-    next: u32,
-}
-
-impl Backoff {
-    const LEAST: u32 = 2;
-    const MOST: u32 = 16;
-
-    /// Whether the next tile is to be tried.
-    #[inline(always)]
-    pub fn tries(&mut self) -> bool {
-        let tries = self.waiting == 0;
-        self.waiting = self.waiting.saturating_sub(1);
-        tries
-    }
-
-    /// Learns whether a tile came to its end.
-    #[inline(always)]
-    pub fn learn(&mut self, finished: bool) {
-        if finished {
-            self.next = Self::LEAST;
-        } else {
-            self.waiting = self.next.max(Self::LEAST);
-            self.next = (2 * self.waiting).min(Self::MOST);
-        }
-    }
 }
 
 /// How long rays of a tile take for a unit of height along an axis, in one direction.
@@ -435,89 +397,6 @@ impl<const R: usize> Tile<R> {
             v: self.v[row][lane],
         }
     }
-}
-
-/// Hands on the hits of a tile that has been walked; the rays that it left out are walked singly, by
-/// `single`.
-#[inline(always)]
-pub fn finish<S: Simd, W: Walk, C: Counters, const R: usize>(
-    simd: S,
-    tile: &Tile<R>,
-    (single, triangles): (&W, (&Triangles, &Blocks)),
-    (frame, rays): (&Frame, &[Ray]),
-    write: &mut impl FnMut(usize, Hit),
-    counters: &mut [C],
-) {
-    for i in 0..rays.len() {
-        let (row, lane) = seat(i);
-        write(i, tile.hit(row, lane));
-    }
-    if tile.rest == [0; R] {
-        return;
-    }
-    let rest = rays.iter().enumerate().filter_map(|(i, ray)| {
-        let (row, lane) = seat(i);
-        // The same hit again, or a better one.
-        let found = tile.hit(row, lane);
-        let t_max = if found.is_hit() { found.t } else { ray.t_max };
-        (tile.rest[row] >> lane & 1 == 1).then_some((i, Ray { t_max, ..*ray }))
-    });
-    singly::<S, W, Closest, C>(simd, (single, triangles), (frame, rest), write, counters);
-}
-
-/// Walks rays of a tile, each with its place, one by one.
-#[inline(always)]
-pub fn singly<S: Simd, W: Walk, Q: Query, C: Counters>(
-    simd: S,
-    (single, triangles): (&W, (&Triangles, &Blocks)),
-    (frame, mut rays): (&Frame, impl Iterator<Item = (usize, Ray)>),
-    write: &mut impl FnMut(usize, Hit),
-    counters: &mut [C],
-) {
-    let mut scratch = single.scratch();
-    loop {
-        let mut ahead = [None; AHEAD];
-        for seat in &mut ahead {
-            if let Some((i, ray)) = rays.next() {
-                *seat = Some((i, ray, frame.ray(&ray)));
-            }
-        }
-        for (i, ray, framed) in ahead.iter().flatten() {
-            let hit = match framed {
-                Some(framed) => single.cast::<S, Q, C>(
-                    simd,
-                    triangles,
-                    (ray, framed),
-                    &mut scratch,
-                    &mut counters[*i],
-                ),
-                None => Hit::MISS,
-            };
-            write(*i, hit);
-        }
-        if ahead[AHEAD - 1].is_none() {
-            return;
-        }
-    }
-}
-
-/// The same number for all.
-#[inline(always)]
-pub fn splat<S: Simd>(simd: S, x: f32) -> f32x16<S> {
-    f32x16::splat(simd, x)
-}
-
-/// A row as a vector.
-#[inline(always)]
-pub fn load<S: Simd>(simd: S, row: &Row) -> f32x16<S> {
-    f32x16::from_slice(simd, row)
-}
-
-/// The lanes of a mask.
-#[inline(always)]
-#[expect(clippy::cast_possible_truncation, reason = "there are 16 lanes")]
-pub fn bits<S: Simd>(mask: mask32x16<S>) -> u16 {
-    mask.to_bitmask() as u16
 }
 
 #[inline(always)]

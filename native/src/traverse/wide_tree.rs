@@ -179,12 +179,6 @@ impl WideTree {
         &self.lines[(child & !OBLIQUE) as usize]
     }
 
-    /// Reads a little of a node, so that it comes into the caches; the number means nothing.
-    #[inline(always)]
-    pub fn touch(&self, child: u32) -> f32 {
-        self.lines[(child & !OBLIQUE) as usize].first[0]
-    }
-
     /// All lines of a node with oblique planes.
     #[inline(always)]
     pub fn lines(&self, child: u32) -> &[Line; 3] {

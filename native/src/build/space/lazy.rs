@@ -4,10 +4,12 @@
 //! What a node becomes depends on what the loop knows of it, its triangles, cell, depth, key and budget, and
 //! on nothing else; so that is all that is kept, and the tree comes out as if it had been built at once.
 //!
+//! No limit holds then, as rays cannot fail half way: [`forecast`] looks ahead instead.
+//!
 //! Whoever traces a ray builds alone: a thread that waited for others in the middle of a subtree might be
 //! handed other rays meanwhile, and meet the same subtree again.
 
-use super::{Builder, Params, Pending, PlanePolicy};
+use super::{Builder, Params, Pending, PlanePolicy, forecast};
 use crate::build::Monitor;
 use crate::build::lazy_tree::{LazyTree, Part, Seed, Unbuilt};
 use crate::error::Result;
@@ -53,9 +55,9 @@ impl<P: PlanePolicy + Send + 'static> Later<P> for UpTo<P> {
     }
 
     fn keep(&self, pieces: Vec<P::Piece>, node: Pending<P::Cell>) -> Unbuilt {
-        let bytes = size_of_val(&*pieces);
         Unbuilt::new(
-            bytes,
+            size_of_val(&*pieces),
+            pieces.len(),
             Box::new(Waiting {
                 plan: self.plan.clone(),
                 pieces,
@@ -102,13 +104,22 @@ impl<P: PlanePolicy + Send + 'static> Seed for Waiting<P> {
             .and_then(|preorder| Part::new(preorder, scene, frame, depth))
             .expect("a subtree of few references meets no limit")
     }
+
+    fn again(&self) -> Box<dyn Seed> {
+        Box::new(Self {
+            plan: self.plan.clone(),
+            pieces: self.pieces.clone(),
+            node: self.node.clone(),
+        })
+    }
 }
 
 /// Builds the upper part of a tree as [`super::build`] would, in the current rayon pool; the rest is built by
 /// the rays that reach it.
 ///
 /// # Errors
-/// As [`super::build`] and [`crate::build::plane_tree::PlaneTree::new`].
+/// As [`super::build`] and [`crate::build::plane_tree::PlaneTree::new`]; [`crate::error::Error::Memory`] also when
+/// what rays may have built would not have room.
 pub fn build<P: PlanePolicy + Send + 'static>(
     scene: &Triangles,
     frame: Frame,
@@ -133,5 +144,6 @@ pub fn build<P: PlanePolicy + Send + 'static>(
         alone: false,
     };
     let preorder = builder.tree()?;
+    forecast::check_room(&preorder.parts, scene, monitor)?;
     Ok(LazyTree::new(Part::new(preorder, scene, &frame, 0)?))
 }

@@ -8,21 +8,24 @@
 
 mod choice;
 mod curve;
+mod forecast;
 pub mod lazy;
+mod params;
+mod policy;
 mod single;
 
+pub use self::params::{ObliqueStep, Params, Stop};
+pub use self::policy::{Node, PlanePolicy};
 use super::Monitor;
 use super::cell::{Cell, Direction, Plane};
-use super::cost::Costs;
 use super::footprint;
 use super::groups::Groups;
 use super::piece::Piece;
 use super::plane_tree::MAX_DEPTH;
 use super::preorder::{Item, Preorder};
 use super::profile::Profile;
-use super::sweep::{Best, Scratch, Ties};
+use super::sweep::{Best, Scratch};
 use crate::error::Result;
-use crate::geom::Aabb;
 use crate::scene::Triangles;
 use crate::traverse::frame::Frame;
 use lazy::Later;
@@ -39,103 +42,8 @@ const AREA_STOP_MOST: usize = 16;
 /// in proportion to their references; a node that would overdraw it becomes a leaf.
 const BUDGET: usize = 1024;
 
-/// The one thing that tells plane trees apart.
-pub trait PlanePolicy: Sync {
-    /// Boxes if all planes are axis-aligned, convex polytopes otherwise.
-    type Cell: Cell;
-    /// What a node keeps of its triangles.
-    type Piece: Piece;
-    /// The cell of the whole scene.
-    fn root(&self, bounds: Aabb) -> Self::Cell;
-    /// The directions to sweep at a node, into the empty `out`. Of equally cheap planes the earlier
-    /// direction's wins.
-    fn directions(&self, node: &Node<'_, Self::Piece>, out: &mut Vec<Direction>);
-    /// Single planes to try beside the sweeps, into the empty `out`.
-    fn planes(&self, _: &Node<'_, Self::Piece>, _: &mut Vec<Plane>) {}
-    /// Directions to sweep after those of [`Self::directions`], added to `out`, where these left planes that cost more
-    /// than [`Params::enough`].
-    fn further(&self, _: &Node<'_, Self::Piece>, _: &mut Vec<Direction>) {}
-    /// Directions, into the empty `out`, for a node that would otherwise become a leaf.
-    fn more(&self, _: &Node<'_, Self::Piece>, _: &mut Vec<Direction>) {}
-    /// Directions, into the empty `out`, for a node that is too large for a leaf and that those of
-    /// [`Self::directions`] do not part.
-    fn last_resort(&self, _: &Node<'_, Self::Piece>, _: &mut Vec<Direction>) {}
-}
-
-/// What a policy is told about a node.
-#[derive(Debug, Clone, Copy)]
-pub struct Node<'a, P> {
-    /// The node's triangles.
-    pub pieces: &'a [P],
-    /// The root has depth 0.
-    pub depth: usize,
-    /// A number that is the node's own, whatever is built before it: what its random choices
-    /// depend on.
-    pub key: u64,
-}
-
-/// When a node becomes a leaf.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Stop {
-    /// As soon as no split is cheaper than the leaf.
-    Cheapest,
-    /// As pbrt: a path may hold up to this many splits dearer than their leaf, but none four times
-    /// as dear at fewer than 16 triangles (Pharr, Jakob and Humphreys, 3rd ed., section 4.4.2).
-    Tolerant(u32),
-}
-
-/// What a step through a node with an oblique plane costs (Ize, Wald and Parker 2008, section 4.2).
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum ObliqueStep {
-    /// As much for every node.
-    Fixed(f32),
-    /// `alpha` triangles per triangle of the node but one, and an axis step. Where nothing is then
-    /// cheaper than the leaf, `fixed` is tried.
-    Linear {
-        /// Share of a triangle's price.
-        alpha: f32,
-        /// The price of the second attempt.
-        fixed: f32,
-        /// Whether the second attempt is made as Hoobergs's program makes it: where it succeeds, the
-        /// plane of the first attempt is used.
-        as_code: bool,
-    },
-}
-
-/// What the loop is told besides the directions.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Params {
-    /// Prices.
-    pub costs: Costs,
-    /// Price of an oblique step.
-    pub oblique: ObliqueStep,
-    /// What happens to triangles that touch a plane.
-    pub ties: Ties,
-    /// Thickness of the slabs that are tried around triangles parallel to the planes, as a share of
-    /// the scene's size; 0 for none.
-    pub slab: f32,
-    /// Nodes of at most this many triangles are leaves.
-    pub leaf_size: usize,
-    /// Larger nodes are parted whatever it costs, beyond `max_depth` if need be, as long as a plane
-    /// parts them.
-    pub leaf_most: usize,
-    /// Nodes of `n` triangles are leaves where `n^2` times the scene's triangles times the cell's
-    /// share of the surface is no more, up to a size: a cell that few rays visit is not worth a node.
-    /// 0 for none.
-    pub area_stop: f32,
-    /// Leaves lie no deeper; at most [`MAX_DEPTH`].
-    pub max_depth: usize,
-    /// The stopping rule.
-    pub stop: Stop,
-    /// Whether pieces are sorted along a curve, which the counts of single planes want.
-    pub sorted: bool,
-    /// Whether the search ends once a plane parts the node's triangles without cutting any.
-    pub early: bool,
-    /// Nodes whose first directions have a plane cheaper than this share of their leaf try no further ones.
-    pub enough: f32,
-}
-
 /// A node that is about to be built.
+#[derive(Clone)]
 struct Pending<C> {
     /// `None` for nodes that are leaves whatever planes there are.
     cell: Option<C>,

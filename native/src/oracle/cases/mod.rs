@@ -24,8 +24,8 @@ use crate::traverse::Ray;
 use std::sync::Arc;
 
 pub use random::Random;
-pub use rays::{aimed, everywhere, from_inside, lattice_rays, ray};
-pub use shapes::{box_triangles, bumpy_sphere, grid, icosphere, placed, soup};
+pub use rays::{aimed, lattice_rays, ray};
+pub use shapes::{box_triangles, grid, placed, soup};
 
 /// How large the scenes are and how many rays they get.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

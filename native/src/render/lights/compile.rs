@@ -1,0 +1,112 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! From a light's description to the light.
+
+use super::super::camera::matrix_column;
+use super::super::check::{Error, Result, finite, within};
+use super::super::light_shapes::{Area, Cone, Disc, Sun};
+use super::super::vector::Vec3;
+use super::light::{Light, Shape};
+use super::params::{AreaShape, LightKind, LightParams};
+
+/// Checks a light, the `index`-th that its user described; `None` where it gives no light.
+pub(super) fn compile(params: &LightParams, index: usize) -> Result<Option<Light>> {
+    let name = |key: &str| format!("lights[{index}]['{key}']");
+    for (row, values) in params.to_world.iter().enumerate() {
+        finite(values, || format!("{}[{row}]", name("to_world")))?;
+    }
+    finite(&params.power, || name("power"))?;
+    for &p in &params.power {
+        within(p.into(), 0.0, 1e30, || name("power"))?;
+    }
+    let size = |value: f32, key: &str| within(value.into(), 0.0, 1e18, || name(key));
+    let angle = |value: f32, key: &str| {
+        within(value.into(), 0.0, std::f64::consts::PI * 1.000_001, || {
+            name(key)
+        })
+    };
+    let flat = || Error::Spec(format!("{} has an axis of length zero", name("to_world")));
+    let power = Vec3::from(params.power);
+    let position = matrix_column(&params.to_world, 3);
+    let pi = std::f32::consts::PI;
+    let (shape, strength, brightness) = match params.kind {
+        LightKind::Point { radius } => {
+            size(radius, "radius")?;
+            let disc = Disc::new(position, radius, None);
+            (
+                Shape::Disc(disc),
+                power * disc_strength(radius),
+                power.mean() / (4.0 * pi),
+            )
+        }
+        LightKind::Spot {
+            radius,
+            size: cone,
+            blend,
+        } => {
+            size(radius, "radius")?;
+            angle(cone, "spot_size")?;
+            finite(&[blend], || name("spot_blend"))?;
+            let cone = Cone::new(&params.to_world, cone, blend);
+            let disc = Disc::new(position, radius, Some(cone.ok_or_else(flat)?));
+            (
+                Shape::Disc(disc),
+                power * disc_strength(radius),
+                power.mean() / (4.0 * pi),
+            )
+        }
+        LightKind::Sun { angle: full } => {
+            angle(full, "angle")?;
+            let axis = matrix_column(&params.to_world, 2);
+            if axis == Vec3::ZERO {
+                return Err(flat());
+            }
+            let sun = Sun::new(axis.normalized(), full);
+            let strength = power * sun.radiance_of_one();
+            (Shape::Sun(sun), strength, power.mean())
+        }
+        LightKind::Area {
+            shape,
+            size: u,
+            size_y,
+        } => {
+            size(u, "size")?;
+            let v = match shape {
+                AreaShape::Square | AreaShape::Disk => u,
+                AreaShape::Rectangle | AreaShape::Ellipse => size_y,
+            };
+            size(v, "size_y")?;
+            let round = matches!(shape, AreaShape::Disk | AreaShape::Ellipse);
+            let [x, y, z] = [0, 1, 2].map(|k| matrix_column(&params.to_world, k));
+            let Some(area) = Area::new(position, x * u, y * v, -z, round) else {
+                // A light without area has no radiance to give.
+                return Ok(None);
+            };
+            let strength = power * (1.0 / (pi * area.area()));
+            (Shape::Area(area), strength, power.mean() / pi)
+        }
+    };
+    if !strength.is_finite() {
+        return Err(Error::Spec(format!(
+            "{} is too large for the light's size",
+            name("power")
+        )));
+    }
+    let light = Light {
+        shape,
+        strength,
+        brightness,
+        casts_shadow: params.casts_shadow,
+        visible: params.visible,
+    };
+    Ok((brightness > 0.0 && strength.max_component() > 0.0).then_some(light))
+}
+
+/// Radiance of a disc light per watt, or intensity of a point without size.
+fn disc_strength(radius: f32) -> f32 {
+    let intensity = 0.25 * std::f32::consts::FRAC_1_PI;
+    if radius > 0.0 {
+        intensity / (std::f32::consts::PI * radius * radius)
+    } else {
+        intensity
+    }
+}
