@@ -17,6 +17,7 @@ from typing import Any
 
 from . import accuracy, costmap, first, peak, rays, rows, timing, yardstick
 from .accuracy import Answers
+from .native import FAILURES
 from .preparation import REFERENCES, Options, Prepared, Progress, prepare, prepared
 from .rows import Row, agrees, first_line
 from .timing import Candidate
@@ -132,7 +133,7 @@ class _Run:
             yield self._step(f"{self._anchor_spec}: building")
             try:
                 anchor = self._candidate(self._anchor_spec)
-            except (ValueError, RuntimeError, MemoryError) as error:
+            except FAILURES as error:
                 yield self._failed(self._anchor_spec, error)
         waiting = [] if anchor is None else [anchor]
         size = 0
@@ -140,7 +141,7 @@ class _Run:
             yield self._step(f"{spec}: building")
             try:
                 candidate = self._candidate(spec)
-            except (ValueError, RuntimeError, MemoryError) as error:
+            except FAILURES as error:
                 yield self._failed(spec, error)
                 continue
             waiting.append(candidate)
@@ -190,7 +191,7 @@ class _Run:
             try:
                 self._prove(candidate)
                 sound.append(candidate)
-            except (ValueError, RuntimeError, MemoryError) as error:
+            except FAILURES as error:
                 yield self._failed(candidate.spec, error)
         # In later groups the anchor only keeps time.
         beside = None if anchor is None or not anchor.timed else anchor if anchor in sound else anchor.again()
@@ -272,7 +273,7 @@ class _Run:
                 yield self._step(f"{candidate.spec}: far from the origin")
                 try:
                     candidate.offsets = self._prepared.moved.errors(candidate.spec)
-                except (ValueError, RuntimeError, MemoryError) as error:
+                except FAILURES as error:
                     candidate.left_out.append(f"answers far from the origin: {first_line(error)}")
 
     def _maps(self, candidates: Sequence[Candidate]) -> Iterator[Event]:
