@@ -22,6 +22,9 @@ I32 = NDArray[np.int32]
 SCENES = Path(__file__).resolve().parents[3] / "shared" / "scenes"
 """Scenes that are not part of the project lie here, beside it, and are called by their names where they are there."""
 
+RENDERED = (".blend", ".npz")
+"""What can be rendered: a scene of Blender, or a bare geometry."""
+
 
 class WorkloadError(ValueError):
     """A scene cannot be used. The message names the file and what is wrong, in one line."""
