@@ -322,7 +322,9 @@ class _Run:
         for samples in self._options.curve:
             for candidate in candidates:
                 yield self._step(f"{candidate.spec}: rendering with {samples} samples per pixel")
-                slowest = min((float(candidate.mrays(name).min()) for name in candidate.seconds), default=1.0)
+                # A set is empty where it begins at hits and nothing is hit.
+                traced = [name for name in candidate.seconds if len(candidate.timed[name])]
+                slowest = min((float(candidate.mrays(name).min()) for name in traced), default=1.0)
                 if samples in pictures.affordable(slowest):
                     point, differing = pictures.point(candidate.structure, samples, self._options.threads)
                     candidate.curve.append(point)
