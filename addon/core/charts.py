@@ -296,9 +296,10 @@ def cost_map_height(rows: Sequence[Row]) -> float:
 
 
 def logarithmic(axes: Any) -> None:
-    """Both axes logarithmic, with plain numbers and a grid."""
-    axes.set_xscale("log")
-    axes.set_yscale("log")
+    """Both axes logarithmic, with plain numbers and a grid; an axis on which all is zero stays as it is."""
+    for axis, least in (("x", axes.dataLim.minposx), ("y", axes.dataLim.minposy)):
+        if not axes.has_data() or np.isfinite(least):
+            axes.set(**{f"{axis}scale": "log"})
     axes.grid(visible=True, which="major")
     axes.set_axisbelow(True)
     _plain_numbers(axes.xaxis)
