@@ -186,7 +186,7 @@ def run(asked: argparse.Namespace) -> int:
             except native.FAILURES as error:
                 if len(scenes) == 1:
                     raise
-                print(f"bench: {' '.join(str(error).split())}", file=sys.stderr)
+                print(f"bench: {first_line(error)}", file=sys.stderr)
                 todo.fail(number, scene, error)
                 continue
             for note in loaded.notes:

@@ -210,10 +210,10 @@ def limit(rows: Iterable[Row], reference: str = "brute force") -> str:
     # All configurations are asked the same rays.
     each = sums(ours)
     apart, exact = (min(row[name] for row in each) for name in ("different_rays", "exact_rays"))
+    beside = f" and in {sum(row['exact_rays'] for row in each):,} to {exact:,} rays against exact arithmetic"
     return (
         f"no difference in {answers:,} answers of {len(each):,} configurations to {apart:,} different rays against "
-        f"{reference} and in {sum(row['exact_rays'] for row in each):,} to {exact:,} rays against exact arithmetic: "
-        f"fewer than {3 / apart:.1e} of such rays are answered wrongly by any of them, with 95 % confidence (3/N of "
+        f"{reference}{beside if exact else ''}: fewer than {3 / apart:.1e} of such rays are answered wrongly by any of them, with 95 % confidence (3/N of "
         "N different rays)"
     )
 

@@ -35,7 +35,7 @@ EXACT_PAIRS = 3_000_000
 """Pairs of a ray and a triangle that exact arithmetic decides per trial."""
 
 VERSION = 3
-"""Grows whenever the same number makes another trial, so that a run is not continued with other rays."""
+"""Grows whenever the same number makes another trial, or its row tells something else: such a run is not continued."""
 
 BLOCK = 64
 """Trials whose sums are kept together."""
