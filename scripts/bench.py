@@ -36,14 +36,15 @@ from addon.core import (
     workload,
     yardstick,
 )
+from addon.core.rows import first_line
 from addon.core.usage import Parser, UsageError
 
 SUFFIXES = (".npz", ".blend", ".obj", ".ply", ".stl", ".glb", ".gltf", ".usd", ".usda", ".usdc", ".usdz")
 
-SCENES = Path(__file__).resolve().parents[2] / "shared" / "scenes"
-"""Where the scenes of the presets lie, beside the repository; those that are not there are left out, and told."""
+OPEN_FILE = "open file"
+"""What the scene that is open in Blender is called."""
 
-PUBLISHED = SCENES.parent / "reference" / "thesis_results.json"
+PUBLISHED = workload.SCENES.parent / "reference" / "thesis_results.json"
 """Where published results lie, if they do: they are not part of the project."""
 
 SECONDS = 45.0
@@ -95,7 +96,12 @@ def parser() -> argparse.ArgumentParser:
     """The command line."""
     made = Parser(prog="bench", description=(__doc__ or "").splitlines()[0])
     add = made.add_argument
-    add("scenes", nargs="*", metavar="SCENE", help=f"a file ({' '.join(SUFFIXES)}), grid, or showcase (default)")
+    add(
+        "scenes",
+        nargs="*",
+        metavar="SCENE",
+        help=f"a file ({' '.join(SUFFIXES)}), a name in {workload.SCENES}, grid, or showcase (default)",
+    )
     add("--structures", metavar="SPEC[,SPEC...]", help="configurations, families, or all (default: all); k=2..10 works")
     add("--k", metavar="RANGE", help="values of k, e.g. 2-10")
     add("--alpha", metavar="RANGE", help="values of alpha, e.g. 0.1,0.5,1")
@@ -113,7 +119,13 @@ def parser() -> argparse.ArgumentParser:
         f"error of each; none for no pictures (default: {CURVE})",
     )
     add("--reference", choices=benchmark.REFERENCES, default="brute", help="what answers are compared with")
-    add("--check-rays", type=int, default=20_000, metavar="N", help="rays per set to compare (default: 20000)")
+    add(
+        "--check-rays",
+        type=int,
+        metavar="N",
+        help=f"rays per set to compare (default: {benchmark.Options.check_rays}, but of the scene grid's own set, "
+        "which is made to find errors, all: more than a million)",
+    )
     add("--ray-seed", type=int, default=1, help="seed of the rays (default: 1)")
     add("--memory-limit", type=float, metavar="GB", help="what a build may take (default: most of what is free)")
     add(
@@ -137,15 +149,7 @@ def main(arguments: Sequence[str]) -> int:
     try:
         asked = parser().parse_args(arguments)
         return merge(asked) if asked.merge else run(asked)
-    except (
-        UsageError,
-        native.NativeError,
-        specs.SpecError,
-        workload.WorkloadError,
-        results.FolderError,
-        cluster.ClusterError,
-        MemoryError,
-    ) as error:
+    except (*native.FAILURES, results.FolderError) as error:
         print(f"bench: {' '.join(str(error).split())}", file=sys.stderr)
         return BAD_INPUT
 
@@ -179,15 +183,22 @@ def run(asked: argparse.Namespace) -> int:
         for number, (scene, load) in enumerate(zip(scenes, loaders, strict=True)):
             try:
                 loaded = load()
-            except workload.WorkloadError as error:
+            except native.FAILURES as error:
                 if len(scenes) == 1:
                     raise
-                print(f"bench: {error}", file=sys.stderr)
+                print(f"bench: {first_line(error)}", file=sys.stderr)
                 todo.fail(number, scene, error)
                 continue
             for note in loaded.notes:
                 say(f"{scene}: {note}")
-            own = todo.run(number, loaded, measurer, say)
+            try:
+                own = todo.run(number, loaded, measurer, say)
+            except cluster.ClusterError:
+                raise
+            except native.FAILURES as error:
+                print(f"bench: {loaded.name}: {first_line(error)}", file=sys.stderr)
+                own = todo.rows(number)
+                todo.fail(number, loaded.name, error)
             if own:
                 print("\n" + report.table(own) + "\n", flush=True)
     rows = todo.rows()
@@ -277,7 +288,7 @@ def read_options(asked: argparse.Namespace, configurations: int) -> benchmark.Op
     if not all(0 < side <= 1 << 14 and side % rays.TILE == 0 for side in size):
         raise UsageError(f"--size: expected multiples of {rays.TILE} up to {1 << 14}, got {asked.size!r}")
     for name, least in (("repeats", 1), ("threads", 0), ("check_rays", 1), ("ray_seed", 0)):
-        if getattr(asked, name) < least:
+        if (getattr(asked, name) if getattr(asked, name) is not None else least) < least:
             raise UsageError(f"--{name.replace('_', '-')}: expected at least {least}, got {getattr(asked, name)}")
     if asked.reference == yardstick.SPEC and (reason := yardstick.problem()):
         raise UsageError(f"--reference embree: {reason}")
@@ -294,7 +305,8 @@ def read_options(asked: argparse.Namespace, configurations: int) -> benchmark.Op
         repeats=asked.repeats,
         threads=asked.threads or os.cpu_count() or 1,
         reference=asked.reference,
-        check_rays=asked.check_rays,
+        check_rays=benchmark.Options.check_rays if asked.check_rays is None else asked.check_rays,
+        own_rays=asked.check_rays,
         seed=asked.ray_seed,
         curve=tuple(sorted({int(value) for value in samples})),
         memory_limit=None if asked.memory_limit is None else int(asked.memory_limit * 1e9),
@@ -316,47 +328,40 @@ def read_structures(asked: argparse.Namespace, module: Any) -> list[str]:
     chosen = specs.expand(wanted, module.structures(), given, left_out)
     for line in left_out:
         say(f"left out: {line}")
-    specs.prove(module, chosen)
-    return chosen
+    return specs.prove(module, chosen)
 
 
 def loader(scene: str, size: tuple[int, int]) -> Callable[[], workload.Workload]:
-    """A function that loads the scene. Raises UsageError when there is no such scene."""
-    if scene == "grid":
+    """A function that loads the scene. Raises WorkloadError when there is no such scene, UsageError without Blender."""
+    found = workload.find(scene, SUFFIXES, ("grid", "showcase", *([OPEN_FILE] if _open_file() else [])))
+    if found == "grid":
         return grid.workload
-    path = Path(scene)
-    built_in = scene in ("showcase", "open file")
-    if not built_in:
-        if path.suffix.lower() not in SUFFIXES:
-            raise UsageError(f"{scene}: expected grid, showcase or a file ending in {' '.join(SUFFIXES)}")
-        try:
-            with path.open("rb"):
-                pass
-        except OSError as error:
-            raise UsageError(f"{scene}: cannot be read: {error.strerror}") from error
-    if path.suffix.lower() == ".npz":
+    if isinstance(found, Path) and found.suffix.lower() == ".npz":
+        path = found
         return lambda: workload.load_npz(path, memory_limit=native.load().free_memory())
     try:
         from addon.blender import workloads
     except ImportError as error:
         raise UsageError(f"{scene}: needs Blender: {error}") from error
-    if scene == "showcase":
+    if found == "showcase":
         return lambda: workloads.built_in_showcase(size)
-    return (lambda: workloads.current(scene, size)) if built_in else (lambda: workloads.load(path, size))
+    if isinstance(found, str):
+        return lambda: workloads.current(found, size)
+    return lambda: workloads.load(found, size)
 
 
 def default_scenes(preset: str | None) -> list[str]:
     """What is measured when no scene is named: the preset's scenes, the file open in Blender, or the showcase."""
     if preset is None:
-        return ["open file" if _open_file() else "showcase"]
+        return [OPEN_FILE if _open_file() else "showcase"]
     names = PRESETS[preset]["scenes"].split(",")
-    found = [name for name in names if (SCENES / f"{name}.npz").is_file()]
+    found = [name for name in names if (workload.SCENES / f"{name}.npz").is_file()]
     for name in names:
         if name not in found:
-            say(f"{name} is left out: it is not in {SCENES}")
+            say(f"{name} is left out: it is not in {workload.SCENES}")
     if not found:
-        raise UsageError(f"--preset {preset}: none of its scenes is in {SCENES}")
-    return [str(SCENES / f"{name}.npz") for name in found]
+        raise UsageError(f"--preset {preset}: none of its scenes is in {workload.SCENES}")
+    return [str(workload.SCENES / f"{name}.npz") for name in found]
 
 
 def _open_file() -> bool:

@@ -16,7 +16,8 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from addon.core import auto, catalogue, check, choice, native, rays
-from addon.core.workload import Workload, WorkloadError, load_npz
+from addon.core.usage import Parser, UsageError
+from addon.core.workload import SCENES, Workload, find, load_npz
 
 BAD_INPUT = 2
 REPEATS = 3
@@ -26,8 +27,8 @@ GOOD = 1.1
 
 def parser() -> argparse.ArgumentParser:
     """The command line."""
-    made = argparse.ArgumentParser(prog="choose", description=(__doc__ or "").splitlines()[0])
-    made.add_argument("scenes", nargs="+", type=Path, metavar="SCENE", help=".npz")
+    made = Parser(prog="choose", description=(__doc__ or "").splitlines()[0])
+    made.add_argument("scenes", nargs="+", metavar="SCENE", help=f".npz, or a name in {SCENES}")
     made.add_argument("--samples", type=int, default=32, help="samples per pixel of the picture (default: 32)")
     made.add_argument("--pixels", type=int, default=1920 * 1080, help="pixels of the picture (default: 1920 x 1080)")
     made.add_argument("--threads", type=int, default=1, help="0 = all; 1, the default, is timed by the processor")
@@ -58,30 +59,42 @@ def full(
 
 def main(arguments: Sequence[str]) -> int:
     """Choose and compare on each scene. Returns the exit status."""
+    try:
+        return run(read(arguments))
+    except native.FAILURES as error:
+        print(f"choose: {' '.join(str(error).split()) or type(error).__name__}", file=sys.stderr)
+        return BAD_INPUT
+
+
+def read(arguments: Sequence[str]) -> argparse.Namespace:
+    """The command line, checked. Raises UsageError."""
     asked = parser().parse_args(arguments)
+    for name, least, most in (("samples", 1, 1 << 20), ("pixels", 1, 1 << 32), ("threads", 0, 1024)):
+        if not least <= getattr(asked, name) <= most:
+            raise UsageError(f"--{name}: expected {least} to {most}, got {getattr(asked, name)}")
+    return asked
+
+
+def run(asked: argparse.Namespace) -> int:
+    """Check everything, then measure. Raises one of the errors that `main` turns into a line."""
     plan = choice.Plan(asked.pixels, asked.samples)
     good = 0
-    try:
-        module, known = native.load(), catalogue.load()
-        for path in asked.scenes:
-            workload = load_npz(path)
-            chosen = auto.choose(module, workload, plan, known, threads=asked.threads)
-            compared = full(module, workload, plan, auto.candidates(known), asked.threads)
-            best, own = compared.lines[0], next(line for line in compared.lines if line.spec == chosen.spec)
-            ratio = own.total / best.total
-            good += ratio <= GOOD
-            print(f"{workload.name}: chose {chosen.spec}, {own.total:.2f} s; best {best.spec}, {best.total:.2f} s")
-            print(f"  {ratio:.3f} times the best; choosing took {chosen.own:.2f} s beside the build of the chosen")
-            for line in compared.lines:
-                print(
-                    f"  {line.spec:<36} build {line.build:8.2f} s  trace {line.trace:8.2f} s  total {line.total:8.2f} s"
-                )
-            for note in chosen.notes:
-                print(f"  {note}")
-            sys.stdout.flush()
-    except (native.NativeError, WorkloadError, ValueError, RuntimeError) as error:
-        print(f"choose: {' '.join(str(error).split())}", file=sys.stderr)
-        return BAD_INPUT
+    paths = [Path(find(scene)) for scene in asked.scenes]
+    module, known = native.load(), catalogue.load()
+    for path in paths:
+        workload = load_npz(path, memory_limit=module.free_memory())
+        chosen = auto.choose(module, workload, plan, known, threads=asked.threads)
+        compared = full(module, workload, plan, auto.candidates(known), asked.threads)
+        best, own = compared.lines[0], next(line for line in compared.lines if line.spec == chosen.spec)
+        ratio = own.total / best.total
+        good += ratio <= GOOD
+        print(f"{workload.name}: chose {chosen.spec}, {own.total:.2f} s; best {best.spec}, {best.total:.2f} s")
+        print(f"  {ratio:.3f} times the best; choosing took {chosen.own:.2f} s beside the build of the chosen")
+        for line in compared.lines:
+            print(f"  {line.spec:<36} build {line.build:8.2f} s  trace {line.trace:8.2f} s  total {line.total:8.2f} s")
+        for note in chosen.notes:
+            print(f"  {note}")
+        sys.stdout.flush()
     print(f"{good} of {len(asked.scenes)} within {GOOD - 1:.0%} of the best")
     return 0
 

@@ -15,11 +15,8 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from addon.core import claims, claims_report, claims_table, native, results
+from addon.core import claims, claims_report, claims_table, native, results, workload
 from addon.core.usage import Parser, UsageError
-
-SCENES = Path(__file__).resolve().parents[2] / "shared" / "scenes"
-"""Where scenes are looked for that are not part of the project."""
 
 
 def parser() -> argparse.ArgumentParser:
@@ -36,7 +33,7 @@ def main(arguments: Sequence[str]) -> int:
     """Measure and print. Returns the exit status."""
     try:
         return run(parser().parse_args(arguments))
-    except (UsageError, native.NativeError, results.FolderError) as error:
+    except (*native.FAILURES, results.FolderError) as error:
         print(f"claims: {' '.join(str(error).split())}", file=sys.stderr)
         return 2
 
@@ -53,7 +50,7 @@ def run(asked: argparse.Namespace) -> int:
     module = native.load()
     if asked.out is not None:
         results.prepare_folder(asked.out)
-    lab = claims.Lab(module, quick=asked.quick, say=say, scenes=SCENES)
+    lab = claims.Lab(module, quick=asked.quick, say=say, scenes=workload.SCENES)
     chosen = [known[name] for name in asked.claims] or list(known.values())
     journal = results.Journal(asked.out) if asked.out is not None else None
     fixed = [module.__version__, results.native_fingerprint(module), asked.quick]
@@ -79,15 +76,13 @@ def run(asked: argparse.Namespace) -> int:
 
 
 def save(folder: Path, module: object, found: Sequence[claims.Result], *, quick: bool) -> None:
-    """Write the files, each whole or not at all."""
+    """Write the files, each whole or not at all. Raises FolderError."""
     rows = [row for result in found for row in result.as_rows()]
     document = results.document(module, rows, {"quick": quick})
     page = claims_report.as_html(found, document["machine"], quick=quick)
-    try:
-        results.write(folder / "claims.json", json.dumps(document, indent=1, allow_nan=False) + "\n")
-        results.write(folder / "claims.html", page)
-    except OSError as error:
-        raise results.FolderError(f"{folder}: cannot be written: {error.strerror or error}") from error
+    text = json.dumps(document, indent=1, allow_nan=False) + "\n"
+    with results.writing(folder):
+        results.write_all({folder / "claims.json": text, folder / "claims.html": page})
     say(f"wrote {folder / 'claims.html'} and claims.json")
 
 

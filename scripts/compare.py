@@ -30,10 +30,17 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from addon.core import native, specs, workload
+from addon.core.usage import Parser, UsageError
+
 ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT))
 
 DIFFERENT, BAD_INPUT = 1, 2
+
+LARGEST = 1 << 14
+"""Pixels along a side of a picture."""
 
 EXACT = {
     "use_denoising": False,
@@ -48,21 +55,16 @@ EXACT = {
 """What Cycles is told so that only noise stands between its picture and the exact one."""
 
 
-class InputError(ValueError):
-    """The command line or the file cannot be used. The message is one line."""
-
-
 def parser() -> argparse.ArgumentParser:
     """The command line."""
-    made = argparse.ArgumentParser(prog="compare", description=(__doc__ or "").splitlines()[0])
-    made.add_argument("file", nargs="?", type=Path, help=".blend or .npz (default: the built-in showcase)")
+    made = Parser(prog="compare", description=(__doc__ or "").splitlines()[0])
+    made.add_argument("file", nargs="?", help=".blend or .npz (default: the built-in showcase)")
     made.add_argument(
         "--scene", metavar="NAME", help="judge furnace, cornell, spheres, textures, sky, forest, hidden, or all"
     )
     made.add_argument(
         "--plant",
         type=float,
-        default=0.0,
         metavar="SHARE",
         help="with --scene: darken a part of Halfspace's pictures, to see the verdict fall",
     )
@@ -75,7 +77,7 @@ def parser() -> argparse.ArgumentParser:
     )
     made.add_argument("--runs", type=int, help="independent pictures per engine (default: 4; with --whole 7)")
     made.add_argument("--bounces", type=int, help="bounces of light in both engines (default: 4; with --whole 0)")
-    made.add_argument("--threads", type=int, default=0, help="threads of both engines (default: all)")
+    made.add_argument("--threads", type=int, default=0, help="threads of both engines, 0 = all (default)")
     made.add_argument("--structure", default="kd", metavar="SPEC", help="Halfspace's acceleration structure")
     made.add_argument("--out", type=Path, default=ROOT / "out" / "compare", metavar="DIR", help="where to write")
     return made
@@ -91,18 +93,26 @@ def main(arguments: Sequence[str]) -> int:
             run(asked)
             return 0
         return 0 if (judge_slopes if asked.slope else judge_scenes)(asked) else DIFFERENT
-    except (InputError, OSError, RuntimeError, ValueError) as error:
+    except (*native.FAILURES, OSError) as error:
         print("compare: " + " ".join(str(error).removeprefix("Error:").split()), file=sys.stderr)
         return BAD_INPUT
 
 
 def read(arguments: Sequence[str]) -> argparse.Namespace:
-    """The command line with the defaults of what it asks for. Raises InputError."""
+    """The command line with the defaults of what it asks for. Raises UsageError."""
     asked = parser().parse_args(arguments)
+    if asked.scene is None:
+        for name in ("slope", "plant"):
+            if getattr(asked, name) not in (None, False):
+                raise UsageError(f"--{name}: expected --scene, whose scenes it is about")
+    elif asked.file is not None:
+        raise UsageError(f"{asked.file}: expected a file or --scene, not both")
+    if asked.plant is not None and not 0 < asked.plant <= 1:
+        raise UsageError(f"--plant: expected a share above 0, up to 1, got {asked.plant:g}")
     if asked.whole and (asked.scene is not None or asked.slope):
-        raise InputError("--whole: renders a file, not --scene")
+        raise UsageError("--whole: renders a file, not --scene")
     if asked.most is not None and not (asked.whole and asked.most > 0):
-        raise InputError("--most: expected --whole and a ratio above 0")
+        raise UsageError("--most: expected --whole and a ratio above 0")
     usual: dict[str, Any] = {"size": "960x540", "samples": 64, "runs": 4, "bounces": 4}
     if asked.whole:
         runs = asked.runs if asked.runs is not None else 7
@@ -110,6 +120,19 @@ def read(arguments: Sequence[str]) -> argparse.Namespace:
     for name, value in usual.items():
         if getattr(asked, name) is None:
             setattr(asked, name, value)
+    for name, least, most in (
+        ("threads", 0, 1024),
+        ("samples", 1, 1 << 20),
+        ("runs", 2, 1 << 16),
+        ("bounces", 0, 64),
+    ):
+        if not least <= getattr(asked, name) <= most:
+            raise UsageError(f"--{name}: expected {least} to {most}, got {getattr(asked, name)}")
+    if asked.samples < asked.runs:
+        raise UsageError(f"--samples: expected at least one for each of {asked.runs} runs, got {asked.samples}")
+    _size(asked.size)
+    if asked.file is not None:
+        workload.find(asked.file, workload.RENDERED)
     return asked
 
 
@@ -138,7 +161,7 @@ def judge_scenes(asked: argparse.Namespace) -> bool:
     verdicts = []
     for name in _built(bpy, asked.scene):
         found, seconds = _render_both(bpy, asked, name)
-        if asked.plant:
+        if asked.plant is not None:
             pictures = found["HALFSPACE"].pictures.copy()
             height, width = pictures.shape[1:3]
             pictures[:, height // 3 : height * 2 // 3, width // 3 : width * 2 // 3] *= 1 - asked.plant
@@ -198,7 +221,7 @@ def judge_slopes(asked: argparse.Namespace) -> bool:
     # The largest means, of a quarter of the pictures, are four: of one alone chance would decide.
     counts = [1 << k for k in range(asked.samples.bit_length()) if 4 << k <= asked.samples]
     if len(counts) < 3:
-        raise InputError("--samples: expected at least 16 to fit a slope")
+        raise UsageError("--samples: expected at least 16 to fit a slope")
     right = []
     for name in _built(bpy, asked.scene):
         scene: Any = bpy.context.scene
@@ -225,11 +248,11 @@ def judge_slopes(asked: argparse.Namespace) -> bool:
 
 
 def _built(bpy: Any, asked: str) -> Iterator[str]:
-    """Build one scene after the other. Raises InputError."""
+    """Build one scene after the other. Raises UsageError."""
     from addon.blender import proving
 
     if asked != "all" and asked not in proving.SCENES:
-        raise InputError(f"--scene: expected all or one of {', '.join(proving.SCENES)}, got {asked!r}")
+        raise UsageError(f"--scene: expected all or one of {', '.join(proving.SCENES)}, got {asked!r}")
     for name in list(proving.SCENES) if asked == "all" else [asked]:
         bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
         proving.build(name, bpy.context.scene)
@@ -248,15 +271,11 @@ def _set_picture(scene: Any, asked: argparse.Namespace) -> None:
 
 def _start(asked: argparse.Namespace) -> Any:
     """Check the options and start Blender with the extension. Returns bpy."""
-    _size(asked.size)
-    if asked.runs < 2 or asked.samples < asked.runs or asked.bounces < 0:
-        raise InputError("expected at least 2 runs, one sample for each, and no negative bounces")
     asked.out.mkdir(parents=True, exist_ok=True)
 
     import bpy
 
     import addon
-    from addon.core import native
 
     native.load()
     if not hasattr(bpy.context.scene, "halfspace"):
@@ -271,9 +290,9 @@ def _render_both(bpy: Any, asked: argparse.Namespace, name: str) -> tuple[dict[s
 
 
 def _prepare(scene: Any, asked: argparse.Namespace, name: str) -> None:
-    """Tell both engines the same. Raises InputError."""
+    """Tell both engines the same. Raises UsageError."""
     if scene.camera is None:
-        raise InputError(f"{name}: the scene has no camera")
+        raise UsageError(f"{name}: the scene has no camera")
     _set_picture(scene, asked)
     samples = -(-asked.samples // asked.runs)
     _configure_halfspace(scene, asked.structure, samples, asked.bounces)
@@ -326,17 +345,17 @@ def _run(pictures: Any, scene: Any, seed: int) -> Any:
 
 def _size(text: str) -> tuple[int, int]:
     width, _, height = text.partition("x")
-    if not (width.isdecimal() and height.isdecimal() and int(width) >= 8 and int(height) >= 8):
-        raise InputError(f"--size: expected WIDTHxHEIGHT of at least 8x8, got {text!r}")
+    if not all(specs.is_whole(side) and 8 <= int(side) <= LARGEST for side in (width, height)):
+        raise UsageError(f"--size: expected WIDTHxHEIGHT of 8x8 to {LARGEST}x{LARGEST}, got {text!r}")
     return int(width), int(height)
 
 
-def _open(bpy: Any, file: Path | None, lights: Sequence[str] | None = None) -> str:
+def _open(bpy: Any, file: str | None, lights: Sequence[str] | None = None) -> str:
     """Open the scene, always from a .blend of its own. Returns its name. lights: of an .npz, None for all."""
     from addon.blender import scenes
 
     name = scenes.open_file(file, lights)
-    if file is not None and file.suffix.lower() == ".blend":
+    if file is not None and file.lower().endswith(".blend"):
         return name
     with tempfile.TemporaryDirectory(prefix="halfspace-compare-") as folder:
         path = str(Path(folder) / "scene.blend")
@@ -347,12 +366,12 @@ def _open(bpy: Any, file: Path | None, lights: Sequence[str] | None = None) -> s
 
 def _configure_halfspace(scene: Any, structure: str, samples: int, bounces: int) -> None:
     from addon.blender import presets
-    from addon.core import specs
 
     try:
         presets.apply(scene.halfspace, structure)
     except specs.SpecError as error:
-        raise InputError(f"--structure: {error}") from error
+        raise UsageError(f"--structure: {error}") from error
+    scene.halfspace.automatic = False
     scene.halfspace.samples, scene.halfspace.max_bounces = samples, bounces
     scene.halfspace.clamp_indirect = 0.0
 
@@ -363,7 +382,7 @@ def _configure_cycles(scene: Any, samples: int, bounces: int) -> None:
     if not hasattr(scene, "cycles"):
         addon_utils.enable("cycles")
     if not hasattr(scene, "cycles"):
-        raise InputError("this Blender has no Cycles")
+        raise UsageError("this Blender has no Cycles")
     cycles = scene.cycles
     cycles.device, cycles.samples = "CPU", samples
     for key in ("max", "diffuse", "glossy", "transmission"):

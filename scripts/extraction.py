@@ -21,6 +21,9 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from addon.core import native
+from addon.core.usage import Parser, UsageError
+
 PROMISED_EDIT, PROMISED_WARM = 300e-9, 50e-9
 """Seconds per triangle."""
 
@@ -29,7 +32,7 @@ KINDS = ("smooth", "flat", "sharp edges, two materials")
 
 def parser() -> argparse.ArgumentParser:
     """The command line."""
-    made = argparse.ArgumentParser(prog="extraction", description=(__doc__ or "").splitlines()[0])
+    made = Parser(prog="extraction", description=(__doc__ or "").splitlines()[0])
     made.add_argument("--triangles", type=int, default=1_000_000, help="size of the grids (default: a million)")
     made.add_argument("--rounds", type=int, default=7, help="the shortest of this many rounds (default: 7)")
     return made
@@ -37,10 +40,25 @@ def parser() -> argparse.ArgumentParser:
 
 def main(arguments: Sequence[str]) -> int:
     """Measure and print. Returns the exit status."""
-    asked = parser().parse_args(arguments)
-    if asked.triangles < 2 or asked.rounds < 1:
-        print("extraction: expected at least 2 triangles and 1 round", file=sys.stderr)
+    try:
+        measure(read(arguments))
+    except native.FAILURES as error:
+        print(f"extraction: {' '.join(str(error).split()) or type(error).__name__}", file=sys.stderr)
         return 2
+    return 0
+
+
+def read(arguments: Sequence[str]) -> argparse.Namespace:
+    """The command line, checked. Raises UsageError."""
+    asked = parser().parse_args(arguments)
+    for name, least, most in (("triangles", 2, 1 << 27), ("rounds", 1, 1000)):
+        if not least <= getattr(asked, name) <= most:
+            raise UsageError(f"--{name}: expected {least} to {most}, got {getattr(asked, name)}")
+    return asked
+
+
+def measure(asked: argparse.Namespace) -> None:
+    """Measure all scenes and print a line for each."""
     import bpy
 
     print(f"{'scene':<30}{'triangles':>12}{'evaluation':>12}{'after edit':>12}{'warm':>9}   promise")
@@ -58,7 +76,6 @@ def main(arguments: Sequence[str]) -> int:
     geometry = _read()
     places = sum(len(source.names) for source in geometry.sources)
     _row(f"{places:,} instances", len(geometry.triangles), evaluation, None, _shortest(asked.rounds, _read))
-    return 0
 
 
 def _row(name: str, triangles: int, evaluation: float, edited: float | None, warm: float) -> None:

@@ -48,7 +48,7 @@ def main(arguments: Sequence[str]) -> int:
     """Measure and print. Returns the exit status."""
     try:
         return run(parser().parse_args(arguments))
-    except (UsageError, native.NativeError, specs.SpecError, results.FolderError, MemoryError) as error:
+    except (*native.FAILURES, results.FolderError) as error:
         print(f"growth: {' '.join(str(error).split())}", file=sys.stderr)
         return BAD_INPUT
 
@@ -56,8 +56,7 @@ def main(arguments: Sequence[str]) -> int:
 def run(asked: argparse.Namespace) -> int:
     """Check everything, then measure. Raises one of the errors that `main` turns into a line."""
     module = native.load()
-    chosen = specs.expand(asked.structures, module.structures(), {}, [])
-    specs.prove(module, chosen)
+    chosen = specs.prove(module, specs.expand(asked.structures, module.structures(), {}, []))
     options = read_options(asked)
     if asked.out is not None:
         results.prepare_folder(asked.out)

@@ -14,19 +14,25 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from addon.core import native, specs, workload
+from addon.core.usage import Parser, UsageError
+
 ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT))
 
 BAD_INPUT = 2
+LARGEST, DEEPEST = 1 << 13, 1 << 10
+SUFFIXES = (".png", ".jpg", ".jpeg")
 SMOOTHING = 2
 """Drawn so many times as wide and high, and averaged: lines are not smoothed by themselves."""
 
 
 def parser() -> argparse.ArgumentParser:
     """The command line."""
-    made = argparse.ArgumentParser(prog="overlay_picture", description=(__doc__ or "").splitlines()[0])
-    made.add_argument("file", nargs="?", type=Path, help=".blend or .npz (default: the built-in showcase)")
-    made.add_argument("--structure", default="kd", metavar="ID", help="the acceleration structure (default: kd)")
+    made = Parser(prog="overlay_picture", description=(__doc__ or "").splitlines()[0])
+    made.add_argument("file", nargs="?", help=".blend or .npz (default: the built-in showcase)")
+    made.add_argument("--structure", default="kd", metavar="SPEC", help="the acceleration structure (default: kd)")
     made.add_argument("--depth", default="0-6", metavar="FIRST-LAST", help="levels of the tree (default: 0-6)")
     made.add_argument(
         "--show", default="planes", metavar="PART[,...]", help="planes, cells, ray, beam (default: planes)"
@@ -39,27 +45,51 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument("--style", default="BOTH", choices=("OUTLINE", "FILL", "BOTH"), help="default: BOTH")
     made.add_argument("--view", type=float, nargs=6, metavar="N", help="eye x y z and target x y z, z up, 40 degrees")
     made.add_argument("--size", default="1440x810", metavar="WxH", help="pixels (default: 1440x810)")
-    made.add_argument("--out", type=Path, default=ROOT / "out" / "overlay.png", help="the picture, .png")
+    made.add_argument("--out", type=Path, default=ROOT / "out" / "overlay.png", help="the picture, .png or .jpg")
     return made
 
 
 def main(arguments: Sequence[str]) -> int:
     """Draw. Returns the exit status."""
     try:
-        run(parser().parse_args(arguments))
-    except (OSError, RuntimeError, TypeError, ValueError) as error:
+        asked = parser().parse_args(arguments)
+        check(asked)
+        run(asked)
+    except (*native.FAILURES, OSError, TypeError) as error:
         print("overlay_picture: " + " ".join(str(error).removeprefix("Error:").split()), file=sys.stderr)
         return BAD_INPUT
     return 0
+
+
+def check(asked: argparse.Namespace) -> None:
+    """Find what is wrong with the command line before any work. Raises UsageError and WorkloadError."""
+    if asked.file is not None:
+        workload.find(asked.file, workload.RENDERED)
+    first, _, last = asked.depth.partition("-")
+    if not all(specs.is_whole(level) and int(level) <= DEEPEST for level in (first, last or first)):
+        raise UsageError(f"--depth: expected FIRST-LAST, whole numbers up to {DEEPEST}, got {asked.depth!r}")
+    width, _, height = asked.size.partition("x")
+    if not all(specs.is_whole(side) and 8 <= int(side) <= LARGEST for side in (width, height)):
+        raise UsageError(f"--size: expected WIDTHxHEIGHT of 8x8 to {LARGEST}x{LARGEST}, got {asked.size!r}")
+    unknown = {part.strip() for part in asked.show.split(",")} - {"planes", "cells", "ray", "beam"}
+    if unknown:
+        raise UsageError(f"--show: expected planes, cells, ray or beam, got {min(unknown)!r}")
+    if not 0 <= asked.least < 1 << 31:
+        raise UsageError(f"--least: expected a number of triangles, got {asked.least}")
+    if asked.out.suffix.lower() not in SUFFIXES:
+        raise UsageError(f"{asked.out}: expected a name that ends in {', '.join(SUFFIXES)}")
+    if asked.out.is_dir():
+        raise UsageError(f"{asked.out}: cannot be written: it is a folder")
+    asked.out.parent.mkdir(parents=True, exist_ok=True)
 
 
 def run(asked: argparse.Namespace) -> None:
     """Open the scene, build the structure, draw, save."""
     first, _, last = asked.depth.partition("-")
     width, _, height = asked.size.partition("x")
-    if not all(text.isdecimal() for text in (first, last or first, width, height)):
-        raise ValueError("expected --depth FIRST-LAST and --size WIDTHxHEIGHT in whole numbers")
-    asked.out.parent.mkdir(parents=True, exist_ok=True)
+    structure = asked.structure
+    if asked.traversal is not None:
+        structure += f"{',' if ':' in structure else ':'}traversal={asked.traversal}"
 
     import bpy
     import gpu
@@ -67,7 +97,6 @@ def run(asked: argparse.Namespace) -> None:
 
     import addon
     from addon.blender import overlay, pictures, presets, scenes, stage
-    from addon.core import workload
 
     if not hasattr(gpu, "init"):
         raise RuntimeError("this Blender cannot draw without a window; 5.2 and newer can")
@@ -78,9 +107,11 @@ def run(asked: argparse.Namespace) -> None:
     scenes.open_file(asked.file)
     scene = bpy.context.scene  # another one: the file brought its own
     group = scene.halfspace
-    group.structure, settings = asked.structure, group.overlay
-    if asked.traversal is not None:
-        presets.apply(group, f"{asked.structure}:traversal={asked.traversal}")
+    settings = group.overlay
+    try:
+        presets.apply(group, structure)
+    except specs.SpecError as error:
+        raise UsageError(f"--structure: {error}") from error
     settings.show, settings.style = True, asked.style
     settings.depth_min, settings.depth_max = int(first), int(last or first)
     settings.line_width *= SMOOTHING
@@ -102,7 +133,7 @@ def run(asked: argparse.Namespace) -> None:
     print(asked.out)
     planes, cells, *picked = (overlay.shown(scene, part) for part in ("PLANES", "CELLS", "RAY", "BEAM"))
     if planes is not None:
-        print(f"{len(planes):,} planes of {asked.structure}, {planes.hidden:,} hidden")
+        print(f"{len(planes):,} planes of {structure}, {planes.hidden:,} hidden")
     if cells is not None:
         fullest = int(cells.count.max()) if len(cells) else 0
         print(f"{len(cells):,} cells of up to {fullest:,} triangles, {cells.hidden:,} hidden")

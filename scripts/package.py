@@ -7,7 +7,6 @@ Blender's own tool, and validates it. Without --wheel the wheel for this machine
 
 from __future__ import annotations
 
-import argparse
 import importlib.util
 import re
 import shutil
@@ -17,6 +16,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import wheel
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from addon.core.usage import Parser, UsageError
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -126,14 +129,14 @@ def package(wheels: Sequence[Path], out: Path) -> Path:
 
 def main(arguments: Sequence[str]) -> int:
     """The command line. Returns the exit status."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser = Parser(prog="package", description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--wheel", type=Path, action="append", default=[], help="a wheel to bundle; may be repeated")
     parser.add_argument("--out", type=Path, default=ROOT / "build", help="where the zip goes (default: build)")
-    asked = parser.parse_args(arguments)
     try:
+        asked = parser.parse_args(arguments)
         target = package(asked.wheel, asked.out)
-    except (PackageError, wheel.BuildError, OSError) as error:
-        print(f"package: {error}", file=sys.stderr)
+    except (UsageError, PackageError, wheel.BuildError, OSError) as error:
+        print(f"package: {' '.join(str(error).split())}", file=sys.stderr)
         return 2
     print(f"{target} ({target.stat().st_size / 1e6:.1f} MB)")
     return 0

@@ -17,8 +17,12 @@ from typing import Any
 
 import overlay_picture
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from addon.core import catalogue, native
+from addon.core.usage import Parser, UsageError
+
 ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT))
 
 STRUCTURES = {"kd": "9-13", "bsp-wn-plus-kd": "9-13", "bvh-sah": "5-8", "octree-net": "1-5"}
 """One for each way of dividing, and the levels at which its planes are as large as the things in the scene."""
@@ -45,12 +49,15 @@ ASIDE = ("5.5", "-3", "3.2", "-0.35", "0.75", "1.0")
 VIEW = ("-1.2", "-8.6", "4.4", "0.6", "-0.2", "1.0")
 """From where the beam is seen."""
 
+LEAST = 64
+"""Pixels across at least."""
+
 BAD_INPUT = 2
 
 
 def parser() -> argparse.ArgumentParser:
     """The command line."""
-    made = argparse.ArgumentParser(prog="pictures", description=(__doc__ or "").splitlines()[0])
+    made = Parser(prog="pictures", description=(__doc__ or "").splitlines()[0])
     made.add_argument("--out", type=Path, help="a folder (default: out/pictures, with --readme .pictures)")
     made.add_argument("--width", type=int, help="pixels across (default: 1280, with --readme 720)")
     made.add_argument("--readme", action="store_true", help="only the pictures of the README")
@@ -59,15 +66,19 @@ def parser() -> argparse.ArgumentParser:
 
 def main(arguments: Sequence[str]) -> int:
     """Make them all. Returns the exit status."""
-    asked = parser().parse_args(arguments)
     try:
-        from addon.core import catalogue, native
-
-        known = catalogue.load()
-    except native.NativeError as error:
-        print(f"pictures: {error}", file=sys.stderr)
+        return run(parser().parse_args(arguments))
+    except (*native.FAILURES, OSError) as error:
+        print("pictures: " + " ".join(str(error).split()), file=sys.stderr)
         return BAD_INPUT
-    width = asked.width or (720 if asked.readme else 1280)
+
+
+def run(asked: argparse.Namespace) -> int:
+    """Check, then make them. Raises one of the errors that `main` turns into a line."""
+    width = asked.width if asked.width is not None else 720 if asked.readme else 1280
+    if not LEAST <= width <= overlay_picture.LARGEST:
+        raise UsageError(f"--width: expected {LEAST} to {overlay_picture.LARGEST}, got {width}")
+    known = catalogue.load()
     out = asked.out or (README if asked.readme else ROOT / "out" / "pictures")
     size = ["--size", f"{width}x{width * 9 // 16}"]
     jobs: dict[str, list[str]] = {}
@@ -84,11 +95,7 @@ def main(arguments: Sequence[str]) -> int:
             status = overlay_picture.main([*jobs[name], *size, "--out", str(out / f"{name}.{suffix}")])
             if status:
                 return status
-    try:
-        costs(out / f"costs.{suffix}", width // 2)
-    except (OSError, RuntimeError, ValueError) as error:
-        print("pictures: " + " ".join(str(error).split()), file=sys.stderr)
-        return BAD_INPUT
+    costs(out / f"costs.{suffix}", width // 2)
     return 0
 
 

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Render a picture with Halfspace, without a Blender window: `python scripts/render.py [FILE.blend] [options]`.
+"""Render a picture with Halfspace, without a Blender window: `python scripts/render.py [FILE] [options]`.
 
-Without a file the built-in showcase is rendered. Exit status: 0 done; 2 bad usage or input, said in one line.
+FILE: a .blend, or an .npz with the keys of the README, which gets a matte surface, a sun, a lamp and a sky. Without it
+the built-in showcase is rendered. Exit status: 0 done; 2 bad usage or input, said in one line.
 """
 
 from __future__ import annotations
@@ -15,18 +16,25 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from addon.core import native, specs, workload
+from addon.core.usage import Parser, UsageError
+
 ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT))
 
 BAD_INPUT = 2
+
+MOST = {"samples": 1 << 20, "percentage": 32767}
+"""What Blender's own settings go up to."""
 
 
 def parser() -> argparse.ArgumentParser:
     """The command line."""
-    made = argparse.ArgumentParser(prog="render", description=(__doc__ or "").splitlines()[0])
-    made.add_argument("file", nargs="?", type=Path, help="a .blend file (default: the built-in showcase)")
+    made = Parser(prog="render", description=(__doc__ or "").splitlines()[0])
+    made.add_argument("file", nargs="?", help=".blend or .npz (default: the built-in showcase)")
     made.add_argument("--out", type=Path, default=ROOT / "out" / "showcase.png", help="the picture, .png")
-    made.add_argument("--structure", default="kd", metavar="ID", help="the acceleration structure (default: kd)")
+    made.add_argument("--structure", metavar="SPEC", help="the acceleration structure (default: the file's)")
     made.add_argument("--samples", type=int, help="samples per pixel (default: the file's)")
     made.add_argument(
         "--integrator", choices=("path", "whitted", "ao"), help="how light is followed (default: the file's)"
@@ -37,68 +45,66 @@ def parser() -> argparse.ArgumentParser:
 
 def main(arguments: Sequence[str]) -> int:
     """Render. Returns the exit status."""
-    asked = parser().parse_args(arguments)
-    problem = _problem(asked)
-    if problem is None:
-        problem = _render(asked)
-    if problem is not None:
-        print(f"render: {problem}", file=sys.stderr)
+    try:
+        asked = parser().parse_args(arguments)
+        check(asked)
+        render(asked)
+    except (*native.FAILURES, OSError) as error:
+        print("render: " + " ".join(str(error).removeprefix("Error:").split()), file=sys.stderr)
         return BAD_INPUT
     return 0
 
 
-def _problem(asked: argparse.Namespace) -> str | None:
-    """What is wrong with the command line, found before any work."""
-    if asked.file is not None and not asked.file.is_file():
-        return f"{asked.file}: there is no such file"
-    for name in ("samples", "percentage"):
+def check(asked: argparse.Namespace) -> None:
+    """Find what is wrong with the command line before any work. Raises UsageError and WorkloadError."""
+    if asked.file is not None:
+        workload.find(asked.file, workload.RENDERED)
+    for name, most in MOST.items():
         value = getattr(asked, name)
-        if value is not None and value < 1:
-            return f"--{name}: expected at least 1, got {value}"
+        if value is not None and not 1 <= value <= most:
+            raise UsageError(f"--{name}: expected 1 to {most}, got {value}")
     if asked.out.suffix.lower() != ".png":
-        return f"{asked.out}: expected a name that ends in .png"
+        raise UsageError(f"{asked.out}: expected a name that ends in .png")
+    if asked.out.is_dir():
+        raise UsageError(f"{asked.out}: cannot be written: it is a folder")
     try:
         asked.out.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=asked.out.parent):
             pass
     except OSError as error:
-        return f"{asked.out.parent}: cannot be written: {error.strerror}"
-    return None
+        raise UsageError(f"{asked.out.parent}: cannot be written: {error.strerror}") from error
 
 
-def _render(asked: argparse.Namespace) -> str | None:
-    """Render with Blender's module. Returns what went wrong, or None."""
+def render(asked: argparse.Namespace) -> None:
+    """Render with Blender's module. Raises what opening, building and rendering raise."""
+    native.load()
     import bpy
 
     import addon
-    from addon.core import native
 
-    reason = native.problem()
-    if reason is not None:
-        return reason
-    addon.register()
-    reason = _open(bpy, asked.file)
-    if reason is not None:
-        return reason
+    if not hasattr(bpy.context.scene, "halfspace"):
+        addon.register()
+    from addon.blender import properties, scenes, trees
+
+    scenes.open_file(asked.file)
     scene: Any = bpy.context.scene
     bpy.app.handlers.render_stats.append(_Progress())
-    reason = _configure(scene, asked)
-    if reason is not None:
-        return reason
+    _configure(scene, asked)
     # The picture takes its name only when it is complete.
     with tempfile.TemporaryDirectory(dir=asked.out.parent, prefix=".render-") as folder:
         picture = Path(folder) / "picture.png"
         scene.render.filepath = str(picture)
         start = time.perf_counter()
-        try:
-            bpy.ops.render.render(write_still=True)
-        except RuntimeError as error:
-            return " ".join(str(error).removeprefix("Error:").split())
+        bpy.ops.render.render(write_still=True)
         if not picture.is_file():
-            return "nothing was rendered"
-        picture.replace(asked.out)
-    print(f"{asked.out}: {_size(scene)} pixels in {time.perf_counter() - start:.1f} s with {asked.structure}")
-    return None
+            raise RuntimeError("nothing was rendered")
+        try:
+            picture.replace(asked.out)
+        except OSError as error:
+            raise OSError(f"{asked.out}: cannot be written: {error.strerror or error}") from error
+    tree = trees.last(scene)
+    spec = tree.spec if tree is not None else properties.spec(scene.halfspace)
+    print(f"{asked.out}: {_size(scene)} pixels in {time.perf_counter() - start:.1f} s with {spec}")
 
 
 class _Progress:
@@ -115,35 +121,24 @@ class _Progress:
             print(f"[render] {stats}", flush=True)
 
 
-def _open(bpy: Any, file: Path | None) -> str | None:
-    if file is None:
-        from addon.blender import showcase
+def _configure(scene: Any, asked: argparse.Namespace) -> None:
+    """Tell the scene what is asked. Raises UsageError."""
+    from addon.blender import pictures, presets
 
-        bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-        showcase.build(bpy.context.scene)
-        return None
-    try:
-        bpy.ops.wm.open_mainfile(filepath=str(file))
-    except RuntimeError as error:
-        return f"{file}: Blender cannot read it: {' '.join(str(error).removeprefix('Error:').split())}"
-    return None
-
-
-def _configure(scene: Any, asked: argparse.Namespace) -> str | None:
     scene.render.engine = "HALFSPACE"
-    scene.render.image_settings.file_format = "PNG"
-    try:
-        scene.halfspace.structure = asked.structure
-    except TypeError:
-        known = scene.halfspace.bl_rna.properties["structure"].enum_items.keys()
-        return f"--structure: unknown structure {asked.structure!r}; there are {', '.join(known)}"
+    pictures.as_file(scene.render.image_settings, "PNG")
+    if asked.structure is not None:
+        try:
+            presets.apply(scene.halfspace, asked.structure)
+        except specs.SpecError as error:
+            raise UsageError(f"--structure: {error}") from error
+        scene.halfspace.automatic = False
     if asked.samples is not None:
         scene.halfspace.samples = asked.samples
     if asked.integrator is not None:
         scene.halfspace.integrator = asked.integrator
     if asked.percentage is not None:
         scene.render.resolution_percentage = asked.percentage
-    return None
 
 
 def _size(scene: Any) -> str:

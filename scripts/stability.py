@@ -40,7 +40,7 @@ def parser() -> argparse.ArgumentParser:
     add("--structures", default="all", metavar="SPEC[,SPEC...]", help="configurations, families, or all (default)")
     add("--long", type=float, metavar="N", help="compare N answers on random and extreme scenes, e.g. 1e9")
     add("--seconds", type=float, metavar="S", help="with --long: end after this time")
-    add("--scenes", nargs="+", metavar="SCENE", help="compare on these scenes, in numpy's format, or grid")
+    add("--scenes", nargs="+", metavar="SCENE", help=f"compare on these: .npz, names in {workload.SCENES}, grid")
     add("--rays", type=int, default=100_000, metavar="N", help="with --scenes: rays of each set (default: 100000)")
     add("--threads", type=int, default=0, metavar="N", help="threads of long runs and leaks, 0 = all (default)")
     add("--leaks-only", action="store_true", help="only send rays out of closed surfaces")
@@ -54,15 +54,7 @@ def main(arguments: Sequence[str]) -> int:
     """Measure and print. Returns the exit status."""
     try:
         return run(parser().parse_args(arguments))
-    except (
-        UsageError,
-        native.NativeError,
-        specs.SpecError,
-        workload.WorkloadError,
-        agreement.ReferenceDiffersError,
-        results.FolderError,
-        MemoryError,
-    ) as error:
+    except (*native.FAILURES, results.FolderError) as error:
         print(f"stability: {' '.join(str(error).split())}", file=sys.stderr)
         return 2
 
@@ -72,22 +64,31 @@ def run(asked: argparse.Namespace) -> int:
     for name in ("long", "seconds", "threads", "seed", "leak_rays", "rays"):
         if not 0 <= (getattr(asked, name) or 0) < 1e18:
             raise UsageError(f"--{name.replace('_', '-')}: expected a number of at least 0")
+    if asked.long is not None and not asked.long:
+        raise UsageError("--long: expected a number above 0")
     module = native.load()
-    chosen = stability.configurations(module.structures(), specs.expand(asked.structures, module.structures(), {}))
-    for spec in chosen:
-        try:
-            module.build(*_nothing(), spec, threads=1)
-        except ValueError as error:
-            raise specs.SpecError(f"{spec}: {error}") from error
+    expanded = specs.expand(asked.structures, module.structures(), {})
+    chosen = specs.prove(module, stability.configurations(module.structures(), expanded))
+    if asked.long is not None or asked.scenes is not None or asked.leaks_only:
+        chosen = [spec for spec in chosen if not stability.allowed_to_fail(spec)]
+    if asked.long is not None:
+        chosen = [spec for spec in chosen if not is_brute(spec) or stability.only_shadows(spec)]
+    elif asked.scenes is not None:
+        chosen = [spec for spec in chosen if not is_brute(spec)]
+    if not chosen:
+        raise UsageError("--structures: nothing to compare with brute force")
+    scenes = [workload.find(name, built_in=("grid",)) for name in asked.scenes or ()]
     if asked.out is not None:
         results.prepare_folder(asked.out)
     if asked.long is not None:
         return run_long(module, chosen, asked)
     if asked.scenes is not None:
-        return run_scenes(module, chosen, asked)
+        limit = module.free_memory()
+        loaded = [grid.workload() if s == "grid" else workload.load_npz(Path(s), memory_limit=limit) for s in scenes]
+        return run_scenes(module, chosen, loaded, asked)
     start = time.monotonic()
     if asked.leaks_only:
-        leaking = find_leaks(module, [spec for spec in chosen if not stability.allowed_to_fail(spec)], asked)
+        leaking = find_leaks(module, chosen, asked)
         say(f"seed {asked.seed}, {time.monotonic() - start:.0f} s")
         return int(leaking)
     rows = measure_cases(module, chosen, asked)
@@ -108,12 +109,25 @@ def run(asked: argparse.Namespace) -> int:
     return 1 if wrong or leaking else 0
 
 
+def is_brute(spec: str) -> bool:
+    """Whether the configuration is one of brute force itself."""
+    return spec.partition(":")[0] == "brute"
+
+
 def measure_cases(module: Any, chosen: list[str], asked: argparse.Namespace) -> list[stability.Row]:
     """The rows of all extreme cases; those of an earlier run with the same folder are taken over, case by case."""
     journal = results.Journal(asked.out) if asked.out is not None else None
     machine = results.machine(module)
     pairs = stability.EXACT_PAIRS[asked.size]
-    fixed = [module.__version__, results.native_fingerprint(module), chosen, asked.size, asked.seed, pairs]
+    fixed = [
+        module.__version__,
+        results.native_fingerprint(module),
+        stability.VERSION,
+        chosen,
+        asked.size,
+        asked.seed,
+        pairs,
+    ]
     rows: list[stability.Row] = []
     for place, case in enumerate(module.cases(asked.size, seed=asked.seed)):
         most = stability.MOST_RAYS.get(asked.size, {}).get(case["name"])
@@ -133,7 +147,6 @@ def measure_cases(module: Any, chosen: list[str], asked: argparse.Namespace) -> 
 
 def run_long(module: Any, chosen: list[str], asked: argparse.Namespace) -> int:
     """Compare answers until there are enough. Returns the exit status."""
-    chosen = [spec for spec in chosen if not stability.allowed_to_fail(spec) and spec != "brute"]
     journal = results.Journal(asked.out) if asked.out is not None else None
     fixed = [module.__version__, results.native_fingerprint(module), trials.VERSION, chosen, asked.seed]
     machine = results.machine(module)
@@ -177,15 +190,14 @@ def run_long(module: Any, chosen: list[str], asked: argparse.Namespace) -> int:
     return 1 if any(stability.differs(row) for row in rows) else 0
 
 
-def run_scenes(module: Any, chosen: list[str], asked: argparse.Namespace) -> int:
+def run_scenes(module: Any, chosen: list[str], loaded: list[workload.Workload], asked: argparse.Namespace) -> int:
     """Compare every configuration on whole scenes. Returns the exit status."""
-    chosen = [spec for spec in chosen if not stability.allowed_to_fail(spec) and spec.partition(":")[0] != "brute"]
-    loaded = [grid.workload() if name == "grid" else workload.load_npz(Path(name)) for name in asked.scenes]
     journal = results.Journal(asked.out) if asked.out is not None else None
     machine = results.machine(module)
     rows: list[stability.Row] = []
     for place, scene in enumerate(loaded):
-        fixed = [module.__version__, results.native_fingerprint(module), scene.fingerprint(), asked.rays, asked.seed]
+        program = [module.__version__, results.native_fingerprint(module), stability.VERSION]
+        fixed = [*program, scene.fingerprint(), asked.rays, asked.seed]
         questions: list[agreement.Question] = []
         for spec in chosen:
             key = results.key(*fixed, spec)
@@ -241,20 +253,16 @@ def find_leaks(module: Any, chosen: list[str], asked: argparse.Namespace) -> boo
     return any(found[spec].total() for spec in ours)
 
 
-def _nothing() -> tuple[Any, Any]:
-    import numpy as np
-
-    return np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32)
-
-
 def save(folder: Path, document: dict[str, Any]) -> None:
-    """Write the files, each whole or not at all."""
-    try:
-        results.write(folder / "stability.json", json.dumps(document, indent=1, allow_nan=False) + "\n")
-        results.write(folder / "stability.csv", stability.as_csv(document["rows"]))
-        results.write(folder / "stability.html", stability.as_html(document))
-    except OSError as error:
-        raise results.FolderError(f"{folder}: cannot be written: {error.strerror or error}") from error
+    """Write the files, each whole or not at all. Raises FolderError."""
+    with results.writing(folder):
+        results.write_all(
+            {
+                folder / "stability.json": json.dumps(document, indent=1, allow_nan=False) + "\n",
+                folder / "stability.csv": stability.as_csv(document["rows"]),
+                folder / "stability.html": stability.as_html(document),
+            }
+        )
     say(f"wrote {folder / 'stability.html'}, stability.json and stability.csv")
 
 

@@ -12,8 +12,6 @@ from ..core.scene import F64, Camera
 if TYPE_CHECKING:
     from ..core.notes import Notes
 
-FALLBACK = "PERSP"
-
 
 def read_camera(
     item: Any,

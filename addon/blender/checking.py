@@ -13,7 +13,6 @@ import bpy
 
 from ..core import check, native
 from ..core.check import Check
-from ..core.workload import WorkloadError
 from . import building, properties, trees, workloads
 
 log = logging.getLogger(__name__)
@@ -60,7 +59,7 @@ class HALFSPACE_OT_check(bpy.types.Operator):
             found: Check | None = None
             for found in check.steps(native.load(), tree.structure, workload, threads=0):  # noqa: B007 (the last)
                 pass
-        except (WorkloadError, native.NativeError, ValueError, RuntimeError) as error:
+        except native.FAILURES as error:
             log.error("Halfspace could not measure the structure", exc_info=error)
             self.report({"ERROR"}, " ".join(str(error).split()))
             return {"CANCELLED"}

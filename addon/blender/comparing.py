@@ -359,7 +359,7 @@ class HALFSPACE_OT_write_report(bpy.types.Operator):
         folder = Path(bpy.path.abspath(self.directory))
         try:
             save(folder, found)
-        except (OSError, ValueError, RuntimeError) as error:
+        except (*native.FAILURES, OSError) as error:
             self.report({"ERROR"}, " ".join(str(error).split()))
             return {"CANCELLED"}
         self.report({"INFO"}, f"Wrote {folder / 'report.html'}")
@@ -403,9 +403,13 @@ def save(folder: Path, found: Found) -> None:
     document = results.document(native.load(), found.rows, found.options)
     results.prepare_folder(folder)
     with results.writing(folder):
-        results.write(folder / "bench.json", json.dumps(document, indent=1, allow_nan=False) + "\n")
-        results.write(folder / "bench.csv", report.as_csv(document["rows"]))
-        results.write(folder / "report.html", page.as_html(document))
+        results.write_all(
+            {
+                folder / "bench.json": json.dumps(document, indent=1, allow_nan=False) + "\n",
+                folder / "bench.csv": report.as_csv(document["rows"]),
+                folder / "report.html": page.as_html(document),
+            }
+        )
 
 
 CLASSES = (HALFSPACE_OT_compare, HALFSPACE_OT_choose, HALFSPACE_OT_write_report)

@@ -13,7 +13,6 @@ from bpy.props import IntProperty
 from ..core import catalogue, costmap, native
 from ..core.scene import F32
 from ..core.settings import memory_limit
-from ..core.workload import WorkloadError
 from . import lettering, properties, trees, workloads
 
 IMAGE = "Halfspace Costs"
@@ -46,7 +45,7 @@ class HALFSPACE_OT_cost_map(bpy.types.Operator):
             window.cursor_set("WAIT")
         try:
             picture = draw(scene, self.width)
-        except (WorkloadError, native.NativeError, ValueError, RuntimeError) as error:
+        except native.FAILURES as error:
             log.error("Halfspace could not draw the cost map", exc_info=error)
             self.report({"ERROR"}, " ".join(str(error).split()))
             return {"CANCELLED"}

@@ -22,7 +22,7 @@ def render(scene: Any) -> F32:
     image_settings = scene.render.image_settings
     with tempfile.TemporaryDirectory(prefix="halfspace-picture-") as folder:
         path = Path(folder) / "picture.exr"
-        _as_file(image_settings, "OPEN_EXR")
+        as_file(image_settings, "OPEN_EXR")
         image_settings.color_mode, image_settings.color_depth = "RGBA", "32"
         scene.render.filepath = str(path)
         bpy.ops.render.render(write_still=True, scene=scene.name)
@@ -54,7 +54,7 @@ def save_displayed(path: Path, picture: F32, scene: Any) -> F32:
     """
     image = _image(picture, float_buffer=True)
     try:
-        _as_file(scene.render.image_settings, "PNG")
+        as_file(scene.render.image_settings, "PNG")
         scene.render.image_settings.color_mode = "RGB"
         image.save_render(str(path), scene=scene)
     finally:
@@ -88,7 +88,7 @@ def _image(picture: F32, *, float_buffer: bool) -> Any:
     return image
 
 
-def _as_file(image_settings: Any, file_format: str) -> None:
+def as_file(image_settings: Any, file_format: str) -> None:
     """Choose a file format; since 5.0 the kind of medium comes first."""
     if hasattr(image_settings, "media_type"):
         image_settings.media_type = "IMAGE"

@@ -8,23 +8,21 @@ from pathlib import Path
 
 import bpy
 
-from ..core.workload import WorkloadError, load_npz
+from ..core import native
+from ..core.workload import RENDERED, find, load_npz
 from . import showcase, stage
 
 
-def open_file(file: Path | None, lights: Sequence[str] | None = None) -> str:
+def open_file(file: str | None, lights: Sequence[str] | None = None) -> str:
     """Make the file's scene the current one. Returns its name. Raises WorkloadError, and Blender's RuntimeError.
 
-    lights: which of `stage.LIGHTS` a bare geometry gets, None for all.
+    file: as `core.workload.find` takes it. lights: which of `stage.LIGHTS` a bare geometry gets, None for all.
     """
-    if file is not None and not file.is_file():
-        raise WorkloadError(f"{file}: there is no such file")
-    if file is not None and file.suffix.lower() == ".blend":
-        bpy.ops.wm.open_mainfile(filepath=str(file))
-        return file.stem
-    if file is not None and file.suffix.lower() != ".npz":
-        raise WorkloadError(f"{file}: expected a .blend or an .npz")
-    workload = load_npz(file) if file is not None else None
+    path = None if file is None else Path(find(file, RENDERED))
+    if path is not None and path.suffix.lower() == ".blend":
+        bpy.ops.wm.open_mainfile(filepath=str(path))
+        return path.stem
+    workload = None if path is None else load_npz(path, memory_limit=native.load().free_memory())
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     if workload is None:
         showcase.build(bpy.context.scene)

@@ -30,11 +30,15 @@ class ReferenceDiffersError(RuntimeError):
 
 @dataclass(frozen=True)
 class Question:
-    """A set of rays and what brute force answers, or the kd-tree that equals it on `proven` of them."""
+    """A set of rays and what brute force answers, or the kd-tree that equals it on `proven` of them.
+
+    fresh: how many different rays it has that no set before it has; some sets are others in another order.
+    """
 
     rays: RaySet
     answers: Answers
     proven: int
+    fresh: int
 
 
 def questions(native: Any, workload: Workload, count: int, seed: int, *, threads: int = 0) -> list[Question]:
@@ -43,7 +47,7 @@ def questions(native: Any, workload: Workload, count: int, seed: int, *, threads
         native.build(workload.vertices, workload.triangles, spec, threads=threads) for spec in (REFERENCE, "brute")
     )
     side = max(rays.TILE, int(np.ceil(count**0.5 / rays.TILE)) * rays.TILE)
-    made = []
+    made: list[Question] = []
     for whole in rays.make(workload, reference, size=(side, side), seed=seed, names=rays.NAMES):
         some = whole.take(rays.blocks(len(whole), count, seed))
         asked = (some.origins, some.directions, np.zeros(len(some), np.float32), some.t_max)
@@ -54,8 +58,16 @@ def questions(native: Any, workload: Workload, count: int, seed: int, *, threads
         errors = accuracy.compare(right, answers.take(sample), None, native.ulp_distance, bitwise=True)
         if not errors.agrees(bitwise=True):
             raise ReferenceDiffersError(f"{workload.name}, {some.name}: {REFERENCE} differs from brute force")
-        made.append(Question(some, answers, len(sample)))
+        sets = [question.rays for question in made]
+        fresh = _different([*sets, some]) - sum(question.fresh for question in made)
+        made.append(Question(some, answers, len(sample), fresh))
     return made
+
+
+def _different(sets: list[RaySet]) -> int:
+    """How many different rays these sets have together."""
+    parts = ([getattr(some, name) for some in sets] for name in ("origins", "directions", "t_max"))
+    return stability.different(*map(np.concatenate, parts))
 
 
 def compare(native: Any, structure: Any, asked: list[Question], *, threads: int = 0) -> Errors:
@@ -84,6 +96,7 @@ def row(native: Any, workload: Workload, spec: str, asked: list[Question], *, th
         "case": workload.name,
         "spec": spec,
         "triangles": len(workload.triangles),
+        "different_rays": sum(question.fresh for question in asked),
         **stability.columns(compare(native, structure, asked, threads=threads), Errors()),
         "statistics": {name: statistics[name] for name in statistics if isinstance(statistics[name], (int, float))},
         "broken": structure.validate(),

@@ -18,6 +18,7 @@ from typing import Any
 
 from . import accuracy, costmap, first, peak, rays, rows, thesis, timing, yardstick
 from .accuracy import Answers
+from .native import FAILURES
 from .preparation import REFERENCES, Options, Prepared, Progress, prepare, prepared
 from .rows import Row, agrees, first_line
 from .timing import Candidate
@@ -146,7 +147,7 @@ class _Run:
             yield self._step(f"{self._anchor_spec}: building")
             try:
                 anchor = self._candidate(self._anchor_spec)
-            except (ValueError, RuntimeError, MemoryError) as error:
+            except FAILURES as error:
                 yield self._failed(self._anchor_spec, error)
         waiting = [] if anchor is None else [anchor]
         size = 0
@@ -154,7 +155,7 @@ class _Run:
             yield self._step(f"{spec}: building")
             try:
                 candidate = self._candidate(spec)
-            except (ValueError, RuntimeError, MemoryError) as error:
+            except FAILURES as error:
                 yield self._failed(spec, error)
                 continue
             waiting.append(candidate)
@@ -205,7 +206,7 @@ class _Run:
             try:
                 self._prove(candidate)
                 sound.append(candidate)
-            except (ValueError, RuntimeError, MemoryError) as error:
+            except FAILURES as error:
                 yield self._failed(candidate.spec, error)
         # In later groups the anchor only keeps time.
         beside = None if anchor is None or not anchor.timed else anchor if anchor in sound else anchor.again()
@@ -287,7 +288,7 @@ class _Run:
                 yield self._step(f"{candidate.spec}: far from the origin")
                 try:
                     candidate.offsets = self._prepared.moved.errors(candidate.spec)
-                except (ValueError, RuntimeError, MemoryError) as error:
+                except FAILURES as error:
                     candidate.left_out.append(f"answers far from the origin: {first_line(error)}")
 
     def _maps(self, candidates: Sequence[Candidate]) -> Iterator[Event]:
@@ -336,7 +337,9 @@ class _Run:
         for samples in self._options.curve:
             for candidate in candidates:
                 yield self._step(f"{candidate.spec}: rendering with {samples} samples per pixel")
-                slowest = min((float(candidate.mrays(name).min()) for name in candidate.seconds), default=1.0)
+                # A set is empty where it begins at hits and nothing is hit.
+                traced = [name for name in candidate.seconds if len(candidate.timed[name])]
+                slowest = min((float(candidate.mrays(name).min()) for name in traced), default=1.0)
                 if samples in pictures.affordable(slowest):
                     point, differing = pictures.point(candidate.structure, samples, self._options.threads)
                     candidate.curve.append(point)

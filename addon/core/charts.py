@@ -296,13 +296,13 @@ def cost_map_height(rows: Sequence[Row]) -> float:
 
 
 def logarithmic(axes: Any) -> None:
-    """Both axes logarithmic, with plain numbers and a grid."""
-    axes.set_xscale("log")
-    axes.set_yscale("log")
+    """Both axes logarithmic, with plain numbers and a grid; an axis on which all is zero stays as it is."""
+    for name, axis, least in (("x", axes.xaxis, axes.dataLim.minposx), ("y", axes.yaxis, axes.dataLim.minposy)):
+        if not axes.has_data() or np.isfinite(least):
+            axes.set(**{f"{name}scale": "log"})
+            _plain_numbers(axis)
     axes.grid(visible=True, which="major")
     axes.set_axisbelow(True)
-    _plain_numbers(axes.xaxis)
-    _plain_numbers(axes.yaxis)
 
 
 def _plain(value: float) -> str:

@@ -209,12 +209,14 @@ def _camera(view: View, aspect: float, diagonal: float) -> dict[str, Any]:
     to_world[:3, :4] = np.stack([right, np.cross(right, forward), -forward, view.eye], axis=1)
     tangent = float(np.tan(np.radians(view.vertical_fov) / 2))
     window = (-tangent * aspect, tangent * aspect, -tangent, tangent)
+    # A scene may be a single point, or small and far away.
+    reach = max(diagonal, float(np.linalg.norm(view.target - view.eye)))
     return {
         "kind": "perspective",
         "to_world": to_world,
         "window": window,
         "clip_start": 1e-6 * diagonal,
-        "clip_end": 1e3 * diagonal,
+        "clip_end": 1e3 * reach,
     }
 
 

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from . import accuracy, check, peak, rays
 from .accuracy import Answers, Errors
+from .native import FAILURES
 from .rays import RaySet
 from .rows import first_line
 from .workload import View, Workload
@@ -177,7 +178,7 @@ def measure(native: Any, specs: Sequence[str], options: Options) -> Iterator[Eve
             point = Point(spec, count)
             try:
                 yield from _measure(native, workload, point, ray_sets, checked, expected, options)
-            except (ValueError, RuntimeError, MemoryError) as error:
+            except FAILURES as error:
                 point.error = first_line(error)
             yield point
 

@@ -15,6 +15,10 @@ class NativeError(RuntimeError):
     """The compiled module is missing, broken or of another version. The message is meant for the user."""
 
 
+FAILURES = (ValueError, RuntimeError, MemoryError)
+"""What a build or a trace may end with, and scenes, specs and the module itself: what is told in one line."""
+
+
 @cache
 def load() -> Any:
     """The module `halfspace_native`. Raises NativeError, in one line, when it cannot be used."""

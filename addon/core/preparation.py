@@ -3,8 +3,10 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Generator, Iterator
 from dataclasses import asdict, dataclass
+from functools import partial
 from typing import Any
 
 from . import costmap, curve, rays, yardstick
@@ -28,6 +30,7 @@ REFERENCES = ("brute", "exact", "embree")
 @dataclass(frozen=True)
 class Options:
     """What is measured. size: width and height of the view; check_rays: rays per set compared with the reference.
+    own_rays: the same for the scene's own ray sets, None for all of them.
 
     threads: for builds and tracing. seed: of the rays. curve: samples per pixel of the pictures. offsets: how far away
     the grid of touching boxes is put. scaling: whether views of fewer pixels are timed. peak: whether each build is
@@ -43,6 +46,7 @@ class Options:
     threads: int = 1
     reference: str = "brute"
     check_rays: int = 20_000
+    own_rays: int | None = None
     seed: int = 1
     curve: tuple[int, ...] = ()
     offsets: tuple[float, ...] = ()
@@ -88,11 +92,12 @@ class Prepared:
 def prepare(native: Any, workload: Workload, options: Options) -> Generator[Progress, None, Prepared]:
     """The part of the work that all configurations of a scene share; a generator that returns it."""
     yield Progress(0.0, "making the rays")
-    tracer = native.build(workload.vertices, workload.triangles, _tracer_spec(native), threads=0)
+    tracer = _tracer(native, workload, options)
     ray_sets = rays.make(workload, tracer, size=options.size, seed=options.seed, names=options.sets)
     checked = {}
     for rays_of_set in ray_sets:
-        wanted = len(rays_of_set) if rays_of_set in workload.extra else options.check_rays
+        own = len(rays_of_set) if options.own_rays is None else options.own_rays
+        wanted = own if rays_of_set in workload.extra else options.check_rays
         checked[rays_of_set.name] = rays_of_set.take(rays.blocks(len(rays_of_set), wanted, options.seed))
     count = sum(map(len, checked.values()))
     yield Progress(0.0, f"{count:,} rays by {options.reference}, the reference")
@@ -131,9 +136,19 @@ def prepared(native: Any, workload: Workload, options: Options) -> Prepared:
             return found
 
 
-def _tracer_spec(native: Any) -> str:
-    ids = [row["id"] for row in native.structures()]
-    return "kd" if "kd" in ids else "brute"
+TRACERS = ("kd", "bvh-sah")
+"""What finds the hits from which rays go on, the quickest first; the second needs half the memory."""
+
+
+def _tracer(native: Any, workload: Workload, options: Options) -> Any:
+    """The quickest structure for which there is room. Raises MemoryError when there is none for any."""
+    ids = {row["id"] for row in native.structures()}
+    *others, last = [spec for spec in TRACERS if spec in ids] or ["brute"]
+    build = partial(native.build, workload.vertices, workload.triangles, threads=0, memory_limit=options.memory_limit)
+    for spec in others:
+        with contextlib.suppress(MemoryError):
+            return build(spec)
+    return build(last)
 
 
 def _smaller_views(workload: Workload, tracer: Any, options: Options) -> Iterator[RaySet]:

@@ -82,7 +82,8 @@ def settings(catalogue: Catalogue, spec: str) -> tuple[str, dict[str, Value]]:
     """The id of a configuration's structure, and the values of all of its parameters. Raises specs.SpecError."""
     structure = catalogue.get(spec.partition(":")[0])
     if structure is None:
-        raise specs.SpecError(f"unknown structure {spec.partition(':')[0]!r}")
+        known = ", ".join(one.id for one in catalogue.structures)
+        raise specs.SpecError(f"unknown structure {spec.partition(':')[0]!r}; there are {known}")
     values: dict[str, Value] = {parameter.name: parameter.default for parameter in structure.parameters}
     for key, text in _pairs(spec):
         parameter = structure.parameter(key)

@@ -22,7 +22,7 @@ JOURNAL = "rows.jsonl"
 
 
 class FolderError(OSError):
-    """The folder cannot be written. The message names it."""
+    """The folder cannot be written, or a file in it not be read. The message names it."""
 
 
 def write(path: Path, text: str) -> None:
@@ -112,7 +112,8 @@ class Journal:
     """Finished rows, one JSON line each, appended as they come.
 
     shard: the name of this process's part of a sweep; parts that share a folder write files of their own, and each
-    knows the rows of all. machines: by name, those on which the rows were measured. options: of the last run.
+    knows the rows of all. machines: by name, those on which the rows were measured. options: of the last run. Raises
+    FolderError.
     """
 
     def __init__(self, folder: Path, shard: str = "") -> None:
@@ -152,7 +153,10 @@ class Journal:
             self.disagreements.append(f"{entry.row['scene']}, {entry.row['spec']}: measured twice, on {where}")
 
     def _read(self, path: Path) -> None:
-        text = path.read_text(encoding="utf-8", errors="replace")
+        try:
+            text = path.read_text(encoding="utf-8", errors="replace")
+        except OSError as error:
+            raise FolderError(f"{path}: cannot be read: {error.strerror or error}") from error
         for line in text.splitlines():
             try:
                 found = json.loads(line)

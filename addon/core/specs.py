@@ -98,7 +98,7 @@ def expand(
     for written in split(text):
         called, colon, rest = written.partition(":")
         name = ids.get(called, called)
-        part = name + colon + rest
+        part = name + colon * bool(rest) + rest
         family = [row["id"] for row in structures if part in _families(row)]
         if name in rows:
             chosen += _spread_out(part)
@@ -121,14 +121,19 @@ def expand(
     return list(found)
 
 
-def prove(native: Any, chosen: Sequence[str]) -> None:
-    """Prove by a tiny build that each configuration is valid. Raises SpecError."""
+def prove(native: Any, chosen: Sequence[str]) -> list[str]:
+    """Prove by a tiny build that each configuration is valid. Raises SpecError.
+
+    Returns them without those that are another one in other words, such as `kd:traversal=auto` after `kd`.
+    """
     corners, triangle = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32), np.array([[0, 1, 2]], np.int32)
+    found: dict[str, str] = {}
     for spec in chosen:
         try:
-            native.build(corners, triangle, spec, threads=1)
+            found.setdefault(native.build(corners, triangle, spec, threads=1).spec, spec)
         except ValueError as error:
             raise SpecError(f"{spec}: {error}") from error
+    return list(found.values())
 
 
 def _families(row: Mapping[str, Any]) -> list[str]:

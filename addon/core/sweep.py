@@ -71,15 +71,17 @@ class Sweep:
             wanted = [self.chosen[i] for i in missing]
             for row, machine in measurer(workload, wanted, benchmark.anchor_of(self.chosen)):
                 self._keep(number, missing, keys, row, machine)
-        return [self.entries[number, i].row for i in mine if (number, i) in self.entries]
+        return self.rows(number)
 
     def fail(self, number: int, name: str, error: BaseException) -> None:
-        """A scene that cannot be read is a row too, but one that is tried again."""
-        self.entries[number, 0] = results.Entry("", (number, 0), rows.failed_scene(name, error))
+        """A scene that cannot be used is a row too, behind what there is of it, but one that is tried again."""
+        place = number, len(self.chosen)
+        self.entries[place] = results.Entry("", place, rows.failed_scene(name, error))
 
-    def rows(self) -> list[Row]:
-        """All rows, in order."""
-        return [self.entries[place].row for place in sorted(self.entries)]
+    def rows(self, number: int | None = None) -> list[Row]:
+        """The rows of the `number`-th scene, or of all, in order."""
+        places = sorted(place for place in self.entries if number in (None, place[0]))
+        return [self.entries[place].row for place in places]
 
     def _keep(
         self, number: int, missing: Sequence[int], keys: Sequence[str], row: Row, machine: dict[str, Any]

@@ -34,8 +34,8 @@ CASES_PER_SEED = 60
 EXACT_PAIRS = 3_000_000
 """Pairs of a ray and a triangle that exact arithmetic decides per trial."""
 
-VERSION = 2
-"""Grows whenever the same number makes another trial, so that a run is not continued with other rays."""
+VERSION = 3
+"""Grows whenever the same number makes another trial, or its row tells something else: such a run is not continued."""
 
 BLOCK = 64
 """Trials whose sums are kept together."""
@@ -48,11 +48,11 @@ def trial(native: Any, specs: Sequence[str], seed: int, number: int, *, threads:
 
     Every ray is asked for its closest hit, every fourth tile of them for any hit too; ways of shadow rays, which the
     closest hit does not know, are asked for any hit of every ray. Brute force answers all rays, exact arithmetic some
-    of them, spread evenly, and every structure is compared with both.
+    of them, spread evenly, and every structure is compared with both, in hits or in any hits as it was asked.
     """
     random = np.random.default_rng([seed, number])
     name, vertices, triangles, rays = _scene(native, seed, number, random)
-    count = len(rays[0])
+    count, apart = len(rays[0]), stability.different(*rays)
     brute = Answers.of(native.build(vertices, triangles, "brute", threads=1).closest(*rays, threads=threads))
     wanted = min(count, EXACT_PAIRS // max(1, len(triangles)))
     sample = np.unique(np.linspace(0, count - 1, wanted).astype(np.int64))
@@ -63,14 +63,18 @@ def trial(native: Any, specs: Sequence[str], seed: int, number: int, *, threads:
     for spec in specs:
         structure = native.build(vertices, triangles, spec, threads=1)
         errors, own = accuracy.Errors(rays=count), beside
-        asked = np.ones(count, bool) if "shadow=" in spec else quarter
-        if asked is quarter:
+        shadows = stability.only_shadows(spec)
+        asked = np.ones(count, bool) if shadows else quarter
+        if not shadows:
             answers = stability.nearest(structure, rays, threads=threads)
             if not same(answers, brute):
                 errors = accuracy.compare(brute, answers, None, native.ulp_distance, bitwise=True)
                 own = accuracy.compare(exact, answers.take(sample), None, native.ulp_distance, bitwise=True)
         occluded = structure.occluded(*(part[asked] for part in rays), threads=threads)
-        row = {"case": name, "spec": spec, "triangles": len(triangles), **stability.columns(errors, own)}
+        if shadows:
+            own = accuracy.compare(exact, None, occluded[sample], native.ulp_distance, bitwise=True)
+        about = {"case": name, "spec": spec, "triangles": len(triangles), "different_rays": apart}
+        row = {**about, **stability.columns(errors, own)}
         row["wrong_any_hit"] += int((occluded != brute.hit[asked]).sum())
         rows.append(row)
     return rows

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,13 @@ from .rays import RaySet
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
+
+
+SCENES = Path(__file__).resolve().parents[3] / "shared" / "scenes"
+"""Scenes that are not part of the project lie here, beside it, and are called by their names where they are there."""
+
+RENDERED = (".blend", ".npz")
+"""What can be rendered: a scene of Blender, or a bare geometry."""
 
 
 class WorkloadError(ValueError):
@@ -105,6 +113,28 @@ def framing_view(vertices: F32, triangles: I32) -> View:
     distance = radius / np.sin(np.radians(40.0) / 2)
     eye = centre + direction / np.linalg.norm(direction) * distance
     return View(eye, centre, np.array([0.0, 0.0, 1.0]), 40.0)
+
+
+def find(name: str, suffixes: Sequence[str] = (".npz",), built_in: Sequence[str] = ()) -> str | Path:
+    """What a command line calls a scene: one of `built_in`, a file that can be opened, or a name in SCENES.
+
+    Returns the first as it is, else the path. Raises WorkloadError, which tells all choices.
+    """
+    if name in built_in:
+        return name
+    path, problem = Path(name), "there is no such scene"
+    if path.suffix.lower() in suffixes:
+        try:
+            with path.open("rb"):
+                return path
+        except OSError as error:
+            problem = f"cannot be read: {error.strerror or error}"
+    shared = SCENES / f"{name.removesuffix('.npz')}.npz"
+    if path.name == name and shared.is_file():
+        return shared
+    names = ", ".join(sorted(one.stem for one in SCENES.glob("*.npz")))
+    choices = " or ".join(filter(None, [", ".join(built_in), f"a file ending in {' '.join(suffixes)}"]))
+    raise WorkloadError(f"{name}: {problem}; expected {choices}{f', or one of {SCENES}: {names}' if names else ''}")
 
 
 def load_npz(path: Path, *, memory_limit: int | None = None) -> Workload:

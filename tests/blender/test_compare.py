@@ -14,6 +14,7 @@ from shapes import read, world_corners
 from addon.blender import pictures, stage, whole
 from addon.core.accuracy import Errors
 from addon.core.check import Check
+from addon.core.usage import UsageError
 from addon.core.workload import load_npz
 
 
@@ -81,7 +82,7 @@ def test_the_slope_of_a_scene_is_told(tmp_path: Path, capsys: pytest.CaptureFixt
     text = capsys.readouterr().out
     assert "textures, 24x24, 1 to 4 samples: RMSE falls with the power -0." in text
     assert "1 of 1 scenes: the error of independent samples falls as it should" in text
-    with pytest.raises(compare.InputError, match="at least 16"):
+    with pytest.raises(UsageError, match="at least 16"):
         compare.judge_slopes(compare.read([*arguments, "--samples", "8"]))
 
 
@@ -116,11 +117,11 @@ def test_bad_input_is_said_in_one_line(tmp_path: Path, capsys: pytest.CaptureFix
     (tmp_path / "broken.npz").write_bytes(b"PK\x03\x04")
     (tmp_path / "scene.txt").write_text("no scene")
     for arguments, words in (
-        ([str(tmp_path / "none.blend")], "there is no such file"),
+        ([str(tmp_path / "none.blend")], "none.blend: cannot be read: No such file"),
         ([str(tmp_path / "broken.npz")], "cannot be read as .npz"),
-        ([str(tmp_path / "scene.txt")], "expected a .blend or an .npz"),
+        ([str(tmp_path / "scene.txt")], "expected a file ending in .blend .npz"),
         (["--size", "4x4"], "--size"),
-        (["--runs", "1"], "at least 2 runs"),
+        (["--runs", "1"], "--runs: expected 2 to "),
         (["--structure", "oak"], "unknown structure 'oak'"),
         (["--whole", "--scene", "all"], "--whole: renders a file"),
         (["--most", "0.7"], "--most: expected --whole"),

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from shapes import cube
 
-from addon.blender import cost_maps, lettering, workloads
+from addon.blender import building, cost_maps, lettering, workloads
 from addon.core import catalogue, costmap, native
 
 
@@ -94,6 +94,18 @@ def test_letters_are_written_where_they_belong() -> None:
 def test_a_scene_without_triangles_is_said(scene: Any) -> None:
     with pytest.raises(RuntimeError, match="no triangles"):
         bpy.ops.halfspace.cost_map()
+
+
+@pytest.mark.parametrize("name", ["cost_map", "check"])
+def test_a_build_without_room_is_said(seen: Any, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    def crowded(*_: Any, **__: Any) -> None:
+        raise MemoryError("memory_limit: no room")
+
+    monkeypatch.setattr(cost_maps, "draw", crowded)
+    monkeypatch.setattr(building, "build_now", crowded)
+    with pytest.raises(RuntimeError) as caught:
+        getattr(bpy.ops.halfspace, name)()
+    assert str(caught.value).strip() == "Error: memory_limit: no room"
 
 
 def test_scales_end_at_round_numbers() -> None:

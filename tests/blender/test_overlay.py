@@ -17,7 +17,7 @@ import pytest
 from mathutils import Euler, Matrix, Vector
 from shapes import cube, grid
 
-from addon.blender import building, overlay, picking, pictures, trees
+from addon.blender import building, overlay, picking, pictures, properties, trees
 from addon.core import beams, catalogue, colours, native, planes
 
 WIDTH, HEIGHT = 200, 150
@@ -438,6 +438,11 @@ def test_the_command_saves_a_picture_with_the_planes_in_it(
     assert overlay_picture.main([*arguments, "--depth", "x"]) == 2
     assert overlay_picture.main([str(tmp_path / "none.blend"), *arguments]) == 2
     assert capsys.readouterr().err.count("\n") == 2
+    assert overlay_picture.main([*arguments, *view, "--structure", "kd:max_depth=5", "--traversal", "dir"]) == 0
+    assert "planes of kd:max_depth=5,traversal=dir, 0 hidden" in capsys.readouterr().out
+    assert properties.spec(bpy.context.scene.halfspace) == "kd:traversal=dir,max_depth=5"
+    assert overlay_picture.main([*arguments, "--structure", "oak"]) == 2
+    assert "--structure: unknown structure 'oak'; there are " in capsys.readouterr().err
 
 
 def pane(vertices: np.ndarray[Any, Any], view: Any, projection: Any) -> np.ndarray[Any, Any]:

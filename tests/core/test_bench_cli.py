@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from lying_native import LyingNative
 
-from addon.core import benchmark, native, plots, results, yardstick
+from addon.core import benchmark, native, plots, results, workload, yardstick
 
 BENCH = Path(bench.__file__)
 FAST = ["--size", "32x32", "--repeats", "1", "--check-rays", "128", "--curve", "none", "--only-rays"]
@@ -180,6 +180,66 @@ def test_of_several_scenes_a_broken_one_does_not_stop_the_others(scene: Path, tm
     assert "cannot be read as .npz" in (out / "report.html").read_text(encoding="utf-8")
 
 
+@pytest.mark.parametrize("error", [RuntimeError("no picture\nat all"), MemoryError("no room"), ValueError("no sense")])
+def test_of_several_scenes_one_that_cannot_be_measured_does_not_stop_the_others(
+    scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any, error: Exception
+) -> None:
+    first = scene.rename(tmp_path / "first.npz")
+    scene.write_bytes(first.read_bytes())
+    real = benchmark.events
+
+    def failing(module: Any, loaded: Any, chosen: list[str], options: Any) -> Any:
+        for event in real(module, loaded, chosen, options):
+            yield event
+            if loaded.name == "first" and isinstance(event, benchmark.Finished) and event.row["spec"] == "kd":
+                raise error
+
+    monkeypatch.setattr(benchmark, "events", failing)
+    out = tmp_path / "out"
+    assert bench.main([str(first), str(scene), *FAST, "--structures", "kd,kd-sah", "--out", str(out)]) == 2
+    line = str(error).splitlines()[0]
+    assert capsys.readouterr().err == f"bench: first: {line}\n"
+    rows = [(row["scene"], row["spec"], row["error"]) for row in document(out)["rows"] if row["spec"] != "embree"]
+    assert rows == [("first", "kd", None), ("first", "", line), ("soup", "kd", None), ("soup", "kd-sah", None)]
+    assert line in (out / "report.html").read_text(encoding="utf-8")
+
+
+def test_a_scene_in_one_point_is_measured(tmp_path: Path) -> None:
+    path = tmp_path / "point.npz"
+    view = {"camera_eye": [0, -5, 1], "camera_target": [0, 0, 0], "camera_up": [0, 0, 1], "camera_vfov_deg": 45.0}
+    np.savez(path, vertices=np.full((3, 3), 0.5, np.float32), triangles=np.array([[0, 1, 2], [2, 1, 0]]), **view)
+    out = tmp_path / "out"
+    asked = ["--structures", "kd", "--size", "32x32", "--repeats", "1", "--check-rays", "128", "--curve", "1"]
+    assert bench.main([str(path), *asked, "--out", str(out)]) == 0
+    (row,) = (row for row in document(out)["rows"] if row["spec"] == "kd")
+    assert row["error"] is None
+    assert [point["spp"] for point in row["curve"]] == [1]
+
+
+def test_one_configuration_in_other_words_is_one_row(scene: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    asked = ["--structures", "kd:,kd,kd:traversal=auto,kd:max_depth=9,traversal=dir,kd:traversal=dir,max_depth=9"]
+    assert bench.main([str(scene), *FAST, *asked, "--out", str(out)]) == 0
+    specs = [row["spec"] for row in document(out)["rows"] if row["spec"] != "embree"]
+    assert specs == ["kd", "kd:max_depth=9,traversal=dir"]
+
+
+def test_rays_to_compare_bind_the_scenes_own_sets_where_they_are_named() -> None:
+    named, usual = (bench.read_options(bench.parser().parse_args(words), 1) for words in (["--check-rays", "128"], []))
+    assert (named.check_rays, named.own_rays) == (128, 128)
+    assert (usual.check_rays, usual.own_rays) == (20_000, None)
+
+
+def test_a_scene_of_the_shared_folder_is_called_by_its_name(
+    scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(workload, "SCENES", tmp_path)
+    for name in ("soup", "soup.npz"):
+        out = tmp_path / f"of {name}"
+        assert bench.main([name, *QUICK, "--out", str(out)]) == 0
+        assert document(out)["rows"][-1]["scene"] == "soup"
+
+
 def test_a_folder_that_cannot_be_written_is_one_line(scene: Path, tmp_path: Path, capsys: Any) -> None:
     assert bench.main([str(scene), *QUICK, "--out", str(scene / "inside")]) == 2
     assert "cannot be written" in capsys.readouterr().err
@@ -188,7 +248,7 @@ def test_a_folder_that_cannot_be_written_is_one_line(scene: Path, tmp_path: Path
 def test_a_preset_names_scenes_structures_and_rays(
     scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(bench, "SCENES", tmp_path)
+    monkeypatch.setattr(workload, "SCENES", tmp_path)
     scene.rename(tmp_path / "conference.npz")
     out = tmp_path / "out"
     assert bench.main(["--preset", "beams", *FAST, "--out", str(out)]) == 0
@@ -197,7 +257,7 @@ def test_a_preset_names_scenes_structures_and_rays(
 
 
 def test_a_preset_without_its_scenes_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:
-    monkeypatch.setattr(bench, "SCENES", tmp_path)
+    monkeypatch.setattr(workload, "SCENES", tmp_path)
     assert bench.main(["--preset", "thesis"]) == 2
     assert "none of its scenes" in capsys.readouterr().err
 

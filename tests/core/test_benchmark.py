@@ -58,6 +58,8 @@ def test_a_row_has_every_key_and_counts_what_it_claims() -> None:
     assert row["errors"].keys() >= ERROR_KEYS
     assert row["rays"]["primary"]["n"] == 64 * 64
     assert row["errors"]["rays"] == 4 * 512 + 2048, "the scene's own rays are all checked"
+    few = benchmark.prepared(halfspace_native, grid.workload(boxes=3, rays=2048), replace(QUICK, own_rays=512))
+    assert {name: len(some) for name, some in few.checked.items()} == dict.fromkeys((*rays.NAMES, "walls"), 512)
     assert row["errors"]["sets"]["walls"]["on_boundary"] > 100
     assert benchmark.agrees(row)
     assert row["statistics"]["references"] > 0

@@ -22,6 +22,8 @@ from addon.core import (
     claims_table,
     claims_thesis,
     native,
+    results,
+    workload,
 )
 from addon.core.claims import FAILS, HOLDS, UNTESTED, VERDICTS, Claim, Lab, Outcome
 
@@ -34,14 +36,14 @@ def _small(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(claims_kd, "SIZE", (32, 32))
     monkeypatch.setattr(claims_intervals, "SIZE", (32, 32))
     monkeypatch.setattr(claims, "REPEATS", {True: 1, False: 1})
-    monkeypatch.setattr(command, "SCENES", tmp_path)
+    monkeypatch.setattr(workload, "SCENES", tmp_path)
     monkeypatch.setattr(claims_thesis, "scenes", lambda _: [("leg", claims_scenes.concentrated())])
 
 
 def test_the_scenes_have_the_published_numbers_of_objects_and_nodes() -> None:
-    for workload, objects, nodes in ((claims_scenes.scattered(), 400, 1250), (claims_scenes.concentrated(), 60, 450)):
-        assert len(workload.triangles) == objects
-        statistics = halfspace_native.build(workload.vertices, workload.triangles, "octree-net").statistics
+    for made, objects, nodes in ((claims_scenes.scattered(), 400, 1250), (claims_scenes.concentrated(), 60, 450)):
+        assert len(made.triangles) == objects
+        statistics = halfspace_native.build(made.vertices, made.triangles, "octree-net").statistics
         count = statistics["nodes_axis"] + statistics["leaves"]
         assert abs(count / nodes - 1) < 0.05
         # Six links a leaf, but for those that lead out of the tree.
@@ -50,8 +52,8 @@ def test_the_scenes_have_the_published_numbers_of_objects_and_nodes() -> None:
 
 
 def test_the_window_is_the_same_at_every_resolution() -> None:
-    workload = claims_scenes.scattered()
-    small, large = (claims_scenes.camera_rays(workload, size) for size in ((32, 24), (128, 64)))
+    made = claims_scenes.scattered()
+    small, large = (claims_scenes.camera_rays(made, size) for size in ((32, 24), (128, 64)))
     assert len(small) == 32 * 24
     angles = [np.degrees(np.arccos(rays.directions @ rays.directions[0])).max() for rays in (small, large)]
     assert angles[0] == pytest.approx(angles[1], rel=0.05)
@@ -99,6 +101,23 @@ def test_a_wrong_answer_is_told(
     assert command.main(asked) == 1
     assert command.main(asked) == 1, "what was wrong stays wrong in a run that goes on"
     assert "0 of" in capsys.readouterr().out
+
+
+def test_a_report_that_cannot_be_written_leaves_the_old_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    found = [claims.Result(Claim("id", "paper", "says", lambda _: ()), (Outcome("best", HOLDS, "faster"),))]
+    command.save(tmp_path, halfspace_native, found, quick=True)
+    old = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    calls: list[int] = []
+
+    def full_at_the_last(_: int) -> None:
+        calls.append(1)
+        if len(calls) == len(old):
+            raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(results.os, "fsync", full_at_the_last)
+    with pytest.raises(results.FolderError, match="No space left"):
+        command.save(tmp_path, halfspace_native, found, quick=False)
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == old
 
 
 def test_bad_usage_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -106,12 +107,30 @@ def test_a_film_larger_than_memory_is_refused() -> None:
         native.render(scene, camera, settings)
 
 
+class Watched:
+    """The module, which keeps the memory limit of each build."""
+
+    def __init__(self) -> None:
+        self.limits: dict[str, list[int | None]] = {}
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(native, name)
+
+    def build(self, vertices: Any, triangles: Any, spec: str, **options: Any) -> Any:
+        self.limits.setdefault(spec, []).append(options.get("memory_limit"))
+        return native.build(vertices, triangles, spec, **options)
+
+
 def test_a_benchmark_goes_on_without_the_structure_that_is_too_large() -> None:
-    room = grid.workload()
-    options = benchmark.Options(size=(8, 8), sets=("primary",), repeats=1, check_rays=64, memory_limit=1000)
-    rows = list(benchmark.measure(native, room, ["kd", "brute"], options, lambda _text: None))
-    assert [row["spec"] for row in rows] == ["kd", "brute"]
-    assert all(row["error"].startswith("memory_limit: the build needs more than the 1 MB") for row in rows)
+    room, watched = grid.workload(rays=64), Watched()
+    options = benchmark.Options(size=(8, 8), sets=("primary",), repeats=1, check_rays=64, memory_limit=450_000)
+    rows = {row["spec"]: row for row in benchmark.measure(watched, room, ["kd", "bvh-sah"], options, lambda _: None)}
+    assert rows["kd"]["error"].startswith("memory_limit: the build needs more than the 1 MB")
+    assert rows["bvh-sah"]["error"] is None
+    # What makes the rays has to do with the same room: not with kd, then.
+    assert {*watched.limits["kd"], *watched.limits["bvh-sah"]} == {450_000}
+    with pytest.raises(MemoryError, match="memory_limit"):
+        list(benchmark.measure(native, room, ["bih"], replace(options, memory_limit=1000), lambda _: None))
 
 
 def test_a_file_that_unpacks_to_more_than_memory_is_refused(tmp_path: Path) -> None:

@@ -336,6 +336,19 @@ def test_the_pareto_front_holds_what_nothing_beats_in_both() -> None:
     assert charts.pareto([(3, 1), (1, 3), (2, 2), (2, 3), (3, 3)]) == [(1, 3), (2, 2), (3, 1)]
 
 
+@pytest.mark.skipif(plots.problem() is not None, reason=str(plots.problem()))
+def test_an_axis_on_which_all_is_zero_is_drawn_without_a_word() -> None:
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
+    from matplotlib.figure import Figure
+
+    figure = Figure()
+    axes = figure.subplots()
+    axes.plot([1, 4], [0, 0])
+    charts.logarithmic(axes)
+    FigureCanvasSVG(figure).print_svg(io.BytesIO())
+    assert (axes.get_xscale(), axes.get_yscale()) == ("log", "linear")
+
+
 def test_without_matplotlib_the_page_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(plots, "problem", lambda: "matplotlib is not installed")
     text = page.as_html(document([row("kd")]))

@@ -138,3 +138,14 @@ def test_values_that_a_structure_does_not_allow_are_left_out_and_said() -> None:
     assert told == ["plus: k=2: it goes from 3 to 32"]
     with pytest.raises(specs.SpecError, match="plus: k=2"):
         specs.expand("plus", [plus], {"k": ["2"]})
+
+
+def test_a_configuration_in_other_words_is_the_same() -> None:
+    written = specs.expand(
+        "kd:,kd,kd:traversal=auto,kd:traversal=dir,kd:traversal=dir", halfspace_native.structures(), {}
+    )
+    assert written == ["kd", "kd:traversal=auto", "kd:traversal=dir"]
+    assert specs.prove(halfspace_native, written) == ["kd", "kd:traversal=dir"]
+    assert specs.prove(halfspace_native, ["kd:traversal=auto", "kd"]) == ["kd:traversal=auto"], "as it was written"
+    with pytest.raises(specs.SpecError, match="kd:colour=3: "):
+        specs.prove(halfspace_native, ["kd", "kd:colour=3"])

@@ -7,14 +7,15 @@ import csv
 import json
 import types
 from pathlib import Path
+from typing import Any
 
 import halfspace_native
 import numpy as np
 import pytest
 import stability as command
-from lying_native import LIES, LyingNative
+from lying_native import LIES, Lying, LyingNative
 
-from addon.core import agreement, leaks, stability, trials
+from addon.core import agreement, grid, leaks, results, stability, trials
 
 LIMIT = 1500
 
@@ -197,6 +198,79 @@ def test_a_long_run_is_resumed_where_it_was(tmp_path: Path, monkeypatch: pytest.
 def test_a_trial_tells_a_lie(lie: str) -> None:
     rows = [trials.trial(native, ["kd"], 3, 0)[0] for native in (halfspace_native, LyingNative(lie))]
     assert [stability.differs(row) for row in rows] == [False, True]
+
+
+class Shady:
+    """The module whose shadow cache says one thing wrong: of the first ray, which is among the exact ones."""
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(halfspace_native, name)
+
+    def build(self, vertices: Any, triangles: Any, spec: str, **options: Any) -> Any:
+        built = halfspace_native.build(vertices, triangles, spec, **options)
+        return Lying(built, "wrong_any_hit") if "shadow=cache" in spec else built
+
+
+def test_ways_of_shadow_rays_are_compared_with_exact_arithmetic_too() -> None:
+    for native, wrong in ((halfspace_native, 0), (Shady(), 1)):
+        (row,) = trials.trial(native, ["kd:shadow=cache"], 3, 0)
+        assert row["exact_rays"] > 0
+        assert (row["wrong_any_hit"], row["exact_wrong"]) == (wrong, wrong)
+
+
+def test_shadow_none_is_asked_for_its_closest_hits(monkeypatch: pytest.MonkeyPatch) -> None:
+    nearest = stability.nearest
+    asked: list[int] = []
+    monkeypatch.setattr(stability, "nearest", lambda *a, **k: asked.append(1) or nearest(*a, **k))
+    trials.trial(halfspace_native, ["kd:shadow=none", "kd:shadow=cache"], 3, 0)
+    assert asked == [1]
+
+
+def test_the_bound_counts_each_ray_once_however_many_answer_it() -> None:
+    vertices, triangles = leaks.icosphere(1)
+    rng = np.random.default_rng(1)
+    ways = np.repeat(rng.normal(size=(100, 3)).astype(np.float32), 4, axis=0)
+    case = {
+        "name": "ball",
+        "vertices": vertices.astype(np.float32),
+        "triangles": triangles.astype(np.int32),
+        "origins": np.zeros_like(ways),
+        "directions": ways,
+        "t_min": np.zeros(400, np.float32),
+        "t_max": np.full(400, np.inf, np.float32),
+    }
+    rows = list(stability.measure_case(halfspace_native, case, ["kd", "bih", "bvh-sah"], exact_pairs=0, threads=1))
+    assert [row["rays"] for row in rows] == [400] * 3
+    told = stability.limit(rows)
+    assert "in 1,200 answers of 3 configurations to 100 different rays" in told
+    assert "fewer than 3.0e-02 of such rays" in told
+    # The same rays on another scene are other questions.
+    assert "to 200 different rays" in stability.limit([*rows, *rows])
+
+
+def test_of_a_whole_scene_bounces_in_another_order_are_the_same_rays() -> None:
+    asked = agreement.questions(halfspace_native, grid.workload(boxes=2, rays=64), 64, 1, threads=1)
+    fresh = {question.rays.name: question.fresh for question in asked}
+    assert fresh["primary"] == fresh["diffuse"] == 64
+    assert fresh["shuffled"] == 0
+
+
+def test_a_report_that_cannot_be_written_leaves_the_old_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    rows = trials.trial(halfspace_native, ["kd"], 3, 0)
+    document = {**results.document(halfspace_native, rows, {}), "verdict": "old"}
+    command.save(tmp_path, document)
+    old = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    calls: list[int] = []
+
+    def full_at_the_last(_: int) -> None:
+        calls.append(1)
+        if len(calls) == len(old):
+            raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(results.os, "fsync", full_at_the_last)
+    with pytest.raises(results.FolderError, match="No space left"):
+        command.save(tmp_path, {**document, "verdict": "new"})
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == old
 
 
 def test_trials_are_many_and_repeat() -> None:

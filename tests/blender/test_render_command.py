@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Rendering from the command line: what is rendered, with which structure, and one line for whatever is wrong."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+import pytest
+import render
+from shapes import cube
+
+from addon.blender import pictures
+
+QUICK = ["--samples", "1"]
+
+
+@pytest.fixture
+def file(scene: Any, add: Any, tmp_path: Path) -> Path:
+    """A cube and a camera in a .blend with a structure and a size of its own."""
+    add("Cube", cube())
+    scene.camera = add("Camera", bpy.data.cameras.new("Camera"), location=(0, 0, 6))
+    scene.render.resolution_x, scene.render.resolution_y = 32, 16
+    scene.halfspace.structure = "bvh-sah"
+    scene.halfspace.automatic = True
+    path = tmp_path / "cube.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(path))
+    return path
+
+
+def test_the_structure_is_what_the_file_says_unless_one_is_asked_for(
+    file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bpy.ops.wm.open_mainfile(filepath=str(file))
+    bpy.context.scene.halfspace.automatic = False
+    bpy.ops.wm.save_mainfile()
+    out = tmp_path / "out.png"
+    assert render.main([str(file), *QUICK, "--out", str(out)]) == 0
+    assert capsys.readouterr().out.strip().endswith(" s with bvh-sah")
+    assert pictures.load(out).shape == (16, 32, 4)
+
+
+def test_a_configuration_is_taken_whatever_the_file_would_choose(
+    file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    asked = [str(file), *QUICK, "--out", str(tmp_path / "out.png"), "--percentage", "50"]
+    assert render.main([*asked, "--structure", "kd:max_depth=9,traversal=dir"]) == 0
+    told = capsys.readouterr().out.strip()
+    assert "16 × 8 pixels" in told
+    assert told.endswith(" s with kd:traversal=dir,max_depth=9")
+
+
+def test_a_bare_geometry_is_rendered(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "tent.npz"
+    view = {"camera_eye": [0, -5, 1], "camera_target": [0, 0, 0], "camera_up": [0, 0, 1], "camera_vfov_deg": 45.0}
+    corners = np.array([[-1, 0, -1], [1, 0, -1], [0, 1, 1]], np.float32)
+    np.savez(path, vertices=corners, triangles=np.array([[0, 1, 2]]), **view)
+    out = tmp_path / "tent.png"
+    assert render.main([str(path), *QUICK, "--percentage", "2", "--out", str(out)]) == 0
+    picture = pictures.load(out)[..., :3]
+    assert picture.std() > 0.05, "a triangle before the sky"
+    assert capsys.readouterr().out.strip().endswith(" s with kd")
+
+
+def test_whatever_goes_wrong_is_one_line(
+    file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "broken.blend").write_text("no scene")
+    out = ["--out", str(tmp_path / "out.png"), *QUICK]
+    for arguments, words in (
+        ([str(tmp_path / "broken.blend"), *out], "broken.blend"),
+        ([str(file), *out, "--structure", "oak"], "--structure: unknown structure 'oak'; there are kd, "),
+        ([str(file), *out, "--structure", "kd:max_depth=999"], "--structure: max_depth: 999 is out of range"),
+    ):
+        assert render.main(arguments) == 2
+        said = capsys.readouterr().err
+        assert words in said
+        assert said.startswith("render: ")
+        assert said.count("\n") == 1
+
+    def full(*_: Any) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "replace", full)
+    assert render.main([str(file), *out]) == 2
+    assert capsys.readouterr().err == f"render: {tmp_path / 'out.png'}: cannot be written: No space left on device\n"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["broken.blend", "cube.blend"]

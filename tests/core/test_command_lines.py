@@ -1,0 +1,176 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""All command lines alike: whatever is wrong with one is said in one line, before any work, with status 2."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import bench
+import choose
+import claims
+import compare
+import extraction
+import growth
+import numpy as np
+import overlay_picture
+import package
+import pictures
+import pytest
+import render
+import stability
+
+from addon.core import auto, native, results, workload
+
+COMMANDS = {
+    "bench": bench,
+    "choose": choose,
+    "claims": claims,
+    "compare": compare,
+    "extraction": extraction,
+    "growth": growth,
+    "overlay_picture": overlay_picture,
+    "package": package,
+    "pictures": pictures,
+    "render": render,
+    "stability": stability,
+}
+
+HUGE = "99999999999"
+
+
+def told(command: Any, arguments: list[str], capsys: pytest.CaptureFixture[str]) -> str:
+    """The one line on standard error of a command that ends with status 2."""
+    assert command.main(arguments) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1, said
+    return said
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+@pytest.mark.parametrize("arguments", [["--no-such-option"], ["--out"], ["--threads", "x", "--triangles", "x"]])
+def test_bad_usage_is_one_line(name: str, arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert told(COMMANDS[name], arguments, capsys).startswith(f"{name}: ")
+
+
+@pytest.mark.parametrize(
+    ("name", "arguments", "words"),
+    [
+        ("choose", ["grid.npz", "--samples", "-5"], "--samples: expected 1 to "),
+        ("choose", ["grid.npz", "--pixels", "0"], "--pixels: expected 1 to "),
+        ("choose", ["grid.npz", "--threads", "5000"], "--threads: expected 0 to 1024"),
+        ("compare", ["--slope"], "--slope: expected --scene"),
+        ("compare", ["--plant", "0.1"], "--plant: expected --scene"),
+        ("compare", ["--scene", "all", "--plant", "2"], "--plant: expected a share"),
+        ("compare", ["some.blend", "--scene", "all"], "not both"),
+        ("compare", ["--threads", "-1"], "--threads: expected 0 to 1024"),
+        ("compare", ["--threads", "2000"], "--threads: expected 0 to 1024"),
+        ("compare", ["--samples", HUGE], "--samples: expected 1 to "),
+        ("compare", ["--size", "99999999x8"], "--size: expected WIDTHxHEIGHT"),
+        ("extraction", ["--triangles", "1"], "--triangles: expected 2 to "),
+        ("overlay_picture", ["--size", "0x0"], "--size: expected WIDTHxHEIGHT"),
+        ("overlay_picture", ["--depth", HUGE], "--depth: expected FIRST-LAST"),
+        ("overlay_picture", ["--least", HUGE], "--least: expected a number"),
+        ("overlay_picture", ["--show", "leaves"], "--show: expected planes"),
+        ("overlay_picture", ["--out", "o.txt"], "expected a name that ends in .png"),
+        ("pictures", ["--width", "0"], "--width: expected 64 to "),
+        ("render", ["--samples", HUGE], "--samples: expected 1 to "),
+        ("render", ["--percentage", HUGE], "--percentage: expected 1 to "),
+        ("render", ["--percentage", "0"], "--percentage: expected 1 to "),
+        ("render", ["--out", "picture.txt"], "expected a name that ends in .png"),
+        ("stability", ["--long", "0"], "--long: expected a number above 0"),
+        ("stability", ["--long", "1", "--structures", "kd:robust=none"], "nothing to compare with brute force"),
+        ("stability", ["--long", "1", "--structures", "brute:shadow=none"], "nothing to compare with brute force"),
+        ("stability", ["--scenes", "grid", "--structures", "brute"], "nothing to compare with brute force"),
+        ("stability", ["--leaks-only", "--structures", "kd:robust=none"], "nothing to compare with brute force"),
+    ],
+)
+def test_what_cannot_be_done_is_one_line(
+    name: str, arguments: list[str], words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert words in told(COMMANDS[name], arguments, capsys)
+
+
+@pytest.mark.parametrize("name", ["render", "overlay_picture"])
+def test_a_folder_is_no_picture(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "picture.png").mkdir()
+    assert "it is a folder" in told(COMMANDS[name], ["--out", str(tmp_path / "picture.png")], capsys)
+
+
+@pytest.mark.parametrize(
+    ("name", "arguments", "choices"),
+    [
+        ("bench", [], "grid, showcase or a file ending in .npz .blend"),
+        ("choose", [], "a file ending in .npz"),
+        ("compare", [], "a file ending in .blend .npz"),
+        ("overlay_picture", [], "a file ending in .blend .npz"),
+        ("render", [], "a file ending in .blend .npz"),
+        ("stability", ["--structures", "kd", "--scenes"], "grid or a file ending in .npz"),
+    ],
+)
+def test_a_scene_that_is_not_there_is_told_with_all_choices(
+    name: str,
+    arguments: list[str],
+    choices: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr(workload, "SCENES", tmp_path)
+    (tmp_path / "attic.npz").touch()
+    for scene in ("oak", "oak.npz", "scene.xyz", "open file"):
+        said = told(COMMANDS[name], [*arguments, scene], capsys)
+        assert f"{name}: {scene}: " in said
+        assert f"expected {choices}" in said
+        assert said.endswith(f"or one of {tmp_path}: attic\n")
+
+
+@pytest.mark.parametrize(("name", "arguments"), [("choose", ["hut"]), ("claims", ["beams-flat-line", "--quick"])])
+def test_a_build_without_room_is_one_line(
+    name: str,
+    arguments: list[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    def crowded(*_: object, **__: object) -> None:
+        raise MemoryError("memory_limit: the build needs more than the 1 MB it may take")
+
+    np.savez(
+        tmp_path / "hut.npz",
+        vertices=np.eye(3, dtype=np.float32),
+        triangles=np.array([[0, 1, 2]]),
+        camera_eye=np.full(3, 5.0),
+        camera_target=np.zeros(3),
+        camera_up=np.array([0.0, 0.0, 1.0]),
+        camera_vfov_deg=np.float64(40.0),
+    )
+    monkeypatch.setattr(workload, "SCENES", tmp_path)
+    monkeypatch.setattr(auto, "choose", crowded)
+    monkeypatch.setattr(claims.claims, "measure", crowded)
+    assert "memory_limit: the build needs more" in told(COMMANDS[name], arguments, capsys)
+
+
+@pytest.mark.parametrize(
+    ("name", "arguments"),
+    [
+        ("bench", ["grid", "--structures", "kd"]),
+        ("stability", ["--structures", "kd", "--long", "1"]),
+        ("claims", ["beams-flat-line"]),
+    ],
+)
+def test_a_journal_that_cannot_be_read_is_one_line(
+    name: str, arguments: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / results.JOURNAL).mkdir()
+    words = f"{tmp_path / results.JOURNAL}: cannot be read: "
+    assert words in told(COMMANDS[name], [*arguments, "--out", str(tmp_path)], capsys)
+    if name == "bench":
+        assert words in told(bench, [str(tmp_path), "--merge", "--out", str(tmp_path / "new")], capsys)
+
+
+def test_everything_that_ends_a_build_is_told() -> None:
+    import halfspace_native
+
+    endings = (native.NativeError, halfspace_native.SpecError, workload.WorkloadError, MemoryError, RuntimeError)
+    assert all(issubclass(ending, native.FAILURES) for ending in endings)
