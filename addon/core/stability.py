@@ -213,8 +213,8 @@ def limit(rows: Iterable[Row], reference: str = "brute force") -> str:
     beside = f" and in {sum(row['exact_rays'] for row in each):,} to {exact:,} rays against exact arithmetic"
     return (
         f"no difference in {answers:,} answers of {len(each):,} configurations to {apart:,} different rays against "
-        f"{reference}{beside if exact else ''}: fewer than {3 / apart:.1e} of such rays are answered wrongly by any of them, with 95 % confidence (3/N of "
-        "N different rays)"
+        f"{reference}{beside if exact else ''}: fewer than {3 / apart:.1e} of such rays are answered wrongly by any of "
+        "them, with 95 % confidence (3/N of N different rays)"
     )
 
 
