@@ -85,10 +85,14 @@ def settings(catalogue: Catalogue, spec: str) -> tuple[str, dict[str, Value]]:
         known = ", ".join(one.id for one in catalogue.structures)
         raise specs.SpecError(f"unknown structure {spec.partition(':')[0]!r}; there are {known}")
     values: dict[str, Value] = {parameter.name: parameter.default for parameter in structure.parameters}
+    given: set[str] = set()
     for key, text in _pairs(spec):
         parameter = structure.parameter(key)
         if parameter is None:
             raise specs.SpecError(f"{structure.id} has no parameter {key!r}")
+        if key in given:
+            raise specs.SpecError(f"{key} is given twice in {spec!r}")
+        given.add(key)
         values[key] = _value(parameter, text)
     return structure.id, values
 

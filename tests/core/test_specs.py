@@ -9,7 +9,7 @@ import halfspace_native
 import numpy as np
 import pytest
 
-from addon.core import specs
+from addon.core import catalogue, presets, specs
 
 
 def structure(name: str, family: str, **defaults: Any) -> dict[str, Any]:
@@ -149,3 +149,10 @@ def test_a_configuration_in_other_words_is_the_same() -> None:
     assert specs.prove(halfspace_native, ["kd:traversal=auto", "kd"]) == ["kd:traversal=auto"], "as it was written"
     with pytest.raises(specs.SpecError, match="kd:colour=3: "):
         specs.prove(halfspace_native, ["kd", "kd:colour=3"])
+
+
+def test_settings_of_blender_take_a_key_once_as_the_native_module_does() -> None:
+    known = catalogue.load()
+    assert presets.settings(known, "kd:traversal=dir")[1]["traversal"] == "dir"
+    with pytest.raises(specs.SpecError, match="traversal is given twice"):
+        presets.settings(known, "kd:traversal=dir,traversal=sung")
