@@ -56,8 +56,9 @@ CURVE = "1,4,16"
 DIRECTIONS = [f"bsp-{kind}{plus}" for kind in ("random", "wn", "cn") for plus in ("", "-plus", "-plus-kd")]
 """The structures that the thesis sweeps over k."""
 
-FAITHFUL = "costs=thesis,ties=pbrt,slab=0,clip=0"
-"""Its prices, stopping rule, ties, and triangles that are not cut; the rule of its program where there is one."""
+FAITHFUL = "costs=thesis,ties=pbrt,slab=0,clip=0,traversal=dir"
+"""Its prices, stopping rule, ties, and triangles that are not cut; the rule of its program where there is one; single rays,
+as those of the kd-tree that they are compared with."""
 
 OF_THE_THESIS = {
     "scenes": "killeroo-feet,sponza-dabrovic,conference",
@@ -83,7 +84,9 @@ PRESETS: dict[str, dict[str, str]] = {
     "thesis": {**OF_THE_THESIS, "structures": f"kd-sah:traversal=dir,{faithful()}"},
     "directions": {
         **OF_THE_THESIS,
-        "structures": f"kd:traversal=dir,{','.join(DIRECTIONS)},bsp-ize,bsp-ize-kd,rbsp,rbsp-kd",
+        "structures": ",".join(
+            f"{spec}:traversal=dir" for spec in ("kd", *DIRECTIONS, "bsp-ize", "bsp-ize-kd", "rbsp", "rbsp-kd")
+        ),
     },
     "beams": {"scenes": "sponza-dabrovic,conference", "structures": "kd", "rays": "primary,shadow"},
 }
