@@ -57,8 +57,8 @@ DIRECTIONS = [f"bsp-{kind}{plus}" for kind in ("random", "wn", "cn") for plus in
 """The structures that the thesis sweeps over k."""
 
 FAITHFUL = "costs=thesis,ties=pbrt,slab=0,clip=0,traversal=dir"
-"""Its prices, stopping rule, ties, and triangles that are not cut; the rule of its program where there is one; single rays,
-as those of the kd-tree that they are compared with."""
+"""Its prices, stopping rule, ties, and triangles that are not cut; the rule of its program where there is one. Rays go
+singly, as those of the kd-tree that they are compared with."""
 
 OF_THE_THESIS = {
     "scenes": "killeroo-feet,sponza-dabrovic,conference",

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from lying_native import LyingNative
 
-from addon.core import benchmark, native, plots, results, workload, yardstick
+from addon.core import benchmark, native, plots, results, specs, thesis, workload, yardstick
 
 BENCH = Path(bench.__file__)
 FAST = ["--size", "32x32", "--repeats", "1", "--check-rays", "128", "--curve", "none", "--only-rays"]
@@ -254,6 +254,14 @@ def test_a_preset_names_scenes_structures_and_rays(
     assert bench.main(["--preset", "beams", *FAST, "--out", str(out)]) == 0
     row = document(out)["rows"][-1]
     assert (row["scene"], row["spec"], list(row["rays"])) == ("conference", "kd", ["primary", "shadow"])
+
+
+@pytest.mark.parametrize("name", ["thesis", "directions"])
+def test_trees_of_a_sweep_are_walked_as_the_kd_tree_that_they_are_compared_with(name: str) -> None:
+    chosen = specs.split(bench.PRESETS[name]["structures"])
+    assert chosen[0] in thesis.BASES
+    assert len(chosen) > 10
+    assert all("traversal=dir" in spec for spec in chosen)
 
 
 def test_a_preset_without_its_scenes_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:
