@@ -237,15 +237,16 @@ impl<P: PlanePolicy> Builder<'_, P> {
                 }
             }
             cell.divide(direction, profile);
-            if pricing.by_count {
-                // What must be parted is parted, however thin the parts.
-                profile.margin /= 1024.0;
-            }
-            if self.params.ties == Ties::StartsFirst {
+            profile.margin *= if self.params.ties == Ties::StartsFirst {
                 // The published builders know no margin. Two planes in the normals of a wall, almost one, part it
                 // from what is on both sides by a cell thinner than rounding: their walks then miss it, ours do not.
-                profile.margin = 0.0;
-            }
+                0.0
+            } else if pricing.by_count {
+                // What must be parted is parted, however thin the parts.
+                1.0 / 1024.0
+            } else {
+                1.0
+            };
             let candidates = if hull {
                 Candidates::Hull
             } else {

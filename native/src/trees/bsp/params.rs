@@ -78,7 +78,8 @@ const TIES: ParamSpec = ParamSpec {
     name: "ties",
     label: "Ties",
     doc: "Triangles that touch a plane. clean: stay on their side (Wald and Havran 2006). pbrt: starts sort \
-          before ends, so that some land on both sides, and planes may lie next to a cell's end; larger trees",
+          before ends, so that some land on both sides, and planes of a sweep may lie next to a cell's end; larger \
+          trees",
     unit: "",
     kind: Kind::Choice(&["clean", "pbrt"]),
     default: Default::Choice("clean"),
