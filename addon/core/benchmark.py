@@ -9,14 +9,13 @@ whole of a ray set is timed on a part of it, and the row tells how many rays tha
 from __future__ import annotations
 
 import os
-import re
 import uuid
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from . import accuracy, costmap, first, peak, rays, rows, thesis, timing, yardstick
+from . import accuracy, costmap, first, peak, rays, rows, specs, thesis, timing, yardstick
 from .accuracy import Answers
 from .native import FAILURES
 from .preparation import REFERENCES, Options, Prepared, Progress, prepare, prepared
@@ -101,10 +100,6 @@ def events(
     yield from _Run(native, shared, chosen).events()
 
 
-K = re.compile(r"\bk=(\d+)")
-"""The k of a configuration."""
-
-
 def anchor_of(chosen: Sequence[str]) -> str | None:
     """The configuration that is timed beside all others, so that rows of other hours and machines can be related.
 
@@ -113,7 +108,7 @@ def anchor_of(chosen: Sequence[str]) -> str | None:
     """
     ks: dict[str, set[str]] = {}
     for spec in chosen:
-        ks.setdefault(spec.partition(":")[0], set()).update(K.findall(spec))
+        ks.setdefault(spec.partition(":")[0], set()).update(value for key, value in specs.pairs(spec) if key == "k")
     swept = any(len(values) > 1 for values in ks.values())
     order = (*(thesis.BASES if swept else ()), yardstick.SPEC, "kd")
     return next((spec for spec in order if spec in chosen), None)

@@ -86,7 +86,7 @@ def settings(catalogue: Catalogue, spec: str) -> tuple[str, dict[str, Value]]:
         raise specs.SpecError(f"unknown structure {spec.partition(':')[0]!r}; there are {known}")
     values: dict[str, Value] = {parameter.name: parameter.default for parameter in structure.parameters}
     given: set[str] = set()
-    for key, text in _pairs(spec):
+    for key, text in specs.pairs(spec):
         parameter = structure.parameter(key)
         if parameter is None:
             raise specs.SpecError(f"{structure.id} has no parameter {key!r}")
@@ -103,11 +103,6 @@ def _known(catalogue: Catalogue, spec: str) -> bool:
     except specs.SpecError:
         return False
     return True
-
-
-def _pairs(spec: str) -> list[tuple[str, str]]:
-    pairs = (pair.partition("=") for pair in filter(None, spec.partition(":")[2].split(",")))
-    return [(key.strip(), value.strip()) for key, _, value in pairs]
 
 
 def _value(parameter: Parameter, text: str) -> Value:

@@ -34,7 +34,7 @@ OF_THE_CLOCK = {
 """Keys whose values differ from run to run. All others are the same on every machine."""
 
 
-LAZY = "lazy=1"
+LAZY = ("lazy", "1")
 """In the configuration of a tree that rays have built."""
 
 
@@ -131,13 +131,13 @@ def spread(numbers: Sequence[float] | NDArray[np.float64]) -> dict[str, float]:
 
 def is_lazy(spec: str) -> bool:
     """Whether rays build part of this configuration's tree."""
-    return LAZY in spec.partition(":")[2].split(",")
+    return LAZY in specs.pairs(spec)
 
 
 def eager(spec: str) -> str:
     """The same configuration, built at once."""
-    structure, _, rest = spec.partition(":")
-    kept = ",".join(pair for pair in rest.split(",") if pair != LAZY)
+    structure = spec.partition(":")[0]
+    kept = ",".join(f"{key}={value}" for key, value in specs.pairs(spec) if (key, value) != LAZY)
     return f"{structure}:{kept}" if kept else structure
 
 

@@ -26,6 +26,12 @@ def split(text: str) -> list[str]:
     return specs
 
 
+def pairs(spec: str) -> list[tuple[str, str]]:
+    """The keys and values that a configuration gives, in its order and as it writes them."""
+    parts = (pair.partition("=") for pair in filter(None, spec.partition(":")[2].split(",")))
+    return [(key.strip(), value.strip()) for key, _, value in parts]
+
+
 SWEEP = "bsp-sweep"
 """The thesis's name for all trees whose directions are chosen anew at each node."""
 
@@ -76,7 +82,7 @@ def _spread_out(spec: str) -> list[str]:
         count *= len(found)
     if count > MOST:
         raise SpecError(f"{spec!r} stands for more than {MOST:,} configurations")
-    return [f"{name}{colon}{','.join(pairs)}" for pairs in itertools.product(*choices)]
+    return [f"{name}{colon}{','.join(parts)}" for parts in itertools.product(*choices)]
 
 
 def expand(
@@ -144,11 +150,9 @@ def _families(row: Mapping[str, Any]) -> list[str]:
 
 def values(spec: str, structures: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """All parameters of a valid configuration by name, defaults included, numbers as numbers."""
-    structure_id, _, rest = spec.partition(":")
-    row = next(row for row in structures if row["id"] == structure_id)
+    row = next(row for row in structures if row["id"] == spec.partition(":")[0])
     found = {parameter["name"]: parameter["default"] for parameter in row["parameters"]}
-    for pair in filter(None, rest.split(",")):
-        key, _, value = (part.strip() for part in pair.partition("="))
+    for key, value in pairs(spec):
         default = found.get(key)
         number = isinstance(default, (int, float)) and not isinstance(default, bool)
         found[key] = (float(value) if isinstance(default, float) else int(value)) if number else value
@@ -159,7 +163,7 @@ def _with_ranges(
     spec: str, rows: Mapping[str, Any], ranges: Mapping[str, Sequence[str]], left_out: list[str]
 ) -> list[str]:
     structure_id, _, rest = spec.partition(":")
-    given = {pair.partition("=")[0].strip() for pair in rest.split(",")}
+    given = {key for key, _ in pairs(spec)}
     known = {parameter["name"]: parameter for parameter in rows[structure_id]["parameters"]}
     keys = [key for key in ranges if key in known and key not in given]
     allowed = []
@@ -175,8 +179,8 @@ def _with_ranges(
         allowed.append(kept)
     made = []
     for combination in itertools.product(*allowed):
-        pairs = [rest] * bool(rest) + [f"{key}={value}" for key, value in zip(keys, combination, strict=True)]
-        made.append(structure_id + (":" + ",".join(pairs) if pairs else ""))
+        parts = [rest] * bool(rest) + [f"{key}={value}" for key, value in zip(keys, combination, strict=True)]
+        made.append(structure_id + (":" + ",".join(parts) if parts else ""))
     return made
 
 

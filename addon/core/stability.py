@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from . import accuracy
+from . import accuracy, specs
 from .accuracy import Answers, Errors
 
 Row = dict[str, Any]
@@ -98,7 +98,7 @@ VERSION = 2
 
 def only_shadows(spec: str) -> bool:
     """Whether the configuration is another way of shadow rays, which the closest hit does not know."""
-    return any(pair.startswith("shadow=") and pair != "shadow=none" for pair in spec.partition(":")[2].split(","))
+    return dict(specs.pairs(spec)).get("shadow", "none") != "none"
 
 
 def different(*arrays: Any) -> int:
