@@ -62,6 +62,7 @@ EXACT = ("contract", "brute_force_answers_like_exact_arithmetic")
 """What is wrong everywhere alike."""
 
 ENDS = ("contract", "the_ends_of_the_interval_count_and_nothing_beyond")
+PACKETS = ("lib", "packets_lose_nothing_on_hard_scenes")
 BLOCK = ("lib", "traverse::candidates::tests::no_hit_is_ever_rejected")
 VERDICT = ("lib", "geom::verdict::tests")
 INTEGERS = ("lib", "geom::exact")
@@ -288,9 +289,30 @@ FAULTS = (
     Fault(
         "rays of a packet not parted by their signs",
         "native/src/traverse/packet.rs",
-        "self.frames[i].signs == signs",
+        "*own == signs",
         "true",
         ALL,
+    ),
+    Fault(
+        "odd rays in packets with others",
+        "native/src/traverse/packet.rs",
+        "if self.odd & lanes == 0 {",
+        "if true {",
+        PACKETS,
+    ),
+    Fault(
+        "triangles seen edge-on by some rays of a packet passed by",
+        "native/src/traverse/packet_leaf.rs",
+        "(one_sided & (outside | beyond))",
+        "(outside | beyond)",
+        PACKETS,
+    ),
+    Fault(
+        "packets that look no farther than their middle",
+        "native/src/traverse/packet_leaf.rs",
+        "(det + det_half).mul_add(far, doubt)",
+        "(det - det_half).mul_add(far, doubt)",
+        PACKETS,
     ),
     Fault(
         "steps along ropes that are not certain",

@@ -217,8 +217,9 @@ pub mod params {
               several rays in turn. seq: each leaf from the root, \
               without a stack (Kaplan 1985). rope: from leaf to leaf by links to what lies across each face (MacDonald and \
               Booth 1990); ropetree: by a small tree for each face (Havran et al. 1998); both need about twice \
-              the memory of nodes and more. tile8, tile16: as dir, but camera rays go in tiles of 64 or 256, and shadow rays of one light in tiles of 64 from the light. p4, p8, p16: as \
-              dir, but rays to the nearest hit go in packets of 4, 8 or 16, one to a lane. The answer is the same",
+              the memory of nodes and more. tile8, tile16: as dir, but camera rays go in tiles of 64 or 256, and \
+              shadow rays of one light in tiles of 64 from the light; what does not go well so goes in packets. p4, \
+              p8, p16: as dir, but in packets of 4, 8 or 16 rays, one to a lane. The answer is the same",
         unit: "",
         kind: Kind::Choice(&[
             "auto", "dir", "wide", "tile8", "tile16", "p4", "p8", "p16", "ta-b", "ta-a", "sung",
@@ -244,9 +245,9 @@ pub mod params {
         doc: "How rays walk the tree. auto: whatever is quickest for a batch: tile8 for camera rays and \
               for shadow rays, wide for others; counters tell what dir does. dir: one by one, by plane distances in the order of the \
               direction. ta-b-poly: by the heights of entry and exit points over the plane. wide: three levels at a \
-              time, several rays in turn. tile8, tile16: as dir, but camera rays go in tiles of 64 or 256, and shadow rays of one light in tiles of 64 from the light. p4, p8, \
-              p16: as dir, but rays to the nearest hit go in packets of 4, 8 or 16, one to a lane. The answer is \
-              the same",
+              time, several rays in turn. tile8, tile16: as dir, but camera rays go in tiles of 64 or 256, and shadow \
+              rays of one light in tiles of 64 from the light; what does not go well so goes in packets. p4, p8, \
+              p16: as dir, but in packets of 4, 8 or 16 rays, one to a lane. The answer is the same",
         unit: "",
         kind: Kind::Choice(&[
             "auto",

@@ -20,6 +20,7 @@ use crate::scene::Triangles;
 use crate::spec::Config;
 use crate::traverse::frame::Frame;
 use crate::traverse::objects::Objects;
+use crate::traverse::tile::Lately;
 use crate::traverse::wide_tree::WideTree;
 use crate::traverse::{cases, plane_beam};
 use std::sync::{Arc, OnceLock};
@@ -103,6 +104,8 @@ pub struct Structure {
     leaf_depths: OnceLock<LeafDepths>,
     /// Made when the first instance asks for it.
     outline: OnceLock<Outline>,
+    /// How tiles of camera rays and of shadow rays went lately.
+    lately: [Lately; 2],
 }
 
 impl Structure {
@@ -156,6 +159,7 @@ impl Structure {
             ropes,
             build_seconds,
             leaf_depths: OnceLock::new(),
+            lately: Default::default(),
             outline: OnceLock::new(),
         })
     }

@@ -15,9 +15,9 @@ use std::num::NonZero;
 use std::sync::Mutex;
 use std::thread::Builder;
 
-/// Rays handed to a worker at once: enough to forget the cost of handing them over, few enough to
-/// stay in its cache.
-const CHUNK: usize = 2048;
+/// Rays handed to a worker at once: enough to forget the cost of handing them over, and to learn whether they go
+/// well in tiles; few enough to stay in its cache.
+const CHUNK: usize = 4096;
 
 /// The arguments of `closest` and `occluded`, which own or hold on to the arrays.
 pub struct RayArrays<'py> {

@@ -35,7 +35,7 @@ pub(super) enum Batches {
     Sixteen,
     /// Several rays in flight through wide nodes.
     Wide,
-    /// Rays to the nearest hit in packets of so many, whatever their order.
+    /// Packets of so many, whatever the order of the rays.
     Packets(u32),
     /// Camera rays in tiles, shadow rays in tiles from their light, other rays to the nearest hit in flight; rays that
     /// are counted as the layout walks single rays.
@@ -143,14 +143,11 @@ impl Structure {
         if Q::ANY && self.config.choice("shadow") == "beam" {
             return self.shadow_beams(&job, write, counters);
         }
-        if Q::ANY && self.shadow_tiles(&job, &mut write, counters.is_some()) {
-            return;
-        }
-        if let (Batches::Packets(rays), false) = (self.batches, Q::ANY) {
+        if let Batches::Packets(rays) = self.batches {
             return match rays {
-                4 => self.packets::<packet::Four>(&job, write, counters),
-                8 => self.packets::<packet::Eight>(&job, write, counters),
-                _ => self.packets::<packet::Sixteen>(&job, write, counters),
+                4 => self.packets::<Q, packet::Four>(&job, write, counters),
+                8 => self.packets::<Q, packet::Eight>(&job, write, counters),
+                _ => self.packets::<Q, packet::Sixteen>(&job, write, counters),
             };
         }
         // Shadow rays that go in no tile still go much the same way, for which single rays are quicker.
@@ -161,11 +158,11 @@ impl Structure {
         self.walk::<Q>(&job, &mut write, counters);
     }
 
-    /// Walks rays to their nearest hits in packets.
+    /// Walks rays in packets.
     ///
     /// # Panics
     /// For structures that do not offer it.
-    fn packets<L: Width>(
+    fn packets<Q: Query, L: Width>(
         &self,
         job: &Batch<'_>,
         write: impl FnMut(usize, Hit),
@@ -173,10 +170,10 @@ impl Structure {
     ) {
         match &self.built.layout {
             Layout::Plane(tree, _) => {
-                job.tiles(&Packets::<_, L>::new(tree), write, counters);
+                job.tiles(&Packets::<_, Q, L>::new(tree), write, counters);
             }
             Layout::Objects(Objects::Boxes8(tree)) => {
-                job.tiles(&Packets::<_, L>::new(tree), write, counters);
+                job.tiles(&Packets::<_, Q, L>::new(tree), write, counters);
             }
             _ => unreachable!("only trees of planes and of eight boxes to a node offer packets"),
         }
@@ -226,20 +223,29 @@ impl Structure {
 
     /// Walks shadow rays in tiles, where that is chosen; says whether it was. Tiles of what is counted are not
     /// walked: nobody reads their speed, and every walk that counts is compiled once more.
-    fn shadow_tiles(&self, job: &Batch<'_>, write: Write<'_>, counted: bool) -> bool {
+    fn shadow_tiles(
+        &self,
+        level: Level,
+        rays: &[Ray],
+        occluded: &mut [bool],
+        counted: bool,
+    ) -> bool {
         use Batches::{Auto, Eight, Sixteen};
-        if counted || job.shadow_cache {
+        let job = self.batch(level, rays);
+        if counted || job.shadow_cache || self.config.choice("shadow") == "beam" {
             return false;
         }
+        let write = |i: usize, hit: Hit| occluded[i] = hit.is_hit();
+        let lately = Some(&self.lately[1]);
         match (&self.built.layout, self.batches) {
             (Layout::Plane(tree, _), Auto | Eight | Sixteen) => {
-                job.quick_tiles(&ShadowTiles::<_, 4>(tree), write);
+                job.quick_tiles(&ShadowTiles::<_, 4>(tree, lately), write);
             }
             (Layout::Lazy(tree), Auto | Eight) => {
-                job.quick_tiles(&ShadowTiles::<_, 4>(tree), write);
+                job.quick_tiles(&ShadowTiles::<_, 4>(tree, lately), write);
             }
             (Layout::Objects(Objects::Boxes8(tree)), Eight | Sixteen) => {
-                job.quick_tiles(&ShadowTiles::<_, 4>(tree), write);
+                job.quick_tiles(&ShadowTiles::<_, 4>(tree, lately), write);
             }
             _ => return false,
         }
@@ -322,6 +328,8 @@ impl Tracer for AtLevel<'_> {
         if order != Order::Tiles {
             return self.closest(rays, hits, counters);
         }
+        // What is counted is the same each time.
+        let lately = counters.is_none().then_some(&self.structure.lately[0]);
         match (&self.structure.built.layout, self.structure.batches) {
             (Layout::OctreeBeam(tree, least), _) => {
                 job.tiles(&octree_beam::Walk(tree, *least), write, counters);
@@ -330,30 +338,33 @@ impl Tracer for AtLevel<'_> {
                 job.tiles(&plane_beam::Walk(tree, *least), write, counters);
             }
             (Layout::Plane(tree, _), Batches::Eight) => {
-                job.tiles(&Tiles::<_, 4>(tree), write, counters);
+                job.tiles(&Tiles::<_, 4>(tree, lately), write, counters);
             }
             (Layout::Plane(tree, _), Batches::Auto) if counters.is_none() => {
-                job.tiles(&Tiles::<_, 4>(tree), write, counters);
+                job.tiles(&Tiles::<_, 4>(tree, lately), write, counters);
             }
             (Layout::Lazy(tree), Batches::Auto | Batches::Eight) if counters.is_none() => {
-                job.tiles(&Tiles::<_, 4>(tree), write, counters);
+                job.tiles(&Tiles::<_, 4>(tree, lately), write, counters);
             }
             (Layout::Plane(tree, _), Batches::Sixteen) => {
-                job.tiles(&Tiles::<_, 16>(tree), write, counters);
+                job.tiles(&Tiles::<_, 16>(tree, lately), write, counters);
             }
             (Layout::Objects(Objects::Boxes8(tree)), Batches::Eight) => {
-                job.tiles(&Tiles::<_, 4>(tree), write, counters);
+                job.tiles(&Tiles::<_, 4>(tree, lately), write, counters);
             }
             (Layout::Objects(Objects::Boxes8(tree)), Batches::Sixteen) => {
-                job.tiles(&Tiles::<_, 16>(tree), write, counters);
+                job.tiles(&Tiles::<_, 16>(tree, lately), write, counters);
             }
             _ => self.closest(rays, hits, counters),
         }
     }
 
     fn occluded(&self, rays: &[Ray], occluded: &mut [bool], counters: Option<&mut [RayCounters]>) {
+        assert_eq!(rays.len(), occluded.len(), "one answer per ray");
         let (structure, level) = (self.structure, self.level);
-        structure.trace::<Any, _>(level, rays, occluded, counters, |hit| hit.is_hit());
+        if !structure.shadow_tiles(level, rays, occluded, counters.is_some()) {
+            structure.trace::<Any, _>(level, rays, occluded, counters, |hit| hit.is_hit());
+        }
     }
 }
 

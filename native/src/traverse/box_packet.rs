@@ -3,11 +3,13 @@
 //! first ray inside it enters soonest is visited first.
 
 use super::blocks::Blocks;
-use super::box_tree::{self, BoxTree, INNER, Slabs};
-use super::packet::{self, Group, MOST, Packet, Row, Width};
-use super::packet_walk::{self, PacketTree};
-use super::query::Counters;
+use super::box_tree::{self, BoxTree, INNER};
+use super::packet::{self, Group, MOST, Packet, Width};
+use super::packet_leaf;
+use super::packet_walk::PacketTree;
+use super::query::{Counters, Query};
 use super::ray::Ray;
+use super::tile::Row;
 use crate::build::plane_tree::MAX_DEPTH;
 use crate::scene::Triangles;
 use fearless_simd::{Select, Simd, SimdBase, SimdFloat};
@@ -22,34 +24,8 @@ pub struct Pending {
     enter: Row,
 }
 
-/// What slab tests need of the rays: [`Slabs`], a ray to a lane.
-#[derive(Default)]
-pub struct Rows {
-    inv: [Row; 3],
-    near: [Row; 3],
-    far: [Row; 3],
-    /// Where rays leave the scene: the ends of boxes are of no use to leaves.
-    ends: Row,
-}
-
-impl packet_walk::Rows for Rows {
-    #[inline(always)]
-    fn fill(&mut self, packet: &Packet) {
-        for (i, frame) in packet.frames.iter().enumerate().take(MOST) {
-            let slabs = Slabs::new(frame);
-            for k in 0..3 {
-                self.inv[k][i] = slabs.inv[k];
-                self.near[k][i] = slabs.near[k];
-                self.far[k][i] = slabs.far[k];
-            }
-            self.ends[i] = frame.t_max;
-        }
-    }
-}
-
 impl<const W: usize> PacketTree for BoxTree<W> {
-    type Rows = Rows;
-    type Pending = Pending;
+    type Pending<'a> = Pending;
     type Single<'a>
         = box_tree::Walk<'a, W>
     where
@@ -71,20 +47,24 @@ impl<const W: usize> PacketTree for BoxTree<W> {
     }
 
     #[inline(always)]
-    fn follow<S: Simd, C: Counters, L: Width>(
+    fn follow_packet<S: Simd, Q: Query, C: Counters, L: Width>(
         &self,
         simd: S,
-        task: (&Triangles, &Blocks, &[Ray]),
-        (packet, rows): (&mut Packet, &Rows),
-        group: Group,
+        (_, blocks): (&Triangles, &Blocks),
+        rays: &[Ray],
+        (packet, group): (&mut Packet, Group),
         stack: &mut [Pending],
         counters: &mut [C],
     ) {
+        let charged = packet.places[group.lead];
+        let slabs = slabs::<S, L>(simd, packet);
+        // The ends of boxes are of no use to leaves.
+        let ends = packet::load::<S, L>(simd, &packet.reach);
         let mut enters = packet.enter(group);
         let mut waiting = 0;
         let mut node = &self.nodes[0];
         loop {
-            counters[group.lead].step_axis();
+            counters[charged].step_axis();
             let inside = packet::load::<S, L>(simd, &enters);
             let reach = packet::load::<S, L>(simd, &packet.reach);
             let base = waiting;
@@ -93,13 +73,10 @@ impl<const W: usize> PacketTree for BoxTree<W> {
                     continue;
                 }
                 let (mut enter, mut leave) = (inside, reach);
-                for k in 0..3 {
+                for (k, [inv, near, far]) in slabs.into_iter().enumerate() {
                     let back = group.signs >> k & 1 == 1;
                     let (low, high) = (node.bounds[k][child], node.bounds[3 + k][child]);
                     let (soon, late) = if back { (high, low) } else { (low, high) };
-                    let inv = packet::load::<S, L>(simd, &rows.inv[k]);
-                    let near = packet::load::<S, L>(simd, &rows.near[k]);
-                    let far = packet::load::<S, L>(simd, &rows.far[k]);
                     // What is not a number bounds nothing.
                     enter = L::Vector::splat(simd, soon).mul_add(inv, near).max(enter);
                     leave = L::Vector::splat(simd, late).mul_add(inv, far).min(leave);
@@ -146,9 +123,38 @@ impl<const W: usize> PacketTree for BoxTree<W> {
                     break &self.nodes[next.link as usize];
                 }
                 let leaf = (next.link, next.count as usize);
-                counters[group.lead].leaf(leaf.1);
-                packet.leaf(simd, task, leaf, (lanes, &rows.ends), counters);
+                counters[charged].leaf(leaf.1);
+                let cell = (lanes, ends);
+                packet_leaf::test::<S, Q, C, L>(simd, (blocks, rays), leaf, packet, cell, counters);
             };
         }
     }
+}
+
+/// What slab tests need of the rays, per axis what coordinates are taken times, and what is added where rays enter
+/// and where they leave: [`box_tree::Slabs`], a ray to a lane.
+#[inline(always)]
+fn slabs<S: Simd, L: Width>(simd: S, packet: &Packet) -> [[L::Vector<S>; 3]; 3] {
+    [
+        slab::<S, L>(simd, packet, 0),
+        slab::<S, L>(simd, packet, 1),
+        slab::<S, L>(simd, packet, 2),
+    ]
+}
+
+#[inline(always)]
+fn slab<S: Simd, L: Width>(simd: S, packet: &Packet, k: usize) -> [L::Vector<S>; 3] {
+    let splat = |x: f32| L::Vector::splat(simd, x);
+    let inv = packet::load::<S, L>(simd, &packet.inv[k]);
+    let slack = packet::load::<S, L>(simd, &packet.slack[k]);
+    let shift = packet::load::<S, L>(simd, &packet.o[k]) * inv;
+    // Where a product with any coordinate might overflow, the axis decides nothing.
+    let most = splat(f32::MAX);
+    let span = packet::load::<S, L>(simd, &packet.span) * inv;
+    let finite = span.abs().simd_le(most) & (slack + shift.abs()).simd_le(most);
+    [
+        finite.select(inv, splat(0.0)),
+        finite.select(-shift - slack, splat(f32::NEG_INFINITY)),
+        finite.select(slack - shift, splat(f32::INFINITY)),
+    ]
 }

@@ -3,7 +3,7 @@
 //! the whole tile show that no ray meets it. The nearest box comes first, as for single rays.
 
 use super::blocks::Blocks;
-use super::box_tree::{self, BoxTree, INNER, Pending, Wide};
+use super::box_tree::{BoxTree, INNER, Pending, Wide};
 use super::query::Counters;
 use super::ray::Ray;
 use super::tile::{LANES, Tile};
@@ -14,15 +14,6 @@ use crate::scene::Triangles;
 use fearless_simd::Simd;
 
 impl<const W: usize> TileTree for BoxTree<W> {
-    type Single<'a>
-        = box_tree::Walk<'a, W>
-    where
-        Self: 'a;
-
-    fn single(&self) -> Self::Single<'_> {
-        box_tree::Walk(self)
-    }
-
     #[inline(always)]
     fn follow<S: Simd, C: Counters, J: Judge<R>, const R: usize>(
         &self,

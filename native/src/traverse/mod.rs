@@ -32,6 +32,7 @@ pub mod octree_param;
 pub mod octree_samet;
 pub mod octree_step;
 pub mod packet;
+pub mod packet_leaf;
 pub mod packet_walk;
 pub mod path;
 pub mod place;

@@ -4,62 +4,43 @@
 //! keeps its own intervals of both.
 
 use super::blocks::Blocks;
-use super::packet::{self, Group, MOST, Packet, Row, Width};
-use super::packet_walk::{PacketTree, Rows};
+use super::packet::{self, Group, MOST, Packet, Width};
+use super::packet_leaf;
+use super::packet_walk::PacketTree;
 use super::plane_dir;
-use super::query::Counters;
+use super::planes::{Inside, Planes};
+use super::query::{Counters, Query};
 use super::ray::Ray;
-use crate::build::plane_tree::{MAX_DEPTH, Node, PlaneTree, near_child};
+use super::tile::Row;
+use crate::build::plane_tree::{MAX_DEPTH, Node, near_child};
 use crate::scene::Triangles;
 use fearless_simd::{Select, Simd, SimdBase, SimdFloat, SimdMask};
 
 /// A child still to visit, and the interval of each ray inside it.
 #[derive(Clone, Copy)]
-pub struct Pending {
-    node: u32,
+pub struct Pending<A> {
+    node: A,
     enter: Row,
     leave: Row,
-}
-
-/// What planes need of the rays.
-#[derive(Default)]
-pub struct Axes {
-    inv: [Row; 3],
-    slack: [Row; 3],
-    oblique_pad: Row,
-}
-
-impl Rows for Axes {
-    #[inline(always)]
-    fn fill(&mut self, packet: &Packet) {
-        for (i, frame) in packet.frames.iter().enumerate().take(MOST) {
-            for k in 0..3 {
-                self.inv[k][i] = frame.inv[k];
-                self.slack[k][i] = frame.slack[k];
-            }
-            self.oblique_pad[i] = frame.oblique_pad;
-        }
-    }
 }
 
 /// A child, and the interval of each ray inside it.
 type Part<S, L> = (u32, <L as Width>::Vector<S>, <L as Width>::Vector<S>);
 
-impl PacketTree for PlaneTree {
-    type Rows = Axes;
-    type Pending = Pending;
-    type Single<'a>
-        = plane_dir::Walk<&'a PlaneTree>
-    where
-        Self: 'a;
+impl<T: Sync + 'static> PacketTree for T
+where
+    for<'a> &'a T: Planes,
+{
+    type Pending<'a> = Pending<<&'a T as Planes>::At>;
+    type Single<'a> = plane_dir::Walk<&'a T>;
 
     fn single(&self) -> Self::Single<'_> {
         plane_dir::Walk(self)
     }
 
-    fn stack(&self) -> Vec<Pending> {
+    fn stack(&self) -> Vec<Self::Pending<'_>> {
         let blank = Pending {
-            node: 0,
+            node: self.root(),
             enter: [0.0; MOST],
             leave: [0.0; MOST],
         };
@@ -67,96 +48,130 @@ impl PacketTree for PlaneTree {
     }
 
     #[inline(always)]
-    fn follow<S: Simd, C: Counters, L: Width>(
-        &self,
+    fn follow_packet<'a, S: Simd, Q: Query, C: Counters, L: Width>(
+        &'a self,
         simd: S,
-        task: (&Triangles, &Blocks, &[Ray]),
-        (packet, axes): (&mut Packet, &Axes),
-        group: Group,
-        stack: &mut [Pending],
+        triangles: (&Triangles, &Blocks),
+        rays: &[Ray],
+        packet: (&mut Packet, Group),
+        stack: &mut [Self::Pending<'a>],
         counters: &mut [C],
     ) {
-        let lead = group.lead;
-        let mut waiting = 0;
-        let mut node = self.root();
-        let mut enter = packet::load::<S, L>(simd, &packet.enter(group));
-        let mut leave = packet::load::<S, L>(simd, &packet.reach);
-        loop {
-            let (parts, empty) = match self.node(node) {
-                Node::Axis {
-                    axis,
-                    split,
-                    empty,
-                    link,
-                    ..
-                } => {
-                    counters[lead].step_axis();
-                    let o = packet::load::<S, L>(simd, &packet.o[axis]);
-                    let inv = packet::load::<S, L>(simd, &axes.inv[axis]);
-                    let slack = packet::load::<S, L>(simd, &axes.slack[axis]);
-                    let distance = (L::Vector::splat(simd, split) - o) * inv;
-                    // What is not a number bounds nothing.
-                    let near: Part<S, L> = (
-                        near_child(link, group.signs),
-                        enter,
-                        (distance + slack).min(leave),
+        follow::<S, _, Q, C, L>(simd, self, triangles, rays, packet, stack, counters);
+    }
+}
+
+#[inline(always)]
+fn follow<S: Simd, T: Planes, Q: Query, C: Counters, L: Width>(
+    simd: S,
+    tree: T,
+    (scene, mut blocks): (&Triangles, &Blocks),
+    rays: &[Ray],
+    (packet, group): (&mut Packet, Group),
+    stack: &mut [Pending<T::At>],
+    counters: &mut [C],
+) {
+    let whole = blocks;
+    let lead = group.lead;
+    let charged = packet.places[lead];
+    let mut waiting = 0;
+    let mut node = tree.root();
+    let mut enter = packet::load::<S, L>(simd, &packet.enter(group));
+    let mut leave = packet::load::<S, L>(simd, &packet.reach);
+    'walk: loop {
+        let (parts, empty) = match tree.node(node) {
+            Node::Axis {
+                axis,
+                split,
+                empty,
+                link,
+                ..
+            } => {
+                counters[charged].step_axis();
+                let o = packet::load::<S, L>(simd, &packet.o[axis]);
+                let inv = packet::load::<S, L>(simd, &packet.inv[axis]);
+                let slack = packet::load::<S, L>(simd, &packet.slack[axis]);
+                let distance = (L::Vector::splat(simd, split) - o) * inv;
+                // What is not a number bounds nothing.
+                let near: Part<S, L> = (
+                    near_child(link, group.signs),
+                    enter,
+                    (distance + slack).min(leave),
+                );
+                let far = (near.0 ^ 1, (distance - slack).max(enter), leave);
+                ([near, far], empty)
+            }
+            Node::Oblique {
+                normal,
+                offset,
+                children,
+                empty,
+            } => {
+                counters[charged].step_oblique();
+                let plane = (normal, offset, children);
+                let parts = oblique::<S, L>(simd, packet, lead, plane, (enter, leave));
+                (parts, empty)
+            }
+            Node::Leaf { first, count } => {
+                let own = match tree.inside((node, first, count), (scene, whole)) {
+                    Inside::Triangles(own) => own,
+                    Inside::Part(root) => {
+                        node = root;
+                        continue;
+                    }
+                };
+                counters[charged].leaf(count);
+                let lanes = packet::live::<S, L>(enter, leave) & group.lanes;
+                if count != 0 {
+                    if T::PARTS && !std::ptr::eq(own, blocks) {
+                        packet.settle::<S, Q, C>(simd, (blocks, rays), counters);
+                        blocks = own;
+                    }
+                    packet_leaf::test::<S, Q, C, L>(
+                        simd,
+                        (blocks, rays),
+                        (first, count),
+                        packet,
+                        (lanes, leave),
+                        counters,
                     );
-                    let far = (near.0 ^ 1, (distance - slack).max(enter), leave);
-                    ([near, far], empty)
                 }
-                Node::Oblique {
-                    normal,
-                    offset,
-                    children,
-                    empty,
-                } => {
-                    counters[lead].step_oblique();
-                    let plane = (normal, offset, children);
-                    let parts = oblique::<S, L>(simd, (packet, axes), lead, plane, (enter, leave));
-                    (parts, empty)
-                }
-                Node::Leaf { first, count } => {
-                    counters[lead].leaf(count);
-                    let lanes = packet::live::<S, L>(enter, leave) & group.lanes;
-                    if count != 0 {
-                        let mut leaves = [0.0; MOST];
-                        packet::store::<S, L>(leave, &mut leaves);
-                        let cell = (lanes, &leaves);
-                        packet.leaf(simd, task, (first, count), cell, counters);
+                let reach = packet::load::<S, L>(simd, &packet.reach);
+                loop {
+                    if waiting == 0 {
+                        break 'walk;
                     }
-                    let reach = packet::load::<S, L>(simd, &packet.reach);
-                    loop {
-                        if waiting == 0 {
-                            return;
-                        }
-                        waiting -= 1;
-                        let next = &stack[waiting];
-                        enter = packet::load::<S, L>(simd, &next.enter);
-                        leave = packet::load::<S, L>(simd, &next.leave).min(reach);
-                        if packet::live::<S, L>(enter, leave) != 0 {
-                            node = next.node;
-                            break;
-                        }
+                    waiting -= 1;
+                    let next = &stack[waiting];
+                    enter = packet::load::<S, L>(simd, &next.enter);
+                    leave = packet::load::<S, L>(simd, &next.leave).min(reach);
+                    if packet::live::<S, L>(enter, leave) != 0 {
+                        node = next.node;
+                        continue 'walk;
                     }
-                    continue;
                 }
-            };
-            // Where no ray is left, there is nothing; of children on the way an empty one is not visited.
-            let [first, second] = parts;
-            if !on_way::<S, L>(first, empty) {
-                // If that is empty too, the walk finds so itself.
-                (node, enter, leave) = second;
-                continue;
             }
-            if on_way::<S, L>(second, empty) {
-                let next = &mut stack[waiting];
-                next.node = second.0;
-                packet::store::<S, L>(second.1, &mut next.enter);
-                packet::store::<S, L>(second.2, &mut next.leave);
-                waiting += 1;
-            }
-            (node, enter, leave) = first;
+        };
+        // Where no ray is left, there is nothing; of children on the way an empty one is not visited.
+        let [first, second] = parts;
+        if !on_way::<S, L>(first, empty) {
+            // If that is empty too, the walk finds so itself.
+            (enter, leave) = (second.1, second.2);
+            node = tree.sibling(node, second.0);
+            continue;
         }
+        if on_way::<S, L>(second, empty) {
+            let next = &mut stack[waiting];
+            next.node = tree.sibling(node, second.0);
+            packet::store::<S, L>(second.1, &mut next.enter);
+            packet::store::<S, L>(second.2, &mut next.leave);
+            waiting += 1;
+        }
+        (enter, leave) = (first.1, first.2);
+        node = tree.sibling(node, first.0);
+    }
+    if T::PARTS {
+        packet.settle::<S, Q, C>(simd, (blocks, rays), counters);
     }
 }
 
@@ -171,7 +186,7 @@ fn on_way<S: Simd, L: Width>((child, enter, leave): Part<S, L>, empty: u32) -> b
 #[inline(always)]
 fn oblique<S: Simd, L: Width>(
     simd: S,
-    (packet, axes): (&Packet, &Axes),
+    packet: &Packet,
     lead: usize,
     (normal, offset, children): ([f32; 3], f32, u32),
     (enter, leave): (L::Vector<S>, L::Vector<S>),
@@ -180,7 +195,7 @@ fn oblique<S: Simd, L: Width>(
     let least = L::Vector::splat(simd, f32::MIN_POSITIVE).copysign(speed);
     let inv = L::Vector::splat(simd, 1.0) / (speed + least);
     let height = L::Vector::splat(simd, offset) - along::<S, L>(simd, normal, &packet.o);
-    let slack = packet::load::<S, L>(simd, &axes.oblique_pad) * inv.abs();
+    let slack = packet::load::<S, L>(simd, &packet.oblique_pad) * inv.abs();
     let distance = height * inv;
     // What is not a number bounds nothing.
     let near_leave = (distance + slack).min(leave);

@@ -6,19 +6,17 @@
 //! of the quickest and that of the slowest; so the near child ends at the latest crossing, the far one
 //! begins at the earliest. Every ray passes through every node that its own walk would visit, and
 //! through others, where it hits nothing. When a tile does much more than a tile that stays together
-//! needs, its rays go on singly, each as far as the best hit that the tile found.
+//! needs, its rays go on in packets, each as far as the best hit that the tile found.
 
 use super::blocks::Blocks;
 use super::frame::U;
-use super::plane_dir;
 use super::planes::{Inside, Planes};
 use super::query::Counters;
 use super::ray::Ray;
 use super::tile::{LANES, Tile, load, splat};
 use super::tile_leaf::{self, Judge};
 use super::tile_walk::TileTree;
-use crate::build::lazy_tree::LazyTree;
-use crate::build::plane_tree::{MAX_DEPTH, Node, PlaneTree};
+use crate::build::plane_tree::{MAX_DEPTH, Node};
 use crate::scene::Triangles;
 use fearless_simd::{Select, Simd, SimdBase, SimdFloat, SimdMask, f32x16, mask32x16};
 
@@ -34,38 +32,10 @@ struct Pending<A> {
     leave: f32,
 }
 
-impl TileTree for PlaneTree {
-    type Single<'a>
-        = plane_dir::Walk<&'a PlaneTree>
-    where
-        Self: 'a;
-
-    fn single(&self) -> Self::Single<'_> {
-        plane_dir::Walk(self)
-    }
-
-    #[inline(always)]
-    fn follow<S: Simd, C: Counters, J: Judge<R>, const R: usize>(
-        &self,
-        simd: S,
-        triangles: (&Triangles, &Blocks),
-        tile: (&mut Tile<R>, &[Ray], &mut J),
-        counters: &mut [C],
-    ) -> bool {
-        follow(simd, self, triangles, tile, counters)
-    }
-}
-
-impl TileTree for LazyTree {
-    type Single<'a>
-        = plane_dir::Walk<&'a Self>
-    where
-        Self: 'a;
-
-    fn single(&self) -> Self::Single<'_> {
-        plane_dir::Walk(self)
-    }
-
+impl<T: Sync + 'static> TileTree for T
+where
+    for<'a> &'a T: Planes,
+{
     #[inline(always)]
     fn follow<S: Simd, C: Counters, J: Judge<R>, const R: usize>(
         &self,

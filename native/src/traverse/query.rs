@@ -9,7 +9,7 @@ use super::replay::Record;
 use crate::geom::verdict::verdict_within;
 
 /// The question put to a walk.
-pub trait Query {
+pub trait Query: Sync {
     /// Whether the first hit found, in any order, ends the walk.
     const ANY: bool;
 }

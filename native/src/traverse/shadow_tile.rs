@@ -5,20 +5,19 @@
 //! Nobody says where the light is. The point where two of the rays pass each other is taken for it, and how far the
 //! lines of the others pass that point is their blur: every plane and every triangle is compared with rays that
 //! thick. What may block a ray is decided by the verdict on the ray itself, so the
-//! answer does not depend on any of this. Rays that are not of one light, or spread too far, go singly.
+//! answer does not depend on any of this. Rays that are not of one light, or spread too far, go in
+//! packets.
 
-use super::batch::Walk;
 use super::blocks::Blocks;
 use super::frame::Frame;
-use super::query::{Any, Counters};
-use super::ray::{Hit, Ray};
-use super::tile::{Backoff, LANES, Row, Tile, bits, load, place, seat, singly, splat};
+use super::query::Counters;
+use super::ray::Ray;
+use super::tile::{Backoff, LANES, Row, Tile, bits, load, place, seat, splat};
 use super::tile_leaf::{Candidate, Judge};
 use super::tile_nearest::count;
 use super::tile_verdict::any;
 use crate::geom::vec3::{add_scaled, dot as dot64, sub as sub64, widen};
 use crate::geom::verdict::verdict_within;
-use crate::scene::Triangles;
 use fearless_simd::{Select, Simd, SimdBase, SimdFloat, SimdMask, f32x16, mask32x16};
 
 /// The rays of a shadow tile as they are.
@@ -40,7 +39,7 @@ const SPREAD: f32 = 0.25;
 const BLUR: f32 = 1e-3;
 
 impl<const R: usize> Shadows<R> {
-    /// Turns shadow rays round; `None` for rays that are better walked one by one.
+    /// Turns shadow rays round; `None` for rays that are better walked in packets.
     #[inline(always)]
     pub fn new<S: Simd>(simd: S, frame: &Frame, rays: &[Ray]) -> Option<(Tile<R>, Self)> {
         let first = &rays[0];
@@ -173,17 +172,15 @@ fn light(rays: &[Ray]) -> [f32; 3] {
     [at[0] as f32, at[1] as f32, at[2] as f32]
 }
 
-/// Walks the rays of a shadow tile: `follow` walks those that go together and says whether it came to its end,
-/// `single` the others.
+/// Walks the rays of a shadow tile that go together: `follow` does it, and says whether it came to its end. Returns
+/// the rays that are blocked, and those that are to be walked in another way.
 #[inline(always)]
-pub fn cast<S: Simd, W: Walk, C: Counters, const R: usize>(
+pub fn cast<S: Simd, C: Counters, const R: usize>(
     simd: S,
-    (single, triangles): (&W, (&Triangles, &Blocks)),
-    (frame, rays, backoff): (&Frame, &[Ray], &mut Backoff),
+    (frame, rays, backoff): (&Frame, &[Ray], &mut Backoff<'_>),
     follow: impl FnOnce(&mut Tile<R>, &mut Shadows<R>, &mut [C]) -> bool,
-    write: &mut impl FnMut(usize, Hit),
     counters: &mut [C],
-) {
+) -> [[u16; R]; 2] {
     let (mut blocked, mut rest) = ([0; R], [u16::MAX; R]);
     if backoff.tries()
         && let Some((mut tile, mut shadows)) = Shadows::new(simd, frame, rays)
@@ -197,29 +194,10 @@ pub fn cast<S: Simd, W: Walk, C: Counters, const R: usize>(
         }
         (blocked, rest) = (shadows.blocked, tile.rest);
     }
-    let is = |lanes: [u16; R], i: usize| {
-        let (row, lane) = seat(i);
-        lanes[row] >> lane & 1 == 1
-    };
-    for (i, ray) in rays.iter().enumerate() {
-        if is(blocked, i) {
-            // Of any hit only that there is one is asked.
-            let hit = Hit {
-                t: ray.t_max,
-                triangle: 0,
-                u: 0.0,
-                v: 0.0,
-            };
-            write(i, hit);
-        } else if !is(rest, i) {
-            write(i, Hit::MISS);
-        }
+    for (rest, blocked) in rest.iter_mut().zip(blocked) {
+        *rest &= !blocked;
     }
-    let rest = rays
-        .iter()
-        .enumerate()
-        .filter_map(|(i, ray)| (is(rest, i) && !is(blocked, i)).then_some((i, *ray)));
-    singly::<S, W, Any, C>(simd, (single, triangles), (frame, rest), write, counters);
+    [blocked, rest]
 }
 
 // No closures: they do not have the instruction set of the function around them unless they are inlined.
@@ -244,8 +222,9 @@ fn dot<S: Simd>(a: [f32x16<S>; 3], b: [f32x16<S>; 3]) -> f32x16<S> {
 }
 
 impl<const R: usize> Judge<R> for Shadows<R> {
-    // Most beams are empty; those that are not are dearer than single rays, which stop at the first hit.
-    const BUDGET: usize = 3;
+    // Most beams are empty; those that are not are dearer than packets, whose rays stop at the first hit.
+    const BUDGET: usize = 1;
+    const WORTH: u32 = 13;
 
     #[inline(always)]
     fn judge<S: Simd, C: Counters>(

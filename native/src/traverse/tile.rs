@@ -16,12 +16,10 @@ mod backoff;
 mod held;
 mod pyramid;
 mod row;
-mod single;
-pub use backoff::Backoff;
+pub use backoff::{Backoff, Lately};
 pub use held::Held;
 pub use pyramid::Pyramid;
 pub use row::{LANES, Row, bits, load, splat};
-pub use single::{finish, singly};
 
 /// Tiles need origins and directions of ordinary size, so that nothing overflows.
 const ORDINARY: f32 = 1_152_921_504_606_846_976.0;

@@ -73,8 +73,11 @@ pub struct Candidate<S: Simd> {
 
 /// What is made of rays that may hit a triangle.
 pub trait Judge<const R: usize> {
-    /// Triangles kept per ray, a leaf counting as four, after which the rays of a tile go on singly.
+    /// Triangles kept per ray, a leaf counting as four, after which the rays of a tile go on in packets.
     const BUDGET: usize;
+
+    /// Tiles are worth trying where so many of 16 come to their end.
+    const WORTH: u32;
 
     /// Takes note of the hits; `tile.reach` is then how far each ray still has to look.
     fn judge<S: Simd, C: Counters>(

@@ -23,7 +23,8 @@ pub struct Nearest {
 }
 
 impl<const R: usize> Judge<R> for Nearest {
-    const BUDGET: usize = 12;
+    const BUDGET: usize = 6;
+    const WORTH: u32 = 9;
 
     #[inline(always)]
     fn judge<S: Simd, C: Counters>(

@@ -67,7 +67,11 @@ pub fn each<S: Simd, const R: usize>(
     clippy::needless_range_loop,
     reason = "by iterators over arrays it takes five times as long"
 )]
-fn gathered<const R: usize>(blocks: &Blocks, held: &Held<R>, row: usize) -> [[Row; 3]; 3] {
+pub(super) fn gathered<const R: usize>(
+    blocks: &Blocks,
+    held: &Held<R>,
+    row: usize,
+) -> [[Row; 3]; 3] {
     let mut rows = [[[0.0; LANES]; 3]; 3];
     for lane in 0..LANES {
         if held.lanes[row] >> lane & 1 == 0 {

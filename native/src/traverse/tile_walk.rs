@@ -1,29 +1,22 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Walks of a tree by tiles of rays: camera rays from their origin, shadow rays from their light. Rays that do not
-//! go together, and those of tiles that outgrow their budget, go singly.
+//! go together, and those of tiles that outgrow their budget, go in packets.
 
-use super::batch::{TileWalk, Walk};
+use super::batch::TileWalk;
 use super::blocks::Blocks;
 use super::frame::Frame;
-use super::query::Counters;
+use super::packet_walk::{PacketTree, Rest};
+use super::query::{Any, Closest, Counters};
 use super::ray::{Hit, Ray};
-use super::shadow_tile;
-use super::tile::{self, Backoff, LANES, Tile};
+use super::shadow_tile::{self, Shadows};
+use super::tile::{Backoff, LANES, Lately, Tile, place, seat};
 use super::tile_leaf::Judge;
 use super::tile_nearest::{self, Nearest};
 use crate::scene::Triangles;
 use fearless_simd::Simd;
 
 /// A tree that tiles can be walked through.
-pub trait TileTree: Sync {
-    /// The walk of its single rays.
-    type Single<'a>: Walk
-    where
-        Self: 'a;
-
-    /// That walk.
-    fn single(&self) -> Self::Single<'_>;
-
+pub trait TileTree: PacketTree {
     /// Walks a tile to its end; says whether it came there within its budget.
     fn follow<S: Simd, C: Counters, J: Judge<R>, const R: usize>(
         &self,
@@ -34,15 +27,18 @@ pub trait TileTree: Sync {
     ) -> bool;
 }
 
-/// Nearest hits by tiles of `16 R` rays.
-pub struct Tiles<'a, T, const R: usize>(pub &'a T);
+/// Nearest hits by tiles of `16 R` rays through a tree, with what earlier batches have learned.
+pub struct Tiles<'a, T, const R: usize>(pub &'a T, pub Option<&'a Lately>);
 
-impl<T: TileTree, const R: usize> TileWalk for Tiles<'_, T, R> {
+impl<'a, T: TileTree, const R: usize> TileWalk for Tiles<'a, T, R> {
     const RAYS: usize = R * LANES;
-    type Scratch = Backoff;
+    type Scratch = (Backoff<'a>, Rest<'a, T>);
 
-    fn scratch(&self) -> Backoff {
-        Backoff::default()
+    fn scratch(&self) -> Self::Scratch {
+        (
+            Backoff::new(<Nearest as Judge<R>>::WORTH, self.1),
+            Rest::new(self.0),
+        )
     }
 
     #[inline(always)]
@@ -51,44 +47,91 @@ impl<T: TileTree, const R: usize> TileWalk for Tiles<'_, T, R> {
         simd: S,
         triangles: (&Triangles, &Blocks),
         (frame, rays): (&Frame, &[Ray]),
-        backoff: &mut Backoff,
+        (backoff, rest): &mut Self::Scratch,
         write: &mut impl FnMut(usize, Hit),
         counters: &mut [C],
     ) {
+        if !backoff.tries() {
+            let all = Seats::new(rays.len(), [u16::MAX; R]).map(|(i, _)| (i, Hit::MISS));
+            rest.walk::<S, Closest, C>(simd, triangles, (frame, rays), all, (write, counters));
+            return;
+        }
         let mut tile = Tile::<R>::new(simd, frame, rays);
         if tile.is_inside() {
-            let finished = backoff.tries() && {
-                let mut nearest = Nearest::default();
-                let job = (&mut tile, rays, &mut nearest);
-                let finished = self.0.follow(simd, triangles, job, counters);
-                tile_nearest::settle(simd, triangles.1, (&mut tile, rays), counters);
-                backoff.learn(finished);
-                finished
-            };
+            let mut nearest = Nearest::default();
+            let job = (&mut tile, rays, &mut nearest);
+            let finished = TileTree::follow(self.0, simd, triangles, job, counters);
+            tile_nearest::settle(simd, triangles.1, (&mut tile, rays), counters);
+            backoff.learn(finished);
             if !finished {
                 tile.give_up();
             }
         }
-        tile::finish(
-            simd,
-            &tile,
-            (&self.0.single(), triangles),
-            (frame, rays),
-            write,
-            counters,
-        );
+        for i in 0..rays.len() {
+            let (row, lane) = seat(i);
+            write(i, tile.hit(row, lane));
+        }
+        if tile.rest != [0; R] {
+            let left =
+                Seats::new(rays.len(), tile.rest).map(|(i, (row, lane))| (i, tile.hit(row, lane)));
+            rest.walk::<S, Closest, C>(simd, triangles, (frame, rays), left, (write, counters));
+        }
     }
 }
 
-/// Any hits of shadow rays, by tiles of `16 R` that are turned round.
-pub struct ShadowTiles<'a, T, const R: usize>(pub &'a T);
+/// Some of the first so many rays of a tile, row by row, so that the rays of a packet are those of a square: their
+/// places and their seats.
+struct Seats<const R: usize> {
+    rays: usize,
+    lanes: [u16; R],
+    row: usize,
+}
 
-impl<T: TileTree, const R: usize> TileWalk for ShadowTiles<'_, T, R> {
+impl<const R: usize> Seats<R> {
+    #[inline(always)]
+    fn new(rays: usize, lanes: [u16; R]) -> Self {
+        Self {
+            rays,
+            lanes,
+            row: 0,
+        }
+    }
+}
+
+impl<const R: usize> Iterator for Seats<R> {
+    type Item = (usize, (usize, usize));
+
+    #[inline(always)]
+    fn next(&mut self) -> Option<Self::Item> {
+        while self.row < R {
+            let lanes = &mut self.lanes[self.row];
+            if *lanes == 0 {
+                self.row += 1;
+                continue;
+            }
+            let lane = lanes.trailing_zeros() as usize % LANES;
+            *lanes &= *lanes - 1;
+            let place = place(self.row, lane);
+            if place < self.rays {
+                return Some((place, (self.row, lane)));
+            }
+        }
+        None
+    }
+}
+
+/// Any hits of shadow rays, by tiles of `16 R` that are turned round, with what earlier batches have learned.
+pub struct ShadowTiles<'a, T, const R: usize>(pub &'a T, pub Option<&'a Lately>);
+
+impl<'a, T: TileTree, const R: usize> TileWalk for ShadowTiles<'a, T, R> {
     const RAYS: usize = R * LANES;
-    type Scratch = Backoff;
+    type Scratch = (Backoff<'a>, Rest<'a, T>);
 
-    fn scratch(&self) -> Backoff {
-        Backoff::default()
+    fn scratch(&self) -> Self::Scratch {
+        (
+            Backoff::new(<Shadows<R> as Judge<R>>::WORTH, self.1),
+            Rest::new(self.0),
+        )
     }
 
     #[inline(always)]
@@ -97,21 +140,34 @@ impl<T: TileTree, const R: usize> TileWalk for ShadowTiles<'_, T, R> {
         simd: S,
         triangles: (&Triangles, &Blocks),
         (frame, rays): (&Frame, &[Ray]),
-        backoff: &mut Backoff,
+        (backoff, rest): &mut Self::Scratch,
         write: &mut impl FnMut(usize, Hit),
         counters: &mut [C],
     ) {
-        shadow_tile::cast::<_, _, _, R>(
+        let [blocked, left] = shadow_tile::cast::<S, C, R>(
             simd,
-            (&self.0.single(), triangles),
             (frame, rays, backoff),
             #[inline(always)]
             |tile, shadows, counters| {
-                self.0
-                    .follow(simd, triangles, (tile, rays, shadows), counters)
+                let job = (tile, rays, shadows);
+                TileTree::follow(self.0, simd, triangles, job, counters)
             },
-            write,
             counters,
         );
+        for (i, (row, lane)) in Seats::new(rays.len(), left.map(|left| !left)) {
+            // Of any hit only that there is one is asked.
+            let hit = Hit {
+                t: rays[i].t_max,
+                triangle: 0,
+                u: 0.0,
+                v: 0.0,
+            };
+            let is_blocked = blocked[row] >> lane & 1 == 1;
+            write(i, if is_blocked { hit } else { Hit::MISS });
+        }
+        if left != [0; R] {
+            let left = Seats::new(rays.len(), left).map(|(i, _)| (i, Hit::MISS));
+            rest.walk::<S, Any, C>(simd, triangles, (frame, rays), left, (write, counters));
+        }
     }
 }

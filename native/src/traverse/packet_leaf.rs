@@ -1,0 +1,303 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The triangles of a leaf against a packet: what depends on a triangle alone is worked out for eight of them
+//! at once, then each is tested against all rays, one to a lane, in f32.
+//!
+//! The test is that of [`super::candidates`], with the triple products turned around so that what a triangle can
+//! bring along comes last: `n = e2 x e1` gives the determinant and the distance, `q = s x d` the weights. With
+//! |d| < 2 per component, |e| <= E, |s| <= S: `n` is off by 8 u E^2 per component, the determinant by
+//! 84 u E^2 and the distance by 48 u S E^2, as in [`super::lanes`]; `q` by 12 u S, and the weights, like those
+//! from `d x e2` there, by 84 u S E.
+
+use super::blocks::{Blocks, LANES as WIDE, SPAN};
+use super::candidates::{DET_ERROR, T_ERROR, UNDERFLOW, UV_ERROR};
+use super::packet::{MOST, Packet, Width, load, store};
+use super::query::{Counters, Query};
+use super::ray::Ray;
+use fearless_simd::{Select, Simd, SimdBase, SimdFloat, SimdMask, f32x8, f32x16, mask32x16};
+
+/// Eight triangles, one number a lane.
+struct Seen {
+    corner: [[f32; WIDE]; 3],
+    e1: [[f32; WIDE]; 3],
+    e2: [[f32; WIDE]; 3],
+    normal: [[f32; WIDE]; 3],
+    det_error: [f32; WIDE],
+    /// Three times that.
+    doubt: [f32; WIDE],
+    uv_error: [f32; WIDE],
+    t_error: [f32; WIDE],
+    /// Those that some ray may hit.
+    kept: u64,
+}
+
+impl Seen {
+    const NOTHING: Self = Self {
+        corner: [[0.0; WIDE]; 3],
+        e1: [[0.0; WIDE]; 3],
+        e2: [[0.0; WIDE]; 3],
+        normal: [[0.0; WIDE]; 3],
+        det_error: [0.0; WIDE],
+        doubt: [0.0; WIDE],
+        uv_error: [0.0; WIDE],
+        t_error: [0.0; WIDE],
+        kept: 0,
+    };
+}
+
+/// Tests the rays of `lanes`, which leave the leaf's cell at `leave`.
+#[inline(always)]
+pub fn test<S: Simd, Q: Query, C: Counters, L: Width>(
+    simd: S,
+    (blocks, rays): (&Blocks, &[Ray]),
+    (first, count): (u32, usize),
+    packet: &mut Packet,
+    (mut lanes, leave): (u64, L::Vector<S>),
+    counters: &mut [C],
+) {
+    let mut each = lanes;
+    while each != 0 {
+        counters[packet.places[each.trailing_zeros() as usize % MOST]].tests(count);
+        each &= each - 1;
+    }
+    let o = [
+        load::<S, L>(simd, &packet.o[0]),
+        load::<S, L>(simd, &packet.o[1]),
+        load::<S, L>(simd, &packet.o[2]),
+    ];
+    let d = [
+        load::<S, L>(simd, &packet.d[0]),
+        load::<S, L>(simd, &packet.d[1]),
+        load::<S, L>(simd, &packet.d[2]),
+    ];
+    let start = load::<S, L>(simd, &packet.start);
+    let mut reach = load::<S, L>(simd, &packet.reach).min(leave);
+    let farthest = match packet.fan {
+        Some(_) => farthest::<S, L>(simd, reach, lanes),
+        None => f32::INFINITY,
+    };
+    let mut at = first;
+    let mut left = count;
+    while left > 0 {
+        let n = left.min(WIDE);
+        let (block, next) = blocks.block(at, n);
+        let seen = look(simd, packet, farthest, (block, n));
+        let mut kept = seen.kept;
+        while kept != 0 {
+            let lane = kept.trailing_zeros() as usize % WIDE;
+            kept &= kept - 1;
+            let splat = |x: f32| L::Vector::splat(simd, x);
+            let s = [
+                o[0] - splat(seen.corner[0][lane]),
+                o[1] - splat(seen.corner[1][lane]),
+                o[2] - splat(seen.corner[2][lane]),
+            ];
+            let q = [
+                s[1].mul_sub(d[2], s[2] * d[1]),
+                s[2].mul_sub(d[0], s[0] * d[2]),
+                s[0].mul_sub(d[1], s[1] * d[0]),
+            ];
+            let [nx, ny, nz] = [
+                splat(seen.normal[0][lane]),
+                splat(seen.normal[1][lane]),
+                splat(seen.normal[2][lane]),
+            ];
+            let det = d[0].mul_add(nx, d[1].mul_add(ny, d[2] * nz));
+            let t = -s[0].mul_add(nx, s[1].mul_add(ny, s[2] * nz));
+            let u = q[0].mul_add(
+                splat(seen.e2[0][lane]),
+                q[1].mul_add(splat(seen.e2[1][lane]), q[2] * splat(seen.e2[2][lane])),
+            );
+            let v = -q[0].mul_add(
+                splat(seen.e1[0][lane]),
+                q[1].mul_add(splat(seen.e1[1][lane]), q[2] * splat(seen.e1[2][lane])),
+            );
+            let sign = splat(1.0).copysign(det);
+            let (det, u, v, t) = (det * sign, u * sign, v * sign, t * sign);
+            let least = u.min(v).min(det - u - v);
+            let error = splat(seen.uv_error[lane]);
+            let doubt = reach
+                .abs()
+                .mul_add(splat(seen.doubt[lane]), splat(seen.t_error[lane]));
+            // Of a determinant of which not even the sign is certain no hit is certainly behind the start.
+            let det_error = splat(seen.det_error[lane]);
+            let soonest = det.mul_sub(start, splat(seen.t_error[lane]) + start.abs() * det_error);
+            let rejected = least.simd_lt(-error)
+                | t.simd_gt(det.mul_add(reach, doubt))
+                | (t.simd_lt(soonest) & det.simd_gt(det_error));
+            let open = !rejected.to_bitmask() & lanes;
+            if open == 0 {
+                continue;
+            }
+            let sure = if Q::ANY && !C::QUICK {
+                0
+            } else {
+                open & least.simd_gt(error).to_bitmask()
+            };
+            let mut rows = [[1.0; MOST]; 2];
+            store::<S, L>(t, &mut rows[0]);
+            store::<S, L>(det, &mut rows[1]);
+            let quotient = [
+                f32x16::from_slice(simd, &rows[0]),
+                f32x16::splat(simd, seen.t_error[lane]),
+                f32x16::from_slice(simd, &rows[1]),
+                f32x16::splat(simd, seen.det_error[lane]),
+            ];
+            let from = at as usize + 1 + lane;
+            packet.offer::<S, Q, C>(
+                simd,
+                (blocks, rays),
+                (low(open), low(sure)),
+                quotient,
+                (blocks.id_at(from, n), from, n),
+                counters,
+            );
+            if Q::ANY {
+                lanes &= !u64::from(packet.blocked);
+                if lanes == 0 {
+                    return;
+                }
+            } else {
+                reach = load::<S, L>(simd, &packet.reach).min(leave);
+            }
+        }
+        at = next;
+        left -= n;
+    }
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "at most 16 lanes")]
+fn low(lanes: u64) -> u16 {
+    lanes as u16
+}
+
+/// How far any of these rays still has to look.
+#[inline(always)]
+fn farthest<S: Simd, L: Width>(simd: S, reach: L::Vector<S>, lanes: u64) -> f32 {
+    let mut rows = [f32::NEG_INFINITY; MOST];
+    store::<S, L>(reach, &mut rows);
+    let open = mask32x16::from_bitmask(simd, lanes);
+    let none = f32x16::splat(simd, f32::NEG_INFINITY);
+    let reach: f32x16<S> = open.select(f32x16::from_slice(simd, &rows), none);
+    reach.reduce_max()
+}
+
+type Vector8<S> = [f32x8<S>; 3];
+
+#[inline(always)]
+fn cross8<S: Simd>(a: Vector8<S>, b: Vector8<S>) -> Vector8<S> {
+    [
+        a[1].mul_sub(b[2], a[2] * b[1]),
+        a[2].mul_sub(b[0], a[0] * b[2]),
+        a[0].mul_sub(b[1], a[1] * b[0]),
+    ]
+}
+
+#[inline(always)]
+fn dot8<S: Simd>(simd: S, v: [f32; 3], a: Vector8<S>) -> f32x8<S> {
+    let last = a[2] * f32x8::splat(simd, v[2]);
+    let two = a[1].mul_add(f32x8::splat(simd, v[1]), last);
+    a[0].mul_add(f32x8::splat(simd, v[0]), two)
+}
+
+/// The same with all components of the second without their signs.
+#[inline(always)]
+fn size8<S: Simd>(simd: S, v: [f32; 3], a: Vector8<S>) -> f32x8<S> {
+    dot8(simd, v, [a[0].abs(), a[1].abs(), a[2].abs()])
+}
+
+/// What is the same for all rays.
+#[inline(always)]
+fn look<S: Simd>(
+    simd: S,
+    packet: &Packet,
+    farthest: f32,
+    (block, n): (&[f32; SPAN], usize),
+) -> Seen {
+    let splat = |x: f32| f32x8::splat(simd, x);
+    let row = |r: usize| f32x8::from_slice(simd, &block[1 + r * n..1 + r * n + WIDE]);
+    let a = [row(0), row(1), row(2)];
+    let e1 = [row(3) - a[0], row(4) - a[1], row(5) - a[2]];
+    let e2 = [row(6) - a[0], row(7) - a[1], row(8) - a[2]];
+    let normal = cross8(e2, e1);
+    let [low, high] = packet.origins;
+    let mut size = splat(0.0);
+    let mut span = splat(0.0);
+    for k in 0..3 {
+        size = size.max(e1[k].abs()).max(e2[k].abs());
+        span = span
+            .max((splat(low[k]) - a[k]).abs())
+            .max((splat(high[k]) - a[k]).abs());
+    }
+    // Zero, or NaN where some product may have overflowed: NaN bounds reject nothing.
+    let product = splat(64.0) * span * size * size.max(splat(1.0));
+    let floor = product.mul_add(splat(0.0), splat(UNDERFLOW));
+    let det_error = size.mul_add(size * splat(DET_ERROR), splat(UNDERFLOW));
+    let uv_error = size.mul_add(
+        span * splat(2.0 * UV_ERROR),
+        det_error.mul_add(splat(3.0), floor),
+    );
+    let t_error = (size * size).mul_add(span * splat(T_ERROR), floor);
+
+    let mut kept = (1 << n) - 1;
+    if let Some(fan) = packet.fan {
+        let o = [
+            splat(low[0]) - a[0],
+            splat(low[1]) - a[1],
+            splat(low[2]) - a[2],
+        ];
+        let errors = [det_error, uv_error, t_error];
+        kept &= !beside(simd, (o, fan, farthest), [e1, e2, normal], errors);
+        if kept == 0 {
+            return Seen::NOTHING;
+        }
+    }
+    let mut seen = Seen {
+        kept,
+        ..Seen::NOTHING
+    };
+    for k in 0..3 {
+        a[k].store_slice(&mut seen.corner[k]);
+        e1[k].store_slice(&mut seen.e1[k]);
+        e2[k].store_slice(&mut seen.e2[k]);
+        normal[k].store_slice(&mut seen.normal[k]);
+    }
+    det_error.store_slice(&mut seen.det_error);
+    (det_error * splat(3.0)).store_slice(&mut seen.doubt);
+    uv_error.store_slice(&mut seen.uv_error);
+    t_error.store_slice(&mut seen.t_error);
+    seen
+}
+
+/// The triangles that all rays of a fan pass by: rays from a point `s` from the first corners, whose directions lie in a
+/// box, and which go no farther than that. Products with the directions lie around those with the middle of the box; of
+/// a triangle that is seen from one side by all rays the sign of the determinant is known.
+#[inline(always)]
+fn beside<S: Simd>(
+    simd: S,
+    (s, [d, turn], farthest): (Vector8<S>, [[f32; 3]; 2], f32),
+    [e1, e2, normal]: [Vector8<S>; 3],
+    [det_error, uv_error, t_error]: [f32x8<S>; 3],
+) -> u64 {
+    let two = f32x8::splat(simd, 2.0);
+    let det = dot8(simd, d, normal);
+    let det_half = size8(simd, turn, normal);
+    let side = f32x8::splat(simd, 1.0).copysign(det);
+    let det = det.abs();
+    let one_sided = (det - det_half).simd_gt(det_error * two);
+    let (of_u, of_v) = (cross8(e2, s), cross8(s, e1));
+    let of_w = [
+        normal[0] - of_u[0] - of_v[0],
+        normal[1] - of_u[1] - of_v[1],
+        normal[2] - of_u[2] - of_v[2],
+    ];
+    let u = dot8(simd, d, of_u).mul_add(side, size8(simd, turn, of_u));
+    let v = dot8(simd, d, of_v).mul_add(side, size8(simd, turn, of_v));
+    let w = dot8(simd, d, of_w).mul_add(side, size8(simd, turn, of_w));
+    let outside = u.min(v).min(w).simd_lt(-(uv_error * two));
+    let height = s[0].mul_add(normal[0], s[1].mul_add(normal[1], s[2] * normal[2])) * -side;
+    let room = t_error * two;
+    let far = f32x8::splat(simd, farthest);
+    let doubt = far.abs().mul_add(det_error * f32x8::splat(simd, 3.0), room);
+    let beyond = height.simd_gt((det + det_half).mul_add(far, doubt)) | height.simd_lt(-room);
+    (one_sided & (outside | beyond)).to_bitmask()
+}

@@ -1,0 +1,88 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Packets answer as brute force does, whatever rays follow each other.
+
+use crate::build::Monitor;
+use crate::oracle::cases::{Case, Size, cases, ray};
+use crate::scene::Triangles;
+use crate::spec::Config;
+use crate::structure::Structure;
+use crate::traverse::{Hit, Ray, RayCounters, Tracer};
+use std::sync::Arc;
+
+const SPECS: [&str; 4] = [
+    "kd:traversal=p16",
+    "kd-sah:traversal=p4",
+    "bsp-wn-plus-kd:traversal=p16",
+    "bvh-sah:traversal=p8",
+];
+
+fn build(scene: &Arc<Triangles>, spec: &str) -> Structure {
+    let config = Config::parse(spec).unwrap();
+    Structure::build(scene.clone(), config, 1, &Monitor::new()).unwrap()
+}
+
+/// Bit patterns of the nearest hits, and which rays meet anything.
+fn answers(
+    structure: &Structure,
+    rays: &[Ray],
+    mut counters: Option<&mut [RayCounters]>,
+) -> (Vec<[u32; 4]>, Vec<bool>) {
+    let mut hits = vec![Hit::MISS; rays.len()];
+    let mut blocked = vec![false; rays.len()];
+    structure.closest(rays, &mut hits, counters.as_deref_mut());
+    structure.occluded(rays, &mut blocked, counters);
+    let bits = |hit: &Hit| {
+        [
+            hit.t.to_bits(),
+            hit.triangle,
+            hit.u.to_bits(),
+            hit.v.to_bits(),
+        ]
+    };
+    (hits.iter().map(bits).collect(), blocked)
+}
+
+/// Those of the case, among them odd ones, and fans from common origins to corners of triangles, middles of their
+/// edges and points beside them, each 16 of a fan close together.
+fn rays(case: &Case) -> Vec<Ray> {
+    let mut rays = case.rays.clone();
+    let bounds = case.scene.bounds();
+    let size = bounds.magnitude();
+    let starts = case.rays.iter().step_by(41).take(2).map(|ray| ray.o);
+    let above = std::array::from_fn(|k| bounds.max[k] + 0.3 * size);
+    for o in starts.chain([bounds.min, above]) {
+        for id in case.scene.live().iter().step_by(7).take(8) {
+            let [a, b, c] = case.scene.corners(*id);
+            for i in 0..16_u8 {
+                let (s, t) = (f32::from(i % 4) / 3.0, f32::from(i / 4) / 3.0);
+                let at = |k: usize| a[k] + s * (b[k] - a[k]) + t * (c[k] - a[k]);
+                rays.push(ray(o, std::array::from_fn(|k| at(k) - o[k])));
+            }
+        }
+    }
+    rays.retain(|r| r.o.iter().chain(&r.d).all(|x| x.is_finite()));
+    rays
+}
+
+#[test]
+fn packets_lose_nothing_on_hard_scenes() {
+    for case in cases(Size::Small, 8) {
+        let rays = rays(&case);
+        let expected = answers(&build(&case.scene, "brute"), &rays, None);
+        for spec in SPECS {
+            let structure = build(&case.scene, spec);
+            let found = answers(&structure, &rays, None);
+            let wrong = (0..rays.len())
+                .find(|&i| found.0[i] != expected.0[i] || found.1[i] != expected.1[i]);
+            assert_eq!(
+                wrong.map(|i| (rays[i], found.0[i], expected.0[i])),
+                None,
+                "{}, {spec}",
+                case.name
+            );
+            let mut counters = vec![RayCounters::default(); rays.len()];
+            let counted = answers(&structure, &rays, Some(&mut counters));
+            assert!(counted == expected, "{}, {spec}, counted", case.name);
+        }
+    }
+}
