@@ -219,7 +219,8 @@ pub mod params {
               Booth 1990); ropetree: by a small tree for each face (Havran et al. 1998); both need about twice \
               the memory of nodes and more. tile8, tile16: as dir, but camera rays go in tiles of 64 or 256, and \
               shadow rays of one light in tiles of 64 from the light; what does not go well so goes in packets. p4, \
-              p8, p16: as dir, but in packets of 4, 8 or 16 rays, one to a lane. The answer is the same",
+              p8, p16: as dir, but in packets of 4, 8 or 16 rays, one to a lane, shadow rays only of 16. The \
+              answer is the same",
         unit: "",
         kind: Kind::Choice(&[
             "auto", "dir", "wide", "tile8", "tile16", "p4", "p8", "p16", "ta-b", "ta-a", "sung",
@@ -247,7 +248,8 @@ pub mod params {
               direction. ta-b-poly: by the heights of entry and exit points over the plane. wide: three levels at a \
               time, several rays in turn. tile8, tile16: as dir, but camera rays go in tiles of 64 or 256, and shadow \
               rays of one light in tiles of 64 from the light; what does not go well so goes in packets. p4, p8, \
-              p16: as dir, but in packets of 4, 8 or 16 rays, one to a lane. The answer is the same",
+              p16: as dir, but in packets of 4, 8 or 16 rays, one to a lane, shadow rays only of 16. The \
+              answer is the same",
         unit: "",
         kind: Kind::Choice(&[
             "auto",

@@ -17,9 +17,9 @@ use crate::traverse::stream::Alone;
 use crate::traverse::tile_walk::{ShadowTiles, Tiles};
 use crate::traverse::{
     Hit, Order, Ray, RayCounters, Tracer, grid_step, octree_beam, octree_glassner, octree_net,
-    octree_param, octree_samet, octree_step, packet, plane_arvo, plane_beam, plane_dir, plane_rope,
-    plane_seq, plane_seq_1985, plane_sung, plane_ta_a, plane_ta_b, plane_ta_b_1997,
-    plane_ta_b_poly, plane_wide,
+    octree_param, octree_samet, octree_step, packet, packet_walk, plane_arvo, plane_beam,
+    plane_dir, plane_rope, plane_seq, plane_seq_1985, plane_sung, plane_ta_a, plane_ta_b,
+    plane_ta_b_1997, plane_ta_b_poly, plane_wide,
 };
 use fearless_simd::Level;
 use std::marker::PhantomData;
@@ -35,7 +35,7 @@ pub(super) enum Batches {
     Sixteen,
     /// Several rays in flight through wide nodes.
     Wide,
-    /// Packets of so many, whatever the order of the rays.
+    /// Packets of so many, whatever the order of the rays; shadow rays only in packets of 16.
     Packets(u32),
     /// Camera rays in tiles, shadow rays in tiles from their light, other rays to the nearest hit in flight; rays that
     /// are counted as the layout walks single rays.
@@ -143,13 +143,6 @@ impl Structure {
         if Q::ANY && self.config.choice("shadow") == "beam" {
             return self.shadow_beams(&job, write, counters);
         }
-        if let Batches::Packets(rays) = self.batches {
-            return match rays {
-                4 => self.packets::<Q, packet::Four>(&job, write, counters),
-                8 => self.packets::<Q, packet::Eight>(&job, write, counters),
-                _ => self.packets::<Q, packet::Sixteen>(&job, write, counters),
-            };
-        }
         // Shadow rays that go in no tile still go much the same way, for which single rays are quicker.
         let streams = self.batches == Batches::Wide || !Q::ANY;
         if let (Some(wide), None, true) = (&self.wide, &counters, streams) {
@@ -158,22 +151,23 @@ impl Structure {
         self.walk::<Q>(&job, &mut write, counters);
     }
 
-    /// Walks rays in packets.
+    /// Walks rays to their nearest hits in packets.
     ///
     /// # Panics
     /// For structures that do not offer it.
-    fn packets<Q: Query, L: Width>(
+    fn packets<L: Width>(
         &self,
         job: &Batch<'_>,
-        write: impl FnMut(usize, Hit),
+        hits: &mut [Hit],
         counters: Option<&mut [RayCounters]>,
     ) {
+        let write = |i: usize, hit: Hit| hits[i] = hit;
         match &self.built.layout {
             Layout::Plane(tree, _) => {
-                job.tiles(&Packets::<_, Q, L>::new(tree), write, counters);
+                job.tiles(&Packets::<_, Closest, L>::new(tree), write, counters);
             }
             Layout::Objects(Objects::Boxes8(tree)) => {
-                job.tiles(&Packets::<_, Q, L>::new(tree), write, counters);
+                job.tiles(&Packets::<_, Closest, L>::new(tree), write, counters);
             }
             _ => unreachable!("only trees of planes and of eight boxes to a node offer packets"),
         }
@@ -221,16 +215,16 @@ impl Structure {
         }
     }
 
-    /// Walks shadow rays in tiles, where that is chosen; says whether it was. Tiles of what is counted are not
-    /// walked: nobody reads their speed, and every walk that counts is compiled once more.
-    fn shadow_tiles(
+    /// Walks shadow rays in tiles or packets of 16, where that is chosen; says whether it was. What is counted goes
+    /// singly: nobody reads its speed, and every walk that counts is compiled once more.
+    fn shadow_groups(
         &self,
         level: Level,
         rays: &[Ray],
         occluded: &mut [bool],
         counted: bool,
     ) -> bool {
-        use Batches::{Auto, Eight, Sixteen};
+        use Batches::{Auto, Eight, Packets, Sixteen};
         let job = self.batch(level, rays);
         if counted || job.shadow_cache || self.config.choice("shadow") == "beam" {
             return false;
@@ -246,6 +240,18 @@ impl Structure {
             }
             (Layout::Objects(Objects::Boxes8(tree)), Eight | Sixteen) => {
                 job.quick_tiles(&ShadowTiles::<_, 4>(tree, lately), write);
+            }
+            (Layout::Plane(tree, _), Packets(16)) => {
+                job.quick_tiles(
+                    &packet_walk::Packets::<_, Any, packet::Sixteen>::new(tree),
+                    write,
+                );
+            }
+            (Layout::Objects(Objects::Boxes8(tree)), Packets(16)) => {
+                job.quick_tiles(
+                    &packet_walk::Packets::<_, Any, packet::Sixteen>::new(tree),
+                    write,
+                );
             }
             _ => return false,
         }
@@ -311,8 +317,15 @@ impl Tracer for AtLevel<'_> {
     }
 
     fn closest(&self, rays: &[Ray], hits: &mut [Hit], counters: Option<&mut [RayCounters]>) {
+        assert_eq!(rays.len(), hits.len(), "one answer per ray");
         let (structure, level) = (self.structure, self.level);
-        structure.trace::<Closest, _>(level, rays, hits, counters, |hit| hit);
+        let job = structure.batch(level, rays);
+        match structure.batches {
+            Batches::Packets(4) => structure.packets::<packet::Four>(&job, hits, counters),
+            Batches::Packets(8) => structure.packets::<packet::Eight>(&job, hits, counters),
+            Batches::Packets(_) => structure.packets::<packet::Sixteen>(&job, hits, counters),
+            _ => structure.trace::<Closest, _>(level, rays, hits, counters, |hit| hit),
+        }
     }
 
     fn closest_ordered(
@@ -362,7 +375,7 @@ impl Tracer for AtLevel<'_> {
     fn occluded(&self, rays: &[Ray], occluded: &mut [bool], counters: Option<&mut [RayCounters]>) {
         assert_eq!(rays.len(), occluded.len(), "one answer per ray");
         let (structure, level) = (self.structure, self.level);
-        if !structure.shadow_tiles(level, rays, occluded, counters.is_some()) {
+        if !structure.shadow_groups(level, rays, occluded, counters.is_some()) {
             structure.trace::<Any, _>(level, rays, occluded, counters, |hit| hit.is_hit());
         }
     }

@@ -91,7 +91,11 @@ impl<'a, T: PacketTree, Q: Query, L: Width> TileWalk for Packets<'a, T, Q, L> {
         for (i, place) in scratch.packet.places.iter_mut().enumerate().take(count) {
             *place = i;
         }
-        cast::<S, T, Q, C, L>(simd, self.0, triangles, rays, None, scratch, counters);
+        if L::RAYS == MOST {
+            outlined::<S, T, Q, C>(simd, self.0, triangles, rays, None, scratch, counters);
+        } else {
+            cast::<S, T, Q, C, L>(simd, self.0, triangles, rays, None, scratch, counters);
+        }
         for i in 0..count {
             write(i, scratch.packet.hit::<Q>(i));
         }
@@ -121,7 +125,10 @@ fn cast<'a, S: Simd, T: PacketTree + 'a, Q: Query, C: Counters, L: Width>(
         if group.lanes.count_ones() == 1 {
             let (i, place) = (group.lead, packet.places[group.lead]);
             // The same hit again, or a better one.
-            let t_max = known.map_or(rays[place].t_max, |known| known[i].t.min(rays[place].t_max));
+            let t_max = match known {
+                Some(known) if known[i].is_hit() => known[i].t,
+                _ => rays[place].t_max,
+            };
             let ray = Ray {
                 t_max,
                 ..rays[place]
@@ -214,7 +221,7 @@ impl<'a, T: PacketTree> Rest<'a, T> {
     }
 }
 
-/// A packet of rays that a tile has left over: one function for tiles of all kinds.
+/// A packet of 16: one function for all that have some.
 #[inline(never)]
 fn outlined<'a, S: Simd, T: PacketTree + 'a, Q: Query, C: Counters>(
     simd: S,

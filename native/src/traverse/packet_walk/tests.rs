@@ -1,19 +1,21 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Packets answer as brute force does, whatever rays follow each other.
+//! Packets answer as brute force does, whatever rays follow each other, and so do tiles that leave rays over.
 
 use crate::build::Monitor;
 use crate::oracle::cases::{Case, Size, cases, ray};
 use crate::scene::Triangles;
 use crate::spec::Config;
 use crate::structure::Structure;
-use crate::traverse::{Hit, Ray, RayCounters, Tracer};
+use crate::traverse::{Hit, Order, Ray, RayCounters, Tracer};
 use std::sync::Arc;
 
-const SPECS: [&str; 4] = [
+const SPECS: [&str; 6] = [
     "kd:traversal=p16",
     "kd-sah:traversal=p4",
     "bsp-wn-plus-kd:traversal=p16",
     "bvh-sah:traversal=p8",
+    "kd:traversal=tile8",
+    "bvh-sah:traversal=tile8",
 ];
 
 fn build(scene: &Arc<Triangles>, spec: &str) -> Structure {
@@ -29,7 +31,7 @@ fn answers(
 ) -> (Vec<[u32; 4]>, Vec<bool>) {
     let mut hits = vec![Hit::MISS; rays.len()];
     let mut blocked = vec![false; rays.len()];
-    structure.closest(rays, &mut hits, counters.as_deref_mut());
+    structure.closest_ordered(rays, &mut hits, counters.as_deref_mut(), Order::Tiles);
     structure.occluded(rays, &mut blocked, counters);
     let bits = |hit: &Hit| {
         [
