@@ -3,7 +3,7 @@
 
 use super::batch::{TileWalk, Walk};
 use super::blocks::Blocks;
-use super::frame::Frame;
+use super::frame::{Frame, FrameRay};
 use super::packet::{Group, MOST, Packet, Sixteen, Width};
 use super::query::{Counters, Query};
 use super::ray::{Hit, Ray};
@@ -133,10 +133,10 @@ fn cast<'a, S: Simd, T: PacketTree + 'a, Q: Query, C: Counters, L: Width>(
                 t_max,
                 ..rays[place]
             };
+            let (walk, counters) = (tree.single(), &mut counters[place]);
             let hit = frame.ray(&ray).map_or(Hit::MISS, |framed| {
-                let walk = tree.single();
-                let (ray, counters) = ((&ray, &framed), &mut counters[place]);
-                walk.cast::<S, Q, C>(simd, (scene, blocks), ray, single, counters)
+                let ray = (&ray, &framed);
+                alone::<S, _, Q, C>(simd, &walk, (scene, blocks), ray, single, counters)
             });
             packet.know(i, hit);
         } else {
@@ -145,6 +145,22 @@ fn cast<'a, S: Simd, T: PacketTree + 'a, Q: Query, C: Counters, L: Width>(
         }
     }
     packet.settle::<S, Q, C>(simd, (blocks, rays), counters);
+}
+
+/// Walks one ray: one function for packets of all kinds.
+#[inline(never)]
+fn alone<S: Simd, W: Walk, Q: Query, C: Counters>(
+    simd: S,
+    walk: &W,
+    triangles: (&Triangles, &Blocks),
+    ray: (&Ray, &FrameRay<'_>),
+    scratch: &mut W::Scratch,
+    counters: &mut C,
+) -> Hit {
+    simd.vectorize(
+        #[inline(always)]
+        || walk.cast::<S, Q, C>(simd, triangles, ray, scratch, counters),
+    )
 }
 
 /// Rays that tiles have left over, which go in packets.
