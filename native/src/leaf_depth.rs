@@ -44,10 +44,8 @@ impl LeafDepths {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::build::Monitor;
     use crate::ray_path::ray_path;
     use crate::scene::Triangles;
-    use crate::spec::Config;
     use std::sync::Arc;
 
     #[test]
@@ -61,8 +59,7 @@ mod tests {
         let triangles: Vec<[u32; 3]> = (0..40).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
         let scene = Arc::new(Triangles::new(vertices, triangles).unwrap());
         for spec in ["kd", "bvh-sah", "octree-net", "brute"] {
-            let config = Config::parse(spec).unwrap();
-            let structure = Structure::build(scene.clone(), config, 1, &Monitor::new()).unwrap();
+            let structure = Structure::of(&scene, spec);
             let depths = LeafDepths::new(&structure);
             let mut deepest = 0;
             for i in 0..40_u8 {

@@ -211,16 +211,16 @@ pub mod params {
         name: "traversal",
         label: "Traversal",
         doc: "How rays walk the tree. auto: whatever is quickest for a batch: tile8 for camera rays and \
-              for shadow rays, wide for others; counters tell what dir does. dir: one by one, by plane distances in the order of the \
-              direction; ta-b: by entry and exit points (Havran et al. 1997); ta-a, sung, arvo: by the side of the \
+              for shadow rays, wide for others; counters tell what dir does. dir: one by one, by plane distances \
+              in the order of the direction; ta-b: by entry and exit points (Havran et al. 1997); ta-a, sung, arvo: by the side of the \
               origin and distances, as TA-A, as Sung and Shirley 1992, as Arvo 1988. wide: three levels at a time, \
               several rays in turn. seq: each leaf from the root, \
               without a stack (Kaplan 1985). rope: from leaf to leaf by links to what lies across each face (MacDonald and \
               Booth 1990); ropetree: by a small tree for each face (Havran et al. 1998); both need about twice \
               the memory of nodes and more. tile8, tile16: as dir, but camera rays go in tiles of 64 or 256, and \
               shadow rays of one light in tiles of 64 from the light; what does not go well so goes in packets. p4, \
-              p8, p16: as dir, but in packets of 4, 8 or 16 rays, one to a lane, shadow rays only of 16. The \
-              answer is the same",
+              p8, p16: as dir, but in packets of 4, 8 or 16 rays, one to a lane, shadow rays only of 16. Counters \
+              of shadow rays tell what dir does. The answer is the same",
         unit: "",
         kind: Kind::Choice(&[
             "auto", "dir", "wide", "tile8", "tile16", "p4", "p8", "p16", "ta-b", "ta-a", "sung",
@@ -244,12 +244,12 @@ pub mod params {
         name: "traversal",
         label: "Traversal",
         doc: "How rays walk the tree. auto: whatever is quickest for a batch: tile8 for camera rays and \
-              for shadow rays, wide for others; counters tell what dir does. dir: one by one, by plane distances in the order of the \
-              direction. ta-b-poly: by the heights of entry and exit points over the plane. wide: three levels at a \
+              for shadow rays, wide for others; counters tell what dir does. dir: one by one, by plane distances \
+              in the order of the direction. ta-b-poly: by the heights of entry and exit points over the plane. wide: three levels at a \
               time, several rays in turn. tile8, tile16: as dir, but camera rays go in tiles of 64 or 256, and shadow \
               rays of one light in tiles of 64 from the light; what does not go well so goes in packets. p4, p8, \
-              p16: as dir, but in packets of 4, 8 or 16 rays, one to a lane, shadow rays only of 16. The \
-              answer is the same",
+              p16: as dir, but in packets of 4, 8 or 16 rays, one to a lane, shadow rays only of 16. Counters of \
+              shadow rays tell what dir does. The answer is the same",
         unit: "",
         kind: Kind::Choice(&[
             "auto",

@@ -108,6 +108,15 @@ pub struct Structure {
     lately: [Lately; 2],
 }
 
+#[cfg(test)]
+impl Structure {
+    /// Of a configuration that is right, on one thread.
+    pub(crate) fn of(scene: &Arc<Triangles>, spec: &str) -> Self {
+        let config = Config::parse(spec).expect("a right configuration");
+        Self::build(scene.clone(), config, 1, &Monitor::new()).expect("a tree")
+    }
+}
+
 impl Structure {
     /// Builds `config` over `scene` on `threads` threads, 0 for one per core.
     ///

@@ -124,7 +124,7 @@ impl<const W: usize> PacketTree for BoxTree<W> {
                 }
                 let leaf = (next.link, next.count as usize);
                 counters[charged].leaf(leaf.1);
-                let cell = (lanes, ends);
+                let cell = (lanes, &ends);
                 packet_leaf::test::<S, Q, C, L>(simd, (blocks, rays), leaf, packet, cell, counters);
             };
         }

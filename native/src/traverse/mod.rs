@@ -16,6 +16,7 @@ pub mod bundle;
 mod candidates;
 pub mod cases;
 pub mod dop_tree;
+mod eight;
 pub mod frame;
 pub mod frame_rows;
 pub mod grid_step;

@@ -11,7 +11,7 @@ use super::blocks::Blocks;
 use super::frame::{Frame, PARALLEL_PAD, PRUNE, TINY, U};
 use super::query::{Counters, Query};
 use super::ray::{Hit, Ray};
-use super::tile::{Held, LANES, Row, bits};
+use super::tile::{self, Held, LANES, Row, bits};
 use super::tile_verdict;
 use crate::geom::vec3::map;
 use crate::geom::verdict::verdict_within;
@@ -175,9 +175,23 @@ impl Default for Packet {
 
 impl Packet {
     /// Takes the rays at the packet's places, and forgets all others. `known` are the best hits that they have
-    /// already, if there are any; rays end there. Returns those that enter the scene.
+    /// already, if there are any; rays end there. Returns those that enter the scene. One function for all trees.
+    #[inline(never)]
+    pub fn fill<S: Simd>(
+        &mut self,
+        simd: S,
+        frame: &Frame,
+        rays: &[Ray],
+        known: Option<&[Hit; MOST]>,
+    ) -> u64 {
+        simd.vectorize(
+            #[inline(always)]
+            || self.filled(simd, frame, rays, known),
+        )
+    }
+
     #[inline(always)]
-    pub fn fill<S: Simd, L: Width>(
+    fn filled<S: Simd>(
         &mut self,
         simd: S,
         frame: &Frame,
@@ -198,7 +212,7 @@ impl Packet {
                 }
             }
         }
-        self.odd | self.cut::<S, L>(simd, frame) & there
+        self.odd | self.cut(simd, frame) & there
     }
 
     /// Takes what is ordinary of the rays, a lane each; returns those lanes.
@@ -249,25 +263,25 @@ impl Packet {
 
     /// Cuts the rays to the scene's box, as [`Frame::ray`] does; returns those that meet it.
     #[inline(always)]
-    fn cut<S: Simd, L: Width>(&mut self, simd: S, frame: &Frame) -> u64 {
-        let splat = |x: f32| L::Vector::splat(simd, x);
+    fn cut<S: Simd>(&mut self, simd: S, frame: &Frame) -> u64 {
+        let splat = |x: f32| f32x16::splat(simd, x);
         let bounds = frame.bounds();
         let magnitude = splat(bounds.magnitude());
-        let to_frame = load::<S, L>(simd, &self.to_frame);
+        let to_frame = tile::load(simd, &self.to_frame);
         let last_place = to_frame.mul_add(splat(f32::from_bits(1)), splat(TINY));
-        let far = load::<S, L>(simd, &self.o[0])
+        let far = tile::load(simd, &self.o[0])
             .abs()
-            .max(load::<S, L>(simd, &self.o[1]).abs())
-            .max(load::<S, L>(simd, &self.o[2]).abs());
+            .max(tile::load(simd, &self.o[1]).abs())
+            .max(tile::load(simd, &self.o[2]).abs());
         let span = far + magnitude;
         let parallel = splat(U) / span;
-        let t_min = load::<S, L>(simd, &self.t_min) * to_frame;
-        let t_max = load::<S, L>(simd, &self.t) * to_frame;
+        let t_min = tile::load(simd, &self.t_min) * to_frame;
+        let t_max = tile::load(simd, &self.t) * to_frame;
         let mut near = t_min * splat(2.0 - PRUNE) - last_place;
         let mut exit = t_max * splat(PRUNE) + last_place;
         for k in 0..3 {
-            let o = load::<S, L>(simd, &self.o[k]);
-            let d = load::<S, L>(simd, &self.d[k]);
+            let o = tile::load(simd, &self.o[k]);
+            let d = tile::load(simd, &self.d[k]);
             let pad = (o.abs() + magnitude) * splat(PARALLEL_PAD);
             let slowest = parallel * pad;
             let d = d.abs().simd_lt(slowest).select(slowest.copysign(d), d);
@@ -279,15 +293,15 @@ impl Packet {
             // What is not a number bounds nothing.
             near = (back.select(high, low) - slack).max(near);
             exit = (back.select(low, high) + slack).min(exit);
-            store::<S, L>(inv, &mut self.inv[k]);
-            store::<S, L>(slack, &mut self.slack[k]);
+            store::<S, Sixteen>(inv, &mut self.inv[k]);
+            store::<S, Sixteen>(slack, &mut self.slack[k]);
         }
-        store::<S, L>(span, &mut self.span);
-        store::<S, L>(span * splat(28.0 * U), &mut self.oblique_pad);
-        store::<S, L>(last_place, &mut self.last_place);
-        store::<S, L>(near, &mut self.start);
-        store::<S, L>(exit, &mut self.reach);
-        live::<S, L>(near, exit)
+        store::<S, Sixteen>(span, &mut self.span);
+        store::<S, Sixteen>(span * splat(28.0 * U), &mut self.oblique_pad);
+        store::<S, Sixteen>(last_place, &mut self.last_place);
+        store::<S, Sixteen>(near, &mut self.start);
+        store::<S, Sixteen>(exit, &mut self.reach);
+        live::<S, Sixteen>(near, exit)
     }
 
     /// The rays among `left` that go with the first of them.
@@ -406,13 +420,36 @@ impl Packet {
     pub fn settle<S: Simd, Q: Query, C: Counters>(
         &mut self,
         simd: S,
+        blocks: (&Blocks, &[Ray]),
+        counters: &mut [C],
+    ) {
+        if self.held.lanes[0] != 0 {
+            self.release::<S, Q, C>(simd, blocks, counters);
+        }
+    }
+
+    /// The same where there are some. One function for all trees.
+    #[inline(never)]
+    fn release<S: Simd, Q: Query, C: Counters>(
+        &mut self,
+        simd: S,
+        blocks: (&Blocks, &[Ray]),
+        counters: &mut [C],
+    ) {
+        simd.vectorize(
+            #[inline(always)]
+            || self.released::<S, Q, C>(simd, blocks, counters),
+        );
+    }
+
+    #[inline(always)]
+    fn released<S: Simd, Q: Query, C: Counters>(
+        &mut self,
+        simd: S,
         (blocks, rays): (&Blocks, &[Ray]),
         counters: &mut [C],
     ) {
         let lanes = self.held.lanes[0];
-        if lanes == 0 {
-            return;
-        }
         let corners = tile_verdict::gathered(blocks, &self.held, 0);
         let to_scene = self.to_frame.map(|x| 1.0 / f64::from(x));
         let lines = (&self.o, &self.d, &to_scene);

@@ -14,6 +14,7 @@
 
 use super::blocks::{Blocks, LANES as WIDE, SPAN};
 use super::candidates::{DET_ERROR, T_ERROR, UNDERFLOW, UV_ERROR};
+use super::eight::{Vector8, abs, corner_and_sides, cross, dot, largest, same, sub};
 use super::packet::{MOST, Packet, Width, load, store};
 use super::query::{Counters, Query};
 use super::ray::Ray;
@@ -48,20 +49,38 @@ impl Seen {
     };
 }
 
-/// Tests the rays of `lanes`, which leave the leaf's cell at `leave`.
-#[inline(always)]
+/// Tests the rays of `lanes`, which leave the leaf's cell at `leave`. One function for all trees.
+#[inline(never)]
 pub fn test<S: Simd, Q: Query, C: Counters, L: Width>(
+    simd: S,
+    blocks: (&Blocks, &[Ray]),
+    leaf: (u32, usize),
+    packet: &mut Packet,
+    cell: (u64, &L::Vector<S>),
+    counters: &mut [C],
+) {
+    simd.vectorize(
+        #[inline(always)]
+        || each::<S, Q, C, L>(simd, blocks, leaf, packet, cell, counters),
+    );
+}
+
+#[inline(always)]
+fn each<S: Simd, Q: Query, C: Counters, L: Width>(
     simd: S,
     (blocks, rays): (&Blocks, &[Ray]),
     (first, count): (u32, usize),
     packet: &mut Packet,
-    (mut lanes, leave): (u64, L::Vector<S>),
+    (mut lanes, leave): (u64, &L::Vector<S>),
     counters: &mut [C],
 ) {
-    let mut each = lanes;
-    while each != 0 {
-        counters[packet.places[each.trailing_zeros() as usize % MOST]].tests(count);
-        each &= each - 1;
+    let leave = *leave;
+    if !C::QUICK {
+        let mut left = lanes;
+        while left != 0 {
+            counters[packet.places[left.trailing_zeros() as usize % MOST]].tests(count);
+            left &= left - 1;
+        }
     }
     let o = [
         load::<S, L>(simd, &packet.o[0]),
@@ -185,30 +204,6 @@ fn farthest<S: Simd, L: Width>(simd: S, reach: L::Vector<S>, lanes: u64) -> f32 
     reach.reduce_max()
 }
 
-type Vector8<S> = [f32x8<S>; 3];
-
-#[inline(always)]
-fn cross8<S: Simd>(a: Vector8<S>, b: Vector8<S>) -> Vector8<S> {
-    [
-        a[1].mul_sub(b[2], a[2] * b[1]),
-        a[2].mul_sub(b[0], a[0] * b[2]),
-        a[0].mul_sub(b[1], a[1] * b[0]),
-    ]
-}
-
-#[inline(always)]
-fn dot8<S: Simd>(simd: S, v: [f32; 3], a: Vector8<S>) -> f32x8<S> {
-    let last = a[2] * f32x8::splat(simd, v[2]);
-    let two = a[1].mul_add(f32x8::splat(simd, v[1]), last);
-    a[0].mul_add(f32x8::splat(simd, v[0]), two)
-}
-
-/// The same with all components of the second without their signs.
-#[inline(always)]
-fn size8<S: Simd>(simd: S, v: [f32; 3], a: Vector8<S>) -> f32x8<S> {
-    dot8(simd, v, [a[0].abs(), a[1].abs(), a[2].abs()])
-}
-
 /// What is the same for all rays.
 #[inline(always)]
 fn look<S: Simd>(
@@ -218,20 +213,12 @@ fn look<S: Simd>(
     (block, n): (&[f32; SPAN], usize),
 ) -> Seen {
     let splat = |x: f32| f32x8::splat(simd, x);
-    let row = |r: usize| f32x8::from_slice(simd, &block[1 + r * n..1 + r * n + WIDE]);
-    let a = [row(0), row(1), row(2)];
-    let e1 = [row(3) - a[0], row(4) - a[1], row(5) - a[2]];
-    let e2 = [row(6) - a[0], row(7) - a[1], row(8) - a[2]];
-    let normal = cross8(e2, e1);
+    let [a, e1, e2] = corner_and_sides(simd, block, n);
+    let normal = cross(e2, e1);
     let [low, high] = packet.origins;
-    let mut size = splat(0.0);
-    let mut span = splat(0.0);
-    for k in 0..3 {
-        size = size.max(e1[k].abs()).max(e2[k].abs());
-        span = span
-            .max((splat(low[k]) - a[k]).abs())
-            .max((splat(high[k]) - a[k]).abs());
-    }
+    let (low, high) = (sub(same(simd, low), a), sub(same(simd, high), a));
+    let size = largest(e1).max(largest(e2));
+    let span = largest(low).max(largest(high));
     // Zero, or NaN where some product may have overflowed: NaN bounds reject nothing.
     let product = splat(64.0) * span * size * size.max(splat(1.0));
     let floor = product.mul_add(splat(0.0), splat(UNDERFLOW));
@@ -244,13 +231,8 @@ fn look<S: Simd>(
 
     let mut kept = (1 << n) - 1;
     if let Some(fan) = packet.fan {
-        let o = [
-            splat(low[0]) - a[0],
-            splat(low[1]) - a[1],
-            splat(low[2]) - a[2],
-        ];
         let errors = [det_error, uv_error, t_error];
-        kept &= !beside(simd, (o, fan, farthest), [e1, e2, normal], errors);
+        kept &= !beside(simd, (low, fan, farthest), [e1, e2, normal], errors);
         if kept == 0 {
             return Seen::NOTHING;
         }
@@ -283,22 +265,19 @@ fn beside<S: Simd>(
     [det_error, uv_error, t_error]: [f32x8<S>; 3],
 ) -> u64 {
     let two = f32x8::splat(simd, 2.0);
-    let det = dot8(simd, d, normal);
-    let det_half = size8(simd, turn, normal);
+    let (d, turn) = (same(simd, d), same(simd, turn));
+    let det = dot(normal, d);
+    let det_half = dot(abs(normal), turn);
     let side = f32x8::splat(simd, 1.0).copysign(det);
     let det = det.abs();
     let one_sided = (det - det_half).simd_gt(det_error * two);
-    let (of_u, of_v) = (cross8(e2, s), cross8(s, e1));
-    let of_w = [
-        normal[0] - of_u[0] - of_v[0],
-        normal[1] - of_u[1] - of_v[1],
-        normal[2] - of_u[2] - of_v[2],
-    ];
-    let u = dot8(simd, d, of_u).mul_add(side, size8(simd, turn, of_u));
-    let v = dot8(simd, d, of_v).mul_add(side, size8(simd, turn, of_v));
-    let w = dot8(simd, d, of_w).mul_add(side, size8(simd, turn, of_w));
+    let (of_u, of_v) = (cross(e2, s), cross(s, e1));
+    let of_w = sub(sub(normal, of_u), of_v);
+    let u = dot(of_u, d).mul_add(side, dot(abs(of_u), turn));
+    let v = dot(of_v, d).mul_add(side, dot(abs(of_v), turn));
+    let w = dot(of_w, d).mul_add(side, dot(abs(of_w), turn));
     let outside = u.min(v).min(w).simd_lt(-(uv_error * two));
-    let height = s[0].mul_add(normal[0], s[1].mul_add(normal[1], s[2] * normal[2])) * -side;
+    let height = dot(normal, s) * -side;
     let room = t_error * two;
     let far = f32x8::splat(simd, farthest);
     let doubt = far.abs().mul_add(det_error * f32x8::splat(simd, 3.0), room);

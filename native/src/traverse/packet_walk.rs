@@ -118,7 +118,7 @@ fn cast<'a, S: Simd, T: PacketTree + 'a, Q: Query, C: Counters, L: Width>(
         stack,
         single,
     } = scratch;
-    let mut left = packet.fill::<S, L>(simd, frame, rays, known);
+    let mut left = packet.fill(simd, frame, rays, known);
     while left != 0 {
         let group = packet.group(left);
         left &= !group.lanes;

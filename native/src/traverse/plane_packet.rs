@@ -132,7 +132,7 @@ fn follow<S: Simd, T: Planes, Q: Query, C: Counters, L: Width>(
                         (blocks, rays),
                         (first, count),
                         packet,
-                        (lanes, leave),
+                        (lanes, &leave),
                         counters,
                     );
                 }

@@ -30,8 +30,8 @@ impl Query for Any {
 
 /// What happens during a walk, reported when it happens. Of what a counter does not say otherwise it takes no note.
 pub trait Counters {
-    /// Whether nobody asks which triangles were put to the verdict: a shadow ray then needs none where f32
-    /// is sure of a hit.
+    /// Whether nobody asks which triangles were tested and which put to the verdict: a shadow ray then needs no
+    /// verdict where f32 is sure of a hit.
     const QUICK: bool = false;
     /// Whether, beyond that, the verdict on a triangle that f32 is sure of may wait until it is known that no
     /// other is nearer. The walk then ends with [`Best::answer`].

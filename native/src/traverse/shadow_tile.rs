@@ -39,9 +39,17 @@ const SPREAD: f32 = 0.25;
 const BLUR: f32 = 1e-3;
 
 impl<const R: usize> Shadows<R> {
-    /// Turns shadow rays round; `None` for rays that are better walked in packets.
-    #[inline(always)]
+    /// Turns shadow rays round; `None` for rays that are better walked in packets. One function for all trees.
+    #[inline(never)]
     pub fn new<S: Simd>(simd: S, frame: &Frame, rays: &[Ray]) -> Option<(Tile<R>, Self)> {
+        simd.vectorize(
+            #[inline(always)]
+            || Self::of(simd, frame, rays),
+        )
+    }
+
+    #[inline(always)]
+    fn of<S: Simd>(simd: S, frame: &Frame, rays: &[Ray]) -> Option<(Tile<R>, Self)> {
         let first = &rays[0];
         let longest = first.d[0].abs().max(first.d[1].abs()).max(first.d[2].abs());
         let unit = f32::from_bits(longest.to_bits() & 0x7f80_0000);

@@ -128,9 +128,17 @@ impl<const R: usize> Tile<R> {
         }
     }
 
-    /// Of at least one ray and at most `16 R`.
-    #[inline(always)]
+    /// Of at least one ray and at most `16 R`. One function for all trees.
+    #[inline(never)]
     pub fn new<S: Simd>(simd: S, frame: &Frame, rays: &[Ray]) -> Self {
+        simd.vectorize(
+            #[inline(always)]
+            || Self::of(simd, frame, rays),
+        )
+    }
+
+    #[inline(always)]
+    fn of<S: Simd>(simd: S, frame: &Frame, rays: &[Ray]) -> Self {
         let first = &rays[0];
         let mut tile = Self::blank(first.o, largest(first.d));
         let mut other = 0;

@@ -22,6 +22,7 @@
 
 use super::blocks::{Blocks, LANES as WIDE, SPAN};
 use super::candidates::{DET_ERROR, T_ERROR, UNDERFLOW, UV_ERROR};
+use super::eight::{corner_and_sides, cross, dot, largest, same, sub};
 use super::query::Counters;
 use super::ray::Ray;
 use super::tile::{Tile, bits, load, splat};
@@ -107,11 +108,26 @@ const ROW_ERROR: f32 = 8.0;
 
 /// Tests the tile against the leaf of `count` triangles that begins at `first`, in whose cell the rays
 /// are between `enter` and `leave`. Returns how many triangles the pyramid let through. What is tested
-/// is charged to the tile's first ray.
+/// is charged to the tile's first ray. One function for all trees.
+#[inline(never)]
+pub fn test<S: Simd, C: Counters, J: Judge<R>, const R: usize>(
+    simd: S,
+    blocks: &Blocks,
+    leaf: (u32, usize),
+    ends: (f32, f32),
+    tile: (&mut Tile<R>, &[Ray], &mut J),
+    counters: &mut [C],
+) -> usize {
+    simd.vectorize(
+        #[inline(always)]
+        || each(simd, blocks, leaf, ends, tile, counters),
+    )
+}
+
 // Vectors in closures are slow: a closure does not have the instruction set of the function around it
 // unless the compiler happens to inline it. So there are none here.
 #[inline(always)]
-pub fn test<S: Simd, C: Counters, const R: usize>(
+fn each<S: Simd, C: Counters, const R: usize>(
     simd: S,
     blocks: &Blocks,
     (first, count): (u32, usize),
@@ -151,50 +167,11 @@ pub fn test<S: Simd, C: Counters, const R: usize>(
     kept
 }
 
-type Vector8<S> = [f32x8<S>; 3];
 type Vector16<S> = [f32x16<S>; 3];
 
 #[inline(always)]
 fn splat8<S: Simd>(simd: S, x: f32) -> f32x8<S> {
     f32x8::splat(simd, x)
-}
-
-#[inline(always)]
-fn load8<S: Simd>(simd: S, block: &[f32; SPAN], n: usize, row: usize) -> f32x8<S> {
-    f32x8::from_slice(simd, &block[1 + row * n..1 + row * n + WIDE])
-}
-
-#[inline(always)]
-fn point8<S: Simd>(simd: S, block: &[f32; SPAN], n: usize, row: usize) -> Vector8<S> {
-    [
-        load8(simd, block, n, row),
-        load8(simd, block, n, row + 1),
-        load8(simd, block, n, row + 2),
-    ]
-}
-
-#[inline(always)]
-fn sub8<S: Simd>(a: Vector8<S>, b: Vector8<S>) -> Vector8<S> {
-    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
-}
-
-#[inline(always)]
-fn largest8<S: Simd>(v: Vector8<S>) -> f32x8<S> {
-    v[0].abs().max(v[1].abs()).max(v[2].abs())
-}
-
-#[inline(always)]
-fn cross8<S: Simd>(a: Vector8<S>, b: Vector8<S>) -> Vector8<S> {
-    [
-        a[1].mul_sub(b[2], a[2] * b[1]),
-        a[2].mul_sub(b[0], a[0] * b[2]),
-        a[0].mul_sub(b[1], a[1] * b[0]),
-    ]
-}
-
-#[inline(always)]
-fn dot8<S: Simd>(a: Vector8<S>, d: Vector8<S>) -> f32x8<S> {
-    d[0].mul_add(a[0], d[1].mul_add(a[1], d[2] * a[2]))
 }
 
 #[inline(always)]
@@ -210,13 +187,10 @@ fn look<S: Simd, const R: usize>(
     leave: f32,
     (block, n): (&[f32; SPAN], usize),
 ) -> Seen {
-    let a = point8(simd, block, n, 0);
-    let e1 = sub8(point8(simd, block, n, 3), a);
-    let e2 = sub8(point8(simd, block, n, 6), a);
-    let [x, y, z] = tile.o;
-    let s = sub8([splat8(simd, x), splat8(simd, y), splat8(simd, z)], a);
-    let size = largest8(e1).max(largest8(e2));
-    let span = largest8(s);
+    let [a, e1, e2] = corner_and_sides(simd, block, n);
+    let s = sub(same(simd, tile.o), a);
+    let size = largest(e1).max(largest(e2));
+    let span = largest(s);
     // Zero, or NaN where some product may have overflowed: NaN bounds reject nothing.
     let product = splat8(simd, 64.0) * span * size * size.max(splat8(simd, 1.0));
     let floor = product.mul_add(splat8(simd, 0.0), splat8(simd, UNDERFLOW));
@@ -240,8 +214,8 @@ fn look<S: Simd, const R: usize>(
         span.mul_add(splat8(simd, T_ERROR), splat8(simd, 7.0 * blur)),
         floor,
     );
-    let (det, u, v) = (cross8(e2, e1), cross8(e2, s), cross8(s, e1));
-    let t = dot8(e2, v);
+    let (det, u, v) = (cross(e2, e1), cross(e2, s), cross(s, e1));
+    let t = dot(e2, v);
     // All as seen from the side on which the determinant of a hit is positive.
     let side = splat8(simd, 1.0).copysign(t);
     let t = t * side;
@@ -249,11 +223,7 @@ fn look<S: Simd, const R: usize>(
     let det = [det[0] * side, det[1] * side, det[2] * side];
     let u = [u[0] * side, u[1] * side, u[2] * side];
     let v = [v[0] * side, v[1] * side, v[2] * side];
-    let w = [
-        det[0] - u[0] - v[0],
-        det[1] - u[1] - v[1],
-        det[2] - u[2] - v[2],
-    ];
+    let w = sub(sub(det, u), v);
     let blank = Corners {
         first: [0.0; WIDE],
         sides: [[0.0; WIDE]; 2],
@@ -279,10 +249,10 @@ fn look<S: Simd, const R: usize>(
         let mut outside = 0;
         for (i, of) in [u, v, w, det].into_iter().enumerate() {
             let [a, b, c, d] = &pyramid.corners;
-            let a = dot8(of, direction8(simd, a));
-            let b = dot8(of, direction8(simd, b));
-            let c = dot8(of, direction8(simd, c));
-            let d = dot8(of, direction8(simd, d));
+            let a = dot(of, same(simd, *a));
+            let b = dot(of, same(simd, *b));
+            let c = dot(of, same(simd, *c));
+            let d = dot(of, same(simd, *d));
             let most = a.max(b).max(c.max(d));
             if i < 3 {
                 outside |= most.simd_lt(below).to_bitmask();
@@ -312,11 +282,6 @@ fn look<S: Simd, const R: usize>(
         t_error.store_slice(&mut seen.t_error);
     }
     seen
-}
-
-#[inline(always)]
-fn direction8<S: Simd>(simd: S, d: &[f32; 3]) -> Vector8<S> {
-    [splat8(simd, d[0]), splat8(simd, d[1]), splat8(simd, d[2])]
 }
 
 #[inline(always)]

@@ -86,9 +86,22 @@ impl<const R: usize> Judge<R> for Nearest {
     }
 }
 
-/// Works out the hits that are held back, once no nearer ones can come.
-#[inline(always)]
+/// Works out the hits that are held back, once no nearer ones can come. One function for all trees.
+#[inline(never)]
 pub fn settle<S: Simd, C: Counters, const R: usize>(
+    simd: S,
+    blocks: &Blocks,
+    tile: (&mut Tile<R>, &[Ray]),
+    counters: &mut [C],
+) {
+    simd.vectorize(
+        #[inline(always)]
+        || settled(simd, blocks, tile, counters),
+    );
+}
+
+#[inline(always)]
+fn settled<S: Simd, C: Counters, const R: usize>(
     simd: S,
     blocks: &Blocks,
     (tile, rays): (&mut Tile<R>, &[Ray]),

@@ -50,7 +50,8 @@ const TRAVERSAL: ParamSpec = ParamSpec {
     label: "Traversal",
     doc: "How rays walk the tree. ordered: one by one, the nearest box first. tile8, tile16: camera rays in tiles \
           of 64 or 256, what does not go well so in packets. p4, p8, p16: packets of 4, 8 or 16 rays, one to a lane, \
-          shadow rays only of 16. Tiles and packets need eight boxes to a node. The answer is the same",
+          shadow rays only of 16. Counters of shadow rays tell what ordered does. Tiles and packets need eight \
+          boxes to a node. The answer is the same",
     unit: "",
     kind: Kind::Choice(&["ordered", "tile8", "tile16", "p4", "p8", "p16"]),
     default: Default::Choice("ordered"),

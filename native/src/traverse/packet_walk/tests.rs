@@ -1,13 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Packets answer as brute force does, whatever rays follow each other, and so do tiles that leave rays over.
 
-use crate::build::Monitor;
 use crate::oracle::cases::{Case, Size, cases, ray};
-use crate::scene::Triangles;
-use crate::spec::Config;
 use crate::structure::Structure;
 use crate::traverse::{Hit, Order, Ray, RayCounters, Tracer};
-use std::sync::Arc;
 
 const SPECS: [&str; 6] = [
     "kd:traversal=p16",
@@ -17,11 +13,6 @@ const SPECS: [&str; 6] = [
     "kd:traversal=tile8",
     "bvh-sah:traversal=tile8",
 ];
-
-fn build(scene: &Arc<Triangles>, spec: &str) -> Structure {
-    let config = Config::parse(spec).unwrap();
-    Structure::build(scene.clone(), config, 1, &Monitor::new()).unwrap()
-}
 
 /// Bit patterns of the nearest hits, and which rays meet anything.
 fn answers(
@@ -70,9 +61,9 @@ fn rays(case: &Case) -> Vec<Ray> {
 fn packets_lose_nothing_on_hard_scenes() {
     for case in cases(Size::Small, 8) {
         let rays = rays(&case);
-        let expected = answers(&build(&case.scene, "brute"), &rays, None);
+        let expected = answers(&Structure::of(&case.scene, "brute"), &rays, None);
         for spec in SPECS {
-            let structure = build(&case.scene, spec);
+            let structure = Structure::of(&case.scene, spec);
             let found = answers(&structure, &rays, None);
             let wrong = (0..rays.len())
                 .find(|&i| found.0[i] != expected.0[i] || found.1[i] != expected.1[i]);

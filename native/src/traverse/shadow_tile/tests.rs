@@ -2,15 +2,11 @@
 //! Shadow tiles answer as brute force does, and do go as tiles where they should.
 
 use super::Shadows;
-use crate::build::Monitor;
 use crate::oracle::cases::{Random, Size, cases, grid, ray, soup};
-use crate::scene::Triangles;
-use crate::spec::Config;
 use crate::structure::Structure;
 use crate::traverse::frame::Frame;
 use crate::traverse::{Ray, RayCounters, Tracer};
 use fearless_simd::{Level, dispatch};
-use std::sync::Arc;
 
 const SPECS: [&str; 4] = [
     "kd",
@@ -18,11 +14,6 @@ const SPECS: [&str; 4] = [
     "bsp-wn-plus-kd:traversal=tile16",
     "bvh-sah:traversal=tile8",
 ];
-
-fn build(scene: &Arc<Triangles>, spec: &str) -> Structure {
-    let config = Config::parse(spec).unwrap();
-    Structure::build(scene.clone(), config, 1, &Monitor::new()).unwrap()
-}
 
 fn blocked(structure: &Structure, rays: &[Ray]) -> Vec<bool> {
     let mut blocked = vec![false; rays.len()];
@@ -106,7 +97,7 @@ fn shadow_tiles_answer_like_brute_force() {
             .into_iter()
             .take(41),
     );
-    let expected = blocked(&build(&scene, "brute"), &rays);
+    let expected = blocked(&Structure::of(&scene, "brute"), &rays);
     let count = expected.iter().filter(|blocked| **blocked).count();
     assert!(
         count > rays.len() / 8 && count < rays.len() * 7 / 8,
@@ -114,7 +105,7 @@ fn shadow_tiles_answer_like_brute_force() {
         rays.len()
     );
     for spec in SPECS {
-        let structure = build(&scene, spec);
+        let structure = Structure::of(&scene, spec);
         assert!(blocked(&structure, &rays) == expected, "{spec}");
         let mut counters = vec![RayCounters::default(); rays.len()];
         let mut counted = vec![false; rays.len()];
@@ -132,7 +123,7 @@ fn shadow_tiles_lose_nothing_on_hard_scenes() {
             continue;
         }
         let frame = Frame::new(bounds);
-        let brute = build(&case.scene, "brute");
+        let brute = Structure::of(&case.scene, "brute");
         let mut rays = case.rays.clone();
         let middle = std::array::from_fn(|k| bounds.min[k] / 2.0 + bounds.max[k] / 2.0);
         for light in [bounds.min, bounds.max, middle] {
@@ -156,7 +147,7 @@ fn shadow_tiles_lose_nothing_on_hard_scenes() {
         formed += tiles(&frame, &rays);
         let expected = blocked(&brute, &rays);
         for spec in SPECS {
-            let found = blocked(&build(&case.scene, spec), &rays);
+            let found = blocked(&Structure::of(&case.scene, spec), &rays);
             let wrong = found.iter().zip(&expected).filter(|(a, b)| a != b).count();
             assert_eq!(wrong, 0, "{}, {spec}: of {}", case.name, rays.len());
         }
