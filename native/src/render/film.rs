@@ -6,6 +6,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use super::adaptive::{self, Noise};
 use super::check::{Error, Result};
 use super::settings::{Mist, Pass, Settings};
+use super::vector::Vec3;
 
 /// Side of a film tile in pixels; a multiple of 8, so that camera rays come in 8×8 blocks.
 pub const TILE: u32 = 32;
@@ -61,6 +62,14 @@ impl PixelSample {
         steps: 0,
         tests: 0,
     };
+
+    /// Light arrives.
+    #[inline(always)]
+    pub fn add(&mut self, light: Vec3) {
+        for (c, l) in self.color.iter_mut().zip(light.array()) {
+            *c += l;
+        }
+    }
 }
 
 /// Depth where nothing is seen, as in Blender's own engines.

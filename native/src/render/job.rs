@@ -15,9 +15,10 @@ use super::camera::{Camera, CameraParams};
 use super::check::{Error, Result};
 use super::film::Film;
 use super::filter::Filter;
-use super::integrator::{Context, Wavefront, Work};
+use super::integrator::{Context, Wavefront};
 use super::scene::RenderScene;
 use super::settings::{Pass, Settings};
+use super::work::Work;
 use crate::memory::check_room;
 
 /// Numbers of a render so far.

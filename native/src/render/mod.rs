@@ -12,7 +12,9 @@
 //! - [`visibility`]: which rays see what;
 //! - [`attributes`]: what triangles carry, of a flattened scene or of instances;
 //! - [`scene`], [`indices`], [`features`], [`surface`]: the scene, what it needs, a point of it;
-//! - [`settings`], [`film`], [`adaptive`], [`integrator`], [`job`]: the render itself.
+//! - [`path`], [`integrator`], [`shade`], [`shadow_rays`]: paths, their rays in batches, what happens where they
+//!   hit, whether light arrives there;
+//! - [`settings`], [`film`], [`adaptive`], [`work`], [`calls`], [`job`]: the render itself.
 //!
 //! The image is a pure function of scene, camera and settings: every random number is a hash of
 //! (pixel, seed, dimension, sample), a pixel's samples are added in order, and structures answer
@@ -22,6 +24,7 @@ pub mod adaptive;
 pub mod albedo;
 pub mod attributes;
 pub mod bsdf;
+pub mod calls;
 pub mod camera;
 pub mod check;
 pub mod closure;
@@ -41,15 +44,19 @@ pub mod lights;
 pub mod material;
 pub mod node_math;
 pub mod noise;
+pub mod path;
 pub mod place;
 pub mod program;
 pub mod sampler;
 pub mod scene;
 pub mod settings;
+mod shade;
+mod shadow_rays;
 pub mod surface;
 pub mod trig;
 pub mod vector;
 pub mod visibility;
+pub mod work;
 pub mod world;
 
 #[cfg(test)]

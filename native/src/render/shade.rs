@@ -1,0 +1,438 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! What happens where the rays of a wavefront hit: surfaces emit, shadow rays are collected, and the rays are
+//! replaced by those of the next bounce.
+
+use super::bsdf::{Bsdf, cosine_direction};
+use super::features::Features;
+use super::film::PixelSample;
+use super::integrator::{Context, Wavefront};
+use super::lights::{Arrival, Emitter, Receiver, power_heuristic};
+use super::path::{Numbers, Path};
+use super::place::RayKind;
+use super::program::Value;
+use super::scene::RenderScene;
+use super::settings::{Integrator, Pass, Settings};
+use super::shadow_rays::ShadowRays;
+use super::surface::Surface;
+use super::vector::{Frame, Vec3};
+use super::work::Work;
+use crate::traverse::{Hit, Ray};
+
+/// Shadow rays end a little before the light, in units of the way to it.
+const BEFORE_LIGHT: f32 = 1.0 - 1e-5;
+
+/// Shades all hits of a wavefront for the sample of this number.
+pub type Shade = fn(&mut Wavefront, &Context<'_>, u32);
+
+/// The variant of [`shade`] with exactly these features.
+pub fn choose(features: Features) -> Shade {
+    macro_rules! variant {
+        ($($flag:expr),*; $($chosen:tt)*) => { variant!(@ [$($flag),*] [$($chosen)*]) };
+        (@ [] [$($chosen:tt)*]) => { shade::<$($chosen)*> };
+        (@ [$flag:expr $(, $rest:expr)*] [$($chosen:tt)*]) => {
+            if $flag {
+                variant!(@ [$($rest),*] [$($chosen)* true,])
+            } else {
+                variant!(@ [$($rest),*] [$($chosen)* false,])
+            }
+        };
+    }
+    variant!(features.lights, features.glossy, features.glass, features.smooth_normals;)
+}
+
+/// Shades all hits: adds what they emit, collects shadow rays, and replaces the rays by those of
+/// the next bounce, in the same order.
+fn shade<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bool>(
+    wave: &mut Wavefront,
+    context: &Context<'_>,
+    sample: u32,
+) {
+    let shader = Shader::<LIGHTS, GLOSSY, GLASS, SMOOTH>::new(context, sample);
+    let Wavefront {
+        rays,
+        hits,
+        paths,
+        samples,
+        shadows,
+        registers,
+        light_registers,
+        work,
+        ..
+    } = wave;
+    let mut kept = 0;
+    for i in 0..rays.len() {
+        let mut path = paths[i];
+        let mut out = Out {
+            sample: &mut samples[path.slot as usize],
+            shadows: &mut *shadows,
+            registers: &mut *registers,
+            light_registers: &mut *light_registers,
+            work: &mut *work,
+        };
+        if let Some(next) = shader.follow(&rays[i], &hits[i], &mut path, &mut out) {
+            rays[kept] = next;
+            paths[kept] = path;
+            kept += 1;
+        }
+    }
+    rays.truncate(kept);
+    paths.truncate(kept);
+}
+
+/// What shading writes to.
+struct Out<'a> {
+    sample: &'a mut PixelSample,
+    shadows: &'a mut ShadowRays,
+    /// What a material's program computes, from point to point.
+    registers: &'a mut Vec<Value>,
+    light_registers: &'a mut Vec<Value>,
+    work: &'a mut Work,
+}
+
+/// Shading of one sample of a scene with these features.
+struct Shader<'a, const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bool> {
+    context: &'a Context<'a>,
+    scene: &'a RenderScene,
+    settings: &'a Settings,
+    features: Features,
+    sample: u32,
+    /// Whether camera rays see lamps.
+    lamps_seen: bool,
+    /// Whether the ray after the last bounce can still find light.
+    last_ray_counts: bool,
+}
+
+impl<'a, const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bool>
+    Shader<'a, LIGHTS, GLOSSY, GLASS, SMOOTH>
+{
+    fn new(context: &'a Context<'a>, sample: u32) -> Self {
+        let Context {
+            scene, settings, ..
+        } = *context;
+        let features = scene.features();
+        Self {
+            context,
+            scene,
+            settings,
+            features,
+            sample,
+            lamps_seen: scene.lights.any_seen(),
+            last_ray_counts: features.lights_met || features.emission || !scene.world.is_black(),
+        }
+    }
+
+    /// One hit. Returns the ray on which the path goes on, if it does.
+    #[inline(always)]
+    fn follow(&self, ray: &Ray, hit: &Hit, path: &mut Path, out: &mut Out<'_>) -> Option<Ray> {
+        let (scene, features) = (self.scene, self.features);
+        let d = Vec3::from(ray.d);
+        if LIGHTS && features.lights_met {
+            self.meet_lights(d, hit, path, out);
+        }
+        if !hit.is_hit() {
+            self.leave_scene(d, path, out);
+            return None;
+        }
+        let mut surface = Surface::at::<SMOOTH>(scene, hit, d);
+        let material = surface.material;
+        if features.hidden && !material.visible.to(path.kind) {
+            return path.pass_unseen(hit.t).then(|| surface.beyond(ray, hit));
+        }
+        if !material.program.is_empty() {
+            let place = surface.place(scene, d, path.kind);
+            material.program.run(&scene.images, &place, out.registers);
+            out.work.shaded_textures += 1;
+            if let Some(normal) = material.normal(out.registers) {
+                surface.bend(normal, d);
+            }
+        }
+        let look = material.look_here(out.registers);
+        if features.emission && !self.is(Integrator::Ambient) && look.emission != Vec3::ZERO {
+            self.add_emission(look.emission, (hit, &surface, d), path, out);
+        }
+        let random = path.at_vertex(self.sample);
+        let [roulette, opacity] = if path.bounce > 0 || features.transparency {
+            random.fate()
+        } else {
+            [0.0; 2]
+        };
+
+        // Pass through what is not there.
+        let passing = look.transparent.mean();
+        let pass = if passing > 0.0 {
+            passing / (passing + look.solid)
+        } else {
+            0.0
+        };
+        if features.transparency && opacity < pass {
+            path.throughput = path.throughput * look.transparent * (1.0 / pass);
+            return path.pass(hit.t).then(|| surface.beyond(ray, hit));
+        }
+        if path.camera {
+            self.describe(hit, &surface, out.sample);
+        }
+        if pass > 0.0 {
+            path.throughput *= 1.0 / (1.0 - pass);
+        }
+        if u32::from(path.bounce) > self.settings.max_bounces || !path.survives(roulette) {
+            return None;
+        }
+        let frame = surface.frame();
+        if self.is(Integrator::Ambient) {
+            self.look_around(&surface, &frame, random, path, out);
+            return None;
+        }
+        let mut wi = frame.to_local(-d);
+        wi.z = wi.z.max(1e-4);
+        let normals = surface.normals(&frame);
+        let bsdf = Bsdf::new(
+            &material.closures,
+            out.registers,
+            wi,
+            normals,
+            surface.inside,
+        );
+        out.work.shaded_glossy += u64::from(bsdf.reflects());
+        out.work.shaded_glass += u64::from(bsdf.transmits());
+        out.work.normals_fetched += u64::from(SMOOTH);
+        let normal = if bsdf.transmits() {
+            Vec3::ZERO
+        } else {
+            surface.geometric
+        };
+        path.receiver = Receiver {
+            point: surface.point,
+            normal,
+        };
+        let [choose_light, choose_lobe] = random.choices();
+        if LIGHTS && bsdf.has_density() {
+            let random = (choose_light, random.light());
+            self.sample_light(&surface, (&frame, &bsdf), random, path, out);
+        }
+        let random = (choose_lobe, random.direction());
+        self.scatter(&surface, (&frame, &bsdf), random, path, out)
+    }
+
+    #[inline(always)]
+    fn is(&self, integrator: Integrator) -> bool {
+        self.settings.integrator == integrator
+    }
+
+    /// Adds the light of lamps that the ray passes before it hits anything else.
+    #[inline(always)]
+    fn meet_lights(&self, d: Vec3, hit: &Hit, path: &Path, out: &mut Out<'_>) {
+        let (scene, settings) = (self.scene, self.settings);
+        if path.camera && (!self.lamps_seen || (settings.film_transparent && !hit.is_hit())) {
+            return;
+        }
+        out.work.lights_asked += 1;
+        let span = [path.passed, path.passed + hit.t];
+        let light = scene
+            .lights
+            .met(path.receiver, d, span, path.pdf, path.kind);
+        out.sample
+            .add(settings.clamped(path.throughput * light, path.bounce > 1));
+    }
+
+    /// Adds the light of the world, which a ray that hits nothing meets.
+    #[inline(always)]
+    fn leave_scene(&self, d: Vec3, path: &Path, out: &mut Out<'_>) {
+        let (scene, settings) = (self.scene, self.settings);
+        if !scene.world.visible.to(path.kind) {
+            out.sample.alpha = 1.0;
+        } else if !(path.camera && settings.film_transparent) {
+            let mut light =
+                scene
+                    .world
+                    .radiance(&scene.images, &scene.varying, d, path.kind, out.registers);
+            if self.features.world && path.pdf.is_finite() {
+                let density = scene.lights.world_pdf(path.receiver, d);
+                light *= power_heuristic(path.pdf, density);
+            }
+            out.sample
+                .add(settings.clamped(path.throughput * light, path.bounce > 1));
+            out.sample.alpha = 1.0;
+        }
+    }
+
+    /// Adds what the surface emits, seen along `d`.
+    #[inline(always)]
+    fn add_emission(
+        &self,
+        emission: Vec3,
+        (hit, surface, d): (&Hit, &Surface<'_>, Vec3),
+        path: &Path,
+        out: &mut Out<'_>,
+    ) {
+        let mut emission = path.throughput * emission;
+        if path.pdf.is_finite() {
+            let cos = surface.geometric.dot(d).abs();
+            let distance = path.passed + hit.t;
+            let lights = &self.scene.lights;
+            let density = lights.triangle_pdf(path.receiver, hit.triangle, distance, cos);
+            emission *= power_heuristic(path.pdf, density);
+        }
+        out.sample
+            .add(self.settings.clamped(emission, path.bounce > 1));
+    }
+
+    /// What passes tell of the first surface.
+    #[inline(always)]
+    fn describe(&self, hit: &Hit, surface: &Surface<'_>, sample: &mut PixelSample) {
+        let (scene, camera) = (self.scene, self.context.camera);
+        sample.alpha = 1.0;
+        sample.depth = camera.depth(surface.point);
+        sample.distance = camera.distance(surface.point);
+        sample.normal = surface.shading.array();
+        sample.position = surface.point.array();
+        let triangle = hit.triangle as usize;
+        let material = scene.attributes.at(hit.triangle).material();
+        (sample.object, sample.material) = scene.indices.of(triangle, material as u32);
+        sample.uv = scene.indices.uv(triangle, hit.u, hit.v);
+    }
+
+    /// Ambient occlusion: light arrives from everywhere unless something near is in its way.
+    #[inline(always)]
+    fn look_around(
+        &self,
+        surface: &Surface<'_>,
+        frame: &Frame,
+        random: Numbers,
+        path: &Path,
+        out: &mut Out<'_>,
+    ) {
+        let direction = frame.to_world(cosine_direction(random.direction()));
+        if direction.dot(surface.geometric) > 0.0 {
+            let ray = Ray {
+                o: surface.leave_to_light::<SMOOTH>(direction).array(),
+                d: direction.array(),
+                t_min: 0.0,
+                t_max: self.settings.ambient_distance,
+            };
+            out.shadows.push(ray, path.slot, path.throughput);
+        }
+    }
+
+    /// Sends a shadow ray to a light, if one could bring something.
+    #[inline(always)]
+    fn sample_light(
+        &self,
+        surface: &Surface<'_>,
+        (frame, bsdf): (&Frame, &Bsdf<GLOSSY, GLASS>),
+        (choice, u): (f32, [f32; 2]),
+        path: &Path,
+        out: &mut Out<'_>,
+    ) {
+        let (scene, settings) = (self.scene, self.settings);
+        let Some(light) = scene.lights.sample(path.receiver, choice, u) else {
+            return;
+        };
+        let (f, pdf) = bsdf.eval_lit(frame.to_local(light.direction), light.visible);
+        // Whitted's rays follow mirrors only: nothing else would find the light.
+        let weight = if light.pdf.is_finite() && !self.is(Integrator::Whitted) {
+            power_heuristic(light.pdf, pdf)
+        } else {
+            1.0
+        };
+        let mut value = path.throughput * f * light.radiance * weight;
+        if value.max_component() > 0.0 && !matches!(light.emitter, Emitter::Lamp) {
+            value = value * sent(scene, &light, out.light_registers);
+        }
+        if !(value.max_component() > 0.0 && value.is_finite()) {
+            return;
+        }
+        let value = settings.clamped(value, path.bounce > 0);
+        if !light.casts_shadow {
+            out.sample.add(value);
+            return;
+        }
+        let o = surface.leave_to_light::<SMOOTH>(light.direction);
+        let (d, t_max) = if light.distance.is_finite() {
+            let to = surface.point + light.direction * light.distance;
+            (to - o, BEFORE_LIGHT)
+        } else {
+            (light.direction, f32::INFINITY)
+        };
+        let ray = Ray {
+            o: o.array(),
+            d: d.array(),
+            t_min: 0.0,
+            t_max,
+        };
+        out.shadows.push(ray, path.slot, value);
+    }
+
+    /// Chooses the direction in which the path goes on, if it does.
+    #[inline(always)]
+    fn scatter(
+        &self,
+        surface: &Surface<'_>,
+        (frame, bsdf): (&Frame, &Bsdf<GLOSSY, GLASS>),
+        (choice, u): (f32, [f32; 2]),
+        path: &mut Path,
+        out: &mut Out<'_>,
+    ) -> Option<Ray> {
+        // What a direction chosen in proportion to the light it brings weighs is, in the mean, the albedo.
+        if path.camera
+            && self.context.film.wants(Pass::Albedo)
+            && let Some(scatter) = bsdf.sample(choice, u)
+        {
+            out.sample.albedo = scatter.weight.array();
+        }
+        if u32::from(path.bounce) == self.settings.max_bounces && !self.last_ray_counts {
+            return None;
+        }
+        let scatter = bsdf.sample(choice, u)?;
+        if self.is(Integrator::Whitted) && scatter.pdf.is_finite() {
+            return None;
+        }
+        let direction = frame.to_world(scatter.wo).normalized_or(surface.geometric);
+        let across = direction.dot(surface.geometric) < 0.0;
+        if across != (scatter.kind == RayKind::Transmission) {
+            return None;
+        }
+        path.throughput = path.throughput * scatter.weight;
+        if path.throughput.max_component() <= 0.0 || !path.throughput.is_finite() {
+            return None;
+        }
+        path.pdf = scatter.pdf;
+        path.passed = 0.0;
+        path.camera = false;
+        path.kind = scatter.kind;
+        path.bounce += 1;
+        Some(Ray {
+            o: surface.leave(direction).array(),
+            d: direction.array(),
+            t_min: 0.0,
+            t_max: f32::INFINITY,
+        })
+    }
+}
+
+/// What the emitter of an arrival that is no lamp sends towards the receiver.
+fn sent(scene: &RenderScene, light: &Arrival, registers: &mut Vec<Value>) -> Vec3 {
+    match light.emitter {
+        Emitter::Lamp => Vec3::ONE,
+        Emitter::World => scene.world.radiance(
+            &scene.images,
+            &scene.varying,
+            light.direction,
+            RayKind::Diffuse,
+            registers,
+        ),
+        Emitter::Triangle(triangle, [u, v]) => {
+            let hit = Hit {
+                t: light.distance,
+                triangle,
+                u,
+                v,
+            };
+            let surface = Surface::at::<true>(scene, &hit, light.direction);
+            let place = || surface.place(scene, light.direction, RayKind::Diffuse);
+            surface
+                .material
+                .look(&scene.images, place, registers)
+                .emission
+        }
+    }
+}

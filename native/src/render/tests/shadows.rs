@@ -1,0 +1,157 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Where shadows fall, what light goes through, and what sees it.
+
+use super::setup::{Mesh, at, from_above, light, matte, mean, run, square};
+use crate::render::lights::{AreaShape, LightKind};
+use crate::render::material::MaterialParams;
+use crate::render::scene::SceneParams;
+use crate::render::settings::Settings;
+
+#[test]
+fn transparency_lets_through_its_share_of_light_and_view() {
+    // A sheet of opacity 0.25 that reflects nothing, over a lit floor.
+    let mut mesh = Mesh::default();
+    mesh.floor(9.0, 0.0, 0);
+    let sun = vec![light(LightKind::Sun { angle: 0.0 }, at(0.0, 0.0, 1.0), 1.0)];
+    let sheet = MaterialParams {
+        alpha: 0.25,
+        ..matte(0.0)
+    };
+    let materials = vec![matte(0.8), sheet];
+    let params = SceneParams {
+        materials,
+        lights: sun,
+        ..Default::default()
+    };
+    let open = mean(
+        &run(
+            &mesh.scene(params.clone()),
+            &from_above(1.0),
+            square(16, 64, 0),
+            1,
+        )
+        .0,
+    );
+    mesh.floor(9.0, 1.0, 1);
+    let (image, stats) = run(&mesh.scene(params), &from_above(1.0), square(16, 64, 0), 1);
+    assert!(
+        (mean(&image) / open - 0.75 * 0.75).abs() < 0.01,
+        "{} {open}",
+        mean(&image)
+    );
+    assert!(stats.work.rays_shadow > 0);
+    // Alone before a transparent film its alpha is its opacity.
+    let mut alone = Mesh::default();
+    alone.floor(9.0, 1.0, 0);
+    let sheet = MaterialParams {
+        alpha: 0.25,
+        ..matte(0.0)
+    };
+    let scene = alone.scene(SceneParams {
+        materials: vec![sheet],
+        ..Default::default()
+    });
+    let settings = Settings {
+        film_transparent: true,
+        ..square(16, 64, 0)
+    };
+    let (image, _) = run(&scene, &from_above(1.0), settings, 1);
+    let alpha: f32 = image.chunks_exact(4).map(|p| p[3]).sum::<f32>() / 256.0;
+    assert!((alpha - 0.25).abs() < 0.01, "{alpha}");
+}
+
+#[test]
+fn lights_are_seen_in_mirrors_but_not_by_the_camera() {
+    let mut mesh = Mesh::default();
+    mesh.floor(9.0, 0.0, 0);
+    let mirror = MaterialParams {
+        base_color: [1.0; 3],
+        metallic: 1.0,
+        roughness: 0.0,
+        ..Default::default()
+    };
+    let area = LightKind::Area {
+        shape: AreaShape::Square,
+        size: 20.0,
+        size_y: 0.0,
+    };
+    let lights = vec![light(area, at(0.0, 0.0, 2.0), 100.0)];
+    let scene = mesh.scene(SceneParams {
+        materials: vec![mirror],
+        lights,
+        ..Default::default()
+    });
+    let radiance = 100.0 / (std::f64::consts::PI * 400.0);
+    let (image, _) = run(&scene, &from_above(1.0), square(8, 4, 0), 1);
+    assert!((mean(&image) / radiance - 1.0).abs() < 1e-4);
+}
+
+#[test]
+fn shadow_edges_lie_where_geometry_puts_them() {
+    // A blocker's edge at x = 0, height 1; a point light at height 2 over x = 1 throws it to
+    // x = -1.
+    let mut mesh = Mesh::default();
+    mesh.floor(9.0, 0.0, 0);
+    mesh.quad(
+        [
+            [-9.0, -9.0, 1.0],
+            [0.0, -9.0, 1.0],
+            [0.0, 9.0, 1.0],
+            [-9.0, 9.0, 1.0],
+        ],
+        0,
+    );
+    let lights = vec![light(
+        LightKind::Point { radius: 0.0 },
+        at(1.0, 0.0, 2.0),
+        100.0,
+    )];
+    let scene = mesh.scene(SceneParams {
+        materials: vec![matte(0.8)],
+        lights,
+        ..Default::default()
+    });
+    let mut camera = from_above(2.0);
+    camera.clip_start = 7.5; // Below the blocker.
+    let (image, _) = run(&scene, &camera, square(64, 1, 0), 1);
+    for (x, pixel) in image.chunks_exact(4).take(64).enumerate() {
+        let position = (x as f32 + 0.5) / 16.0 - 2.0;
+        if (position + 1.0).abs() > 0.1 {
+            assert_eq!(pixel[0] > 0.0, position > -1.0, "at {position}");
+        }
+    }
+}
+
+#[test]
+fn a_smooth_sphere_has_no_facets_in_its_shadow() {
+    // A coarse sphere with smooth normals under a sun: next to the terminator, where the flat
+    // triangles turn away from the light, brightness must still fall off steadily.
+    let mut mesh = Mesh::default();
+    let normals = mesh.sphere(3, 0);
+    let sun = vec![light(
+        LightKind::Sun { angle: 0.0 },
+        [
+            [0.0, 0.0, 1.0, 0.0],
+            [0.0, 1.0, 0.0, 0.0],
+            [-1.0, 0.0, 0.0, 0.0],
+            [0.0, 0.0, 0.0, 1.0],
+        ],
+        1.0,
+    )];
+    let params = SceneParams {
+        materials: vec![matte(0.8)],
+        corner_normals: Some(normals),
+        lights: sun,
+        ..Default::default()
+    };
+    let (image, _) = run(&mesh.scene(params), &from_above(1.0), square(65, 16, 0), 2);
+    // Along the middle row the exact value is 0.8 / π × x.
+    let row = &image[32 * 65 * 4..33 * 65 * 4];
+    let mut worst = 0.0_f32;
+    for (i, pixel) in row.chunks_exact(4).enumerate().skip(35).take(22) {
+        let x = (i as f32 + 0.5) / 32.5 - 1.0;
+        let exact = 0.8 * std::f32::consts::FRAC_1_PI * x;
+        worst = worst.max((pixel[0] - exact).abs());
+    }
+    assert!(worst < 0.02, "{worst}");
+}
