@@ -296,8 +296,8 @@ FAULTS = (
     Fault(
         "odd rays in packets with others",
         "native/src/traverse/packet.rs",
-        "if self.odd & lanes == 0 {",
-        "if true {",
+        "!ordinary",
+        "false",
         PACKETS,
     ),
     Fault(
