@@ -6,6 +6,7 @@ mod arrays;
 mod cases;
 mod errors;
 mod instances;
+mod keys;
 mod registry;
 mod render;
 mod render_args;

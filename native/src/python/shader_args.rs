@@ -5,7 +5,7 @@
 //! four floats, a value that is the same everywhere.
 
 use super::arrays::{check_copy, describe};
-use super::render_args::{Keys, list};
+use super::keys::{Keys, list};
 use crate::error::{Error, Result};
 use crate::render::closure::{ClosureParams, Input, Kind};
 use crate::render::image::{Extension, Image, Interpolation};
