@@ -125,6 +125,8 @@ impl Wavefront {
         } = context;
         self.rays.clear();
         self.paths.clear();
+        // Left over where a render was stopped.
+        self.shadows.clear();
         for (dx, dy) in area.in_blocks(active) {
             let (x, y) = (area.x + dx, area.y + dy);
             let sampler = PixelSampler::new(x, y, settings.seed);

@@ -2,7 +2,7 @@
 //! Lights: what they are, how bright, and how a light is chosen for a point.
 //!
 //! Brightness is that of Cycles in Blender 5.2; every formula was checked against its renders of a
-//! grey plane (the numbers are in the tests of [`super::light_shapes`]). With power P in watts:
+//! grey plane (the numbers are in the tests of whole renders, under `brightness`). With power P in watts:
 //! - point, spot: radiant intensity I = P / 4π in the axis; a radius r makes it a disc that faces
 //!   the receiver with radiance P / (4 π² r²), Blender's "soft falloff";
 //! - area: radiance P / (π A) on one side, A the area in the scene;

@@ -10,7 +10,7 @@ use super::vector::Vec3;
 pub const MOST_PASSED: u16 = 64;
 
 /// And through so many that are hidden from it.
-const MOST_UNSEEN: u16 = 1000;
+pub const MOST_UNSEEN: u16 = 1000;
 
 /// Random pairs of a pixel: 0 the filter, 1 the lens, 2 the time, 3 free; then four per vertex.
 const FIRST_VERTEX: u32 = 4;

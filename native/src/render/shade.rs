@@ -134,6 +134,7 @@ impl<'a, const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
             return None;
         }
         let mut surface = Surface::at::<SMOOTH>(scene, hit, d);
+        out.work.normals_fetched += u64::from(SMOOTH);
         let material = surface.material;
         if features.hidden && !material.visible.to(path.kind) {
             return path.pass_unseen(hit.t).then(|| surface.beyond(ray, hit));
@@ -194,7 +195,6 @@ impl<'a, const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
         );
         out.work.shaded_glossy += u64::from(bsdf.reflects());
         out.work.shaded_glass += u64::from(bsdf.transmits());
-        out.work.normals_fetched += u64::from(SMOOTH);
         let normal = if bsdf.transmits() {
             Vec3::ZERO
         } else {
@@ -427,7 +427,7 @@ fn sent(scene: &RenderScene, light: &Arrival, registers: &mut Vec<Value>) -> Vec
                 u,
                 v,
             };
-            let surface = Surface::at::<true>(scene, &hit, light.direction);
+            let surface = Surface::of(scene, &hit, light.direction);
             let place = || surface.place(scene, light.direction, RayKind::Diffuse);
             surface
                 .material

@@ -4,18 +4,29 @@
 use super::calls::{Calls, Stopped};
 use super::film::PixelSample;
 use super::integrator::Context;
-use super::path::MOST_PASSED;
+use super::path::{MOST_PASSED, MOST_UNSEEN};
 use super::place::RayKind;
 use super::program::Value;
 use super::surface::Surface;
 use super::vector::Vec3;
 use crate::traverse::{Hit, Ray};
 
-/// Shadow rays, each with a pixel sample and the light that it brings there.
+/// What a shadow ray brings, and to which pixel sample of the tile's batch.
+#[derive(Clone, Copy)]
+struct Light {
+    slot: u32,
+    value: Vec3,
+    /// Transparent surfaces passed so far.
+    transparent: u16,
+    /// Surfaces passed so far that are hidden from shadow rays.
+    unseen: u16,
+}
+
+/// Shadow rays, each with what it brings.
 #[derive(Default)]
 pub struct ShadowRays {
     rays: Vec<Ray>,
-    light: Vec<(u32, Vec3)>,
+    light: Vec<Light>,
     blocked: Vec<bool>,
     hits: Vec<Hit>,
     /// What a material's program computes, from point to point.
@@ -23,11 +34,22 @@ pub struct ShadowRays {
 }
 
 impl ShadowRays {
+    /// Forgets all rays.
+    pub fn clear(&mut self) {
+        self.rays.clear();
+        self.light.clear();
+    }
+
     /// Takes a ray, and what it brings to which pixel sample.
     #[inline(always)]
-    pub fn push(&mut self, ray: Ray, slot: u32, light: Vec3) {
+    pub fn push(&mut self, ray: Ray, slot: u32, value: Vec3) {
         self.rays.push(ray);
-        self.light.push((slot, light));
+        self.light.push(Light {
+            slot,
+            value,
+            transparent: 0,
+            unseen: 0,
+        });
     }
 
     /// Adds the light of all that arrive, and forgets them. Returns how many rays were cast.
@@ -45,8 +67,7 @@ impl ShadowRays {
         } else {
             self.cast_opaque(context, calls, samples)?
         };
-        self.rays.clear();
-        self.light.clear();
+        self.clear();
         Ok(cast)
     }
 
@@ -68,8 +89,8 @@ impl ShadowRays {
         calls.cover(rays.len(), context.stop, |range| {
             tracer.occluded(&rays[range.clone()], &mut blocked[range], None);
         })?;
-        for ((slot, light), _) in light.iter().zip(blocked.iter()).filter(|(_, b)| !**b) {
-            samples[*slot as usize].add(*light);
+        for (light, _) in light.iter().zip(blocked.iter()).filter(|(_, b)| !**b) {
+            samples[light.slot as usize].add(light.value);
         }
         Ok(rays.len() as u64)
     }
@@ -90,10 +111,7 @@ impl ShadowRays {
         } = self;
         let scene = context.scene;
         let mut cast = 0;
-        for _ in 0..MOST_PASSED {
-            if rays.is_empty() {
-                break;
-            }
+        while !rays.is_empty() {
             cast += rays.len() as u64;
             hits.clear();
             hits.resize(rays.len(), Hit::MISS);
@@ -104,27 +122,28 @@ impl ShadowRays {
             })?;
             let mut kept = 0;
             for i in 0..rays.len() {
-                let (slot, value) = light[i];
-                let (ray, hit) = (rays[i], hits[i]);
+                let (ray, hit, mut carried) = (rays[i], hits[i], light[i]);
                 if !hit.is_hit() {
-                    samples[slot as usize].add(value);
+                    samples[carried.slot as usize].add(carried.value);
                     continue;
                 }
                 let d = Vec3::from(ray.d);
-                let surface = Surface::at::<true>(scene, &hit, d);
-                let place = || surface.place(scene, d.normalized(), RayKind::Shadow);
-                let passing = if surface.material.visible.to(RayKind::Shadow) {
-                    surface
-                        .material
-                        .look(&scene.images, place, registers)
-                        .transparent
+                let surface = Surface::of(scene, &hit, d);
+                if surface.material.visible.to(RayKind::Shadow) {
+                    let place = || surface.place(scene, d.normalized(), RayKind::Shadow);
+                    let look = surface.material.look(&scene.images, place, registers);
+                    carried.value = carried.value * look.transparent;
+                    carried.transparent += 1;
                 } else {
-                    Vec3::ONE
-                };
-                let value = value * passing;
-                if value.max_component() > 0.0 && ray.t_max > hit.t {
+                    carried.unseen += 1;
+                }
+                if carried.transparent < MOST_PASSED
+                    && carried.unseen < MOST_UNSEEN
+                    && carried.value.max_component() > 0.0
+                    && ray.t_max > hit.t
+                {
                     rays[kept] = surface.beyond(&ray, &hit);
-                    light[kept] = (slot, value);
+                    light[kept] = carried;
                     kept += 1;
                 }
             }

@@ -78,6 +78,15 @@ impl<'a> Surface<'a> {
         }
     }
 
+    /// The same, with corner normals where the scene has any.
+    pub fn of(scene: &'a RenderScene, hit: &Hit, d: Vec3) -> Self {
+        if scene.features().smooth_normals {
+            Self::at::<true>(scene, hit, d)
+        } else {
+            Self::at::<false>(scene, hit, d)
+        }
+    }
+
     /// The point as the material's program sees it, along the unit direction `d`.
     pub fn place(&self, scene: &'a RenderScene, d: Vec3, ray: RayKind) -> Place<'a> {
         Place {

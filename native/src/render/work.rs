@@ -16,11 +16,11 @@ pub struct Work {
     pub tests: u64,
     /// Surface points with a glass lobe.
     pub shaded_glass: u64,
-    /// Surface points whose material's program ran.
+    /// Surface points of paths whose material's program ran.
     pub shaded_textures: u64,
     /// Surface points with a lobe that reflects off facets.
     pub shaded_glossy: u64,
-    /// Interpolated normals.
+    /// Surface points of paths whose normals were interpolated.
     pub normals_fetched: u64,
     /// Rays put to the lights, to see which they meet.
     pub lights_asked: u64,

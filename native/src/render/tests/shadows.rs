@@ -4,8 +4,10 @@
 use super::setup::{Mesh, at, from_above, light, matte, mean, run, square};
 use crate::render::lights::{AreaShape, LightKind};
 use crate::render::material::MaterialParams;
+use crate::render::place::RayKind;
 use crate::render::scene::SceneParams;
 use crate::render::settings::Settings;
+use crate::render::visibility::Visibility;
 
 #[test]
 fn transparency_lets_through_its_share_of_light_and_view() {
@@ -154,4 +156,37 @@ fn a_smooth_sphere_has_no_facets_in_its_shadow() {
         worst = worst.max((pixel[0] - exact).abs());
     }
     assert!(worst < 0.02, "{worst}");
+}
+
+#[test]
+fn any_number_of_cards_may_be_hidden_from_shadow_rays() {
+    // A lamp over a floor, and between them cards that shadow rays do not see, far more than transparent surfaces may lie
+    // behind each other.
+    let mut mesh = Mesh::default();
+    mesh.floor(9.0, 0.0, 0);
+    let lamp = light(LightKind::Point { radius: 0.0 }, at(0.0, 0.0, 2.0), 100.0);
+    let hidden = MaterialParams {
+        visible: Visibility::ALL
+            .without(RayKind::Shadow)
+            .without(RayKind::Camera),
+        ..matte(0.0)
+    };
+    let params = SceneParams {
+        materials: vec![matte(0.8), hidden],
+        lights: vec![lamp],
+        ..Default::default()
+    };
+    let picture = |mesh: &Mesh| {
+        let scene = mesh.scene(params.clone());
+        mean(&run(&scene, &from_above(1.0), square(8, 4, 0), 1).0)
+    };
+    let open = picture(&mesh);
+    for i in 0..200_u8 {
+        mesh.floor(9.0, 0.5 + f32::from(i) / 256.0, 1);
+    }
+    let behind = picture(&mesh);
+    assert!(
+        open > 0.0 && (behind / open - 1.0).abs() < 1e-5,
+        "{behind} {open}"
+    );
 }
