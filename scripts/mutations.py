@@ -385,7 +385,9 @@ def seed_rust(copy: Path) -> None:
             path = copy / fault.file
             path.write_text(seeded(path.read_text(encoding="utf-8"), fault, number), encoding="utf-8")
     library = copy / "native/src/lib.rs"
-    library.write_text(library.read_text(encoding="utf-8") + SWITCH, encoding="utf-8")
+    # A switched expression stands in parentheses, whether it needs them or not.
+    text = "#![allow(unused_parens)]\n" + library.read_text(encoding="utf-8") + SWITCH
+    library.write_text(text, encoding="utf-8")
 
 
 def check() -> None:

@@ -2,13 +2,13 @@
 //! What every structure promises, for every row of the registry and every way of walking it: the
 //! answers of brute force bit for bit, sound trees, the same tree on any number of threads.
 
-use fearless_simd::Level;
 use halfspace_native::build::Monitor;
 use halfspace_native::error::Error;
 use halfspace_native::oracle::cases::{
     Case, Random, Size, aimed, cases, grid, lattice_rays, ray, soup,
 };
 use halfspace_native::oracle::exact_closest;
+use halfspace_native::oracle::levels;
 use halfspace_native::registry::{Kind, TREES};
 use halfspace_native::scene::Triangles;
 use halfspace_native::spec::Config;
@@ -68,22 +68,6 @@ fn same(a: &Hit, b: &Hit) -> bool {
         && [(a.t, b.t), (a.u, b.u), (a.v, b.v)]
             .iter()
             .all(|(x, y)| x.to_bits() == y.to_bits())
-}
-
-/// Every instruction set of this machine that the crate is compiled for.
-fn levels() -> Vec<(&'static str, Level)> {
-    let best = Level::new();
-    #[cfg(target_arch = "x86_64")]
-    let levels = {
-        let mut levels = Vec::new();
-        levels.extend(best.as_sse4_2().map(|l| ("sse4.2", Level::Sse4_2(l))));
-        levels.extend(best.as_avx2().map(|l| ("avx2", Level::Avx2(l))));
-        levels.extend(best.as_avx512().map(|l| ("avx512", Level::Avx512(l))));
-        levels
-    };
-    #[cfg(not(target_arch = "x86_64"))]
-    let levels = vec![("best", best)];
-    levels
 }
 
 /// The rays on which a structure differs from the reference, closest or any hit.

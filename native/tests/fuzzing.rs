@@ -9,7 +9,7 @@ use halfspace_native::registry::{Kind, ParamSpec, TREES};
 use halfspace_native::scene::Triangles;
 use halfspace_native::spec::Config;
 use halfspace_native::structure::Structure;
-use halfspace_native::traverse::{Hit, Ray, Tracer};
+use halfspace_native::traverse::{Hit, Order, Ray, Tracer};
 use proptest::prelude::*;
 use std::sync::Arc;
 
@@ -122,7 +122,10 @@ proptest! {
         brute.closest(&rays, &mut expected, None);
         structure.closest(&rays, &mut found, None);
         structure.occluded(&rays, &mut occluded, None);
+        let mut in_tiles = vec![Hit::MISS; rays.len()];
+        structure.closest_ordered(&rays, &mut in_tiles, None, Order::Tiles);
         for (i, ray) in rays.iter().enumerate() {
+            prop_assert_eq!(bits(&in_tiles[i]), bits(&expected[i]), "{}, in tiles: {:?}", spec, ray);
             prop_assert_eq!(bits(&found[i]), bits(&expected[i]), "{}: {:?}", spec, ray);
             prop_assert_eq!(occluded[i], expected[i].is_hit(), "{}: {:?}", spec, ray);
             if ray.o.iter().chain(&ray.d).all(|x| x.is_finite()) {

@@ -3,6 +3,9 @@
 //! test and its bounds, without f64, without a tree.
 
 pub mod cases;
+mod levels;
+
+pub use levels::levels;
 
 use crate::geom::exact::intersect;
 use crate::scene::Triangles;

@@ -143,7 +143,7 @@ impl Structure {
         if Q::ANY && self.config.choice("shadow") == "beam" {
             return self.shadow_beams(&job, write, counters);
         }
-        // Shadow rays that go in no tile still go much the same way, for which single rays are quicker.
+        // Shadow rays that come here are counted, or ask the shadow cache: they go singly.
         let streams = self.batches == Batches::Wide || !Q::ANY;
         if let (Some(wide), None, true) = (&self.wide, &counters, streams) {
             return job.stream::<_, Q>(&plane_wide::Walk(wide), write);

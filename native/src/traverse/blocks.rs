@@ -7,8 +7,9 @@
 //!
 //! What [`super::candidates`] cannot rule out goes to the exact verdict.
 
+use super::bound::{keep_max, keep_min};
 use super::candidates::Candidates;
-use super::frame::{Frame, FrameRay, keep_max, keep_min};
+use super::frame::{Frame, FrameRay};
 use super::keep::{Keep, write_lane};
 use super::query::{Best, Counters, Query};
 use super::ray::Ray;

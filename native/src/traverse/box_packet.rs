@@ -3,6 +3,7 @@
 //! first ray inside it enters soonest is visited first.
 
 use super::blocks::Blocks;
+use super::bound::{keep_max_each, keep_min_each};
 use super::box_tree::{self, BoxTree, INNER};
 use super::packet::{self, Group, MOST, Packet, Width};
 use super::packet_leaf;
@@ -78,8 +79,8 @@ impl<const W: usize> PacketTree for BoxTree<W> {
                     let (low, high) = (node.bounds[k][child], node.bounds[3 + k][child]);
                     let (soon, late) = if back { (high, low) } else { (low, high) };
                     // What is not a number bounds nothing.
-                    enter = L::Vector::splat(simd, soon).mul_add(inv, near).max(enter);
-                    leave = L::Vector::splat(simd, late).mul_add(inv, far).min(leave);
+                    enter = keep_max_each(L::Vector::splat(simd, soon).mul_add(inv, near), enter);
+                    leave = keep_min_each(L::Vector::splat(simd, late).mul_add(inv, far), leave);
                 }
                 let lanes = packet::live::<S, L>(enter, leave);
                 if lanes == 0 {

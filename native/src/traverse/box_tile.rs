@@ -34,7 +34,8 @@ impl<const W: usize> TileTree for BoxTree<W> {
             look(tile, node, (&mut enter, &mut leave));
             let base = waiting;
             for lane in 0..W {
-                if enter[lane] > leave[lane] {
+                // Of rays that may stay for ever the bounds of no box tell nothing.
+                if node.count[lane] == 0 || enter[lane] > leave[lane] {
                     continue;
                 }
                 let mut at = waiting;
@@ -112,5 +113,28 @@ fn look<const W: usize, const R: usize>(
                 leave[lane] = leave[lane].min((o - low[lane] + pad) * down.most);
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::oracle::cases::{Random, grid, ray, soup};
+    use crate::structure::Structure;
+    use crate::traverse::{Hit, Order, RayCounters, Tracer};
+
+    /// A tree of boxes has no empty leaves, and a place of a node without a box is none.
+    #[test]
+    fn tiles_that_look_all_ways_visit_no_empty_places() {
+        let structure = Structure::of(&soup(grid(4, 0.3)), "bvh-sah:traversal=tile8");
+        let mut random = Random(3);
+        let rays: Vec<_> = (0..64)
+            .map(|_| ray([1.2, 1.7, 2.1], random.point(-1.0, 1.0)))
+            .collect();
+        let mut hits = vec![Hit::MISS; rays.len()];
+        let mut counters = vec![RayCounters::default(); rays.len()];
+        structure.closest_ordered(&rays, &mut hits, Some(&mut counters), Order::Tiles);
+        let leaves: u32 = counters.iter().map(|c| c.leaves).sum();
+        let empty: u32 = counters.iter().map(|c| c.leaves_empty).sum();
+        assert!(leaves > 0 && empty == 0, "{empty} of {leaves}");
     }
 }

@@ -9,7 +9,8 @@
 
 use super::batch;
 use super::blocks::Blocks;
-use super::frame::{FrameRay, keep_max, keep_min};
+use super::bound::{keep_max, keep_max_each, keep_min, keep_min_each};
+use super::frame::FrameRay;
 use super::nested::{Look, Nested, Place};
 use super::query::{Best, Counters, Query};
 use super::ray::{Hit, Ray};
@@ -233,8 +234,8 @@ impl Slabs {
             let near = V::from_slice(simd, &bounds[row]);
             let far = V::from_slice(simd, &bounds[(row + 3) % 6]);
             let inv = splat(self.inv[k]);
-            enter = near.mul_add(inv, splat(self.near[k])).max(enter);
-            leave = far.mul_add(inv, splat(self.far[k])).min(leave);
+            enter = keep_max_each(near.mul_add(inv, splat(self.near[k])), enter);
+            leave = keep_min_each(far.mul_add(inv, splat(self.far[k])), leave);
         }
         enter.store_slice(enters);
         enter.simd_le(leave).to_bitmask()

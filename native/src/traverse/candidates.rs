@@ -5,7 +5,8 @@
 //! triangle only when the bound proves the miss; of what is left it tells which the ray certainly hits.
 
 use super::blocks::{LANES, SPAN};
-use super::frame::{FrameRay, PRUNE, U, keep_max, keep_min};
+use super::bound::{keep_max, keep_min};
+use super::frame::{FrameRay, PRUNE, U};
 use super::query::{Counters, Query};
 use fearless_simd::{Simd, SimdBase, SimdFloat, SimdMask, f32x8};
 
@@ -18,7 +19,9 @@ use fearless_simd::{Simd, SimdBase, SimdFloat, SimdMask, f32x8};
 // But then the true weights of a hit, which add up to it, are as small, and so is t times it. Three
 // times the determinant's error on the other bounds covers that case.
 pub(super) const DET_ERROR: f32 = 96.0 * U;
-pub(super) const UV_ERROR: f32 = 96.0 * U;
+// Twice that is taken for all weights: of the third, where its vector is put together first, that covers 196 u S E
+// (see [`super::tile_leaf`]).
+pub(super) const UV_ERROR: f32 = 104.0 * U;
 pub(super) const T_ERROR: f32 = 64.0 * U;
 
 /// Absolute part of every bound, where products lost bits below the normal numbers.

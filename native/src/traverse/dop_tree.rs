@@ -10,8 +10,9 @@
 
 use super::batch;
 use super::blocks::Blocks;
+use super::bound::{keep_max, keep_min};
 use super::box_tree::Slabs;
-use super::frame::{Frame, FrameRay, keep_max, keep_min};
+use super::frame::{Frame, FrameRay};
 use super::nested::{Look, Nested, Place};
 use super::query::{Best, Counters, Query};
 use super::ray::{Hit, Ray};

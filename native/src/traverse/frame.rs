@@ -6,6 +6,7 @@
 //! In this frame products of three coordinates neither overflow nor vanish, and the bounds below
 //! hold. `u` is the unit roundoff of f32, 2^-24.
 
+use super::bound::{keep_max, keep_min};
 use super::place::{InMesh, Place};
 use super::ray::{Hit, Ray};
 use crate::geom::Aabb;
@@ -75,6 +76,12 @@ impl Frame {
     pub fn with_robust(mut self, robust: bool) -> Self {
         self.robust = f32::from(u8::from(robust));
         self
+    }
+
+    /// What allowances for rounding are taken times: 1, or 0 for walks as published.
+    #[inline(always)]
+    pub(super) fn robust(&self) -> f32 {
+        self.robust
     }
 
     /// A point in this frame.
@@ -468,18 +475,6 @@ impl<'a> FrameRay<'a> {
         let room = f64::from(factor - 1.0) * self.shift;
         (scaled * f64::from(towards) - self.shift + room) as f32
     }
-}
-
-/// `max` that keeps `b` when `a` is NaN, and compiles to one instruction.
-#[inline(always)]
-pub fn keep_max(a: f32, b: f32) -> f32 {
-    if a > b { a } else { b }
-}
-
-/// `min` that keeps `b` when `a` is NaN, and compiles to one instruction.
-#[inline(always)]
-pub fn keep_min(a: f32, b: f32) -> f32 {
-    if a < b { a } else { b }
 }
 
 /// The largest power of two not above `x`, which is positive and finite.

@@ -2,7 +2,8 @@
 //! What leaves keep of their triangles: copies of the corners, ready for the test, or indices alone.
 
 use super::blocks::{LANES, WORDS};
-use super::frame::{Frame, keep_max};
+use super::bound::keep_max;
+use super::frame::Frame;
 use crate::scene::Triangles;
 
 /// What leaves keep of their triangles.

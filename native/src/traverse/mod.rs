@@ -9,6 +9,7 @@
 pub mod batch;
 pub mod block_boxes;
 pub mod blocks;
+pub mod bound;
 pub mod box_packet;
 pub mod box_tile;
 pub mod box_tree;

@@ -13,8 +13,9 @@
 
 use super::batch::{TileWalk, Walk as _};
 use super::blocks::Blocks;
+use super::bound::{keep_max_each, keep_min};
 use super::bundle::{self, Bundle, Common, LANES, Parallel, RAYS, Row, all, lanes, load};
-use super::frame::{Frame, FrameRay, keep_min};
+use super::frame::{Frame, FrameRay};
 use super::frame_rows::FrameRows;
 use super::octree_net::Links;
 use super::octree_step::{self, Grid};
@@ -307,9 +308,10 @@ fn leave<S: Simd, B: Bundle>(
         let second = times[1].simd_lt(times[0]);
         let nearer = second.select(times[1], times[0]);
         let third = times[2].simd_lt(nearer);
-        let leave = third
-            .select(times[2], nearer)
-            .max(load(simd, &beam.rows.enter, row));
+        let leave = keep_max_each(
+            third.select(times[2], nearer),
+            load(simd, &beam.rows.enter, row),
+        );
         leave.store_slice(&mut beam.leave[row..row + LANES]);
         let third = third.to_bitmask() & bits;
         let second = second.to_bitmask() & bits & !third;
@@ -352,8 +354,7 @@ fn advance<S: Simd, B: Bundle>(
             let moved = leave * d[k];
             let x = o[k] + moved;
             let number = grid.numbers(simd, k, x);
-            let inside = number
-                .max(at)
+            let inside = keep_max_each(number, at)
                 .min(f32x8::splat(simd, (next[k] - 1) as f32))
                 .floor();
             let across = mask32x8::from_bitmask(simd, by_axis[k] >> row & 0xff);

@@ -18,7 +18,8 @@
 
 use super::batch;
 use super::blocks::Blocks;
-use super::frame::{FrameRay, keep_max};
+use super::bound::keep_max;
+use super::frame::FrameRay;
 use super::octree_param;
 use super::query::{Best, Counters, Query};
 use super::ray::{Hit, Ray};

@@ -8,10 +8,11 @@
 //! ray's answer depends on its company: what its own walk would visit, the packet visits with it.
 
 use super::blocks::Blocks;
+use super::bound::{keep_max_each, keep_min_each};
 use super::frame::{Frame, PARALLEL_PAD, PRUNE, TINY, U};
 use super::query::{Counters, Query};
 use super::ray::{Hit, Ray};
-use super::tile::{self, Held, LANES, Row, bits};
+use super::tile::{self, Held, LANES, ORDINARY, Row, bits};
 use super::tile_verdict;
 use crate::geom::vec3::map;
 use crate::geom::verdict::verdict_within;
@@ -69,10 +70,6 @@ pub fn store<S: Simd, L: Width>(vector: L::Vector<S>, row: &mut Row) {
 pub fn live<S: Simd, L: Width>(enter: L::Vector<S>, leave: L::Vector<S>) -> u64 {
     enter.simd_le(leave).to_bitmask()
 }
-
-/// The longest component of ordinary directions is in this range, and no coordinate of an origin is beyond it, so that
-/// nothing overflows.
-const ORDINARY: std::ops::Range<f32> = 1e-18..1e18;
 
 /// Up to 16 rays, and what each has found. Packets share one after another, as most of it is the same size
 /// whatever they are.
@@ -267,6 +264,7 @@ impl Packet {
         let splat = |x: f32| f32x16::splat(simd, x);
         let bounds = frame.bounds();
         let magnitude = splat(bounds.magnitude());
+        let robust = splat(frame.robust());
         let to_frame = tile::load(simd, &self.to_frame);
         let last_place = to_frame.mul_add(splat(f32::from_bits(1)), splat(TINY));
         let far = tile::load(simd, &self.o[0])
@@ -291,13 +289,13 @@ impl Packet {
             let high = (splat(bounds.max[k]) - o) * inv;
             let back = splat(1.0).copysign(d).simd_lt(splat(0.0));
             // What is not a number bounds nothing.
-            near = (back.select(high, low) - slack).max(near);
-            exit = (back.select(low, high) + slack).min(exit);
+            near = keep_max_each(back.select(high, low) - slack, near);
+            exit = keep_min_each(back.select(low, high) + slack, exit);
             store::<S, Sixteen>(inv, &mut self.inv[k]);
-            store::<S, Sixteen>(slack, &mut self.slack[k]);
+            store::<S, Sixteen>(slack * robust, &mut self.slack[k]);
         }
         store::<S, Sixteen>(span, &mut self.span);
-        store::<S, Sixteen>(span * splat(28.0 * U), &mut self.oblique_pad);
+        store::<S, Sixteen>(span * splat(28.0 * U) * robust, &mut self.oblique_pad);
         store::<S, Sixteen>(last_place, &mut self.last_place);
         store::<S, Sixteen>(near, &mut self.start);
         store::<S, Sixteen>(exit, &mut self.reach);
@@ -395,9 +393,7 @@ impl Packet {
         let Some(found) = verdict_within(ray.o, ray.d, corners, [ray.t_min, best]) else {
             return;
         };
-        let inside = ray.t_min <= found.t && found.t <= best && found.t < f32::INFINITY;
-        // The number of no triangle is larger than all others.
-        if !inside || (found.t == best && id > self.id[i]) {
+        if !ray.reaches(found.t) || !Hit::precedes((found.t, id), (best, self.id[i])) {
             return;
         }
         if Q::ANY {
@@ -462,7 +458,7 @@ impl Packet {
             let id = self.held.id[0][i];
             if certain >> i & 1 == 1 {
                 // It certainly lies inside the ray's limits.
-                if t[i] < self.t[i] || (t[i] == self.t[i] && id < self.id[i]) {
+                if Hit::precedes((t[i], id), (self.t[i], self.id[i])) {
                     (self.t[i], self.u[i], self.v[i], self.id[i]) = (t[i], u[i], v[i], id);
                 }
             } else {

@@ -9,8 +9,9 @@
 //! from `d x e2` there, by 84 u S E.
 //!
 //! Before that, triangles beside a fan of rays from one origin are told by their products with the box of the directions.
-//! Its middle and half its extent add up to less than 2 per component, so that what both parts are off by is no more than
-//! twice that for one direction, for the third weight 204 u S E + 108 u E^2: less than twice the bound of the single test.
+//! Its middle and half its extent add up to hardly more than 2 per component, so that what both parts are off by is no more
+//! than twice that for one direction (for the third weight that of [`super::tile_leaf`]): less than twice the bound of the
+//! single test.
 
 use super::blocks::{Blocks, LANES as WIDE, SPAN};
 use super::candidates::{DET_ERROR, T_ERROR, UNDERFLOW, UV_ERROR};

@@ -15,8 +15,9 @@
 
 use super::batch::{TileWalk, Walk as _};
 use super::blocks::Blocks;
+use super::bound::keep_min;
 use super::bundle::{self, Bundle as _, Common, LANES, RAYS, lanes, load};
-use super::frame::{Frame, FrameRay, keep_min};
+use super::frame::{Frame, FrameRay};
 use super::frame_rows::FrameRows;
 use super::plane_dir;
 use super::query::{Best, Closest, Counters};

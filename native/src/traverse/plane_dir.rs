@@ -8,7 +8,8 @@
 
 use super::batch;
 use super::blocks::Blocks;
-use super::frame::{FrameRay, keep_max, keep_min};
+use super::bound::{keep_max, keep_min};
+use super::frame::FrameRay;
 use super::planes::{Inside, Planes};
 use super::query::{Best, Counters, Query};
 use super::ray::{Hit, Ray};

@@ -8,7 +8,8 @@
 //! every plane that is not farther away than the error of a coordinate, and for those planes the
 //! near child is the one that the ray leaves, as if it came from far behind its origin.
 
-use super::frame::{FrameRay, keep_max, keep_min};
+use super::bound::{keep_max, keep_min};
+use super::frame::FrameRay;
 use crate::build::plane_tree::MAX_DEPTH;
 
 /// A child still to visit, and the interval of the ray inside it.

@@ -4,6 +4,7 @@
 //! keeps its own intervals of both.
 
 use super::blocks::Blocks;
+use super::bound::{keep_max_each, keep_min_each};
 use super::packet::{self, Group, MOST, Packet, Width};
 use super::packet_leaf;
 use super::packet_walk::PacketTree;
@@ -96,9 +97,9 @@ fn follow<S: Simd, T: Planes, Q: Query, C: Counters, L: Width>(
                 let near: Part<S, L> = (
                     near_child(link, group.signs),
                     enter,
-                    (distance + slack).min(leave),
+                    keep_min_each(distance + slack, leave),
                 );
-                let far = (near.0 ^ 1, (distance - slack).max(enter), leave);
+                let far = (near.0 ^ 1, keep_max_each(distance - slack, enter), leave);
                 ([near, far], empty)
             }
             Node::Oblique {
@@ -198,8 +199,8 @@ fn oblique<S: Simd, L: Width>(
     let slack = packet::load::<S, L>(simd, &packet.oblique_pad) * inv.abs();
     let distance = height * inv;
     // What is not a number bounds nothing.
-    let near_leave = (distance + slack).min(leave);
-    let far_enter = (distance - slack).max(enter);
+    let near_leave = keep_min_each(distance + slack, leave);
+    let far_enter = keep_max_each(distance - slack, enter);
     let down = inv.simd_lt(L::Vector::splat(simd, 0.0));
     let below = (
         children,

@@ -15,7 +15,8 @@
 
 use super::batch;
 use super::blocks::Blocks;
-use super::frame::{FrameRay, keep_max, keep_min};
+use super::bound::{keep_max, keep_min};
+use super::frame::FrameRay;
 use super::plane_dir;
 use super::query::{Best, Counters, Query};
 use super::ray::{Hit, Ray};

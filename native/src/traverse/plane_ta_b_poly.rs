@@ -13,7 +13,8 @@
 
 use super::batch;
 use super::blocks::Blocks;
-use super::frame::{FrameRay, keep_max, keep_min};
+use super::bound::{keep_max, keep_min};
+use super::frame::FrameRay;
 use super::query::{Best, Counters, Query};
 use super::ray::{Hit, Ray};
 use crate::build::plane_tree::{MAX_DEPTH, Node, PlaneTree};

@@ -8,8 +8,9 @@
 //! when the ray certainly misses it, or certainly reaches it too late.
 
 use super::blocks::Blocks;
+use super::bound::{keep_max_each, keep_min, keep_min_each};
 use super::box_tree::Slabs;
-use super::frame::{FrameRay, keep_min};
+use super::frame::FrameRay;
 use super::query::{Best, Counters, Query};
 use super::ray::Ray;
 use super::stream::{Next, Steps};
@@ -272,8 +273,8 @@ fn push<S: Simd>(
         let near = mask(u32::from(*near));
         let places = u8x32::from_slice(simd, places);
         let (low, high) = (low.swizzle_dyn(places), high.swizzle_dyn(places));
-        leaves = near.select(high.min(leaves), leaves);
-        enters = near.select(enters, low.max(enters));
+        leaves = near.select(keep_min_each(high, leaves), leaves);
+        enters = near.select(enters, keep_max_each(low, enters));
     }
     let order = u8x32::from_slice(simd, &table.order);
     let children = f32x8::from_slice(simd, &line.second).swizzle_dyn(order);

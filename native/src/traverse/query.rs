@@ -2,8 +2,9 @@
 //! What a walk is asked and what it counts: compile-time parameters of every walk, so that closest
 //! hit and any hit are one text and an uncounted walk has no trace of counting.
 
+use super::bound::keep_min;
 use super::cases::CASES;
-use super::frame::{FrameRay, keep_min};
+use super::frame::FrameRay;
 use super::ray::{Hit, Ray, RayCounters};
 use super::replay::Record;
 use crate::geom::verdict::verdict_within;
@@ -240,12 +241,10 @@ impl Best {
         let Some(found) = verdict_within(ray.o, ray.d, corners, span) else {
             return false;
         };
-        // An infinite distance is what a miss reports; one that no float can hold has no order, behind the origin
-        // either.
-        if !(ray.t_min <= found.t && found.t <= ray.t_max && found.t.abs() < f32::INFINITY) {
+        if !ray.reaches(found.t) {
             return false;
         }
-        if found.t < self.hit.t || (found.t == self.hit.t && id < self.hit.triangle) {
+        if Hit::precedes((found.t, id), (self.hit.t, self.hit.triangle)) {
             self.hit = Hit {
                 t: found.t,
                 triangle: id,

@@ -17,6 +17,15 @@ pub struct Ray {
     pub t_max: f32,
 }
 
+impl Ray {
+    /// Whether a hit at this distance counts. An infinite one is what a miss reports; one that no float can hold has no
+    /// order, behind the origin either.
+    #[inline(always)]
+    pub fn reaches(&self, t: f32) -> bool {
+        self.t_min <= t && t <= self.t_max && t.abs() < f32::INFINITY
+    }
+}
+
 /// The nearest triangle a ray meets. Of several at the same `t` the one with the smallest number.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Hit {
@@ -44,6 +53,13 @@ impl Hit {
     /// Whether some triangle was met.
     pub fn is_hit(&self) -> bool {
         self.triangle != Self::NONE
+    }
+
+    /// Whether a hit at the first distance, with the first triangle, is nearer than the second one, or as near and of a
+    /// smaller number. That of no triangle is larger than all others.
+    #[inline(always)]
+    pub fn precedes((t, id): (f32, u32), (best_t, best_id): (f32, u32)) -> bool {
+        t < best_t || (t == best_t && id < best_id)
     }
 }
 

@@ -12,7 +12,7 @@ use super::blocks::Blocks;
 use super::frame::Frame;
 use super::query::Counters;
 use super::ray::Ray;
-use super::tile::{Backoff, LANES, Row, Tile, bits, load, place, seat, splat};
+use super::tile::{Backoff, LANES, ORDINARY, Row, Tile, bits, load, place, seat, splat};
 use super::tile_leaf::{Candidate, Judge};
 use super::tile_nearest::count;
 use super::tile_verdict::any;
@@ -54,8 +54,7 @@ impl<const R: usize> Shadows<R> {
         let longest = first.d[0].abs().max(first.d[1].abs()).max(first.d[2].abs());
         let unit = f32::from_bits(longest.to_bits() & 0x7f80_0000);
         // What is not finite is in no range.
-        let sizes = 1e-18..1e18;
-        if rays.len() < LANES || !sizes.contains(&unit) || !sizes.contains(&first.t_max) {
+        if rays.len() < LANES || !ORDINARY.contains(&unit) || !ORDINARY.contains(&first.t_max) {
             return None;
         }
         let mut shadows = Self {
@@ -80,6 +79,9 @@ impl<const R: usize> Shadows<R> {
         shadows.scale(simd, unit);
         let light = light(rays);
         let (mut tile, blur) = shadows.towards(simd, (light, unit), there)?;
+        if !tile.is_worth_it(rays.len()) {
+            return None;
+        }
         let size = tile.to_frame;
         tile.blur = [blur, blur / size];
         let spread = tile.settle_in(simd, frame)?;
@@ -190,6 +192,7 @@ pub fn cast<S: Simd, C: Counters, const R: usize>(
     counters: &mut [C],
 ) -> [[u16; R]; 2] {
     let (mut blocked, mut rest) = ([0; R], [u16::MAX; R]);
+    // Of rays that do not go together nothing is learned: to find that out costs little, and the next ones may.
     if backoff.tries()
         && let Some((mut tile, mut shadows)) = Shadows::new(simd, frame, rays)
     {
@@ -258,8 +261,7 @@ impl<const R: usize> Judge<R> for Shadows<R> {
             doubtful &= doubtful - 1;
             let ray = &rays[place(row, lane)];
             let found = verdict_within(ray.o, ray.d, corners, [ray.t_min, ray.t_max]);
-            let hit = found
-                .is_some_and(|at| ray.t_min <= at.t && at.t <= ray.t_max && at.t < f32::INFINITY);
+            let hit = found.is_some_and(|at| ray.reaches(at.t));
             blocked |= u16::from(hit) << lane;
         }
         count(open, row, counters);

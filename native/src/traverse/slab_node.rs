@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The nodes of bounding interval hierarchies: two planes in twelve bytes, or one in eight.
 
-use super::frame::{FrameRay, keep_max, keep_min};
+use super::bound::{keep_max, keep_min};
+use super::frame::FrameRay;
 use crate::build::tighten::{Cut, Sides};
 use crate::geom::Aabb;
 

@@ -9,7 +9,8 @@
 
 use super::batch;
 use super::blocks::Blocks;
-use super::frame::{FrameRay, keep_min};
+use super::bound::keep_min;
+use super::frame::FrameRay;
 use super::nested::{Look, Nested, Place};
 use super::query::{Best, Counters, Query};
 use super::ray::{Hit, Ray};

@@ -4,8 +4,9 @@
 
 use super::batch;
 use super::blocks::Blocks;
+use super::bound::{keep_max, keep_max_each, keep_min, keep_min_each};
 use super::box_tree::Slabs;
-use super::frame::{FrameRay, keep_max, keep_min};
+use super::frame::FrameRay;
 use super::nested::{Look, Nested, Place};
 use super::query::{Best, Counters, Query};
 use super::ray::{Hit, Ray};
@@ -226,8 +227,8 @@ impl Slabs {
             V::from_slice(simd, &planes[row ^ 1]),
         );
         let inv = splat(self.inv[axis]);
-        let enter = near.mul_add(inv, splat(self.near[axis])).max(splat(enter));
-        let leave = far.mul_add(inv, splat(self.far[axis])).min(splat(leave));
+        let enter = keep_max_each(near.mul_add(inv, splat(self.near[axis])), splat(enter));
+        let leave = keep_min_each(far.mul_add(inv, splat(self.far[axis])), splat(leave));
         enter.store_slice(enters);
         leave.store_slice(leaves);
         enter.simd_le(leave).to_bitmask()

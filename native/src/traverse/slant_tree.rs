@@ -9,8 +9,9 @@
 
 use super::batch;
 use super::blocks::Blocks;
+use super::bound::{keep_max, keep_min};
 use super::dop_tree::{NORMALS, Planes};
-use super::frame::{FrameRay, keep_max, keep_min};
+use super::frame::FrameRay;
 use super::nested::{Look, Nested, Place};
 use super::query::{Best, Counters, Query};
 use super::ray::{Hit, Ray};

@@ -21,8 +21,9 @@ pub use held::Held;
 pub use pyramid::Pyramid;
 pub use row::{LANES, Row, bits, load, splat};
 
-/// Tiles need origins and directions of ordinary size, so that nothing overflows.
-const ORDINARY: f32 = 1_152_921_504_606_846_976.0;
+/// Origins nearer than the upper end, and directions whose longest component is between both, are ordinary: a product or
+/// a quotient of two stays inside 1e-36 to 1e36, with room for a few additions before it overflows.
+pub(super) const ORDINARY: std::ops::Range<f32> = 1e-18..1e18;
 
 /// The ray that sits in this lane of this row: a row is a square of 4 by 4 of the 8 by 8 pixels that 64
 /// rays in a row stand for, so that its rays stay together.
@@ -166,7 +167,7 @@ impl<const R: usize> Tile<R> {
                 tile.rest[row] |= 1 << lane;
             }
         }
-        if tile.is_ordinary(frame) {
+        if tile.is_ordinary(frame) && tile.is_worth_it(rays.len()) {
             tile.begin(simd, frame);
         } else {
             tile.active = [0; R];
@@ -220,12 +221,19 @@ impl<const R: usize> Tile<R> {
         reach.store_slice(&mut self.reach[row]);
     }
 
+    /// Whether at least half of so many rays take part: a walk for fewer spares little.
+    #[inline(always)]
+    pub(super) fn is_worth_it(&self, rays: usize) -> bool {
+        let active: u32 = self.active.iter().map(|row| row.count_ones()).sum();
+        2 * active as usize >= rays
+    }
+
     /// Whether nothing overflows, as far as the origin and the scale tell.
     #[inline(always)]
     fn is_ordinary(&self, frame: &Frame) -> bool {
         frame.is_scene()
-            && self.o.iter().all(|x| x.abs() < ORDINARY)
-            && (ORDINARY.recip()..ORDINARY).contains(&self.to_frame)
+            && self.o.iter().all(|x| x.abs() < ORDINARY.end)
+            && ORDINARY.contains(&self.to_frame)
     }
 
     /// Brings the active rays into the frame and to the scene's box.
@@ -353,9 +361,7 @@ impl<const R: usize> Tile<R> {
         let Some(found) = verdict_within(ray.o, ray.d, corners, [ray.t_min, best]) else {
             return;
         };
-        let inside = ray.t_min <= found.t && found.t <= best && found.t < f32::INFINITY;
-        // The number of no triangle is larger than all others.
-        if !inside || (found.t == best && id > self.id[row][lane]) {
+        if !ray.reaches(found.t) || !Hit::precedes((found.t, id), (best, self.id[row][lane])) {
             return;
         }
         self.t[row][lane] = found.t;

@@ -9,11 +9,12 @@
 //! origin count, so the side of the triangle on which the origin lies tells the sign that
 //! all weights of a hit have; only where that is in doubt both signs are tried.
 //!
-//! Errors beyond those of the single test: the third weight, whose vector is the sum of the other two and
-//! the determinant's, is off by 180 u S E + 96 u E^2, which its bound covers. A product in a row's part of the
-//! pyramid is put together from those with three corners, with factors of 3 in all, and from 7
-//! roundings of numbers up to 84 S E, or for the third weight twice that: less than 1500 u S E + 760 u E^2. Eight
-//! times the bound of the single test covers it.
+//! Errors beyond those of the single test, where products and sums round one by one: the third weight, whose vector is
+//! the sum of the other two and the determinant's, is off by 22 u S E + 12 u E^2 per component, which times a
+//! direction makes 132 u S E + 72 u E^2, and the dot product adds 64 u S E + 32 u E^2; its bound is
+//! 208 u S E + 288 u E^2. A product in a row's part of the pyramid is put together from those with three corners, with
+//! factors of 3 in all, which makes 588 u S E + 312 u E^2, and the roundings of two sides and of eight
+//! products and sums add 744 u S E + 372 u E^2. Eight times the bound of the single test covers that.
 //!
 //! Where the lines of the rays pass the common origin at a distance of up to a blur B, which turns their directions
 //! by up to b in the frame, offsets are off by B and directions by b per component: determinants by 6 b E^2,

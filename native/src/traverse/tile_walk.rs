@@ -66,6 +66,8 @@ impl<'a, T: TileTree, const R: usize> TileWalk for Tiles<'a, T, R> {
             if !finished {
                 tile.give_up();
             }
+        } else if tile.rest != [0; R] {
+            backoff.learn(false);
         }
         for i in 0..rays.len() {
             let (row, lane) = seat(i);

@@ -19,7 +19,7 @@ use halfspace_native::render::visibility::Visibility;
 use halfspace_native::scene::Triangles;
 use halfspace_native::spec::Config;
 use halfspace_native::structure::Structure;
-use halfspace_native::traverse::{Hit, Ray, Tracer};
+use halfspace_native::traverse::{Hit, Order, Ray, Tracer};
 use halfspace_native::validate::validate;
 use std::sync::Arc;
 use std::time::Duration;
@@ -174,7 +174,9 @@ pub fn build_closest(bytes: &[u8]) {
     let mut found = expected.clone();
     let mut occluded = vec![false; rays.len()];
     brute.closest(&rays, &mut expected, None);
+    let mut in_tiles = expected.clone();
     structure.closest(&rays, &mut found, None);
+    structure.closest_ordered(&rays, &mut in_tiles, None, Order::Tiles);
     structure.occluded(&rays, &mut occluded, None);
     for (i, ray) in rays.iter().enumerate() {
         let bits = |hit: &Hit| {
@@ -186,6 +188,8 @@ pub fn build_closest(bytes: &[u8]) {
             ]
         };
         assert_eq!(bits(&found[i]), bits(&expected[i]), "{name}: {ray:?}");
+        let tiled = bits(&in_tiles[i]);
+        assert_eq!(tiled, bits(&expected[i]), "{name}, in tiles: {ray:?}");
         assert_eq!(occluded[i], expected[i].is_hit(), "{name}: {ray:?}");
         if ray.o.iter().chain(&ray.d).all(|x| x.is_finite()) {
             let exact = exact_closest(&scene, ray).hit;

@@ -12,6 +12,7 @@ mod fuzz;
 mod grazing;
 mod meshes;
 mod octants;
+mod odd;
 mod planes;
 mod random;
 mod rays;
@@ -23,6 +24,7 @@ use crate::scene::Triangles;
 use crate::traverse::Ray;
 use std::sync::Arc;
 
+pub use odd::strew;
 pub use random::Random;
 pub use rays::{aimed, lattice_rays, ray};
 pub use shapes::{box_triangles, grid, placed, soup};

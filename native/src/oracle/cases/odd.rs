@@ -1,0 +1,21 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Rays that are odd: with numbers that are none, without direction, without extent.
+
+use crate::traverse::Ray;
+
+/// Makes every `every`-th of some rays odd, each in another way, and leaves the others between them.
+pub fn strew(rays: &mut [Ray], every: usize) {
+    const ODD: [f32; 5] = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 1e38, -1e30];
+    for (i, ray) in rays.iter_mut().step_by(every.max(1)).enumerate() {
+        let (number, k) = (ODD[i / 7 % ODD.len()], i % 3);
+        match i % 7 {
+            0 => ray.o[k] = number,
+            1 => ray.d[k] = number,
+            2 => ray.t_min = number,
+            3 => ray.t_max = number,
+            4 => ray.d = [0.0; 3],
+            5 => (ray.t_min, ray.t_max) = (ray.t_max, ray.t_min),
+            _ => ray.d[k] *= 1e-40,
+        }
+    }
+}
