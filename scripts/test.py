@@ -7,10 +7,12 @@ status is 0 only if nothing failed. With arguments only the checks whose names b
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import re
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -19,6 +21,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import environment
 from environment import CURRENT, LTS, ROOT
@@ -45,6 +48,15 @@ class Counts:
         return f"{self.passed} passed, {self.failed} failed, {self.skipped} skipped"
 
 
+def end(process: subprocess.Popen[Any]) -> None:
+    """End a process that leads a session, with all that it started: cargo's end alone would not end a test's."""
+    if os.name == "posix":
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+    else:
+        process.kill()
+
+
 def run(command: list[str]) -> tuple[int, str]:
     """Run a command, showing its output as it comes. Returns its exit status and what it printed."""
     process = subprocess.Popen(
@@ -56,19 +68,31 @@ def run(command: list[str]) -> tuple[int, str]:
         stderr=subprocess.STDOUT,
         text=True,
         errors="replace",
+        start_new_session=True,
     )
     assert process.stdout is not None
     # A timer, because a hanging process prints nothing that could wake a loop over its lines.
-    timer = threading.Timer(TIME_LIMIT, process.kill)
+    overdue = threading.Event()
+
+    def stop() -> None:
+        overdue.set()
+        end(process)
+
+    timer = threading.Timer(TIME_LIMIT, stop)
     timer.start()
     lines = []
-    for line in process.stdout:
-        print(line, end="", flush=True)
-        lines.append(line)
-    status = process.wait()
-    overdue = not timer.is_alive()
-    timer.cancel()
-    if overdue:
+    try:
+        with process:
+            for line in process.stdout:
+                print(line, end="", flush=True)
+                lines.append(line)
+    except BaseException:
+        end(process)
+        raise
+    finally:
+        timer.cancel()
+    status = process.returncode
+    if overdue.is_set():
         print(f"ended after {TIME_LIMIT} s", flush=True)
     return status, "".join(lines)
 
@@ -142,6 +166,7 @@ def compile_rust_tests() -> subprocess.Popen[bytes]:
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
+        start_new_session=True,
     )
 
 
@@ -170,7 +195,12 @@ def set_up(names: list[str]) -> tuple[str | None, subprocess.Popen[bytes] | None
             ready.append(LTS)
         else:
             problem = f"Python {LTS.version}, which Blender {LTS.blender} needs, was not found"
-    environment.install_wheel(*ready)
+    try:
+        environment.install_wheel(*ready)
+    except BaseException:
+        if compiling is not None:
+            end(compiling)
+        raise
     return problem, compiling
 
 

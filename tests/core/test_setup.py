@@ -303,3 +303,16 @@ def test_the_versions_in_all_files_are_one() -> None:
     }
     versions["manifest"] = tomllib.loads((ROOT / "blender_manifest.toml").read_text(encoding="utf-8"))["version"]
     assert set(versions.values()) == {native.VERSION}, versions
+
+
+def test_a_check_that_hangs_ends_with_all_that_it_started(tmp_path, monkeypatch, capsys):
+    run = test_script["run"]
+    monkeypatch.setitem(run.__globals__, "TIME_LIMIT", 1)
+    late = tmp_path / "late"
+    grandchild = f"import time, pathlib; time.sleep(12); pathlib.Path({str(late)!r}).touch()"
+    child = f"import subprocess, sys; subprocess.run([sys.executable, '-c', {grandchild!r}])"
+    status, _ = run([sys.executable, "-c", child])
+    # What was started holds on to the output, so nothing returns before it has ended, one way or the other.
+    assert not late.exists()
+    assert status != 0
+    assert "ended after 1 s" in capsys.readouterr().out
