@@ -3,7 +3,7 @@
 //! say where, are passed on sixteen at a time.
 
 use super::frame::FrameRay;
-use super::query::Held;
+use super::query::Deferred;
 use super::ray::{Hit, Ray};
 use super::tile::{LANES, Row};
 use super::tile_verdict;
@@ -44,7 +44,7 @@ impl Late {
         simd: S,
         (place, rays): (usize, &[Ray]),
         frame: &FrameRay,
-        held: &Held,
+        held: &Deferred,
         write: &mut impl FnMut(usize, Hit),
     ) {
         let lane = self.waiting;
@@ -142,7 +142,7 @@ mod tests {
                 };
                 rays.push(ray);
                 framed.push(in_frame);
-                held.push(Held { triangle, corners: *corners, low: 0.0 });
+                held.push(Deferred { triangle, corners: *corners, low: 0.0 });
                 expected.push([hit.t.to_bits(), triangle, hit.u.to_bits(), hit.v.to_bits()]);
             }
             let mut answers = vec![None; rays.len()];

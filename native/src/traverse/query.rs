@@ -155,7 +155,7 @@ impl Counters for Count<'_> {
 
 /// A triangle that a ray certainly hits, and on which there is no verdict yet.
 #[derive(Clone, Copy)]
-pub struct Held {
+pub struct Deferred {
     /// Its number in the structure; [`Hit::NONE`] if there is none.
     pub triangle: u32,
     /// Its corners in the scene.
@@ -164,7 +164,7 @@ pub struct Held {
     pub low: f32,
 }
 
-impl Held {
+impl Deferred {
     const NOTHING: Self = Self {
         triangle: Hit::NONE,
         corners: [[0.0; 3]; 3],
@@ -176,7 +176,7 @@ impl Held {
 pub struct Best {
     hit: Hit,
     /// What may be a better one.
-    held: Held,
+    held: Deferred,
     /// Upper bound, in the frame's units, on the distance of anything that could still win.
     pub reach: f32,
 }
@@ -187,7 +187,7 @@ impl Best {
     pub fn new(ray: &FrameRay) -> Self {
         Self {
             hit: ray.known,
-            held: Held::NOTHING,
+            held: Deferred::NOTHING,
             reach: ray.t_max,
         }
     }
@@ -197,7 +197,7 @@ impl Best {
     pub fn blank() -> Self {
         Self {
             hit: Hit::MISS,
-            held: Held::NOTHING,
+            held: Deferred::NOTHING,
             reach: f32::INFINITY,
         }
     }
@@ -207,7 +207,7 @@ impl Best {
     pub fn known(hit: Hit) -> Self {
         Self {
             hit,
-            held: Held::NOTHING,
+            held: Deferred::NOTHING,
             reach: f32::NEG_INFINITY,
         }
     }
@@ -292,7 +292,7 @@ impl Best {
         if far >= self.held.low {
             return None;
         }
-        self.held = Held {
+        self.held = Deferred {
             triangle: id,
             corners: corners(),
             low,
@@ -321,7 +321,7 @@ impl Best {
 
     /// The triangle on which there is no verdict yet, where that is all that is known.
     #[inline(always)]
-    pub fn held(&self) -> Option<&Held> {
+    pub fn held(&self) -> Option<&Deferred> {
         (self.held.triangle != Hit::NONE && !self.hit.is_hit()).then_some(&self.held)
     }
 
@@ -329,9 +329,9 @@ impl Best {
     #[inline(always)]
     pub fn answer(&mut self, ray: (&Ray, &FrameRay)) -> Hit {
         if self.held.triangle != Hit::NONE {
-            let Held {
+            let Deferred {
                 triangle, corners, ..
-            } = std::mem::replace(&mut self.held, Held::NOTHING);
+            } = std::mem::replace(&mut self.held, Deferred::NOTHING);
             self.offer::<Closest, _>(ray, triangle, || corners, &mut NoCount);
             debug_assert!(self.hit.is_hit(), "the ray certainly hits it");
         }
