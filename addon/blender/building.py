@@ -34,10 +34,10 @@ class Job:
         self.spec = properties.spec(group)
         self.label = catalogue.load()[group.structure].label
         self.notes = Notes()
+        self._read = trees.moment(scene)
         geometry = extract.extract(depsgraph, self.notes).geometry
         self.scene_uid = scene.original.session_uid
         self.triangles = len(geometry.triangles)
-        self._origin = geometry.origin
         self._building = Building(module, geometry, self.spec, memory_limit=memory_limit(group.memory_limit))
 
     @property
@@ -52,7 +52,17 @@ class Job:
         structure = self._building.result()
         scene = _scene(self.scene_uid)
         if scene is not None:  # else it was deleted meanwhile
-            trees.keep(scene, structure, self._origin, spec=self.spec, label=self.label, triangles=self.triangles)
+            geometry = self._building.geometry
+            trees.keep(
+                scene,
+                structure,
+                geometry.origin,
+                geometry.vertices,
+                geometry.triangles,
+                spec=self.spec,
+                label=self.label,
+                read=self._read,
+            )
         return True
 
     def cancel(self) -> None:
@@ -82,8 +92,7 @@ def request(scene: Any) -> None:
     group = scene.halfspace
     if native.problem() is not None or not (group.overlay.show and group.overlay.auto_update):
         return
-    tree = trees.last(scene)
-    if tree is not None and not tree.stale and tree.spec == properties.spec(group):
+    if trees.usable(scene, properties.spec(group)) is not None:
         return
     _Background.wish = scene.original.session_uid
     _Background.wished_at = time.monotonic()

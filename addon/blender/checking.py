@@ -50,12 +50,13 @@ class HALFSPACE_OT_check(bpy.types.Operator):
         render = scene.render
         size = (max(render.resolution_x, 1), max(render.resolution_y, 1))
         try:
-            tree = trees.last(scene)
-            if tree is None or tree.stale or tree.spec != properties.spec(scene.halfspace):
-                building.build_now(scene, context.evaluated_depsgraph_get())
+            depsgraph = context.evaluated_depsgraph_get()  # first, since it tells what has moved
+            tree = trees.usable(scene, properties.spec(scene.halfspace))
+            if tree is None:
+                building.build_now(scene, depsgraph)
                 tree = trees.last(scene)
                 assert tree is not None
-            workload = workloads.current(scene.name, size)
+            workload = workloads.of_tree(tree, scene.name, size)
             found: Check | None = None
             for found in check.steps(native.load(), tree.structure, workload, threads=0):  # noqa: B007 (the last)
                 pass

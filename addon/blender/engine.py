@@ -96,7 +96,7 @@ class _Picture:
         settings = render_settings(self.engine, self.depsgraph)
 
         self._say("Reading the scene")
-        start = time.perf_counter()
+        start, read = time.perf_counter(), trees.moment(self.scene)
         uvs = "UV" in settings.passes
         found = extract.find(self.depsgraph, self.notes, uvs=uvs)
         # Only triangles in their places carry UVs.
@@ -132,7 +132,17 @@ class _Picture:
         if layout.two_level:
             trees.clear()  # the overlay shows one tree in the scene's own space
         else:
-            trees.keep(self.scene, session.structure, origin, spec=spec, label=label, triangles=count)
+            source = scene.geometry
+            trees.keep(
+                self.scene,
+                session.structure,
+                origin,
+                source.vertices,
+                source.triangles,
+                spec=spec,
+                label=label,
+                read=read,
+            )
 
         job = session.render(view, settings)
         width, height = settings.size

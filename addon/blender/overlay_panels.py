@@ -55,7 +55,7 @@ def _tree(layout: Any, scene: Any, group: Any) -> None:
     numbers = tree.structure.statistics
     row = layout.row()
     column = row.column(align=True)
-    column.label(text=f"{tree.label}, {tree.triangles:,} triangles")
+    column.label(text=f"{tree.label}, {tree.count:,} triangles")
     column.label(text=f"Built in {numbers['build_seconds']:.2f} s, {numbers['bytes'] / 2**20:.1f} MiB")
     nodes = numbers["nodes_axis"] + numbers["nodes_oblique"]
     column.label(text=f"{nodes:,} nodes, {numbers['leaves']:,} leaves")
@@ -81,7 +81,7 @@ class HALFSPACE_PT_view_statistics(_SidebarPanel, bpy.types.Panel):
     def draw(self, context: Any) -> None:
         tree = trees.last(context.scene)
         if tree is not None:
-            panels.statistics(self.layout, tree.structure.statistics, tree.triangles)
+            panels.statistics(self.layout, tree.structure.statistics, tree.count)
             for line in tree.structure.statistics["left_out"]:
                 wrapped(self.layout, f"Left out: {line}", width=36)
         panels.answers(self.layout, tree)

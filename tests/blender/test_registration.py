@@ -36,7 +36,7 @@ def footprint() -> dict[str, object]:
         "engines": engines_of_panels(),
         "handlers": {h: len(getattr(bpy.app.handlers, h)) for h in HANDLERS},
         "reports": dict(reports._last),
-        "tree": trees._tree,
+        "tree": (trees._tree, dict(trees._moments), dict(trees._frames)),
         "checks": dict(checking._checks),
         "rays": dict(picking._rays),
         "comparisons": (dict(comparing._found), comparing._state.work),
