@@ -385,7 +385,7 @@ def words(found: Found) -> Iterator[str]:
         else:
             yield (
                 f"{line.spec}: build {line.build:.2f} s + render {line.trace:.2f} s = {line.total:.2f} s; "
-                f"{line.wrong:,} of {line.checked:,} answers wrong{marks}"
+                f"{line.answers}{marks}"
             )
     yield ""
     yield from found.notes

@@ -67,7 +67,7 @@ def moment(scene: Any) -> int:
 
 def keep(
     scene: Any, structure: Any, origin: F64, vertices: F32, triangles: I32, *, spec: str, label: str, read: int
-) -> None:
+) -> Tree:
     """Remember a structure of this scene in place of the last one."""
     global _tree  # noqa: PLW0603 (one per Blender, as said above)
     uid = scene.original.session_uid
@@ -75,6 +75,7 @@ def keep(
     if not bpy.app.background:
         # Renders keep their trees from a thread of theirs; timers run where redrawing is allowed.
         bpy.app.timers.register(redraw)
+    return _tree
 
 
 def last(scene: Any) -> Tree | None:

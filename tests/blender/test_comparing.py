@@ -15,7 +15,7 @@ from layouts import draw_all
 from shapes import cube, grid
 
 from addon.blender import compare_panels, comparing, panels, presets, properties, reports, trees
-from addon.core import auto, catalogue
+from addon.core import auto, catalogue, choice
 
 
 @pytest.fixture
@@ -96,6 +96,21 @@ def test_choosing_sets_structure_and_parameters(seen: Any) -> None:
     assert found.comparison.best.spec in auto.candidates(catalogue.load())
     assert seen.halfspace.structure == found.comparison.best.spec.partition(":")[0]
     assert any("Choosing took" in line for line in found.notes)
+    assert all(line.checked >= 64 and not line.wrong for line in found.comparison.sound)
+    told = list(comparing.words(found))
+    assert sum("answers wrong" in line for line in told) == len(found.comparison.lines)
+    assert not any("0 of 0" in line for line in told)
+    for panel in compare_panels.CLASSES:
+        assert "compared with brute force, 0 wrong" in " ".join(draw_all(panel, scene=seen).log)
+
+
+def test_what_was_not_compared_is_said_to_be_so(seen: Any) -> None:
+    line = choice.Line("kd", 1.0, 2.0)
+    found = comparing.Found(choice.Comparison(comparing.plan_of(seen), (line,)), [])
+    assert any("3.00 s; answers not compared" in told for told in comparing.words(found))
+    comparing._found[seen.session_uid] = found
+    for panel in compare_panels.CLASSES:
+        assert "Answers not compared" in draw_all(panel, scene=seen).log
 
 
 def test_a_render_can_choose_by_itself_and_says_why(seen: Any) -> None:
@@ -113,7 +128,15 @@ def test_a_render_can_choose_by_itself_and_says_why(seen: Any) -> None:
     assert report.label == comparing.name(tree.spec)
     assert any("Choosing took" in line for line in report.reasons)
     assert seen.halfspace.structure == "brute"  # the setting stays the user's
-    assert "Why this structure" in draw_all(panels.HALFSPACE_PT_statistics, scene=seen).log
+    assert "answers wrong" in report.answers
+    assert not report.answers.startswith("0 of 0")
+    drawn = draw_all(panels.HALFSPACE_PT_statistics, scene=seen).log
+    assert "Why this structure" in drawn
+    assert report.answers in drawn
+    # What was chosen is measured, not what is set.
+    assert bpy.ops.halfspace.check() == {"FINISHED"}
+    assert trees.last(seen) is tree
+    assert tree.spec != "brute"
 
 
 class Operator:

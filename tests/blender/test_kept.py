@@ -145,6 +145,39 @@ def test_cost_maps_walk_the_triangles_that_they_were_built_over(seen: Any, chang
     assert drawn[1][1].max() == triangles == len(workload.triangles)
 
 
+def test_speeds_stand_beside_what_is_known_of_the_answers(seen: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    from layouts import draw
+
+    from addon.blender import engine, panels
+
+    said: list[str] = []
+    monkeypatch.setattr(engine._Picture, "_say", lambda _self, text: said.append(text))
+    bpy.ops.render.render()
+    speeds = [text for text in said if "Mray/s" in text]
+    assert speeds
+    assert all("answers not compared" in text for text in speeds)
+    shown = (panels.HALFSPACE_PT_statistics, overlay_panels.HALFSPACE_PT_view_statistics)
+    for panel in shown:
+        drawn = draw(panel, scene=seen)
+        assert "Build" in drawn
+        assert "answers not compared" in drawn
+    (built,) = (line for line in draw(overlay_panels.HALFSPACE_PT_view_structure, scene=seen) if "Built in" in line)
+    assert built.endswith("answers not compared")
+    assert bpy.ops.halfspace.check() == {"FINISHED"}
+    for panel in shown:
+        drawn = draw(panel, scene=seen)
+        assert "answers not compared" not in drawn
+        assert sum("brute force" in line for line in drawn) == 1
+    (built,) = (line for line in draw(overlay_panels.HALFSPACE_PT_view_structure, scene=seen) if "Built in" in line)
+    assert built.endswith("12,288 answers right")
+    # Another structure than the picture's: what is known of it says nothing about the picture.
+    seen.halfspace.structure = "bvh-sah"
+    assert bpy.ops.halfspace.check() == {"FINISHED"}
+    drawn = draw(panels.HALFSPACE_PT_statistics, scene=seen)
+    assert "The picture: answers not compared" in drawn
+    assert any(line.startswith("12,288 answers of Bounding volume hierarchy") for line in drawn)
+
+
 def test_the_panel_tells_an_edit_that_nobody_has_seen(seen: Any) -> None:
     from layouts import draw
 
