@@ -11,6 +11,7 @@ import numpy as np
 
 from . import benchmark
 from .curve import Curve
+from .rows import building
 from .workload import Workload
 
 SETS = ("primary", "shadow", "diffuse")
@@ -135,7 +136,7 @@ def compare(rows: Sequence[benchmark.Row], counted: Mix, plan: Plan) -> Comparis
             least = "" if wrong else "at least "  # a row does not tell how many distances are a bit off
             wrong = max(wrong, 1)
             problem = f"{least}{wrong:,} of {errors['rays']:,} answers are wrong"
-        build, trace = row["build_s"]["med"], counted.seconds(speeds, plan)
+        build, trace = building(row), counted.seconds(speeds, plan)
         lines.append(Line(row["spec"], build, trace, wrong, errors["rays"], problem))
     lines.sort(key=lambda line: (bool(line.problem), line.total))
     return Comparison(plan, tuple(lines))

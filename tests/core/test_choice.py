@@ -128,6 +128,16 @@ def test_nothing_is_chosen_when_all_err(soup: Workload, monkeypatch: pytest.Monk
         list(chooser.steps())
 
 
+def test_a_tree_that_rays_build_is_charged_all_of_its_build(soup: Workload) -> None:
+    options = benchmark.Options(size=(32, 32), sets=choice.SETS, repeats=1, check_rays=64, threads=1)
+    rows = list(benchmark.measure(native, soup, ["kd:lazy=1", "kd"], options, lambda _text: None))
+    for row in rows:
+        upper, first = (0.25, 3.0) if row["spec"] == "kd:lazy=1" else (2.0, 5.0)
+        row["build_s"], row["first_s"] = ({"min": s, "med": s, "max": s} for s in (upper, first))
+    lines = {line.spec: line for line in choice.compare(rows, Mix(1.0, 0.0, 0.0), Plan(1000, 4)).lines}
+    assert {spec: line.build for spec, line in lines.items()} == {"kd:lazy=1": 3.0, "kd": 2.0}
+
+
 @pytest.mark.parametrize("lie", LIES)
 def test_a_row_that_errs_never_says_that_none_is_wrong(soup: Workload, lie: str) -> None:
     options = benchmark.Options(size=(32, 32), sets=choice.SETS, repeats=1, check_rays=64, threads=1)
