@@ -93,6 +93,11 @@ def clear() -> None:
         bpy.app.timers.register(redraw)
 
 
+def scene_of(uid: int) -> Any:
+    """The scene with this number, None if it is gone."""
+    return next((scene for scene in bpy.data.scenes if scene.session_uid == uid), None)
+
+
 def usable(scene: Any, spec: str) -> Tree | None:
     """The structure of this scene, if it is this configuration and triangles have not moved since."""
     tree = last(scene)
