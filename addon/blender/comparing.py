@@ -314,6 +314,7 @@ class HALFSPACE_OT_compare(_Modal, bpy.types.Operator):
         "Build the chosen structure and all ticked ones over this scene, prove their answers and time their rays. "
         "Blender can be used meanwhile; Esc stops"
     )
+    bl_options = {"REGISTER", "UNDO"}
 
     def _begin(self, scene: Any) -> _Work:
         return comparing(scene)

@@ -32,6 +32,7 @@ class HALFSPACE_OT_cost_map(bpy.types.Operator):
         "Trace one ray per pixel of the camera's view through the structure, and show in the Image Editor what each "
         "costs. With a second structure, both on one scale"
     )
+    bl_options = {"REGISTER", "UNDO"}
 
     width: IntProperty(name="Width", default=512, min=8, max=4096)  # type: ignore[valid-type]
 

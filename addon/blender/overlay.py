@@ -231,6 +231,11 @@ def _file_loaded(*_: Any) -> None:
     trees.clear()
     picking.clear()
     _drawings.clear()
+    _begin()
+
+
+def _begin() -> None:
+    """Show what the open file wishes to see."""
     follow()
     for scene in bpy.data.scenes:
         building.request(scene)
@@ -263,12 +268,16 @@ def register() -> None:
     """Watch for files, undo steps and changes of the scene."""
     for handlers, function in _watched():
         handlers.append(function)
+    # While an add-on is being enabled Blender does not let it look at the file, which may be open already.
+    bpy.app.timers.register(_begin, first_interval=0.0)
 
 
 def unregister() -> None:
     """The reverse of `register`, and let go of everything."""
     for handlers, function in _watched():
         handlers.remove(function)
+    if bpy.app.timers.is_registered(_begin):
+        bpy.app.timers.unregister(_begin)
     _let_go()
     building.stop()
     trees.clear()

@@ -6,7 +6,7 @@ from __future__ import annotations
 import gc
 import weakref
 from pathlib import Path
-from types import SimpleNamespace
+from types import MethodType, SimpleNamespace
 from typing import Any
 
 import bpy
@@ -586,7 +586,8 @@ def test_the_cursor_picks_a_ray_and_esc_gives_the_last_one_back(scene: Any, add:
     area = next(area for area in context.screen.areas if area.type == "VIEW_3D")
     region = next(region for region in area.regions if region.type == "WINDOW")
     kind = picking.HALFSPACE_OT_pick_ray
-    operator = SimpleNamespace(_before=None, _end=lambda where: kind._end(operator, where), report=print)
+    operator = SimpleNamespace(report=print, pixel=1e-3)
+    operator._end, operator._leave = (MethodType(found, operator) for found in (kind._end, kind._leave))
     middle = {"mouse_x": region.x + region.width // 2, "mouse_y": region.y + region.height // 2}
     assert kind.invoke(operator, context, None) == {"RUNNING_MODAL"}
     assert kind.modal(operator, context, SimpleNamespace(type="MOUSEMOVE", value="", **middle)) == {"RUNNING_MODAL"}
@@ -597,4 +598,6 @@ def test_the_cursor_picks_a_ray_and_esc_gives_the_last_one_back(scene: Any, add:
     assert kind.invoke(operator, context, None) == {"RUNNING_MODAL"}
     assert kind.modal(operator, context, SimpleNamespace(type="LEFTMOUSE", value="PRESS", **middle)) == {"FINISHED"}
     assert picking.last(scene) == moved
+    # What is adjusted afterwards begins with what was picked.
+    assert (operator.origin, operator.direction, operator.pixel) == (moved.origin, moved.direction, moved.pixel)
     assert calls == ["EYEDROPPER", "restored"] * 2

@@ -44,7 +44,7 @@ def footprint() -> dict[str, object]:
         "popover": len(bpy.types.VIEW3D_PT_overlay.draw._draw_funcs)
         if hasattr(bpy.types.VIEW3D_PT_overlay.draw, "_draw_funcs")
         else 1,
-        "timers": bpy.app.timers.is_registered(building._tick),
+        "timers": [bpy.app.timers.is_registered(look) for look in (building._tick, overlay._begin)],
     }
 
 
