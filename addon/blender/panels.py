@@ -260,12 +260,13 @@ def statistics(layout: Any, numbers: Mapping[str, Any], triangles: int) -> None:
             grid.label(text=form.format(values[key]))
 
 
-def answers(layout: Any, tree: trees.Tree | None, known: str = choice.NOT_COMPARED) -> None:
-    """What the last check of the structure found, and the button that checks it. known: else."""
+def answers(layout: Any, tree: trees.Tree | None, known: str = "") -> None:
+    """What the last check of the structure found, and the button that checks it. known: what is said without one."""
     layout.operator(checking.HALFSPACE_OT_check.bl_idname, icon="VIEWZOOM")
     found = None if tree is None else checking.last(tree)
     if tree is None or found is None:
-        layout.label(text=known, icon="INFO")
+        if known or tree is not None:
+            layout.label(text=known or choice.NOT_COMPARED, icon="INFO")
         return
     errors, what = found.errors, f"{found.errors.rays:,} answers of {tree.label}"
     if found.right:

@@ -9,6 +9,7 @@ from typing import Any
 import bpy
 import numpy as np
 
+from ..core.native import first_line
 from ..core.notes import Notes
 from ..core.scene import F32, I32, Camera, Scene
 from ..core.workload import View, Workload, WorkloadError, framing_view
@@ -42,7 +43,7 @@ def load(path: Path, size: tuple[int, int]) -> Workload:
             IMPORTERS[suffix](str(path))
     except Exception as error:
         # Operators report in several lines, importers written in Python raise anything.
-        raise WorkloadError(f"{path}: Blender cannot read it: {_first_line(error)}") from error
+        raise WorkloadError(f"{path}: Blender cannot read it: {first_line(error)}") from error
     return current(path.stem, size)
 
 
@@ -112,8 +113,3 @@ def _view(camera: Camera) -> View | None:
     eye, up, back = (np.array(camera.to_world[:3, column], np.float64) for column in (3, 1, 2))
     _, _, bottom, top = camera.window
     return View(eye, eye - back, up, float(np.degrees(2 * np.arctan((top - bottom) / 2))))
-
-
-def _first_line(error: BaseException) -> str:
-    lines = [line.removeprefix("Error: ").strip() for line in str(error).splitlines() if line.strip()]
-    return lines[0] if lines else type(error).__name__
