@@ -2,7 +2,7 @@
 """How well the automatic choice chooses: `python scripts/choose.py SCENE.npz [...] [options]`.
 
 For each scene: what is chosen, what choosing cost, and what the best of all candidates would have taken, each of them
-built and timed in full. Exit status: 0 done; 2 bad usage or input, said in one line.
+built, compared with brute force and timed in full. Exit status: 0 done; 2 bad usage or input, said in one line.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from addon.core import auto, catalogue, check, choice, native, rays
+from addon.core.reference import Reference
 from addon.core.usage import Parser, UsageError
 from addon.core.workload import SCENES, Workload, find, load_npz
 
@@ -38,23 +39,26 @@ def parser() -> argparse.ArgumentParser:
 def full(
     module: object, workload: Workload, plan: choice.Plan, specs: Sequence[str], threads: int
 ) -> choice.Comparison:
-    """Every candidate built and timed in full, interleaved."""
+    """Every candidate built, compared with brute force and timed in full, interleaved."""
     built, builds = {}, {}
     for spec in specs:
         built[spec], builds[spec] = check.timed_build(module, workload, spec, threads)
     first = built[specs[0]]
     counted = choice.mix(module, first, workload, auto.SIZE, plan.max_bounces)
     sets = [some for some in rays.make(workload, first, size=auto.SIZE, seed=2, names=choice.SETS) if len(some)]
+    wanted = min(auto.CHECKED, auto.BRUTE_TESTS // max(len(workload.triangles), 1))
+    reference = Reference(module, workload, sets, wanted, seed=2, threads=threads)
     best: dict[str, dict[str, float]] = {spec: {} for spec in specs}
     for _ in range(REPEATS):
         for spec in specs:
             for some in sets:
                 best[spec][some.name] = max(best[spec].get(some.name, 0.0), check.rate(built[spec], some, 1))
-    lines = [
-        choice.Line(spec, builds[spec], counted.seconds(best[spec], plan) / (threads or os.cpu_count() or 1))
-        for spec in specs
-    ]
-    return choice.Comparison(plan, tuple(sorted(lines, key=lambda line: line.total)))
+    lines = []
+    for spec in specs:
+        wrong = reference.wrong(built[spec])
+        trace = counted.seconds(best[spec], plan) / (threads or os.cpu_count() or 1)
+        lines.append(choice.Line(spec, builds[spec], trace, wrong, len(reference), "wrong answers" if wrong else ""))
+    return choice.Comparison(plan, tuple(sorted(lines, key=lambda line: (bool(line.problem), line.total))))
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -91,7 +95,8 @@ def run(asked: argparse.Namespace) -> int:
         print(f"{workload.name}: chose {chosen.spec}, {own.total:.2f} s; best {best.spec}, {best.total:.2f} s")
         print(f"  {ratio:.3f} times the best; choosing took {chosen.own:.2f} s beside the build of the chosen")
         for line in compared.lines:
-            print(f"  {line.spec:<36} build {line.build:8.2f} s  trace {line.trace:8.2f} s  total {line.total:8.2f} s")
+            times = f"build {line.build:8.2f} s  trace {line.trace:8.2f} s  total {line.total:8.2f} s"
+            print(f"  {line.spec:<36} {times}  {line.answers}")
         for note in chosen.notes:
             print(f"  {note}")
         sys.stdout.flush()

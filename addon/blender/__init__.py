@@ -21,6 +21,7 @@ from . import (
     presets,
     properties,
     reports,
+    sky,
     viewport,
 )
 
@@ -50,6 +51,7 @@ def unregister() -> None:
     compat.unregister(engine.ENGINE)
     bpy.utils.unregister_class(engine.HalfspaceEngine)
     viewport.stop()
+    sky.stop()
     overlay.unregister()
     compare_panels.unregister()
     overlay_panels.unregister()

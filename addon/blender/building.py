@@ -34,10 +34,10 @@ class Job:
         self.spec = properties.spec(group)
         self.label = catalogue.load()[group.structure].label
         self.notes = Notes()
+        self._read = trees.moment(scene)
         geometry = extract.extract(depsgraph, self.notes).geometry
         self.scene_uid = scene.original.session_uid
         self.triangles = len(geometry.triangles)
-        self._origin = geometry.origin
         self._building = Building(module, geometry, self.spec, memory_limit=memory_limit(group.memory_limit))
 
     @property
@@ -50,9 +50,19 @@ class Job:
         if not self._building.wait(seconds):
             return False
         structure = self._building.result()
-        scene = _scene(self.scene_uid)
+        scene = trees.scene_of(self.scene_uid)
         if scene is not None:  # else it was deleted meanwhile
-            trees.keep(scene, structure, self._origin, spec=self.spec, label=self.label, triangles=self.triangles)
+            geometry = self._building.geometry
+            trees.keep(
+                scene,
+                structure,
+                geometry.origin,
+                geometry.vertices,
+                geometry.triangles,
+                spec=self.spec,
+                label=self.label,
+                read=self._read,
+            )
         return True
 
     def cancel(self) -> None:
@@ -82,8 +92,7 @@ def request(scene: Any) -> None:
     group = scene.halfspace
     if native.problem() is not None or not (group.overlay.show and group.overlay.auto_update):
         return
-    tree = trees.last(scene)
-    if tree is not None and not tree.stale and tree.spec == properties.spec(group):
+    if trees.usable(scene, properties.spec(group)) is not None:
         return
     _Background.wish = scene.original.session_uid
     _Background.wished_at = time.monotonic()
@@ -138,14 +147,10 @@ def _advance() -> float | None:
         if rest > 0:
             return rest
         _Background.wish, _Background.problem = None, ""
-        scene, view_layer = _scene(wish), bpy.context.view_layer
+        scene, view_layer = trees.scene_of(wish), bpy.context.view_layer
         if scene is not None and scene == bpy.context.scene and view_layer is not None:
             _Background.job = Job(scene, bpy.context.evaluated_depsgraph_get())
     return POLL_SECONDS if _Background.job is not None or _Background.wish is not None else None
-
-
-def _scene(uid: int) -> Any:
-    return next((scene for scene in bpy.data.scenes if scene.session_uid == uid), None)
 
 
 class HALFSPACE_OT_build_structure(bpy.types.Operator):
@@ -184,7 +189,7 @@ class HALFSPACE_OT_build_structure(bpy.types.Operator):
         return {"RUNNING_MODAL"}
 
     def modal(self, context: Any, event: Any) -> set[str]:
-        """Look at the build on each tick of the timer; Esc stops it; all else passes through."""
+        """Look at the build on each tick of a timer; Esc stops it; all else passes through."""
         assert self._job is not None
         if event.type == "ESC":
             self._job.cancel()
@@ -203,7 +208,7 @@ class HALFSPACE_OT_build_structure(bpy.types.Operator):
             return _told(self, self._job)
         context.window_manager.progress_update(100 * self._job.progress)
         context.workspace.status_text_set(f"{self._job.label}: {self._job.progress:.0%}   Esc: stop")
-        return {"RUNNING_MODAL"}
+        return {"PASS_THROUGH"}  # an event does not tell whose timer it is of
 
     def cancel(self, context: Any) -> None:
         """Blender closes the window or the file."""

@@ -11,9 +11,9 @@ from typing import Any
 
 import bpy
 
-from ..core import check, native
+from ..core import check, choice, native
 from ..core.check import Check
-from . import building, properties, trees, workloads
+from . import building, properties, reports, trees, workloads
 
 log = logging.getLogger(__name__)
 
@@ -24,6 +24,14 @@ _checks: dict[int, Check] = {}
 def last(tree: trees.Tree) -> Check | None:
     """What the last check of this very structure found."""
     return _checks.get(tree.number)
+
+
+def words(tree: trees.Tree) -> str:
+    """What is known of its answers, in short, to stand beside its speed."""
+    found = last(tree)
+    if found is None:
+        return choice.NOT_COMPARED
+    return f"{found.errors.rays:,} answers {'right' if found.right else 'compared, some WRONG'}"
 
 
 def clear() -> None:
@@ -50,12 +58,13 @@ class HALFSPACE_OT_check(bpy.types.Operator):
         render = scene.render
         size = (max(render.resolution_x, 1), max(render.resolution_y, 1))
         try:
-            tree = trees.last(scene)
-            if tree is None or tree.stale or tree.spec != properties.spec(scene.halfspace):
-                building.build_now(scene, context.evaluated_depsgraph_get())
+            depsgraph = context.evaluated_depsgraph_get()  # first, since it tells what has moved
+            tree = _chosen(scene) or trees.usable(scene, properties.spec(scene.halfspace))
+            if tree is None:
+                building.build_now(scene, depsgraph)
                 tree = trees.last(scene)
                 assert tree is not None
-            workload = workloads.current(scene.name, size)
+            workload = workloads.of_tree(tree, scene.name, size)
             found: Check | None = None
             for found in check.steps(native.load(), tree.structure, workload, threads=0):  # noqa: B007 (the last)
                 pass
@@ -68,6 +77,14 @@ class HALFSPACE_OT_check(bpy.types.Operator):
             _checks[tree.number] = found
             trees.redraw()
         return {"FINISHED"}
+
+
+def _chosen(scene: Any) -> trees.Tree | None:
+    """The structure that the last render chose by itself: it is the one to be measured, whatever the settings say."""
+    tree, report = trees.last(scene), reports.last(scene)
+    if not scene.halfspace.automatic or tree is None or report is None or report.tree != tree.number:
+        return None
+    return trees.usable(scene, tree.spec)
 
 
 def register() -> None:

@@ -7,7 +7,7 @@ from typing import Any
 
 import bpy
 
-from ..core import catalogue, native
+from ..core import catalogue, choice, native
 from ..core.choice import Comparison, Line
 from . import comparing, panels, presets, properties
 from .engine import ENGINE
@@ -70,6 +70,8 @@ def _table(layout: Any, found: Comparison) -> None:
     if checked:
         wrong = sum(line.wrong for line in found.lines)
         wrapped(box, f"{checked:,} answers compared with brute force, {wrong:,} wrong", width=WIDTH)
+    if any(not line.checked and not line.problem for line in found.lines):
+        wrapped(box, choice.NOT_COMPARED.capitalize(), width=WIDTH)
     wrapped(box, "Render: all rays of the picture at the measured speeds, without shading", width=WIDTH)
 
 

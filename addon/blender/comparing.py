@@ -143,7 +143,7 @@ class _Work:
             raise
         if ended:
             self._forget()
-            for found in self.result:
+            for found in self.result if trees.scene_of(self.scene_uid) is not None else ():
                 _found[self.scene_uid] = found
             trees.redraw_panels()
         return ended
@@ -220,11 +220,20 @@ class _Modal:
     def _begin(self, scene: Any) -> _Work:
         raise NotImplementedError
 
-    def _done(self, scene: Any) -> None:
-        """What follows when the result is there: it is written into the file as a text."""
+    def _use(self, scene: Any, found: Found) -> None:
+        """What else follows when the result is there."""
+
+    def _done(self, work: _Work) -> set[str]:
+        """Write the result into the file as a text of the scene that was measured, whichever is shown by now."""
+        scene = trees.scene_of(work.scene_uid)
+        if scene is None:
+            self.report({"WARNING"}, "The scene that was measured is gone")  # type: ignore[attr-defined]
+            return {"CANCELLED"}
         found = last(scene)
         if found is not None:
             keep_text(scene, found)
+            self._use(scene, found)
+        return {"FINISHED"}
 
     def execute(self, context: Any) -> set[str]:
         """Work and wait, for scripts."""
@@ -234,8 +243,7 @@ class _Modal:
                 pass
         except Exception as error:
             return self._failed(error)
-        self._done(context.scene)
-        return {"FINISHED"}
+        return self._done(work)
 
     def invoke(self, context: Any, event: Any) -> set[str]:
         """Work while Blender goes on."""
@@ -250,7 +258,7 @@ class _Modal:
         return {"RUNNING_MODAL"}
 
     def modal(self, context: Any, event: Any) -> set[str]:
-        """Look at the work on each tick of the timer; all but Esc passes through."""
+        """Look at the work on each tick of a timer; all but Esc passes through."""
         assert self._work is not None
         if event.type == "ESC":
             self._work.cancel()
@@ -270,15 +278,14 @@ class _Modal:
             return self._failed(error)
         if ended:
             self._end(context)
-            self._done(context.scene)
-            return {"FINISHED"}
+            return self._done(self._work)
         done, text = now
         context.window_manager.progress_update(100 * done)
         if text != self._told:
             self._told = text
             context.workspace.status_text_set(f"{done:.0%}  {text}   Esc: stop")
             trees.redraw_panels()
-        return {"RUNNING_MODAL"}
+        return {"PASS_THROUGH"}  # an event does not tell whose timer it is of
 
     def cancel(self, context: Any) -> None:
         """Blender closes the window or the file."""
@@ -307,6 +314,7 @@ class HALFSPACE_OT_compare(_Modal, bpy.types.Operator):
         "Build the chosen structure and all ticked ones over this scene, prove their answers and time their rays. "
         "Blender can be used meanwhile; Esc stops"
     )
+    bl_options = {"REGISTER", "UNDO"}
 
     def _begin(self, scene: Any) -> _Work:
         return comparing(scene)
@@ -326,10 +334,8 @@ class HALFSPACE_OT_choose(_Modal, bpy.types.Operator):
     def _begin(self, scene: Any) -> _Work:
         return choosing(scene)
 
-    def _done(self, scene: Any) -> None:
-        super()._done(scene)
-        found = last(scene)
-        if found is not None and found.comparison.best is not None:
+    def _use(self, scene: Any, found: Found) -> None:
+        if found.comparison.best is not None:
             presets.apply(scene.halfspace, found.comparison.best.spec)
             self.report({"INFO"}, " ".join(found.notes[:2]))
 
@@ -385,7 +391,7 @@ def words(found: Found) -> Iterator[str]:
         else:
             yield (
                 f"{line.spec}: build {line.build:.2f} s + render {line.trace:.2f} s = {line.total:.2f} s; "
-                f"{line.wrong:,} of {line.checked:,} answers wrong{marks}"
+                f"{line.answers}{marks}"
             )
     yield ""
     yield from found.notes

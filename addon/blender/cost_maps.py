@@ -32,6 +32,7 @@ class HALFSPACE_OT_cost_map(bpy.types.Operator):
         "Trace one ray per pixel of the camera's view through the structure, and show in the Image Editor what each "
         "costs. With a second structure, both on one scale"
     )
+    bl_options = {"REGISTER", "UNDO"}
 
     width: IntProperty(name="Width", default=512, min=8, max=4096)  # type: ignore[valid-type]
 
@@ -60,19 +61,19 @@ def draw(scene: Any, width: int) -> F32:
     """The picture of the scene's settings, (h, w, 3) display values. Raises what extraction and builds raise."""
     group, render = scene.halfspace, scene.render
     size = costmap.rounded((width, width * render.resolution_y / max(render.resolution_x, 1)))
-    workload = workloads.current(scene.name, size)
     specs = [properties.spec(group)]
     if group.second != "NONE":
         specs.append(group.second)
+    bpy.context.view_layer.update()  # first, since it tells what has moved
+    tree = next(filter(None, (trees.usable(scene, spec) for spec in specs)), None)
+    # Both maps over the same triangles, those of the structure that is there already.
+    workload = workloads.current(scene.name, size) if tree is None else workloads.of_tree(tree, scene.name, size)
+    module, limit = native.load(), memory_limit(group.memory_limit)
     maps = []
     for spec in specs:
-        tree = trees.last(scene)
-        usable = tree is not None and not tree.stale and tree.spec == spec
-        module = native.load()
-        if usable and tree is not None:
+        if tree is not None and tree.spec == spec:
             structure = tree.structure
         else:
-            limit = memory_limit(group.memory_limit)
             structure = module.build(workload.vertices, workload.triangles, spec, memory_limit=limit)
         label = catalogue.load()[spec.partition(":")[0]].label
         maps.append((label, costmap.measure(structure, workload, size, group.cost)))

@@ -96,7 +96,7 @@ class _Picture:
         settings = render_settings(self.engine, self.depsgraph)
 
         self._say("Reading the scene")
-        start = time.perf_counter()
+        start, read = time.perf_counter(), trees.moment(self.scene)
         uvs = "UV" in settings.passes
         found = extract.find(self.depsgraph, self.notes, uvs=uvs)
         # Only triangles in their places carry UVs.
@@ -110,11 +110,13 @@ class _Picture:
         if not self.group.overlay.show:
             trees.clear()  # so that two trees need not fit into memory
         reasons: list[str] = []
+        answers, kept = choice.NOT_COMPARED, None
         if self.group.automatic and layout.two_level:
             reasons = ["as set: a choice would need every triangle in its place, see Instances"]
         if self.group.automatic and count and not layout.two_level:
             chosen = self._choose(module, scene, view, settings)
             spec, label, reasons = chosen.spec, comparing.name(chosen.spec), list(chosen.notes)
+            answers = chosen.comparison.lines[0].answers
             session = Session.over(module, scene, chosen.structure)
         else:
             self._say(f"{label}: building over {count:,} triangles")
@@ -132,7 +134,17 @@ class _Picture:
         if layout.two_level:
             trees.clear()  # the overlay shows one tree in the scene's own space
         else:
-            trees.keep(self.scene, session.structure, origin, spec=spec, label=label, triangles=count)
+            source = scene.geometry
+            kept = trees.keep(
+                self.scene,
+                session.structure,
+                origin,
+                source.vertices,
+                source.triangles,
+                spec=spec,
+                label=label,
+                read=read,
+            )
 
         job = session.render(view, settings)
         width, height = settings.size
@@ -145,7 +157,7 @@ class _Picture:
             if not bpy.app.background:  # else nobody sees it
                 self._fill(job, buffers, origin)
                 self.engine.update_result(self.result)
-            self._say(_summary(label, session.structure.statistics, job))
+            self._say(_summary(label, session.structure.statistics, job, answers))
 
         watch(job, milliseconds=UPDATE_MILLISECONDS, keep_going=self._tracing, show=show)
         self._fill(job, buffers, origin)
@@ -153,12 +165,22 @@ class _Picture:
         self.result = None
 
         statistics = {**session.structure.statistics, **job.statistics}
-        self._say(_summary(label, statistics, job))
+        self._say(_summary(label, statistics, job, answers))
         mebibytes = statistics["bytes"] / 2**20
         self.engine.update_memory_stats(memory_used=mebibytes, memory_peak=mebibytes)
         left_out = [layout.reason, *session.structure.statistics["left_out"], *session.left_out]
         remarks.remark(self.scene, count, self.notes)
-        report = reports.Report(label, count, extract_seconds, statistics, left_out, self.notes.lines(), reasons)
+        report = reports.Report(
+            label,
+            count,
+            extract_seconds,
+            statistics,
+            left_out,
+            self.notes.lines(),
+            reasons,
+            answers,
+            None if kept is None else kept.number,
+        )
         reports.keep(self.scene, report)
         self._warn()
 
@@ -284,8 +306,8 @@ def border_pixels(render: Any, width: int, height: int) -> tuple[int, int, int, 
     return x0, y0, x1, y1
 
 
-def _summary(label: str, statistics: dict[str, Any], job: Any) -> str:
+def _summary(label: str, statistics: dict[str, Any], job: Any, answers: str) -> str:
     return (
-        f"{label} | Build {statistics['build_seconds']:.2f} s | {job.statistics['mrays_s']:.2f} Mray/s | "
+        f"{label} | Build {statistics['build_seconds']:.2f} s | {job.statistics['mrays_s']:.2f} Mray/s | {answers} | "
         f"Tree {statistics['bytes'] / 2**20:.1f} MiB | Sample {job.samples_done}"
     )

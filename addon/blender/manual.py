@@ -38,6 +38,7 @@ class HALFSPACE_OT_manual(bpy.types.Operator):
     bl_idname = "halfspace.manual"
     bl_label = "Read About This"
     bl_description = "Open the README at this subject, in a text editor"
+    bl_options = {"REGISTER", "UNDO"}
 
     section: StringProperty(name="Section", options={"SKIP_SAVE"})  # type: ignore[valid-type]
 

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 DEFAULT = Material("(no material)")
 
+UNSUPPORTED = "is not supported yet in material"
+
 BLACK = Material("", base_color=(0.0, 0.0, 0.0), specular=0.0, roughness=1.0)
 """No surface shader at all: absorbs everything, emits nothing."""
 
@@ -97,22 +99,9 @@ class Palette:
         key = material.original.as_pointer()
         if key not in self._read:
             remarks: dict[str, None] = {}
-            values = Values(self.layers, self.gallery, lambda what: remarks.setdefault(_sentence(what)))
+            values = Values(self.layers, self.gallery, lambda what: remarks.setdefault(f"{what} {UNSUPPORTED}"))
             self._read[key] = _Read(_material(material, values), tuple(remarks), frozenset(values.images))
         return self._read[key]
-
-
-def read_material(material: Any, notes: Notes) -> Material:
-    """One Blender material. Nodes that are not understood go into `notes`."""
-
-    def remark(what: str) -> None:
-        notes.add(_sentence(what), material.name)
-
-    return _material(material, Values(Layers(), Gallery(), remark))
-
-
-def _sentence(what: str) -> str:
-    return f"{what} is not supported yet in material"
 
 
 def _material(material: Any, values: Values) -> Material:

@@ -202,14 +202,19 @@ def _scene_changed(scene: Any, depsgraph: Any) -> None:
 
 
 @persistent
+def _frame_changed(scene: Any, depsgraph: Any) -> None:
+    """After each evaluation of a frame, which Blender does not count among the others."""
+    if depsgraph.mode == "VIEWPORT" and trees.note_frame(scene, depsgraph):
+        building.request(scene)
+
+
+@persistent
 def follow(*_: Any) -> None:
-    """Attach to Blender's drawing and updates while some scene shows planes, and let go of both otherwise."""
+    """Attach to Blender's drawing while some scene shows planes, and let go of it otherwise."""
     global _handle  # noqa: PLW0603 (Blender's own handle for it)
     wanted = any(scene.halfspace.overlay.show for scene in bpy.data.scenes)
-    updates = bpy.app.handlers.depsgraph_update_post
     if wanted and _handle is None:
         _handle = bpy.types.SpaceView3D.draw_handler_add(_draw_view, (), "WINDOW", "POST_VIEW")
-        updates.append(_scene_changed)
     elif not wanted and _handle is not None:
         _let_go()
     showing = {scene.session_uid for scene in bpy.data.scenes if scene.halfspace.overlay.show}
@@ -226,6 +231,11 @@ def _file_loaded(*_: Any) -> None:
     trees.clear()
     picking.clear()
     _drawings.clear()
+    _begin()
+
+
+def _begin() -> None:
+    """Show what the open file wishes to see."""
     follow()
     for scene in bpy.data.scenes:
         building.request(scene)
@@ -236,25 +246,40 @@ def _let_go() -> None:
     if _handle is not None:
         bpy.types.SpaceView3D.draw_handler_remove(_handle, "WINDOW")
         _handle = None
-        bpy.app.handlers.depsgraph_update_post.remove(_scene_changed)
+
+
+def _watched() -> tuple[tuple[Any, Any], ...]:
+    """Blender's lists of handlers, and what stands in them for as long as the add-on is there.
+
+    Files and undo steps change the wish to see planes without a word. That triangles move is of interest even when
+    nothing is shown, since a structure may be kept; it costs a look at each update until one moves triangles.
+    """
+    handlers = bpy.app.handlers
+    return (
+        (handlers.load_post, _file_loaded),
+        (handlers.undo_post, follow),
+        (handlers.redo_post, follow),
+        (handlers.depsgraph_update_post, _scene_changed),
+        (handlers.frame_change_post, _frame_changed),
+    )
 
 
 def register() -> None:
-    """Watch for files and undo steps, which change the wish to see planes without a word."""
-    bpy.app.handlers.load_post.append(_file_loaded)
-    bpy.app.handlers.undo_post.append(follow)
-    bpy.app.handlers.redo_post.append(follow)
+    """Watch for files, undo steps and changes of the scene."""
+    for handlers, function in _watched():
+        handlers.append(function)
+    # While an add-on is being enabled Blender does not let it look at the file, which may be open already.
+    bpy.app.timers.register(_begin, first_interval=0.0)
 
 
 def unregister() -> None:
     """The reverse of `register`, and let go of everything."""
-    for handlers, function in (
-        (bpy.app.handlers.load_post, _file_loaded),
-        (bpy.app.handlers.undo_post, follow),
-        (bpy.app.handlers.redo_post, follow),
-    ):
+    for handlers, function in _watched():
         handlers.remove(function)
+    if bpy.app.timers.is_registered(_begin):
+        bpy.app.timers.unregister(_begin)
     _let_go()
     building.stop()
     trees.clear()
+    trees.forget_moments()
     _drawings.clear()

@@ -8,7 +8,7 @@ from typing import Any
 import bpy
 
 from ..core import native, planes
-from . import building, cost_maps, overlay, panels, picking, properties, trees
+from . import building, checking, cost_maps, overlay, panels, picking, properties, trees
 from .panels import wrapped
 
 
@@ -55,8 +55,9 @@ def _tree(layout: Any, scene: Any, group: Any) -> None:
     numbers = tree.structure.statistics
     row = layout.row()
     column = row.column(align=True)
-    column.label(text=f"{tree.label}, {tree.triangles:,} triangles")
-    column.label(text=f"Built in {numbers['build_seconds']:.2f} s, {numbers['bytes'] / 2**20:.1f} MiB")
+    column.label(text=f"{tree.label}, {tree.count:,} triangles")
+    column.label(text=f"Built in {numbers['build_seconds']:.2f} s, {checking.words(tree)}")
+    column.label(text=f"{numbers['bytes'] / 2**20:.1f} MiB")
     nodes = numbers["nodes_axis"] + numbers["nodes_oblique"]
     column.label(text=f"{nodes:,} nodes, {numbers['leaves']:,} leaves")
     column.label(text=f"Depth {numbers['depth_max']}")
@@ -81,7 +82,7 @@ class HALFSPACE_PT_view_statistics(_SidebarPanel, bpy.types.Panel):
     def draw(self, context: Any) -> None:
         tree = trees.last(context.scene)
         if tree is not None:
-            panels.statistics(self.layout, tree.structure.statistics, tree.triangles)
+            panels.statistics(self.layout, tree.structure.statistics, tree.count)
             for line in tree.structure.statistics["left_out"]:
                 wrapped(self.layout, f"Left out: {line}", width=36)
         panels.answers(self.layout, tree)

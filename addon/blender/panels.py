@@ -8,7 +8,7 @@ from typing import Any
 
 import bpy
 
-from ..core import catalogue, native
+from ..core import catalogue, choice, native
 from . import checking, manual, presets, properties, reports, trees
 from .engine import ENGINE
 from .passes import PASSES
@@ -130,7 +130,10 @@ class HALFSPACE_PT_statistics(_Panel, bpy.types.Panel):
             return
         layout.label(text=f"{report.label}, {report.triangles:,} triangles")
         statistics(layout, {**report.statistics, "extract_seconds": report.extract_seconds}, report.triangles)
-        answers(layout, trees.last(context.scene))
+        tree = trees.last(context.scene)
+        if tree is not None and tree.number != report.tree and checking.last(tree) is not None:
+            layout.label(text=f"The picture: {report.answers}", icon="INFO")
+        answers(layout, tree, report.answers)
         for title, lines, icon in (
             ("Not understood", report.warnings, "ERROR"),
             ("Why this structure", report.reasons, "SHADERFX"),
@@ -257,18 +260,20 @@ def statistics(layout: Any, numbers: Mapping[str, Any], triangles: int) -> None:
             grid.label(text=form.format(values[key]))
 
 
-def answers(layout: Any, tree: trees.Tree | None) -> None:
-    """What the last check of the structure found, and the button that checks it."""
+def answers(layout: Any, tree: trees.Tree | None, known: str = "") -> None:
+    """What the last check of the structure found, and the button that checks it. known: what is said without one."""
     layout.operator(checking.HALFSPACE_OT_check.bl_idname, icon="VIEWZOOM")
     found = None if tree is None else checking.last(tree)
-    if found is None:
+    if tree is None or found is None:
+        if known or tree is not None:
+            layout.label(text=known or choice.NOT_COMPARED, icon="INFO")
         return
-    errors = found.errors
+    errors, what = found.errors, f"{found.errors.rays:,} answers of {tree.label}"
     if found.right:
-        layout.label(text=f"{errors.rays:,} answers are those of brute force, bit for bit", icon="CHECKMARK")
+        wrapped(layout, f"{what} are those of brute force, bit for bit", icon="CHECKMARK")
     else:
         wrong = f"{errors.false_miss} hits lost, {errors.false_hit} invented, {errors.wrong_triangle} other triangles"
-        wrapped(layout, f"Of {errors.rays:,} answers: {wrong}, {errors.wrong_values} other values", icon="ERROR")
+        wrapped(layout, f"Of {what}: {wrong}, {errors.wrong_values} other values", icon="ERROR")
     grid = layout.grid_flow(row_major=True, columns=4, even_columns=False)
     for text in ("Rays", "Mray/s", "Steps", "Tests"):
         grid.label(text=text)

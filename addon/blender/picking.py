@@ -91,6 +91,7 @@ class HALFSPACE_OT_pick_ray(bpy.types.Operator):
         "Follow the ray under the cursor through the structure: the cells that it visits, the planes that it crosses, "
         "the triangles that are tested. Click to keep it, Esc to leave"
     )
+    bl_options = {"REGISTER", "UNDO"}
 
     origin: FloatVectorProperty(name="Origin", subtype="TRANSLATION", options={"SKIP_SAVE"})  # type: ignore[valid-type]
     direction: FloatVectorProperty(  # type: ignore[valid-type]
@@ -106,7 +107,8 @@ class HALFSPACE_OT_pick_ray(bpy.types.Operator):
         options={"SKIP_SAVE"},
     )
 
-    _before: Ray | None = None
+    _before: tuple[Ray | None, bool, set[str]] = (None, False, set())
+    """The ray and what was shown."""
 
     @classmethod
     def poll(cls, context: Any) -> bool:
@@ -125,8 +127,8 @@ class HALFSPACE_OT_pick_ray(bpy.types.Operator):
         if trees.last(context.scene) is None:
             self.report({"ERROR"}, "There is no structure yet: Build Structure comes first")
             return {"CANCELLED"}
-        self._before = last(context.scene)
         settings = context.scene.halfspace.overlay
+        self._before = last(context.scene), settings.show, set(settings.parts)
         settings.show = True
         if not settings.parts & {"RAY", "BEAM"}:
             settings.parts |= {"RAY"}
@@ -138,18 +140,29 @@ class HALFSPACE_OT_pick_ray(bpy.types.Operator):
     def modal(self, context: Any, event: Any) -> set[str]:
         """The ray follows the mouse until a click."""
         if event.type in {"ESC", "RIGHTMOUSE"}:
-            keep(context.scene, self._before)
-            self._end(context)
-            return {"CANCELLED"}
+            return self._leave(context)
         if event.type in {"MOUSEMOVE", "LEFTMOUSE"}:
             ray = under(event, context.screen)
             if ray is not None:
                 keep(context.scene, ray)
             if event.type == "LEFTMOUSE" and event.value == "PRESS":
+                if ray is None:
+                    return self._leave(context)
+                # For whoever adjusts the operation afterwards.
+                self.origin, self.direction = ray.origin, ray.direction
+                self.pixel = self.pixel if ray.parallel else ray.pixel
                 self._end(context)
-                return {"FINISHED"} if ray is not None else {"CANCELLED"}
+                return {"FINISHED"}
             return {"RUNNING_MODAL"}
         return {"PASS_THROUGH"}
+
+    def _leave(self, context: Any) -> set[str]:
+        """Everything as it was."""
+        settings = context.scene.halfspace.overlay
+        ray, settings.show, settings.parts = self._before
+        keep(context.scene, ray)
+        self._end(context)
+        return {"CANCELLED"}
 
     def _end(self, context: Any) -> None:
         context.window.cursor_modal_restore()

@@ -52,7 +52,7 @@ def _structure_properties(known: Catalogue) -> dict[str, Any]:
         "structure": EnumProperty(
             name="Structure",
             description="How the triangles are organised for finding what a ray hits. The picture is always the same",
-            items=[(s.id, s.label, f"{s.summary}. {s.paper}", s.code) for s in known.structures],
+            items=[(s.id, s.label, f"{s.summary} {s.paper}", s.code) for s in known.structures],
             default=known.default.id,
             update=_follow_structure,
         ),

@@ -6,11 +6,14 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
+from ..core.choice import NOT_COMPARED
+
 
 @dataclass(frozen=True)
 class Report:
     """statistics: the structure's and the render's, as the native module names them. reasons: why this structure,
-    where it was not the user who chose it.
+    where it was not the user who chose it. answers: what is known of their errors. tree: the number of the structure,
+    if it was kept.
     """
 
     label: str
@@ -20,6 +23,8 @@ class Report:
     left_out: list[str] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
     reasons: list[str] = field(default_factory=list)
+    answers: str = NOT_COMPARED
+    tree: int | None = None
 
 
 _last: dict[int, Report] = {}

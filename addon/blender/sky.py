@@ -13,6 +13,7 @@ import subprocess
 import sys
 import tempfile
 import threading
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -32,6 +33,9 @@ MOST = 8
 
 POLL = 0.2
 """Seconds between looks at whether a sky has come."""
+
+STOP_SECONDS = 5.0
+"""How long `stop` waits for those whose program it has ended."""
 
 
 class SkyError(Exception):
@@ -62,6 +66,15 @@ class Sky:
 
 _kept: dict[str, Sky | SkyError] = {}
 _running: dict[str, threading.Thread] = {}
+_looks: dict[str, Callable[[], float | None]] = {}
+"""The timers that look whether a sky has come."""
+
+_processes: set[subprocess.Popen[bytes]] = set()
+"""The other Blenders that run."""
+
+_stopping = threading.Event()
+_starting = threading.Lock()
+"""Held while a program starts, so that none starts unseen while all are ended."""
 
 
 def of_node(node: Any, *, wait: bool) -> Sky:
@@ -70,18 +83,17 @@ def of_node(node: Any, *, wait: bool) -> Sky:
     Raises SkyError.
     """
     key = json.dumps(_settings(node), sort_keys=True)
-    if key not in _kept:
+    found = _kept.get(key)
+    if found is None:
         if not wait:
             _begin(key)
             raise SkyError("being prepared")
-        if key in _running:
-            _running[key].join(TIMEOUT)
-        if key not in _kept:
-            _keep(key)
-    found = _kept[key]
+        if (thread := _running.get(key)) is not None:
+            thread.join(TIMEOUT)
+        found = _kept.get(key) or _keep(key)
     if isinstance(found, SkyError):
         if wait:
-            del _kept[key]  # the next render tries again
+            _kept.pop(key, None)  # the next render tries again
         raise found
     return found
 
@@ -98,7 +110,7 @@ def _settings(node: Any) -> dict[str, Any]:
     return found
 
 
-def _keep(key: str) -> None:
+def _keep(key: str) -> Sky | SkyError:
     """Render the sky of these settings and keep it, or why it failed; never raises."""
     found: Sky | SkyError
     try:
@@ -110,19 +122,13 @@ def _keep(key: str) -> None:
     while len(_kept) >= MOST:
         _kept.pop(next(iter(_kept)))
     _kept[key] = found
+    return found
 
 
 def _render(key: str) -> Sky:
-    script = str(Path(__file__).with_name("sky_bake.py"))
     with tempfile.TemporaryDirectory(prefix="halfspace-sky-") as folder:
         (Path(folder) / "node.json").write_text(key)
-        blender = bpy.app.binary_path
-        if blender:
-            quiet = ["--background", "--factory-startup", "--python-exit-code", "1"]
-            command = [blender, *quiet, "--python", script, "--", folder]
-        else:
-            command = [sys.executable, script, folder]
-        subprocess.run(command, check=True, capture_output=True, timeout=TIMEOUT)
+        _run(_command(folder))
         with np.load(Path(folder) / "sky.npz") as found:
             rgb, sun = found["sky"], found["sun"]
             direction, angle = found["direction"], float(found["angle"])
@@ -134,6 +140,50 @@ def _render(key: str) -> Sky:
         r, g, b = (float(c) for c in sun / (np.pi * np.sin(angle / 2) ** 2))
         radiance = (r, g, b)
     return Sky(pixels, radiance, (x, y, z), angle)
+
+
+def _command(folder: str) -> list[str]:
+    """What another Blender is started with."""
+    script = str(Path(__file__).with_name("sky_bake.py"))
+    blender = bpy.app.binary_path
+    if not blender:
+        return [sys.executable, script, folder]
+    quiet = ["--background", "--factory-startup", "--python-exit-code", "1"]
+    return [blender, *quiet, "--python", script, "--", folder]
+
+
+def _run(command: list[str]) -> None:
+    """Run a program to its end. Raises OSError and subprocess.SubprocessError."""
+    with _starting:
+        if _stopping.is_set():
+            raise subprocess.SubprocessError("stopped")
+        process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        _processes.add(process)
+    try:
+        status = process.wait(TIMEOUT)
+    finally:
+        process.kill()
+        process.wait()
+        _processes.discard(process)
+    if status:
+        raise subprocess.CalledProcessError(status, command)
+
+
+def stop() -> None:
+    """End the other Blenders and the timers, and forget all skies."""
+    _stopping.set()
+    with _starting:
+        for process in tuple(_processes):
+            process.kill()
+    for thread in tuple(_running.values()):
+        thread.join(STOP_SECONDS)
+    for look in _looks.values():
+        if bpy.app.timers.is_registered(look):
+            bpy.app.timers.unregister(look)
+    _running.clear()
+    _looks.clear()
+    _kept.clear()
+    _stopping.clear()
 
 
 def _begin(key: str) -> None:
@@ -148,8 +198,10 @@ def _begin(key: str) -> None:
         if thread.is_alive():
             return POLL
         _running.pop(key, None)
+        _looks.pop(key, None)
         for world in bpy.data.worlds:
             world.update_tag()
         return None
 
+    _looks[key] = look
     bpy.app.timers.register(look, first_interval=POLL, persistent=True)

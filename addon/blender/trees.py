@@ -12,7 +12,7 @@ from typing import Any
 
 import bpy
 
-from ..core.scene import F64
+from ..core.scene import F32, F64, I32
 
 IGNORED_TYPES = {"CAMERA", "LIGHT", "LIGHT_PROBE", "SPEAKER"}
 """Objects that can move without any triangle moving."""
@@ -22,30 +22,60 @@ IGNORED_TYPES = {"CAMERA", "LIGHT", "LIGHT_PROBE", "SPEAKER"}
 class Tree:
     """A native structure in the scene frame whose origin lies at `origin` (3,) in the world.
 
-    stale: the scene has changed since. number: of all structures, so that what was made from one can be told from
-    what was made from the next without keeping it alive.
+    vertices, triangles: (n, 3) float32 and (m, 3) int32, what it was built over. A render need not show what the
+    viewport shows, and the scene goes on: whoever compares its answers needs these very triangles, and the native
+    structure does not give them back. read: the scene's `moment` when they were read. number: of all structures, so
+    that what was made from one can be told from what was made from the next without keeping it alive.
     """
 
     structure: Any
     origin: F64
+    vertices: F32
+    triangles: I32
     spec: str
     label: str
-    triangles: int
     scene_uid: int
-    stale: bool = False
+    read: int
     number: int = field(default_factory=itertools.count(1).__next__)
+
+    @property
+    def count(self) -> int:
+        """How many triangles there are."""
+        return len(self.triangles)
+
+    @property
+    def stale(self) -> bool:
+        """Whether triangles of the scene may have moved since they were read."""
+        return self.read != _moments.get(self.scene_uid, 0)
 
 
 _tree: Tree | None = None
 
+_moments: dict[int, int] = {}
+"""How often triangles have moved, by the scene's number."""
 
-def keep(scene: Any, structure: Any, origin: F64, *, spec: str, label: str, triangles: int) -> None:
+_frames: dict[int, float] = {}
+"""The frame at which that was last known."""
+
+
+def moment(scene: Any) -> int:
+    """To be asked before the scene is read, and kept with what was read: it changes when triangles move."""
+    uid = scene.original.session_uid
+    _frames[uid] = scene.frame_float
+    return _moments.setdefault(uid, 0)
+
+
+def keep(
+    scene: Any, structure: Any, origin: F64, vertices: F32, triangles: I32, *, spec: str, label: str, read: int
+) -> Tree:
     """Remember a structure of this scene in place of the last one."""
     global _tree  # noqa: PLW0603 (one per Blender, as said above)
-    _tree = Tree(structure, origin.copy(), spec, label, triangles, scene.original.session_uid)
+    uid = scene.original.session_uid
+    _tree = Tree(structure, origin.copy(), vertices, triangles, spec, label, uid, read)
     if not bpy.app.background:
         # Renders keep their trees from a thread of theirs; timers run where redrawing is allowed.
         bpy.app.timers.register(redraw)
+    return _tree
 
 
 def last(scene: Any) -> Tree | None:
@@ -63,15 +93,42 @@ def clear() -> None:
         bpy.app.timers.register(redraw)
 
 
+def scene_of(uid: int) -> Any:
+    """The scene with this number, None if it is gone."""
+    return next((scene for scene in bpy.data.scenes if scene.session_uid == uid), None)
+
+
+def usable(scene: Any, spec: str) -> Tree | None:
+    """The structure of this scene, if it is this configuration and triangles have not moved since."""
+    tree = last(scene)
+    return tree if tree is not None and tree.spec == spec and not tree.stale else None
+
+
 def note_changes(scene: Any, depsgraph: Any) -> bool:
-    """Mark the scene's structure as stale when an update could have moved a triangle. Returns whether one could."""
+    """Go on to another moment when an update could have moved a triangle. Returns whether one could."""
     if not any(_moves_triangles(update) for update in depsgraph.updates):
         return False
-    tree = last(scene)
-    if tree is not None and not tree.stale:
-        tree.stale = True
+    tree, uid = last(scene), scene.original.session_uid
+    fresh = tree is not None and not tree.stale
+    _moments[uid] = _moments.get(uid, 0) + 1
+    if fresh:
         redraw()
     return True
+
+
+def note_frame(scene: Any, depsgraph: Any) -> bool:
+    """The same when a frame was evaluated, if it is another one: each render ends with the frame that it began with."""
+    uid, frame = scene.original.session_uid, scene.frame_float
+    if _frames.get(uid) == frame:
+        return False
+    _frames[uid] = frame
+    return note_changes(scene, depsgraph)
+
+
+def forget_moments() -> None:
+    """Start anew, when nothing that was read is kept any more."""
+    _moments.clear()
+    _frames.clear()
 
 
 def _moves_triangles(update: Any) -> bool:

@@ -82,7 +82,7 @@ def check_rays(scene: Any) -> Check:
     if tree is None:
         raise RuntimeError("no structure was kept")
     render = scene.render
-    workload = workloads.current(scene.name, (render.resolution_x, render.resolution_y))
+    workload = workloads.of_tree(tree, scene.name, (render.resolution_x, render.resolution_y))
     last = deque(check.steps(native.load(), tree.structure, workload), maxlen=1)
     if not last:
         raise RuntimeError("the camera sees nothing")

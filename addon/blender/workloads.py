@@ -9,12 +9,14 @@ from typing import Any
 import bpy
 import numpy as np
 
+from ..core.native import first_line
 from ..core.notes import Notes
-from ..core.scene import Camera, Scene
+from ..core.scene import F32, I32, Camera, Scene
 from ..core.workload import View, Workload, WorkloadError, framing_view
 from . import showcase
 from .camera import read_camera
 from .extract import extract
+from .trees import Tree
 
 IMPORTERS = {
     ".obj": lambda path: bpy.ops.wm.obj_import(filepath=path),
@@ -41,7 +43,7 @@ def load(path: Path, size: tuple[int, int]) -> Workload:
             IMPORTERS[suffix](str(path))
     except Exception as error:
         # Operators report in several lines, importers written in Python raise anything.
-        raise WorkloadError(f"{path}: Blender cannot read it: {_first_line(error)}") from error
+        raise WorkloadError(f"{path}: Blender cannot read it: {first_line(error)}") from error
     return current(path.stem, size)
 
 
@@ -61,15 +63,19 @@ def current(name: str, size: tuple[int, int]) -> Workload:
     return of_scene(name, scene, _camera(depsgraph, scene.geometry.origin, notes, size), notes)
 
 
+def of_tree(tree: Tree, name: str, size: tuple[int, int]) -> Workload:
+    """The triangles that a structure was built over, seen by the scene's camera as it is now. Raises WorkloadError."""
+    bpy.context.view_layer.update()
+    notes = Notes()
+    camera = _camera(bpy.context.evaluated_depsgraph_get(), tree.origin, notes, size)
+    view = _seen_by(camera, name, tree.vertices, tree.triangles, notes)
+    return Workload(name, tree.vertices, tree.triangles, view, notes=tuple(notes.lines()))
+
+
 def of_scene(name: str, scene: Scene, camera: Camera | None, notes: Notes) -> Workload:
     """What a scene is for measuring, seen by a camera, or whole if that is no perspective one. Raises WorkloadError."""
     geometry = scene.geometry
-    if not len(geometry.triangles):
-        raise WorkloadError(f"{name}: the scene has no triangles")
-    view = None if camera is None else _view(camera)
-    if view is None:
-        notes.add("Seen whole, from the front and above, for want of a perspective camera", name)
-        view = framing_view(geometry.vertices, geometry.triangles)
+    view = _seen_by(camera, name, geometry.vertices, geometry.triangles, notes)
     return Workload(
         name,
         geometry.vertices,
@@ -79,6 +85,17 @@ def of_scene(name: str, scene: Scene, camera: Camera | None, notes: Notes) -> Wo
         render_camera=camera,
         notes=tuple(notes.lines()),
     )
+
+
+def _seen_by(camera: Camera | None, name: str, vertices: F32, triangles: I32, notes: Notes) -> View:
+    """The view of a camera, or one of everything if it is no perspective one. Raises WorkloadError."""
+    if not len(triangles):
+        raise WorkloadError(f"{name}: the scene has no triangles")
+    view = None if camera is None else _view(camera)
+    if view is None:
+        notes.add("Seen whole, from the front and above, for want of a perspective camera", name)
+        view = framing_view(vertices, triangles)
+    return view
 
 
 def _camera(depsgraph: Any, origin: Any, notes: Notes, size: tuple[int, int]) -> Camera | None:
@@ -96,8 +113,3 @@ def _view(camera: Camera) -> View | None:
     eye, up, back = (np.array(camera.to_world[:3, column], np.float64) for column in (3, 1, 2))
     _, _, bottom, top = camera.window
     return View(eye, eye - back, up, float(np.degrees(2 * np.arctan((top - bottom) / 2))))
-
-
-def _first_line(error: BaseException) -> str:
-    lines = [line.removeprefix("Error: ").strip() for line in str(error).splitlines() if line.strip()]
-    return lines[0] if lines else type(error).__name__

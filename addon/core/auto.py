@@ -17,6 +17,7 @@ import numpy as np
 from . import check, choice, presets, rays, specs
 from .catalogue import Catalogue
 from .choice import Comparison, Line, Mix, Plan
+from .reference import Reference
 from .workload import Workload
 
 CANDIDATES = (
@@ -47,6 +48,12 @@ slower than this many times the best: parts of a scene tell little of the whole.
 
 REPEATS = 3
 """Rays are timed this often, and the best counts: other work on the machine only ever slows down."""
+
+CHECKED = 1024
+"""Rays of each full trial that are compared with brute force, fewer where that would take longer than it may."""
+
+BRUTE_TESTS, BRUTE_TESTS_PER_RAY = 1_000_000_000, 10
+"""So many triangle tests brute force may do: about two seconds on two cores, and a tenth of the picture's own time."""
 
 SMALL_BUDGET = 0.05
 """So much of the best picture's time the small trials may take; those that are left then are not tried."""
@@ -107,12 +114,16 @@ class Chooser:
     threads: int = 0
     memory_limit: int | None = None
     result: Choice | None = None
+    _reference: Reference | None = None
     _notes: list[str] = field(default_factory=list)
     _lines: dict[str, Line] = field(default_factory=dict)
     _built: dict[str, Any] = field(default_factory=dict)
 
     def steps(self) -> Iterator[str]:
-        """Says what is done next; after the last item `result` is there. Raises what builds raise."""
+        """Says what is done next; after the last item `result` is there.
+
+        Raises what builds raise, and RuntimeError when no structure gives right answers.
+        """
         clock = time.process_time if self.threads == 1 else time.perf_counter
         began = clock()
         first, *others = self.specs
@@ -122,18 +133,23 @@ class Chooser:
         sets = [some for some in sets if len(some)]
         yield "counting the rays of a small picture"
         counted = choice.mix(self.native, structure, self.workload, SIZE, self.plan.max_bounces)
-        yield f"{first}: timing rays"
+        yield "asking brute force"
+        wanted = self._affordable(counted)
+        self._reference = Reference(self.native, self.workload, sets, wanted, seed=1, threads=self.threads)
+        yield f"{first}: comparing and timing rays"
         self._measured(first, (structure, build), sets, counted)
         trials = yield from self._trials(first, others, clock)
         spent = 0.0
         for trial in sorted(trials, key=lambda trial: self._expected(trial, first)):
-            best = min(self._lines.values(), key=lambda line: line.total)
+            best = self._best()
             expected = self._expected(trial, first)
             cheap = trial.build <= CHEAP * best.total
-            if expected > best.total * (HOPELESS if cheap else MARGIN):
-                self._notes.append(f"{trial.spec}: left out, it would take about {expected:.2f} s")
+            # As long as all err nobody is too slow.
+            if not best.problem and expected > best.total * (HOPELESS if cheap else MARGIN):
+                about = f"it would take about {expected:.2f} s, {choice.NOT_COMPARED}"
+                self._notes.append(f"{trial.spec}: left out, {about}")
                 continue
-            if spent + trial.build > BUDGET * best.total:
+            if not best.problem and spent + trial.build > BUDGET * best.total:
                 self._notes.append(f"{trial.spec}: left out, trying it would cost more than it can win")
                 continue
             yield f"{trial.spec}: building"
@@ -144,7 +160,7 @@ class Chooser:
                 spent += clock() - start
                 self._notes.append(f"{trial.spec}: left out, {error}")
                 continue
-            yield f"{trial.spec}: timing rays"
+            yield f"{trial.spec}: comparing and timing rays"
             self._measured(trial.spec, built, sets, counted)
             spent += clock() - start
         self._decide(clock() - began)
@@ -154,12 +170,30 @@ class Chooser:
         no other work disturbs; in a picture they share all threads.
         """
         structure, build = built
+        assert self._reference is not None, "brute force was asked first"
+        wrong, checked = self._reference.wrong(structure), len(self._reference)
+        problem = f"{wrong:,} of {checked:,} answers are wrong" if wrong else ""
+        if problem:
+            self._notes.append(f"{spec}: left out, {problem}")
         speeds = {some.name: check.rate(structure, some, 1, REPEATS) for some in sets}
         trace = counted.seconds(speeds, self.plan) / (self.threads or os.cpu_count() or 1) if speeds else 0.0
-        self._lines[spec] = Line(spec, build, trace)
+        self._lines[spec] = Line(spec, build, trace, wrong, checked, problem)
         self._built[spec] = structure
-        best = min(self._lines.values(), key=lambda line: line.total).spec
+        best = self._best().spec
         self._built = {best: self._built[best]}
+
+    def _ranked(self) -> list[Line]:
+        """What was tried in full: those whose answers are right, the best first, then the others."""
+        return sorted(self._lines.values(), key=lambda line: (bool(line.problem), line.total))
+
+    def _best(self) -> Line:
+        return self._ranked()[0]
+
+    def _affordable(self, counted: Mix) -> int:
+        """How many rays may be compared with brute force, beside a picture like this."""
+        pictured = self.plan.pixels * self.plan.samples * (counted.primary + counted.shadow + counted.secondary)
+        tests = min(BRUTE_TESTS, BRUTE_TESTS_PER_RAY * pictured)
+        return min(CHECKED, int(tests / max(len(self.workload.triangles), 1)))
 
     def _trials(
         self, first: str, others: Sequence[str], clock: Callable[[], float]
@@ -197,9 +231,11 @@ class Chooser:
         return trial.build + self._lines[first].trace / trial.speed
 
     def _decide(self, seconds: float) -> None:
-        lines = tuple(sorted(self._lines.values(), key=lambda line: line.total))
-        found = Comparison(self.plan, lines)
-        best = lines[0]
+        found = Comparison(self.plan, tuple(self._ranked()))
+        best = self._best()
+        if best.problem:
+            told = "; ".join(f"{line.spec}: {line.problem}" for line in found.lines)
+            raise RuntimeError(f"{found.reason()} {told}")
         own = seconds - best.build
         notes = [found.reason(), f"Choosing took {own:.2f} s beside that build.", *self._notes]
         self.result = Choice(best.spec, self._built[best.spec], found, tuple(notes), seconds, own)

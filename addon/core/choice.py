@@ -11,10 +11,14 @@ import numpy as np
 
 from . import benchmark
 from .curve import Curve
+from .rows import building
 from .workload import Workload
 
 SETS = ("primary", "shadow", "diffuse")
 """The ray sets whose speeds stand for camera rays, shadow rays, and all others."""
+
+NOT_COMPARED = "answers not compared"
+"""What is said beside a speed when nobody has asked whether the answers are right."""
 
 MIX_SAMPLES = 2
 """Samples per pixel of the small picture whose rays are counted."""
@@ -70,6 +74,11 @@ class Line:
         """Build plus render, in seconds."""
         return self.build + self.trace
 
+    @property
+    def answers(self) -> str:
+        """How many are wrong, in words."""
+        return f"{self.wrong:,} of {self.checked:,} answers wrong" if self.checked else NOT_COMPARED
+
 
 @dataclass(frozen=True)
 class Comparison:
@@ -122,8 +131,12 @@ def compare(rows: Sequence[benchmark.Row], counted: Mix, plan: Plan) -> Comparis
             continue
         errors = row["errors"]
         wrong = sum(errors[key] for key in ("false_miss", "false_hit", "wrong_triangle", "wrong_values"))
-        problem = "" if benchmark.agrees(row) else f"{wrong} of {errors['rays']:,} answers are wrong"
-        build, trace = row["build_s"]["med"], counted.seconds(speeds, plan)
+        problem = ""
+        if not benchmark.agrees(row):
+            least = "" if wrong else "at least "  # a row does not tell how many distances are a bit off
+            wrong = max(wrong, 1)
+            problem = f"{least}{wrong:,} of {errors['rays']:,} answers are wrong"
+        build, trace = building(row), counted.seconds(speeds, plan)
         lines.append(Line(row["spec"], build, trace, wrong, errors["rays"], problem))
     lines.sort(key=lambda line: (bool(line.problem), line.total))
     return Comparison(plan, tuple(lines))

@@ -15,6 +15,13 @@ class NativeError(RuntimeError):
     """The compiled module is missing, broken or of another version. The message is meant for the user."""
 
 
+def first_line(error: BaseException) -> str:
+    """What an exception says, in one line; its type where it says nothing."""
+    # Blender's operators begin theirs with a word of their own.
+    lines = [line.removeprefix("Error: ").strip() for line in str(error).splitlines() if line.strip()]
+    return lines[0] if lines else type(error).__name__
+
+
 FAILURES = (ValueError, RuntimeError, MemoryError)
 """What a build or a trace may end with, and scenes, specs and the module itself: what is told in one line."""
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import specs, yardstick
+from .native import first_line as first_line
 from .workload import Workload
 
 Row = dict[str, Any]
@@ -117,11 +118,6 @@ def failed_scene(name: str, error: BaseException) -> Row:
             "error": first_line(error),
         }
     )
-
-
-def first_line(error: BaseException) -> str:
-    """What an exception says, in one line; its type where it says nothing."""
-    return (str(error).splitlines() or [type(error).__name__])[0]
 
 
 def spread(numbers: Sequence[float] | NDArray[np.float64]) -> dict[str, float]:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .native import first_line
 from .rays import RaySet
 
 F32 = NDArray[np.float32]
@@ -156,7 +157,7 @@ def load_npz(path: Path, *, memory_limit: int | None = None) -> Workload:
         raise
     except Exception as error:
         # A damaged archive makes its readers raise anything, from struct.error to NotImplementedError.
-        raise WorkloadError(f"{path}: cannot be read as .npz: {_first_line(error)}") from error
+        raise WorkloadError(f"{path}: cannot be read as .npz: {first_line(error)}") from error
     try:
         camera = {key: _real(arrays[key], key).astype(np.float64) for key in _KEYS if key.startswith("camera_")}
         eye, target, up = (camera[f"camera_{k}"].reshape(-1) for k in ("eye", "target", "up"))
@@ -169,7 +170,7 @@ def load_npz(path: Path, *, memory_limit: int | None = None) -> Workload:
             raise WorkloadError(f"triangles: an index is out of range for {len(vertices)} vertices")
         return Workload(path.stem, vertices, np.ascontiguousarray(arrays["triangles"], np.int32), view)
     except ValueError as error:
-        raise WorkloadError(f"{path}: {_first_line(error)}") from error
+        raise WorkloadError(f"{path}: {first_line(error)}") from error
 
 
 _KEYS = ("vertices", "triangles", "camera_eye", "camera_target", "camera_up", "camera_vfov_deg")
@@ -180,7 +181,3 @@ def _real(array: Any, key: str) -> Any:
     if array.dtype.kind not in "fiu":
         raise WorkloadError(f"{key}: expected numbers, got {array.dtype}")
     return array
-
-
-def _first_line(error: BaseException) -> str:
-    return (str(error).splitlines() or [type(error).__name__])[0]

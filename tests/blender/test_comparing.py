@@ -6,7 +6,7 @@ from __future__ import annotations
 import json
 import time
 from pathlib import Path
-from types import SimpleNamespace
+from types import MethodType, SimpleNamespace
 from typing import Any
 
 import bpy
@@ -15,7 +15,7 @@ from layouts import draw_all
 from shapes import cube, grid
 
 from addon.blender import compare_panels, comparing, panels, presets, properties, reports, trees
-from addon.core import auto, catalogue
+from addon.core import auto, catalogue, choice
 
 
 @pytest.fixture
@@ -96,6 +96,21 @@ def test_choosing_sets_structure_and_parameters(seen: Any) -> None:
     assert found.comparison.best.spec in auto.candidates(catalogue.load())
     assert seen.halfspace.structure == found.comparison.best.spec.partition(":")[0]
     assert any("Choosing took" in line for line in found.notes)
+    assert all(line.checked >= 64 and not line.wrong for line in found.comparison.sound)
+    told = list(comparing.words(found))
+    assert sum("answers wrong" in line for line in told) == len(found.comparison.lines)
+    assert not any("0 of 0" in line for line in told)
+    for panel in compare_panels.CLASSES:
+        assert "compared with brute force, 0 wrong" in " ".join(draw_all(panel, scene=seen).log)
+
+
+def test_what_was_not_compared_is_said_to_be_so(seen: Any) -> None:
+    line = choice.Line("kd", 1.0, 2.0)
+    found = comparing.Found(choice.Comparison(comparing.plan_of(seen), (line,)), [])
+    assert any("3.00 s; answers not compared" in told for told in comparing.words(found))
+    comparing._found[seen.session_uid] = found
+    for panel in compare_panels.CLASSES:
+        assert "Answers not compared" in draw_all(panel, scene=seen).log
 
 
 def test_a_render_can_choose_by_itself_and_says_why(seen: Any) -> None:
@@ -113,7 +128,15 @@ def test_a_render_can_choose_by_itself_and_says_why(seen: Any) -> None:
     assert report.label == comparing.name(tree.spec)
     assert any("Choosing took" in line for line in report.reasons)
     assert seen.halfspace.structure == "brute"  # the setting stays the user's
-    assert "Why this structure" in draw_all(panels.HALFSPACE_PT_statistics, scene=seen).log
+    assert "answers wrong" in report.answers
+    assert not report.answers.startswith("0 of 0")
+    drawn = draw_all(panels.HALFSPACE_PT_statistics, scene=seen).log
+    assert "Why this structure" in drawn
+    assert report.answers in drawn
+    # What was chosen is measured, not what is set.
+    assert bpy.ops.halfspace.check() == {"FINISHED"}
+    assert trees.last(seen) is tree
+    assert tree.spec != "brute"
 
 
 class Operator:
@@ -122,7 +145,8 @@ class Operator:
     _work: Any = None
     _timer: Any = None
     _told = ""
-    _begin = comparing.HALFSPACE_OT_compare._begin
+    _begin: Any = comparing.HALFSPACE_OT_compare._begin
+    _use: Any = comparing._Modal._use
     _done = comparing._Modal._done
     _end = comparing._Modal._end
     _failed = comparing._Modal._failed
@@ -134,34 +158,72 @@ class Operator:
         self.said.append(text)
 
 
+class Window:
+    """What an operator finds in a window with this scene."""
+
+    def __init__(self, scene: Any) -> None:
+        self.calls: list[Any] = []
+        self.texts: list[Any] = []
+        manager = SimpleNamespace(
+            progress_begin=lambda *_: self.calls.append("begin"),
+            progress_update=lambda share: None,
+            progress_end=lambda: self.calls.append("end"),
+            event_timer_add=lambda *_args, **_kwargs: "timer",
+            event_timer_remove=self.calls.append,
+            modal_handler_add=lambda _operator: self.calls.append("modal"),
+        )
+        workspace = SimpleNamespace(status_text_set=self.texts.append)
+        self.context = SimpleNamespace(scene=scene, window=None, window_manager=manager, workspace=workspace)
+
+
+def until_it_ends(operator: Any, kind: Any, context: Any) -> set[str]:
+    """What the operator returns at last; until then timers of others go on to them."""
+    for _ in range(2000):
+        result: set[str] = kind.modal(operator, context, SimpleNamespace(type="TIMER"))
+        if result != {"PASS_THROUGH"}:
+            return result
+        time.sleep(0.02)
+    pytest.fail("it never ends")
+
+
+def test_a_result_goes_to_the_scene_that_was_measured(seen: Any) -> None:
+    other = bpy.data.scenes.new("Other")
+    other.halfspace.structure = seen.halfspace.structure = "brute"
+    window, operator, kind = Window(seen), Operator(), comparing.HALFSPACE_OT_choose
+    operator._begin, operator._use = (MethodType(found, operator) for found in (kind._begin, kind._use))
+    assert kind.invoke(operator, window.context, None) == {"RUNNING_MODAL"}
+    window.context.scene = other  # the user goes on elsewhere
+    assert until_it_ends(operator, kind, window.context) == {"FINISHED"}
+    assert other.halfspace.structure == "brute"
+    assert seen.halfspace.structure != "brute"
+    assert comparing.last(seen) is not None
+    assert [text.name for text in bpy.data.texts] == [f"{comparing.TEXT}, {seen.name}"]
+
+
+def test_a_result_of_a_scene_that_is_gone_is_said(seen: Any) -> None:
+    window, operator, kind = Window(seen), Operator(), comparing.HALFSPACE_OT_compare
+    assert kind.invoke(operator, window.context, None) == {"RUNNING_MODAL"}
+    window.context.scene = bpy.data.scenes.new("Other")
+    bpy.data.scenes.remove(seen)
+    assert until_it_ends(operator, kind, window.context) == {"CANCELLED"}
+    assert operator.said == ["The scene that was measured is gone"]
+    assert not comparing._found
+    assert not bpy.data.texts
+
+
 @pytest.mark.parametrize("stopped", [True, False])
 def test_comparing_goes_on_beside_blender_and_esc_stops_it(seen: Any, add: Any, stopped: bool) -> None:
     add("Sea", grid(60), location=(0, 0, -1))
-    calls: list[Any] = []
-    texts: list[Any] = []
-    manager = SimpleNamespace(
-        progress_begin=lambda *_: calls.append("begin"),
-        progress_update=lambda share: None,
-        progress_end=lambda: calls.append("end"),
-        event_timer_add=lambda *_args, **_kwargs: "timer",
-        event_timer_remove=calls.append,
-        modal_handler_add=lambda _operator: calls.append("modal"),
-    )
-    context = SimpleNamespace(
-        scene=seen, window=None, window_manager=manager, workspace=SimpleNamespace(status_text_set=texts.append)
-    )
+    window = Window(seen)
+    context, calls, texts = window.context, window.calls, window.texts
     operator, kind = Operator(), comparing.HALFSPACE_OT_compare
     assert kind.invoke(operator, context, None) == {"RUNNING_MODAL"}
     assert comparing.progress() is not None
     assert kind.modal(operator, context, SimpleNamespace(type="MOUSEMOVE")) == {"PASS_THROUGH"}
-    result: set[str] = {"RUNNING_MODAL"}
     if stopped:
         result = kind.modal(operator, context, SimpleNamespace(type="ESC"))
-    for _ in range(2000):
-        if result != {"RUNNING_MODAL"}:
-            break
-        time.sleep(0.02)
-        result = kind.modal(operator, context, SimpleNamespace(type="TIMER"))
+    else:
+        result = until_it_ends(operator, kind, context)
     assert result == ({"CANCELLED"} if stopped else {"FINISHED"})
     assert calls == ["begin", "modal", "timer", "end"]
     assert texts[-1] is None

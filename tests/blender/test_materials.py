@@ -3,13 +3,14 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import bpy
 import pytest
 from shapes import material, node, with_nodes
 
-from addon.blender.materials import Palette, read_material
+from addon.blender.materials import Palette
 from addon.core.notes import Notes
 
 if TYPE_CHECKING:
@@ -17,8 +18,12 @@ if TYPE_CHECKING:
 
 
 def understood(block: Any) -> tuple[Material, list[str]]:
+    """The material as a scene gets it, on an object with it alone."""
     notes = Notes()
-    return read_material(block, notes), notes.lines()
+    palette = Palette(notes)
+    item, data = SimpleNamespace(material_slots=[]), SimpleNamespace(materials=[block])
+    (number,) = palette.indices(item, data)
+    return palette.materials()[number], notes.lines()
 
 
 def inputs(block: Any, kind: str = "principled") -> Any:

@@ -98,3 +98,14 @@ def test_the_other_panels_draw(scene: Any) -> None:
     assert draw(panels.HALFSPACE_PT_film, scene=scene) == ["film_transparent"]
     assert draw(panels.HALFSPACE_PT_statistics, scene=scene) == ["Nothing rendered yet"]
     assert "use_pass_steps" in draw(panels.HALFSPACE_PT_passes, view_layer=scene.view_layers[0])
+
+
+def test_tooltips_are_sentences(scene: Any) -> None:
+    properties_of = scene.halfspace.bl_rna.properties
+    told = [item.description for item in properties_of["structure"].enum_items]
+    told += [item.description for item in properties_of["second"].enum_items]
+    told += [tick.description for tick in scene.halfspace.compared.bl_rna.properties]
+    assert len(told) > 80
+    # Blender itself puts a full stop at the end.
+    assert [text for text in told if ".." in text or text.endswith(".")] == []
+    assert any(". Wald and Havran 2006" in text for text in told)

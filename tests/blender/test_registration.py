@@ -36,7 +36,7 @@ def footprint() -> dict[str, object]:
         "engines": engines_of_panels(),
         "handlers": {h: len(getattr(bpy.app.handlers, h)) for h in HANDLERS},
         "reports": dict(reports._last),
-        "tree": trees._tree,
+        "tree": (trees._tree, dict(trees._moments), dict(trees._frames)),
         "checks": dict(checking._checks),
         "rays": dict(picking._rays),
         "comparisons": (dict(comparing._found), comparing._state.work),
@@ -44,7 +44,7 @@ def footprint() -> dict[str, object]:
         "popover": len(bpy.types.VIEW3D_PT_overlay.draw._draw_funcs)
         if hasattr(bpy.types.VIEW3D_PT_overlay.draw, "_draw_funcs")
         else 1,
-        "timers": bpy.app.timers.is_registered(building._tick),
+        "timers": [bpy.app.timers.is_registered(look) for look in (building._tick, overlay._begin)],
     }
 
 

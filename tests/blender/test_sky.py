@@ -5,12 +5,16 @@ from __future__ import annotations
 
 import math
 import subprocess
+import sys
+import threading
+import time
 from typing import Any
 
 import bpy
 import numpy as np
 import pytest
 
+import addon
 from addon.blender import sky
 from addon.blender.images import Gallery
 from addon.blender.world import read_world
@@ -53,7 +57,7 @@ def test_a_sky_is_a_picture_and_a_sun(world: Any, monkeypatch: pytest.MonkeyPatc
     assert sun.power[0] > sun.power[2], "a low sun is yellow"
 
     # Known by content: nothing is rendered again, whatever else changes.
-    monkeypatch.setattr(sky.subprocess, "run", lambda *_, **__: pytest.fail("rendered again"))
+    monkeypatch.setattr(sky, "_run", lambda *_: pytest.fail("rendered again"))
     tree = world.node_tree
     tree.nodes["Background"].inputs["Strength"].default_value = 1.0
     assert read_world(world, notes, Gallery())[2][0].power == pytest.approx([2 * c for c in sun.power])
@@ -77,7 +81,7 @@ def test_a_sky_that_cannot_be_rendered_is_said(world: Any, monkeypatch: pytest.M
 
     texture = next(n for n in world.node_tree.nodes if n.bl_idname == "ShaderNodeTexSky")
     texture.sun_elevation = 0.123
-    monkeypatch.setattr(sky.subprocess, "run", fail)
+    monkeypatch.setattr(sky, "_run", fail)
     notes = Notes()
     found, images, suns = read_world(world, notes, Gallery())
     assert (images, suns) == (set(), [])
@@ -95,3 +99,69 @@ def test_the_viewport_does_not_wait(world: Any, monkeypatch: pytest.MonkeyPatch)
     read_world(world, notes, Gallery(), wait=False)
     assert len(begun) == 1
     assert "being prepared" in notes.lines()[0]
+
+
+def hold_on(_folder: str) -> list[str]:
+    """A program that takes longer than any test."""
+    return [sys.executable, "-c", "import time; time.sleep(100)"]
+
+
+def wait_until(true: Any) -> None:
+    end = time.monotonic() + 30
+    while not true():
+        assert time.monotonic() < end
+        time.sleep(0.01)
+
+
+def test_disabling_the_extension_ends_the_other_blender(world: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sky, "_command", hold_on)
+    texture = next(n for n in world.node_tree.nodes if n.bl_idname == "ShaderNodeTexSky")
+    texture.sun_elevation = 0.456
+    with pytest.raises(sky.SkyError, match="being prepared"):
+        sky.of_node(texture, wait=False)
+    wait_until(lambda: sky._processes)
+    (process,), (thread,) = tuple(sky._processes), tuple(sky._running.values())
+    (look,) = sky._looks.values()
+    assert bpy.app.timers.is_registered(look)
+    addon.unregister()
+    try:
+        assert process.poll() is not None
+        assert not thread.is_alive()
+        assert not bpy.app.timers.is_registered(look)
+        assert not any((sky._kept, sky._running, sky._looks, sky._processes))
+    finally:
+        addon.register()
+    # Enabled again it is tried again, and not said to have failed.
+    with pytest.raises(sky.SkyError, match="being prepared"):
+        sky.of_node(texture, wait=False)
+    sky.stop()
+
+
+def test_a_render_does_not_wait_for_a_sky_that_is_stopped(world: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sky, "_command", hold_on)
+    texture = next(n for n in world.node_tree.nodes if n.bl_idname == "ShaderNodeTexSky")
+    texture.sun_elevation = 0.567
+    said: list[str] = []
+
+    def render() -> None:
+        try:
+            sky.of_node(texture, wait=True)
+        except sky.SkyError as error:
+            said.append(str(error))
+
+    thread = threading.Thread(target=render)
+    thread.start()
+    wait_until(lambda: sky._processes)
+    sky.stop()
+    thread.join(10)
+    assert len(said) == 1
+    assert said[0].startswith("not rendered")
+
+
+def test_the_other_blender_has_its_time_and_not_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sky, "TIMEOUT", 0.2)
+    with pytest.raises(subprocess.TimeoutExpired):
+        sky._run(hold_on(""))
+    assert not sky._processes
+    with pytest.raises(subprocess.CalledProcessError):
+        sky._run([sys.executable, "-c", "raise SystemExit(3)"])

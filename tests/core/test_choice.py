@@ -4,10 +4,13 @@
 from __future__ import annotations
 
 import threading
+from pathlib import Path
 from typing import Any
 
+import choose
 import numpy as np
 import pytest
+from lying_native import LIES, Lying, LyingNative
 
 from addon.core import auto, benchmark, catalogue, choice
 from addon.core.background import Background
@@ -78,6 +81,95 @@ def test_choosing_gives_a_built_structure_and_says_why(soup: Workload) -> None:
     assert set(auto.candidates(known)) <= told
 
 
+def test_every_full_trial_is_compared_with_brute_force_which_is_asked_once(soup: Workload) -> None:
+    built: list[str] = []
+
+    class Counting:
+        def __getattr__(self, name: str) -> Any:
+            return getattr(native, name)
+
+        def build(self, vertices: Any, triangles: Any, spec: str, **options: Any) -> Any:
+            built.append(spec)
+            return native.build(vertices, triangles, spec, **options)
+
+    chosen = auto.choose(Counting(), soup, Plan(1 << 20, 64), catalogue.load(), threads=1)
+    assert built.count("brute") == 1
+    assert len(chosen.comparison.lines) > 1
+    for line in chosen.comparison.lines:
+        assert line.wrong == 0
+        assert 1000 <= line.checked < 1300
+        assert line.answers == f"0 of {line.checked:,} answers wrong"
+    assert Line("kd", 1.0, 1.0).answers == "answers not compared"
+
+
+@pytest.mark.parametrize("lie", LIES)
+def test_who_errs_is_not_chosen_however_fast(soup: Workload, monkeypatch: pytest.MonkeyPatch, lie: str) -> None:
+    monkeypatch.setattr(auto.check, "rate", lambda structure, *_: 100.0 if isinstance(structure, Lying) else 1.0)
+    monkeypatch.setattr(auto.choice, "mix", lambda *_: Mix(1.0, 0.0, 0.0))
+    for specs in (["bvh-sah", "kd"], ["kd", "bvh-sah"]):
+        chooser = auto.Chooser(LyingNative(lie), soup, Plan(1 << 20, 64), specs, 1)
+        for _ in chooser.steps():
+            pass
+        assert chooser.result is not None
+        assert chooser.result.spec == "bvh-sah"
+        assert chooser.result.structure.spec == "bvh-sah"
+        worst = chooser.result.comparison.lines[-1]
+        assert (worst.spec, worst.total < chooser.result.comparison.lines[0].total) == ("kd", True)
+        assert 0 < worst.wrong <= worst.checked
+        assert worst.problem == f"{worst.wrong} of {worst.checked:,} answers are wrong"
+        assert any(note == f"kd: left out, {worst.problem}" for note in chooser.result.notes)
+
+
+def test_nothing_is_chosen_when_all_err(soup: Workload, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(auto.choice, "mix", lambda *_: Mix(1.0, 0.0, 0.0))
+    chooser = auto.Chooser(LyingNative("false_miss"), soup, Plan(1 << 20, 64), ["kd"], 1)
+    told = r"No configuration gives right answers\. kd: \d+ of [\d,]+ answers are wrong"
+    with pytest.raises(RuntimeError, match=told):
+        list(chooser.steps())
+
+
+def test_a_tree_that_rays_build_is_charged_all_of_its_build(soup: Workload) -> None:
+    options = benchmark.Options(size=(32, 32), sets=choice.SETS, repeats=1, check_rays=64, threads=1)
+    rows = list(benchmark.measure(native, soup, ["kd:lazy=1", "kd"], options, lambda _text: None))
+    for row in rows:
+        upper, first = (0.25, 3.0) if row["spec"] == "kd:lazy=1" else (2.0, 5.0)
+        row["build_s"], row["first_s"] = ({"min": s, "med": s, "max": s} for s in (upper, first))
+    lines = {line.spec: line for line in choice.compare(rows, Mix(1.0, 0.0, 0.0), Plan(1000, 4)).lines}
+    assert {spec: line.build for spec, line in lines.items()} == {"kd:lazy=1": 3.0, "kd": 2.0}
+
+
+@pytest.mark.parametrize("lie", LIES)
+def test_a_row_that_errs_never_says_that_none_is_wrong(soup: Workload, lie: str) -> None:
+    options = benchmark.Options(size=(32, 32), sets=choice.SETS, repeats=1, check_rays=64, threads=1)
+    rows = list(benchmark.measure(LyingNative(lie), soup, ["kd"], options, lambda _text: None))
+    (line,) = choice.compare(rows, Mix(1.0, 0.0, 0.0), Plan(1000, 4)).lines
+    assert line.problem
+    assert line.wrong > 0
+    assert not line.problem.startswith("0 of")
+
+
+def test_the_command_prints_wrong_answers_beside_times(
+    soup: Workload, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    view = soup.view
+    np.savez(
+        tmp_path / "soup.npz",
+        vertices=soup.vertices,
+        triangles=soup.triangles,
+        camera_eye=view.eye,
+        camera_target=view.target,
+        camera_up=view.up,
+        camera_vfov_deg=np.float64(view.vertical_fov),
+    )
+    assert choose.main([str(tmp_path / "soup.npz"), "--samples", "4", "--pixels", "100000"]) == 0
+    lines = [line for line in capsys.readouterr().out.splitlines() if "trace" in line and "total" in line]
+    assert len(lines) == len(auto.candidates(catalogue.load()))
+    for line in lines:
+        checked = int(line.split(" of ")[1].split()[0].replace(",", ""))
+        assert checked >= 192
+        assert line.endswith(f"0 of {checked:,} answers wrong")
+
+
 class Clocked:
     """A native module whose structures take times that are told beforehand; time goes by only here."""
 
@@ -89,6 +181,8 @@ class Clocked:
         return getattr(native, name)
 
     def build(self, vertices: Any, triangles: Any, spec: str, **arguments: Any) -> Any:
+        if spec == "brute":
+            return native.build(vertices, triangles, spec, **arguments)
         self.built.append((spec, len(triangles)))
         real = native.build(vertices, triangles, "kd", **arguments)
         return Slow(real, self.speeds[spec], self.builds[spec] * len(triangles))

@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Brute force's answers to a sample of rays: found once, and then compared with as many structures as one likes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from . import rays
+from .accuracy import Answers, Mask
+from .workload import Workload
+
+
+class Reference:
+    """A sample of some ray sets, and what is right."""
+
+    def __init__(
+        self, native: Any, workload: Workload, sets: Sequence[rays.RaySet], wanted: int, *, seed: int, threads: int = 0
+    ) -> None:
+        """Ask brute force. wanted: about how many rays of all sets together; of each at least a block of 64."""
+        brute = native.build(workload.vertices, workload.triangles, "brute", threads=threads)
+        self._threads = threads
+        self._parts: list[tuple[rays.RaySet, Answers]] = []
+        for whole in sets:
+            some = whole.take(rays.blocks(len(whole), wanted // len(sets), seed))
+            found = brute.closest(some.origins, some.directions, t_max=some.t_max, threads=threads)
+            self._parts.append((some, Answers.of(found)))
+
+    def __len__(self) -> int:
+        """How many rays are compared."""
+        return sum(len(some) for some, _ in self._parts)
+
+    def wrong(self, structure: Any) -> int:
+        """How many of the rays a structure over the same triangles answers otherwise, be it in the last bit."""
+        found = 0
+        for some, right in self._parts:
+            asked: dict[str, Any] = {"t_max": some.t_max, "order": some.order, "threads": self._threads}
+            answers = Answers.of(structure.closest(some.origins, some.directions, **asked))
+            any_hit = structure.occluded(some.origins, some.directions, **asked)
+            found += int((_differ(answers, right) | (any_hit != right.hit)).sum())
+        return found
+
+
+def _differ(answers: Answers, right: Answers) -> Mask:
+    """(n,) bool: which hits are not the same, bit for bit."""
+    differ: Mask = answers.triangle != right.triangle
+    for name in ("t", "u", "v"):
+        bits, expected = (getattr(hits, name).view(np.uint32) for hits in (answers, right))
+        differ |= right.hit & (bits != expected)
+    return differ
