@@ -4,6 +4,7 @@
 Two rows of the same rounds are compared round by round: one is faster when it is so in every round, and by more than
 the machine's noise. By chance that happens once in 2**(rounds - 1) times, so fewer than six rounds rank nothing. Rows
 of different rounds are compared through their anchor: then the slowest round of one must beat the fastest of the other.
+What answers wrongly is not ranked at all.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .rows import Row
+from .rows import Row, agrees
 
 LEAST_ROUNDS = 6
 """With six rounds the chance of an order that is none is three in a hundred."""
@@ -44,8 +45,8 @@ class Ranking:
 
 
 def rank(rows: Sequence[Row], name: str) -> Ranking | None:
-    """The ranking of rows of one scene for one ray set; None when fewer than two were timed."""
-    timed = [row for row in rows if row["rays"] and (row["rays"].get(name) or {}).get("rounds")]
+    """The ranking of the right ones of a scene's rows for one ray set; None when fewer than two were timed."""
+    timed = [row for row in rows if agrees(row) and (row["rays"].get(name) or {}).get("rounds")]
     if len(timed) < 2:
         return None
     first, *others = sorted(timed, key=lambda row: -float(np.median(speeds(row, name))))

@@ -123,14 +123,15 @@ def findings(rows: Sequence[Row]) -> list[str]:
     """What one scene's rows say, in sentences."""
     measured = [row for row in rows if row["errors"] and row["spec"] != yardstick.SPEC]
     sentences = [*_about_errors(measured)]
+    right = [row for row in measured if agrees(row)]
     for name in set_names(rows):
-        found = ranking.rank(measured, name)
+        found = ranking.rank(right, name)
         if found is not None:
             sentences.append(f"{name.capitalize()} rays: {_about_ranking(found, name)}")
     sentences += [
-        *_about_first_pictures(measured),
-        *_about_totals(measured),
-        *_about_pictures(measured),
+        *_about_first_pictures(right),
+        *_about_totals(right),
+        *_about_pictures(right),
         *_about_yardstick(rows),
     ]
     failed = [row["spec"] or "the scene" for row in rows if row["error"]]
@@ -142,7 +143,7 @@ def findings(rows: Sequence[Row]) -> list[str]:
 def _about_errors(measured: Sequence[Row]) -> Iterator[str]:
     wrong = [row["spec"] for row in measured if not agrees(row)]
     if wrong:
-        yield f"Answers that differ from the reference: {', '.join(wrong)}."
+        yield f"Answers that differ from the reference, which is why they are ranked nowhere: {', '.join(wrong)}."
     elif measured:
         reference = measured[0]["errors"]["reference"]
         # The reference is compared with itself on a few rays only.
@@ -188,14 +189,14 @@ def _about_totals(measured: Sequence[Row]) -> Iterator[str]:
 def _about_pictures(measured: Sequence[Row]) -> Iterator[str]:
     """Equal pictures, and how long they take."""
     drawn = [row for row in measured if row["curve"]]
-    if len(drawn) < 2 or any(row["errors"]["differing_pixels"] for row in drawn):
+    if len(drawn) < 2:
         return
     # With so many samples that half of them had the time.
     samples = sorted(row["curve"][-1]["spp"] for row in drawn)[len(drawn) // 2]
     times = sorted((p["seconds"], row["spec"]) for row in drawn for p in row["curve"] if p["spp"] == samples)
     (quickest, first), (slowest, last) = times[0], times[-1]
     yield (
-        f"All {len(drawn)} structures that rendered made the same pictures, to the last bit; with {samples} "
+        f"The pictures of {len(drawn)} structures are the same, to the last bit; with {samples} "
         f"{'sample' if samples == 1 else 'samples'} per pixel that took {_seconds(quickest)} ({first}) to "
         f"{_seconds(slowest)} ({last})."
     )
@@ -242,7 +243,7 @@ def worth_it(rows: Sequence[Row]) -> list[str]:
     """The scenes on which build and picture are faster with some tree with oblique planes than with kd."""
     found = []
     for scene, own in by_scene(rows).items():
-        totals = {row["spec"]: whole for row in own if (whole := image_total(row)) is not None}
+        totals = {row["spec"]: whole for row in own if agrees(row) and (whole := image_total(row)) is not None}
         sweeps = [whole for spec, whole in totals.items() if spec.startswith(SWEEPS)]
         if sweeps and "kd" in totals and min(sweeps) < totals["kd"]:
             found.append(scene)

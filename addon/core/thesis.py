@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from . import yardstick
-from .rows import Row
+from .rows import Row, agrees
 
 BASES = ("kd-sah:traversal=dir", "kd-sah", "kd:traversal=dir", "kd")
 """What times are related to, the first that was measured: the kd-tree built as in the thesis, walked as the others."""
@@ -101,12 +101,12 @@ def time_of(row: Row) -> float | None:
 
 
 def percent(row: Row, base: Row) -> float | None:
-    """Its time in percent of the base's; None where they cannot be related.
+    """Its time in percent of the base's; None where they cannot be related, or an answer is wrong.
 
     Of a row that was timed beside the base it is the mean over the ray sets, otherwise that of the sums of `time_of`.
     """
     time, unit = time_of(row), time_of(base)
-    if time is None or unit is None:
+    if time is None or unit is None or not agrees(row):
         return None
     if row["anchor"] == base["spec"]:
         sets = sum(bool(one["rounds"]) for one in row["rays"].values())
@@ -115,8 +115,8 @@ def percent(row: Row, base: Row) -> float | None:
 
 
 def base_of(rows: Iterable[Row]) -> Row | None:
-    """The row of a scene that its times are related to."""
-    known = {row["spec"]: row for row in rows if time_of(row)}
+    """The row of a scene that its times are related to: the first of BASES whose answers are right."""
+    known = {row["spec"]: row for row in rows if agrees(row) and time_of(row)}
     return next((known[spec] for spec in BASES if spec in known), None)
 
 
@@ -136,8 +136,8 @@ class Table:
 
 
 def tables(scenes: Mapping[str, Sequence[Row]], published: Published | None) -> list[Table]:
-    """The tables of times by k, and the comparison, as far as their rows are there. scenes: the rows of each."""
-    named = {scene: [r for r in rows if r["spec"] != yardstick.SPEC] for scene, rows in scenes.items()}
+    """The tables of times by k, and the comparison, as far as their rows are there and right. scenes: all rows."""
+    named = {scene: [r for r in rows if r["spec"] != yardstick.SPEC and agrees(r)] for scene, rows in scenes.items()}
     named = {scene: rows for scene, rows in named.items() if base_of(rows) is not None}
     known = published or Published()
     found = []

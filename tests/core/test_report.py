@@ -149,9 +149,37 @@ def test_rows_of_different_rounds_are_compared_through_their_anchor() -> None:
 
 def test_wrong_answers_are_said_first() -> None:
     sentences = report.findings([row("a"), row("b", wrong_triangle=1)])
-    assert sentences[0] == "Answers that differ from the reference: b."
+    assert sentences[0] == "Answers that differ from the reference, which is why they are ranked nowhere: b."
     text = page.as_html(document([row("a"), row("b", wrong_triangle=1)]))
     assert text.count('<tr class="wrong"') == 1
+
+
+def test_what_answers_wrongly_is_never_the_fastest() -> None:
+    rows = [everything("kd", 1.0), everything("bsp-wn", 1.5), everything("kd:robust=none", 0.1)]
+    for one, seconds in zip(rows, (3.0, 2.0, 0.1), strict=True):
+        one["image_s"] = seconds
+    rows[2]["errors"]["wrong_triangle"] = 1000
+    sentences = report.findings(rows)
+    assert "robust=none" in sentences[0]
+    assert not [text for text in sentences[1:] if "robust=none" in text]
+    assert "kd is the fastest, 1.50 times bsp-wn" in " ".join(sentences)
+    html = page.as_html(document(rows))
+    assert html.count("class=best") == 1
+    # Neither what it is compared with nor the best of a structure.
+    rows[0]["errors"]["false_miss"] = 1
+    assert report.worth_it(rows) == []
+
+
+def test_the_tables_of_the_thesis_hold_only_what_answers_rightly() -> None:
+    rows = [everything("kd-sah", 1.0), everything("kd:traversal=dir", 1.0)]
+    rows += [everything(f"bsp-wn:k={k},seed={s}", k * s, k) for k in (2, 3) for s in (1.0, 1.5, 4.0)]
+    rows[2]["errors"]["wrong_triangle"] = 1
+    _, (line,) = ksweep.lines(rows)
+    assert line.low == pytest.approx((300.0, 300.0))
+    by_k, _ = thesis.tables({"room": rows}, None)
+    assert by_k.lines[0][1][0][0] == pytest.approx((300.0, 550.0, 800.0))
+    rows[0]["errors"]["false_hit"] = 1
+    assert ksweep.lines(rows)[0] == "kd:traversal=dir"
 
 
 def test_the_page_is_one_file_and_escapes_what_it_shows() -> None:
