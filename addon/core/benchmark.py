@@ -84,12 +84,18 @@ def measure(
 
 
 def events(
-    native: Any, workload: Workload, chosen: Sequence[str], options: Options, shared: Prepared | None = None
+    native: Any,
+    workload: Workload,
+    chosen: Sequence[str],
+    options: Options,
+    shared: Prepared | None = None,
+    anchor: str | None = None,
 ) -> Iterator[Event]:
     """Measure configurations on one scene, a bounded step at a time; yields what comes next, and each finished row.
 
     chosen: valid configurations; `embree` names the yardstick. A configuration that cannot be built gives a row whose
-    `error` says why. shared: what `prepare` made of the same scene and options, where several calls share it.
+    `error` says why. shared: what `prepare` made of the same scene and options, where several calls share it. anchor:
+    which of `chosen` is timed beside all others, where these are but a part of a sweep; else it is found among them.
 
     Between two items exactly the step that the last Progress announced is done: one build, one comparison, one timed
     pass, one picture. So a caller can show the text, and then go on, on any thread: Blender's data is never touched,
@@ -97,7 +103,7 @@ def events(
     """
     if shared is None:
         shared = yield from prepare(native, workload, options)
-    yield from _Run(native, shared, chosen).events()
+    yield from _Run(native, shared, chosen, anchor).events()
 
 
 def anchor_of(chosen: Sequence[str]) -> str | None:
@@ -117,12 +123,13 @@ def anchor_of(chosen: Sequence[str]) -> str | None:
 class _Run:
     """One call of `events`: its configurations, and how much of the work is done."""
 
-    def __init__(self, native: Any, shared: Prepared, chosen: Sequence[str]) -> None:
+    def __init__(self, native: Any, shared: Prepared, chosen: Sequence[str], anchor: str | None = None) -> None:
         self._native = native
         self._prepared = shared
         self._workload = shared.workload
         self._options = options = shared.options
-        self._anchor_spec = anchor_of(chosen)
+        # A part of a sweep over k may hold one k alone: it does not look like a sweep any more.
+        self._anchor_spec = anchor_of(chosen) if anchor is None else anchor
         self._specs = [spec for spec in chosen if spec != self._anchor_spec]
         passes = len(shared.ray_sets) * (options.repeats + 1) + len(shared.views) * SCALING_ROUNDS
         # Builds, one comparison, timed passes, the peak, the moved grids, pictures.

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import html
 import json
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from importlib import resources
@@ -231,8 +232,9 @@ def _thesis(rows: Sequence[Row], published: Published | None) -> str:
         return ""
     intro = (
         "<section><h2>The tables of the thesis</h2><p>Percent of the kd-tree's, median over the seeds, and the smallest"
-        " and the largest. In italics what Hoobergs (2019) published for the scene that comes nearest; there each of"
-        " the three is divided by the same of the kd-tree, so that a smallest may be above a median.</p>"
+        " and the largest; builds only of the kd-tree's machine. In italics what Hoobergs (2019) published for the"
+        " scene that comes nearest; there each of the three is divided by the same of the kd-tree, so that a smallest"
+        " may be above a median.</p>"
     )
     parts = [intro]
     for table in found:
@@ -254,7 +256,7 @@ def _thesis(rows: Sequence[Row], published: Published | None) -> str:
 
 def _beside(cell: tuple[thesis.Numbers, thesis.Numbers], count: int) -> str:
     """Cells of what was measured and of what was published."""
-    ours, theirs = ([f"{value:,.0f}" for value in part] or ["–"] * count for part in cell)
+    ours, theirs = (["–" if math.isnan(value) else f"{value:,.0f}" for value in part] or ["–"] * count for part in cell)
     return "".join(f"<td>{text}</td>" for text in ours) + "".join(f"<td><em>{text}</em></td>" for text in theirs)
 
 

@@ -4,6 +4,7 @@
 Two rows of the same rounds are compared round by round: one is faster when it is so in every round, and by more than
 the machine's noise. By chance that happens once in 2**(rounds - 1) times, so fewer than six rounds rank nothing. Rows
 of different rounds are compared through their anchor: then the slowest round of one must beat the fastest of the other.
+Without a common anchor such rows are not compared: they may come from different machines.
 What answers wrongly is not ranked at all.
 """
 
@@ -11,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +28,8 @@ class Ranking:
     """One ray set of one scene. best: fastest by the median; equal: what cannot be told from it, itself left out.
 
     second: the fastest that can, how many times slower it is, and between which rounds. noise: of the machine while
-    these were timed, relative. rounds: the fewest of any row.
+    these were timed, relative. rounds: the fewest of any row. apart: rows that nothing relates to the others, which
+    are no part of all this.
     """
 
     best: Row
@@ -37,6 +40,7 @@ class Ranking:
     high: float
     noise: float
     rounds: int
+    apart: list[Row]
 
     @property
     def ranked(self) -> bool:
@@ -45,8 +49,12 @@ class Ranking:
 
 
 def rank(rows: Sequence[Row], name: str) -> Ranking | None:
-    """The ranking of the right ones of a scene's rows for one ray set; None when fewer than two were timed."""
-    timed = [row for row in rows if agrees(row) and (row["rays"].get(name) or {}).get("rounds")]
+    """The ranking of the right ones of a scene's rows for one ray set; None when fewer than two can be compared."""
+    able = [row for row in rows if agrees(row) and (row["rays"].get(name) or {}).get("rounds")]
+    units: dict[tuple[str, Any], list[Row]] = {}
+    for row in able:
+        units.setdefault(_unit(row, name), []).append(row)
+    timed = max(units.values(), key=len, default=[])
     if len(timed) < 2:
         return None
     first, *others = sorted(timed, key=lambda row: -float(np.median(speeds(row, name))))
@@ -62,7 +70,21 @@ def rank(rows: Sequence[Row], name: str) -> Ranking | None:
         float(ratios.max()),
         max(noise(row, name) for row in (first, *equal, *slower[:1])),
         min(len(row["rays"][name]["rounds"]) for row in timed),
+        [row for row in able if row not in timed],
     )
+
+
+def _unit(row: Row, name: str) -> tuple[str, str | None]:
+    """What a row's speeds are measured by: its anchor, or without one its rounds. Rows of equal units are related."""
+    if row["anchor"] is not None and row["rays"][name]["anchor_rounds"]:
+        return "anchor", row["anchor"]
+    return "round", row["round_id"]
+
+
+def related(a: Row, b: Row, name: str) -> bool:
+    """Whether one's speed can be divided by the other's: timed together, or each beside the same anchor."""
+    unit = _unit(a, name)
+    return together(a, b) or (unit == _unit(b, name) and unit[0] == "anchor")
 
 
 def speeds(row: Row, name: str) -> NDArray[np.float64]:
@@ -78,7 +100,12 @@ def noise(row: Row, name: str) -> float:
 
 
 def against(a: Row, b: Row, name: str) -> NDArray[np.float64]:
-    """How many times as fast `a` is as `b`: per round where they share rounds, else of all pairs of rounds."""
+    """How many times as fast `a` is as `b`: per round where they share rounds, else of all pairs of rounds.
+
+    Raises ValueError for rows that are not related.
+    """
+    if not related(a, b, name):
+        raise ValueError(f"nothing relates {a['spec']} to {b['spec']}: neither their rounds nor an anchor are the same")
     if together(a, b):
         rates = [np.array(row["rays"][name]["rounds"]) for row in (a, b)]
         return np.asarray(rates[0] / rates[1])
@@ -91,7 +118,9 @@ def together(a: Row, b: Row) -> bool:
 
 
 def faster(a: Row, b: Row, name: str) -> bool:
-    """Whether `a` is faster than `b` beyond noise."""
+    """Whether `a` is faster than `b` beyond noise; never where they are not related."""
+    if not related(a, b, name):
+        return False
     rounds = min(len(row["rays"][name]["rounds"]) for row in (a, b))
     ratios = against(a, b, name)
     floor = 1.0 + max(noise(a, name), noise(b, name))

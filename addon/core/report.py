@@ -128,6 +128,9 @@ def findings(rows: Sequence[Row]) -> list[str]:
         found = ranking.rank(right, name)
         if found is not None:
             sentences.append(f"{name.capitalize()} rays: {_about_ranking(found, name)}")
+            if found.apart:
+                specs = ", ".join(row["spec"] for row in found.apart)
+                sentences[-1] += f" Nothing relates the times of {specs} to theirs."
     sentences += [
         *_about_first_pictures(right),
         *_about_totals(right),

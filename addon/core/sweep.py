@@ -107,7 +107,7 @@ def here(native: Any, options: Options, say: Callable[[str], None]) -> Measurer:
 
     def measurer(workload: Workload, wanted: Sequence[str], anchor: str | None) -> Iterator[Measured]:
         told = 0.0
-        for event in benchmark.events(native, workload, beside(wanted, anchor), options):
+        for event in benchmark.events(native, workload, beside(wanted, anchor), options, None, anchor):
             if isinstance(event, Finished):
                 yield event.row, machine
             elif time.monotonic() - told >= QUIET_SECONDS:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from addon.core import charts, costmap, costs, ksweep, page, plots, report, thesis
+from addon.core import charts, costmap, costs, ksweep, page, plots, ranking, report, thesis
 
 RATE = {
     "n": 64,
@@ -289,6 +289,39 @@ def test_times_of_a_k_sweep_are_related_to_the_base_in_the_same_rounds() -> None
     # What was timed beside something else cannot be related.
     rows[2]["anchor"] = "embree"
     assert thesis.percent(rows[2], base) is None
+
+
+def without_anchor(spec: str, speed: float, round_id: str) -> dict[str, Any]:
+    made = {**row(spec, speed, 0.01), "anchor": None, "round_id": round_id}
+    made["rays"]["primary"]["anchor_rounds"] = []
+    return made
+
+
+def test_times_of_different_machines_without_an_anchor_are_not_divided() -> None:
+    base, beside = (without_anchor(spec, speed, "1") for spec, speed in (("kd-sah", 2.0), ("b", 1.0)))
+    elsewhere = {**without_anchor("c", 8.0, "2"), "machine": "another"}
+    assert thesis.percent(beside, base) == pytest.approx(200.0), "of the same rounds"
+    assert thesis.percent(elsewhere, base) is None
+    assert not ranking.faster(elsewhere, base, "primary")
+    with pytest.raises(ValueError, match="nothing relates c to kd-sah"):
+        ranking.against(elsewhere, base, "primary")
+    words = said(base, beside, elsewhere)
+    assert "kd-sah is the fastest, 2.00 times b" in words
+    assert "Nothing relates the times of c to theirs" in words
+    # Timed beside two different anchors.
+    one, other = row("one", 2.0), {**row("other", 8.0), "anchor": "kd", "round_id": "2"}
+    assert thesis.percent(other, one) is None
+    assert "is the fastest" not in said(one, other)
+
+
+def test_builds_of_different_machines_are_not_divided() -> None:
+    rows = [everything("kd-sah", 1.0)] + [everything(f"bsp-wn:k={k}", k, k) for k in (2, 3)]
+    for one in rows[1:]:
+        one["machine"] = "another"
+    _, comparison = thesis.tables({"room": rows}, None)
+    ours = dict(comparison.lines)["bsp-wn"][0][0]
+    assert ours == pytest.approx((200.0, float("nan"), 100.0), nan_ok=True)
+    assert "nan" not in page.as_html(document(rows))
 
 
 def test_published_results_are_read_and_a_wrong_file_is_told(tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ import halfspace_native
 import numpy as np
 import pytest
 
-from addon.core import cluster, rows
+from addon.core import benchmark, cluster, rows, thesis, workload
 
 LARGE = os.environ.get("HALFSPACE_LARGE_SWEEP")
 """Set it for the check of 2,079 rows on a cluster; it takes some minutes."""
@@ -94,6 +94,39 @@ def test_merging_rows_that_disagree_is_status_1(scenes: list[str], tmp_path: Pat
     capsys.readouterr()
     assert bench.main([str(first), str(second), "--merge", "--out", str(tmp_path / "out")]) == 1
     assert "soup-1, kd: measured twice" in capsys.readouterr().err
+
+
+SWEPT = ["kd-sah:traversal=dir", "bsp-wn:k=3", "bsp-wn:k=4"]
+"""A sweep over k, whose rows are related to the first."""
+
+
+def test_a_row_of_a_cluster_has_the_anchor_of_the_whole_sweep(scenes: list[str]) -> None:
+    base = benchmark.anchor_of(SWEPT)
+    assert base == SWEPT[0]
+    options = benchmark.Options(size=(16, 16), sets=("primary",), repeats=2, check_rays=64)
+    loaded = workload.load_npz(Path(scenes[0]))
+    found = [cluster._row(loaded, spec, base, options)[0] for spec in SWEPT]
+    assert [row["anchor"] for row in found] == [base] * 3
+    for row in found:
+        assert len(row["rays"]["primary"]["anchor_rounds"]) == 2
+        assert thesis.percent(row, found[0]) is not None
+    assert len({row["round_id"] for row in found}) == 3
+
+
+def test_rows_of_a_resumed_sweep_and_of_its_parts_have_one_anchor(scenes: list[str], tmp_path: Path) -> None:
+    quick = [scenes[0], *OPTIONS, "--structures", ",".join(SWEPT), "--rays", "primary"]
+    for part in ("1/2", "2/2"):
+        assert bench.main([*quick, "--shard", part, "--out", str(tmp_path / "parts")]) == 0
+    assert bench.main([*quick, "--out", str(tmp_path / "out")]) == 0
+    journal = tmp_path / "out" / "rows.jsonl"
+    lines = journal.read_text(encoding="utf-8").splitlines(keepends=True)
+    kept = [line for line in lines if '"spec": "bsp-wn:k=4"' not in line]
+    assert len(kept) == len(lines) - 1
+    journal.write_text("".join(kept), encoding="utf-8")
+    for folder in ("parts", "out"):
+        assert bench.main([*quick, "--out", str(tmp_path / folder)]) == 0
+        found = json.loads((tmp_path / folder / "bench.json").read_text(encoding="utf-8"))["rows"]
+        assert [row["anchor"] for row in found if row["spec"] != "embree"] == [SWEPT[0]] * 3
 
 
 @pytest.mark.parametrize("arguments", [[], ["nowhere"], ["nowhere", "--out", "out"]])
