@@ -57,7 +57,7 @@ def as_html(document: dict[str, Any], published: Published | None = None) -> str
     rows: list[Row] = document["rows"]
     number = {id(row): index for index, row in enumerate(rows)}
     inside = len(rows) <= MOST_ROWS_INSIDE
-    parts = []
+    parts = [_missing(document.get("missing") or [])]
     parts.append(_overview(rows))
     for place, (scene, own) in enumerate(by_scene(rows).items(), 1):
         parts.append(f'<section id="scene-{place}"><h2>{_safe(scene)}</h2>')
@@ -95,6 +95,14 @@ def filled(title: str, introduction: str, document: dict[str, Any], body: str) -
     for name, text in parts.items():
         found = found.replace(f"%{name}%", text)
     return found
+
+
+def _missing(lines: Sequence[str]) -> str:
+    """What was asked and is not here."""
+    if not lines:
+        return ""
+    items = "".join(f"<li>{_safe(line)}</li>" for line in lines)
+    return f"<p><b>This report is not complete: rows are missing that were asked for.</b></p><ul>{items}</ul>"
 
 
 def _overview(rows: Sequence[Row]) -> str:

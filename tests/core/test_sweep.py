@@ -129,6 +129,97 @@ def test_rows_of_a_resumed_sweep_and_of_its_parts_have_one_anchor(scenes: list[s
         assert [row["anchor"] for row in found if row["spec"] != "embree"] == [SWEPT[0]] * 3
 
 
+def merged(folders: list[Path], out: Path) -> tuple[int, Any]:
+    """The status of a merge, and what it wrote."""
+    status = bench.main([*map(str, folders), "--merge", "--out", str(out)])
+    return status, json.loads((out / "bench.json").read_text(encoding="utf-8"))
+
+
+def test_merging_a_part_alone_names_what_is_missing_and_is_status_2(
+    scenes: list[str], tmp_path: Path, capsys: Any
+) -> None:
+    quick = [*scenes, *OPTIONS, "--structures", "kd,kd-sah,bih"]
+    first, second = (tmp_path / name for name in ("first", "second"))
+    assert bench.main([*quick, "--shard", "1/2", "--out", str(first)]) == 0
+    capsys.readouterr()
+    status, document = merged([first], tmp_path / "half")
+    said = capsys.readouterr().err
+    assert status == 2
+    assert "bench: soup-1: missing " in said
+    assert "bench: soup-2: missing " in said
+    assert document["missing"]
+    assert "missing" in (tmp_path / "half" / "report.html").read_text(encoding="utf-8")
+    lost = [spec for spec in ("kd", "kd-sah", "bih") if spec not in {row["spec"] for row in document["rows"][:3]}]
+    assert all(spec in said for spec in lost)
+    # The second part ends before it comes to the second scene.
+    assert bench.main([*quick, "--shard", "2/2", "--out", str(second)]) == 0
+    journal = second / "rows-2-of-2.jsonl"
+    lines = journal.read_text(encoding="utf-8").splitlines(keepends=True)
+    journal.write_text("".join(line for line in lines if "soup-2" not in line or '"asked"' in line), encoding="utf-8")
+    assert merged([first, second], tmp_path / "most")[0] == 2
+    said = capsys.readouterr().err
+    assert "bench: soup-2: missing " in said
+    assert "soup-1" not in said
+    journal.write_text("".join(lines), encoding="utf-8")
+    status, document = merged([first, second], tmp_path / "whole")
+    assert (status, document.get("missing", [])) == (0, [])
+    assert capsys.readouterr().err == ""
+
+
+def test_a_scene_that_was_never_begun_is_missing(scenes: list[str], tmp_path: Path, capsys: Any) -> None:
+    out = tmp_path / "out"
+    assert bench.main([*scenes, *OPTIONS, "--structures", "kd", "--out", str(out)]) == 0
+    journal = out / "rows.jsonl"
+    lines = journal.read_text(encoding="utf-8").splitlines(keepends=True)
+    journal.write_text("".join(line for line in lines if "soup-2" not in line or '"asked"' in line), encoding="utf-8")
+    capsys.readouterr()
+    assert merged([out], tmp_path / "merged")[0] == 2
+    assert "bench: soup-2: missing all of " in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("gigabytes", "failing"), [("0.00006", "kd"), ("0.00001", "")], ids=["a row", "a scene"])
+def test_merging_failures_keeps_them_until_they_are_mended(
+    scenes: list[str], tmp_path: Path, gigabytes: str, failing: str
+) -> None:
+    out, broken = tmp_path / "out", tmp_path / "broken.npz"
+    broken.write_bytes(b"no scene")
+    part = [scenes[0], str(broken), *OPTIONS, "--structures", "kd", "--out", str(out), "--shard"]
+    for number in ("1/2", "2/2"):
+        assert bench.main([*part, number, "--memory-limit", gigabytes]) == 2
+    status, document = merged([out], tmp_path / "failed")
+    assert status == 2
+    errors = {(row["scene"], row["spec"]): row["error"] for row in document["rows"] if row["error"]}
+    assert "memory_limit" in errors["soup-1", failing]
+    assert "cannot be read" in errors[str(broken), ""]
+    assert "memory_limit" in (tmp_path / "failed" / "report.html").read_text(encoding="utf-8")
+    # What is mended is no failure any more, though the journal still tells of it.
+    broken.write_bytes(Path(scenes[1]).read_bytes())
+    for number in ("1/2", "2/2"):
+        assert bench.main([*part, number]) == 0
+    status, document = merged([out], tmp_path / "mended")
+    assert status == 0
+    assert not any(row["error"] for row in document["rows"])
+
+
+def test_a_journal_of_an_earlier_version_is_merged_as_far_as_it_tells(
+    scenes: list[str], tmp_path: Path, capsys: Any
+) -> None:
+    out = tmp_path / "out"
+    assert bench.main([scenes[0], *OPTIONS, "--structures", "kd,bih", "--out", str(out)]) == 0
+    journal = out / "rows.jsonl"
+    lines = [json.loads(line) for line in journal.read_text(encoding="utf-8").splitlines()]
+    old = [{key: line[key] for key in line if key != "run"} for line in lines if "key" in line or "machine" in line]
+    journal.write_text("".join(json.dumps(line) + "\n" for line in old), encoding="utf-8")
+    capsys.readouterr()
+    status, document = merged([out], tmp_path / "merged")
+    assert (status, len(document["rows"])) == (0, sum("key" in line for line in old))
+    assert "does not tell what was asked" in capsys.readouterr().out
+    # One that holds nothing at all is no report.
+    journal.write_text("", encoding="utf-8")
+    assert bench.main([str(out), "--merge", "--out", str(tmp_path / "nothing")]) == 2
+    assert "no rows" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("arguments", [[], ["nowhere"], ["nowhere", "--out", "out"]])
 def test_merging_nothing_is_one_line(arguments: list[str], tmp_path: Path, capsys: Any, monkeypatch: Any) -> None:
     monkeypatch.chdir(tmp_path)
