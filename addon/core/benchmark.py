@@ -15,9 +15,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from . import accuracy, costmap, first, peak, rays, rows, specs, thesis, timing, yardstick
+from . import accuracy, costmap, first, peak, picture_times, rays, rows, specs, thesis, timing, yardstick
 from .accuracy import Answers
 from .native import FAILURES
+from .picture_times import Rounds
 from .preparation import REFERENCES, Options, Prepared, Progress, prepare, prepared
 from .rows import Row, agrees, first_line
 from .timing import Candidate
@@ -136,7 +137,7 @@ class _Run:
         self._steps_each = (
             min(BUILDS, options.repeats) + 1 + passes + options.peak + bool(options.offsets) + options.maps
         )
-        self._steps_each += len(options.curve)
+        self._steps_each += len(options.curve) + (options.repeats + 1 if options.curve else 0)
         if any(rows.is_lazy(spec) for spec in chosen):
             self._steps_each += options.repeats
         self._total = max(len(chosen), 1) * self._steps_each
@@ -221,9 +222,13 @@ class _Run:
         ours = [candidate for candidate in sound if candidate.spec != yardstick.SPEC]
         yield from self._extras(ours)
         yield from self._draw(ours)
+        pictures = Rounds()
+        if self._prepared.pictures is not None:
+            steps = picture_times.time(pictures, self._prepared.pictures, self._prepared.beside, ours, self._options)
+            yield from map(self._step, steps)
         round_id = uuid.uuid4().hex[:12]
         for candidate in sound:
-            yield Finished(self._row(candidate, beside, timed, round_id))
+            yield Finished(self._row(candidate, beside, timed, pictures, round_id))
 
     def _time_builds(self, group: list[Candidate]) -> Iterator[Event]:
         for _ in range(min(self._options.repeats, BUILDS) - 1):
@@ -347,7 +352,14 @@ class _Run:
                     candidate.curve.append(point)
                     candidate.differing_pixels += differing
 
-    def _row(self, candidate: Candidate, anchor: Candidate | None, group: Sequence[Candidate], round_id: str) -> Row:
+    def _row(
+        self,
+        candidate: Candidate,
+        anchor: Candidate | None,
+        group: Sequence[Candidate],
+        pictures: Rounds,
+        round_id: str,
+    ) -> Row:
         options = self._options
         statistics = dict(candidate.statistics)
         row = rows.empty(self._native, self._workload, candidate.spec, options.threads)
@@ -374,7 +386,8 @@ class _Run:
             row["curve"] = candidate.curve
             assert self._prepared.pictures is not None, "it drew the curve"
             row["independent"] = self._prepared.pictures.independent
-            row["image_s"] = self._prepared.pictures.image_seconds(candidate.curve)
+            row["image"] = pictures.of(candidate)
+            row["image_s"] = picture_times.told(self._prepared.pictures, candidate, row["image"])
             row["render_s"] = candidate.curve[-1]["seconds"]
         left = [n for n in options.curve if n not in {point["spp"] for point in candidate.curve}]
         if left and candidate.spec != yardstick.SPEC:
