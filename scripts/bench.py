@@ -3,7 +3,7 @@
 
 `python scripts/bench.py [SCENE ...] [options]`, or inside Blender: `blender --background [FILE] --python
 scripts/bench.py -- [SCENE ...] [options]`. Exit status: 0 all answers agree with the reference; 1 some answer differs;
-2 bad usage or input, said in one line.
+2 bad usage or input, said in one line, or rows that failed or, with `--merge`, are missing.
 """
 
 from __future__ import annotations
@@ -176,13 +176,12 @@ def run(asked: argparse.Namespace) -> int:
         results.prepare_folder(asked.out)
     with results.writing(asked.out), contextlib.ExitStack() as stack:
         journal = None if asked.out is None else results.Journal(asked.out, shard.name)
-        if journal is not None:
-            journal.begin(options.as_dict())
         measurer = sweep.here(module, options, say)
         if asked.cluster is not None:
             measurer = stack.enter_context(cluster.measurer(asked.cluster, options, say))
         identity = [module.__version__, results.native_fingerprint(module), options.identity()]
-        todo = sweep.Sweep(chosen, options, identity, journal, shard)
+        todo = sweep.Sweep(chosen, options, identity, journal, shard, scenes)
+        todo.begin()
         for number, (scene, load) in enumerate(zip(scenes, loaders, strict=True)):
             try:
                 loaded = load()
@@ -215,23 +214,35 @@ def run(asked: argparse.Namespace) -> int:
 
 
 def merge(asked: argparse.Namespace) -> int:
-    """Make one report of finished rows. Raises one of the errors that `main` turns into a line."""
+    """Make one report of finished rows, and tell what it lacks. Raises one of the errors that `main` turns into a line.
+
+    Returns 1 where answers differ, else 2 where rows failed or are missing, else 0.
+    """
     module = native.load()
     if asked.out is None or not asked.scenes:
         raise UsageError("--merge: name the folders of the rows, and --out for the report")
     published = read_published(asked)
-    merged = results.Journal(Path(asked.scenes[0]))
-    for folder in map(Path, asked.scenes):
+    folders = [Path(folder) for folder in dict.fromkeys(asked.scenes)]
+    for folder in folders:
         if not list(folder.glob("rows*.jsonl")):
             raise UsageError(f"--merge: {folder} holds no rows of a run")
-        merged.merge(results.Journal(folder))
-    rows = [entry.row for entry in sorted(merged.entries.values(), key=lambda entry: entry.order)]
+    merged, *others = map(results.Journal, folders)
+    for other in others:
+        merged.merge(other)
+    rows, missing = merged.rows(), merged.missing()
+    if not rows:
+        raise UsageError(f"--merge: there are no rows in {', '.join(map(str, folders))}")
     results.prepare_folder(asked.out)
     print(report.table(rows) + "\n", flush=True)
     for line in merged.disagreements:
         print(f"bench: {line}: the answers or the trees differ", file=sys.stderr)
-    save(asked.out, results.document(module, rows, merged.options, merged.machines), published)
-    return max(status(rows), int(bool(merged.disagreements)))
+    for line in missing:
+        print(f"bench: {line}", file=sys.stderr)
+    if not merged.asked.specs:
+        say("the journal does not tell what was asked: whether rows are missing is not known")
+    save(asked.out, results.document(module, rows, merged.options, merged.machines, missing), published)
+    found = 1 if merged.disagreements else status(rows)
+    return found or (BAD_INPUT if missing else 0)
 
 
 def status(rows: Sequence[benchmark.Row]) -> int:

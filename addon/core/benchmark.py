@@ -15,9 +15,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from . import accuracy, costmap, first, peak, rays, rows, specs, thesis, timing, yardstick
+from . import accuracy, costmap, first, peak, picture_times, rays, rows, specs, thesis, timing, yardstick
 from .accuracy import Answers
 from .native import FAILURES
+from .picture_times import Rounds
 from .preparation import REFERENCES, Options, Prepared, Progress, prepare, prepared
 from .rows import Row, agrees, first_line
 from .timing import Candidate
@@ -84,12 +85,18 @@ def measure(
 
 
 def events(
-    native: Any, workload: Workload, chosen: Sequence[str], options: Options, shared: Prepared | None = None
+    native: Any,
+    workload: Workload,
+    chosen: Sequence[str],
+    options: Options,
+    shared: Prepared | None = None,
+    anchor: str | None = None,
 ) -> Iterator[Event]:
     """Measure configurations on one scene, a bounded step at a time; yields what comes next, and each finished row.
 
     chosen: valid configurations; `embree` names the yardstick. A configuration that cannot be built gives a row whose
-    `error` says why. shared: what `prepare` made of the same scene and options, where several calls share it.
+    `error` says why. shared: what `prepare` made of the same scene and options, where several calls share it. anchor:
+    which of `chosen` is timed beside all others, where these are but a part of a sweep; else it is found among them.
 
     Between two items exactly the step that the last Progress announced is done: one build, one comparison, one timed
     pass, one picture. So a caller can show the text, and then go on, on any thread: Blender's data is never touched,
@@ -97,7 +104,7 @@ def events(
     """
     if shared is None:
         shared = yield from prepare(native, workload, options)
-    yield from _Run(native, shared, chosen).events()
+    yield from _Run(native, shared, chosen, anchor).events()
 
 
 def anchor_of(chosen: Sequence[str]) -> str | None:
@@ -117,19 +124,20 @@ def anchor_of(chosen: Sequence[str]) -> str | None:
 class _Run:
     """One call of `events`: its configurations, and how much of the work is done."""
 
-    def __init__(self, native: Any, shared: Prepared, chosen: Sequence[str]) -> None:
+    def __init__(self, native: Any, shared: Prepared, chosen: Sequence[str], anchor: str | None = None) -> None:
         self._native = native
         self._prepared = shared
         self._workload = shared.workload
         self._options = options = shared.options
-        self._anchor_spec = anchor_of(chosen)
+        # A part of a sweep over k may hold one k alone: it does not look like a sweep any more.
+        self._anchor_spec = anchor_of(chosen) if anchor is None else anchor
         self._specs = [spec for spec in chosen if spec != self._anchor_spec]
         passes = len(shared.ray_sets) * (options.repeats + 1) + len(shared.views) * SCALING_ROUNDS
         # Builds, one comparison, timed passes, the peak, the moved grids, pictures.
         self._steps_each = (
             min(BUILDS, options.repeats) + 1 + passes + options.peak + bool(options.offsets) + options.maps
         )
-        self._steps_each += len(options.curve)
+        self._steps_each += len(options.curve) + (options.repeats + 1 if options.curve else 0)
         if any(rows.is_lazy(spec) for spec in chosen):
             self._steps_each += options.repeats
         self._total = max(len(chosen), 1) * self._steps_each
@@ -214,9 +222,13 @@ class _Run:
         ours = [candidate for candidate in sound if candidate.spec != yardstick.SPEC]
         yield from self._extras(ours)
         yield from self._draw(ours)
+        pictures = Rounds()
+        if self._prepared.pictures is not None:
+            steps = picture_times.time(pictures, self._prepared.pictures, self._prepared.beside, ours, self._options)
+            yield from map(self._step, steps)
         round_id = uuid.uuid4().hex[:12]
         for candidate in sound:
-            yield Finished(self._row(candidate, beside, timed, round_id))
+            yield Finished(self._row(candidate, beside, timed, pictures, round_id))
 
     def _time_builds(self, group: list[Candidate]) -> Iterator[Event]:
         for _ in range(min(self._options.repeats, BUILDS) - 1):
@@ -340,7 +352,14 @@ class _Run:
                     candidate.curve.append(point)
                     candidate.differing_pixels += differing
 
-    def _row(self, candidate: Candidate, anchor: Candidate | None, group: Sequence[Candidate], round_id: str) -> Row:
+    def _row(
+        self,
+        candidate: Candidate,
+        anchor: Candidate | None,
+        group: Sequence[Candidate],
+        pictures: Rounds,
+        round_id: str,
+    ) -> Row:
         options = self._options
         statistics = dict(candidate.statistics)
         row = rows.empty(self._native, self._workload, candidate.spec, options.threads)
@@ -367,7 +386,8 @@ class _Run:
             row["curve"] = candidate.curve
             assert self._prepared.pictures is not None, "it drew the curve"
             row["independent"] = self._prepared.pictures.independent
-            row["image_s"] = self._prepared.pictures.image_seconds(candidate.curve)
+            row["image"] = pictures.of(candidate)
+            row["image_s"] = picture_times.told(self._prepared.pictures, candidate, row["image"])
             row["render_s"] = candidate.curve[-1]["seconds"]
         left = [n for n in options.curve if n not in {point["spp"] for point in candidate.curve}]
         if left and candidate.spec != yardstick.SPEC:

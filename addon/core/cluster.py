@@ -169,7 +169,7 @@ def _row(workload: Workload, spec: str, anchor: str | None, options: Options) ->
         _scenes.clear()
         _scenes[place] = benchmark.prepared(module, workload, options)
     chosen = sweep.beside([spec], anchor)
-    for event in benchmark.events(module, workload, chosen, options, _scenes[place]):
+    for event in benchmark.events(module, workload, chosen, options, _scenes[place], anchor):
         if isinstance(event, Finished) and event.row["spec"] == spec:
             return event.row, results.machine(module)
     raise RuntimeError(f"{spec} gave no row")

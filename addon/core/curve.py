@@ -91,33 +91,43 @@ class Curve:
         pictures = [self._image(self._render(structure, 1, seed, 0)) for seed in seeds]
         yield from of_independent(pictures, self._converged, [count for count in self.samples if count <= most])
 
-    def image_seconds(self, points: Sequence[Mapping[str, Any]]) -> float | None:
-        """What a picture of IMAGE_PIXELS with IMAGE_SAMPLES takes, by the picture here with the most samples."""
-        if not points:
-            return None
-        last = points[-1]
-        of_one = float(last["seconds"]) / (self._width * self._height * last["spp"])
-        return float(of_one * IMAGE_PIXELS * IMAGE_SAMPLES)
+    def whole(self, seconds: float, samples: int) -> float:
+        """What a picture of IMAGE_PIXELS with IMAGE_SAMPLES takes when one here takes so long with so many samples."""
+        return seconds / (self._width * self._height * samples) * IMAGE_PIXELS * IMAGE_SAMPLES
 
     def affordable(self, mrays_s: float) -> list[int]:
         """The numbers of samples that a structure of this speed renders in reasonable time."""
-        rays_of_one = self._width * self._height * RAYS_PER_SAMPLE
-        return [n for n in self.samples if n * rays_of_one / (mrays_s * 1e6) <= POINT_SECONDS]
+        return [n for n in self.samples if self.rays(n) / (mrays_s * 1e6) <= POINT_SECONDS]
+
+    def rays(self, samples: int) -> int:
+        """About how many rays a picture takes."""
+        return self._width * self._height * samples * RAYS_PER_SAMPLE
 
     def point(self, structure: Any, samples: int, threads: int) -> tuple[dict[str, float | None], int]:
         """The error and the seconds of one picture, and how many pixels differ from other structures' pictures."""
         assert self._converged is not None, "the reference comes first"
+        picture, seconds, differing = self._made(structure, samples, threads)
+        found = {"spp": samples, "seconds": seconds, **errors(picture, self._converged)}
+        shape = self._height, self._width, 3
+        return {**found, "flip": flip.mean(picture.reshape(shape), self._converged.reshape(shape))}, differing
+
+    def timed(self, structure: Any, samples: int, threads: int) -> tuple[float, int]:
+        """The seconds of `whole` by one picture with so many samples, and how many pixels differ from others'."""
+        _, seconds, differing = self._made(structure, samples, threads)
+        return self.whole(seconds, samples), differing
+
+    def _made(self, structure: Any, samples: int, threads: int) -> tuple[Image, float, int]:
+        """A picture, its seconds, and how many pixels differ from the first structure's."""
+        scene = self._scene(structure)
         now = timing.clock(threads)
         start = now()
-        job = self._render(structure, samples, self._seed, threads)
+        job = self._job(scene, samples, self._seed, threads)
         # On one thread the processor's seconds, as for all other times; else the native module's, without any waiting.
         seconds = now() - start if threads == 1 else float(job.statistics["seconds"])
         picture = self._image(job)
         first = self._pictures.setdefault(samples, picture)
         differing = int((picture.view(np.uint32) != first.view(np.uint32)).any(axis=1).sum())
-        found = {"spp": samples, "seconds": seconds, **errors(picture, self._converged)}
-        shape = self._height, self._width, 3
-        return {**found, "flip": flip.mean(picture.reshape(shape), self._converged.reshape(shape))}, differing
+        return picture, max(seconds, 1e-9), differing
 
     def rays_per_sample(self, structure: Any, samples: int) -> dict[str, float]:
         """How many primary, shadow and secondary rays a sample of a pixel takes, the mean of a small picture."""
@@ -126,11 +136,14 @@ class Curve:
         return {kind: counted[f"rays_{kind}"] / pixels for kind in ("primary", "shadow", "secondary")}
 
     def _render(self, structure: Any, samples: int, seed: int, threads: int) -> Any:
+        return self._job(self._scene(structure), samples, seed, threads)
+
+    def _scene(self, structure: Any) -> Any:
+        """The scene to render, with this structure. Its textures are handed over here, which is no part of any time."""
         scene = self._workload.render_scene
-        if scene is None:
-            render_scene = self._native.RenderScene(structure, **_plain_scene())
-        else:
-            render_scene = self._native.RenderScene(structure, **arguments(scene))
+        return self._native.RenderScene(structure, **(_plain_scene() if scene is None else arguments(scene)))
+
+    def _job(self, render_scene: Any, samples: int, seed: int, threads: int) -> Any:
         settings = {
             "width": self._width,
             "height": self._height,

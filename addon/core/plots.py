@@ -11,7 +11,7 @@ from functools import partial
 from typing import Any
 
 from . import charts, costs, ksweep, yardstick
-from .rows import Row
+from .rows import Row, agrees
 from .thesis import Published
 
 STYLE: Any = {
@@ -67,9 +67,10 @@ def scene_figures(rows: Sequence[Row], published: Published | None = None) -> li
     remark = f" Too slow to be drawn in scale: {', '.join(far)}." if far else ""
     if len(measured) < len(everything):
         remark += " Of each structure its fastest configuration is drawn."
-    ours_close = [row for row in close if row["spec"] != yardstick.SPEC]
-    curves = [row for row in ours if row["curve"]]
-    views = [row for row in close if row["scaling"] and len(row["scaling"]) > 1]
+    # Only *Speed* marks what answers wrongly; elsewhere its times would pass for those of the others.
+    ours_close = [row for row in close if row["spec"] != yardstick.SPEC and agrees(row)]
+    curves = [row for row in ours if row["curve"] and agrees(row)]
+    views = [row for row in close if row["scaling"] and len(row["scaling"]) > 1 and _counts(row)]
     mapped = [row for row in ours if row.get("map")]
     moved = [row for row in ours if row["offsets"]]
     base, lines = ksweep.lines([row for row in everything if row["spec"] != yardstick.SPEC])
@@ -107,19 +108,25 @@ def scene_figures(rows: Sequence[Row], published: Published | None = None) -> li
 
 
 def _fastest_of_each(rows: Sequence[Row]) -> list[Row]:
-    """One configuration of each structure."""
+    """One configuration of each structure; one with wrong answers only where there is no other."""
     best: dict[str, Row] = {}
     for row in rows:
         known = best.setdefault(row["structure"], row)
-        if charts.tracing_seconds(row) < charts.tracing_seconds(known):
+        if (not _counts(row), charts.tracing_seconds(row)) < (not _counts(known), charts.tracing_seconds(known)):
             best[row["structure"]] = row
     return list(best.values())
+
+
+def _counts(row: Row) -> bool:
+    """Whether a row's times can be compared with others': the yardstick's, or those of right answers."""
+    return row["spec"] == yardstick.SPEC or agrees(row)
 
 
 def _without_outliers(rows: Sequence[Row]) -> tuple[list[Row], list[str]]:
     """The rows whose tracing takes no more than FAR times the fastest, and the names of the others."""
     times = [charts.tracing_seconds(row) for row in rows]
-    limit = FAR * min((time for time in times if time), default=0.0)
+    right = [time for row, time in zip(rows, times, strict=True) if time and _counts(row)]
+    limit = FAR * min(right or [time for time in times if time], default=0.0)
     close = [row for row, time in zip(rows, times, strict=True) if 0 < time <= limit]
     return close, [row["spec"] for row in rows if row not in close]
 

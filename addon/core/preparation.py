@@ -24,6 +24,9 @@ SCALING = (16, 8, 4, 2)
 MAP_SIDE = 96
 """Pixels along the longer side of the maps of what each pixel costs."""
 
+KEPT_BYTES = 1 << 30
+"""The tree that made the rays is kept to keep time for pictures, unless it takes more memory than this."""
+
 REFERENCES = ("brute", "exact", "embree")
 
 
@@ -75,7 +78,10 @@ class Progress:
 
 @dataclass(eq=False)
 class Prepared:
-    """The rays of a scene, what the reference answers to those that are checked, and what else all structures share."""
+    """The rays of a scene, what the reference answers to those that are checked, and what else all structures share.
+
+    beside: the tree that keeps time for pictures, None where there are none or it is too large to be kept.
+    """
 
     workload: Workload
     options: Options
@@ -87,6 +93,7 @@ class Prepared:
     moved: Moved | None
     map_view: RaySet | None = None
     map_size: tuple[int, int] = (0, 0)
+    beside: Any = None
 
 
 def prepare(native: Any, workload: Workload, options: Options) -> Generator[Progress, None, Prepared]:
@@ -113,6 +120,8 @@ def prepare(native: Any, workload: Workload, options: Options) -> Generator[Prog
         pictures.converge(tracer)
     views = list(_smaller_views(workload, tracer, options)) if options.scaling and "primary" in options.sets else []
     made = Prepared(workload, options, ray_sets, checked, expected, views, pictures, moved)
+    if pictures is not None and tracer.statistics["bytes"] <= KEPT_BYTES:
+        made.beside = tracer
     if options.maps:
         width, height = (_scaled(side, options.size) for side in options.size)
         made.map_size = costmap.rounded((width, height))

@@ -9,6 +9,7 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from . import curve, ranking, yardstick
@@ -123,14 +124,18 @@ def findings(rows: Sequence[Row]) -> list[str]:
     """What one scene's rows say, in sentences."""
     measured = [row for row in rows if row["errors"] and row["spec"] != yardstick.SPEC]
     sentences = [*_about_errors(measured)]
+    right = [row for row in measured if agrees(row)]
     for name in set_names(rows):
-        found = ranking.rank(measured, name)
+        found = ranking.rank(right, name)
         if found is not None:
             sentences.append(f"{name.capitalize()} rays: {_about_ranking(found, name)}")
+            if found.apart:
+                specs = ", ".join(row["spec"] for row in found.apart)
+                sentences[-1] += f" Nothing relates the times of {specs} to theirs."
     sentences += [
-        *_about_first_pictures(measured),
-        *_about_totals(measured),
-        *_about_pictures(measured),
+        *_about_first_pictures(right),
+        *_about_totals(right),
+        *_about_pictures(right),
         *_about_yardstick(rows),
     ]
     failed = [row["spec"] or "the scene" for row in rows if row["error"]]
@@ -142,7 +147,7 @@ def findings(rows: Sequence[Row]) -> list[str]:
 def _about_errors(measured: Sequence[Row]) -> Iterator[str]:
     wrong = [row["spec"] for row in measured if not agrees(row)]
     if wrong:
-        yield f"Answers that differ from the reference: {', '.join(wrong)}."
+        yield f"Answers that differ from the reference, which is why they are ranked nowhere: {', '.join(wrong)}."
     elif measured:
         reference = measured[0]["errors"]["reference"]
         # The reference is compared with itself on a few rays only.
@@ -171,33 +176,42 @@ def _about_first_pictures(measured: Sequence[Row]) -> Iterator[str]:
 
 def _about_totals(measured: Sequence[Row]) -> Iterator[str]:
     """Build and tracing together, for who builds once and traces little."""
-    totals = []
-    for row in measured:
-        speeds = [one["mrays_s"]["med"] for one in row["rays"].values() if one["mrays_s"]]
-        if speeds:
-            totals.append((building(row) + sum(1.0 / speed for speed in speeds), row))
-    if len(totals) > 1:
-        (first, best), (second, other), *_ = sorted(totals, key=lambda item: item[0])
-        yield (
-            f"The build and one million rays of each set together take {_seconds(first)} with {best['spec']} "
-            f"(build {_seconds(building(best))}) and {_seconds(second)} with {other['spec']} "
-            f"(build {_seconds(building(other))}), the next."
+    found = ranking.rank(measured, ranking.TRACING)
+    if found is None:
+        return
+    text = f"The build and one million rays of each set together take {_total(found.best)}"
+    if not found.ranked:
+        text += (
+            f", the best median, but {found.rounds} rounds rank nothing; it takes {ranking.LEAST_ROUNDS} (--repeats)"
         )
+    elif found.equal:
+        specs = ", ".join(row["spec"] for row in found.equal)
+        text += f", which cannot be told from those with {specs} (the noise is {100 * found.noise:.1f} %)"
+    if found.ranked and found.second is not None:
+        text += f" and {_total(found.second)}, the next"
+    yield text + "."
+
+
+def _total(row: Row) -> str:
+    """Seconds of the build and of one million rays of each set, whose they are, and those of the build."""
+    built = building(row)
+    total = built + sum(1.0 / one["mrays_s"]["med"] for one in row["rays"].values() if one["mrays_s"])
+    return f"{_seconds(total)} with {row['spec']} (build {_seconds(built)})"
 
 
 def _about_pictures(measured: Sequence[Row]) -> Iterator[str]:
     """Equal pictures, and how long they take."""
     drawn = [row for row in measured if row["curve"]]
-    if len(drawn) < 2 or any(row["errors"]["differing_pixels"] for row in drawn):
+    if len(drawn) < 2:
         return
     # With so many samples that half of them had the time.
     samples = sorted(row["curve"][-1]["spp"] for row in drawn)[len(drawn) // 2]
     times = sorted((p["seconds"], row["spec"]) for row in drawn for p in row["curve"] if p["spp"] == samples)
-    (quickest, first), (slowest, last) = times[0], times[-1]
+    (quickest, _), (slowest, _) = times[0], times[-1]
     yield (
-        f"All {len(drawn)} structures that rendered made the same pictures, to the last bit; with {samples} "
-        f"{'sample' if samples == 1 else 'samples'} per pixel that took {_seconds(quickest)} ({first}) to "
-        f"{_seconds(slowest)} ({last})."
+        f"The pictures of {len(drawn)} structures are the same, to the last bit; with {samples} "
+        f"{'sample' if samples == 1 else 'samples'} per pixel that took {_seconds(quickest)} to "
+        f"{_seconds(slowest)}."
     )
     yield from about_sweeps(drawn)
     points = max((row["curve"] for row in drawn), key=len)
@@ -214,39 +228,70 @@ def _about_pictures(measured: Sequence[Row]) -> Iterator[str]:
 
 def about_sweeps(rows: Sequence[Row]) -> Iterator[str]:
     """Whether a tree that sweeps along more directions than the axes is worth its build for one picture."""
-    totals = sorted((whole, row["spec"]) for row in rows if (whole := image_total(row)) is not None)
-    sweeps = [item for item in totals if item[1].startswith(SWEEPS)]
-    plain = next((item for item in totals if item[1] == "kd"), None)
-    if not sweeps or plain is None:
+    found = worth(rows)
+    if found is None:
         return
-    (took, spec), (kd, _) = sweeps[0], plain
-    yield (
-        f"The build and one picture of 1024 × 1024 pixels with 16 samples take {_seconds(took)} with {spec}, the best "
-        f"of the trees with oblique planes, {'faster' if took < kd else 'slower'} than the {_seconds(kd)} with kd; "
-        f"{totals[0][1]}, the best of all, takes {_seconds(totals[0][0])}."
+    took, plain = (_seconds(image_total(row) or 0.0) for row in (found.best, found.plain))
+    known = {"faster": f", faster than the {plain} with kd", "slower": f", slower than the {plain} with kd"}
+    text = (
+        f"The build and one picture of {IMAGE}, reckoned from smaller ones, take {took} with {found.best['spec']}, "
+        f"the best of {found.among} {'tree' if found.among == 1 else 'trees'} with oblique planes"
+        + known.get(found.verdict, f"; noise does not tell it from the {plain} with kd")
     )
+    whole = ranking.rank([row for row in rows if image_total(row) is not None], ranking.PICTURE)
+    if whole is not None and whole.ranked and not whole.equal:
+        text += f"; {whole.best['spec']} is the best of all with {_seconds(image_total(whole.best) or 0.0)}"
+    yield text + "."
 
+
+IMAGE = "1024 × 1024 pixels with 16 samples"
 
 SWEEPS = ("bsp-", "rbsp")
 """The names of structures with oblique planes begin with one of these."""
 
 
 def image_total(row: Row) -> float | None:
-    """Seconds of a row's build and one picture together; None where no picture was made."""
-    if row.get("image_s") is None or not row["build_s"]:
+    """Seconds of a row's build and one picture together, medians; None where no picture was made."""
+    seconds = row.get("image_s")
+    if seconds is None or not row["build_s"]:
         return None
-    return building(row) + float(row["image_s"])
+    # A single number in reports of earlier versions.
+    return building(row) + float(seconds["med"] if isinstance(seconds, dict) else seconds)
 
 
-def worth_it(rows: Sequence[Row]) -> list[str]:
-    """The scenes on which build and picture are faster with some tree with oblique planes than with kd."""
-    found = []
-    for scene, own in by_scene(rows).items():
-        totals = {row["spec"]: whole for row in own if (whole := image_total(row)) is not None}
-        sweeps = [whole for spec, whole in totals.items() if spec.startswith(SWEEPS)]
-        if sweeps and "kd" in totals and min(sweeps) < totals["kd"]:
-            found.append(scene)
-    return found
+@dataclass(frozen=True)
+class Worth:
+    """The best of `among` trees with oblique planes beside `kd`. verdict: faster, slower, or nothing beyond noise."""
+
+    best: Row
+    plain: Row
+    among: int
+    verdict: str
+
+
+def worth(rows: Sequence[Row]) -> Worth | None:
+    """How build and picture with the best tree with oblique planes compare with those with kd; None without either."""
+    totals = [(whole, row) for row in rows if agrees(row) and (whole := image_total(row)) is not None]
+    plain = next((row for _, row in totals if row["spec"] == "kd"), None)
+    sweeps = [(whole, row) for whole, row in totals if row["spec"].startswith(SWEEPS)]
+    if plain is None or not sweeps:
+        return None
+    _, best = min(sweeps, key=lambda item: item[0])
+    verdict = ""
+    if ranking.faster(best, plain, ranking.PICTURE, among=len(sweeps)):
+        verdict = "faster"
+    elif ranking.faster(plain, best, ranking.PICTURE):
+        verdict = "slower"
+    return Worth(best, plain, len(sweeps), verdict)
+
+
+def worth_it(rows: Sequence[Row], verdict: str = "faster") -> list[str]:
+    """The scenes on which build and picture are faster with some tree with oblique planes than with kd, beyond noise.
+
+    verdict: or those of another verdict of `Worth`.
+    """
+    found = {scene: worth(own) for scene, own in by_scene(rows).items()}
+    return [scene for scene, one in found.items() if one is not None and one.verdict == verdict]
 
 
 def _about_yardstick(rows: Sequence[Row]) -> Iterator[str]:

@@ -10,11 +10,12 @@ import os
 import platform
 import sys
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from .asked import Asked
 from .rows import Row, without_times
 
 SCHEMA = 1
@@ -101,19 +102,20 @@ def key(*parts: Any) -> str:
 
 @dataclass(frozen=True)
 class Entry:
-    """A finished row. order: its place among all rows that the same command line asks for."""
+    """A finished row. order: its place among all rows that the same command line asks for. run: of which `Asked`."""
 
     key: str
     order: tuple[int, int]
     row: Row
+    run: str = ""
 
 
 class Journal:
     """Finished rows, one JSON line each, appended as they come.
 
     shard: the name of this process's part of a sweep; parts that share a folder write files of their own, and each
-    knows the rows of all. machines: by name, those on which the rows were measured. options: of the last run. Raises
-    FolderError.
+    knows the rows of all. machines: by name, those on which the rows were measured. options: of the last run. asked:
+    what all runs were asked for; empty in journals of earlier versions. Raises FolderError.
     """
 
     def __init__(self, folder: Path, shard: str = "") -> None:
@@ -121,6 +123,7 @@ class Journal:
         self.entries: dict[str, Entry] = {}
         self.machines: dict[str, dict[str, Any]] = {}
         self.options: dict[str, Any] = {}
+        self.asked = Asked()
         self.disagreements: list[str] = []
         for path in sorted(folder.glob("rows*.jsonl")):
             self._read(path)
@@ -130,7 +133,7 @@ class Journal:
         if self.machines.get(machine["name"]) != machine:
             self._append({"machine": machine})
             self.machines[machine["name"]] = machine
-        self._append({"key": entry.key, "order": entry.order, "row": entry.row})
+        self._append({"key": entry.key, "order": entry.order, "row": entry.row, "run": entry.run})
         self.entries[entry.key] = entry
 
     def begin(self, options: dict[str, Any]) -> None:
@@ -139,9 +142,40 @@ class Journal:
             self._append({"options": options})
             self.options = options
 
+    def ask(self, run: str, scenes: Sequence[str], specs: Sequence[str]) -> None:
+        """Tell which rows a run is asked for: these configurations of all these scenes."""
+        self._tell(self.asked.begun(run, scenes, specs))
+
+    def reach(self, run: str, scene: str, name: str) -> None:
+        """Tell that a scene of a run could be read, and what its rows call it."""
+        self._tell(self.asked.reached(run, scene, name))
+
+    def fail(self, run: str, scene: str, order: tuple[int, int], row: Row) -> None:
+        """Tell of a row, or with no configuration of a scene, that failed; it is no finished one."""
+        self._tell(self.asked.failed(run, scene, order, row))
+
+    def _tell(self, line: dict[str, Any]) -> None:
+        self.asked.take(line)
+        self._append(line)
+
+    def missing(self) -> list[str]:
+        """What was asked and is neither finished nor failed, a line for each scene."""
+        return list(self.asked.missing(self._there()))
+
+    def rows(self) -> list[Row]:
+        """The finished rows and those of failures that nobody mended, in order."""
+        found = [(entry.order, entry.row) for entry in self.entries.values()]
+        found += self.asked.failures_left(self._there())
+        return [row for _, row in sorted(found, key=lambda item: item[0])]
+
+    def _there(self) -> set[tuple[str, str, str]]:
+        return {(entry.run, entry.row["scene"], entry.row["spec"]) for entry in self.entries.values()}
+
     def merge(self, other: Journal) -> None:
         """Take over the rows of another journal, in memory only."""
         self.machines |= other.machines
+        self.asked.merge(other.asked)
+        self.disagreements += other.disagreements
         self.options = self.options or other.options
         for entry in other.entries.values():
             self._take(entry)
@@ -164,9 +198,9 @@ class Journal:
                     self.machines[found["machine"]["name"]] = found["machine"]
                 elif "options" in found:
                     self.options = found["options"]
-                else:
+                elif not self.asked.take(found):
                     scene, spec = found["order"]
-                    self._take(Entry(found["key"], (int(scene), int(spec)), found["row"]))
+                    self._take(Entry(found["key"], (int(scene), int(spec)), found["row"], found.get("run", "")))
             except (ValueError, KeyError, TypeError):
                 # The line that was being written when the process ended; its row is measured again.
                 continue
@@ -187,9 +221,16 @@ class Journal:
 
 
 def document(
-    native: Any, rows: list[Row], options: dict[str, Any], machines: dict[str, dict[str, Any]] | None = None
+    native: Any,
+    rows: list[Row],
+    options: dict[str, Any],
+    machines: dict[str, dict[str, Any]] | None = None,
+    missing: Sequence[str] = (),
 ) -> dict[str, Any]:
-    """The content of bench.json. machine: where it was written; machines: where the rows were measured, by name."""
+    """The content of bench.json. machine: where it was written; machines: where the rows were measured, by name.
+
+    missing: what was asked and is not among the rows.
+    """
     here = machine(native)
     return {
         "schema": SCHEMA,
@@ -197,6 +238,7 @@ def document(
         "machine": here,
         "machines": machines or {here["name"]: here},
         "options": options,
+        "missing": list(missing),
         "rows": rows,
     }
 

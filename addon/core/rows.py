@@ -24,6 +24,7 @@ OF_THE_CLOCK = {
         "first_s",
         "render_s",
         "image_s",
+        "image",
         "map",
         "machine",
         "round_id",
@@ -62,6 +63,7 @@ def empty(native: Any, workload: Workload, spec: str, threads: int) -> Row:
         "rays": None,
         "errors": None,
         "image_s": None,
+        "image": None,
         "map": None,
         "curve": None,
         "independent": None,
@@ -104,6 +106,7 @@ def failed_scene(name: str, error: BaseException) -> Row:
         )
         | {
             "image_s": None,
+            "image": None,
             "map": None,
             "curve": None,
             "independent": None,
@@ -137,10 +140,13 @@ def eager(spec: str) -> str:
     return f"{structure}:{kept}" if kept else structure
 
 
-def building(row: Row) -> float:
-    """Seconds of a row's build; where rays do part of it, with their first pass over the camera rays."""
+def building(row: Row, which: str = "med") -> float:
+    """Seconds of a row's build; where rays do part of it, with their first pass over the camera rays.
+
+    which: min, med or max of its repeats.
+    """
     first = row.get("first_s")
-    return float((first if first and is_lazy(row["spec"]) else row["build_s"])["med"])
+    return float((first if first and is_lazy(row["spec"]) else row["build_s"])[which])
 
 
 def agrees(row: Row) -> bool:

@@ -7,6 +7,7 @@ measured, here or by workers, and journalled as it comes. One report is made of 
 
 from __future__ import annotations
 
+import dataclasses
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -45,18 +46,36 @@ class Shard:
 
 @dataclass
 class Sweep:
-    """What is asked and what there is. identity: everything else that a row depends on, for its key."""
+    """What is asked and what there is. identity: everything else that a row depends on, for its key.
+
+    scenes: all of them, as the command line calls them.
+    """
 
     chosen: list[str]
     options: Options
     identity: list[Any]
     journal: results.Journal | None = None
     shard: Shard = field(default_factory=Shard)
+    scenes: Sequence[str] = ()
     entries: dict[tuple[int, int], results.Entry] = field(default_factory=dict)
+
+    @property
+    def run_id(self) -> str:
+        """The same for all parts of a sweep on all machines, and for another try with more memory."""
+        own = self.options.identity()
+        return results.key({name: own[name] for name in own if name not in ("threads", "memory_limit")})
+
+    def begin(self) -> None:
+        """Tell the journal what is asked."""
+        if self.journal is not None:
+            self.journal.begin(self.options.as_dict())
+            self.journal.ask(self.run_id, self.scenes, self.chosen)
 
     def run(self, number: int, workload: Workload, measurer: Measurer, say: Callable[[str], None]) -> list[Row]:
         """Measure what is missing of one scene, the `number`-th. Returns its rows in the order of `chosen`."""
         scene = workload.fingerprint()
+        if self.journal is not None:
+            self.journal.reach(self.run_id, self.scenes[number], workload.name)
         known = {} if self.journal is None else self.journal.entries
         keys = [results.key(workload.name, scene, spec, *self.identity) for spec in self.chosen]
         mine = [i for i in range(len(self.chosen)) if self.shard.has(number * len(self.chosen) + i)]
@@ -64,7 +83,7 @@ class Sweep:
         for index in mine:
             if index not in missing:
                 # A row that another command line asked for has another place there.
-                self.entries[number, index] = results.Entry(keys[index], (number, index), known[keys[index]].row)
+                self.entries[number, index] = dataclasses.replace(known[keys[index]], order=(number, index))
         if missing and len(missing) < len(mine):
             say(f"{workload.name}: {len(mine) - len(missing)} of {len(mine)} rows are there already")
         if missing:
@@ -77,6 +96,8 @@ class Sweep:
         """A scene that cannot be used is a row too, behind what there is of it, but one that is tried again."""
         place = number, len(self.chosen)
         self.entries[place] = results.Entry("", place, rows.failed_scene(name, error))
+        if self.journal is not None:
+            self.journal.fail(self.run_id, self.scenes[number], place, self.entries[place].row)
 
     def rows(self, number: int | None = None) -> list[Row]:
         """The rows of the `number`-th scene, or of all, in order."""
@@ -90,10 +111,14 @@ class Sweep:
         if index not in missing:
             # The anchor, measured beside others although its row is there.
             return
-        entry = results.Entry(keys[index], (number, index), row)
+        entry = results.Entry(keys[index], (number, index), row, self.run_id)
         self.entries[number, index] = entry
-        if self.journal is not None and row["error"] is None:
+        if self.journal is None:
+            return
+        if row["error"] is None:
             self.journal.add(entry, machine)
+        else:
+            self.journal.fail(self.run_id, self.scenes[number], entry.order, row)
 
 
 def beside(wanted: Sequence[str], anchor: str | None) -> list[str]:
@@ -107,7 +132,7 @@ def here(native: Any, options: Options, say: Callable[[str], None]) -> Measurer:
 
     def measurer(workload: Workload, wanted: Sequence[str], anchor: str | None) -> Iterator[Measured]:
         told = 0.0
-        for event in benchmark.events(native, workload, beside(wanted, anchor), options):
+        for event in benchmark.events(native, workload, beside(wanted, anchor), options, None, anchor):
             if isinstance(event, Finished):
                 yield event.row, machine
             elif time.monotonic() - told >= QUIET_SECONDS:

@@ -7,14 +7,15 @@ The published ones come from a file that is no part of the project; without it t
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
-from . import yardstick
-from .rows import Row
+from . import ranking, yardstick
+from .rows import Row, agrees
 
 BASES = ("kd-sah:traversal=dir", "kd-sah", "kd:traversal=dir", "kd")
 """What times are related to, the first that was measured: the kd-tree built as in the thesis, walked as the others."""
@@ -101,22 +102,24 @@ def time_of(row: Row) -> float | None:
 
 
 def percent(row: Row, base: Row) -> float | None:
-    """Its time in percent of the base's; None where they cannot be related.
+    """Its time in percent of the base's; None where they cannot be related, or an answer is wrong.
 
-    Of a row that was timed beside the base it is the mean over the ray sets, otherwise that of the sums of `time_of`.
+    Of a row that was timed beside the base it is the mean over the ray sets, otherwise that of the sums of `time_of`:
+    of rows with the same anchor, or timed together. Others may come from different machines.
     """
     time, unit = time_of(row), time_of(base)
-    if time is None or unit is None:
+    if time is None or unit is None or not agrees(row):
         return None
     if row["anchor"] == base["spec"]:
         sets = sum(bool(one["rounds"]) for one in row["rays"].values())
         return 100 * time / sets
-    return 100 * time / unit if row["anchor"] == base["anchor"] else None
+    same = row["anchor"] == base["anchor"] if row["anchor"] is not None else ranking.together(row, base)
+    return 100 * time / unit if same else None
 
 
 def base_of(rows: Iterable[Row]) -> Row | None:
-    """The row of a scene that its times are related to."""
-    known = {row["spec"]: row for row in rows if time_of(row)}
+    """The row of a scene that its times are related to: the first of BASES whose answers are right."""
+    known = {row["spec"]: row for row in rows if agrees(row) and time_of(row)}
     return next((known[spec] for spec in BASES if spec in known), None)
 
 
@@ -136,8 +139,8 @@ class Table:
 
 
 def tables(scenes: Mapping[str, Sequence[Row]], published: Published | None) -> list[Table]:
-    """The tables of times by k, and the comparison, as far as their rows are there. scenes: the rows of each."""
-    named = {scene: [r for r in rows if r["spec"] != yardstick.SPEC] for scene, rows in scenes.items()}
+    """The tables of times by k, and the comparison, as far as their rows are there and right. scenes: all rows."""
+    named = {scene: [r for r in rows if r["spec"] != yardstick.SPEC and agrees(r)] for scene, rows in scenes.items()}
     named = {scene: rows for scene, rows in named.items() if base_of(rows) is not None}
     known = published or Published()
     found = []
@@ -168,13 +171,15 @@ def _comparison(scenes: Mapping[str, Sequence[Row]], known: Published) -> Table:
         cells = []
         for scene, rows in scenes.items():
             k, theirs = known.comparison.get((structure, SCENES.get(scene, "")), (None, ()))
-            own = [row for row in rows if row["structure"] == structure and time_of(row)]
-            if k is None or all(row["k"] != k for row in own):
-                fastest = min(own, key=lambda row: time_of(row) or 0.0, default=None)
+            base = base_of(rows)
+            times = [(percent(row, base), row) for row in rows if row["structure"] == structure and base is not None]
+            own = [(time, row) for time, row in times if time is not None]
+            if k is None or all(row["k"] != k for _, row in own):
+                _, fastest = min(own, key=lambda item: item[0], default=(0.0, None))
                 k = None if fastest is None else fastest["k"]
-            own = [row for row in own if row["k"] == k]
-            medians = [spread(_percent(rows, own, column))[1:2] for column in COMPARED]
-            cells.append((tuple(value for one in medians for value in one) if all(medians) else (), theirs))
+            kept = [row for _, row in own if row["k"] == k]
+            medians = [(*spread(_percent(rows, kept, column))[1:2], math.nan)[0] for column in COMPARED]
+            cells.append((tuple(medians) if kept else (), theirs))
         if any(ours for ours, _ in cells):
             lines.append((structure, tuple(cells)))
     title = "The comparison of all structures, each at the K of the thesis or, where that is not here, at its best"
@@ -182,13 +187,15 @@ def _comparison(scenes: Mapping[str, Sequence[Row]], known: Published) -> Table:
 
 
 def _percent(rows: Sequence[Row], own: Sequence[Row], column: str) -> list[float]:
-    """A number of each row in percent of the base's."""
+    """A number of each row in percent of the base's; of builds, beside which nothing is timed, on its machine only."""
     base = base_of(rows)
     if base is not None and column == "render":
         return [value for value in (percent(row, base) for row in own) if value is not None]
     unit = None if base is None else _number(base, column)
-    if not unit:
+    if base is None or not unit:
         return []
+    if column == "build":
+        own = [row for row in own if row["machine"] == base["machine"]]
     return [100 * value / unit for value in (_number(row, column) for row in own) if value is not None]
 
 

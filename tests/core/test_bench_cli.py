@@ -188,8 +188,8 @@ def test_of_several_scenes_one_that_cannot_be_measured_does_not_stop_the_others(
     scene.write_bytes(first.read_bytes())
     real = benchmark.events
 
-    def failing(module: Any, loaded: Any, chosen: list[str], options: Any) -> Any:
-        for event in real(module, loaded, chosen, options):
+    def failing(module: Any, loaded: Any, *rest: Any) -> Any:
+        for event in real(module, loaded, *rest):
             yield event
             if loaded.name == "first" and isinstance(event, benchmark.Finished) and event.row["spec"] == "kd":
                 raise error

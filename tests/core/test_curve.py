@@ -9,7 +9,7 @@ import halfspace_native
 import numpy as np
 import pytest
 
-from addon.core import benchmark, curve, flip, grid
+from addon.core import benchmark, curve, flip, grid, picture_times
 from addon.core.benchmark import Options
 
 
@@ -53,6 +53,43 @@ def test_error_falls_with_samples_and_is_the_same_for_every_structure(monkeypatc
     # Sixteen times the samples give a quarter of the noise, or less where the samples are well spread.
     assert 0.0 < first[1] / first[0] < 0.35
     assert all(row["render_s"] == row["curve"][-1]["seconds"] for row in rows)
+
+
+def test_the_time_of_a_picture_is_of_interleaved_rounds_beside_the_same_tree(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(curve, "SIZE", 16)
+    monkeypatch.setattr(benchmark, "GROUP", 1)
+    options = Options(size=(16, 16), repeats=3, check_rays=64, curve=(1, 2))
+    small = grid.workload(boxes=2, rays=64)
+    order: list[str] = []
+    events = benchmark.events(halfspace_native, small, ["kd", "kd-sah", "bih"], options)
+    rows = {}
+    for event in events:
+        if isinstance(event, benchmark.Finished):
+            rows[event.row["spec"]] = event.row
+        elif "timing a picture" in event.text:
+            order.append(event.text.partition(":")[0])
+    assert order[:4] == ["kd", "kd-sah", "kd", "kd-sah"]
+    assert len({row["round_id"] for row in rows.values()}) == 2
+    for row in rows.values():
+        times = row["image"]
+        assert (times["anchor"], len(times["rounds_s"]), len(times["anchor_rounds_s"])) == ("kd", 3, 3)
+        assert times["noise"] >= 0
+        assert times["samples"] == 2
+        assert row["image_s"] == {
+            "min": min(times["rounds_s"]),
+            "med": sorted(times["rounds_s"])[1],
+            "max": max(times["rounds_s"]),
+        }
+        assert times["rounds_s"][0] > 0
+
+
+def test_a_picture_that_takes_long_is_timed_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(curve, "SIZE", 8)
+    monkeypatch.setattr(picture_times, "LONGEST", 0)
+    options = Options(size=(8, 8), repeats=3, check_rays=64, curve=(1,), pass_seconds=0.0)
+    (row,) = benchmark.measure(halfspace_native, grid.workload(2, 64), ["kd"], options, lambda _: None)
+    assert row["image"] is None
+    assert row["image_s"]["min"] == row["image_s"]["max"] > 0
 
 
 def test_independent_samples_converge_with_the_root() -> None:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from addon.core import charts, costmap, costs, ksweep, page, plots, report, thesis
+from addon.core import charts, costmap, costs, ksweep, page, plots, ranking, report, thesis
 
 RATE = {
     "n": 64,
@@ -149,9 +149,37 @@ def test_rows_of_different_rounds_are_compared_through_their_anchor() -> None:
 
 def test_wrong_answers_are_said_first() -> None:
     sentences = report.findings([row("a"), row("b", wrong_triangle=1)])
-    assert sentences[0] == "Answers that differ from the reference: b."
+    assert sentences[0] == "Answers that differ from the reference, which is why they are ranked nowhere: b."
     text = page.as_html(document([row("a"), row("b", wrong_triangle=1)]))
     assert text.count('<tr class="wrong"') == 1
+
+
+def test_what_answers_wrongly_is_never_the_fastest() -> None:
+    rows = [everything("kd", 1.0), everything("bsp-wn", 1.5), everything("kd:robust=none", 0.1)]
+    for one, seconds in zip(rows, (3.0, 2.0, 0.1), strict=True):
+        pictured(one, seconds)
+    rows[2]["errors"]["wrong_triangle"] = 1000
+    sentences = report.findings(rows)
+    assert "robust=none" in sentences[0]
+    assert not [text for text in sentences[1:] if "robust=none" in text]
+    assert "kd is the fastest, 1.50 times bsp-wn" in " ".join(sentences)
+    html = page.as_html(document(rows))
+    assert html.count("class=best") == 1
+    # Neither what it is compared with nor the best of a structure.
+    rows[0]["errors"]["false_miss"] = 1
+    assert report.worth_it(rows) == []
+
+
+def test_the_tables_of_the_thesis_hold_only_what_answers_rightly() -> None:
+    rows = [everything("kd-sah", 1.0), everything("kd:traversal=dir", 1.0)]
+    rows += [everything(f"bsp-wn:k={k},seed={s}", k * s, k) for k in (2, 3) for s in (1.0, 1.5, 4.0)]
+    rows[2]["errors"]["wrong_triangle"] = 1
+    _, (line,) = ksweep.lines(rows)
+    assert line.low == pytest.approx((300.0, 300.0))
+    by_k, _ = thesis.tables({"room": rows}, None)
+    assert by_k.lines[0][1][0][0] == pytest.approx((300.0, 550.0, 800.0))
+    rows[0]["errors"]["false_hit"] = 1
+    assert ksweep.lines(rows)[0] == "kd:traversal=dir"
 
 
 def test_the_page_is_one_file_and_escapes_what_it_shows() -> None:
@@ -161,6 +189,16 @@ def test_the_page_is_one_file_and_escapes_what_it_shows() -> None:
     assert "room <1>" not in text
     for outside in ("src=", "<link", "@import", "url(http"):
         assert outside not in text
+
+
+def pictured(one: dict[str, Any], seconds: float, spread: float = 0.01, drift: float = 0.0) -> None:
+    """Give a row a picture that takes about so long, timed in seven rounds beside kd, which takes ten seconds."""
+    pace = [1 + drift * step for step in range(7)]
+    rounds = [seconds * (1 + spread * part) for part in (0.3, -1, 1, -0.6, 0, 0.6, -0.3)]
+    rounds = [each * slower for each, slower in zip(rounds, pace, strict=True)]
+    one["image_s"] = {"min": min(rounds), "med": sorted(rounds)[3], "max": max(rounds)}
+    anchors = [10.0 * slower for slower in pace]
+    one["image"] = {"samples": 16, "anchor": "kd", "rounds_s": rounds, "anchor_rounds_s": anchors, "noise": 0.01}
 
 
 def everything(spec: str, slowness: float, k: int | None = None) -> dict[str, Any]:
@@ -263,6 +301,39 @@ def test_times_of_a_k_sweep_are_related_to_the_base_in_the_same_rounds() -> None
     assert thesis.percent(rows[2], base) is None
 
 
+def without_anchor(spec: str, speed: float, round_id: str) -> dict[str, Any]:
+    made = {**row(spec, speed, 0.01), "anchor": None, "round_id": round_id}
+    made["rays"]["primary"]["anchor_rounds"] = []
+    return made
+
+
+def test_times_of_different_machines_without_an_anchor_are_not_divided() -> None:
+    base, beside = (without_anchor(spec, speed, "1") for spec, speed in (("kd-sah", 2.0), ("b", 1.0)))
+    elsewhere = {**without_anchor("c", 8.0, "2"), "machine": "another"}
+    assert thesis.percent(beside, base) == pytest.approx(200.0), "of the same rounds"
+    assert thesis.percent(elsewhere, base) is None
+    assert not ranking.faster(elsewhere, base, "primary")
+    with pytest.raises(ValueError, match="nothing relates c to kd-sah"):
+        ranking.against(elsewhere, base, "primary")
+    words = said(base, beside, elsewhere)
+    assert "kd-sah is the fastest, 2.00 times b" in words
+    assert "Nothing relates the times of c to theirs" in words
+    # Timed beside two different anchors.
+    one, other = row("one", 2.0), {**row("other", 8.0), "anchor": "kd", "round_id": "2"}
+    assert thesis.percent(other, one) is None
+    assert "is the fastest" not in said(one, other)
+
+
+def test_builds_of_different_machines_are_not_divided() -> None:
+    rows = [everything("kd-sah", 1.0)] + [everything(f"bsp-wn:k={k}", k, k) for k in (2, 3)]
+    for one in rows[1:]:
+        one["machine"] = "another"
+    _, comparison = thesis.tables({"room": rows}, None)
+    ours = dict(comparison.lines)["bsp-wn"][0][0]
+    assert ours == pytest.approx((200.0, float("nan"), 100.0), nan_ok=True)
+    assert "nan" not in page.as_html(document(rows))
+
+
 def test_published_results_are_read_and_a_wrong_file_is_told(tmp_path: Path) -> None:
     entry = {"scene": "sponza", "structure": "wn+^kd", "K": 6, "render_pct_of_kd": 80.4}
     path = tmp_path / "published.json"
@@ -302,15 +373,100 @@ def test_the_tables_of_the_thesis_stand_beside_the_published_numbers(tmp_path: P
 def test_where_oblique_planes_pay_for_one_picture_is_said() -> None:
     rows = [everything("kd", 1.0), everything("bsp-wn", 1.0), everything("bvh-sah", 1.0)]
     for one, seconds in zip(rows, (20.0, 10.0, 5.0), strict=True):
-        one["image_s"] = seconds
+        pictured(one, seconds)
     (sentence,) = (text for text in report.findings(rows) if "1024 × 1024" in text)
     assert "10.2 s with bsp-wn" in sentence
-    assert "faster than the 20.2 s with kd; bvh-sah, the best of all, takes 5.2 s" in sentence
+    assert "faster than the 20.2 s with kd; bvh-sah is the best of all with 5.2 s" in sentence
     assert report.worth_it(rows) == [rows[0]["scene"]]
-    rows[1]["image_s"] = 30.0
+    # A machine that becomes slower and slower does not hide it.
+    for one, seconds in zip(rows, (20.0, 10.0, 5.0), strict=True):
+        pictured(one, seconds, drift=0.5)
+    assert report.worth_it(rows) == [rows[0]["scene"]]
+    for one, seconds in zip(rows, (20.0, 30.0, 5.0), strict=True):
+        pictured(one, seconds)
     assert report.worth_it(rows) == []
-    both = [*rows, *({**one, "scene": "other", "image_s": 1.0} for one in rows)]
-    assert "on 0 of 2 scenes." in page.as_html(document(both))
+    assert "slower than the " in about_pictures(rows)
+    both = [*rows, *({**copy.deepcopy(one), "scene": "other"} for one in rows)]
+    for one in both[3:]:
+        pictured(one, 1.0)
+    text = page.as_html(document(both))
+    assert "on 0 of 2 scenes;" in text
+    assert "on 1 noise does not tell: other" in text
+
+
+def about_pictures(rows: list[dict[str, Any]]) -> str:
+    (sentence,) = (text for text in report.findings(rows) if "1024 × 1024" in text)
+    return sentence
+
+
+def test_oblique_planes_are_not_faster_by_less_than_noise_nor_by_luck() -> None:
+    rows = [everything("kd", 1.0), *(everything(f"bsp-wn:k={k}", 1.0, k) for k in (3, 4, 5))]
+    for one, seconds in zip(rows, (10.0, 9.5, 9.8, 10.4), strict=True):
+        pictured(one, seconds, spread=0.08)
+    assert report.worth_it(rows) == []
+    assert "bsp-wn:k=3, the best of 3 trees with oblique planes; noise does not tell it from the" in about_pictures(
+        rows
+    )
+    # Faster in each pair of rounds, but the machine's own noise is larger.
+    for one, seconds in zip(rows, (10.0, 9.7, 9.8, 10.4), strict=True):
+        pictured(one, seconds, spread=0.001)
+        one["image"]["noise"] = 0.05
+    assert report.worth_it(rows) == []
+    # Before and behind in no round: that is luck where many were tried, and an order where one was.
+    for one, seconds in zip(rows, (10.0, 9.0, 9.1, 9.2), strict=True):
+        pictured(one, seconds, spread=0.08)
+    assert report.worth_it(rows) == []
+    assert report.worth_it(rows[:2]) == [rows[0]["scene"]]
+    # Pictures that were made once rank nothing, however far apart.
+    for one, seconds in zip(rows, (10.0, 1.0, 2.0, 3.0), strict=True):
+        one["image_s"], one["image"] = dict.fromkeys(("min", "med", "max"), seconds), None
+    assert report.worth_it(rows) == []
+    assert "noise does not tell" in about_pictures(rows)
+    for one in rows:
+        one["image_s"] = one["image_s"]["med"]
+    assert report.image_total(rows[1]) == pytest.approx(1.2), "as in reports of earlier versions"
+
+
+def test_a_build_of_uncertain_length_decides_nothing() -> None:
+    rows = [everything("kd", 1.0), everything("bsp-wn", 1.0)]
+    for one, seconds in zip(rows, (1.0, 0.9), strict=True):
+        pictured(one, seconds, spread=0.001)
+    rows[1]["build_s"] = {"min": 0.1, "med": 0.2, "max": 0.5}
+    assert report.worth_it(rows) == []
+    rows[1]["build_s"] = rows[0]["build_s"] = {"min": 0.2, "med": 0.2, "max": 0.2}
+    assert report.worth_it(rows) == [rows[0]["scene"]]
+
+
+def test_pictures_of_different_processes_are_related_by_the_tree_beside_them() -> None:
+    rows = [everything("kd", 1.0), everything("bsp-wn", 1.0)]
+    pictured(rows[0], 10.0)
+    # This machine is three times as slow.
+    pictured(rows[1], 27.0)
+    rows[1]["round_id"] = "2"
+    rows[1]["image"]["anchor_rounds_s"] = [30.0] * 7
+    assert report.worth_it(rows) == [rows[0]["scene"]]
+    rows[1]["image"]["anchor"] = None
+    rows[1]["image"]["anchor_rounds_s"] = []
+    pictured(rows[0], 100.0)
+    assert report.worth_it(rows) == [], "nothing relates them"
+
+
+def test_of_builds_with_rays_noise_is_told_too() -> None:
+    about = "build and one million rays of each set together"
+
+    def told(*rows: dict[str, Any]) -> str:
+        return next(text for text in report.findings(list(rows)) if about in text)
+
+    apart = row("a", 4.0), row("b", 2.0)
+    for one in apart:
+        one["build_s"] = dict.fromkeys(("min", "med", "max"), 0.01)
+    assert "260 ms with a (build 10 ms) and 510 ms with b (build 10 ms), the next" in told(*apart)
+    assert "cannot be told from those with b" in told(row("a", 2.02), row("b", 2.0))
+    few = row("a", 4.0), row("b", 2.0)
+    for one in few:
+        for key in ("rounds", "anchor_rounds"):
+            one["rays"]["primary"][key] = one["rays"]["primary"][key][:3]
+    assert "3 rounds rank nothing" in told(*few)
 
 
 def test_fitted_costs_are_those_that_made_the_times() -> None:

@@ -71,6 +71,18 @@ def test_a_row_measured_twice_must_differ_in_times_only(tmp_path: Path) -> None:
     assert merged.disagreements == ["s, a: measured twice, on here"]
 
 
+def test_what_disagrees_within_a_merged_folder_is_told_too(tmp_path: Path) -> None:
+    for number, missed in ((1, 0), (2, 3)):
+        part = results.Journal(tmp_path, f"{number}-of-2")
+        part.add(entry("a", 0, errors={"false_miss": missed}), HERE)
+    inside = results.Journal(tmp_path)
+    assert inside.disagreements == ["s, a: measured twice, on here"]
+    (tmp_path / "other").mkdir()
+    merged = results.Journal(tmp_path / "other")
+    merged.merge(inside)
+    assert merged.disagreements == inside.disagreements
+
+
 def test_a_failed_write_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "bench.json"
     results.write(path, "old")

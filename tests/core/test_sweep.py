@@ -17,7 +17,7 @@ import halfspace_native
 import numpy as np
 import pytest
 
-from addon.core import cluster, rows
+from addon.core import benchmark, cluster, rows, thesis, workload
 
 LARGE = os.environ.get("HALFSPACE_LARGE_SWEEP")
 """Set it for the check of 2,079 rows on a cluster; it takes some minutes."""
@@ -94,6 +94,130 @@ def test_merging_rows_that_disagree_is_status_1(scenes: list[str], tmp_path: Pat
     capsys.readouterr()
     assert bench.main([str(first), str(second), "--merge", "--out", str(tmp_path / "out")]) == 1
     assert "soup-1, kd: measured twice" in capsys.readouterr().err
+
+
+SWEPT = ["kd-sah:traversal=dir", "bsp-wn:k=3", "bsp-wn:k=4"]
+"""A sweep over k, whose rows are related to the first."""
+
+
+def test_a_row_of_a_cluster_has_the_anchor_of_the_whole_sweep(scenes: list[str]) -> None:
+    base = benchmark.anchor_of(SWEPT)
+    assert base == SWEPT[0]
+    options = benchmark.Options(size=(16, 16), sets=("primary",), repeats=2, check_rays=64)
+    loaded = workload.load_npz(Path(scenes[0]))
+    found = [cluster._row(loaded, spec, base, options)[0] for spec in SWEPT]
+    assert [row["anchor"] for row in found] == [base] * 3
+    for row in found:
+        assert len(row["rays"]["primary"]["anchor_rounds"]) == 2
+        assert thesis.percent(row, found[0]) is not None
+    assert len({row["round_id"] for row in found}) == 3
+
+
+def test_rows_of_a_resumed_sweep_and_of_its_parts_have_one_anchor(scenes: list[str], tmp_path: Path) -> None:
+    quick = [scenes[0], *OPTIONS, "--structures", ",".join(SWEPT), "--rays", "primary"]
+    for part in ("1/2", "2/2"):
+        assert bench.main([*quick, "--shard", part, "--out", str(tmp_path / "parts")]) == 0
+    assert bench.main([*quick, "--out", str(tmp_path / "out")]) == 0
+    journal = tmp_path / "out" / "rows.jsonl"
+    lines = journal.read_text(encoding="utf-8").splitlines(keepends=True)
+    kept = [line for line in lines if '"spec": "bsp-wn:k=4"' not in line]
+    assert len(kept) == len(lines) - 1
+    journal.write_text("".join(kept), encoding="utf-8")
+    for folder in ("parts", "out"):
+        assert bench.main([*quick, "--out", str(tmp_path / folder)]) == 0
+        found = json.loads((tmp_path / folder / "bench.json").read_text(encoding="utf-8"))["rows"]
+        assert [row["anchor"] for row in found if row["spec"] != "embree"] == [SWEPT[0]] * 3
+
+
+def merged(folders: list[Path], out: Path) -> tuple[int, Any]:
+    """The status of a merge, and what it wrote."""
+    status = bench.main([*map(str, folders), "--merge", "--out", str(out)])
+    return status, json.loads((out / "bench.json").read_text(encoding="utf-8"))
+
+
+def test_merging_a_part_alone_names_what_is_missing_and_is_status_2(
+    scenes: list[str], tmp_path: Path, capsys: Any
+) -> None:
+    quick = [*scenes, *OPTIONS, "--structures", "kd,kd-sah,bih"]
+    first, second = (tmp_path / name for name in ("first", "second"))
+    assert bench.main([*quick, "--shard", "1/2", "--out", str(first)]) == 0
+    capsys.readouterr()
+    status, document = merged([first], tmp_path / "half")
+    said = capsys.readouterr().err
+    assert status == 2
+    assert "bench: soup-1: missing " in said
+    assert "bench: soup-2: missing " in said
+    assert document["missing"]
+    assert "missing" in (tmp_path / "half" / "report.html").read_text(encoding="utf-8")
+    lost = [spec for spec in ("kd", "kd-sah", "bih") if spec not in {row["spec"] for row in document["rows"][:3]}]
+    assert all(spec in said for spec in lost)
+    # The second part ends before it comes to the second scene.
+    assert bench.main([*quick, "--shard", "2/2", "--out", str(second)]) == 0
+    journal = second / "rows-2-of-2.jsonl"
+    lines = journal.read_text(encoding="utf-8").splitlines(keepends=True)
+    journal.write_text("".join(line for line in lines if "soup-2" not in line or '"asked"' in line), encoding="utf-8")
+    assert merged([first, second], tmp_path / "most")[0] == 2
+    said = capsys.readouterr().err
+    assert "bench: soup-2: missing " in said
+    assert "soup-1" not in said
+    journal.write_text("".join(lines), encoding="utf-8")
+    status, document = merged([first, second], tmp_path / "whole")
+    assert (status, document.get("missing", [])) == (0, [])
+    assert capsys.readouterr().err == ""
+
+
+def test_a_scene_that_was_never_begun_is_missing(scenes: list[str], tmp_path: Path, capsys: Any) -> None:
+    out = tmp_path / "out"
+    assert bench.main([*scenes, *OPTIONS, "--structures", "kd", "--out", str(out)]) == 0
+    journal = out / "rows.jsonl"
+    lines = journal.read_text(encoding="utf-8").splitlines(keepends=True)
+    journal.write_text("".join(line for line in lines if "soup-2" not in line or '"asked"' in line), encoding="utf-8")
+    capsys.readouterr()
+    assert merged([out], tmp_path / "merged")[0] == 2
+    assert "bench: soup-2: missing all of " in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("gigabytes", "failing"), [("0.00006", "kd"), ("0.00001", "")], ids=["a row", "a scene"])
+def test_merging_failures_keeps_them_until_they_are_mended(
+    scenes: list[str], tmp_path: Path, gigabytes: str, failing: str
+) -> None:
+    out, broken = tmp_path / "out", tmp_path / "broken.npz"
+    broken.write_bytes(b"no scene")
+    part = [scenes[0], str(broken), *OPTIONS, "--structures", "kd", "--out", str(out), "--shard"]
+    for number in ("1/2", "2/2"):
+        assert bench.main([*part, number, "--memory-limit", gigabytes]) == 2
+    status, document = merged([out], tmp_path / "failed")
+    assert status == 2
+    errors = {(row["scene"], row["spec"]): row["error"] for row in document["rows"] if row["error"]}
+    assert "memory_limit" in errors["soup-1", failing]
+    assert "cannot be read" in errors[str(broken), ""]
+    assert "memory_limit" in (tmp_path / "failed" / "report.html").read_text(encoding="utf-8")
+    # What is mended is no failure any more, though the journal still tells of it.
+    broken.write_bytes(Path(scenes[1]).read_bytes())
+    for number in ("1/2", "2/2"):
+        assert bench.main([*part, number]) == 0
+    status, document = merged([out], tmp_path / "mended")
+    assert status == 0
+    assert not any(row["error"] for row in document["rows"])
+
+
+def test_a_journal_of_an_earlier_version_is_merged_as_far_as_it_tells(
+    scenes: list[str], tmp_path: Path, capsys: Any
+) -> None:
+    out = tmp_path / "out"
+    assert bench.main([scenes[0], *OPTIONS, "--structures", "kd,bih", "--out", str(out)]) == 0
+    journal = out / "rows.jsonl"
+    lines = [json.loads(line) for line in journal.read_text(encoding="utf-8").splitlines()]
+    old = [{key: line[key] for key in line if key != "run"} for line in lines if "key" in line or "machine" in line]
+    journal.write_text("".join(json.dumps(line) + "\n" for line in old), encoding="utf-8")
+    capsys.readouterr()
+    status, document = merged([out], tmp_path / "merged")
+    assert (status, len(document["rows"])) == (0, sum("key" in line for line in old))
+    assert "does not tell what was asked" in capsys.readouterr().out
+    # One that holds nothing at all is no report.
+    journal.write_text("", encoding="utf-8")
+    assert bench.main([str(out), "--merge", "--out", str(tmp_path / "nothing")]) == 2
+    assert "no rows" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("arguments", [[], ["nowhere"], ["nowhere", "--out", "out"]])

@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the runs behind a journal were asked for, and what failed: a report of parts can tell what it lacks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import PurePath
+from typing import Any
+
+from .notes import some
+from .rows import Row
+
+Place = tuple[str, str]
+"""A run, and a scene as its command line calls it: it may end before the scene is read and has a name."""
+
+There = set[tuple[str, str, str]]
+"""Runs, names of scenes and configurations of finished rows; the run is empty in journals that do not tell it."""
+
+
+def label(scene: str) -> str:
+    """A scene of a command line without its folder, which differs from machine to machine."""
+    return PurePath(scene).stem
+
+
+@dataclass
+class Asked:
+    """specs: the configurations asked of each scene. names: of scenes that could be read, as their rows have it.
+
+    failures: by place and configuration, the row that tells why, and its order; for a whole scene the configuration is
+    empty. What failed may have been mended since: only what is not among the finished rows counts.
+    """
+
+    specs: dict[Place, list[str]] = field(default_factory=dict)
+    names: dict[Place, str] = field(default_factory=dict)
+    failures: dict[tuple[str, str, str], tuple[tuple[int, int], Row]] = field(default_factory=dict)
+
+    def begun(self, run: str, scenes: Sequence[str], specs: Sequence[str]) -> dict[str, Any]:
+        """The journal's line about what a run is asked for: these configurations of all these scenes."""
+        return {"asked": {"run": run, "scenes": list(map(label, scenes)), "specs": list(specs)}}
+
+    def reached(self, run: str, scene: str, name: str) -> dict[str, Any]:
+        """The line about a scene that could be read."""
+        return {"reached": {"run": run, "scene": label(scene), "name": name}}
+
+    def failed(self, run: str, scene: str, order: tuple[int, int], row: Row) -> dict[str, Any]:
+        """The line about a configuration that failed, or a scene."""
+        return {"failed": {"run": run, "scene": label(scene), "order": order, "row": row}}
+
+    def take(self, line: dict[str, Any]) -> bool:
+        """Learn a journal's line; whether it is one of these. Raises KeyError, TypeError and ValueError."""
+        if "asked" in line:
+            found = line["asked"]
+            for scene in found["scenes"]:
+                known = self.specs.setdefault((found["run"], scene), [])
+                known += [spec for spec in found["specs"] if spec not in known]
+        elif "reached" in line:
+            found = line["reached"]
+            self.names[found["run"], found["scene"]] = found["name"]
+        elif "failed" in line:
+            found = line["failed"]
+            scene, spec = found["order"]
+            self.failures[found["run"], found["scene"], found["row"]["spec"]] = (int(scene), int(spec)), found["row"]
+        else:
+            return False
+        return True
+
+    def merge(self, other: Asked) -> None:
+        """Take over what another journal knows."""
+        for place, specs in other.specs.items():
+            known = self.specs.setdefault(place, [])
+            known += [spec for spec in specs if spec not in known]
+        self.names |= other.names
+        self.failures |= other.failures
+
+    def failures_left(self, there: There) -> Iterator[tuple[tuple[int, int], Row]]:
+        """The rows of failures that nobody mended, each with its order."""
+        for (run, scene, spec), found in self.failures.items():
+            wanted = [spec] if spec else self.specs.get((run, scene), [])
+            if self._lost((run, scene), wanted, there) or not wanted:
+                yield found
+
+    def missing(self, there: There) -> Iterator[str]:
+        """What is neither finished nor failed, a line for each scene."""
+        for place, specs in self.specs.items():
+            failed = {spec for run, scene, spec in self.failures if (run, scene) == place}
+            if place not in self.names and "" in failed:
+                continue
+            lost = [spec for spec in self._lost(place, specs, there) if spec not in failed]
+            if lost:
+                share = f"all of {len(specs)} rows" if len(lost) == len(specs) else f"{len(lost)} of {len(specs)} rows"
+                yield f"{self.names.get(place, place[1])}: missing {share}: {some(lost)}"
+
+    def _lost(self, place: Place, specs: Iterable[str], there: There) -> list[str]:
+        """Which of the configurations have no finished row."""
+        name = self.names.get(place)
+        return [spec for spec in specs if not {(place[0], name, spec), ("", name, spec)} & there]
