@@ -10,9 +10,11 @@ import bpy
 import numpy as np
 from bpy.props import IntProperty
 
-from ..core import catalogue, costmap, native
+from ..core import auto, catalogue, choice, costmap, native, rays
+from ..core.reference import Reference
 from ..core.scene import F32
 from ..core.settings import memory_limit
+from ..core.workload import Workload
 from . import lettering, properties, trees, workloads
 
 IMAGE = "Halfspace Costs"
@@ -70,14 +72,26 @@ def draw(scene: Any, width: int) -> F32:
     workload = workloads.current(scene.name, size) if tree is None else workloads.of_tree(tree, scene.name, size)
     module, limit = native.load(), memory_limit(group.memory_limit)
     maps = []
+    reference: Reference | None = None
     for spec in specs:
         if tree is not None and tree.spec == spec:
             structure = tree.structure
         else:
             structure = module.build(workload.vertices, workload.triangles, spec, memory_limit=limit)
         label = catalogue.load()[spec.partition(":")[0]].label
+        if group.cost == "TIME":
+            if reference is None:
+                reference = _reference(structure, workload, size)
+            label += f", {choice.Line(spec, wrong=reference.wrong(structure), checked=len(reference)).answers}"
         maps.append((label, costmap.measure(structure, workload, size, group.cost)))
     return compose(maps, costmap.quantity(group.cost))
+
+
+def _reference(structure: Any, workload: Workload, size: tuple[int, int]) -> Reference:
+    """Brute force's answers to a sample of the map's rays, since no time goes without its errors."""
+    sets = rays.make(workload, structure, size=size, seed=0, names=("primary",))[:1]
+    wanted = min(auto.CHECKED, auto.BRUTE_TESTS // max(len(workload.triangles), 1))
+    return Reference(native.load(), workload, sets, wanted, seed=0)
 
 
 def compose(maps: list[tuple[str, F32]], what: costmap.Quantity) -> F32:

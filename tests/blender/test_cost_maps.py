@@ -80,6 +80,26 @@ def test_two_maps_share_one_scale_and_the_bar_tells_it(seen: Any) -> None:
     assert [image.name for image in bpy.data.images].count(cost_maps.IMAGE) == 1
 
 
+def test_a_map_of_times_says_how_many_answers_are_wrong(seen: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    from addon.core.reference import Reference
+
+    titles: list[str] = []
+    monkeypatch.setattr(cost_maps, "compose", lambda maps, _what: titles.extend(title for title, _ in maps))
+    group = seen.halfspace
+    group.structure, group.second, group.cost = "kd", "bvh-sah", "TIME"
+    cost_maps.draw(seen, 64)
+    labels = [catalogue.load()[spec].label for spec in ("kd", "bvh-sah")]
+    assert titles == [f"{label}, 0 of 1,024 answers wrong" for label in labels]
+    titles.clear()
+    monkeypatch.setattr(Reference, "wrong", lambda _self, structure: 3 if structure.spec == "kd" else 0)
+    cost_maps.draw(seen, 64)
+    assert titles[0] == f"{labels[0]}, 3 of 1,024 answers wrong"
+    titles.clear()
+    group.cost = "STEPS"
+    cost_maps.draw(seen, 64)
+    assert titles == labels
+
+
 def test_letters_are_written_where_they_belong() -> None:
     picture = np.zeros((40, 120, 3), np.float32)
     lettering.write(picture, [("Hello", 20.0, 12.0)], 16.0, (1.0, 0.5, 0.0))
