@@ -71,6 +71,7 @@ STABILITY = ("tests/core/test_stability.py", "lie")
 
 _FRAME = "native/src/traverse/frame.rs"
 _QUERY = "native/src/traverse/query.rs"
+_RAY = "native/src/traverse/ray.rs"
 _CANDIDATES = "native/src/traverse/candidates.rs"
 _VERDICT = "native/src/geom/verdict.rs"
 _MONITOR = "native/src/build/monitor.rs"
@@ -98,13 +99,13 @@ FAULTS = (
         "!signs.wrapping_shr(link) & 1",
         ALL,
     ),
-    Fault("ties to the larger number", _QUERY, "id < self.hit.triangle", "id > self.hit.triangle", EXACT),
-    Fault("an infinite distance is a hit", _QUERY, "found.t.abs() < f32::INFINITY", "!found.t.is_nan()", EXACT),
+    Fault("ties to the larger number", _RAY, "id < best_id", "id > best_id", EXACT),
+    Fault("an infinite distance is a hit", _RAY, "t.abs() < f32::INFINITY", "!t.is_nan()", EXACT),
     Fault(
         "hits beyond the interval count",
-        _QUERY,
-        "found.t <= ray.t_max",
-        "!found.t.is_nan()",
+        _RAY,
+        "t <= self.t_max",
+        "!t.is_nan()",
         ENDS,
     ),
     Fault(
