@@ -99,7 +99,7 @@ def read_options(asked: argparse.Namespace) -> growth.Options:
         ("threads", 1, 1024),
         ("repeats", 1, 1000),
         ("check_rays", 1, 1 << 30),
-        ("ray_seed", 0, 1 << 62),
+        ("ray_seed", 0, rays.MOST_SEED),
         ("size", rays.TILE, 1 << 12),
     ):
         if not least <= getattr(asked, name) <= most:

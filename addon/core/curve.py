@@ -25,6 +25,9 @@ SIZE = 96
 CONVERGED = 16
 """The reference has this many times the largest number of samples, and another seed."""
 
+MOST_SAMPLES = (1 << 24) // CONVERGED
+"""The reference of a curve with more would have more samples than can be rendered."""
+
 RELATIVE_FLOOR = 1e-2
 """Added to the squared reference in relMSE, so that black pixels do not decide it (Rousselle et al. 2011)."""
 
