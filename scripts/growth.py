@@ -57,6 +57,10 @@ def run(asked: argparse.Namespace) -> int:
     """Check everything, then measure. Raises one of the errors that `main` turns into a line."""
     module = native.load()
     chosen = specs.prove(module, specs.expand(asked.structures, module.structures(), {}, []))
+    try:
+        growth.refuse_lazy(chosen)
+    except growth.LazyError as error:
+        raise UsageError(f"--structures: {error}") from error
     options = read_options(asked)
     if asked.out is not None:
         results.prepare_folder(asked.out)
