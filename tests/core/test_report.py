@@ -324,6 +324,15 @@ def test_times_of_different_machines_without_an_anchor_are_not_divided() -> None
     assert "is the fastest" not in said(one, other)
 
 
+def test_first_pictures_of_different_machines_are_not_divided() -> None:
+    rows = [row("kd"), row("kd:lazy=1")]
+    for one, seconds in zip(rows, (2.0, 1.0), strict=True):
+        one["first_s"] = dict.fromkeys(("min", "med", "max"), seconds)
+    assert "1.0 s with kd:lazy=1, 0.50 of the 2.0 s with kd" in said(*rows)
+    rows[1]["machine"] = "another"
+    assert "Build and camera rays" not in said(*rows)
+
+
 def test_builds_of_different_machines_are_not_divided() -> None:
     rows = [everything("kd-sah", 1.0)] + [everything(f"bsp-wn:k={k}", k, k) for k in (2, 3)]
     for one in rows[1:]:
