@@ -163,8 +163,7 @@ def test_what_answers_wrongly_is_never_the_fastest() -> None:
     assert "robust=none" in sentences[0]
     assert not [text for text in sentences[1:] if "robust=none" in text]
     assert "kd is the fastest, 1.50 times bsp-wn" in " ".join(sentences)
-    html = page.as_html(document(rows))
-    assert html.count("class=best") == 1
+    assert page._best(rows, ["primary"]) == {(id(rows[0]), "primary")}
     # Neither what it is compared with nor the best of a structure.
     rows[0]["errors"]["false_miss"] = 1
     assert report.worth_it(rows) == []
@@ -454,6 +453,8 @@ def test_pictures_of_different_processes_are_related_by_the_tree_beside_them() -
     rows[1]["round_id"] = "2"
     rows[1]["image"]["anchor_rounds_s"] = [30.0] * 7
     assert report.worth_it(rows) == [rows[0]["scene"]]
+    rows[1]["image"]["samples"] = 1
+    assert report.worth_it(rows) == [], "a picture of fewer samples takes more time per sample"
     rows[1]["image"]["anchor"] = None
     rows[1]["image"]["anchor_rounds_s"] = []
     pictured(rows[0], 100.0)

@@ -190,6 +190,8 @@ def test_merging_failures_keeps_them_until_they_are_mended(
     assert status == 2
     errors = {(row["scene"], row["spec"]): row["error"] for row in document["rows"] if row["error"]}
     assert "memory_limit" in errors["soup-1", failing]
+    # Of a row that failed it is known what became of it, but not of the others of a scene that failed.
+    assert bool(document["missing"]) == (failing == "")
     assert "cannot be read" in errors[str(broken), ""]
     assert "memory_limit" in (tmp_path / "failed" / "report.html").read_text(encoding="utf-8")
     # What is mended is no failure any more, though the journal still tells of it.
