@@ -22,6 +22,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from addon.core import (
     benchmark,
     cluster,
+    curve,
     grid,
     native,
     offsets,
@@ -91,6 +92,9 @@ PRESETS: dict[str, dict[str, str]] = {
     "beams": {"scenes": "sponza-dabrovic,conference", "structures": "kd", "rays": "primary,shadow"},
 }
 """What a preset chooses unless the command line says otherwise."""
+
+OF_MERGES = ("scenes", "merge", "out", "published")
+"""What may be said beside `--merge`."""
 
 BAD_INPUT = 2
 
@@ -218,6 +222,10 @@ def merge(asked: argparse.Namespace) -> int:
 
     Returns 1 where answers differ, else 2 where rows failed or are missing, else 0.
     """
+    usual = parser().parse_args([])
+    for name, value in vars(asked).items():
+        if name not in OF_MERGES and value != getattr(usual, name):
+            raise UsageError(f"--{name.replace('_', '-')}: expected no --merge, which measures nothing")
     module = native.load()
     if asked.out is None or not asked.scenes:
         raise UsageError("--merge: name the folders of the rows, and --out for the report")
@@ -301,9 +309,15 @@ def read_options(asked: argparse.Namespace, configurations: int) -> benchmark.Op
     size = int(width), int(height)
     if not all(0 < side <= 1 << 14 and side % rays.TILE == 0 for side in size):
         raise UsageError(f"--size: expected multiples of {rays.TILE} up to {1 << 14}, got {asked.size!r}")
-    for name, least in (("repeats", 1), ("threads", 0), ("check_rays", 1), ("ray_seed", 0)):
-        if (getattr(asked, name) if getattr(asked, name) is not None else least) < least:
-            raise UsageError(f"--{name.replace('_', '-')}: expected at least {least}, got {getattr(asked, name)}")
+    for name, least, most in (
+        ("repeats", 1, 1000),
+        ("threads", 0, 1024),
+        ("check_rays", 1, 1 << 30),
+        ("ray_seed", 0, rays.MOST_SEED),
+    ):
+        given = getattr(asked, name)
+        if given is not None and not least <= given <= most:
+            raise UsageError(f"--{name.replace('_', '-')}: expected {least} to {most}, got {given}")
     if asked.reference == yardstick.SPEC and (reason := yardstick.problem()):
         raise UsageError(f"--reference embree: {reason}")
     if asked.memory_limit is not None and not 0 <= asked.memory_limit < 1 << 30:
@@ -311,8 +325,10 @@ def read_options(asked: argparse.Namespace, configurations: int) -> benchmark.Op
     if not 0 < asked.seconds < float("inf"):
         raise UsageError(f"--seconds: expected more than 0, got {asked.seconds:g}")
     samples = [] if asked.curve == "none" else specs.numbers(asked.curve)
-    if not all(specs.is_whole(value) and 0 < int(value) <= 1 << 24 for value in samples):
-        raise UsageError(f"--curve: expected numbers of samples such as 1,2,4, got {asked.curve!r}")
+    if not all(specs.is_whole(value) and 0 < int(value) <= curve.MOST_SAMPLES for value in samples):
+        raise UsageError(
+            f"--curve: expected numbers of samples such as 1,2,4, up to {curve.MOST_SAMPLES}, got {asked.curve!r}"
+        )
     return benchmark.Options(
         size=size,
         sets=sets,

@@ -57,6 +57,10 @@ def run(asked: argparse.Namespace) -> int:
     """Check everything, then measure. Raises one of the errors that `main` turns into a line."""
     module = native.load()
     chosen = specs.prove(module, specs.expand(asked.structures, module.structures(), {}, []))
+    try:
+        growth.refuse_lazy(chosen)
+    except growth.LazyError as error:
+        raise UsageError(f"--structures: {error}") from error
     options = read_options(asked)
     if asked.out is not None:
         results.prepare_folder(asked.out)
@@ -99,7 +103,7 @@ def read_options(asked: argparse.Namespace) -> growth.Options:
         ("threads", 1, 1024),
         ("repeats", 1, 1000),
         ("check_rays", 1, 1 << 30),
-        ("ray_seed", 0, 1 << 62),
+        ("ray_seed", 0, rays.MOST_SEED),
         ("size", rays.TILE, 1 << 12),
     ):
         if not least <= getattr(asked, name) <= most:

@@ -28,6 +28,18 @@ BUNNY = Path(__file__).resolve().parents[2] / "shared" / "scenes" / "stanford-bu
 INSIDE_BUNNY = (-0.025, 0.1, 0.0), 0.015
 """A point in its body and the radius of a ball inside."""
 
+RAYS = 100_000
+"""Of each set with `--scenes`."""
+
+MOST = 1e18
+
+MEANINGLESS = {
+    "long": ("scenes", "leaks_only", "leak_rays", "size"),
+    "scenes": ("leaks_only", "leak_rays", "size"),
+    "leaks_only": ("out",),
+}
+"""Options that say nothing beside another one, by that one."""
+
 SAY_SECONDS = 30.0
 """How often a long run tells how far it is."""
 
@@ -36,12 +48,12 @@ def parser() -> argparse.ArgumentParser:
     """The command line."""
     made = Parser(prog="stability", description=(__doc__ or "").splitlines()[0])
     add = made.add_argument
-    add("--size", choices=("small", "large"), default="small", help="hundreds or tens of thousands of triangles")
+    add("--size", choices=("small", "large"), help="hundreds (default) or tens of thousands of triangles")
     add("--structures", default="all", metavar="SPEC[,SPEC...]", help="configurations, families, or all (default)")
     add("--long", type=float, metavar="N", help="compare N answers on random and extreme scenes, e.g. 1e9")
     add("--seconds", type=float, metavar="S", help="with --long: end after this time")
     add("--scenes", nargs="+", metavar="SCENE", help=f"compare on these: .npz, names in {workload.SCENES}, grid")
-    add("--rays", type=int, default=100_000, metavar="N", help="with --scenes: rays of each set (default: 100000)")
+    add("--rays", type=int, metavar="N", help="with --scenes: rays of each set (default: 100000)")
     add("--threads", type=int, default=0, metavar="N", help="threads of long runs and leaks, 0 = all (default)")
     add("--leaks-only", action="store_true", help="only send rays out of closed surfaces")
     add("--seed", type=int, default=7, help="seed of the scenes (default: 7)")
@@ -61,11 +73,8 @@ def main(arguments: Sequence[str]) -> int:
 
 def run(asked: argparse.Namespace) -> int:
     """Check everything, then measure. Raises one of the errors that `main` turns into a line."""
-    for name in ("long", "seconds", "threads", "seed", "leak_rays", "rays"):
-        if not 0 <= (getattr(asked, name) or 0) < 1e18:
-            raise UsageError(f"--{name.replace('_', '-')}: expected a number of at least 0")
-    if asked.long is not None and not asked.long:
-        raise UsageError("--long: expected a number above 0")
+    check(asked)
+    asked.size, asked.rays = asked.size or "small", asked.rays or RAYS
     module = native.load()
     expanded = specs.expand(asked.structures, module.structures(), {})
     chosen = specs.prove(module, stability.configurations(module.structures(), expanded))
@@ -77,6 +86,8 @@ def run(asked: argparse.Namespace) -> int:
         chosen = [spec for spec in chosen if not is_brute(spec)]
     if not chosen:
         raise UsageError("--structures: nothing to compare with brute force")
+    if asked.leaks_only and not asked_of_leaks(chosen, asked):
+        raise UsageError("--structures: no rays leave closed surfaces through brute force with --size large")
     scenes = [workload.find(name, built_in=("grid",)) for name in asked.scenes or ()]
     if asked.out is not None:
         results.prepare_folder(asked.out)
@@ -107,6 +118,30 @@ def run(asked: argparse.Namespace) -> int:
         document = {**results.document(module, rows, {"size": asked.size, "seed": asked.seed}), "verdict": verdict}
         save(asked.out, document)
     return 1 if wrong or leaking else 0
+
+
+def check(asked: argparse.Namespace) -> None:
+    """Whether each option is in range and means something beside the others. Raises UsageError."""
+    if asked.long is not None and not 0 < asked.long <= MOST:
+        raise UsageError(f"--long: expected a number above 0, up to {MOST:g}, got {asked.long:g}")
+    if asked.seconds is not None and not 0 <= asked.seconds <= MOST:
+        raise UsageError(f"--seconds: expected a number of at least 0, up to {MOST:g}, got {asked.seconds:g}")
+    for name, least, most in (
+        ("threads", 0, 1024),
+        ("seed", 0, 1 << 62),
+        ("rays", 1, 1 << 30),
+        ("leak_rays", int(asked.leaks_only), 1 << 40),
+    ):
+        given = getattr(asked, name)
+        if given is not None and not least <= given <= most:
+            raise UsageError(f"--{name.replace('_', '-')}: expected {least} to {most}, got {given}")
+    for name, needed in (("seconds", "long"), ("rays", "scenes")):
+        if getattr(asked, name) is not None and getattr(asked, needed) is None:
+            raise UsageError(f"--{name}: expected --{needed}, whose runs it is about")
+    for mode, meaningless in MEANINGLESS.items():
+        for name in meaningless:
+            if getattr(asked, mode) not in (None, False) and getattr(asked, name) not in (None, False):
+                raise UsageError(f"--{name.replace('_', '-')}: expected no --{mode.replace('_', '-')} beside it")
 
 
 def is_brute(spec: str) -> bool:
@@ -232,13 +267,19 @@ def wrong(row: stability.Row) -> bool:
     return stability.differs(row) or bool(row["broken"])
 
 
+def asked_of_leaks(chosen: list[str], asked: argparse.Namespace) -> list[str]:
+    """The configurations whose leaks are counted: in large surfaces brute force would take too long."""
+    return [spec for spec in chosen if asked.size != "large" or not is_brute(spec)]
+
+
 def find_leaks(module: Any, chosen: list[str], asked: argparse.Namespace) -> bool:
     """Send rays out of closed surfaces; tell what leaks. Whether anything does that should not."""
     large = asked.size == "large"
     count = asked.leak_rays if asked.leak_rays is not None else (1_000_000 if large else 10_000)
     if not count:
+        say("no rays are sent out of closed surfaces")
         return False
-    specs = [spec for spec in chosen if not (large and spec.startswith("brute"))]
+    specs = asked_of_leaks(chosen, asked)
     surfaces = list(leaks.surfaces(5 if large else 3))
     if BUNNY.is_file():
         surfaces.append(leaks.from_file(BUNNY, *INSIDE_BUNNY))

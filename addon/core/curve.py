@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from . import flip, timing
+from . import flip, rotation, timing
 from .rays import TILE
 from .session import arguments
 from .workload import View, Workload
@@ -24,6 +24,9 @@ SIZE = 96
 
 CONVERGED = 16
 """The reference has this many times the largest number of samples, and another seed."""
+
+MOST_SAMPLES = (1 << 24) // CONVERGED
+"""The reference of a curve with more would have more samples than can be rendered."""
 
 RELATIVE_FLOOR = 1e-2
 """Added to the squared reference in relMSE, so that black pixels do not decide it (Rousselle et al. 2011)."""
@@ -244,9 +247,6 @@ def _plain_scene() -> dict[str, Any]:
 
 def _tilted() -> NDArray[np.float64]:
     """A sun that shines down and aside."""
-    a, b = np.radians(35.0), np.radians(25.0)
-    about_x = np.array([[1, 0, 0], [0, np.cos(a), -np.sin(a)], [0, np.sin(a), np.cos(a)]])
-    about_y = np.array([[np.cos(b), 0, np.sin(b)], [0, 1, 0], [-np.sin(b), 0, np.cos(b)]])
     matrix = np.eye(4)
-    matrix[:3, :3] = about_y @ about_x
+    matrix[:3, :3] = rotation.tilt(np.radians(35.0), np.radians(25.0))
     return matrix

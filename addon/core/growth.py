@@ -16,11 +16,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from . import accuracy, check, peak, rays
+from . import accuracy, check, peak, rays, rotation
 from .accuracy import Answers, Errors
 from .native import FAILURES
 from .rays import RaySet
-from .rows import first_line
+from .rows import first_line, is_lazy
 from .workload import View, Workload
 
 SIZES = tuple(round(10 ** (4 + half / 2)) for half in range(7))
@@ -59,16 +59,11 @@ AHEAD = 0.6
 """How far along the ring the view looks, in radians."""
 
 
-def _tilt() -> NDArray[np.float64]:
-    """A rotation that leaves nothing along an axis."""
-    a, b = 0.5, 0.7
-    about_x = np.array([[1, 0, 0], [0, np.cos(a), -np.sin(a)], [0, np.sin(a), np.cos(a)]])
-    about_y = np.array([[np.cos(b), 0, np.sin(b)], [0, 1, 0], [-np.sin(b), 0, np.cos(b)]])
-    tilt: NDArray[np.float64] = about_y @ about_x
-    return tilt
+TILT = rotation.tilt(0.5, 0.7)
 
 
-TILT = _tilt()
+class LazyError(ValueError):
+    """A configuration whose build would be told without what rays do of it. The message names it."""
 
 
 @dataclass(frozen=True)
@@ -165,8 +160,19 @@ def fixed_rays(native: Any, options: Options) -> list[RaySet]:
     return [primary, replace(primary, name=ALONE, order="none"), diffuse]
 
 
+def refuse_lazy(specs: Sequence[str]) -> None:
+    """What a tree that rays build leaves to them depends on the rays, not on the triangles alone. Raises LazyError."""
+    for spec in specs:
+        if is_lazy(spec):
+            raise LazyError(f"{spec} is built by rays in part, so the time of its build says nothing of its growth")
+
+
 def measure(native: Any, specs: Sequence[str], options: Options) -> Iterator[Event]:
-    """Measure all structures on all sizes, the smallest first: what comes next, and each point when it is complete."""
+    """Measure all structures on all sizes, the smallest first: what comes next, and each point when it is complete.
+
+    Raises LazyError.
+    """
+    refuse_lazy(specs)
     yield "making the rays"
     ray_sets = fixed_rays(native, options)
     for size in options.sizes:

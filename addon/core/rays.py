@@ -24,6 +24,9 @@ F64 = NDArray[np.float64]
 NAMES = ("primary", "shadow", "diffuse", "shuffled")
 """The sets in the order in which they are reported."""
 
+MOST_SEED = 1 << 31
+"""The largest seed of rays on a command line: pictures take the seeds after it, up to 32 bits."""
+
 TILE = 8
 """Pixels along the side of a tile."""
 

@@ -165,7 +165,7 @@ def _about_first_pictures(measured: Sequence[Row]) -> Iterator[str]:
     timed = {row["spec"]: row for row in measured if row.get("first_s")}
     for spec, row in timed.items():
         at_once = timed.get(eager(spec))
-        if is_lazy(spec) and at_once is not None:
+        if is_lazy(spec) and at_once is not None and row["machine"] == at_once["machine"]:
             took, other = row["first_s"]["med"], at_once["first_s"]["med"]
             differing = row["errors"]["differing_pixels"] + at_once["errors"]["differing_pixels"]
             yield (
@@ -188,7 +188,7 @@ def _about_totals(measured: Sequence[Row]) -> Iterator[str]:
         specs = ", ".join(row["spec"] for row in found.equal)
         text += f", which cannot be told from those with {specs} (the noise is {100 * found.noise:.1f} %)"
     if found.ranked and found.second is not None:
-        text += f" and {_total(found.second)}, the next"
+        text += f"{',' if found.equal else ''} and {_total(found.second)}, the next"
     yield text + "."
 
 

@@ -229,7 +229,7 @@ def document(
 ) -> dict[str, Any]:
     """The content of bench.json. machine: where it was written; machines: where the rows were measured, by name.
 
-    missing: what was asked and is not among the rows.
+    missing: what was asked and is not among the rows; without such the key is not there.
     """
     here = machine(native)
     return {
@@ -238,7 +238,7 @@ def document(
         "machine": here,
         "machines": machines or {here["name"]: here},
         "options": options,
-        "missing": list(missing),
+        **({"missing": list(missing)} if missing else {}),
         "rows": rows,
     }
 

@@ -142,6 +142,11 @@ def test_the_memory_of_a_build_is_told(tmp_path: Path) -> None:
     assert row["speed_up"] is None
 
 
+def test_a_tree_that_rays_build_is_no_point(tmp_path: Path) -> None:
+    with pytest.raises(growth.LazyError, match="kd:lazy=1 is built by rays in part"):
+        list(growth.measure(halfspace_native, ["kd:lazy=1"], Options(sizes=(500,), size=(32, 32))))
+
+
 def test_a_build_that_fails_leaves_the_others(tmp_path: Path, capsys: Any) -> None:
     assert command.main([*KD, "--memory-limit", "0.0005", "--out", str(tmp_path)]) == 2
     rows = document(tmp_path)["rows"]
@@ -169,6 +174,7 @@ def test_the_plots_show_every_structure() -> None:
     [
         (["--structures", "octopus"], "unknown structure 'octopus'"),
         (["--structures", "kd:max_depth=999"], "max_depth"),
+        (["--structures", "kd,kd:lazy=1"], "--structures: kd:lazy=1 is built by rays in part"),
         (["--triangles", "many"], "expected a number"),
         (["--triangles", "10"], "--triangles: expected 400 to"),
         (["--triangles", "1e12"], "--triangles: expected 400 to"),

@@ -163,8 +163,7 @@ def test_what_answers_wrongly_is_never_the_fastest() -> None:
     assert "robust=none" in sentences[0]
     assert not [text for text in sentences[1:] if "robust=none" in text]
     assert "kd is the fastest, 1.50 times bsp-wn" in " ".join(sentences)
-    html = page.as_html(document(rows))
-    assert html.count("class=best") == 1
+    assert page._best(rows, ["primary"]) == {(id(rows[0]), "primary")}
     # Neither what it is compared with nor the best of a structure.
     rows[0]["errors"]["false_miss"] = 1
     assert report.worth_it(rows) == []
@@ -324,6 +323,15 @@ def test_times_of_different_machines_without_an_anchor_are_not_divided() -> None
     assert "is the fastest" not in said(one, other)
 
 
+def test_first_pictures_of_different_machines_are_not_divided() -> None:
+    rows = [row("kd"), row("kd:lazy=1")]
+    for one, seconds in zip(rows, (2.0, 1.0), strict=True):
+        one["first_s"] = dict.fromkeys(("min", "med", "max"), seconds)
+    assert "1.0 s with kd:lazy=1, 0.50 of the 2.0 s with kd" in said(*rows)
+    rows[1]["machine"] = "another"
+    assert "Build and camera rays" not in said(*rows)
+
+
 def test_builds_of_different_machines_are_not_divided() -> None:
     rows = [everything("kd-sah", 1.0)] + [everything(f"bsp-wn:k={k}", k, k) for k in (2, 3)]
     for one in rows[1:]:
@@ -445,6 +453,8 @@ def test_pictures_of_different_processes_are_related_by_the_tree_beside_them() -
     rows[1]["round_id"] = "2"
     rows[1]["image"]["anchor_rounds_s"] = [30.0] * 7
     assert report.worth_it(rows) == [rows[0]["scene"]]
+    rows[1]["image"]["samples"] = 1
+    assert report.worth_it(rows) == [], "a picture of fewer samples takes more time per sample"
     rows[1]["image"]["anchor"] = None
     rows[1]["image"]["anchor_rounds_s"] = []
     pictured(rows[0], 100.0)

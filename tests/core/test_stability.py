@@ -218,6 +218,19 @@ def test_ways_of_shadow_rays_are_compared_with_exact_arithmetic_too() -> None:
         assert (row["wrong_any_hit"], row["exact_wrong"]) == (wrong, wrong)
 
 
+def test_any_hits_of_extreme_cases_are_compared_with_exact_arithmetic_too() -> None:
+    case = small_case("random soup")
+    for native, wrong in ((halfspace_native, 0), (Shady(), 1)):
+        plain, cache = stability.measure_case(native, case, ["kd", "kd:shadow=cache"], exact_pairs=10_000, threads=1)
+        assert cache["exact_rays"] > 0
+        assert (cache["wrong_any_hit"], cache["exact_wrong"]) == (wrong, wrong)
+        assert plain["exact_wrong"] == 0
+    # A structure that lies in both is wrong once per ray, not twice.
+    both = {name: case[name][:1] for name in ("origins", "directions", "t_min", "t_max")}
+    (row,) = stability.measure_case(Shady(), {**case, **both}, ["kd:shadow=cache"], exact_pairs=10_000, threads=1)
+    assert (row["exact_rays"], row["exact_wrong"]) == (1, 1)
+
+
 def test_shadow_none_is_asked_for_its_closest_hits(monkeypatch: pytest.MonkeyPatch) -> None:
     nearest = stability.nearest
     asked: list[int] = []
