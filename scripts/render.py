@@ -33,7 +33,9 @@ def parser() -> argparse.ArgumentParser:
     """The command line."""
     made = Parser(prog="render", description=(__doc__ or "").splitlines()[0])
     made.add_argument("file", nargs="?", help=".blend or .npz (default: the built-in showcase)")
-    made.add_argument("--out", type=Path, default=ROOT / "out" / "showcase.png", help="the picture, .png")
+    made.add_argument(
+        "--out", type=Path, default=ROOT / "out" / "showcase.png", help="the picture, .png (default: out/showcase.png)"
+    )
     made.add_argument("--structure", metavar="SPEC", help="the acceleration structure (default: the file's)")
     made.add_argument("--samples", type=int, help="samples per pixel (default: the file's)")
     made.add_argument(
