@@ -27,6 +27,7 @@ import environment
 from environment import CURRENT, LTS, ROOT
 
 MANIFEST = ["--manifest-path", "native/Cargo.toml"]
+ENVIRONMENT = {**os.environ, "PYO3_PYTHON": str(CURRENT.python), "CARGO_TERM_COLOR": "never"}
 TIME_LIMIT = 900
 """Seconds after which a check is ended and counts as failed."""
 
@@ -62,7 +63,7 @@ def run(command: list[str]) -> tuple[int, str]:
     process = subprocess.Popen(
         command,
         cwd=ROOT,
-        env={**os.environ, "PYO3_PYTHON": str(CURRENT.python), "CARGO_TERM_COLOR": "never"},
+        env=ENVIRONMENT,
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
@@ -107,12 +108,46 @@ def python_tool(module: str, *arguments: str) -> Callable[[], Counts]:
     return gate(str(CURRENT.python), "-m", module, *arguments)
 
 
-def rust_tests() -> Counts:
-    """`cargo test`: the sum over all its test programs."""
-    status, text = run(["cargo", "test", *MANIFEST])
-    counts = cargo_counts(text)
-    # Not compiling fails no test, and so must count by itself.
-    return counts + Counts(failed=1) if status != 0 and counts.failed == 0 else counts
+class RustTests:
+    """`cargo test`, which takes minutes, beside everything else: another profile and another lock than the module's."""
+
+    def __init__(self) -> None:
+        """Begin."""
+        self._folder = tempfile.TemporaryDirectory(prefix="halfspace-rust-")
+        self._output = Path(self._folder.name) / "output"
+        with self._output.open("wb") as output:
+            self._process = subprocess.Popen(
+                ["cargo", "test", *MANIFEST],
+                cwd=ROOT,
+                env=ENVIRONMENT,
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,
+            )
+
+    def counts(self) -> Counts:
+        """Wait for the end, show what was printed, and add up the test programs."""
+        limit = time.monotonic() + TIME_LIMIT
+        with self._output.open(encoding="utf-8", errors="replace") as output:
+            while self._process.poll() is None and time.monotonic() < limit:
+                print(output.read(), end="", flush=True)
+                time.sleep(0.5)
+            if self._process.poll() is None:
+                end(self._process)
+                print(f"ended after {TIME_LIMIT} s", flush=True)
+            status = self._process.wait()
+            print(output.read(), end="", flush=True)
+        counts = cargo_counts(self._output.read_text(encoding="utf-8", errors="replace"))
+        # Not compiling fails no test, and so must count by itself.
+        return counts + Counts(failed=1) if status != 0 and counts.failed == 0 else counts
+
+    def close(self) -> None:
+        """End it, if it goes on, and forget what it printed."""
+        if self._process.poll() is None:
+            end(self._process)
+            self._process.wait()
+        self._folder.cleanup()
 
 
 def cargo_counts(text: str) -> Counts:
@@ -149,25 +184,11 @@ CHECKS: dict[str, Callable[[], Counts]] = {
     "core": pytest_tier(CURRENT, "tests/core"),
     "blender": pytest_tier(CURRENT, "tests/blender"),
     "blender-lts": pytest_tier(LTS, "tests/blender"),
-    "rust": rust_tests,
 }
-"""Name to check, in the order in which they run: the quick ones first, and last what is compiled meanwhile."""
+"""Name to check, in the order in which they run: the quick ones first."""
 
-
-def compile_rust_tests() -> subprocess.Popen[bytes]:
-    """Begin to compile the Rust tests, which takes minutes, beside the native module: another profile, another lock.
-
-    Whatever it prints is told by the check itself, which finds the work done.
-    """
-    return subprocess.Popen(
-        ["cargo", "test", *MANIFEST, "--no-run", "--quiet"],
-        cwd=ROOT,
-        env={**os.environ, "PYO3_PYTHON": str(CURRENT.python), "CARGO_TERM_COLOR": "never"},
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-        start_new_session=True,
-    )
+RUST = "rust"
+"""The check that runs beside the others, and is waited for last."""
 
 
 def why_not(name: str, lts_problem: str | None) -> str | None:
@@ -181,13 +202,16 @@ def why_not(name: str, lts_problem: str | None) -> str | None:
     return None
 
 
-def set_up(names: list[str]) -> tuple[str | None, subprocess.Popen[bytes] | None]:
+def set_up(names: list[str], beside: contextlib.ExitStack) -> tuple[str | None, RustTests | None]:
     """Make the environments ready. Raises SetupError.
 
-    Returns why the one for Blender LTS is missing, or None, and what compiles the Rust tests meanwhile, if wanted.
+    Returns why the one for Blender LTS is missing, or None, and the Rust tests, which run meanwhile, if wanted.
+    `beside` closes them.
     """
     environment.prepare(CURRENT)
-    compiling = compile_rust_tests() if "rust" in names else None
+    rust = RustTests() if RUST in names else None
+    if rust is not None:
+        beside.callback(rust.close)
     ready, problem = [CURRENT], None
     if "blender-lts" in names:
         if environment.available(LTS):
@@ -195,36 +219,32 @@ def set_up(names: list[str]) -> tuple[str | None, subprocess.Popen[bytes] | None
             ready.append(LTS)
         else:
             problem = f"Python {LTS.version}, which Blender {LTS.blender} needs, was not found"
-    try:
-        environment.install_wheel(*ready)
-    except BaseException:
-        if compiling is not None:
-            end(compiling)
-        raise
-    return problem, compiling
+    environment.install_wheel(*ready)
+    return problem, rust
 
 
 def main(wanted: list[str]) -> int:
     """Run the checks whose names begin with one of `wanted` (all, if none). Returns the exit status."""
-    names = [name for name in CHECKS if not wanted or name.startswith(tuple(wanted))]
+    known = [*CHECKS, RUST]
+    names = [name for name in known if not wanted or name.startswith(tuple(wanted))]
     if not names:
-        sys.exit(f"test: no check is called {wanted[0]!r}; there are {', '.join(CHECKS)}")
+        sys.exit(f"test: no check is called {wanted[0]!r}; there are {', '.join(known)}")
     start = time.monotonic()
-    try:
-        with environment.alone():
-            lts_problem, compiling = set_up(names)
-    except environment.SetupError as error:
-        print(f"The set-up failed: {error}\n\n{Counts(failed=1)}", flush=True)
-        return 1
     results: dict[str, tuple[Counts, str]] = {}
-    for name in names:
-        if name == "rust" and compiling is not None:
-            compiling.wait()
-        reason = why_not(name, lts_problem)
-        print(f"\n==== {name}" + (f": skipped, {reason}" if reason else ""), flush=True)
-        began = time.monotonic()
-        counts = Counts(skipped=1) if reason else CHECKS[name]()
-        results[name] = counts, reason or f"{time.monotonic() - began:.0f} s"
+    with contextlib.ExitStack() as beside:
+        try:
+            with environment.alone():
+                lts_problem, rust = set_up(names, beside)
+        except environment.SetupError as error:
+            print(f"The set-up failed: {error}\n\n{Counts(failed=1)}", flush=True)
+            return 1
+        checks = CHECKS if rust is None else {**CHECKS, RUST: rust.counts}
+        for name in names:
+            reason = why_not(name, lts_problem)
+            print(f"\n==== {name}" + (f": skipped, {reason}" if reason else ""), flush=True)
+            began = time.monotonic()
+            counts = Counts(skipped=1) if reason else checks[name]()
+            results[name] = counts, reason or f"{time.monotonic() - began:.0f} s"
     print(f"\n==== Summary after {time.monotonic() - start:.0f} s", flush=True)
     for name, (counts, remark) in results.items():
         print(f"{'FAILED ' if counts.failed else '':>7}{name:<14} {counts} ({remark})")
