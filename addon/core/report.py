@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -216,14 +216,26 @@ def _about_pictures(measured: Sequence[Row]) -> Iterator[str]:
     yield from about_sweeps(drawn)
     points = max((row["curve"] for row in drawn), key=len)
     alone = drawn[0].get("independent") or []
-    if len(points) > 2:
-        text = f"Their error (RMSE) falls with the samples to the power {_signed(curve.slope(points))}"
-        if len(alone) > 2:
-            text += (
-                f"; that of independent samples to the power {_signed(curve.slope(alone))}, where theory says −0.50 "
-                f"({curve.judged(curve.slope(alone))}): the difference is what spreading the samples gains"
-            )
-        yield text + "."
+    yield from about_slopes(points, alone)
+
+
+def about_slopes(points: Sequence[Mapping[str, Any]], alone: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    """How the error falls with the samples: of pictures, and of means of independent samples, each with `rmse`."""
+    if len(points) < 3:
+        return
+    own = curve.slope(points)
+    text = f"Their error (RMSE) falls with the samples to the power {_signed(own)}"
+    if own >= 0.0:
+        text = f"Their error (RMSE) does not fall with so few samples (power {_signed(own)}): bright pixels decide it"
+    if len(alone) > 2:
+        apart = curve.slope(alone)
+        text += (
+            f"; that of independent samples falls to the power {_signed(apart)}, where theory says −0.50 "
+            f"({curve.judged(apart)})"
+        )
+        if own < apart:
+            text += ": the difference is what spreading the samples gains"
+    yield text + "."
 
 
 def about_sweeps(rows: Sequence[Row]) -> Iterator[str]:

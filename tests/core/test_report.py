@@ -520,3 +520,16 @@ def test_without_matplotlib_the_page_says_so(monkeypatch: pytest.MonkeyPatch) ->
     text = page.as_html(document([row("kd")]))
     assert "<svg" not in text
     assert "Plots are left out: matplotlib is not installed." in text
+
+
+def test_an_error_that_does_not_fall_is_not_said_to():
+    def points(power: float) -> list[dict[str, float]]:
+        return [{"spp": n, "rmse": n**power} for n in (1, 4, 16)]
+
+    (falls,) = report.about_slopes(points(-0.6), points(-0.5))
+    assert "falls with the samples to the power −0.60" in falls
+    assert "spreading" in falls
+    (rises,) = report.about_slopes(points(0.13), points(-0.43))
+    assert "does not fall" in rises
+    assert "spreading" not in rises
+    assert not list(report.about_slopes(points(-0.6)[:2], []))
