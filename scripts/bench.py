@@ -37,7 +37,7 @@ from addon.core import (
     workload,
     yardstick,
 )
-from addon.core.rows import first_line
+from addon.core.native import first_line
 from addon.core.usage import Parser, UsageError
 
 SUFFIXES = (".npz", ".blend", ".obj", ".ply", ".stl", ".glb", ".gltf", ".usd", ".usda", ".usdc", ".usdz")

@@ -16,7 +16,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from addon.core import auto, catalogue, check, choice, native, rays
-from addon.core.reference import Reference
+from addon.core.reference import Reference, affordable
 from addon.core.usage import Parser, UsageError
 from addon.core.workload import SCENES, Workload, find, load_npz
 
@@ -46,7 +46,7 @@ def full(
     first = built[specs[0]]
     counted = choice.mix(module, first, workload, auto.SIZE, plan.max_bounces)
     sets = [some for some in rays.make(workload, first, size=auto.SIZE, seed=2, names=choice.SETS) if len(some)]
-    wanted = min(auto.CHECKED, auto.BRUTE_TESTS // max(len(workload.triangles), 1))
+    wanted = min(auto.CHECKED, affordable(workload))
     reference = Reference(module, workload, sets, wanted, seed=2, threads=threads)
     best: dict[str, dict[str, float]] = {spec: {} for spec in specs}
     for _ in range(REPEATS):

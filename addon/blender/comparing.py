@@ -17,6 +17,7 @@ from bpy.props import StringProperty
 from ..core import auto, benchmark, catalogue, choice, costmap, native, report, results
 from ..core.background import Background
 from ..core.choice import Comparison, Plan
+from ..core.reference import affordable
 from ..core.session import POLL_SECONDS
 from ..core.settings import memory_limit
 from ..core.workload import Workload
@@ -28,8 +29,8 @@ VIEW_WIDTH = 384
 REPEATS, PASS_SECONDS = 3, 0.5
 """Timed passes over each set of rays, and how long one may take."""
 
-CHECKED, BRUTE_TESTS = 2000, 1_000_000_000
-"""Rays per set compared with brute force, unless that takes more triangle tests than this."""
+CHECKED = 2000
+"""Rays per set compared with brute force, unless that takes longer than it may."""
 
 TEXT = "Halfspace comparison"
 """Texts with results are called so, with the scene's name."""
@@ -164,13 +165,12 @@ def comparing(scene: Any) -> _Work:
     limit = memory_limit(scene.halfspace.memory_limit)
 
     def steps(module: Any, workload: Workload, keep: Callable[[Found], None]) -> Iterator[tuple[float, str]]:
-        affordable = BRUTE_TESTS // max(len(workload.triangles) * len(choice.SETS), 1)
         options = benchmark.Options(
             size=size,
             sets=choice.SETS,
             repeats=REPEATS,
             threads=threads,
-            check_rays=max(min(affordable, CHECKED), 64),
+            check_rays=max(min(affordable(workload, len(choice.SETS)), CHECKED), 64),
             pass_seconds=PASS_SECONDS,
             memory_limit=limit,
         )

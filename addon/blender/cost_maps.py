@@ -11,7 +11,7 @@ import numpy as np
 from bpy.props import IntProperty
 
 from ..core import auto, catalogue, choice, costmap, native, rays
-from ..core.reference import Reference
+from ..core.reference import Reference, affordable
 from ..core.scene import F32
 from ..core.settings import memory_limit
 from ..core.workload import Workload
@@ -90,7 +90,7 @@ def draw(scene: Any, width: int) -> F32:
 def _reference(structure: Any, workload: Workload, size: tuple[int, int]) -> Reference:
     """Brute force's answers to a sample of the map's rays, since no time goes without its errors."""
     sets = rays.make(workload, structure, size=size, seed=0, names=("primary",))[:1]
-    wanted = min(auto.CHECKED, auto.BRUTE_TESTS // max(len(workload.triangles), 1))
+    wanted = min(auto.CHECKED, affordable(workload))
     return Reference(native.load(), workload, sets, wanted, seed=0)
 
 

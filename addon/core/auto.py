@@ -17,7 +17,7 @@ import numpy as np
 from . import check, choice, presets, rays, specs
 from .catalogue import Catalogue
 from .choice import Comparison, Line, Mix, Plan
-from .reference import Reference
+from .reference import BRUTE_TESTS, Reference, affordable
 from .workload import Workload
 
 CANDIDATES = (
@@ -52,8 +52,8 @@ REPEATS = 3
 CHECKED = 1024
 """Rays of each full trial that are compared with brute force, fewer where that would take longer than it may."""
 
-BRUTE_TESTS, BRUTE_TESTS_PER_RAY = 1_000_000_000, 10
-"""So many triangle tests brute force may do: about two seconds on two cores, and a tenth of the picture's own time."""
+BRUTE_TESTS_PER_RAY = 10
+"""So many triangle tests brute force may do for each ray of the picture: a tenth of the picture's own time."""
 
 SMALL_BUDGET = 0.05
 """So much of the best picture's time the small trials may take; those that are left then are not tried."""
@@ -193,7 +193,7 @@ class Chooser:
         """How many rays may be compared with brute force, beside a picture like this."""
         pictured = self.plan.pixels * self.plan.samples * (counted.primary + counted.shadow + counted.secondary)
         tests = min(BRUTE_TESTS, BRUTE_TESTS_PER_RAY * pictured)
-        return min(CHECKED, int(tests / max(len(self.workload.triangles), 1)))
+        return min(CHECKED, affordable(self.workload, tests=tests))
 
     def _trials(
         self, first: str, others: Sequence[str], clock: Callable[[], float]

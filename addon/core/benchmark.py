@@ -17,10 +17,10 @@ from typing import Any
 
 from . import accuracy, costmap, first, peak, picture_times, rays, rows, specs, thesis, timing, yardstick
 from .accuracy import Answers
-from .native import FAILURES
+from .native import FAILURES, first_line
 from .picture_times import Rounds
 from .preparation import REFERENCES, Options, Prepared, Progress, prepare, prepared
-from .rows import Row, agrees, first_line
+from .rows import Row, agrees
 from .timing import Candidate
 from .workload import Workload
 

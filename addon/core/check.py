@@ -12,15 +12,13 @@ import numpy as np
 
 from . import accuracy, rays
 from .accuracy import Answers, Errors
+from .reference import affordable
 from .workload import Workload
 
 SIZE = (256, 256)
 """Pixels of the view whose rays are traced."""
 
 SETS = ("primary", "shadow", "diffuse")
-
-BRUTE_TESTS = 1_000_000_000
-"""So many triangle tests the reference may do: about two seconds on two cores."""
 
 MOST_CHECKED = 4096
 """More rays per set than this are never compared."""
@@ -46,13 +44,13 @@ def steps(native: Any, structure: Any, workload: Workload, *, seed: int = 1, thr
     sets = rays.make(workload, structure, size=SIZE, seed=seed, names=SETS)
     sets = [some for some in sets if len(some)]
     brute = native.build(workload.vertices, workload.triangles, "brute", threads=threads)
-    affordable = max(BRUTE_TESTS // max(len(workload.triangles), 1) // max(len(sets), 1), 64)
+    wanted = max(min(affordable(workload, len(sets)), MOST_CHECKED), 64)
     found: list[Errors] = []
     speed: dict[str, float] = {}
     step_means: dict[str, float] = {}
     test_means: dict[str, float] = {}
     for whole in sets:
-        some = whole.take(rays.blocks(len(whole), min(affordable, MOST_CHECKED), seed))
+        some = whole.take(rays.blocks(len(whole), wanted, seed))
         right = Answers.of(brute.closest(some.origins, some.directions, t_max=some.t_max, threads=threads))
         asked: dict[str, Any] = {"t_max": some.t_max, "order": some.order, "threads": threads}
         answers = Answers.of(structure.closest(some.origins, some.directions, **asked))

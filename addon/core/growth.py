@@ -18,9 +18,10 @@ from numpy.typing import NDArray
 
 from . import accuracy, check, peak, rays, rotation
 from .accuracy import Answers, Errors
-from .native import FAILURES
+from .native import FAILURES, first_line
 from .rays import RaySet
-from .rows import first_line, is_lazy
+from .reference import affordable
+from .rows import is_lazy
 from .workload import View, Workload
 
 SIZES = tuple(round(10 ** (4 + half / 2)) for half in range(7))
@@ -193,8 +194,7 @@ def _reference(
     native: Any, workload: Workload, ray_sets: Sequence[RaySet], options: Options
 ) -> tuple[list[RaySet], list[Answers]]:
     """A part of each set, and what brute force answers."""
-    affordable = max(BRUTE_TESTS // len(workload.triangles), LEAST_CHECKED)
-    count = min(affordable, options.check_rays)
+    count = min(max(affordable(workload, tests=BRUTE_TESTS), LEAST_CHECKED), options.check_rays)
     checked = [some.take(rays.blocks(len(some), count, options.seed)) for some in ray_sets]
     brute = native.build(workload.vertices, workload.triangles, "brute", threads=0)
     return checked, [Answers.of(brute.closest(some.origins, some.directions, threads=0)) for some in checked]

@@ -12,6 +12,14 @@ from . import rays
 from .accuracy import Answers, Mask
 from .workload import Workload
 
+BRUTE_TESTS = 1_000_000_000
+"""So many triangle tests brute force may do before someone who waits: about two seconds on two cores."""
+
+
+def affordable(workload: Workload, sets: int = 1, tests: float = BRUTE_TESTS) -> int:
+    """How many rays of each of some sets brute force may answer over these triangles."""
+    return int(tests / max(len(workload.triangles) * sets, 1))
+
 
 class Reference:
     """A sample of some ray sets, and what is right."""

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import specs, yardstick
-from .native import first_line as first_line
+from .native import first_line
 from .workload import Workload
 
 Row = dict[str, Any]
