@@ -296,7 +296,7 @@ FAULTS = (
     ),
     Fault(
         "odd rays in packets with others",
-        "native/src/traverse/packet.rs",
+        "native/src/traverse/packet/fill.rs",
         "!ordinary",
         "false",
         PACKETS,

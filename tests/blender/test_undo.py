@@ -59,7 +59,10 @@ class Picker:
 
 def test_a_click_beside_all_views_leaves_the_ray_as_it_was(seen: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     assert bpy.ops.halfspace.build_structure() == {"FINISHED"}
-    nothing = lambda *_: None  # noqa: E731
+
+    def nothing(*_: Any) -> None:
+        pass
+
     context = SimpleNamespace(
         scene=seen,
         screen=None,

@@ -12,6 +12,7 @@ mod fuzz;
 mod grazing;
 mod meshes;
 mod octants;
+#[cfg(test)]
 mod odd;
 mod planes;
 mod random;
@@ -24,6 +25,7 @@ use crate::scene::Triangles;
 use crate::traverse::Ray;
 use std::sync::Arc;
 
+#[cfg(test)]
 pub use odd::strew;
 pub use random::Random;
 pub use rays::{aimed, lattice_rays, ray};
