@@ -195,7 +195,7 @@ struct Scratch {
 /// Grows a tree over `objects`, whose numbers count for nothing but ties.
 ///
 /// # Errors
-/// [`crate::error::Error::Cancelled`] when the monitor says so.
+/// [`crate::error::Error::Cancelled`] and [`crate::error::Error::Memory`] when the monitor says so.
 pub fn grow(objects: &[Object], growth: &Growth, monitor: &Monitor) -> Result<Grown> {
     let mut order: Vec<_> = (0..objects.len()).collect();
     order.sort_by_cached_key(|&i| (shuffled(growth.seed, objects[i].id), i));
@@ -205,13 +205,16 @@ pub fn grow(objects: &[Object], growth: &Growth, monitor: &Monitor) -> Result<Gr
     };
     let mut bounds = Aabb::EMPTY;
     let mut scratch = Scratch::default();
-    monitor.check()?;
+    let mut room = 0;
     for part in order.chunks(STRIDE) {
         monitor.check()?;
         for &i in part {
             tree.insert(i, &objects[i].bounds, &bounds, growth, &mut scratch);
             bounds = bounds.union(&objects[i].bounds);
         }
+        let made = tree.nodes.capacity() - room;
+        monitor.take(made * size_of::<Node>())?;
+        room += made;
         monitor.advance(part.len() as f64 / objects.len() as f64);
     }
     Ok(tree)

@@ -27,6 +27,10 @@ impl<P: PlanePolicy> Builder<'_, P> {
         let groups = &task.groups;
         let search = |planes: &[Plane], profile: &mut Profile| {
             planes.iter().fold(found, |found, &plane| {
+                // What is found then does not count.
+                if self.monitor.is_cancelled() {
+                    return found;
+                }
                 let costs = &self.params.costs;
                 let pricing = Pricing {
                     costs,
