@@ -7,6 +7,7 @@
 //! roughness or index come from a texture, a grid of tables covers all their values.
 
 use std::collections::HashMap;
+use std::f32::consts::FRAC_PI_2;
 use std::sync::Arc;
 
 use super::fresnel;
@@ -22,30 +23,47 @@ const COARSE: [u32; 2] = [233, 144];
 const ROUGHNESSES: usize = 17;
 const INDICES: usize = 6;
 
-/// A function of the cosine of the viewing angle. Nodes are denser towards grazing angles.
+/// A function of the cosine of the viewing angle. Nodes are denser towards grazing angles, and above an edge where the
+/// function jumps or bends, if there is one.
 #[derive(Debug, Clone)]
 pub struct Table {
-    values: Vec<f32>,
+    /// Below the edge, and from it on.
+    values: [[f32; NODES]; 2],
+    edge: f32,
 }
 
 impl Table {
-    fn of(f: impl Fn(f32) -> f32) -> Self {
-        let values = (0..NODES)
-            .map(|i| {
-                let x = i as f32 / (NODES - 1) as f32;
-                f((x * x).max(1e-4))
-            })
-            .collect();
-        Self { values }
+    /// With an edge at a cosine; 0 = none.
+    fn of(edge: f32, f: impl Fn(f32) -> f32) -> Self {
+        let x = |i: usize| i as f32 / (NODES - 1) as f32;
+        Self {
+            values: [
+                // Denser towards both ends; the last one lies on this side of the edge.
+                std::array::from_fn(|i| {
+                    let share = (x(i) * FRAC_PI_2).sin().powi(2);
+                    f((edge * share).max(1e-4) * (1.0 - 1e-6))
+                }),
+                std::array::from_fn(|i| f((edge + (1.0 - edge) * x(i) * x(i)).max(1e-4))),
+            ],
+            edge,
+        }
     }
 
     /// The value at a cosine, linear between nodes.
     #[inline(always)]
     pub fn at(&self, cos: f32) -> f32 {
-        let x = cos.clamp(0.0, 1.0).sqrt() * (NODES - 1) as f32;
+        let cos = cos.clamp(0.0, 1.0);
+        let (values, place) = if cos < self.edge {
+            let place = (cos / self.edge).sqrt().asin() / FRAC_PI_2;
+            (&self.values[0], place)
+        } else {
+            let place = ((cos - self.edge) / (1.0 - self.edge)).sqrt();
+            (&self.values[1], place)
+        };
+        let x = place * (NODES - 1) as f32;
         let i = (x as usize).min(NODES - 2);
         let f = x - i as f32;
-        self.values[i] + f * (self.values[i + 1] - self.values[i])
+        values[i] + f * (values[i + 1] - values[i])
     }
 
     /// The cosine-weighted mean over the hemisphere.
@@ -62,18 +80,22 @@ impl Table {
 
     /// The albedo of facets that reflect everything.
     pub fn reflection(ggx: Ggx, points: Points) -> Self {
-        Self::of(|cos| facets(ggx, cos, points, |_| 1.0))
+        Self::of(0.0, |cos| facets(ggx, cos, points, |_| 1.0))
     }
 
     /// The albedo of facets that reflect as the boundary of a dielectric.
     pub fn dielectric_reflection(ggx: Ggx, eta: f32, points: Points) -> Self {
-        Self::of(|cos| facets(ggx, cos, points, |c| fresnel::dielectric(c, eta).0))
+        // Beyond the critical angle everything is reflected.
+        let critical = (1.0 - eta * eta).max(0.0).sqrt().min(1.0 - 1e-3);
+        Self::of(critical, |cos| {
+            facets(ggx, cos, points, |c| fresnel::dielectric(c, eta).0)
+        })
     }
 
     /// The albedo of rough glass, reflection and refraction together, seen from the side where
     /// the far side has relative index `eta`.
     pub fn glass(ggx: Ggx, eta: f32, points: Points) -> Self {
-        Self::of(|cos| {
+        Self::of(0.0, |cos| {
             facets(ggx, cos, points, |c| fresnel::dielectric(c, eta).0)
                 + refracted(ggx, cos, eta, points)
         })

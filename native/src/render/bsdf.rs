@@ -7,9 +7,10 @@
 
 use std::f32::consts::FRAC_1_PI;
 
-use super::closure::{Closure, Fresnel, LobeGrids, Parts, Reflector, Transmitter};
+use super::closure::{Closure, Fresnel, LobeGrids, Parts, Reflected, Reflector, Transmitter};
 use super::fresnel;
 use super::ggx::Ggx;
+use super::material::{MOST_CLOSURES, MOST_PRINCIPLED};
 use super::place::{RayKind, bump_shadow};
 use super::program::Value;
 use super::trig::sin_cos_turns;
@@ -60,14 +61,14 @@ struct Boundary {
     /// Index of the far side over that of the near side.
     eta: f32,
     scale: Vec3,
-    reflect: Option<Vec3>,
+    reflect: Option<Reflected>,
     tint: Vec3,
     p: f32,
 }
 
 /// Most facet lobes of a material, and most boundaries.
-pub const MOST_FACETS: usize = 12;
-const MOST_BOUNDARIES: usize = super::material::MOST_CLOSURES;
+pub const MOST_FACETS: usize = 3 * MOST_PRINCIPLED + (MOST_CLOSURES - MOST_PRINCIPLED);
+const MOST_BOUNDARIES: usize = MOST_CLOSURES;
 
 /// The lobes of a material with their weights for one viewing direction.
 pub struct Bsdf<const GLOSSY: bool, const GLASS: bool> {
@@ -255,7 +256,9 @@ impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
         single: Option<(f32, f32)>,
         inside: bool,
     ) {
-        let smooth = transmitter.ggx.is_smooth();
+        // With so little refraction the half vector is undefined: light passes straight on.
+        let window = (transmitter.ior - 1.0).abs() < 1e-4;
+        let smooth = transmitter.ggx.is_smooth() || window;
         let regained = match single {
             Some((single, mean)) if !smooth => regain(transmitter.tint, single, mean),
             _ => Vec3::ONE,
@@ -406,7 +409,7 @@ impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
                     if let (false, Some(reflect)) = (boundary.smooth, boundary.reflect) {
                         let (seen, both) = densities(boundary.ggx, boundary.lambda_i);
                         let (reflectance, _) = fresnel::dielectric(c, boundary.eta);
-                        *f += boundary.scale * reflect * (reflectance * both);
+                        *f += boundary.scale * reflect.at(reflectance) * both;
                         *pdf += boundary.p * boundary.reflect_probability(reflectance) * seen;
                     }
                 }
@@ -417,7 +420,7 @@ impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
     #[inline(always)]
     fn eval_refraction(&self, wo: Vec3, f: &mut Vec3, pdf: &mut f32) {
         for boundary in &self.boundaries[..self.boundary_count] {
-            if boundary.smooth || boundary.is_window() {
+            if boundary.smooth {
                 continue;
             }
             let eta = boundary.eta;
@@ -432,16 +435,11 @@ impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
                 continue;
             }
             let (reflectance, _) = fresnel::dielectric(c, eta);
-            let passed = if boundary.reflect.is_some() {
-                1.0 - reflectance
-            } else {
-                1.0
-            };
             let jacobian = eta * inverse_length;
             let common = boundary.ggx.d(h) / self.wi.z * jacobian * jacobian * (c * ct).abs();
             let both = common / (1.0 + boundary.lambda_i + boundary.ggx.lambda(wo.z));
             let seen = common / (1.0 + boundary.lambda_i);
-            *f += boundary.scale * boundary.tint * (passed * both);
+            *f += boundary.scale * boundary.passed(reflectance) * both;
             *pdf += boundary.p * (1.0 - boundary.reflect_probability(reflectance)) * seen;
         }
     }
@@ -514,10 +512,10 @@ impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
                 return None;
             }
             if boundary.smooth {
-                let tint = boundary.reflect.unwrap_or(Vec3::ZERO);
+                let reflected = boundary.reflected(reflectance);
                 return Some(Scatter {
                     wo,
-                    weight: boundary.scale * tint * (reflectance / (boundary.p * reflect)),
+                    weight: boundary.scale * reflected * (1.0 / (boundary.p * reflect)),
                     pdf: f32::INFINITY,
                     kind: RayKind::Glossy,
                 });
@@ -532,15 +530,11 @@ impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
         if wo.z >= 0.0 {
             return None;
         }
-        if boundary.smooth || boundary.is_window() {
-            let passed = if boundary.reflect.is_some() {
-                1.0 - reflectance
-            } else {
-                1.0
-            };
+        if boundary.smooth {
+            let passed = boundary.passed(reflectance);
             return Some(Scatter {
                 wo,
-                weight: boundary.scale * boundary.tint * (passed / (boundary.p * (1.0 - reflect))),
+                weight: boundary.scale * passed * (1.0 / (boundary.p * (1.0 - reflect))),
                 pdf: f32::INFINITY,
                 kind: RayKind::Transmission,
             });
@@ -561,20 +555,26 @@ impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
 }
 
 impl Boundary {
-    /// So little refraction that the half vector is undefined: light passes straight on.
+    /// What is reflected where the boundary's own reflectance is this.
     #[inline(always)]
-    fn is_window(&self) -> bool {
-        (self.eta - 1.0).abs() < 1e-4
+    fn reflected(&self, reflectance: f32) -> Vec3 {
+        self.reflect.map_or(Vec3::ZERO, |r| r.at(reflectance))
+    }
+
+    /// What passes.
+    #[inline(always)]
+    fn passed(&self, reflectance: f32) -> Vec3 {
+        match self.reflect {
+            None => self.tint,
+            Some(reflect) => self.tint * reflect.rest(reflectance),
+        }
     }
 
     /// Share of the samples that reflect: by energy.
     #[inline(always)]
     fn reflect_probability(&self, reflectance: f32) -> f32 {
-        let Some(tint) = self.reflect else {
-            return 0.0;
-        };
-        let reflected = reflectance * tint.mean();
-        let passed = (1.0 - reflectance) * self.tint.mean();
+        let reflected = self.reflected(reflectance).mean();
+        let passed = self.passed(reflectance).mean();
         if reflected + passed > 0.0 {
             reflected / (reflected + passed)
         } else {

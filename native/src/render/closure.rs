@@ -189,6 +189,41 @@ pub struct Reflector {
     pub multiple: Vec3,
 }
 
+/// How the light is coloured that a boundary reflects.
+#[derive(Debug, Clone, Copy)]
+pub enum Reflected {
+    /// All of it alike; what passes is not changed by that.
+    Alike(Vec3),
+    /// As a dielectric's, by the reflectance `f0` at normal incidence in place of its own, `own`; what is not reflected
+    /// passes.
+    Dielectric {
+        /// Its own normal reflectance.
+        own: f32,
+        /// The normal reflectance wanted.
+        f0: Vec3,
+    },
+}
+
+impl Reflected {
+    /// What is reflected where the boundary's own reflectance is this.
+    #[inline(always)]
+    pub fn at(&self, reflectance: f32) -> Vec3 {
+        match *self {
+            Self::Alike(color) => color * reflectance,
+            Self::Dielectric { own, f0 } => tinted(reflectance, own, f0),
+        }
+    }
+
+    /// What is left to pass.
+    #[inline(always)]
+    pub fn rest(&self, reflectance: f32) -> Vec3 {
+        match self {
+            Self::Alike(_) => Vec3::splat(1.0 - reflectance),
+            Self::Dielectric { .. } => Vec3::ONE - self.at(reflectance),
+        }
+    }
+}
+
 /// A rough or smooth boundary that light passes.
 #[derive(Debug, Clone, Copy)]
 pub struct Transmitter {
@@ -200,8 +235,8 @@ pub struct Transmitter {
     pub roughness: f32,
     /// Index of the inside over that of the outside.
     pub ior: f32,
-    /// Colour of what is reflected; `None` = nothing is, and all that can be is refracted.
-    pub reflect: Option<Vec3>,
+    /// How what is reflected is coloured; `None` = nothing is, and all that can be is refracted.
+    pub reflect: Option<Reflected>,
     /// Filter of each passage through the boundary.
     pub tint: Vec3,
 }
@@ -441,7 +476,7 @@ impl Closure {
                     ggx,
                     roughness,
                     ior: at_least_some(get(Input::Ior).x),
-                    reflect: (self.kind == Kind::Glass).then_some(base),
+                    reflect: (self.kind == Kind::Glass).then_some(Reflected::Alike(base)),
                     tint: base,
                 });
             }
@@ -470,12 +505,14 @@ impl Closure {
                 let ior = at_least_some(get(Input::Ior).x);
                 let glass = (1.0 - metallic) * transmission;
                 if glass > CUTOFF {
+                    let own = fresnel::f0_from_ior(ior);
+                    let f0 = tint.map(|c| c.min(1.0)) * own;
                     parts.glass = Some(Transmitter {
                         weight: glass,
                         ggx,
                         roughness,
                         ior,
-                        reflect: Some(tint),
+                        reflect: Some(Reflected::Dielectric { own, f0 }),
                         tint: clamped.map(f32::sqrt),
                     });
                 }

@@ -102,6 +102,9 @@ impl MaterialParams {
 /// A material has at most this many closures; further ones are refused.
 pub const MOST_CLOSURES: usize = 8;
 
+/// And at most this many of them are Principled, which have several lobes.
+pub const MOST_PRINCIPLED: usize = 4;
+
 /// A material ready for shading.
 #[derive(Debug, Clone)]
 pub struct Material {
@@ -143,6 +146,15 @@ impl Material {
             return Err(super::check::Error::Spec(format!(
                 "{name}['closures']: more than {MOST_CLOSURES}, got {}",
                 closures.len()
+            )));
+        }
+        let principled = closures
+            .iter()
+            .filter(|c| c.kind == Kind::Principled)
+            .count();
+        if principled > MOST_PRINCIPLED {
+            return Err(super::check::Error::Spec(format!(
+                "{name}['closures']: more than {MOST_PRINCIPLED} of kind principled, got {principled}"
             )));
         }
         let normal = closures.iter().find_map(|c| c.normal);

@@ -238,6 +238,9 @@ impl Settings {
     }
 }
 
+/// Most samples between two updates of a tile: what a tile keeps of each pixel sample grows with them.
+pub const MOST_STEP: u32 = 64;
+
 /// Noise is looked at after each so many samples.
 pub const CHECK_SAMPLES: u32 = 16;
 
@@ -293,8 +296,12 @@ impl Settings {
         if self.mist.start.is_nan() || self.mist.depth.is_nan() {
             return spec("settings['mist'] must be numbers".into());
         }
-        if self.step_samples == Some(0) {
-            return spec("settings['step_samples'] must be at least 1, got 0".into());
+        if let Some(step) = self.step_samples
+            && !(1..=MOST_STEP).contains(&step)
+        {
+            return spec(format!(
+                "settings['step_samples'] must be from 1 to {MOST_STEP}, got {step}"
+            ));
         }
         let [x0, y0, x1, y1] = self.region();
         if x0 >= x1 || y0 >= y1 || x1 > self.width || y1 > self.height {

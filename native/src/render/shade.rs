@@ -2,7 +2,7 @@
 //! What happens where the rays of a wavefront hit: surfaces emit, shadow rays are collected, and the rays are
 //! replaced by those of the next bounce.
 
-use super::bsdf::{Bsdf, cosine_direction};
+use super::bsdf::{Bsdf, Scatter, cosine_direction};
 use super::features::Features;
 use super::film::PixelSample;
 use super::integrator::{Context, Wavefront};
@@ -238,9 +238,10 @@ impl<'a, const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
     #[inline(always)]
     fn leave_scene(&self, d: Vec3, path: &Path, out: &mut Out<'_>) {
         let (scene, settings) = (self.scene, self.settings);
-        if !scene.world.visible.to(path.kind) {
-            out.sample.alpha = 1.0;
-        } else if !(path.camera && settings.film_transparent) {
+        if path.camera && settings.film_transparent {
+            return;
+        }
+        if scene.world.visible.to(path.kind) {
             let mut light =
                 scene
                     .world
@@ -251,8 +252,37 @@ impl<'a, const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
             }
             out.sample
                 .add(settings.clamped(path.throughput * light, path.bounce > 1));
-            out.sample.alpha = 1.0;
         }
+        out.sample.alpha = 1.0;
+    }
+
+    /// Asks whether a direction that Whitted's rays do not follow is open to a world of one colour, of which no light
+    /// sample is taken.
+    #[inline(always)]
+    fn meet_even_world(
+        &self,
+        surface: &Surface<'_>,
+        direction: Vec3,
+        scatter: &Scatter,
+        path: &Path,
+        out: &mut Out<'_>,
+    ) {
+        let world = &self.scene.world;
+        let Some(color) = world.constant().filter(|_| world.visible.to(scatter.kind)) else {
+            return;
+        };
+        let value = path.throughput * scatter.weight * color;
+        if !(value.max_component() > 0.0 && value.is_finite()) {
+            return;
+        }
+        let ray = Ray {
+            o: surface.leave(direction).array(),
+            d: direction.array(),
+            t_min: 0.0,
+            t_max: f32::INFINITY,
+        };
+        let value = self.settings.clamped(value, path.bounce > 0);
+        out.shadows.push(ray, path.slot, value);
     }
 
     /// Adds what the surface emits, seen along `d`.
@@ -383,12 +413,13 @@ impl<'a, const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
             return None;
         }
         let scatter = bsdf.sample(choice, u)?;
-        if self.is(Integrator::Whitted) && scatter.pdf.is_finite() {
-            return None;
-        }
         let direction = frame.to_world(scatter.wo).normalized_or(surface.geometric);
         let across = direction.dot(surface.geometric) < 0.0;
         if across != (scatter.kind == RayKind::Transmission) {
+            return None;
+        }
+        if self.is(Integrator::Whitted) && scatter.pdf.is_finite() {
+            self.meet_even_world(surface, direction, &scatter, path, out);
             return None;
         }
         path.throughput = path.throughput * scatter.weight;

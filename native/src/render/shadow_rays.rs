@@ -127,10 +127,11 @@ impl ShadowRays {
                     samples[carried.slot as usize].add(carried.value);
                     continue;
                 }
-                let d = Vec3::from(ray.d);
+                // As long as the way to the light: what is seen must not depend on that.
+                let d = Vec3::from(ray.d).normalized();
                 let surface = Surface::of(scene, &hit, d);
                 if surface.material.visible.to(RayKind::Shadow) {
-                    let place = || surface.place(scene, d.normalized(), RayKind::Shadow);
+                    let place = || surface.place(scene, d, RayKind::Shadow);
                     let look = surface.material.look(&scene.images, place, registers);
                     carried.value = carried.value * look.transparent;
                     carried.transparent += 1;

@@ -139,7 +139,8 @@ impl World {
     }
 }
 
-/// Widest and highest map; more would not make samples better.
+/// Widest and highest map. Of larger panoramas single bright texels may be missed by the points where a map looks, and
+/// are then sampled like the others: rarely, but no light is lost.
 const MOST_TEXELS: usize = 1024;
 
 /// Share of the mean brightness that every texel has for sampling, so that none is left out.

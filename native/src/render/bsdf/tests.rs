@@ -113,6 +113,76 @@ fn white_furnace_of_every_shader_node() {
 }
 
 #[test]
+fn what_hardly_refracts_loses_and_gains_nothing() {
+    for roughness in [0.0, 0.5, 1.0] {
+        let glass = node(Kind::Glass, roughness, &[(Input::Ior, 1.0)]);
+        let pane = [(Input::Transmission, 1.0), (Input::Ior, 1.0)];
+        let principled = node(Kind::Principled, roughness, &pane);
+        for (material, cos) in [(&glass, 0.17), (&glass, 0.5), (&principled, 0.5)] {
+            let a = albedo(material, cos, false);
+            assert!((a - 1.0).abs() < 1e-3, "{roughness} {cos}: {a}");
+        }
+    }
+}
+
+#[test]
+fn a_tint_of_reflections_in_glass_leaves_the_rest_to_pass() {
+    for (roughness, tint) in [(0.0, 0.0), (0.0, 0.2), (0.4, 0.2)] {
+        let tinted = [(Input::Transmission, 1.0), (Input::SpecularTint, tint)];
+        let material = node(Kind::Principled, roughness, &tinted);
+        for cos in [0.2, 0.5, 1.0] {
+            let a = albedo(&material, cos, false);
+            assert!((a - 1.0).abs() < 0.01, "{roughness} {tint} {cos}: {a}");
+        }
+    }
+}
+
+#[test]
+fn a_layer_of_less_index_gains_nothing_at_its_critical_angle() {
+    for roughness in [0.0, 0.01, 0.05, 0.3] {
+        let material = node(Kind::Principled, roughness, &[(Input::Ior, 0.5)]);
+        // The critical angle is 30 degrees.
+        for degrees in [
+            10.0_f32, 26.0, 28.0, 29.0, 29.5, 30.0, 30.5, 31.0, 33.0, 60.0,
+        ] {
+            let a = albedo(&material, degrees.to_radians().cos(), false);
+            assert!((a - 1.0).abs() < 0.03, "{roughness} {degrees}: {a}");
+        }
+    }
+}
+
+#[test]
+fn as_many_lobes_as_a_material_may_have_all_count() {
+    let closure = |kind: Kind, more: &[(Input, f32)]| {
+        let mut closure = ClosureParams::new(kind);
+        let white = [
+            (Input::Weight, 1.0 / MOST_CLOSURES as f32),
+            (Input::Color, 1.0),
+        ];
+        for &(input, value) in white.iter().chain(more) {
+            closure.inputs[input as usize] = Operand::number(value);
+        }
+        closure
+    };
+    let rich = [(Input::CoatWeight, 0.5), (Input::Metallic, 0.5)];
+    let mut closures = vec![closure(Kind::Principled, &rich); MOST_PRINCIPLED];
+    let params = |closures: &[ClosureParams]| MaterialParams {
+        closures: closures.to_vec(),
+        ..Default::default()
+    };
+    closures.resize(MOST_CLOSURES, closure(Kind::Glossy, &[]));
+    let a = albedo(&compile(params(&closures)), 0.6, false);
+    assert!((a - 1.0).abs() < 0.003, "{a}");
+    closures[MOST_PRINCIPLED] = closure(Kind::Principled, &rich);
+    let refused = Material::new(&params(&closures), 0, &mut Grids::default());
+    let message = refused.unwrap_err().to_string();
+    assert!(
+        message.contains("more than 4 of kind principled, got 5"),
+        "{message}"
+    );
+}
+
+#[test]
 fn a_furnace_is_white_where_the_inputs_vary_as_well() {
     // Roughness, index and specular from a program: the grids stand in for the tables.
     let mut closure = ClosureParams::new(Kind::Principled);

@@ -6,6 +6,7 @@ use crate::render::camera::CameraParams;
 use crate::render::lights::{AreaShape, LightKind, LightParams};
 use crate::render::material::MaterialParams;
 use crate::render::scene::SceneParams;
+use crate::render::settings::{Integrator, Settings};
 
 fn lit_floor(lights: Vec<LightParams>, samples: u32) -> f64 {
     let mut mesh = Mesh::default();
@@ -318,5 +319,24 @@ fn white_furnace_on_solids() {
         };
         let value = mean(&run(&mesh.scene(params), &camera, square(16, 256, 60), 2).0);
         assert!((value - 1.0).abs() < tolerance, "{name}: {value}");
+    }
+}
+
+#[test]
+fn whitted_sees_an_even_world_as_paths_do() {
+    let mut mesh = Mesh::default();
+    mesh.floor(9.0, 0.0, 0);
+    let scene = mesh.scene(SceneParams {
+        materials: vec![matte(0.8)],
+        world: [1.0; 3].into(),
+        ..Default::default()
+    });
+    for bounces in [0, 3] {
+        let settings = Settings {
+            integrator: Integrator::Whitted,
+            ..square(8, 64, bounces)
+        };
+        let value = mean(&run(&scene, &from_above(0.01), settings, 1).0);
+        assert!((value - 0.8).abs() < 1e-3, "{bounces}: {value}");
     }
 }

@@ -2,12 +2,17 @@
 //! Where shadows fall, what light goes through, and what sees it.
 
 use super::setup::{Mesh, at, from_above, light, matte, mean, run, square};
+use crate::render::camera::CameraParams;
+use crate::render::closure::{ClosureParams, Input, Kind};
 use crate::render::lights::{AreaShape, LightKind};
 use crate::render::material::MaterialParams;
 use crate::render::place::RayKind;
+use crate::render::program::{Op, Operand, Step};
 use crate::render::scene::SceneParams;
 use crate::render::settings::Settings;
+use crate::render::vector::vec3;
 use crate::render::visibility::Visibility;
+use crate::render::world::WorldParams;
 
 #[test]
 fn transparency_lets_through_its_share_of_light_and_view() {
@@ -189,4 +194,74 @@ fn any_number_of_cards_may_be_hidden_from_shadow_rays() {
         open > 0.0 && (behind / open - 1.0).abs() < 1e-5,
         "{behind} {open}"
     );
+}
+
+#[test]
+fn how_far_away_a_light_is_does_not_change_what_stands_before_it() {
+    // A pane that passes light as its angle tells, with normals that lean over, under lights that give the floor as
+    // much from everywhere.
+    let lit = |distance: f32| {
+        let mut mesh = Mesh::default();
+        mesh.floor(9.0, 0.0, 0);
+        mesh.floor(9.0, 1.0, 1);
+        let mut closure = ClosureParams::new(Kind::Transparent);
+        closure.inputs[Input::Color as usize] = Operand::Register(0);
+        let pane = MaterialParams {
+            closures: vec![closure],
+            program: vec![Step {
+                op: Op::LayerFacing,
+                args: vec![Operand::number(0.5)],
+            }],
+            ..Default::default()
+        };
+        let lean = vec3(0.95, 0.0, -0.3).normalized().array();
+        let power = 100.0 * distance * distance;
+        let lamp = light(
+            LightKind::Point { radius: 0.0 },
+            at(0.0, 0.0, f64::from(distance)),
+            power,
+        );
+        let params = SceneParams {
+            materials: vec![matte(0.8), pane],
+            corner_normals: Some(vec![
+                [[0.0, 0.0, 1.0]; 3],
+                [[0.0, 0.0, 1.0]; 3],
+                [lean; 3],
+                [lean; 3],
+            ]),
+            lights: vec![lamp],
+            ..Default::default()
+        };
+        let camera = CameraParams {
+            clip_start: 7.5,
+            ..from_above(0.01)
+        };
+        mean(&run(&mesh.scene(params), &camera, square(8, 16, 0), 1).0)
+    };
+    let (near, far) = (lit(6.0), lit(6000.0));
+    assert!(
+        near > 0.01 && (near / far - 1.0).abs() < 0.02,
+        "{near} {far}"
+    );
+}
+
+#[test]
+fn a_transparent_film_shows_no_world_hidden_or_not() {
+    for visible in [Visibility::ALL, Visibility::NOT_BY_CAMERA] {
+        let mut mesh = Mesh::default();
+        mesh.floor(0.1, 0.0, 0);
+        let mut world = WorldParams::from([1.0; 3]);
+        world.visible = visible;
+        let params = SceneParams {
+            materials: vec![matte(0.5)],
+            world,
+            ..Default::default()
+        };
+        let settings = Settings {
+            film_transparent: true,
+            ..square(9, 16, 0)
+        };
+        let (image, _) = run(&mesh.scene(params), &from_above(1.0), settings, 1);
+        assert_eq!(image[..4], [0.0; 4], "{visible:?}");
+    }
 }

@@ -187,3 +187,18 @@ fn bad_scenes_are_refused_by_name() {
         assert!(error.contains(words) && !error.contains('\n'), "{error}");
     }
 }
+
+#[test]
+fn a_step_of_too_many_samples_is_refused() {
+    for step in [0, 65, 1_000_000] {
+        let settings = Settings {
+            step_samples: Some(step),
+            ..square(8, 4, 0)
+        };
+        let message = settings.check().unwrap_err().to_string();
+        assert!(
+            message.contains("step_samples'] must be from 1 to 64"),
+            "{message}"
+        );
+    }
+}
