@@ -61,9 +61,8 @@ def run(asked: argparse.Namespace) -> int:
         entry = journal.entries.get(key) if journal is not None else None
         kept = None if entry is None else entry.row
         if kept is None:
-            before = lab.wrong()
             (result,) = claims.measure(lab, [claim])
-            kept = {"outcomes": list(result.as_rows()), "wrong": lab.wrong() - before}
+            kept = {"outcomes": list(result.as_rows()), "wrong": result.wrong}
             if journal is not None:
                 journal.add(results.Entry(key, (0, place), kept), machine)
         found.append(claims.Result(claim, tuple(map(claims.outcome, kept["outcomes"]))))

@@ -272,8 +272,9 @@ def answers(layout: Any, tree: trees.Tree | None, known: str = "") -> None:
     if found.right:
         wrapped(layout, f"{what} are those of brute force, bit for bit", icon="CHECKMARK")
     else:
-        wrong = f"{errors.false_miss} hits lost, {errors.false_hit} invented, {errors.wrong_triangle} other triangles"
-        wrapped(layout, f"Of {what}: {wrong}, {errors.wrong_values} other values", icon="ERROR")
+        kinds = f"{errors.false_miss} hits lost, {errors.false_hit} invented, {errors.wrong_triangle} other triangles"
+        wrong = f"{errors.wrong} of {what} differ from brute force"
+        wrapped(layout, f"{wrong}: {kinds}, the others in t, u or v", icon="ERROR")
     grid = layout.grid_flow(row_major=True, columns=4, even_columns=False)
     for text in ("Rays", "Mray/s", "Steps", "Tests"):
         grid.label(text=text)

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
@@ -60,7 +60,8 @@ class Errors:
     """Counts over some rays. `ulps`: distances of t where both hit, in units in the last place of f32.
 
     wrong_values: same triangle but other u or v. wrong_any_hit: `occluded` says other than the reference; these
-    rays are among false_miss and false_hit too.
+    rays are among false_miss and false_hit too. wrong: rays that differ in anything, t included, each once; with a
+    reference that is not exact, in more than the last bits of t, u and v.
     """
 
     rays: int = 0
@@ -69,6 +70,7 @@ class Errors:
     wrong_triangle: int = 0
     wrong_values: int = 0
     wrong_any_hit: int = 0
+    wrong: int = 0
     on_boundary: int = 0
     ulps: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
 
@@ -76,7 +78,7 @@ class Errors:
         """Whether no answer differs; with `bitwise` t, u and v count to the last bit."""
         if self.false_miss or self.false_hit or self.wrong_triangle or self.wrong_any_hit:
             return False
-        return not bitwise or (not self.wrong_values and not self.ulps.any())
+        return not bitwise or not (self.wrong or self.wrong_values or self.ulps.any())
 
     def as_row(self, reference: str) -> dict[str, Any]:
         """The columns of a benchmark row."""
@@ -88,6 +90,7 @@ class Errors:
             "wrong_triangle": self.wrong_triangle,
             "wrong_values": self.wrong_values,
             "wrong_any_hit": self.wrong_any_hit,
+            "wrong": self.wrong,
             "t_ulp_max": int(self.ulps.max()) if len(self.ulps) else 0,
             # The sorted value itself, not one between two distances.
             "t_ulp_p999": int(np.quantile(self.ulps, 0.999, method="higher")) if len(self.ulps) else 0,
@@ -98,9 +101,25 @@ class Errors:
 def total(parts: Iterable[Errors]) -> Errors:
     """The errors of several ray sets together."""
     found = list(parts)
-    counts = ("rays", "false_miss", "false_hit", "wrong_triangle", "wrong_values", "wrong_any_hit", "on_boundary")
+    counts = [entry.name for entry in fields(Errors) if entry.name != "ulps"]
     ulps = np.concatenate([part.ulps for part in found]) if found else np.zeros(0, np.int64)
     return Errors(**{name: sum(getattr(part, name) for part in found) for name in counts}, ulps=ulps)
+
+
+def differing(reference: Answers, answers: Answers | None, occluded: Mask | None) -> Mask:
+    """(n,) bool: rays whose closest hit is not the reference's, bit for bit, or whose any hit is not.
+
+    Either may be left out.
+    """
+    differ: Mask = np.zeros(len(reference.hit), bool)
+    if answers is not None:
+        differ |= answers.triangle != reference.triangle
+        for name in ("t", "u", "v"):
+            bits, expected = (getattr(hits, name).view(np.uint32) for hits in (answers, reference))
+            differ |= reference.hit & (bits != expected)
+    if occluded is not None:
+        differ |= occluded != reference.hit
+    return differ
 
 
 def compare(
@@ -117,8 +136,8 @@ def compare(
     """
     expected = reference.hit
     missed = np.zeros(len(expected), bool)
-    invented, any_hit_wrong = missed.copy(), missed.copy()
-    wrong_triangle = wrong_values = 0
+    invented, any_hit_wrong, other = missed.copy(), missed.copy(), missed.copy()
+    wrong_values = 0
     ulps = np.zeros(0, np.int64)
     if answers is not None:
         missed |= expected & ~answers.hit
@@ -129,7 +148,6 @@ def compare(
             near = np.abs(answers.t[both] - reference.t[both]) <= TIE * np.abs(reference.t[both])
             other[np.flatnonzero(both)[near]] = False
         same = both & ~other
-        wrong_triangle = int(other.sum())
         bits = [getattr(answers, name)[same].view(np.uint32) for name in "uv"]
         expected_bits = [getattr(reference, name)[same].view(np.uint32) for name in "uv"]
         wrong_values = int(((bits[0] != expected_bits[0]) | (bits[1] != expected_bits[1])).sum())
@@ -138,13 +156,15 @@ def compare(
         any_hit_wrong = occluded != expected
         missed |= expected & ~occluded
         invented |= ~expected & occluded
+    wrong = differing(reference, answers, occluded) if bitwise else missed | invented | other
     return Errors(
         rays=len(expected),
         false_miss=int(missed.sum()),
         false_hit=int(invented.sum()),
-        wrong_triangle=wrong_triangle,
+        wrong_triangle=int(other.sum()),
         wrong_values=wrong_values,
         wrong_any_hit=int(any_hit_wrong.sum()),
+        wrong=int(wrong.sum()),
         on_boundary=int(reference.boundary().sum()),
         ulps=ulps,
     )

@@ -130,10 +130,10 @@ def compare(rows: Sequence[benchmark.Row], counted: Mix, plan: Plan) -> Comparis
             lines.append(Line(row["spec"], problem="no ray meets the scene"))
             continue
         errors = row["errors"]
-        wrong = sum(errors[key] for key in ("false_miss", "false_hit", "wrong_triangle", "wrong_values"))
+        wrong = int(errors["wrong"])
         problem = ""
         if not benchmark.agrees(row):
-            least = "" if wrong else "at least "  # a row does not tell how many distances are a bit off
+            least = "" if wrong else "at least "  # of wrong pixels a row does not tell how many rays they are
             wrong = max(wrong, 1)
             problem = f"{least}{wrong:,} of {errors['rays']:,} answers are wrong"
         build, trace = building(row), counted.seconds(speeds, plan)

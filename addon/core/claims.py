@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from . import accuracy
-from .accuracy import Answers
+from .accuracy import Answers, Errors
 from .check import timed_build
 from .rays import RaySet, blocks
 from .stability import allowed_to_fail
@@ -78,10 +78,11 @@ class Claim:
 
 @dataclass(frozen=True)
 class Result:
-    """A claim and what came out."""
+    """A claim and what came out. wrong: how many of the checked answers were not brute force's, see `Lab.wrong`."""
 
     claim: Claim
     outcomes: tuple[Outcome, ...]
+    wrong: int = 0
 
     def as_rows(self) -> Iterator[dict[str, Any]]:
         """One row per configuration, as JSON has it."""
@@ -133,7 +134,12 @@ class Lab:
         self._timings: dict[tuple[str, str, str], Timing] = {}
         self._right: dict[tuple[str, str], Answers] = {}
         self._rays: dict[tuple[str, str], RaySet] = {}
-        self._errors: dict[tuple[str, str, str], tuple[int, int]] = {}
+        self._errors: dict[tuple[str, str, str], Errors] = {}
+        self._used: set[tuple[str, str, str]] = set()
+
+    def begin(self) -> None:
+        """A claim begins: `wrong` tells of its answers."""
+        self._used.clear()
 
     def lacks(self, *specs: str) -> str:
         """Which of the structures do not exist in this build, as a sentence; empty when all do."""
@@ -181,6 +187,7 @@ class Lab:
             self.say(f"{workload.name}: {rays.name}: {', '.join(wanted)}")
         for spec in wanted:
             self._check(workload, spec, rays)
+        self._used.update((workload.name, spec, rays.name) for spec in specs)
         taken: dict[str, list[float]] = {spec: [] for spec in wanted}
         for repeat in range(self.repeats + 1):
             for spec in wanted:
@@ -211,6 +218,7 @@ class Lab:
         for _ in range(self.repeats):
             for spec in wanted:
                 best[spec] = np.minimum(best[spec], recordings[spec].replay())
+        self._used.update((workload.name, spec, rays.name) for spec in specs)
         for spec in wanted:
             counters = {name: float(np.mean(column)) for name, column in recordings[spec].counters.items()}
             self._timings[workload.name, spec, kind] = Timing(len(rays), float(best[spec].sum()), counters)
@@ -228,12 +236,17 @@ class Lab:
     def error(self, workload: Workload, specs: Iterable[str]) -> str:
         """How many of the checked rays of these structures on this scene were not brute force's, in words."""
         own = [v for (scene, spec, _), v in self._errors.items() if scene == workload.name and spec in set(specs)]
-        wrong, of = (sum(column) for column in zip(*own, strict=True)) if own else (0, 0)
+        wrong, of = sum(errors.wrong for errors in own), sum(errors.rays for errors in own)
         return f"{wrong:,} of {of:,} answers differ from brute force"
 
+    def compared(self, where: str, spec: str, rays: str, errors: Errors) -> None:
+        """Take note of answers that were compared with brute force's. where: the name of a scene or a case."""
+        self._errors[where, spec, rays] = errors
+        self._used.add((where, spec, rays))
+
     def wrong(self) -> int:
-        """How many of all checked answers were not brute force's, without those of walks that are known to fail."""
-        return sum(wrong for (_, spec, _), (wrong, _) in self._errors.items() if not allowed_to_fail(spec))
+        """How many of the answers behind this claim are not brute force's, without those of walks known to fail."""
+        return sum(self._errors[key].wrong for key in self._used if not allowed_to_fail(key[1]))
 
     def _ask(self, structure: Any, rays: RaySet) -> float:
         ask = structure.occluded if rays.any_hit else structure.closest
@@ -262,16 +275,16 @@ class Lab:
         blocked = structure.occluded(some.origins, some.directions, order=some.order, **arguments)
         found = Answers.of(structure.closest(some.origins, some.directions, order=some.order, **arguments))
         errors = accuracy.compare(right, found, blocked, self.native.ulp_distance, bitwise=True)
-        row = errors.as_row("brute")
-        kinds = ("false_miss", "false_hit", "wrong_triangle", "wrong_any_hit", "wrong_values")
-        self._errors[workload.name, spec, rays.name] = (sum(int(row[kind]) for kind in kinds), len(some))
+        self.compared(workload.name, spec, rays.name, errors)
 
 
 def measure(lab: Lab, claims: Iterable[Claim]) -> Iterator[Result]:
     """Measure claim by claim."""
     for claim in claims:
         lab.say(f"{claim.paper}: {claim.id}")
-        yield Result(claim, tuple(claim.measure(lab)))
+        lab.begin()
+        outcomes = tuple(claim.measure(lab))
+        yield Result(claim, outcomes, lab.wrong())
 
 
 def verdict(*, holds: bool) -> str:

@@ -132,10 +132,10 @@ def singular(lab: Lab) -> Iterator[Outcome]:
     for configuration, tree in TREES.items():
         wrong = dict.fromkeys(WALKS, 0)
         for case in cases:
-            for row in stability.measure_case(lab.native, case, [tree + walk for walk in WALKS], exact_pairs=0):
-                wrong[row["spec"].removeprefix(tree)] += stability.differs(row) and sum(
-                    row[name] for name in ("false_miss", "false_hit", "wrong_triangle")
-                )
+            specs = [tree + walk for walk in WALKS]
+            for spec, errors, _ in stability.case_errors(lab.native, case, specs, exact_pairs=0):
+                wrong[spec.removeprefix(tree)] += errors.wrong
+                lab.compared(case["name"], spec, "singular", errors)
         yield Outcome(
             configuration,
             verdict(holds=wrong["ta-b"] == 0),

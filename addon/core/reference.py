@@ -6,10 +6,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
-
 from . import rays
-from .accuracy import Answers, Mask
+from .accuracy import Answers, differing
 from .workload import Workload
 
 BRUTE_TESTS = 1_000_000_000
@@ -47,14 +45,5 @@ class Reference:
             asked: dict[str, Any] = {"t_max": some.t_max, "order": some.order, "threads": self._threads}
             answers = Answers.of(structure.closest(some.origins, some.directions, **asked))
             any_hit = structure.occluded(some.origins, some.directions, **asked)
-            found += int((_differ(answers, right) | (any_hit != right.hit)).sum())
+            found += int(differing(right, answers, any_hit).sum())
         return found
-
-
-def _differ(answers: Answers, right: Answers) -> Mask:
-    """(n,) bool: which hits are not the same, bit for bit."""
-    differ: Mask = answers.triangle != right.triangle
-    for name in ("t", "u", "v"):
-        bits, expected = (getattr(hits, name).view(np.uint32) for hits in (answers, right))
-        differ |= right.hit & (bits != expected)
-    return differ

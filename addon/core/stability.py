@@ -57,13 +57,17 @@ MOST_RAYS = {
 are too close to call in f64 and go to exact arithmetic; with all rays they would take as long as all others."""
 
 
+RAYS = ("origins", "directions", "t_min", "t_max")
+"""The arrays of a case that its rays are, in the order in which structures take them."""
+
+
 def fewer_rays(case: Mapping[str, Any], most: int | None) -> dict[str, Any]:
     """A case of `native.cases()` with at most so many of its rays; None for all."""
     count = len(case["origins"])
     if most is None or count <= most:
         return dict(case)
     chosen = np.linspace(0, count - 1, most).astype(np.int64)
-    return {**case, **{name: case[name][chosen] for name in ("origins", "directions", "t_min", "t_max")}}
+    return {**case, **{name: case[name][chosen] for name in RAYS}}
 
 
 def configurations(structures: Sequence[Mapping[str, Any]], chosen: Sequence[str]) -> list[str]:
@@ -138,14 +142,24 @@ def nearest(structure: Any, rays: Sequence[Any], *, threads: int = 0) -> Answers
 def measure_case(
     native: Any, case: Mapping[str, Any], specs: Iterable[str], *, exact_pairs: int, threads: int = 0
 ) -> Iterator[Row]:
-    """One row per configuration on one case of `native.cases()`.
+    """One row per configuration on one case of `native.cases()`, as `case_errors` finds them."""
+    apart = different(*(case[name] for name in RAYS))
+    for spec, errors, beside in case_errors(native, case, specs, exact_pairs=exact_pairs, threads=threads):
+        about = {"case": case["name"], "spec": spec, "triangles": len(case["triangles"]), "different_rays": apart}
+        yield {**about, **columns(errors, beside)}
+
+
+def case_errors(
+    native: Any, case: Mapping[str, Any], specs: Iterable[str], *, exact_pairs: int, threads: int = 0
+) -> Iterator[tuple[str, Errors, Errors]]:
+    """Each configuration with its errors against brute force, and against exact arithmetic, on one case.
 
     Closest and any hits are compared with both references. exact_pairs: about how many pairs of ray and triangle are
     decided by exact arithmetic; 0 for none.
     """
     scene = case["vertices"], case["triangles"]
-    rays = case["origins"], case["directions"], case["t_min"], case["t_max"]
-    count, apart = len(rays[0]), different(*rays)
+    rays = tuple(case[name] for name in RAYS)
+    count = len(rays[0])
     brute = Answers.of(native.build(*scene, "brute", threads=threads).closest(*rays, threads=threads))
     wanted = min(count, exact_pairs // max(1, len(scene[1])))
     sample = np.unique(np.linspace(0, count - 1, wanted).astype(np.int64))
@@ -156,8 +170,7 @@ def measure_case(
         occluded = structure.occluded(*rays, threads=threads)
         errors = accuracy.compare(brute, answers, occluded, native.ulp_distance, bitwise=True)
         beside = accuracy.compare(exact, answers.take(sample), occluded[sample], native.ulp_distance, bitwise=True)
-        about = {"case": case["name"], "spec": spec, "triangles": len(scene[1]), "different_rays": apart}
-        yield {**about, **columns(errors, beside)}
+        yield spec, errors, beside
 
 
 def columns(errors: Errors, exact: Errors) -> Row:

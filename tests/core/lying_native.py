@@ -50,14 +50,15 @@ class Lying:
 
 
 class LyingNative:
-    """As the real module, but `kd` lies when the benchmark, not the ray maker, asks for it."""
+    """As the real module, but `spec` lies when the benchmark, not the ray maker, asks for it on so many threads."""
 
-    def __init__(self, lie: str) -> None:
+    def __init__(self, lie: str, spec: str = "kd", threads: int = 1) -> None:
         self._lie = lie
+        self._asked = spec, threads
 
     def __getattr__(self, name: str) -> Any:
         return getattr(halfspace_native, name)
 
     def build(self, vertices: Any, triangles: Any, spec: str, *, threads: int = 0, **options: Any) -> Any:
         structure = halfspace_native.build(vertices, triangles, spec, threads=threads, **options)
-        return Lying(structure, self._lie) if spec == "kd" and threads == 1 else structure
+        return Lying(structure, self._lie) if (spec, threads) == self._asked else structure

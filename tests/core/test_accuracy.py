@@ -79,6 +79,17 @@ def test_a_ray_wrong_in_both_questions_counts_once() -> None:
     assert errors.false_miss == 1
 
 
+def test_a_ray_that_differs_in_anything_counts_once() -> None:
+    later = np.nextafter(np.float32(1), np.float32(2))
+    assert compare(answers([later, 2, np.inf, 4], [5, 6, -1, 7])).wrong == 1
+    # One float off, another triangle, a hit that is none, a hit lost; and two any hits of the same rays.
+    every = compare(answers([later, 2, 3, np.inf], [5, 0, 1, -1]), [False, True, True, True])
+    assert every.wrong == 4
+    assert every.wrong < every.false_miss + every.false_hit + every.wrong_triangle + every.wrong_any_hit
+    assert compare(answers([later, 2, np.inf, 4], [5, 6, -1, 7], u=0.26), bitwise=False).wrong == 0
+    assert accuracy.total([every, every]).as_row("brute")["wrong"] == 8
+
+
 def test_a_hit_on_an_edge_is_on_the_boundary() -> None:
     assert list(answers([1.0, np.inf], [0, -1], u=0.0).boundary()) == [True, False]
     assert list(answers([1.0], [0], u=0.5, v=0.5).boundary()) == [True]

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from lying_native import LIES, Lying, LyingNative
 
-from addon.core import benchmark, costmap, grid, peak, rays, report, workload, yardstick
+from addon.core import benchmark, costmap, grid, offsets, peak, rays, report, workload, yardstick
 from addon.core.benchmark import Options, Row
 
 QUICK = Options(size=(64, 64), repeats=2, check_rays=512)
@@ -256,3 +256,9 @@ def test_real_scenes_agree(name: str) -> None:
     options = Options(size=(64, 64), repeats=1, check_rays=1024)
     rows = list(benchmark.measure(halfspace_native, workload.load_npz(path), ["kd"], options, lambda _: None))
     assert all(benchmark.agrees(row) for row in rows)
+
+
+@pytest.mark.parametrize("lie", [lie for lie in LIES if lie != "wrong_any_hit"])
+def test_a_wrong_answer_far_from_the_origin_is_counted(lie: str) -> None:
+    for native, wrong in ((halfspace_native, 0), (LyingNative(lie, "kd", 0), 1)):
+        assert [entry["wrong"] for entry in offsets.Moved(native, (0.0, 1e3), 1).errors("kd")] == [wrong, wrong]

@@ -11,7 +11,7 @@ import claims as command
 import halfspace_native
 import numpy as np
 import pytest
-from lying_native import LyingNative
+from lying_native import LIES, LyingNative
 
 from addon.core import (
     claims,
@@ -94,14 +94,43 @@ def test_a_stopped_run_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     assert first[1].count("<svg") == (tmp_path / "claims.html").read_text().count("<svg")
 
 
+@pytest.mark.parametrize("lie", LIES)
 def test_a_wrong_answer_is_told(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], lie: str
 ) -> None:
-    monkeypatch.setattr(native, "load", lambda: LyingNative("wrong_any_hit"))
+    monkeypatch.setattr(native, "load", lambda: LyingNative(lie))
     asked = ["shadow-cache", "--quick", "--out", str(tmp_path)]
-    assert command.main(asked) == 1
-    assert command.main(asked) == 1, "what was wrong stays wrong in a run that goes on"
-    assert "0 of" in capsys.readouterr().out
+    for words in ("measured", "taken over: what was wrong stays wrong in a run that goes on"):
+        assert command.main(asked) == 1, words
+        # One answer of `kd` on each of the two scenes is a lie; the octree's answers are right.
+        told = [line.split(" of ") for line in capsys.readouterr().out.splitlines() if "differ from" in line]
+        assert [wrong.strip() for wrong, _ in told] == ["0", "1", "0", "1"], words
+
+
+@pytest.mark.parametrize("lie", LIES)
+def test_a_wrong_answer_to_a_singular_ray_is_told(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], lie: str
+) -> None:
+    assert command.main(["ta-b-singularities"]) == 0, "walks without bounds are known to fail"
+    capsys.readouterr()
+    monkeypatch.setattr(native, "load", lambda: LyingNative(lie, "kd:traversal=ta-b", 0))
+    assert command.main(["ta-b-singularities"]) == 1
+    best = capsys.readouterr().out.partition("(best): ")[2]
+    assert "wrong: ta-b 0" not in best
+    assert "0 of" not in best.partition("cell")[2].splitlines()[-2]
+
+
+def test_what_one_claim_found_wrong_is_wrong_for_the_next() -> None:
+    made = claims_scenes.scattered()
+    lab = Lab(LyingNative("late"), quick=True, say=lambda _: None)
+
+    def ask(lab: Lab) -> tuple[Outcome, ...]:
+        lab.seconds(made, ["kd"], claims_scenes.camera_rays(made, (32, 24)))
+        return ()
+
+    asked = [Claim(name, "paper", "says", ask) for name in ("first", "second")]
+    asked.append(Claim("third", "paper", "says", lambda _: ()))
+    assert [result.wrong for result in claims.measure(lab, asked)] == [1, 1, 0]
 
 
 def test_a_report_that_cannot_be_written_leaves_the_old_one(tmp_path: Path, disk_full_at_the_last: Any) -> None:

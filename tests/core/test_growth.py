@@ -14,6 +14,7 @@ import pytest
 from lying_native import LIES, Lying
 
 from addon.core import growth, growth_report, native, plots
+from addon.core.accuracy import Errors
 from addon.core.growth import Options, Point
 
 QUICK = ["--triangles", "500,1000,2000", "--repeats", "1", "--size", "32", "--check-rays", "256", "--no-peak"]
@@ -116,6 +117,12 @@ def test_it_writes_both_files_with_every_number_beside_its_errors(tmp_path: Path
     assert "grows as n^" in page
     assert "Plots are left out" in page
     assert "%" not in [line.strip() for line in page.splitlines()]
+
+
+def test_the_table_counts_a_wrong_ray_once() -> None:
+    lost = Errors(rays=9, false_miss=1, wrong_any_hit=1, wrong=1)
+    point = Point("kd", 500, errors=lost)
+    assert growth_report.cells(point, [point])[-2:] == ["9", "1"]
 
 
 @pytest.mark.parametrize("lie", LIES)
