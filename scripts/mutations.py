@@ -262,8 +262,8 @@ FAULTS = (
     Fault(
         "wrong triangles not counted",
         "addon/core/accuracy.py",
-        "wrong_triangle = int(other.sum())",
-        "wrong_triangle = 0",
+        "wrong_triangle=int(other.sum())",
+        "wrong_triangle=0",
         STABILITY,
     ),
     Fault(
