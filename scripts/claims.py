@@ -10,8 +10,10 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
@@ -53,32 +55,52 @@ def run(asked: argparse.Namespace) -> int:
     lab = claims.Lab(module, quick=asked.quick, say=say, scenes=workload.SCENES)
     chosen = [known[name] for name in asked.claims] or list(known.values())
     journal = results.Journal(asked.out) if asked.out is not None else None
-    fixed = [module.__version__, results.native_fingerprint(module), asked.quick]
+    fixed = [claims.VERSION, module.__version__, results.native_fingerprint(module), asked.quick]
     machine = results.machine(module)
-    found, wrong = [], 0
+    found = []
     for place, claim in enumerate(chosen):
-        key = results.key(*fixed, claim.id, claim.says)
-        entry = journal.entries.get(key) if journal is not None else None
-        kept = None if entry is None else entry.row
-        if kept is None:
+        key = results.key(*fixed, lab.fingerprints(claim.scenes), claim.id, claim.says)
+        entry = None if journal is None else journal.entries.get(key)
+        if entry is not None:
+            result = kept(claim, entry.row)
+        else:
             (result,) = claims.measure(lab, [claim])
-            kept = {"outcomes": list(result.as_rows()), "wrong": result.wrong}
-            if journal is not None:
-                journal.add(results.Entry(key, (0, place), kept), machine)
-        found.append(claims.Result(claim, tuple(map(claims.outcome, kept["outcomes"]))))
-        wrong += kept["wrong"]
+            result = replace(result, machine=machine["name"])
+            # What could not be measured costs nothing to try again.
+            if journal is not None and result.measured:
+                journal.add(results.Entry(key, (0, place), row(result)), machine)
+        found.append(result)
         print("\n" + claims_report.as_text(found[-1]) + "\n", flush=True)
     say(claims_report.summary(found))
-    if asked.out is not None:
-        save(asked.out, module, found, quick=asked.quick)
-    return 1 if wrong else 0
+    if journal is not None:
+        save(asked.out, module, found, quick=asked.quick, machines={machine["name"]: machine} | journal.machines)
+    return 1 if any(result.wrong for result in found) else 0
 
 
-def save(folder: Path, module: object, found: Sequence[claims.Result], *, quick: bool) -> None:
-    """Write the files, each whole or not at all. Raises FolderError."""
+def row(result: claims.Result) -> dict[str, Any]:
+    """A measured claim as the journal keeps it."""
+    return {"outcomes": list(result.as_rows()), "wrong": result.wrong, "machine": result.machine}
+
+
+def kept(claim: claims.Claim, known: Mapping[str, Any]) -> claims.Result:
+    """A claim that was measured before, from its row."""
+    return claims.Result(claim, tuple(map(claims.outcome, known["outcomes"])), known["wrong"], known["machine"])
+
+
+def save(
+    folder: Path,
+    module: object,
+    found: Sequence[claims.Result],
+    *,
+    quick: bool,
+    machines: Mapping[str, dict[str, Any]] | None = None,
+) -> None:
+    """Write the files, each whole or not at all. machines: known ones, by name. Raises FolderError."""
     rows = [row for result in found for row in result.as_rows()]
-    document = results.document(module, rows, {"quick": quick})
-    page = claims_report.as_html(found, document["machine"], quick=quick)
+    behind = {result.machine for result in found}
+    used = {name: facts for name, facts in (machines or {}).items() if name in behind}
+    document = results.document(module, rows, {"quick": quick}, used)
+    page = claims_report.as_html(found, document["machines"], quick=quick)
     text = json.dumps(document, indent=1, allow_nan=False) + "\n"
     with results.writing(folder):
         results.write_all({folder / "claims.json": text, folder / "claims.html": page})

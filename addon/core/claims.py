@@ -29,12 +29,18 @@ FAILS = "does not hold"
 UNTESTED = "cannot be tested here"
 VERDICTS = (HOLDS, FAILS, UNTESTED)
 
+VERSION = 1
+"""Grows whenever a claim measures or counts something else: what an earlier run found is then not taken over."""
+
 CHECKED = 20_000
 """Rays per configuration and scene whose answers are compared with brute force."""
 
 
 REPEATS = {True: 3, False: 7}
-"""Timed passes, after one that warms up: in a quick run, and else."""
+"""Timed passes, after one that warms up, and builds: in a quick run, and else."""
+
+BUILD_SECONDS = 60
+"""No further round of builds begins after so long: the slowest build takes minutes."""
 
 
 @dataclass(frozen=True)
@@ -68,28 +74,40 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Claim:
-    """A sentence of a paper that can be measured."""
+    """A sentence of a paper that can be measured. scenes: the shared scenes that it is measured on, where they are."""
 
     id: str
     paper: str
     says: str
     measure: Callable[[Lab], Iterable[Outcome]]
+    scenes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
 class Result:
-    """A claim and what came out. wrong: how many of the checked answers were not brute force's, see `Lab.wrong`."""
+    """A claim and what came out.
+
+    wrong: how many of the checked answers were not brute force's, see `Lab.wrong`. machine: the name of where it was
+    measured; empty when that is here.
+    """
 
     claim: Claim
     outcomes: tuple[Outcome, ...]
     wrong: int = 0
+    machine: str = ""
+
+    @property
+    def measured(self) -> bool:
+        """Whether anything was: not where all that it needs is missing."""
+        return any(outcome.verdict != UNTESTED or outcome.values for outcome in self.outcomes)
 
     def as_rows(self) -> Iterator[dict[str, Any]]:
         """One row per configuration, as JSON has it."""
         for outcome in self.outcomes:
             row = asdict(outcome)
             charts = [{**chart, "lines": {k: list(v) for k, v in chart["lines"].items()}} for chart in row["charts"]]
-            yield {"claim": self.claim.id, "paper": self.claim.paper, "says": self.claim.says, **row, "charts": charts}
+            about = {"claim": self.claim.id, "paper": self.claim.paper, "says": self.claim.says}
+            yield {**about, "machine": self.machine, **row, "charts": charts}
 
 
 def outcome(row: Mapping[str, Any]) -> Outcome:
@@ -116,6 +134,19 @@ class Timing:
         return self.seconds / max(self.rays, 1) * 1e9
 
 
+@dataclass(frozen=True)
+class Builds:
+    """Median seconds of each structure's build, by configuration, and of how many builds."""
+
+    seconds: Mapping[str, float]
+    count: int
+
+    @property
+    def told(self) -> str:
+        """What the seconds are, in words."""
+        return "one build each" if self.count == 1 else f"medians of {self.count} builds"
+
+
 ROOM = 1 << 30
 """Structures of so many bytes are kept for the next claim; of those beyond, the oldest are built again when needed."""
 
@@ -136,6 +167,8 @@ class Lab:
         self._rays: dict[tuple[str, str], RaySet] = {}
         self._errors: dict[tuple[str, str, str], Errors] = {}
         self._used: set[tuple[str, str, str]] = set()
+        self._fingerprints: dict[str, str] = {}
+        self._builds: dict[tuple[str, tuple[str, ...]], Builds] = {}
 
     def begin(self) -> None:
         """A claim begins: `wrong` tells of its answers."""
@@ -148,11 +181,23 @@ class Lab:
 
     def shared(self, name: str) -> Workload | None:
         """A scene from the shared folder; None where it is not there."""
-        path = None if self.scenes is None else self.scenes / f"{name}.npz"
-        if path is None or not path.is_file():
+        path = self._path(name)
+        if path is None:
             self.say(f"{name} is left out: there is no such file")
             return None
         return load_npz(path)
+
+    def fingerprints(self, names: Iterable[str]) -> dict[str, str]:
+        """What the shared scenes of these names hold, of those that are there. Raises WorkloadError."""
+        for name in names:
+            path = self._path(name)
+            if name not in self._fingerprints and path is not None:
+                self._fingerprints[name] = load_npz(path).fingerprint()
+        return {name: self._fingerprints[name] for name in names if name in self._fingerprints}
+
+    def _path(self, name: str) -> Path | None:
+        path = None if self.scenes is None else self.scenes / f"{name}.npz"
+        return path if path is not None and path.is_file() else None
 
     def build(self, workload: Workload, spec: str) -> Any:
         """The structure, built once, or again after others that needed its room."""
@@ -224,14 +269,19 @@ class Lab:
             self._timings[workload.name, spec, kind] = Timing(len(rays), float(best[spec].sum()), counters)
         return {spec: self._timings[workload.name, spec, kind] for spec in specs}
 
-    def build_seconds(self, workload: Workload, specs: Sequence[str]) -> dict[str, float]:
-        """The least processor time that each build took, on one thread, in turns."""
-        self.say(f"{workload.name}: builds: {', '.join(specs)}")
-        best = dict.fromkeys(specs, float("inf"))
-        for _ in range(self.repeats // 3 or 1):
-            for spec in specs:
-                best[spec] = min(best[spec], timed_build(self.native, workload, spec, 1)[1])
-        return best
+    def build_seconds(self, workload: Workload, specs: Sequence[str]) -> Builds:
+        """Median processor seconds of each build, on one thread, in turns."""
+        key = (workload.name, tuple(specs))
+        if key not in self._builds:
+            self.say(f"{workload.name}: builds: {', '.join(specs)}")
+            taken: dict[str, list[float]] = {spec: [] for spec in specs}
+            begun, rounds = time.process_time(), 0
+            while not rounds or (rounds < self.repeats and time.process_time() - begun < BUILD_SECONDS):
+                for spec in specs:
+                    taken[spec].append(timed_build(self.native, workload, spec, 1)[1])
+                rounds += 1
+            self._builds[key] = Builds({spec: float(np.median(own)) for spec, own in taken.items()}, rounds)
+        return self._builds[key]
 
     def error(self, workload: Workload, specs: Iterable[str]) -> str:
         """How many of the checked rays of these structures on this scene were not brute force's, in words."""

@@ -176,18 +176,21 @@ CLAIMS = (
         PAPER,
         "Two comparisons at an inner node; the distance of its plane only when both children are visited.",
         comparisons,
+        SCENES,
     ),
     Claim(
         "ta-b-walks",
         PAPER,
         "TA-B saves 30 to 50 % of the time of traversal against the algorithms of Sung and of Arvo.",
         lambda lab: saves(lab, alone=True, most=SAVED),
+        SCENES,
     ),
     Claim(
         "ta-b-rays",
         PAPER,
         "Ray tracing with TA-B is about twice as fast.",
         lambda lab: saves(lab, alone=False, most=0.5),
+        SCENES,
     ),
     Claim("ta-b-singularities", PAPER, "TA-B handles all singularities correctly.", singular),
 )

@@ -10,7 +10,7 @@ from dataclasses import replace
 from typing import Any
 
 from . import charts, plots
-from .claims import FAILS, HOLDS, VERDICTS, Chart, Result
+from .claims import BUILD_SECONDS, FAILS, HOLDS, REPEATS, VERDICTS, Chart, Result
 
 CLASSES = {HOLDS: "holds", FAILS: "fails"}
 
@@ -30,19 +30,31 @@ def summary(results: Iterable[Result]) -> str:
     return ", ".join(f"{counts[kind]} {kind}" for kind in VERDICTS)
 
 
-def as_html(results: Sequence[Result], machine: Mapping[str, Any], *, quick: bool) -> str:
-    """The page."""
-    shown = ", ".join(f"{key} {html.escape(str(value))}" for key, value in machine.items())
-    note = " Quick run: three repeats." if quick else ""
+def as_html(results: Sequence[Result], machines: Mapping[str, Mapping[str, Any]], *, quick: bool) -> str:
+    """The page. machines: by name, those on which the claims were measured."""
+    shown = "; ".join(", ".join(f"{key} {html.escape(str(v))}" for key, v in one.items()) for one in machines.values())
+    if len(machines) < 2:  # what holds for all need not stand beside each
+        results = [replace(result, machine="") for result in results]
+    note = " Quick run." if quick else ""
     return (
         '<!doctype html><html lang="en"><meta charset="utf-8"><title>Claims</title>'
         "<style>body{font:15px/1.45 sans-serif;margin:2em auto;max-width:64em;padding:0 1em}"
         "table{border-collapse:collapse;width:100%}td,th{padding:.3em .6em;text-align:left;vertical-align:top;"
         "border-bottom:1px solid #8884}.holds{color:#087a55;font-weight:bold}.fails{color:#b83500;font-weight:bold}"
         ".why{color:#666;font-size:90%}svg{max-width:100%;height:auto}</style>"
-        f"<h1>What the papers claim, measured again</h1><p>{summary(results)}. One thread, processor time, medians; "
+        f"<h1>What the papers claim, measured again</h1><p>{summary(results)}. {method(REPEATS[quick])} "
         f"{shown}.{note} <em>Faithful</em> is the paper's configuration, <em>best</em> ours.</p>"
         f"{''.join(_paper(name, own) for name, own in _by_paper(results).items())}</html>\n"
+    )
+
+
+def method(repeats: int) -> str:
+    """What the numbers of a run with so many repeats are."""
+    return (
+        f"Times are of one thread. Rays: the median of {repeats} passes after one that warms up, in processor time. "
+        f"Walks alone: of each chunk of rays the shortest of {repeats + 1} walks by the clock, summed. Builds: the "
+        f"median of {repeats}, or of as many as begin within {BUILD_SECONDS} seconds, in processor time; beside each "
+        "stands of how many."
     )
 
 
@@ -73,9 +85,10 @@ def _claim(result: Result) -> str:
         for outcome in result.outcomes
         for chart in outcome.charts
     ]
+    place = f" <em>Measured on</em> {html.escape(result.machine)}." if result.machine else ""
     return (
         f'<h3 id="{result.claim.id}">{html.escape(result.claim.id)}</h3>'
-        f"<p><em>Published:</em> {html.escape(result.claim.says)}</p>"
+        f"<p><em>Published:</em> {html.escape(result.claim.says)}{place}</p>"
         f"<table><tr><th>verdict</th><th>configuration</th><th>measured</th></tr>{''.join(rows)}</table>"
         f"{''.join(map(draw, charts))}"
     )

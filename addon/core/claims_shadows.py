@@ -66,11 +66,13 @@ CLAIMS = (
         PAPER,
         "The process extends to shadow rays, which have the light as their common origin (announced, not measured).",
         lambda lab: shadows(lab, "beam"),
+        SCENES,
     ),
     Claim(
         "shadow-cache",
         "Wilt, Object-Oriented Ray Tracing in C++ (OORT)",
         "Testing the last opaque object that hid a light first saves shadow rays their walk.",
         lambda lab: shadows(lab, "cache"),
+        SCENES,
     ),
 )

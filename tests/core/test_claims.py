@@ -15,6 +15,7 @@ from lying_native import LIES, LyingNative
 
 from addon.core import (
     claims,
+    claims_beams,
     claims_intervals,
     claims_kd,
     claims_report,
@@ -27,6 +28,8 @@ from addon.core import (
     workload,
 )
 from addon.core.claims import FAILS, HOLDS, UNTESTED, VERDICTS, Claim, Lab, Outcome
+
+THESIS_SCENES = claims_thesis.scenes
 
 
 @pytest.fixture(autouse=True)
@@ -81,6 +84,115 @@ def test_all_claims_are_measured_and_shown(tmp_path: Path, capsys: pytest.Captur
     assert "http" not in page.replace("http://www.w3.org", "").replace("http://purl.org", "").replace(
         "http://creativecommons.org", ""
     ).replace("https://matplotlib.org", "")
+
+
+def test_the_page_says_what_its_numbers_are(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(claims_report, "REPEATS", {True: 3, False: 7})
+    found = [claims.Result(Claim("id", "paper", "says", lambda _: ()), (Outcome("best", HOLDS, "faster"),))]
+    for quick, count in ((True, 3), (False, 7)):
+        command.save(tmp_path, halfspace_native, found, quick=quick)
+        page = (tmp_path / "claims.html").read_text()
+        assert f"Rays: the median of {count} passes" in page
+        assert f"the shortest of {count + 1} walks by the clock, summed" in page
+        assert f"Builds: the median of {count}, or of as many as begin within 60 seconds" in page
+
+
+def test_builds_are_medians_of_as_many_as_there_is_time_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    taken = iter((5.0, 50.0, 1.0, 10.0, 3.0, 30.0, 7.0, 70.0))
+    monkeypatch.setattr(claims, "timed_build", lambda *_: (None, next(taken)))
+    monkeypatch.setattr(claims, "REPEATS", {True: 3, False: 7})
+    lab = Lab(halfspace_native, quick=True, say=lambda _: None)
+    made = claims_scenes.scattered()
+    for _ in range(2):  # what was measured once is not measured again
+        found = lab.build_seconds(made, ["kd", "bih"])
+        assert (found.seconds, found.count, found.told) == ({"kd": 3.0, "bih": 30.0}, 3, "medians of 3 builds")
+    monkeypatch.setattr(claims, "BUILD_SECONDS", 0)
+    found = lab.build_seconds(made, ["bih", "kd"])
+    assert (found.seconds, found.told) == ({"bih": 7.0, "kd": 70.0}, "one build each")
+
+
+def test_what_links_cost_of_the_build_is_told_of_the_measured_builds(monkeypatch: pytest.MonkeyPatch) -> None:
+    seconds = iter((0.002, 0.001) * 10)
+    monkeypatch.setattr(claims, "timed_build", lambda *_: (None, next(seconds)))
+    lab = Lab(halfspace_native, quick=True, say=lambda _: None)
+    assert all("cost 1000 µs of the build (one build each)" in one.measured for one in claims_beams.links_gain(lab))
+
+
+def test_a_claim_names_the_shared_scenes_that_it_is_measured_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: set[str] = set()
+    monkeypatch.setattr(claims_thesis, "scenes", THESIS_SCENES)
+    monkeypatch.setattr(Lab, "shared", lambda _, name: asked.add(name))
+    lab = Lab(halfspace_native, quick=True, say=lambda _: None)
+    for claim in claims_table.CLAIMS:
+        asked.clear()
+        list(claims.measure(lab, [claim]))
+        assert asked == set(claim.scenes), claim.id
+
+
+def save_scene(path: Path, made: workload.Workload) -> None:
+    view = made.view
+    np.savez(
+        path,
+        vertices=made.vertices,
+        triangles=made.triangles,
+        camera_eye=view.eye,
+        camera_target=view.target,
+        camera_up=view.up,
+        camera_vfov_deg=view.vertical_fov,
+    )
+
+
+def test_a_scene_that_is_put_there_or_changes_is_measured(tmp_path: Path) -> None:
+    asked = ["teapot-in-the-stadium", "--quick", "--out", str(tmp_path)]
+
+    def measured() -> list[str]:
+        assert command.main(asked) == 0
+        return [row["measured"] for row in json.loads((tmp_path / "claims.json").read_text())["rows"]]
+
+    assert measured() == ["the scene utah-teapot-plane is not there"] * 2
+    save_scene(tmp_path / "utah-teapot-plane.npz", claims_scenes.scattered())
+    first = measured()
+    assert all("ns per ray" in text for text in first)
+    assert measured() == first, "nothing has changed"
+    save_scene(tmp_path / "utah-teapot-plane.npz", claims_scenes.concentrated())
+    other = measured()
+    assert all("ns per ray" in text for text in other)
+    assert not set(other) & set(first)
+
+
+def test_what_cannot_be_measured_is_tried_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = ["octrees-beat-boxes", "--quick", "--out", str(tmp_path)]
+    with monkeypatch.context() as patch:
+        patch.setattr(Lab, "lacks", lambda *_: "this build has no oak")
+        assert command.main(asked) == 0
+    assert command.main(asked) == 0
+    rows = json.loads((tmp_path / "claims.json").read_text())["rows"]
+    assert all(row["verdict"] != UNTESTED for row in rows)
+
+
+def test_numbers_stand_beside_the_machine_that_they_were_measured_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    here = results.machine(halfspace_native)
+    asked = ["--quick", "--out", str(tmp_path)]
+    with monkeypatch.context() as patch:
+        patch.setattr(results, "machine", lambda _: {**here, "name": "elsewhere", "processor": "Other CPU"})
+        assert command.main(["links-gain", *asked]) == 0
+    assert command.main(["links-gain", *asked]) == 0
+    document, page = (tmp_path / name for name in ("claims.json", "claims.html"))
+    found = json.loads(document.read_text())
+    assert list(found["machines"]) == ["elsewhere"]
+    assert found["machine"] == here
+    assert "Other CPU" in page.read_text()
+    assert "Measured on" not in page.read_text(), "there is one machine"
+    assert command.main(["links-gain", "octrees-beat-boxes", *asked]) == 0
+    found = json.loads(document.read_text())
+    assert {row["claim"]: row["machine"] for row in found["rows"]} == {
+        "links-gain": "elsewhere",
+        "octrees-beat-boxes": here["name"],
+    }
+    assert set(found["machines"]) == {"elsewhere", here["name"]}
+    assert page.read_text().count("Measured on</em> elsewhere.") == 1
 
 
 def test_a_stopped_run_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
