@@ -97,9 +97,7 @@ def save(
 ) -> None:
     """Write the files, each whole or not at all. machines: known ones, by name. Raises FolderError."""
     rows = [row for result in found for row in result.as_rows()]
-    behind = {result.machine for result in found}
-    used = {name: facts for name, facts in (machines or {}).items() if name in behind}
-    document = results.document(module, rows, {"quick": quick}, used)
+    document = results.document(module, rows, {"quick": quick}, machines)
     page = claims_report.as_html(found, document["machines"], quick=quick)
     text = json.dumps(document, indent=1, allow_nan=False) + "\n"
     with results.writing(folder):

@@ -109,6 +109,11 @@ class Entry:
     row: Row
     run: str = ""
 
+    @property
+    def is_benchmark(self) -> bool:
+        """Whether it is a row of a benchmark: other commands may share the folder, and keep rows of their own."""
+        return "scene" in self.row
+
 
 class Journal:
     """Finished rows, one JSON line each, appended as they come.
@@ -125,6 +130,8 @@ class Journal:
         self.options: dict[str, Any] = {}
         self.asked = Asked()
         self.disagreements: list[str] = []
+        # Whether the last line is unfinished. It is ended by the next one: who only reads leaves the file as it is.
+        self._torn = False
         for path in sorted(folder.glob("rows*.jsonl")):
             self._read(path)
 
@@ -164,12 +171,13 @@ class Journal:
 
     def rows(self) -> list[Row]:
         """The finished rows and those of failures that nobody mended, in order."""
-        found = [(entry.order, entry.row) for entry in self.entries.values()]
+        found = [(entry.order, entry.row) for entry in self.entries.values() if entry.is_benchmark]
         found += self.asked.failures_left(self._there())
         return [row for _, row in sorted(found, key=lambda item: item[0])]
 
     def _there(self) -> set[tuple[str, str, str]]:
-        return {(entry.run, entry.row["scene"], entry.row["spec"]) for entry in self.entries.values()}
+        own = (entry for entry in self.entries.values() if entry.is_benchmark)
+        return {(entry.run, entry.row["scene"], entry.row["spec"]) for entry in own}
 
     def merge(self, other: Journal) -> None:
         """Take over the rows of another journal, in memory only."""
@@ -182,7 +190,7 @@ class Journal:
 
     def _take(self, entry: Entry) -> None:
         known = self.entries.setdefault(entry.key, entry)
-        if without_times(known.row) != without_times(entry.row):
+        if entry.is_benchmark and without_times(known.row) != without_times(entry.row):
             where = " and ".join(sorted({known.row["machine"], entry.row["machine"]}))
             self.disagreements.append(f"{entry.row['scene']}, {entry.row['spec']}: measured twice, on {where}")
 
@@ -204,13 +212,12 @@ class Journal:
             except (ValueError, KeyError, TypeError):
                 # The line that was being written when the process ended; its row is measured again.
                 continue
-        if path == self._path and text and not text.endswith("\n"):
-            self._write("\n")
+        if path == self._path:
+            self._torn = bool(text) and not text.endswith("\n")
 
     def _append(self, line: dict[str, Any]) -> None:
-        self._write(json.dumps(line, allow_nan=False) + "\n")
-
-    def _write(self, text: str) -> None:
+        text = "\n" * self._torn + json.dumps(line, allow_nan=False) + "\n"
+        self._torn = True
         try:
             with self._path.open("a", encoding="utf-8", newline="\n") as file:
                 file.write(text)
@@ -218,25 +225,29 @@ class Journal:
                 os.fsync(file.fileno())
         except OSError as error:
             raise FolderError(f"{self._path}: cannot be written: {error.strerror or error}") from error
+        self._torn = False
 
 
 def document(
     native: Any,
     rows: list[Row],
     options: dict[str, Any],
-    machines: dict[str, dict[str, Any]] | None = None,
+    machines: Mapping[str, dict[str, Any]] | None = None,
     missing: Sequence[str] = (),
 ) -> dict[str, Any]:
     """The content of bench.json. machine: where it was written; machines: where the rows were measured, by name.
 
-    missing: what was asked and is not among the rows; without such the key is not there.
+    machines: all that are known; where rows name theirs, the others are left out. missing: what was asked and is not
+    among the rows; without such the key is not there.
     """
     here = machine(native)
+    named = {row["machine"] for row in rows if "machine" in row}
+    used = {name: facts for name, facts in (machines or {}).items() if name in named or not named}
     return {
         "schema": SCHEMA,
         "project_version": native.__version__,
         "machine": here,
-        "machines": machines or {here["name"]: here},
+        "machines": used or {here["name"]: here},
         "options": options,
         **({"missing": list(missing)} if missing else {}),
         "rows": rows,

@@ -43,6 +43,35 @@ def test_a_half_written_last_line_loses_only_itself(tmp_path: Path, cut: int) ->
     assert set(results.Journal(tmp_path).entries) >= {"a", "c"}
 
 
+def test_who_only_reads_a_journal_leaves_it_as_it_is(tmp_path: Path) -> None:
+    results.Journal(tmp_path).add(entry("a", 0), HERE)
+    file = tmp_path / results.JOURNAL
+    torn = file.read_bytes() + b'{"key": "b", "or'
+    file.write_bytes(torn)
+    journal = results.Journal(tmp_path)
+    assert file.read_bytes() == torn
+    for number, name in enumerate("cd"):
+        journal.add(entry(name, number), HERE)
+    assert set(results.Journal(tmp_path).entries) == {"a", "c", "d"}
+    assert file.read_bytes().startswith(torn + b"\n")
+
+
+def test_rows_of_other_commands_in_the_same_folder_are_not_those_of_a_benchmark(tmp_path: Path) -> None:
+    journals = []
+    for wrong in (0, 1):
+        (tmp_path / str(wrong)).mkdir()
+        journals.append(results.Journal(tmp_path / str(wrong)))
+        journals[-1].add(results.Entry("claim", (0, 0), {"outcomes": [], "wrong": wrong}), {"name": "other"})
+        journals[-1].add(entry("a", 1), HERE)
+    merged, other = journals
+    merged.merge(other)
+    assert merged.rows() == [entry("a", 1).row]
+    assert merged.missing() == merged.disagreements == []
+    assert merged.entries["claim"].row["wrong"] == 0
+    document = results.document(halfspace_native, merged.rows(), {}, merged.machines)
+    assert document["machines"] == {"here": HERE}
+
+
 def test_rubbish_in_the_journal_is_passed_over(tmp_path: Path) -> None:
     good = '{"key": "b", "order": [0, 1], "row": {"x": 1}}'
     (tmp_path / results.JOURNAL).write_text(f'nonsense\n[]\n3\n{{"key": "a"}}\n{good}\n{{"machine": 1}}\n')
