@@ -85,7 +85,8 @@ def cells(point: Point, points: Sequence[Point]) -> list[str]:
     compared, wrong = ("–", point.error or "–")
     if point.errors is not None:
         errors = point.errors
-        wrong, compared = str(errors.wrong), f"{errors.rays:,}"
+        # What was right may yet have failed, in a later build.
+        wrong, compared = point.error or str(errors.wrong), f"{errors.rays:,}"
     return [
         point.spec,
         f"{point.triangles:,}",
@@ -136,7 +137,8 @@ def _findings(spec: str, points: Sequence[Point]) -> Iterator[str]:
             )
     speed_ups = [f"{speed_up:.2f} at {p.triangles:,}" for p in points if (speed_up := p.speed_up()) is not None]
     if speed_ups:
-        yield f"{spec}: {max(points[0].builds, default=1)} threads build × {', '.join(speed_ups)}"
+        most = max(threads for point in points for threads in point.builds)
+        yield f"{spec}: {most} threads build × {', '.join(speed_ups)}"
 
 
 def _within(ratios: Sequence[float]) -> str:
@@ -176,8 +178,9 @@ def figures(points: Sequence[Point]) -> list[plots.Picture]:
     if sound:
         svg = plots.svg(lambda figure: draw_builds(figure, sound), 5.4)
         found.append(plots.Picture("Build", svg, BUILD))
-    if sound and all(own[0].rays for own in sound.values()):
-        svg = plots.svg(lambda figure: draw_rays(figure, sound), 5.4)
+    traced = {spec: own for spec, own in sound.items() if _sets(own)}
+    if traced:
+        svg = plots.svg(lambda figure: draw_rays(figure, traced), 5.4)
         found.append(plots.Picture("Rays", svg, TRACE))
     return found
 
@@ -212,6 +215,8 @@ def draw_rays(figure: Any, by_spec: dict[str, list[Point]]) -> None:
         for axes, name in zip(panels[row], sets, strict=True):
             for number, (spec, own) in enumerate(by_spec.items()):
                 pairs = [(p.triangles, p.rays[name][key]) for p in own if name in p.rays]
+                if not pairs:
+                    continue
                 n, values = (np.array(part, np.float64) for part in zip(*pairs, strict=True))
                 place = number % len(charts.COLOURS)
                 colour, marker = charts.COLOURS[place], charts.MARKERS[number % len(charts.MARKERS)]

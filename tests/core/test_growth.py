@@ -176,6 +176,23 @@ def test_the_plots_show_every_structure() -> None:
     assert "steps per ray" in rays_drawn.svg
 
 
+def test_what_failed_first_hides_nothing_of_what_did_not() -> None:
+    both = {"diffuse": {"nanoseconds": 30.0, "steps": 3.0}, "primary": {"nanoseconds": 20.0, "steps": 2.0}}
+    right = Errors(rays=9)
+    points = [Point("kd", 500, error="there is no room"), Point("kd", 4000, errors=right, error="no room later")]
+    # Its rays were traced in part, and then its builds had no room.
+    points[1].rays["diffuse"] = both["diffuse"]
+    for spec in ("bih", "kd"):
+        for n in (1000, 2000):
+            builds = {threads: {"processor": [1e-6 * n], "wall": [1e-6 * n / threads]} for threads in (1, 2)}
+            rays = both if spec == "bih" else {}
+            points.append(Point(spec, n, errors=right, builds=builds, rays=rays))
+    assert growth_report.cells(points[1], points)[-2:] == ["9", "no room later"]
+    assert "kd: 2 threads build × 2.00 at 1,000, 2.00 at 2,000" in growth_report.findings(points)
+    _, drawn = growth_report.figures(points)
+    assert "steps per ray" in drawn.svg
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
