@@ -15,11 +15,13 @@ import time
 import zipfile
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import CancelledError
 from pathlib import Path
 from typing import Any
 
 from . import benchmark, native, results, rows, specs, sweep
 from .benchmark import Finished, Options, Prepared
+from .native import first_line
 from .sweep import Measured, Measurer
 from .workload import Workload
 
@@ -111,13 +113,28 @@ def _measure(
     options: Options,
     say: Callable[[str], None],
 ) -> Iterator[Measured]:
-    """Hand out rows, one at a time to each worker, and yield them as they come. Raises ClusterError."""
+    """Measure on a cluster that may end at any time. Raises ClusterError."""
+    try:
+        yield from _hand_out(client, workload, wanted, anchor, options, say)
+    except OSError as error:
+        raise ClusterError(f"the cluster is gone, rows of {workload.name} are missing: {first_line(error)}") from error
+
+
+def _hand_out(
+    client: Any,
+    workload: Workload,
+    wanted: Sequence[str],
+    anchor: str | None,
+    options: Options,
+    say: Callable[[str], None],
+) -> Iterator[Measured]:
+    """Hand out rows, one at a time to each worker, and yield them as they come. Raises ClusterError and OSError."""
     import distributed
 
     waiting = deque(wanted)
     attempts: Counter[str] = Counter()
     running: dict[str, tuple[str, Any]] = {}
-    scene = client.scatter(workload, hash=False)
+    scene = None
     seen = time.monotonic()
     while waiting or running:
         alive = _workers(client)
@@ -127,6 +144,9 @@ def _measure(
             raise ClusterError(
                 f"all workers are gone; {len(waiting) + len(running)} rows of {workload.name} are missing"
             )
+        if alive and scene is None:
+            # To all, so that no worker takes the scene of the others with it when it dies.
+            scene = client.scatter(workload, hash=False, broadcast=True)
         for address in alive:
             if address not in running and waiting:
                 spec = waiting.popleft()
@@ -136,7 +156,8 @@ def _measure(
                     _row, scene, spec, anchor, options, pure=False, workers=[address], allow_other_workers=False
                 )
                 running[address] = spec, task
-        with contextlib.suppress(TimeoutError):
+        # Rows that are lost together with the scene are cancelled, and waiting for them is an error.
+        with contextlib.suppress(TimeoutError, CancelledError):
             tasks = [task for _, task in running.values()]
             distributed.wait(tasks, timeout=POLL_SECONDS, return_when="FIRST_COMPLETED")
         for address, (spec, task) in list(running.items()):
@@ -144,17 +165,25 @@ def _measure(
             if not (lost or task.done()):
                 continue
             del running[address]
-            failure = None if lost else task.exception()
-            if failure is None and not lost:
-                yield task.result()
-            elif (lost or isinstance(failure, distributed.KilledWorker)) and attempts[spec] < ATTEMPTS:
+            measured, failure = (None, None) if lost else _ended(task)
+            if measured is not None:
+                yield measured
+            elif (failure is None or isinstance(failure, distributed.KilledWorker)) and attempts[spec] < ATTEMPTS:
                 task.cancel()
                 waiting.append(spec)
-                # The scene may have gone with the worker.
-                scene = client.scatter(workload, hash=False)
+                scene = None  # it may have gone with the worker
             else:
                 reason = failure or RuntimeError(f"{ATTEMPTS} workers died on it")
                 yield rows.failed(native.load(), workload, spec, options.threads, reason), {"name": address}
+
+
+def _ended(task: Any) -> tuple[Measured | None, BaseException | None]:
+    """The row of a task that has ended, or its failure; neither where it was lost at the last moment."""
+    try:
+        failure = task.exception()
+        return (task.result(), None) if failure is None else (None, failure)
+    except CancelledError:
+        return None, None
 
 
 _scenes: dict[tuple[str, Options], Prepared] = {}

@@ -286,6 +286,45 @@ def _finished(folder: Path) -> int:
     return journal.read_text(encoding="utf-8").count('"key"') if journal.is_file() else 0
 
 
+LOSSES = {"killed, and another comes": 0, "gone for good": 2}
+"""What befalls the only worker, which alone has the scene, and the exit status."""
+
+
+@pytest.mark.skipif(cluster.problem() is not None, reason=str(cluster.problem()))
+@pytest.mark.skipif(os.name == "nt", reason="processes are killed by signals")
+@pytest.mark.parametrize("loss", LOSSES)
+def test_a_worker_that_takes_the_scene_with_it_is_survived_or_said_in_one_line(
+    scenes: list[str], tmp_path: Path, capsys: Any, monkeypatch: Any, loss: str
+) -> None:
+    import distributed
+
+    lost: list[str] = []
+
+    def say(text: str) -> None:
+        if " on tcp:" in text and not lost:
+            lost.append(text)
+            client = distributed.default_client()
+            if LOSSES[loss]:
+                monkeypatch.setattr(cluster, "START_SECONDS", 1.0)
+                client.cluster.scale(0)
+            else:
+                (worker,) = client.run(os.getpid).values()
+                os.kill(worker, signal.SIGKILL)
+
+    monkeypatch.setattr(bench, "say", say)
+    out = tmp_path / "out"
+    asked = [scenes[0], *OPTIONS, "--curve", "none", "--cluster", "local:1", "--out", str(out)]
+    assert bench.main(asked) == LOSSES[loss]
+    assert lost
+    lines = [line for line in capsys.readouterr().err.splitlines() if line.startswith("bench:")]
+    if LOSSES[loss]:
+        assert len(lines) == 1
+        assert "workers are gone" in lines[0]
+    else:
+        assert len(table(out)) == ROWS
+        assert not lines
+
+
 @pytest.mark.skipif(cluster.problem() is not None, reason=str(cluster.problem()))
 def test_a_cluster_that_is_not_there_is_one_line(
     scenes: list[str], tmp_path: Path, capsys: Any, monkeypatch: Any
