@@ -286,6 +286,17 @@ def _finished(folder: Path) -> int:
     return journal.read_text(encoding="utf-8").count('"key"') if journal.is_file() else 0
 
 
+@pytest.mark.skipif(cluster.problem() is not None, reason=str(cluster.problem()))
+def test_a_scheduler_that_goes_is_no_folder_that_cannot_be_written(scenes: list[str]) -> None:
+    class Gone:
+        def scheduler_info(self, **_: Any) -> Any:
+            raise OSError("ConnectionPool closing.")
+
+    loaded = workload.load_npz(Path(scenes[0]))
+    with pytest.raises(cluster.ClusterError, match="the cluster is gone, rows of soup-1 are missing: Connection"):
+        list(cluster._measure(Gone(), loaded, ["kd"], None, benchmark.Options(), lambda _: None))
+
+
 LOSSES = {"killed, and another comes": 0, "gone for good": 2}
 """What befalls the only worker, which alone has the scene, and the exit status."""
 
