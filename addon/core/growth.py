@@ -310,8 +310,8 @@ class TraceFit:
 
 
 def fit_build(counts: Sequence[int], seconds: Sequence[float]) -> BuildFit | None:
-    """How build time grows; None for fewer than two sizes."""
-    if len(counts) < 2:
+    """How build time grows; None for fewer than two different sizes."""
+    if len(set(counts)) < 2:
         return None
     n, t = np.array(counts, np.float64), np.maximum(seconds, 1e-9)
     work = n * np.log2(n)
@@ -320,8 +320,8 @@ def fit_build(counts: Sequence[int], seconds: Sequence[float]) -> BuildFit | Non
 
 
 def fit_trace(counts: Sequence[int], values: Sequence[float]) -> TraceFit | None:
-    """How the time of a ray grows, or its steps; None for fewer than three sizes, which any line would fit."""
-    if len(counts) < 3:
+    """How the time of a ray grows, or its steps; None for fewer than three different sizes, which any line fits."""
+    if len(set(counts)) < 3:
         return None
     depth, t = np.log2(np.array(counts, np.float64)), np.maximum(values, 1e-9)
     slope, base = (float(value) for value in np.polyfit(depth, t, 1))

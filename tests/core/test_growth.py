@@ -119,6 +119,13 @@ def test_it_writes_both_files_with_every_number_beside_its_errors(tmp_path: Path
     assert "%" not in [line.strip() for line in page.splitlines()]
 
 
+def test_sizes_that_are_one_tessellation_tell_no_growth() -> None:
+    assert len(growth.torus(500).triangles) == len(growth.torus(501).triangles)
+    assert growth.fit_build([504, 504], [1.0, 2.0]) is None
+    assert growth.fit_trace([504, 504, 1000], [1.0, 2.0, 3.0]) is None
+    assert growth.fit_build([504, 504, 1000], [1.0, 1.0, 2.0]) is not None
+
+
 def test_the_table_counts_a_wrong_ray_once() -> None:
     lost = Errors(rays=9, false_miss=1, wrong_any_hit=1, wrong=1)
     point = Point("kd", 500, errors=lost)

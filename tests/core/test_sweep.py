@@ -289,6 +289,9 @@ def _finished(folder: Path) -> int:
 @pytest.mark.skipif(cluster.problem() is not None, reason=str(cluster.problem()))
 def test_a_scheduler_that_goes_is_no_folder_that_cannot_be_written(scenes: list[str]) -> None:
     class Gone:
+        def scatter(self, *_: Any, **__: Any) -> None:
+            """The scene was still taken."""
+
         def scheduler_info(self, **_: Any) -> Any:
             raise OSError("ConnectionPool closing.")
 
