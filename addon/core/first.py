@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from . import timing, yardstick
-from .accuracy import Answers
+from .accuracy import Answers, differing
 from .rays import RaySet
 from .rows import is_lazy
 from .timing import Candidate
@@ -46,12 +46,4 @@ def rounds(
             candidate.first_seconds.append(seconds + now() - start)
             answers = Answers.of(hits)
             right = right or [answers]
-            candidate.differing_pixels += differing(answers, right[0])
-
-
-def differing(answers: Answers, right: Answers) -> int:
-    """How many rays have other answers, in any bit."""
-    wrong = answers.triangle != right.triangle
-    for own, other in ((answers.t, right.t), (answers.u, right.u), (answers.v, right.v)):
-        wrong |= np.asarray(own).view(np.uint32) != np.asarray(other).view(np.uint32)
-    return int(wrong.sum())
+            candidate.differing_pixels += int(differing(right[0], answers, None).sum())

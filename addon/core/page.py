@@ -48,6 +48,7 @@ ERRORS = {
     "false_miss": ("false miss", "the reference hits, the structure does not"),
     "false_hit": ("false hit", "the structure hits, the reference does not"),
     "wrong_triangle": ("wrong tri.", "both hit, but different triangles"),
+    "wrong_values": ("wrong u, v", "both hit the same triangle, but elsewhere"),
     "t_ulp_max": ("t, ulp", "the largest difference of a distance, in units in the last place"),
 }
 

@@ -19,6 +19,7 @@ ERRORS = {
     "false_miss": "false miss",
     "false_hit": "false hit",
     "wrong_triangle": "wrong triangle",
+    "wrong_values": "wrong u, v",
     "t_ulp_max": "t ulp max",
 }
 """Error columns of the tables, and their titles."""

@@ -88,7 +88,14 @@ def test_the_table_aligns_and_has_errors_beside_times() -> None:
     _, titles, rule, first, second = text.splitlines()
     assert len({len(line) for line in (titles, rule, first, second)}) == 1
     assert "false miss" in titles
-    assert second.split()[-5:] == ["7", "0", "0", "0", "100"]
+    assert second.split()[-6:] == ["7", "0", "0", "0", "0", "100"]
+
+
+def test_a_row_that_is_wrong_shows_where() -> None:
+    *_, line = report.table([row("kd", wrong_values=3)]).splitlines()
+    assert line.split()[-6:] == ["0", "0", "0", "3", "0", "100"]
+    (cell,) = (cell for cell in page._cells(row("kd", wrong_values=3), [], set()) if cell.at == "errors/wrong_values")
+    assert cell.text == "3"
 
 
 def test_a_failed_row_shows_its_error() -> None:
