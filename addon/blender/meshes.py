@@ -52,7 +52,7 @@ class MeshArrays:
 
 def read_mesh(mesh: Any, *, uvs: bool = False, layers: Sequence[texture_layers.Key] = ()) -> MeshArrays:
     """Copy what rendering needs out of an evaluated `bpy.types.Mesh`; with `uvs` also the active render UV map."""
-    positions = _read(mesh.attributes["position"].data, "vector", np.float32, len(mesh.vertices) * 3)
+    positions = _positions(mesh)
     corner_vertices = _attribute(mesh, ".corner_vert", np.int32, len(mesh.loops))
     corners = _read(mesh.loop_triangles, "loops", np.uint32, len(mesh.loop_triangles) * 3).astype(np.intp)
     triangles = corner_vertices.take(corners).reshape(-1, 3)
@@ -79,6 +79,12 @@ def read_mesh(mesh: Any, *, uvs: bool = False, layers: Sequence[texture_layers.K
     found = texture_layers.read_layers(mesh, layers)
     box = texture_layers.box(mesh)
     return MeshArrays(positions.reshape(-1, 3), triangles, slots, normals, normal_rows, uv, found, box)
+
+
+def _positions(mesh: Any) -> NDArray[Any]:
+    if not len(mesh.vertices):  # a mesh that nothing was ever put into has not even this attribute
+        return np.zeros(0, np.float32)
+    return _read(mesh.attributes["position"].data, "vector", np.float32, len(mesh.vertices) * 3)
 
 
 def _attribute(mesh: Any, name: str, dtype: Any, count: int) -> NDArray[Any]:

@@ -179,6 +179,22 @@ def test_curves_text_metaballs_and_surfaces_have_meshes(add: Any) -> None:
     assert notes == []
 
 
+def test_meshes_without_vertices_are_left_out(add: Any) -> None:
+    """A new mesh, one that was emptied, and the second metaball of a family have not even positions."""
+    emptied = cube("Emptied")
+    emptied.clear_geometry()
+    for name, data in (("Box", cube()), ("New", bpy.data.meshes.new("New")), ("Emptied", emptied)):
+        add(name, data)
+    for name in ("Ball", "Ball.001"):
+        ball = bpy.data.metaballs.new(name)
+        ball.elements.new().radius = 1
+        add(name, ball)
+    scene, notes = read()
+    names = [name for source in scene.geometry.sources for name in source.names]
+    assert sorted(name.partition(".")[0] for name in names) == ["Ball", "Box"]
+    assert notes == []
+
+
 def test_collection_instances_and_vertex_instances(add: Any, scene: Any) -> None:
     collection = bpy.data.collections.new("Parts")
     part = bpy.data.objects.new("Part", triangle())
