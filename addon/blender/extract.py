@@ -119,12 +119,16 @@ class _Reader:
         self._meshes: dict[tuple[str, int], meshes.MeshArrays] = {}
         self._groups: dict[tuple[tuple[str, int], tuple[int, ...]], _Group] = {}
         self._checked: set[str] = set()
+        self._given: set[int] = set()
+        """Curves, text and the like whose mesh Blender gives as an instance beside them."""
 
     def visit(self, item: Any, matrix_world: Any, parent: Any = None) -> None:
         """Take over one object at one place, where perhaps another object has put it."""
         kind = item.type
         matrix = np.array(matrix_world, np.float64)
         if kind in MESH_TYPES or kind in CONVERTIBLE_TYPES:
+            if parent is not None and kind in MESH_TYPES and item.original.type in CONVERTIBLE_TYPES:
+                self._given.add(item.original.as_pointer())
             self._place(item, matrix, _hidden(item, parent))
         elif kind == "LIGHT":
             light = lights.read_light(item, matrix, self.notes)
@@ -137,7 +141,8 @@ class _Reader:
         """What was found, in order of appearance."""
         return [
             meshes.Placement(group.mesh, np.stack(group.matrices), tuple(group.names), group.materials)
-            for group in self._groups.values()
+            for (mesh, _), group in self._groups.items()
+            if mesh[0] != "object" or mesh[1] not in self._given  # else every triangle would be there twice
         ]
 
     def _place(self, item: Any, matrix: np.ndarray[Any, Any], hidden: Hidden) -> None:
