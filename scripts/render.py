@@ -2,7 +2,8 @@
 """Render a picture with Halfspace, without a Blender window: `python scripts/render.py [FILE] [options]`.
 
 FILE: a .blend, or an .npz with the keys of the README, which gets a matte surface, a sun, a lamp and a sky. Without it
-the built-in showcase is rendered. Exit status: 0 done; 2 bad usage or input, said in one line.
+the built-in showcase is rendered. Exit status: 0 done; 2 bad usage or input, or stopped while it rendered, 130 stopped
+at another time; either said in one line, and an older picture of that name stays.
 """
 
 from __future__ import annotations
@@ -24,6 +25,9 @@ from addon.core.usage import Parser, UsageError
 ROOT = Path(__file__).resolve().parents[1]
 
 BAD_INPUT = 2
+
+INTERRUPTED = 130
+"""What shells say of a program that was stopped from the keyboard."""
 
 MOST = {"samples": 1 << 20, "percentage": 32767}
 """What Blender's own settings go up to."""
@@ -52,8 +56,11 @@ def main(arguments: Sequence[str]) -> int:
         check(asked)
         render(asked)
     except (*native.FAILURES, OSError) as error:
-        print("render: " + " ".join(str(error).removeprefix("Error:").split()), file=sys.stderr)
+        print(f"render: {_once(str(error))}", file=sys.stderr)
         return BAD_INPUT
+    except KeyboardInterrupt:
+        print("render: interrupted", file=sys.stderr)
+        return INTERRUPTED
     return 0
 
 
@@ -141,6 +148,12 @@ def _configure(scene: Any, asked: argparse.Namespace) -> None:
         scene.halfspace.integrator = asked.integrator
     if asked.percentage is not None:
         scene.render.resolution_percentage = asked.percentage
+
+
+def _once(message: str) -> str:
+    """In one line what Blender may say in several, each after "Error:" and the last the same as the first."""
+    lines = (" ".join(line.removeprefix("Error:").split()) for line in message.splitlines())
+    return " ".join(dict.fromkeys(filter(None, lines)))
 
 
 def _size(scene: Any) -> str:

@@ -60,12 +60,19 @@ class HalfspaceEngine(bpy.types.RenderEngine):
             picture.render()
         except Cancelled:
             picture.discard()
+        except KeyboardInterrupt:
+            # Blender would go on as if all were well, and write an empty picture over the last one.
+            picture.discard()
+            self._refuse("interrupted")
         except Exception as error:
             log.exception("Halfspace could not render")
             picture.discard()
-            message = " ".join(str(error).split()) or type(error).__name__
-            self.error_set(message)
-            self.report({"ERROR"}, message)
+            self._refuse(" ".join(str(error).split()) or type(error).__name__)
+
+    def _refuse(self, message: str) -> None:
+        """Tell Blender that there is no picture, so that none is written."""
+        self.error_set(message)
+        self.report({"ERROR"}, message)
 
     def view_update(self, context: Any, depsgraph: Any) -> None:
         if self._viewport is None:
@@ -214,10 +221,13 @@ class _Picture:
         limit = memory_limit(self.group.memory_limit)
         chooser = auto.Chooser(module, workload, plan, auto.candidates(catalogue.load()), settings.threads, limit)
         work = Background(chooser.steps(), lambda text: self._say(f"Choosing a structure: {text}"))
-        while not work.wait(POLL_SECONDS):
-            if not self._building(0.0):
-                work.stop()
-                raise Cancelled
+        try:
+            while not work.wait(POLL_SECONDS):
+                if not self._building(0.0):
+                    raise Cancelled
+        except BaseException:
+            work.stop()
+            raise
         assert chooser.result is not None, "the last step decides"
         return chooser.result
 

@@ -159,10 +159,13 @@ def build(
     Raises Cancelled, or whatever the native module raises.
     """
     building = Building(native, geometry, spec, threads=threads, memory_limit=memory_limit, trees=trees)
-    while not building.wait(POLL_SECONDS):
-        if not keep_going(building.progress):
-            building.cancel()
-            raise Cancelled
+    try:
+        while not building.wait(POLL_SECONDS):
+            if not keep_going(building.progress):
+                raise Cancelled
+    except BaseException:  # an interrupt from the keyboard too
+        building.cancel()
+        raise
     building.result()
     return building
 
@@ -254,15 +257,18 @@ def watch(job: Any, *, milliseconds: int, keep_going: KeepGoing, show: Callable[
     """
     step = max(1, round(POLL_SECONDS * 1000))
     elapsed = 0
-    while not job.wait(step):
-        if not keep_going(job.progress):
-            job.cancel()
-            job.wait(1000)
-            raise Cancelled
-        elapsed += step
-        if elapsed >= milliseconds:
-            elapsed = 0
-            show()
+    try:
+        while not job.wait(step):
+            if not keep_going(job.progress):
+                raise Cancelled
+            elapsed += step
+            if elapsed >= milliseconds:
+                elapsed = 0
+                show()
+    except BaseException:  # an interrupt from the keyboard too
+        job.cancel()
+        job.wait(1000)
+        raise
     if job.error is not None:
         raise RenderError(job.error)
     if job.cancelled:

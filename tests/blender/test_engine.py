@@ -203,6 +203,31 @@ def test_a_cancelled_render_ends_without_an_error(stage: Any, monkeypatch: pytes
     assert not [thread for thread in threading.enumerate() if thread.name == "halfspace-build"]
 
 
+@pytest.mark.parametrize("during", ["extract", "build", "trace"])
+def test_an_interrupted_render_leaves_the_old_picture(
+    stage: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, during: str
+) -> None:
+    if during == "build":
+        stage.collection.objects.link(bpy.data.objects.new("Grid", grid(700)))
+    stage.halfspace.samples = 1 << 16
+
+    def interrupt(*_: Any, **__: Any) -> Any:
+        raise KeyboardInterrupt
+
+    if during == "extract":
+        monkeypatch.setattr(engine.extract, "find", interrupt)
+    else:
+        monkeypatch.setattr(engine._Picture, "_building" if during == "build" else "_tracing", interrupt)
+    old = tmp_path / "picture.png"
+    old.write_bytes(b"old")
+    stage.render.filepath = str(old)
+    with pytest.raises(RuntimeError, match="interrupted"):
+        bpy.ops.render.render(write_still=True)
+    assert old.read_bytes() == b"old"
+    assert reports.last(stage) is None
+    assert not [thread for thread in threading.enumerate() if thread.name == "halfspace-build"]
+
+
 def test_an_empty_scene_says_why_nothing_is_seen(stage: Any, tmp_path: Path) -> None:
     bpy.data.objects.remove(stage.objects["Cube"])
     stage.render.use_motion_blur = True

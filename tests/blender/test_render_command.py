@@ -12,7 +12,7 @@ import pytest
 import render
 from shapes import cube
 
-from addon.blender import pictures
+from addon.blender import engine, pictures, scenes
 
 QUICK = ["--samples", "1"]
 
@@ -87,3 +87,19 @@ def test_whatever_goes_wrong_is_one_line(
     assert render.main([str(file), *out]) == 2
     assert capsys.readouterr().err == f"render: {tmp_path / 'out.png'}: cannot be written: No space left on device\n"
     assert sorted(path.name for path in tmp_path.iterdir()) == ["broken.blend", "cube.blend"]
+
+
+def test_an_interrupted_render_is_no_success(
+    file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupt(*_: Any, **__: Any) -> Any:
+        raise KeyboardInterrupt
+
+    out = tmp_path / "out.png"
+    out.write_bytes(b"old")
+    monkeypatch.setattr(engine._Picture, "_tracing", interrupt)
+    assert render.main([str(file), "--samples", str(1 << 16), "--out", str(out)]) == 2
+    monkeypatch.setattr(scenes, "open_file", interrupt)
+    assert render.main([str(file), "--out", str(out)]) == 130
+    assert capsys.readouterr().err == "render: interrupted\n" * 2
+    assert out.read_bytes() == b"old"
