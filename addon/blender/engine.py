@@ -16,7 +16,7 @@ from ..core.background import Background
 from ..core.notes import Notes
 from ..core.session import POLL_SECONDS, Cancelled, Session, watch
 from ..core.settings import Mist, RenderSettings, memory_limit
-from . import camera, comparing, extract, passes, properties, remarks, reports, trees, workloads
+from . import camera, comparing, extract, passes, properties, remarks, reports, trees, view_layers, workloads
 from .viewport import Viewport
 
 if TYPE_CHECKING:
@@ -176,7 +176,7 @@ class _Picture:
         mebibytes = statistics["bytes"] / 2**20
         self.engine.update_memory_stats(memory_used=mebibytes, memory_peak=mebibytes)
         left_out = [layout.reason, *session.structure.statistics["left_out"], *session.left_out]
-        remarks.remark(self.scene, count, self.notes)
+        remarks.remark(self.scene, self.depsgraph.view_layer_eval, count, self.notes)
         report = reports.Report(
             label,
             count,
@@ -295,7 +295,7 @@ def render_settings(engine: Any, depsgraph: Any) -> RenderSettings:
         passes=tuple(render_pass.name for render_pass in passes.wanted_passes(depsgraph.view_layer_eval)),
         noise_threshold=group.noise_threshold if group.use_adaptive else 0.0,
         time_limit=group.time_limit,
-        mist=_mist(scene.world),
+        mist=_mist(view_layers.world(depsgraph)),
         threads=render.threads if render.threads_mode == "FIXED" else 0,
     )
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..core.instances import Layout, choose
 from ..core.scene import Hidden, Image, Light, Material, Numbers, Scene, World
-from . import lights, materials, meshes, world
+from . import lights, materials, meshes, view_layers, world
 
 if TYPE_CHECKING:
     from ..core.notes import Notes
@@ -24,6 +24,7 @@ SKIPPED_TYPES = {
     "GREASEPENCIL": "grease pencil",
     "GPENCIL": "grease pencil",
 }
+HOLDOUT = "Holdout is not supported yet, rendered as usual"
 RAYS = ("camera", "shadow", "diffuse", "glossy", "transmission")
 """The kinds of rays that an object can be hidden from."""
 
@@ -87,16 +88,18 @@ def extract(depsgraph: Any, notes: Notes, *, uvs: bool = False) -> Scene:
 def find(depsgraph: Any, notes: Notes, *, uvs: bool = False) -> Found:
     """Everything that can be rendered as the depsgraph's mode shows it.
 
-    Reads meshes, whatever has a mesh (curves, surfaces, text, metaballs) and lights, with every instance of them;
-    what cannot be rendered goes into `notes` by name.
+    Reads meshes, whatever has a mesh (curves, surfaces, text, metaballs) and lights, with every instance of them, with
+    the materials and the world of the view layer; what cannot be rendered goes into `notes` by name.
     """
-    reader = _Reader(notes, uvs, depsgraph.ids)
+    layer = depsgraph.view_layer_eval
+    reader = _Reader(notes, uvs, depsgraph.ids, layer)
     # Take everything from an item at once: Blender reuses its memory for the next one.
     for instance in depsgraph.object_instances:
         if instance.show_self:
             reader.visit(instance.object, instance.matrix_world, instance.parent if instance.is_instance else None)
     final = depsgraph.mode == "RENDER"
-    background, shown, suns = world.read_world(depsgraph.scene_eval.world, notes, reader.palette.gallery, wait=final)
+    sky = view_layers.world(depsgraph) if layer.use_sky else None
+    background, shown, suns = world.read_world(sky, notes, reader.palette.gallery, wait=final)
     return Found(
         placements=reader.placements(),
         materials=reader.palette.materials(),
@@ -110,15 +113,17 @@ def find(depsgraph: Any, notes: Notes, *, uvs: bool = False) -> Found:
 
 
 class _Reader:
-    def __init__(self, notes: Notes, uvs: bool, blocks: Any) -> None:
+    def __init__(self, notes: Notes, uvs: bool, blocks: Any, layer: Any) -> None:
         self.notes = notes
         self.uvs = uvs
-        self.palette = materials.Palette(notes, blocks)
+        self.palette = materials.Palette(notes, blocks, layer.material_override)
         self.lights: list[Light] = []
         self.object_numbers: dict[str, float] = {}
         self._meshes: dict[tuple[str, int], meshes.MeshArrays] = {}
         self._groups: dict[tuple[tuple[str, int], tuple[int, ...]], _Group] = {}
         self._checked: set[str] = set()
+        self._surfaces = layer.use_solid
+        self._marks = view_layers.Marks(layer)
         self._given: set[int] = set()
         """Curves, text and the like whose mesh Blender gives as an instance beside them."""
 
@@ -129,13 +134,15 @@ class _Reader:
         if kind in MESH_TYPES or kind in CONVERTIBLE_TYPES:
             if parent is not None and kind in MESH_TYPES and item.original.type in CONVERTIBLE_TYPES:
                 self._given.add(item.original.as_pointer())
-            self._place(item, matrix, _hidden(item, parent))
+            if self._surfaces:
+                self._place(item, matrix, self._seen(item, parent))
         elif kind == "LIGHT":
             light = lights.read_light(item, matrix, self.notes)
             if light is not None:
+                self._note_linking(item, item.name_full)
                 self.lights.append(replace(light, hidden_from=_hidden(item, parent)))
         elif kind in SKIPPED_TYPES:
-            self.notes.add(f"Skipped, {SKIPPED_TYPES[kind]} cannot be rendered yet", item.name)
+            self.notes.add(f"Skipped, {SKIPPED_TYPES[kind]} cannot be rendered yet", item.name_full)
 
     def placements(self) -> list[meshes.Placement]:
         """What was found, in order of appearance."""
@@ -146,7 +153,7 @@ class _Reader:
         ]
 
     def _place(self, item: Any, matrix: np.ndarray[Any, Any], hidden: Hidden) -> None:
-        name = item.name
+        name = item.name_full  # two files may each have an object of the same name
         self._check_once(item, name)
         if not np.isfinite(matrix).all():
             self.notes.add("Dropped, the transform is not finite", name)
@@ -182,6 +189,24 @@ class _Reader:
             item.to_mesh_clear()
         return key, self._meshes[key], self.palette.indices(item, item.data, hidden)
 
+    def _seen(self, item: Any, parent: Any) -> Hidden:
+        """The rays that do not see an object at its place, also because of its collections."""
+        hidden = _hidden(item, parent)
+        owner = item if parent is None else parent
+        holdout, indirect_only = self._marks.of(owner)
+        if holdout:
+            self.notes.add(HOLDOUT, owner.name_full)
+        if not indirect_only or "camera" in hidden:
+            return hidden
+        return ("camera", *hidden)
+
+    def _note_linking(self, item: Any, name: str) -> None:
+        linking = item.light_linking
+        if linking.receiver_collection is not None:
+            self.notes.add("Light linking is not supported yet, the light reaches everything", name)
+        if linking.blocker_collection is not None:
+            self.notes.add("Shadow linking is not supported yet, everything throws shadows", name)
+
     def _check_once(self, item: Any, name: str) -> None:
         """Remark on settings of an object that are not obeyed."""
         if name in self._checked:
@@ -190,7 +215,10 @@ class _Reader:
         if item.pass_index:
             self.object_numbers[name] = float(item.pass_index)
         if item.is_holdout:
-            self.notes.add("Holdout is not supported yet, rendered as usual", name)
+            self.notes.add(HOLDOUT, name)
+        if item.is_shadow_catcher:
+            self.notes.add("Shadow catchers are not supported yet, rendered as usual", name)
+        self._note_linking(item, name)
         if any(
             system.settings.type == "HAIR" and system.settings.render_type == "PATH" for system in item.particle_systems
         ):

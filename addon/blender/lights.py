@@ -18,7 +18,9 @@ if TYPE_CHECKING:
 
 def read_light(item: Any, matrix: F64, notes: Notes) -> Light | None:
     """A light object at one place in the world; None when it gives no light."""
-    data, name = item.data, item.name
+    data, name = item.data, item.name_full
+    if data.type == "AREA" and getattr(getattr(data, "cycles", None), "is_portal", False):
+        return None  # it only tells Cycles where the world's light comes in
     if not np.isfinite(matrix).all():
         notes.add("Dropped, the transform is not finite", name)
         return None
@@ -31,6 +33,8 @@ def read_light(item: Any, matrix: F64, notes: Notes) -> Light | None:
     match data.type:
         case "POINT" | "SPOT":
             light = replace(light, radius=data.shadow_soft_size)
+            if data.shadow_soft_size > 0 and not data.use_soft_falloff:
+                notes.add("Lights without soft falloff are not supported yet, it falls off softly", name)
             if data.type == "SPOT":
                 light = replace(light, spot_size=data.spot_size, spot_blend=data.spot_blend)
         case "SUN":

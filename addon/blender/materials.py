@@ -41,9 +41,9 @@ class Palette:
     layers: what the materials of `blocks`, or of those met since, read at the corners of triangles.
     """
 
-    def __init__(self, notes: Notes, blocks: Iterable[Any] = ()) -> None:
+    def __init__(self, notes: Notes, blocks: Iterable[Any] = (), override: Any = None) -> None:
         """blocks: data blocks of a depsgraph; the materials among them are read at once, so that `layers` is complete
-        before the first mesh is.
+        before the first mesh is. override: the only material, in place of all others.
         """
         self.layers = Layers()
         self.gallery = Gallery()
@@ -53,7 +53,8 @@ class Palette:
         self._pass_indices = [0.0]
         self._read: dict[int, _Read] = {}
         self._images: set[int] = set()
-        for block in blocks:
+        self._override = override
+        for block in blocks if override is None else [override]:
             if isinstance(block, bpy.types.Material):
                 self._of(block)
 
@@ -84,6 +85,7 @@ class Palette:
         return tuple(self._pass_indices)
 
     def _number(self, material: Any, hidden: Hidden) -> int:
+        material = material if self._override is None else self._override
         key = (0 if material is None else material.original.as_pointer(), hidden)
         if key not in self._numbers:
             self._numbers[key] = len(self._materials)

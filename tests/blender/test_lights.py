@@ -81,3 +81,23 @@ def test_emission_nodes_of_a_light_multiply(add: Any) -> None:
     data.node_tree.links.new(blackbody.outputs[0], emission.inputs["Color"])
     bpy.context.view_layer.update()
     assert any("Blackbody" in line and "Noded" in line for line in read()[1])
+
+
+def test_a_portal_gives_no_light(add: Any) -> None:
+    data = bpy.data.lights.new("Portal", "AREA")
+    if not hasattr(data, "cycles"):
+        pytest.skip("this Blender has no Cycles")
+    data.cycles.is_portal = True
+    add("Portal", data)
+    add("Window", bpy.data.lights.new("Window", "AREA"))
+    assert len(read()[0].lights) == 1
+
+
+@pytest.mark.parametrize("kind", ["POINT", "SPOT"])
+def test_hard_falloff_is_said(add: Any, kind: str) -> None:
+    data = bpy.data.lights.new("Lamp", kind)
+    data.shadow_soft_size, data.use_soft_falloff = 0.5, False
+    add("Lamp", data)
+    assert [line for line in read()[1] if "soft falloff" in line and line.endswith(": Lamp")]
+    data.use_soft_falloff = True
+    assert read()[1] == []
