@@ -10,6 +10,7 @@ import numpy as np
 
 from ..core.instances import Layout, choose
 from ..core.scene import Hidden, Image, Light, Material, Numbers, Scene, World
+from . import layers as texture_layers
 from . import lights, materials, meshes, view_layers, world
 
 if TYPE_CHECKING:
@@ -97,6 +98,7 @@ def find(depsgraph: Any, notes: Notes, *, uvs: bool = False) -> Found:
     for instance in depsgraph.object_instances:
         if instance.show_self:
             reader.visit(instance.object, instance.matrix_world, instance.parent if instance.is_instance else None)
+    reader.note_layers()
     final = depsgraph.mode == "RENDER"
     sky = view_layers.world(depsgraph) if layer.use_sky else None
     background, shown, suns = world.read_world(sky, notes, reader.palette.gallery, wait=final)
@@ -122,6 +124,7 @@ class _Reader:
         self._meshes: dict[tuple[str, int], meshes.MeshArrays] = {}
         self._groups: dict[tuple[tuple[str, int], tuple[int, ...]], _Group] = {}
         self._checked: set[str] = set()
+        self._unreadable: set[texture_layers.Key] = set()
         self._surfaces = layer.use_solid
         self._marks = view_layers.Marks(layer)
         self._given: set[int] = set()
@@ -177,7 +180,7 @@ class _Reader:
             data = item.data
             key = ("mesh", data.as_pointer())
             if key not in self._meshes:
-                self._meshes[key] = meshes.read_mesh(data, uvs=self.uvs, layers=self.palette.layers.keys)
+                self._meshes[key] = self._read(data, item)
             return key, self._meshes[key], self.palette.indices(item, data, hidden)
         key = ("object", item.original.as_pointer())
         if key not in self._meshes:
@@ -185,9 +188,29 @@ class _Reader:
             data = item.to_mesh()
             if data is None:
                 return key, None, ()
-            self._meshes[key] = meshes.read_mesh(data, uvs=self.uvs, layers=self.palette.layers.keys)
+            self._meshes[key] = self._read(data, item)
             item.to_mesh_clear()
         return key, self._meshes[key], self.palette.indices(item, item.data, hidden)
+
+    def _read(self, data: Any, item: Any) -> meshes.MeshArrays:
+        """A mesh and what materials read of it."""
+        keys = self.palette.layers.keys
+        for key in keys:
+            if reason := texture_layers.unreadable(data, key):
+                self._unreadable.add(key)
+                self.notes.add(f"The attribute {key[1]!r} is black, its {reason} is not supported yet", item.name_full)
+        return meshes.read_mesh(data, uvs=self.uvs, layers=keys)
+
+    def note_layers(self) -> None:
+        """Remark on what materials read and no mesh has."""
+        there = self._unreadable.union(*(mesh.layers for mesh in self._meshes.values()))
+        for key, names in self.palette.readers().items():
+            kind, layer = key
+            if key in there or not layer:
+                continue
+            for name in names:
+                what = "attribute" if kind == texture_layers.COLOR else "UV map"
+                self.notes.add(f"No mesh has the {what} {layer!r}, it is 0 everywhere, in material", name)
 
     def _seen(self, item: Any, parent: Any) -> Hidden:
         """The rays that do not see an object at its place, also because of its collections."""

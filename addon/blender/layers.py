@@ -48,21 +48,49 @@ def _uv(mesh: Any, name: str, corners: U32) -> F32 | None:
     return values.reshape(-1, 2).take(corners, axis=0)
 
 
-WIDTHS = {"FLOAT_COLOR": 4, "BYTE_COLOR": 4, "FLOAT_VECTOR": 3, "FLOAT2": 2, "FLOAT": 1}
-FIELDS = {"FLOAT_COLOR": "color", "BYTE_COLOR": "color", "FLOAT": "value"}
+TYPES: dict[str, tuple[int, str, Any]] = {
+    "FLOAT_COLOR": (4, "color", np.float32),
+    "BYTE_COLOR": (4, "color", np.float32),
+    "FLOAT_VECTOR": (3, "vector", np.float32),
+    "FLOAT2": (2, "vector", np.float32),
+    "FLOAT": (1, "value", np.float32),
+    "INT": (1, "value", np.int32),
+    "INT8": (1, "value", np.int8),
+    "BOOLEAN": (1, "value", np.bool_),
+}
+"""The attributes that can be read: how many numbers, the name of their field, and as what Blender stores them."""
+
+DOMAINS = ("POINT", "FACE", "CORNER")
+
+
+def _attribute(mesh: Any, name: str) -> Any:
+    """An attribute by name, without a name the active colour, or None."""
+    if name:
+        return mesh.attributes.get(name)
+    colors = mesh.color_attributes
+    index = colors.render_color_index
+    return colors[index] if 0 <= index < len(colors) else None
+
+
+def unreadable(mesh: Any, key: Key) -> str:
+    """Why a mesh that has this layer cannot give it, or nothing."""
+    attribute = _attribute(mesh, key[1]) if key[0] == COLOR else None
+    if attribute is None:
+        return ""
+    if attribute.data_type not in TYPES:
+        return f"type {attribute.data_type.lower()}"
+    return "" if attribute.domain in DOMAINS else f"domain {attribute.domain.lower()}"
 
 
 def _color(mesh: Any, name: str, corners: U32) -> F32 | None:
     """Any attribute of numbers, on points, faces or corners; without a name the active colour."""
-    colors = mesh.color_attributes
-    index = colors.render_color_index
-    attribute = mesh.attributes.get(name) if name else (colors[index] if 0 <= index < len(colors) else None)
-    if attribute is None or attribute.data_type not in WIDTHS or attribute.domain not in ("POINT", "FACE", "CORNER"):
+    attribute = _attribute(mesh, name)
+    if attribute is None or unreadable(mesh, (COLOR, name)):
         return None
-    width = WIDTHS[attribute.data_type]
-    values = np.empty(len(attribute.data) * width, np.float32)
-    attribute.data.foreach_get(FIELDS.get(attribute.data_type, "vector"), values)
-    rows = values.reshape(-1, width)
+    width, field, stored = TYPES[attribute.data_type]
+    values = np.empty(len(attribute.data) * width, stored)
+    attribute.data.foreach_get(field, values)
+    rows = values.reshape(-1, width).astype(np.float32, copy=False)
     if width == 1:
         rows = np.repeat(rows, 3, axis=1)
     if attribute.domain == "CORNER":

@@ -76,6 +76,15 @@ class Palette:
         """All materials met so far, by number."""
         return tuple(self._materials)
 
+    def readers(self) -> dict[tuple[str, str], list[str]]:
+        """Which of the materials met so far read each of the layers, by name."""
+        found: dict[tuple[str, str], dict[str, None]] = {}
+        for material in self._materials:
+            for step in material.program:
+                if step["op"] == "attribute":
+                    found.setdefault(self.layers.keys[step["layer"]], {})[material.name] = None
+        return {key: list(names) for key, names in found.items()}
+
     def images(self, more: Iterable[int] = ()) -> tuple[Image, ...]:
         """All images by number, with the pixels of those that materials met so far use, and `more`."""
         return self.gallery.read(self._images | set(more), self._notes)
