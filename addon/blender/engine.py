@@ -49,6 +49,19 @@ class HalfspaceEngine(bpy.types.RenderEngine):
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         self._viewport: Viewport | None = None
+        self._noted: dict[tuple[str, str], Notes] = {}
+        self._frame = math.nan
+
+    def noted(self, depsgraph: Any, notes: Notes) -> Notes:
+        """What is said of all layers and views of this frame so far, these included. Blender renders one by one."""
+        key, frame = (depsgraph.view_layer.name, self.active_view_get()), depsgraph.scene.frame_float
+        if self._frame != frame or key in self._noted:  # an engine may live on from picture to picture
+            self._noted, self._frame = {}, frame
+        self._noted[key] = notes
+        found = Notes()
+        for one in self._noted.values():
+            found.join(one)
+        return found
 
     def update_render_passes(self, scene: Any = None, renderlayer: Any = None) -> None:
         passes.register_passes(self, scene, renderlayer)
@@ -183,7 +196,7 @@ class _Picture:
             extract_seconds,
             statistics,
             left_out,
-            self.notes.lines(),
+            self.engine.noted(self.depsgraph, self.notes).lines(),
             reasons,
             answers,
             None if kept is None else kept.number,

@@ -20,6 +20,13 @@ class Notes:
         subjects = self._subjects.setdefault(remark, {})
         subjects[name] = subjects.get(name, 0) + count
 
+    def join(self, other: Notes) -> None:
+        """Take over what is said elsewhere of the same things, each as often as where it is said most."""
+        for remark, subjects in other._subjects.items():
+            mine = self._subjects.setdefault(remark, {})
+            for name, count in subjects.items():
+                mine[name] = max(mine.get(name, 0), count)
+
     def lines(self) -> list[str]:
         """One line per remark: the remark, then the names, with counts where something happened several times."""
         return [

@@ -269,6 +269,32 @@ def test_every_view_layer_shows_what_it_holds(stage: Any, tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize("persistent", [False, True])
+def test_warnings_of_all_view_layers_stay(stage: Any, add: Any, persistent: bool) -> None:
+    stage.render.use_persistent_data = persistent
+    stage.objects["Cube"].is_holdout = True
+    second = stage.view_layers.new("Second")
+    second.use_pass_vector = True
+    away = bpy.data.collections.new("Away")
+    stage.collection.children.link(away)
+    away.objects.link(bpy.data.objects.new("Fog", bpy.data.volumes.new("Fog")))
+    second.layer_collection.children["Away"].exclude = True
+
+    def said() -> list[str]:
+        report = reports.last(stage)
+        assert report is not None
+        return [line.partition(" ")[0] + line.partition(":")[2] for line in report.warnings]
+
+    bpy.ops.render.render()
+    assert sorted(said()) == ["Holdout Cube", "Skipped, Fog", "The Second"]
+    stage.objects["Cube"].is_holdout = False
+    bpy.ops.render.render()
+    assert sorted(said()) == ["Skipped, Fog", "The Second"]
+    stage.view_layers["ViewLayer"].use = False
+    bpy.ops.render.render()
+    assert said() == ["The Second"]
+
+
+@pytest.mark.parametrize("persistent", [False, True])
 def test_an_animation_renders_the_frames_that_are_asked_for(stage: Any, tmp_path: Path, persistent: bool) -> None:
     """As `blender -b FILE -E HALFSPACE -s 3 -e 9 -j 2 -a` does; each frame is what it is alone."""
     item = stage.objects["Cube"]
