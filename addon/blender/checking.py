@@ -72,6 +72,8 @@ class HALFSPACE_OT_check(bpy.types.Operator):
             log.error("Halfspace could not measure the structure", exc_info=error)
             self.report({"ERROR"}, " ".join(str(error).split()))
             return {"CANCELLED"}
+        for line in workload.notes:
+            self.report({"WARNING"}, line)
         _checks.clear()
         if found is not None:
             _checks[tree.number] = found

@@ -35,6 +35,8 @@ class _ComparePanel:
         found = comparing.last(scene)
         if found is None:
             return
+        if found.stale:
+            layout.label(text="The scene has changed since", icon="ERROR")
         _table(layout, found.comparison)
         for line in found.notes:
             wrapped(layout, line, width=WIDTH)

@@ -43,12 +43,21 @@ log = logging.getLogger(__name__)
 
 @dataclass
 class Found:
-    """What is known of a scene. notes: why, in lines. rows, options: of the benchmark, for the report."""
+    """What is known of a scene. notes: why, in lines, and what was left out. rows, options: of the benchmark, for the
+    report. scene_uid, read: the scene, and its `trees.moment` when it was read.
+    """
 
     comparison: Comparison
     notes: list[str]
     rows: list[Any] = field(default_factory=list)
     options: dict[str, Any] = field(default_factory=dict)
+    scene_uid: int = 0
+    read: int = 0
+
+    @property
+    def stale(self) -> bool:
+        """Whether triangles of the scene may have moved since they were read."""
+        return trees.moved(self.scene_uid, self.read)
 
 
 @dataclass
@@ -126,6 +135,8 @@ class _Work:
         stop()
         self.scene_uid = scene.original.session_uid
         module = native.load()
+        bpy.context.view_layer.update()  # first, since it tells what has moved
+        self.read = trees.moment(scene)
         workload = workloads.current(scene.name, _view(scene))
         self.result: list[Found] = []
         _state.done, _state.text = 0.0, "reading the scene"
@@ -145,6 +156,7 @@ class _Work:
         if ended:
             self._forget()
             for found in self.result if trees.scene_of(self.scene_uid) is not None else ():
+                found.scene_uid, found.read = self.scene_uid, self.read
                 _found[self.scene_uid] = found
             trees.redraw_panels()
         return ended
@@ -186,7 +198,7 @@ def comparing(scene: Any) -> _Work:
         structure = module.build(workload.vertices, workload.triangles, spec, threads=threads, memory_limit=limit)
         counted = choice.mix(module, structure, workload, size, plan.max_bounces)
         comparison = choice.compare(rows, counted, plan)
-        keep(Found(comparison, [comparison.reason()], rows, options.as_dict()))
+        keep(Found(comparison, [comparison.reason(), *workload.notes], rows, options.as_dict()))
 
     return _Work(scene, steps)
 
@@ -201,7 +213,7 @@ def choosing(scene: Any) -> _Work:
         for number, text in enumerate(chooser.steps()):
             yield min(number / (len(candidates) + 6), 1.0), text
         if chooser.result is not None:
-            keep(Found(chooser.result.comparison, list(chooser.result.notes)))
+            keep(Found(chooser.result.comparison, [*chooser.result.notes, *workload.notes]))
 
     return _Work(scene, steps)
 

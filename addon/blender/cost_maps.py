@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
 from typing import Any
 
 import bpy
@@ -47,7 +48,7 @@ class HALFSPACE_OT_cost_map(bpy.types.Operator):
         if window is not None:
             window.cursor_set("WAIT")
         try:
-            picture = draw(scene, self.width)
+            picture = draw(scene, self.width, lambda line: self.report({"WARNING"}, line))
         except native.FAILURES as error:
             log.error("Halfspace could not draw the cost map", exc_info=error)
             self.report({"ERROR"}, " ".join(str(error).split()))
@@ -59,8 +60,11 @@ class HALFSPACE_OT_cost_map(bpy.types.Operator):
         return {"FINISHED"}
 
 
-def draw(scene: Any, width: int) -> F32:
-    """The picture of the scene's settings, (h, w, 3) display values. Raises what extraction and builds raise."""
+def draw(scene: Any, width: int, tell: Callable[[str], None] | None = None) -> F32:
+    """The picture of the scene's settings, (h, w, 3) display values. Raises what extraction and builds raise.
+
+    tell: called with each line about what the picture leaves out.
+    """
     group, render = scene.halfspace, scene.render
     size = costmap.rounded((width, width * render.resolution_y / max(render.resolution_x, 1)))
     specs = [properties.spec(group)]
@@ -70,6 +74,8 @@ def draw(scene: Any, width: int) -> F32:
     tree = next(filter(None, (trees.usable(scene, spec) for spec in specs)), None)
     # Both maps over the same triangles, those of the structure that is there already.
     workload = workloads.current(scene.name, size) if tree is None else workloads.of_tree(tree, scene.name, size)
+    for line in workload.notes if tell is not None else ():
+        tell(line)
     module, limit = native.load(), memory_limit(group.memory_limit)
     maps = []
     reference: Reference | None = None

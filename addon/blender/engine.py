@@ -134,8 +134,9 @@ class _Picture:
         if self.group.automatic and layout.two_level:
             reasons = ["as set: a choice would need every triangle in its place, see Instances"]
         if self.group.automatic and count and not layout.two_level:
-            chosen = self._choose(module, scene, view, settings)
-            spec, label, reasons = chosen.spec, comparing.name(chosen.spec), list(chosen.notes)
+            seen = Notes()
+            chosen = self._choose(module, scene, view, settings, seen)
+            spec, label, reasons = chosen.spec, comparing.name(chosen.spec), [*chosen.notes, *seen.lines()]
             answers = chosen.comparison.lines[0].answers
             session = Session.over(module, scene, chosen.structure)
         else:
@@ -226,11 +227,14 @@ class _Picture:
             pixel_aspect=(render.pixel_aspect_x, render.pixel_aspect_y),
         )
 
-    def _choose(self, module: Any, scene: Scene, view: Camera, settings: RenderSettings) -> auto.Choice:
-        """Let the scene and the number of samples choose the structure."""
+    def _choose(self, module: Any, scene: Scene, view: Camera, settings: RenderSettings, seen: Notes) -> auto.Choice:
+        """Let the scene and the number of samples choose the structure.
+
+        seen: takes what the view that is measured leaves out.
+        """
         width, height = settings.size
         plan = choice.Plan(width * height, settings.samples, settings.max_bounces)
-        workload = workloads.of_scene(self.scene.name, scene, view, Notes())
+        workload = workloads.of_scene(self.scene.name, scene, view, seen)
         limit = memory_limit(self.group.memory_limit)
         chooser = auto.Chooser(module, workload, plan, auto.candidates(catalogue.load()), settings.threads, limit)
         work = Background(chooser.steps(), lambda text: self._say(f"Choosing a structure: {text}"))

@@ -46,7 +46,7 @@ class Tree:
     @property
     def stale(self) -> bool:
         """Whether triangles of the scene may have moved since they were read."""
-        return self.read != _moments.get(self.scene_uid, 0)
+        return moved(self.scene_uid, self.read)
 
 
 _tree: Tree | None = None
@@ -63,6 +63,11 @@ def moment(scene: Any) -> int:
     uid = scene.original.session_uid
     _frames[uid] = scene.frame_float
     return _moments.setdefault(uid, 0)
+
+
+def moved(scene_uid: int, read: int) -> bool:
+    """Whether triangles of this scene may have moved since that moment."""
+    return read != _moments.get(scene_uid, 0)
 
 
 def keep(

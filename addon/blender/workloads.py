@@ -94,8 +94,17 @@ def _seen_by(camera: Camera | None, name: str, vertices: F32, triangles: I32, no
     view = None if camera is None else _view(camera)
     if view is None:
         notes.add("Seen whole, from the front and above, for want of a perspective camera", name)
-        view = framing_view(vertices, triangles)
+        return framing_view(vertices, triangles)
+    assert camera is not None
+    if _shifted(camera):
+        notes.add("The shift of the lens is left out of the rays that are measured", name)
     return view
+
+
+def _shifted(camera: Camera) -> bool:
+    """Whether the middle of the picture is not where the camera points, by more than rounding."""
+    left, right, bottom, top = camera.window
+    return bool(max(abs(left + right), abs(bottom + top)) > 1e-4 * (top - bottom))
 
 
 def _camera(depsgraph: Any, origin: Any, notes: Notes, size: tuple[int, int]) -> Camera | None:

@@ -104,6 +104,44 @@ def test_choosing_sets_structure_and_parameters(seen: Any) -> None:
         assert "compared with brute force, 0 wrong" in " ".join(draw_all(panel, scene=seen).log)
 
 
+@pytest.mark.parametrize("operator", ["compare", "choose"])
+def test_what_is_measured_instead_of_the_picture_is_said(seen: Any, operator: str) -> None:
+    seen.camera.data.type = "ORTHO"
+    assert getattr(bpy.ops.halfspace, operator)() == {"FINISHED"}
+    said = "want of a perspective camera"
+    assert said in bpy.data.texts["Halfspace comparison, Scene"].as_string()
+    for panel in compare_panels.CLASSES:
+        assert said in " ".join(draw_all(panel, scene=seen).log)
+
+
+def test_a_choice_that_was_measured_on_another_view_says_so(seen: Any) -> None:
+    seen.render.engine, seen.halfspace.samples, seen.halfspace.automatic = "HALFSPACE", 1, True
+    seen.render.resolution_x = seen.render.resolution_y = 16
+    seen.camera.data.type = "ORTHO"
+    bpy.ops.render.render()
+    report = reports.last(seen)
+    assert report is not None
+    assert [line for line in report.reasons if "want of a perspective camera" in line]
+
+
+def test_a_result_is_old_once_the_scene_has_changed(seen: Any) -> None:
+    seen.objects["Box 1"].location.z += 0.5  # an edit that nobody has seen when measuring begins
+    assert bpy.ops.halfspace.compare() == {"FINISHED"}
+    found = comparing.last(seen)
+    assert found is not None
+    panel = compare_panels.HALFSPACE_PT_view_compare
+    assert not found.stale
+    assert "The scene has changed since" not in draw_all(panel, scene=seen).log
+    seen.camera.location.z += 1
+    bpy.context.view_layer.update()
+    assert not found.stale
+    seen.objects["Box 1"].location.z += 1
+    bpy.context.view_layer.update()
+    assert "The scene has changed since" in draw_all(panel, scene=seen).log
+    assert bpy.ops.halfspace.compare() == {"FINISHED"}
+    assert "The scene has changed since" not in draw_all(panel, scene=seen).log
+
+
 def test_what_was_not_compared_is_said_to_be_so(seen: Any) -> None:
     line = choice.Line("kd", 1.0, 2.0)
     found = comparing.Found(choice.Comparison(comparing.plan_of(seen), (line,)), [])

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import bpy
@@ -10,7 +11,7 @@ import numpy as np
 import pytest
 from shapes import cube
 
-from addon.blender import building, cost_maps, lettering, workloads
+from addon.blender import building, checking, cost_maps, lettering, workloads
 from addon.core import catalogue, costmap, native
 
 
@@ -135,3 +136,15 @@ def test_scales_end_at_round_numbers() -> None:
     assert [costmap.number(x) for x in costmap.ticks(40)] == ["0", "10", "20", "30", "40"]
     assert costmap.rounded((100, 3)) == (96, 8)
     assert catalogue.load()["kd"].label
+
+
+@pytest.mark.parametrize("built", [False, True])
+@pytest.mark.parametrize("operator", [cost_maps.HALFSPACE_OT_cost_map, checking.HALFSPACE_OT_check])
+def test_a_view_that_is_not_the_camera_s_is_said(seen: Any, operator: Any, built: bool) -> None:
+    seen.camera.data.type = "ORTHO"
+    if built:
+        building.build_now(seen, bpy.context.evaluated_depsgraph_get())
+    said: list[str] = []
+    itself = SimpleNamespace(width=64, report=lambda _kind, line: said.append(line))
+    assert operator.execute(itself, bpy.context) == {"FINISHED"}
+    assert [line for line in said if "want of a perspective camera" in line]

@@ -77,6 +77,14 @@ def test_without_a_camera_the_whole_is_seen_and_that_is_said(cube: Any) -> None:
     assert np.linalg.norm(found.view.target - found.vertices.mean(axis=0)) < 1e-5
 
 
+def test_a_shifted_lens_is_said(cube: Any) -> None:
+    camera = bpy.context.scene.camera.data
+    camera.shift_y = 0.3
+    assert [line for line in workloads.current("cube", SIZE).notes if "shift of the lens" in line]
+    camera.shift_y = 0
+    assert workloads.current("cube", SIZE).notes == ()
+
+
 @pytest.mark.parametrize("suffix", [".blend", ".obj", ".ply", ".stl", ".glb", ".usd"])
 @pytest.mark.parametrize("content", [b"", b"rubbish" * 99])
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
