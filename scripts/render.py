@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import struct
 import sys
 import tempfile
 import time
@@ -107,13 +108,14 @@ def render(asked: argparse.Namespace) -> None:
         bpy.ops.render.render(write_still=True)
         if not picture.is_file():
             raise RuntimeError("nothing was rendered")
+        width, height = _size(picture)
         try:
             picture.replace(asked.out)
         except OSError as error:
             raise OSError(f"{asked.out}: cannot be written: {error.strerror or error}") from error
     tree = trees.last(scene)
     spec = tree.spec if tree is not None else properties.spec(scene.halfspace)
-    print(f"{asked.out}: {_size(scene)} pixels in {time.perf_counter() - start:.1f} s with {spec}")
+    print(f"{asked.out}: {width} × {height} pixels in {time.perf_counter() - start:.1f} s with {spec}")
 
 
 class _Progress:
@@ -136,6 +138,10 @@ def _configure(scene: Any, asked: argparse.Namespace) -> None:
 
     scene.render.engine = "HALFSPACE"
     pictures.as_file(scene.render.image_settings, "PNG")
+    if scene.render.use_multiview:
+        # Blender would write one file for each eye, under names of its own.
+        scene.render.use_multiview = False
+        print("render: stereo is not supported, one picture from the middle is rendered", file=sys.stderr)
     if asked.structure is not None:
         try:
             presets.apply(scene.halfspace, asked.structure)
@@ -156,9 +162,11 @@ def _once(message: str) -> str:
     return " ".join(dict.fromkeys(filter(None, lines)))
 
 
-def _size(scene: Any) -> str:
-    share = scene.render.resolution_percentage / 100
-    return f"{int(scene.render.resolution_x * share)} × {int(scene.render.resolution_y * share)}"
+def _size(picture: Path) -> tuple[int, int]:
+    """The width and height that a .png itself tells, since borders may have cropped it."""
+    with picture.open("rb") as file:
+        width, height = struct.unpack(">II", file.read(24)[16:])
+    return width, height
 
 
 if __name__ == "__main__":

@@ -52,6 +52,22 @@ def test_a_configuration_is_taken_whatever_the_file_would_choose(
     assert told.endswith(" s with kd:traversal=dir,max_depth=9")
 
 
+def test_stereo_becomes_one_picture_and_the_size_is_the_file_s(
+    file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bpy.ops.wm.open_mainfile(filepath=str(file))
+    settings = bpy.context.scene.render
+    settings.use_multiview = settings.use_border = settings.use_crop_to_border = True
+    settings.border_min_x, settings.border_max_x, settings.border_min_y, settings.border_max_y = 0.25, 0.75, 0, 0.5
+    bpy.ops.wm.save_mainfile()
+    out = tmp_path / "out.png"
+    assert render.main([str(file), *QUICK, "--out", str(out)]) == 0
+    told = capsys.readouterr()
+    assert told.err.startswith("render: stereo is not supported")
+    assert f"{out}: 16 × 8 pixels in" in told.out
+    assert pictures.load(out).shape == (8, 16, 4)
+
+
 def test_a_bare_geometry_is_rendered(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "tent.npz"
     view = {"camera_eye": [0, -5, 1], "camera_target": [0, 0, 0], "camera_up": [0, 0, 1], "camera_vfov_deg": 45.0}
