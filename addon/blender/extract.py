@@ -86,8 +86,8 @@ def extract(depsgraph: Any, notes: Notes, *, uvs: bool = False) -> Scene:
     return find(depsgraph, notes, uvs=uvs).flattened(uvs=uvs)
 
 
-def find(depsgraph: Any, notes: Notes, *, uvs: bool = False) -> Found:
-    """Everything that can be rendered as the depsgraph's mode shows it.
+def find(depsgraph: Any, notes: Notes, *, uvs: bool = False, space: Any = None) -> Found:
+    """Everything that can be rendered as the depsgraph's mode shows it; with a 3D view, only what that view shows.
 
     Reads meshes, whatever has a mesh (curves, surfaces, text, metaballs) and lights, with every instance of them, with
     the materials and the world of the view layer; what cannot be rendered goes into `notes` by name.
@@ -96,7 +96,7 @@ def find(depsgraph: Any, notes: Notes, *, uvs: bool = False) -> Found:
     reader = _Reader(notes, uvs, depsgraph.ids, layer)
     # Take everything from an item at once: Blender reuses its memory for the next one.
     for instance in depsgraph.object_instances:
-        if instance.show_self:
+        if instance.show_self and (space is None or instance.object.visible_in_viewport_get(space)):
             reader.visit(instance.object, instance.matrix_world, instance.parent if instance.is_instance else None)
     reader.note_layers()
     final = depsgraph.mode == "RENDER"

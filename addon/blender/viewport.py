@@ -59,7 +59,9 @@ class Viewport:
         try:
             notes = Notes()
             group = depsgraph.scene.halfspace
-            found = extract.find(depsgraph, notes)
+            # The view's own choice: local view, its collections, the kinds of objects that it hides.
+            space = context.space_data if isinstance(context.space_data, bpy.types.SpaceView3D) else None
+            found = extract.find(depsgraph, notes, space=space)
             two_level = found.layout(group.instancing, interactive=True).two_level
             scene = found.instanced() if two_level else found.flattened()
             if self._preview is None:

@@ -175,3 +175,33 @@ def test_the_view_of_a_camera_is_the_camera(context: Any) -> None:
     left, right, bottom, top = seen.window
     assert (left, bottom) == pytest.approx((-right, -top))
     assert right / top == pytest.approx(WIDTH / HEIGHT)
+
+
+def test_a_view_shows_no_more_than_its_own_objects(context: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    window = bpy.context.window_manager.windows[0]
+    area = next(area for area in window.screen.areas if area.type == "VIEW_3D")
+    region = next(region for region in area.regions if region.type == "WINDOW")
+    context.scene, context.space_data = bpy.context.scene, area.spaces.active
+    for name in ("In", "Out"):
+        item = bpy.data.objects.new(name, cube(name))
+        context.scene.collection.objects.link(item)
+        item.select_set(name == "In")
+    found: list[Any] = []
+    find = viewport.extract.find
+
+    def see(*args: Any, **settings: Any) -> Any:
+        found.append(find(*args, **settings))
+        return found[-1]
+
+    def shown() -> set[str]:
+        Viewport().update(Engine(), context, bpy.context.evaluated_depsgraph_get())
+        return {name for placement in found[-1].placements for name in placement.names}
+
+    monkeypatch.setattr(viewport.extract, "find", see)
+    assert shown() == {"In", "Out"}
+    with bpy.context.temp_override(window=window, area=area, region=region, space_data=context.space_data):
+        bpy.ops.view3d.localview(frame_selected=False)
+    assert shown() == {"In"}
+    context.space_data.show_object_viewport_mesh = False
+    assert shown() == set()
