@@ -165,7 +165,7 @@ def _read() -> Any:
     from addon.blender import extract
     from addon.core.notes import Notes
 
-    return extract.extract(bpy.context.evaluated_depsgraph_get(), Notes()).geometry
+    return extract.extract(bpy.context.evaluated_depsgraph_get(), Notes(), sky=extract.WAIT).geometry
 
 
 if __name__ == "__main__":

@@ -35,7 +35,7 @@ class Job:
         self.label = catalogue.load()[group.structure].label
         self.notes = Notes()
         self._read = trees.moment(scene)
-        geometry = extract.extract(depsgraph, self.notes).geometry
+        geometry = extract.extract(depsgraph, self.notes, sky=extract.NO_WORLD).geometry
         self.scene_uid = scene.original.session_uid
         self.triangles = len(geometry.triangles)
         self._building = Building(module, geometry, self.spec, memory_limit=memory_limit(group.memory_limit))

@@ -118,7 +118,7 @@ class _Picture:
         self._say("Reading the scene")
         start, read = time.perf_counter(), trees.moment(self.scene)
         uvs = "UV" in settings.passes
-        found = extract.find(self.depsgraph, self.notes, uvs=uvs)
+        found = extract.find(self.depsgraph, self.notes, uvs=uvs, keep_going=self._reading)
         # Only triangles in their places carry UVs.
         layout = found.layout("flatten" if uvs else self.group.instancing)
         scene = found.instanced() if layout.two_level else found.flattened(uvs=uvs)
@@ -247,6 +247,9 @@ class _Picture:
             raise
         assert chooser.result is not None, "the last step decides"
         return chooser.result
+
+    def _reading(self) -> bool:
+        return not self.engine.test_break()
 
     def _building(self, progress: float) -> bool:
         self.engine.update_progress(BUILD_SHARE * progress)

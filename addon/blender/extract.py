@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -25,6 +26,9 @@ SKIPPED_TYPES = {
     "GREASEPENCIL": "grease pencil",
     "GPENCIL": "grease pencil",
 }
+WAIT, LATER, NO_WORLD = "wait", "later", "no world"
+"""What becomes of a Sky Texture that another Blender must render first."""
+
 HOLDOUT = "Holdout is not supported yet, rendered as usual"
 RAYS = ("camera", "shadow", "diffuse", "glossy", "transmission")
 """The kinds of rays that an object can be hidden from."""
@@ -78,19 +82,31 @@ class Found:
         return Scene(geometry, self.materials, moved, self.world, self.numbers, self.images)
 
 
-def extract(depsgraph: Any, notes: Notes, *, uvs: bool = False) -> Scene:
+def extract(depsgraph: Any, notes: Notes, *, uvs: bool = False, sky: str = "") -> Scene:
     """The scene as the depsgraph's mode (viewport or render) shows it, in arrays, every triangle in its place.
 
     As `find` reads it. Geometry is in the frame of `Scene.geometry.origin`.
     """
-    return find(depsgraph, notes, uvs=uvs).flattened(uvs=uvs)
+    return find(depsgraph, notes, uvs=uvs, sky=sky).flattened(uvs=uvs)
 
 
-def find(depsgraph: Any, notes: Notes, *, uvs: bool = False, space: Any = None) -> Found:
+def find(
+    depsgraph: Any,
+    notes: Notes,
+    *,
+    uvs: bool = False,
+    space: Any = None,
+    sky: str = "",
+    keep_going: Callable[[], bool] | None = None,
+) -> Found:
     """Everything that can be rendered as the depsgraph's mode shows it; with a 3D view, only what that view shows.
 
     Reads meshes, whatever has a mesh (curves, surfaces, text, metaballs) and lights, with every instance of them, with
     the materials and the world of the view layer; what cannot be rendered goes into `notes` by name.
+
+    sky: WAIT for a Sky Texture, which takes seconds; begin it now and have it LATER; or NO_WORLD, for triangles alone.
+    Without a word renders wait and viewports do not. keep_going: asked meanwhile; where it returns False, Cancelled is
+    raised.
     """
     layer = depsgraph.view_layer_eval
     reader = _Reader(notes, uvs, depsgraph.ids, layer)
@@ -99,9 +115,14 @@ def find(depsgraph: Any, notes: Notes, *, uvs: bool = False, space: Any = None) 
         if instance.show_self and (space is None or instance.object.visible_in_viewport_get(space)):
             reader.visit(instance.object, instance.matrix_world, instance.parent if instance.is_instance else None)
     reader.note_layers()
-    final = depsgraph.mode == "RENDER"
-    sky = view_layers.world(depsgraph) if layer.use_sky else None
-    background, shown, suns = world.read_world(sky, notes, reader.palette.gallery, wait=final)
+    sky = sky or (WAIT if depsgraph.mode == "RENDER" else LATER)
+    background, shown, suns = world.read_world(
+        view_layers.world(depsgraph) if layer.use_sky and sky != NO_WORLD else None,
+        notes,
+        reader.palette.gallery,
+        wait=sky == WAIT,
+        keep_going=keep_going,
+    )
     return Found(
         placements=reader.placements(),
         materials=reader.palette.materials(),

@@ -7,6 +7,7 @@ world's colour, else a part of the world's program. So a picture of moderate siz
 
 from __future__ import annotations
 
+import atexit
 import json
 import math
 import subprocess
@@ -23,6 +24,7 @@ import numpy as np
 from mathutils import Vector
 
 from ..core.scene import F32, RGB, Light
+from ..core.session import Cancelled
 from .nodes import scaled
 
 TIMEOUT = 300
@@ -64,8 +66,32 @@ class Sky:
         return Light("sun", to_world, power, angle=self.angle, hidden_from=())
 
 
+class _Bake(threading.Thread):
+    """Renders the sky of these settings and keeps it, or why it failed."""
+
+    def __init__(self, key: str) -> None:
+        super().__init__(name="halfspace sky", daemon=True)
+        self.key = key
+        self.process: subprocess.Popen[bytes] | None = None
+        self.cancelled = False
+        self.found: Sky | SkyError = SkyError("not rendered: stopped")
+
+    def run(self) -> None:
+        self.found = _keep(self)
+
+    def cancel(self) -> None:
+        """End the other Blender, and wait a moment until its folder is gone."""
+        with _starting:
+            self.cancelled = True
+            if self.process is not None:
+                self.process.kill()
+        self.join(STOP_SECONDS)
+        if _running.get(self.key) is self and self.key not in _looks:
+            del _running[self.key]
+
+
 _kept: dict[str, Sky | SkyError] = {}
-_running: dict[str, threading.Thread] = {}
+_running: dict[str, _Bake] = {}
 _looks: dict[str, Callable[[], float | None]] = {}
 """The timers that look whether a sky has come."""
 
@@ -77,10 +103,10 @@ _starting = threading.Lock()
 """Held while a program starts, so that none starts unseen while all are ended."""
 
 
-def of_node(node: Any, *, wait: bool) -> Sky:
+def of_node(node: Any, *, wait: bool, keep_going: Callable[[], bool] | None = None) -> Sky:
     """What the node shows. Without `wait` it is prepared in the background, and depsgraphs are told when it is there.
 
-    Raises SkyError.
+    keep_going: asked while it is waited for; returns False to stop. Raises SkyError, and Cancelled if it was stopped.
     """
     key = json.dumps(_settings(node), sort_keys=True)
     found = _kept.get(key)
@@ -88,14 +114,31 @@ def of_node(node: Any, *, wait: bool) -> Sky:
         if not wait:
             _begin(key)
             raise SkyError("being prepared")
-        if (thread := _running.get(key)) is not None:
-            thread.join(TIMEOUT)
-        found = _kept.get(key) or _keep(key)
+        found = _wait(key, keep_going)
     if isinstance(found, SkyError):
         if wait:
             _kept.pop(key, None)  # the next render tries again
         raise found
     return found
+
+
+def _wait(key: str, keep_going: Callable[[], bool] | None) -> Sky | SkyError:
+    """The sky of these settings, or why it failed, however long that takes. Raises Cancelled."""
+    bake = _running.get(key)
+    if bake is None or not bake.is_alive():
+        bake = _running[key] = _Bake(key)
+        bake.start()
+    try:
+        while bake.is_alive():
+            bake.join(POLL)
+            if keep_going is not None and not keep_going():
+                raise Cancelled
+    except BaseException:  # an interrupt from the keyboard too
+        bake.cancel()
+        raise
+    if _running.get(key) is bake and key not in _looks:
+        del _running[key]
+    return bake.found
 
 
 def _settings(node: Any) -> dict[str, Any]:
@@ -110,25 +153,27 @@ def _settings(node: Any) -> dict[str, Any]:
     return found
 
 
-def _keep(key: str) -> Sky | SkyError:
-    """Render the sky of these settings and keep it, or why it failed; never raises."""
+def _keep(bake: _Bake) -> Sky | SkyError:
+    """Render a sky and keep it, or why it failed unless it was cancelled; never raises."""
     found: Sky | SkyError
     try:
-        found = _render(key)
+        found = _render(bake)
     except subprocess.TimeoutExpired:
         found = SkyError(f"took more than {TIMEOUT} s")
     except (OSError, subprocess.SubprocessError, ValueError, KeyError) as error:
         found = SkyError(f"not rendered: {error}")
+    if bake.cancelled and isinstance(found, SkyError):
+        return found
     while len(_kept) >= MOST:
         _kept.pop(next(iter(_kept)))
-    _kept[key] = found
+    _kept[bake.key] = found
     return found
 
 
-def _render(key: str) -> Sky:
+def _render(bake: _Bake) -> Sky:
     with tempfile.TemporaryDirectory(prefix="halfspace-sky-") as folder:
-        (Path(folder) / "node.json").write_text(key)
-        _run(_command(folder))
+        (Path(folder) / "node.json").write_text(bake.key)
+        _run(_command(folder), bake)
         with np.load(Path(folder) / "sky.npz") as found:
             rgb, sun = found["sky"], found["sun"]
             direction, angle = found["direction"], float(found["angle"])
@@ -152,13 +197,15 @@ def _command(folder: str) -> list[str]:
     return [blender, *quiet, "--python", script, "--", folder]
 
 
-def _run(command: list[str]) -> None:
-    """Run a program to its end. Raises OSError and subprocess.SubprocessError."""
+def _run(command: list[str], bake: _Bake | None = None) -> None:
+    """Run a program to its end, unless its bake is cancelled. Raises OSError and subprocess.SubprocessError."""
     with _starting:
-        if _stopping.is_set():
+        if _stopping.is_set() or (bake is not None and bake.cancelled):
             raise subprocess.SubprocessError("stopped")
         process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         _processes.add(process)
+        if bake is not None:
+            bake.process = process
     try:
         status = process.wait(TIMEOUT)
     finally:
@@ -169,14 +216,23 @@ def _run(command: list[str]) -> None:
         raise subprocess.CalledProcessError(status, command)
 
 
-def stop() -> None:
-    """End the other Blenders and the timers, and forget all skies."""
+def _end() -> None:
+    """End the other Blenders; each takes its folder with it."""
     _stopping.set()
     with _starting:
         for process in tuple(_processes):
             process.kill()
-    for thread in tuple(_running.values()):
-        thread.join(STOP_SECONDS)
+    for bake in tuple(_running.values()):
+        bake.join(STOP_SECONDS)
+
+
+# Python with Blender as a module leaves without disabling extensions, and would leave programs and folders behind.
+atexit.register(_end)
+
+
+def stop() -> None:
+    """End the other Blenders and the timers, and forget all skies."""
+    _end()
     for look in _looks.values():
         if bpy.app.timers.is_registered(look):
             bpy.app.timers.unregister(look)
@@ -188,16 +244,18 @@ def stop() -> None:
 
 def _begin(key: str) -> None:
     """Prepare a sky in the background; when it is there, worlds are read again."""
-    if key in _running:
+    if key in _looks:
         return
-    thread = threading.Thread(target=_keep, args=(key,), name="halfspace sky", daemon=True)
-    _running[key] = thread
-    thread.start()
+    bake = _running.get(key)
+    if bake is None or not bake.is_alive():
+        bake = _running[key] = _Bake(key)
+        bake.start()
 
     def look() -> float | None:
-        if thread.is_alive():
+        if bake.is_alive():
             return POLL
-        _running.pop(key, None)
+        if _running.get(key) is bake:
+            del _running[key]
         _looks.pop(key, None)
         for world in bpy.data.worlds:
             world.update_tag()

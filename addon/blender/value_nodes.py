@@ -74,7 +74,7 @@ def _sky(values: Values, node: Place) -> Operand:
     if not values.background:
         raise Unsupported("Sky Texture outside of the world")
     try:
-        found = sky.of_node(node.node, wait=values.wait)
+        found = sky.of_node(node.node, wait=values.wait, keep_going=values.keep_going)
     except sky.SkyError as error:
         raise Unsupported(f"Sky Texture ({error})") from None
     where = values.step("unit", values.vector(node, "generated"))

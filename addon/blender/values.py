@@ -42,9 +42,16 @@ class Values:
     """Writes the program of one material or world."""
 
     def __init__(
-        self, layers: Layers, gallery: Gallery, remark: Remark, *, background: bool = False, wait: bool = True
+        self,
+        layers: Layers,
+        gallery: Gallery,
+        remark: Remark,
+        *,
+        background: bool = False,
+        wait: bool = True,
+        keep_going: Callable[[], bool] | None = None,
     ) -> None:
-        """background: for a world. wait: whether what takes seconds is waited for.
+        """background: for a world. wait: whether what takes seconds is waited for, while `keep_going` says so.
 
         sun_strength: what the sun of a sky is multiplied by, where it is a light of its own, one of `suns`; else it
         is part of the program.
@@ -52,7 +59,7 @@ class Values:
         self.steps: list[Step] = []
         self.images: set[int] = set()
         self.layers, self.gallery, self.remark, self.background = layers, gallery, remark, background
-        self.wait = wait
+        self.wait, self.keep_going = wait, keep_going
         self.sun_strength: float | None = None
         self.suns: list[Light] = []
         self._known: dict[Any, Operand] = {}

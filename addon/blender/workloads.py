@@ -15,7 +15,7 @@ from ..core.scene import F32, I32, Camera, Scene
 from ..core.workload import View, Workload, WorkloadError, framing_view
 from . import showcase
 from .camera import read_camera
-from .extract import extract
+from .extract import WAIT, extract
 from .trees import Tree
 
 IMPORTERS = {
@@ -59,7 +59,8 @@ def current(name: str, size: tuple[int, int]) -> Workload:
     bpy.context.view_layer.update()
     depsgraph = bpy.context.evaluated_depsgraph_get()
     notes = Notes()
-    scene = extract(depsgraph, notes)
+    # Nothing may run beside what is timed, and light from the sky has rays as well.
+    scene = extract(depsgraph, notes, sky=WAIT)
     return of_scene(name, scene, _camera(depsgraph, scene.geometry.origin, notes, size), notes)
 
 

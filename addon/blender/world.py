@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -17,22 +18,29 @@ if TYPE_CHECKING:
 
 
 def read_world(
-    world: Any, notes: Notes, gallery: Gallery | None = None, *, wait: bool = True
+    world: Any,
+    notes: Notes,
+    gallery: Gallery | None = None,
+    *,
+    wait: bool = True,
+    keep_going: Callable[[], bool] | None = None,
 ) -> tuple[World, set[int], list[Light]]:
     """The background, the numbers of the images it shows, and the suns in it that are lights.
 
-    wait: whether a Sky Texture is waited for.
+    wait: whether a Sky Texture is waited for. keep_going: asked meanwhile; where it returns False, Cancelled is raised.
 
     What is not understood goes into `notes` and is replaced by its default.
     """
-    found, images, suns = _read(world, notes, gallery, wait)
+    found, images, suns = _read(world, notes, gallery, wait, keep_going)
     # Cycles keeps these with the world, when it is switched on.
     flags = getattr(world, "cycles_visibility", None)
     hidden = tuple(ray for ray in ("camera", "diffuse", "glossy", "transmission") if not getattr(flags, ray, True))
     return replace(found, hidden_from=hidden), images, [replace(sun, hidden_from=hidden) for sun in suns]
 
 
-def _read(world: Any, notes: Notes, gallery: Gallery | None, wait: bool) -> tuple[World, set[int], list[Light]]:
+def _read(
+    world: Any, notes: Notes, gallery: Gallery | None, wait: bool, keep_going: Callable[[], bool] | None
+) -> tuple[World, set[int], list[Light]]:
     nothing: tuple[set[int], list[Light]] = (set(), [])
     if world is None:
         return World(), *nothing
@@ -49,7 +57,7 @@ def _read(world: Any, notes: Notes, gallery: Gallery | None, wait: bool) -> tupl
         return World(), *nothing
     if output.inputs["Volume"].is_linked:
         remark("Volume")
-    values = Values(Layers(), gallery or Gallery(), remark, background=True, wait=wait)
+    values = Values(Layers(), gallery or Gallery(), remark, background=True, wait=wait, keep_going=keep_going)
     surface = Surface(values, plain.color)
     values.sun_strength = _sky_strength(output)
     try:

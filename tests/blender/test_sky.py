@@ -3,19 +3,23 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
+import os
 import subprocess
 import sys
 import threading
 import time
+from pathlib import Path
 from typing import Any
 
 import bpy
 import numpy as np
 import pytest
+from shapes import cube
 
 import addon
-from addon.blender import sky
+from addon.blender import building, engine, sky, workloads
 from addon.blender.images import Gallery
 from addon.blender.world import read_world
 from addon.core.notes import Notes
@@ -165,3 +169,83 @@ def test_the_other_blender_has_its_time_and_not_more(monkeypatch: pytest.MonkeyP
     assert not sky._processes
     with pytest.raises(subprocess.CalledProcessError):
         sky._run([sys.executable, "-c", "raise SystemExit(3)"])
+
+
+def only(world: Any, scene: Any, add: Any) -> Any:
+    """The texture of the world, in a scene with a cube before a camera."""
+    scene.world = world
+    add("Cube", cube())
+    scene.camera = add("Camera", bpy.data.cameras.new("Camera"), location=(0, 0, 8))
+    scene.render.engine = "HALFSPACE"
+    scene.render.resolution_x = scene.render.resolution_y = 8
+    scene.halfspace.samples = 1
+    return next(n for n in world.node_tree.nodes if n.bl_idname == "ShaderNodeTexSky")
+
+
+def test_measuring_waits_for_the_sky(world: Any, scene: Any, add: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    only(world, scene, add).sun_elevation = 0.678
+    made = sky.Sky(np.ones((4, 8, 4), np.float32), (1.0, 1.0, 1.0), (0.0, 0.0, 1.0), 0.01)
+    monkeypatch.setattr(sky, "_render", lambda *_: made)
+    monkeypatch.setattr(sky, "_begin", lambda *_: pytest.fail("a sky is begun beside what is timed"))
+    found = workloads.current("cube", (8, 8))
+    assert found.notes == ()
+    assert found.render_scene is not None
+    assert [light.kind for light in found.render_scene.lights] == ["sun"]
+
+
+def test_a_build_needs_no_sky(world: Any, scene: Any, add: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    only(world, scene, add).sun_elevation = 0.789
+    monkeypatch.setattr(sky, "_begin", lambda *_: pytest.fail("a sky is begun for triangles alone"))
+    assert building.build_now(scene, bpy.context.evaluated_depsgraph_get()).triangles == 12
+    assert not sky._running
+
+
+@pytest.mark.parametrize("stop", [False, KeyboardInterrupt], ids=["Esc", "Ctrl-C"])
+def test_a_render_that_waits_for_a_sky_can_be_stopped(
+    world: Any, scene: Any, add: Any, monkeypatch: pytest.MonkeyPatch, stop: Any
+) -> None:
+    only(world, scene, add).sun_elevation = 0.89
+    monkeypatch.setattr(sky, "_command", hold_on)
+    monkeypatch.setattr(sky, "TIMEOUT", 20)
+    asked: list[int] = []
+
+    def reading(*_: Any) -> bool:
+        asked.append(len(sky._processes))
+        if not asked[-1] or not stop:
+            return not asked[-1]
+        raise stop
+
+    monkeypatch.setattr(engine._Picture, "_reading", reading, raising=False)
+    with pytest.raises(RuntimeError, match="interrupted") if stop else contextlib.nullcontext():
+        bpy.ops.render.render()
+    assert asked[-1] == 1, "it was stopped while the other Blender ran"
+    assert not any((sky._running, sky._processes))
+    assert not [found for found in sky._kept.values() if isinstance(found, sky.SkyError)], "it is tried again"
+
+
+def test_python_leaves_no_other_blender_behind(tmp_path: Path) -> None:
+    script = tmp_path / "leave.py"
+    script.write_text(
+        f"""
+import sys, time
+sys.path.insert(0, {str(Path(addon.__file__).parents[1])!r})
+import bpy
+from addon.blender import sky
+sky._command = lambda folder: [sys.executable, "-c", "import time; time.sleep(100)"]
+sky._begin("{{}}")
+while not sky._processes:
+    time.sleep(0.01)
+print(next(iter(sky._processes)).pid, flush=True)
+"""
+    )
+    folder = tmp_path / "temporary"
+    folder.mkdir()
+    environment = {**os.environ, "TMPDIR": str(folder), "TEMP": str(folder), "TMP": str(folder)}
+    done = subprocess.run(
+        [sys.executable, str(script)], env=environment, capture_output=True, text=True, timeout=60, check=True
+    )
+    assert done.stdout.split()[-1].isdigit()
+    assert not list(folder.glob("halfspace-sky-*"))
+    if os.name == "posix":
+        with pytest.raises(ProcessLookupError):
+            os.kill(int(done.stdout.split()[-1]), 0)
