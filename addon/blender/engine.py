@@ -120,7 +120,7 @@ class _Picture:
         uvs = "UV" in settings.passes
         found = extract.find(self.depsgraph, self.notes, uvs=uvs, keep_going=self._reading)
         # Only triangles in their places carry UVs.
-        layout = found.layout("flatten" if uvs else self.group.instancing)
+        layout = found.layout("flatten" if uvs else self.group.instancing, integrator=self.group.integrator)
         scene = found.instanced() if layout.two_level else found.flattened(uvs=uvs)
         origin = scene.geometry.origin
         view = self._camera(origin)

@@ -57,8 +57,11 @@ class Found:
     layers: tuple[tuple[str, str], ...] = ()
     objects: bool = False
 
-    def layout(self, mode: str, *, interactive: bool = False) -> Layout:
+    def layout(self, mode: str, *, integrator: str = "path", interactive: bool = False) -> Layout:
         """Whether to keep instances, and why."""
+        if integrator == "whitted" and any(material.glows for material in self.materials):
+            why = "Whitted's rays find glowing meshes only as lights in their places"
+            return Layout(two_level=False, reason=f"instances: flattened, since {why}")
         sizes: dict[int, list[int]] = {}
         for placement in self.placements:
             triangles, places = len(placement.mesh.triangles), len(placement.names)

@@ -62,7 +62,7 @@ class Viewport:
             # The view's own choice: local view, its collections, the kinds of objects that it hides.
             space = context.space_data if isinstance(context.space_data, bpy.types.SpaceView3D) else None
             found = extract.find(depsgraph, notes, space=space)
-            two_level = found.layout(group.instancing, interactive=True).two_level
+            two_level = found.layout(group.instancing, integrator=group.integrator, interactive=True).two_level
             scene = found.instanced() if two_level else found.flattened()
             if self._preview is None:
                 self._preview = Preview(native.load(), STOCK)

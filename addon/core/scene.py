@@ -257,6 +257,13 @@ class Closure:
     normal: Operand | None = None
     multiscatter: bool = True
 
+    @property
+    def glows(self) -> bool:
+        """Whether it may emit light."""
+        emission = self.inputs.get("emission", 0.0)
+        # A step of the program may emit; of constants it is known.
+        return isinstance(emission, int) or bool(np.any(emission))
+
     def as_dict(self) -> dict[str, Any]:
         """What the native module takes."""
         return {"kind": self.kind, **self.inputs, "normal": self.normal, "multiscatter": self.multiscatter}
@@ -281,6 +288,11 @@ class Material:
     closures: tuple[Closure, ...] = ()
     program: tuple[Step, ...] = ()
     hidden_from: Hidden = ()
+
+    @property
+    def glows(self) -> bool:
+        """Whether it may emit light."""
+        return any(self.emission) or any(closure.glows for closure in self.closures)
 
     def as_dict(self) -> dict[str, Any]:
         """What the native module takes."""

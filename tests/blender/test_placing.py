@@ -81,6 +81,27 @@ def test_the_picture_is_the_same_in_two_levels(forest: Any, tmp_path: Path) -> N
             assert np.array_equal(channel, pictures[mode][name]), (mode, name)
 
 
+def test_glowing_meshes_light_whitted_s_pictures_in_any_mode(forest: Any, tmp_path: Path) -> None:
+    shaders = [
+        shader
+        for block in bpy.data.materials
+        for shader in block.node_tree.nodes
+        if "Emission Strength" in shader.inputs
+    ]
+    assert shaders
+    for shader in shaders:
+        shader.inputs["Emission Strength"].default_value = 3.0
+    forest.halfspace.integrator = "whitted"
+    pictures = {}
+    for mode in ("flatten", "two-level"):
+        forest.halfspace.instancing = mode
+        pictures[mode] = render(forest, tmp_path)["Combined.R"]
+        report = reports.last(forest)
+        assert report is not None
+        assert any(line.startswith("instances: flattened") for line in report.left_out)
+    assert np.array_equal(pictures["flatten"], pictures["two-level"])
+
+
 def test_frames_build_only_what_changed(forest: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     built = []
 

@@ -42,6 +42,13 @@ def test_a_tree_is_stopped_while_it_grows() -> None:
     native.build(SOUP, INDICES, "kd", memory_limit=limit, monitor=monitor)
 
 
+@pytest.mark.parametrize("spec", ["bbox-gs", "bbox-gs-bnb"])
+def test_a_tree_that_grows_triangle_by_triangle_is_stopped_too(spec: str) -> None:
+    # Enough for the triangles, not for the nodes.
+    with pytest.raises(MemoryError, match="memory_limit: the build needs more than the 1 MB"):
+        native.build(SOUP, INDICES, spec, memory_limit=450_000)
+
+
 def test_a_peak_is_measured_under_the_limit_that_was_asked_for() -> None:
     scene = peak.save_scene(SOUP, INDICES)
     try:
