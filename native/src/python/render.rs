@@ -269,7 +269,7 @@ fn pass(name: &str) -> Result<Pass> {
 ///     "max_bounces" (4): 0 = direct light only, as in Cycles; "clamp_indirect" (0): most that a sample adds
 ///     after its first bounce, as the mean of its channels, 0 = no limit; "seed" (0);
 ///     "film_transparent" (False); "passes" (["Combined"]), names as in RenderJob.passes; "step_samples" (None):
-///     samples between two updates of a tile, None = 1, 1, 2, 4, then 8 at a time; "filter"
+///     samples (at most 64) between two updates of a tile, None = 1, 1, 2, 4, then 8 at a time; "filter"
 ///     ("blackman_harris", or "box") and "filter_width" (1.5), as in Cycles. "noise_threshold" (0: off): blocks of
 ///     8 x 8 pixels with less noise get no more samples, after "min_samples" (0: as suits the threshold); this is no
 ///     longer unbiased. "time_limit" (0: none): seconds after which no samples begin, once each pixel has one. "mist":
