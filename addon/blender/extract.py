@@ -148,6 +148,7 @@ class _Reader:
         self._meshes: dict[tuple[str, int], meshes.MeshArrays] = {}
         self._groups: dict[tuple[tuple[str, int], tuple[int, ...]], _Group] = {}
         self._checked: set[str] = set()
+        self._held: set[str] = set()
         self._unreadable: set[texture_layers.Key] = set()
         self._surfaces = layer.use_solid
         self._marks = view_layers.Marks(layer)
@@ -241,7 +242,8 @@ class _Reader:
         hidden = _hidden(item, parent)
         owner = item if parent is None else parent
         holdout, indirect_only = self._marks.of(owner)
-        if holdout:
+        if holdout and owner.name_full not in self._held:
+            self._held.add(owner.name_full)
             self.notes.add(HOLDOUT, owner.name_full)
         if not indirect_only or "camera" in hidden:
             return hidden
@@ -261,7 +263,8 @@ class _Reader:
         self._checked.add(name)
         if item.pass_index:
             self.object_numbers[name] = float(item.pass_index)
-        if item.is_holdout:
+        if item.is_holdout and name not in self._held:
+            self._held.add(name)
             self.notes.add(HOLDOUT, name)
         if item.is_shadow_catcher:
             self.notes.add("Shadow catchers are not supported yet, rendered as usual", name)

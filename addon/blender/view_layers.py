@@ -17,7 +17,7 @@ OTHERS = {"pass_debug_sample_count", "pass_render_time", "denoising_store_passes
 
 def world(depsgraph: Any) -> Any:
     """The evaluated world that this layer sees, which may be one of its own; None where there is none."""
-    # The layer's own came after Blender 4.5.
+    # With a default, since not every Blender from 4.5.0 on was at hand to see whether layers have one.
     return getattr(depsgraph.view_layer_eval, "world_override", None) or depsgraph.scene_eval.world
 
 

@@ -36,13 +36,18 @@ impl Table {
     /// With an edge at a cosine; 0 = none.
     fn of(edge: f32, f: impl Fn(f32) -> f32) -> Self {
         let x = |i: usize| i as f32 / (NODES - 1) as f32;
+        // Denser towards both ends; the last one lies on this side of the edge.
+        let below = |i: usize| {
+            let share = (x(i) * FRAC_PI_2).sin().powi(2);
+            f((edge * share).max(1e-4) * (1.0 - 1e-6))
+        };
         Self {
             values: [
-                // Denser towards both ends; the last one lies on this side of the edge.
-                std::array::from_fn(|i| {
-                    let share = (x(i) * FRAC_PI_2).sin().powi(2);
-                    f((edge * share).max(1e-4) * (1.0 - 1e-6))
-                }),
+                if edge > 0.0 {
+                    std::array::from_fn(below)
+                } else {
+                    [0.0; NODES]
+                },
                 std::array::from_fn(|i| f((edge + (1.0 - edge) * x(i) * x(i)).max(1e-4))),
             ],
             edge,

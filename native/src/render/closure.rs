@@ -210,7 +210,8 @@ impl Reflected {
     pub fn at(&self, reflectance: f32) -> Vec3 {
         match *self {
             Self::Alike(color) => color * reflectance,
-            Self::Dielectric { own, f0 } => tinted(reflectance, own, f0),
+            // High indices reflect less between than at normal incidence, of which a tint must not make less than nothing.
+            Self::Dielectric { own, f0 } => tinted(reflectance, own, f0).map(|x| x.max(0.0)),
         }
     }
 

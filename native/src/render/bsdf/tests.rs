@@ -138,6 +138,24 @@ fn a_tint_of_reflections_in_glass_leaves_the_rest_to_pass() {
 }
 
 #[test]
+fn a_tint_of_reflections_never_takes_away_more_than_there_is() {
+    // Where so high an index reflects least, a tinted reflection would be negative.
+    let tinted = [
+        (Input::Transmission, 1.0),
+        (Input::SpecularTint, 0.0),
+        (Input::Ior, 30.0),
+    ];
+    let material = node(Kind::Principled, 0.2, &tinted);
+    for cos in [0.1, 0.2, 0.3, 0.6] {
+        let bsdf = seen(&material, view(cos), false);
+        for z in [0.1_f32, 0.3, 0.6, 0.9] {
+            let (f, pdf) = bsdf.eval(vec3(-(1.0 - z * z).sqrt(), 0.0, z));
+            assert!(f.x >= 0.0 && pdf >= 0.0, "{cos} {z}: {f:?} {pdf}");
+        }
+    }
+}
+
+#[test]
 fn a_layer_of_less_index_gains_nothing_at_its_critical_angle() {
     for roughness in [0.0, 0.01, 0.05, 0.3] {
         let material = node(Kind::Principled, roughness, &[(Input::Ior, 0.5)]);
