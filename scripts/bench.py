@@ -93,6 +93,9 @@ PRESETS: dict[str, dict[str, str]] = {
 }
 """What a preset chooses unless the command line says otherwise."""
 
+AS_PUBLISHED = ("thesis", "directions")
+"""Presets that measure scenes as the thesis did, where their files say how that was."""
+
 OF_MERGES = ("scenes", "merge", "out", "published")
 """What may be said beside `--merge`."""
 
@@ -175,7 +178,7 @@ def run(asked: argparse.Namespace) -> int:
     if asked.cluster is not None:
         cluster.check(asked.cluster)
     scenes = asked.scenes or default_scenes(asked.preset)
-    loaders = [loader(scene, options.size) for scene in scenes]
+    loaders = [loader(scene, options.size, asked.preset in AS_PUBLISHED) for scene in scenes]
     if asked.out is not None:
         results.prepare_folder(asked.out)
     with results.writing(asked.out), contextlib.ExitStack() as stack:
@@ -361,14 +364,17 @@ def read_structures(asked: argparse.Namespace, module: Any) -> list[str]:
     return specs.prove(module, chosen)
 
 
-def loader(scene: str, size: tuple[int, int]) -> Callable[[], workload.Workload]:
-    """A function that loads the scene. Raises WorkloadError when there is no such scene, UsageError without Blender."""
+def loader(scene: str, size: tuple[int, int], published: bool) -> Callable[[], workload.Workload]:
+    """A function that loads the scene, or what of it was published.
+
+    Raises WorkloadError when there is no such scene, UsageError without Blender.
+    """
     found = workload.find(scene, SUFFIXES, ("grid", "showcase", *([OPEN_FILE] if _open_file() else [])))
     if found == "grid":
         return grid.workload
     if isinstance(found, Path) and found.suffix.lower() == ".npz":
         path = found
-        return lambda: workload.load_npz(path, memory_limit=native.load().free_memory())
+        return lambda: workload.load_npz(path, memory_limit=native.load().free_memory(), published=published)
     try:
         from addon.blender import workloads
     except ImportError as error:

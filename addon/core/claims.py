@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -179,20 +179,23 @@ class Lab:
         missing = [spec for spec in specs if spec.partition(":")[0] not in self._ids]
         return f"this build has no {', '.join(missing)}" if missing else ""
 
-    def shared(self, name: str) -> Workload | None:
-        """A scene from the shared folder; None where it is not there."""
+    def shared(self, name: str, *, published: bool = False) -> Workload | None:
+        """A scene from the shared folder, or what of it was published; None where it is not there."""
         path = self._path(name)
         if path is None:
             self.say(f"{name} is left out: there is no such file")
             return None
-        return load_npz(path)
+        found = load_npz(path, published=published)
+        # Under another name, for what was measured of the whole scene is known by its name.
+        return replace(found, name=f"{name} as published") if found.notes else found
 
     def fingerprints(self, names: Iterable[str]) -> dict[str, str]:
         """What the shared scenes of these names hold, of those that are there. Raises WorkloadError."""
         for name in names:
             path = self._path(name)
             if name not in self._fingerprints and path is not None:
-                self._fingerprints[name] = load_npz(path).fingerprint()
+                both = {load_npz(path, published=published).fingerprint() for published in (False, True)}
+                self._fingerprints[name] = " ".join(sorted(both))
         return {name: self._fingerprints[name] for name in names if name in self._fingerprints}
 
     def _path(self, name: str) -> Path | None:

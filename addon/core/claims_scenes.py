@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .rays import F32, F64, RaySet, tile_order
+from .rays import F32, F64, RaySet, pinhole, tile_order
 from .workload import View, Workload
 
 RESOLUTIONS = ((320, 200), (640, 400), (800, 600), (1024, 768), (1280, 1024))
@@ -36,19 +36,11 @@ def concentrated() -> Workload:
 
 def camera_rays(workload: Workload, size: tuple[int, int]) -> RaySet:
     """Rays through all pixel centres in tiles of 8×8; the window is the same at every resolution."""
-    width, height = size
     view = workload.view
-    forward = _unit(view.target - view.eye)
-    right = _unit(np.cross(forward, view.up))
-    up = np.cross(right, forward)
-    tangent = np.tan(np.radians(view.vertical_fov) / 2)
-    x = ((np.arange(width) + 0.5) / width * 2 - 1) * tangent * WINDOW
-    y = (1 - (np.arange(height) + 0.5) / height * 2) * tangent
-    directions = forward + x[None, :, None] * right + y[:, None, None] * up
-    directions = _unit(directions.reshape(-1, 3))[tile_order(width, height)].astype(np.float32)
+    directions = pinhole(view, size, WINDOW)[tile_order(*size)].astype(np.float32)
     origins: F32 = np.ascontiguousarray(np.broadcast_to(view.eye.astype(np.float32), directions.shape))
     endless = np.full(len(directions), np.inf, np.float32)
-    return RaySet(f"{width}x{height}", origins, directions, endless, order="tile8")
+    return RaySet(f"{size[0]}x{size[1]}", origins, directions, endless, order="tile8")
 
 
 def _objects(name: str, centres: F64, size: float, rng: np.random.Generator) -> Workload:

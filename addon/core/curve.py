@@ -217,20 +217,15 @@ def of_independent(pictures: Sequence[Image], reference: Image, counts: Iterable
 
 
 def _camera(view: View, aspect: float, diagonal: float) -> dict[str, Any]:
-    forward = view.target - view.eye
-    forward = forward / np.linalg.norm(forward)
-    right = np.cross(forward, view.up)
-    right /= np.linalg.norm(right)
+    right, up, forward = view.axes()
     to_world = np.eye(4)
-    to_world[:3, :4] = np.stack([right, np.cross(right, forward), -forward, view.eye], axis=1)
-    tangent = float(np.tan(np.radians(view.vertical_fov) / 2))
-    window = (-tangent * aspect, tangent * aspect, -tangent, tangent)
+    to_world[:3, :4] = np.stack([right, up, -forward, view.eye], axis=1)
     # A scene may be a single point, or small and far away.
     reach = max(diagonal, float(np.linalg.norm(view.target - view.eye)))
     return {
         "kind": "perspective",
         "to_world": to_world,
-        "window": window,
+        "window": view.window(aspect),
         "clip_start": 1e-6 * diagonal,
         "clip_end": 1e3 * reach,
     }

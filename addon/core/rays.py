@@ -85,12 +85,13 @@ def make(
     width, height = size
     if width % TILE or height % TILE or width <= 0 or height <= 0:
         raise ValueError(f"size: expected multiples of {TILE}, got {width}x{height}")
-    directions, eye, forward = _pinhole(workload.view, width, height)
-    primary = _finish("primary", np.broadcast_to(eye, directions.shape), directions)
+    view = workload.view
+    directions = pinhole(view, size, width / height)
+    primary = _finish("primary", np.broadcast_to(view.eye, directions.shape), directions)
     tiles = tile_order(width, height)
     sets = {"primary": _ordered(primary, tiles)}
     if set(names) - {"primary"}:
-        sets |= _secondary(workload, tracer, primary, directions, forward, tiles, seed, offset)
+        sets |= _secondary(workload, tracer, primary, directions, tiles, seed, offset)
     return [sets[name] for name in NAMES if name in names] + list(workload.extra)
 
 
@@ -123,16 +124,18 @@ def frames(normals: F64) -> tuple[F64, F64]:
     return first, second
 
 
-def _pinhole(view: View, width: int, height: int) -> tuple[F64, F64, F64]:
-    """Unit directions through all pixel centres in scanline order from the top left, the eye, and the view axis."""
-    forward = _unit(view.target - view.eye)
-    right = _unit(np.cross(forward, view.up))
-    up = np.cross(right, forward)
-    tangent = np.tan(np.radians(view.vertical_fov) / 2)
-    x = ((np.arange(width) + 0.5) / width * 2 - 1) * tangent * (width / height)
-    y = (1 - (np.arange(height) + 0.5) / height * 2) * tangent
+def pinhole(view: View, size: tuple[int, int], aspect: float) -> F64:
+    """Unit directions through all pixel centres, in scanline order from the top left: (pixels, 3) float64.
+
+    size: width and height in pixels. aspect: width by height of the picture, whatever the shape of its pixels.
+    """
+    width, height = size
+    right, up, forward = view.axes()
+    x0, x1, y0, y1 = view.window(aspect)
+    x = x0 + (np.arange(width) + 0.5) / width * (x1 - x0)
+    y = y1 + (np.arange(height) + 0.5) / height * (y0 - y1)
     directions = forward + x[None, :, None] * right + y[:, None, None] * up
-    return _unit(directions.reshape(-1, 3)), view.eye, forward
+    return _unit(directions.reshape(-1, 3))
 
 
 def _secondary(
@@ -140,7 +143,6 @@ def _secondary(
     tracer: Any,
     primary: RaySet,
     directions: F64,
-    forward: F64,
     tiles: NDArray[np.int64],
     seed: int,
     offset: float,
@@ -157,7 +159,7 @@ def _secondary(
     diagonal = workload.diagonal()
     points = corners[:, 0] * (1 - u - v) + corners[:, 1] * u + corners[:, 2] * v + offset * diagonal * normals
 
-    light = _light(workload.view, tracer, forward, diagonal)
+    light = _light(workload.view, tracer, diagonal)
     seen = tiles[hit[tiles]]
     origins = points[seen].astype(np.float32)
     towards = light - origins.astype(np.float64)
@@ -185,13 +187,14 @@ def _secondary(
     return {"shadow": shadow, "diffuse": diffuse, "shuffled": shuffled}
 
 
-def _light(view: View, tracer: Any, forward: F64, diagonal: float) -> F64:
+def _light(view: View, tracer: Any, diagonal: float) -> F64:
     """A place in open space: half way along the free part of the view axis, then upwards by most of the free way."""
 
     def free(origin: F64, direction: F64) -> float:
         found = tracer.closest(origin.astype(np.float32)[None], direction.astype(np.float32)[None])
         return float(found.t[0])
 
+    forward = view.axes()[2]
     reach = free(view.eye, forward)
     if not np.isfinite(reach):
         reach = float(np.linalg.norm(view.target - view.eye))

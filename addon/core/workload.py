@@ -4,8 +4,8 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -33,12 +33,17 @@ class WorkloadError(ValueError):
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """A pinhole view. eye, target, up: (3,) float64, scene frame; vertical_fov: degrees, 0 to 180 exclusive."""
+    """A pinhole view. eye, target, up: (3,) float64, scene frame; vertical_fov: degrees, 0 to 180 exclusive.
+
+    crop: the part of a square film that is seen, as left, right, top, bottom from 0 to 1, from its top left corner; the
+    angle is that of the whole film. None: all of a film of the picture's own shape.
+    """
 
     eye: F64
     target: F64
     up: F64
     vertical_fov: float
+    crop: tuple[float, float, float, float] | None = None
 
     def __post_init__(self) -> None:
         for name in ("eye", "target", "up"):
@@ -49,6 +54,25 @@ class View:
             raise WorkloadError(f"camera_vfov_deg: expected an angle between 0 and 180, got {self.vertical_fov}")
         if not np.cross(self.target - self.eye, self.up).any():
             raise WorkloadError("camera: it looks along its own up direction, or at its own place")
+        if self.crop is not None:
+            left, right, top, bottom = self.crop
+            if not (0 <= left < right <= 1 and 0 <= top < bottom <= 1):
+                raise WorkloadError(f"camera_crop: expected parts of the film from 0 to 1, got {self.crop}")
+
+    def axes(self) -> tuple[F64, F64, F64]:
+        """Unit vectors to the right, upwards and forwards: three (3,) float64."""
+        forward = (self.target - self.eye) / np.linalg.norm(self.target - self.eye)
+        right = np.cross(forward, self.up)
+        right /= np.linalg.norm(right)
+        return right, np.cross(right, forward), forward
+
+    def window(self, aspect: float) -> tuple[float, float, float, float]:
+        """Left, right, bottom, top of what is seen, at distance 1 ahead. aspect: width by height of the picture."""
+        tangent = float(np.tan(np.radians(self.vertical_fov) / 2))
+        if self.crop is None:
+            return -tangent * aspect, tangent * aspect, -tangent, tangent
+        left, right, top, bottom = self.crop
+        return tangent * (2 * left - 1), tangent * (2 * right - 1), tangent * (1 - 2 * bottom), tangent * (1 - 2 * top)
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,6 +110,8 @@ class Workload:
         digest = hashlib.sha256()
         view = self.view
         arrays = [self.vertices, self.triangles, view.eye, view.target, view.up, np.float64(view.vertical_fov)]
+        if view.crop is not None:
+            arrays.append(np.array(view.crop))
         for rays in self.extra:
             arrays += [rays.origins, rays.directions]
         for array in arrays:
@@ -138,10 +164,12 @@ def find(name: str, suffixes: Sequence[str] = (".npz",), built_in: Sequence[str]
     raise WorkloadError(f"{name}: {problem}; expected {choices}{f', or one of {SCENES}: {names}' if names else ''}")
 
 
-def load_npz(path: Path, *, memory_limit: int | None = None) -> Workload:
+def load_npz(path: Path, *, memory_limit: int | None = None, published: bool = False) -> Workload:
     """A scene from numpy's format, keys as in the README. Raises WorkloadError.
 
     memory_limit: bytes that its arrays may take; they are packed, and may be a thousand times larger than the file.
+    published: as it was measured in a publication, where the file says what that was: without the triangles that stand
+    for quadrics, and only the part of the film that was rendered.
     """
     try:
         # Opened here, because numpy leaves a broken file open.
@@ -152,7 +180,7 @@ def load_npz(path: Path, *, memory_limit: int | None = None) -> Workload:
             missing = [key for key in _KEYS if key not in file.files]
             if missing:
                 raise WorkloadError(f"{path}: the key {missing[0]!r} is missing")
-            arrays = {key: file[key] for key in _KEYS}
+            arrays = {key: file[key] for key in (*_KEYS, *_PUBLISHED) if key in file.files}
     except WorkloadError:
         raise
     except Exception as error:
@@ -168,12 +196,35 @@ def load_npz(path: Path, *, memory_limit: int | None = None) -> Workload:
             raise WorkloadError(f"triangles: expected whole numbers, got {arrays['triangles'].dtype}")
         if arrays["triangles"].size and int(arrays["triangles"].max()) > np.iinfo(np.int32).max:
             raise WorkloadError(f"triangles: an index is out of range for {len(vertices)} vertices")
-        return Workload(path.stem, vertices, np.ascontiguousarray(arrays["triangles"], np.int32), view)
+        whole = Workload(path.stem, vertices, np.ascontiguousarray(arrays["triangles"], np.int32), view)
+        return _as_published(whole, arrays) if published else whole
     except ValueError as error:
         raise WorkloadError(f"{path}: {first_line(error)}") from error
 
 
+def _as_published(whole: Workload, arrays: Mapping[str, Any]) -> Workload:
+    """What of a scene was measured in a publication, as far as its file says."""
+    triangles, view, notes = whole.triangles, whole.view, []
+    if "triangle_from_quadric" in arrays:
+        stand_in = arrays["triangle_from_quadric"]
+        if stand_in.shape != (len(triangles),) or stand_in.dtype.kind not in "bui":
+            raise WorkloadError(
+                f"triangle_from_quadric: expected {len(triangles)} whole numbers, got {stand_in.dtype} {stand_in.shape}"
+            )
+        triangles = np.ascontiguousarray(triangles[stand_in == 0])
+        notes.append(f"{len(whole.triangles) - len(triangles):,} triangles that stand for quadrics are left out")
+    if "camera_crop" in arrays:
+        left, right, top, bottom = map(float, _numbers(arrays["camera_crop"], "camera_crop", 4))
+        if "camera_right" in arrays and _numbers(arrays["camera_right"], "camera_right", 3) @ view.axes()[0] < 0:
+            # Of the mirror image: the same rays lie on the other side.
+            left, right = 1 - right, 1 - left
+        view = replace(view, crop=(left, right, top, bottom))
+        notes.append(f"of the film only {right - left:.0%} by {bottom - top:.0%} is seen, as published")
+    return replace(whole, triangles=triangles, view=view, notes=tuple(notes))
+
+
 _KEYS = ("vertices", "triangles", "camera_eye", "camera_target", "camera_up", "camera_vfov_deg")
+_PUBLISHED = ("triangle_from_quadric", "camera_crop", "camera_right")
 
 
 def _real(array: Any, key: str) -> Any:
@@ -181,3 +232,12 @@ def _real(array: Any, key: str) -> Any:
     if array.dtype.kind not in "fiu":
         raise WorkloadError(f"{key}: expected numbers, got {array.dtype}")
     return array
+
+
+def _numbers(array: Any, key: str, count: int) -> F64:
+    """The array as so many finite numbers. Raises WorkloadError."""
+    numbers = _real(array, key).astype(np.float64)
+    if numbers.shape != (count,) or not np.isfinite(numbers).all():
+        raise WorkloadError(f"{key}: expected {count} finite numbers, got {numbers.tolist()}")
+    found: F64 = numbers
+    return found

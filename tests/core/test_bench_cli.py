@@ -256,6 +256,22 @@ def test_a_preset_names_scenes_structures_and_rays(
     assert (row["scene"], row["spec"], list(row["rays"])) == ("conference", "kd", ["primary", "shadow"])
 
 
+def test_the_thesis_is_repeated_on_what_of_a_scene_it_measured(
+    scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
+) -> None:
+    monkeypatch.setattr(workload, "SCENES", tmp_path)
+    with np.load(scene) as file:
+        arrays = dict(file)
+    count = len(arrays["triangles"])
+    np.savez(tmp_path / "conference.npz", **arrays, triangle_from_quadric=np.arange(count) % 2)
+    swept = ["--structures", "bsp-wn-plus-kd", "--k", "3", "--seeds", "1"]
+    for preset, asked, kept in ("directions", swept, (count + 1) // 2), ("beams", [], count):
+        out = tmp_path / preset
+        assert bench.main(["--preset", preset, *FAST, *asked, "--out", str(out)]) == 0
+        assert document(out)["rows"][-1]["triangles"] == kept
+        assert ("that stand for quadrics are left out" in capsys.readouterr().out) == (kept < count)
+
+
 @pytest.mark.parametrize("name", ["thesis", "directions"])
 def test_trees_of_a_sweep_are_walked_as_the_kd_tree_that_they_are_compared_with(name: str) -> None:
     chosen = specs.split(bench.PRESETS[name]["structures"])

@@ -121,7 +121,7 @@ def test_what_links_cost_of_the_build_is_told_of_the_measured_builds(monkeypatch
 def test_a_claim_names_the_shared_scenes_that_it_is_measured_on(monkeypatch: pytest.MonkeyPatch) -> None:
     asked: set[str] = set()
     monkeypatch.setattr(claims_thesis, "scenes", THESIS_SCENES)
-    monkeypatch.setattr(Lab, "shared", lambda _, name: asked.add(name))
+    monkeypatch.setattr(Lab, "shared", lambda _, name, **_how: asked.add(name))
     lab = Lab(halfspace_native, quick=True, say=lambda _: None)
     for claim in claims_table.CLAIMS:
         asked.clear()

@@ -3,13 +3,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from addon.core import workload
+from addon.core import rays, workload
 from addon.core.workload import WorkloadError
 
 GOOD: dict[str, Any] = {
@@ -33,6 +34,55 @@ def test_a_file_is_read(tmp_path: Path) -> None:
     assert (found.name, found.vertices.dtype, found.triangles.dtype) == ("scene", np.float32, np.int32)
     assert found.view.vertical_fov == 40.0
     assert found.diagonal() == pytest.approx(2**0.5)
+
+
+def test_what_was_published_of_a_scene_is_read_where_it_is_asked_for(tmp_path: Path) -> None:
+    path = save(
+        tmp_path,
+        triangles=np.array([[0, 1, 2], [2, 1, 0], [1, 2, 0]]),
+        triangle_from_quadric=np.array([0, 1, 0], np.uint8),
+        camera_crop=np.array([0.25, 0.5, 0.0, 0.75]),
+    )
+    whole, published = workload.load_npz(path), workload.load_npz(path, published=True)
+    assert (len(whole.triangles), whole.view.crop, whole.notes) == (3, None, ())
+    assert published.triangles.tolist() == [[0, 1, 2], [1, 2, 0]]
+    assert published.notes == (
+        "1 triangles that stand for quadrics are left out",
+        "of the film only 25% by 75% is seen, as published",
+    )
+    assert len({one.fingerprint() for one in (whole, published, replace(published, view=whole.view))}) == 3
+
+
+def test_a_crop_is_a_part_of_the_rays_of_the_whole_film(tmp_path: Path) -> None:
+    crop = np.array([0.25, 0.5, 0.0, 0.75])
+    whole = rays.pinhole(workload.load_npz(save(tmp_path)).view, (64, 64), 1.0).reshape(64, 64, 3)
+    for right, part in ([1.0, 0.0, 0.0], whole[:48, 16:32]), ([-1.0, 0.0, 0.0], whole[:48, 32:48]):
+        path = save(tmp_path, camera_crop=crop, camera_right=np.array(right))
+        view = workload.load_npz(path, published=True).view
+        # Whatever the shape of its pixels would be, the picture shows the crop.
+        np.testing.assert_allclose(rays.pinhole(view, (16, 48), 5.0), part.reshape(-1, 3), atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"triangle_from_quadric": np.zeros(2, np.uint8)}, "triangle_from_quadric: expected 1 whole numbers"),
+        ({"triangle_from_quadric": np.zeros(1)}, "triangle_from_quadric: expected 1 whole numbers"),
+        ({"triangle_from_quadric": np.ones(1, np.uint8)}, "no triangles"),
+        ({"camera_crop": np.array([0.5, 0.5, 0.0, 1.0])}, "camera_crop: expected parts of the film"),
+        ({"camera_crop": np.array([0.0, 1.0, 0.0])}, "camera_crop: expected 4 finite numbers"),
+        ({"camera_crop": np.array([0.0, 1.0, 0.0, np.nan])}, "camera_crop: expected 4 finite numbers"),
+        (
+            {"camera_crop": np.array([0.0, 0.5, 0.0, 1.0]), "camera_right": np.array(["x"])},
+            "camera_right: expected numbers",
+        ),
+    ],
+)
+def test_what_is_wrong_with_what_was_published_is_told(tmp_path: Path, changes: dict[str, Any], message: str) -> None:
+    workload.load_npz(save(tmp_path, **changes))
+    with pytest.raises(WorkloadError, match=message) as caught:
+        workload.load_npz(save(tmp_path, **changes), published=True)
+    assert "scene" in str(caught.value)
 
 
 @pytest.mark.parametrize(
