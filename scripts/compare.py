@@ -173,7 +173,7 @@ def judge_scenes(asked: argparse.Namespace) -> bool:
         for line in verdict.lines():
             print(f"  {line}")
         if known:
-            print(f"  known difference of the models, {100 * allowed:g} % of a square as noise of 4 sigma: {known}")
+            print(f"  known difference of the models, up to {100 * allowed:g} % of a square beside its noise: {known}")
         ratio = seconds["HALFSPACE"] / seconds["CYCLES"]
         print(
             f"  time of a sample × {ratio:.2f}, its variance × {verdict.noise:.2f}: "

@@ -132,7 +132,7 @@ class _Picture:
         reasons: list[str] = []
         answers, kept = choice.NOT_COMPARED, None
         if self.group.automatic and layout.two_level:
-            reasons = ["as set: a choice would need every triangle in its place, see Instances"]
+            reasons = ["as set: Choose for Me needs instances to be flattened, see Instances"]
         if self.group.automatic and count and not layout.two_level:
             seen = Notes()
             chosen = self._choose(module, scene, view, settings, seen)

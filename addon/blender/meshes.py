@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 MOST_TRIANGLES = 1 << 29
-"""What one tree can name."""
+"""What one scene can hold; most trees refuse half of it."""
 
 BLOCK = 1 << 14
 """How many vectors are transformed at a time."""

@@ -71,7 +71,8 @@ class HalfspaceOverlaySettings(bpy.types.PropertyGroup):
     )
     least: IntProperty(  # type: ignore[valid-type]
         name="From Triangles",
-        description="Leaves with fewer triangles are not shown. More shows where the structure leaves work undone",
+        description="Leaves with fewer triangles are not shown. Higher values show only where the structure "
+        "divides too little",
         default=1,
         min=0,
         soft_max=64,
@@ -139,8 +140,8 @@ class HalfspaceOverlaySettings(bpy.types.PropertyGroup):
     )
     beam_spacing: FloatProperty(  # type: ignore[valid-type]
         name="Beam Spacing",
-        description="Between two rays of the tile, in pixels of the view in which the ray was picked. More gives a "
-        "wider beam, whose rays share less of their way",
+        description="Distance between two rays of the tile, in pixels of the view in which the ray was picked. More "
+        "gives a wider beam, whose rays share less of their way",
         default=4.0,
         min=0.1,
         soft_max=32.0,
@@ -150,7 +151,7 @@ class HalfspaceOverlaySettings(bpy.types.PropertyGroup):
     )
     behind: FloatProperty(  # type: ignore[valid-type]
         name="Behind",
-        description="How much of the opacity is left where objects stand before a plane",
+        description="How much of the opacity remains where objects are in front of a plane",
         default=0.15,
         min=0.0,
         max=1.0,

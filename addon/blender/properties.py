@@ -122,7 +122,8 @@ RENDER_PROPERTIES: dict[str, Any] = {
     ),
     "noise_threshold": FloatProperty(
         name="Noise Threshold",
-        description="Error of a pixel relative to the root of its brightness, below which it gets no more rays",
+        description="Error of a pixel relative to the square root of its brightness, below which it gets no more "
+        "samples",
         default=0.01,
         min=1e-4,
         soft_max=0.2,
@@ -209,7 +210,7 @@ class HalfspaceViewLayerSettings(bpy.types.PropertyGroup):
     )
     use_pass_depth: BoolProperty(  # type: ignore[valid-type]
         name="Leaf Depth",
-        description="How deep in the tree the last leaf lies that each pixel's camera rays are tested against. Slow; 0 "
+        description="Depth of the last leaf that each pixel's camera rays are tested against. Slow; 0 "
         "where instances are kept",
         default=False,
     )

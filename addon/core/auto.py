@@ -150,7 +150,7 @@ class Chooser:
                 self._notes.append(f"{trial.spec}: left out, {about}")
                 continue
             if not best.problem and spent + trial.build > BUDGET * best.total:
-                self._notes.append(f"{trial.spec}: left out, trying it would cost more than it can win")
+                self._notes.append(f"{trial.spec}: left out, trying it would cost more than it could save")
                 continue
             yield f"{trial.spec}: building"
             start = clock()
@@ -210,7 +210,7 @@ class Chooser:
         began, limit = clock(), SMALL_BUDGET * self._lines[first].total
         for spec in (first, *others):
             if clock() - began > limit:
-                self._notes.append(f"{spec}: not tried, for a picture so quick")
+                self._notes.append(f"{spec}: not tried: this picture is too quick to be worth it")
                 continue
             yield f"{spec}: trying it on {share:,} triangles"
             structure, build = check.timed_build(self.native, part, spec, self.threads)

@@ -45,7 +45,10 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Structure:
-    """One acceleration structure: `id` for configuration strings, `code` for saved files (never reused)."""
+    """One acceleration structure: `id` for configuration strings, `code` for saved files (never reused).
+
+    aliases: other names of the id, those that other authors gave it.
+    """
 
     id: str
     code: int
@@ -54,6 +57,7 @@ class Structure:
     summary: str
     paper: str
     parameters: tuple[Parameter, ...]
+    aliases: tuple[str, ...] = ()
 
     def parameter(self, name: str) -> Parameter | None:
         """The parameter of this name, or None when this structure has none."""
@@ -66,13 +70,14 @@ class Catalogue:
     def __init__(self, structures: Iterable[Structure]) -> None:
         self.structures = tuple(structures)
         self._by_id = {structure.id: structure for structure in self.structures}
+        self._by_alias = {alias: structure for structure in self.structures for alias in structure.aliases}
 
     def __getitem__(self, structure_id: str) -> Structure:
         return self._by_id[structure_id]
 
     def get(self, structure_id: str) -> Structure | None:
-        """The structure of this id, if there is one."""
-        return self._by_id.get(structure_id)
+        """The structure of this id or other name, if there is one."""
+        return self._by_id.get(structure_id) or self._by_alias.get(structure_id)
 
     @property
     def default(self) -> Structure:
@@ -104,6 +109,7 @@ def _structure(row: Mapping[str, Any]) -> Structure:
         summary=row["summary"],
         paper=row["paper"],
         parameters=tuple(_parameter(parameter) for parameter in row["parameters"]),
+        aliases=tuple(row["aliases"]),
     )
 
 

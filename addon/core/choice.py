@@ -109,12 +109,12 @@ class Comparison:
             return "No configuration gives right answers."
         picture = f"{self.plan.pixels:,} pixels of {self.plan.samples:,} samples"
         if best.spec == fastest.spec:
-            return f"{best.spec}: for {picture} it traces fastest, and its build of {best.build:.2f} s pays."
+            return f"{best.spec}: for {picture} it traces fastest, and its build of {best.build:.2f} s pays off."
         least = min(self.sound, key=lambda line: line.build)
-        quick = "the shortest of all" if least.spec == best.spec else f"shorter than the {fastest.build:.2f} s"
+        quick = "the shortest of all" if least.spec == best.spec else f"instead of {fastest.build:.2f} s"
         return (
-            f"{best.spec}: {fastest.spec} would trace {best.trace - fastest.trace:.2f} s faster, but for {picture} its "
-            f"build of {best.build:.2f} s, {quick}, counts for more."
+            f"{best.spec}: {fastest.spec} would trace {best.trace - fastest.trace:.2f} s faster, but for {picture} the "
+            f"shorter build ({best.build:.2f} s, {quick}) counts for more."
         )
 
 

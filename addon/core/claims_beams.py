@@ -88,7 +88,7 @@ def flat_line(lab: Lab) -> Iterator[Outcome]:
             yield Outcome(
                 configuration,
                 verdict(holds=beam <= FLAT * net),
-                f"{workload.name} ({nodes(lab, workload, specs[1])} nodes): each ray more costs beams "
+                f"{workload.name} ({nodes(lab, workload, specs[1])} nodes): each additional ray costs beams "
                 f"{beam * 1e9:.0f} ns, octree-net {net * 1e9:.0f} ns, {beam / net:.2f} times as much (asked: {FLAT})",
                 counters(times, specs[:2]),
                 lab.error(workload, specs),

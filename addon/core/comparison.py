@@ -167,8 +167,8 @@ ROUNDING = 2e-3
 def judge(first: Runs, second: Runs, *, tolerance: float = ROUNDING) -> Verdict:
     """Decide whether two renderers show the same. Raises ComparisonError.
 
-    tolerance: share of a square's brightness that counts as one rounding of tables and filters, added to the standard
-    error; without it pictures free of noise could never agree.
+    tolerance: share of a square's brightness that tables and filters may round away; it counts as LIMIT standard
+    errors, beside those of the noise. Without it pictures free of noise could never agree.
     """
     if first.pictures.shape[1:] != second.pictures.shape[1:]:
         raise ComparisonError(f"the pictures have sizes {first.pictures.shape[1:3]} and {second.pictures.shape[1:3]}")

@@ -83,7 +83,7 @@ def as_html(document: dict[str, Any], published: Published | None = None) -> str
     return filled("Error and run time", INTRODUCTION, document, "\n".join(parts))
 
 
-INTRODUCTION = """No time stands here without the error measured for the same configuration. A shaded line with a cross
+INTRODUCTION = """Every time is shown with the error measured for the same configuration. A shaded line with a cross
 gave answers that differ from the reference. Embree is the yardstick; its arithmetic is another, so it may differ in the
 last digits and on shared edges. A column's title sorts by it; a number leads to its place in <code>bench.json</code>.
 """
@@ -112,7 +112,7 @@ def _overview(rows: Sequence[Row]) -> str:
     if len(scenes) < 2 or not any(image_total(row) is not None for row in rows):
         return ""
     better, open_ones = worth_it(rows), worth_it(rows, "")
-    unsure = f"; on {len(open_ones)} noise does not tell: {', '.join(open_ones)}" if open_ones else ""
+    unsure = f"; on {len(open_ones)} it is too close to tell: {', '.join(open_ones)}" if open_ones else ""
     return (
         f'<ul class="findings"><li>The build and one picture of 1024 × 1024 pixels with 16 samples are faster with a '
         f"tree with oblique planes than with kd on {len(better)} of {len(scenes)} scenes"
@@ -202,7 +202,7 @@ def _table(rows: Sequence[Row], number: dict[int, int], inside: bool) -> str:
         f'<div class="{kind}"><table class="sortable"><thead><tr><td></td>{over}</tr>'
         f'<tr><th scope="col"><button type="button">structure</button></th>{head}</tr></thead>'
         f"<tbody>{''.join(body)}</tbody></table></div>"
-        '<p class="note">Bold: the fastest of those without errors, and whatever noise does not tell from it.</p>'
+        '<p class="note">Bold: the fastest without errors, and those too close to tell apart.</p>'
     )
 
 

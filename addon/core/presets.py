@@ -29,7 +29,7 @@ PRESETS = tuple(
         ("Kd, Arvo", "kd:traversal=arvo"),
         ("Kd, by distances", "kd:traversal=dir"),
         ("Kaplan: regular kd-tree, space median", "kd-median"),
-        ("Jansen: regular kd-tree, object median", "kd-object"),
+        ("MacDonald and Booth: kd-tree, object median", "kd-object"),
         ("RBSP", "rbsp:k=13"),
         ("RBSP^Kd", "rbsp-kd:k=13"),
         ("BSP_IZE", "bsp-ize"),
@@ -70,7 +70,7 @@ PRESETS = tuple(
         ("B.Box, branch and bound", "bbox-gs-bnb"),
     )
 )
-"""In the order of the sources, the oldest idea of each family first."""
+"""In the order of the sources."""
 
 
 def offered(catalogue: Catalogue) -> tuple[Preset, ...]:

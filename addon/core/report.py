@@ -183,7 +183,8 @@ def _about_totals(measured: Sequence[Row]) -> Iterator[str]:
     text = f"The build and one million rays of each set together take {_total(found.best)}"
     if not found.ranked:
         text += (
-            f", the best median, but {found.rounds} rounds rank nothing; it takes {ranking.LEAST_ROUNDS} (--repeats)"
+            f", the best median, but {found.rounds} rounds are too few for a ranking: it takes {ranking.LEAST_ROUNDS} "
+            "(--repeats)"
         )
     elif found.equal:
         specs = ", ".join(row["spec"] for row in found.equal)
@@ -249,7 +250,7 @@ def about_sweeps(rows: Sequence[Row]) -> Iterator[str]:
     text = (
         f"The build and one picture of {IMAGE}, reckoned from smaller ones, take {took} with {found.best['spec']}, "
         f"the best of {found.among} {'tree' if found.among == 1 else 'trees'} with oblique planes"
-        + known.get(found.verdict, f"; noise does not tell it from the {plain} with kd")
+        + known.get(found.verdict, f"; too close to tell from the {plain} with kd")
     )
     whole = ranking.rank([row for row in rows if image_total(row) is not None], ranking.PICTURE)
     if whole is not None and whole.ranked and not whole.equal:
@@ -258,9 +259,6 @@ def about_sweeps(rows: Sequence[Row]) -> Iterator[str]:
 
 
 IMAGE = "1024 × 1024 pixels with 16 samples"
-
-SWEEPS = ("bsp-", "rbsp")
-"""The names of structures with oblique planes begin with one of these."""
 
 
 def image_total(row: Row) -> float | None:
@@ -282,11 +280,16 @@ class Worth:
     verdict: str
 
 
+def _oblique(row: Row) -> bool:
+    """Whether the tree holds oblique planes: where all normals are along the axes it is a kd-tree."""
+    return bool((row["statistics"] or {}).get("nodes_oblique"))
+
+
 def worth(rows: Sequence[Row]) -> Worth | None:
     """How build and picture with the best tree with oblique planes compare with those with kd; None without either."""
     totals = [(whole, row) for row in rows if agrees(row) and (whole := image_total(row)) is not None]
     plain = next((row for _, row in totals if row["spec"] == "kd"), None)
-    sweeps = [(whole, row) for whole, row in totals if row["spec"].startswith(SWEEPS)]
+    sweeps = [(whole, row) for whole, row in totals if _oblique(row)]
     if plain is None or not sweeps:
         return None
     _, best = min(sweeps, key=lambda item: item[0])
@@ -321,7 +324,7 @@ def _about_ranking(found: ranking.Ranking, name: str) -> str:
     best = found.best["spec"]
     if not found.ranked:
         return (
-            f"{best} has the best median, but {found.rounds} rounds rank nothing; "
+            f"{best} has the best median, but {found.rounds} rounds are too few for a ranking; "
             f"it takes {ranking.LEAST_ROUNDS} (--repeats)."
         )
     noise = f"the noise is {100 * found.noise:.1f} %"

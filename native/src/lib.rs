@@ -2,14 +2,15 @@
 //! Halfspace's native core: acceleration structures for ray tracing, the rays that walk them, and
 //! the renderer on top. One scene, many structures, one identical answer.
 //!
-//! The map, from the ground up; each module depends only on those above it:
+//! The map, from the ground up. Two pairs know each other: a build fills the layout that its walk reads ([`build`],
+//! [`traverse`]), and a row of the registry holds its build function ([`registry`], [`trees`], [`structure`]):
 //!
-//! - [`geom`]: vectors, boxes, the ray, and the exact verdict on one ray and one triangle;
+//! - [`geom`]: vectors, boxes, and the exact verdict on one ray and one triangle;
 //! - [`scene`]: the triangles that every structure indexes;
 //! - [`spec`]: configuration strings, `id:key=value,...`;
 //! - [`memory`]: how much of it work may take;
 //! - [`build`]: the loops that build trees, their cost model, the monitor;
-//! - [`traverse`]: how rays walk a built tree; one file per node layout and way of walking;
+//! - [`traverse`]: the ray, and how it walks a built tree; one file per node layout and way of walking;
 //! - [`trees`]: one file per structure: which planes or boxes it proposes, and its paper;
 //! - [`registry`]: the only list of structures;
 //! - [`structure`]: a built tree over a scene, ready to answer rays;

@@ -3,7 +3,7 @@
 //! read these rows; a new structure is one file in `trees` and one row here.
 
 use crate::build::Monitor;
-use crate::build::plane_tree::Shape;
+use crate::build::shape::Shape;
 use crate::error::Result;
 use crate::scene::Triangles;
 use crate::spec::{Config, Value};
@@ -59,10 +59,7 @@ pub const TREES: &[StructureSpec] = &[
 /// Parameters that every structure has, unless its row has one of the same name.
 pub const COMMON: &[ParamSpec] = &[params::SHADOW];
 
-/// Structures that divide space, but not by a tree: no shaft goes down in them.
-const FLAT: &[&str] = &["grid"];
-
-/// The same for trees that divide space.
+/// The same for structures that divide space.
 const COMMON_SPACE: &[ParamSpec] = &[params::SHADOW_BEAM];
 
 /// A structure's row.
@@ -115,7 +112,7 @@ pub struct ParamSpec {
     /// Type and range.
     pub kind: Kind,
     /// Value where none is given.
-    pub default: Default,
+    pub default: Value,
 }
 
 /// Type and range of a parameter.
@@ -139,29 +136,7 @@ pub enum Kind {
     Choice(&'static [&'static str]),
 }
 
-/// A default value, as a constant.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Default {
-    /// A whole number.
-    Integer(i64),
-    /// A real number.
-    Float(f64),
-    /// A name.
-    Choice(&'static str),
-}
-
-impl Default {
-    /// The value.
-    pub fn value(self) -> Value {
-        match self {
-            Self::Integer(x) => Value::Integer(x),
-            Self::Float(x) => Value::Float(x),
-            Self::Choice(x) => Value::Choice(x),
-        }
-    }
-}
-
-/// Other names of structures: what they were called before.
+/// Names that other authors gave to much the same tree.
 const ALIASES: &[(&str, &str)] = &[("skd", "bih"), ("boxtree", "bih")];
 
 /// The other names of a structure.
@@ -183,7 +158,7 @@ impl StructureSpec {
     /// Its parameters, and those that all structures have.
     pub fn all_params(&self) -> impl Iterator<Item = &'static ParamSpec> + use<> {
         let own = self.params;
-        let space = matches!(self.family, "space" | "octants") && !FLAT.contains(&self.id);
+        let space = matches!(self.family, "space" | "octants");
         let common = if space { COMMON_SPACE } else { COMMON }
             .iter()
             .filter(move |c| own.iter().all(|p| p.name != c.name));
@@ -202,7 +177,7 @@ impl StructureSpec {
 
 /// Parameters that several structures share.
 pub mod params {
-    use super::{Default, Kind, ParamSpec};
+    use super::{Kind, ParamSpec, Value};
     use crate::build::cost::Costs;
     use crate::build::plane_tree;
 
@@ -211,22 +186,22 @@ pub mod params {
         name: "traversal",
         label: "Traversal",
         doc: "How rays walk the tree. auto: whatever is quickest for a batch: tile8 for camera rays and \
-              for shadow rays, wide for others; counters tell what dir does. dir: one by one, by plane distances \
+              for shadow rays, wide for others; rays are counted as dir walks them. dir: one by one, by plane distances \
               in the order of the direction; ta-b: by entry and exit points (Havran et al. 1997); ta-a, sung, arvo: by the side of the \
               origin and distances, as TA-A, as Sung and Shirley 1992, as Arvo 1988. wide: three levels at a time, \
               several rays in turn. seq: each leaf from the root, \
               without a stack (Kaplan 1985). rope: from leaf to leaf by links to what lies across each face (MacDonald and \
               Booth 1990); ropetree: by a small tree for each face (Havran et al. 1998); both need about twice \
               the memory of nodes and more. tile8, tile16: as dir, but camera rays go in tiles of 64 or 256, and \
-              shadow rays of one light in tiles of 64 from the light; what does not go well so goes in packets. p4, \
-              p8, p16: as dir, but in packets of 4, 8 or 16 rays, one to a lane, shadow rays only of 16. Counters \
-              of shadow rays tell what dir does. The answer is the same",
+              shadow rays of one light in tiles of 64 from the light; tiles whose rays drift apart are split into packets. p4, \
+              p8, p16: as dir, but in packets of 4, 8 or 16 rays, one to a lane, shadow rays always of 16. Shadow rays \
+              are counted as dir walks them. The answer is the same",
         unit: "",
         kind: Kind::Choice(&[
             "auto", "dir", "wide", "tile8", "tile16", "p4", "p8", "p16", "ta-b", "ta-a", "sung",
             "arvo", "seq", "rope", "ropetree",
         ]),
-        default: Default::Choice("auto"),
+        default: Value::Choice("auto"),
     };
 
     /// The same, by single rays where nothing is said: for a tree that others are measured against.
@@ -235,7 +210,7 @@ pub mod params {
             "dir", "auto", "wide", "tile8", "tile16", "p4", "p8", "p16", "ta-b", "ta-a", "sung",
             "arvo", "seq", "rope", "ropetree",
         ]),
-        default: Default::Choice("dir"),
+        default: Value::Choice("dir"),
         ..TRAVERSAL_AXIS
     };
 
@@ -244,12 +219,12 @@ pub mod params {
         name: "traversal",
         label: "Traversal",
         doc: "How rays walk the tree. auto: whatever is quickest for a batch: tile8 for camera rays and \
-              for shadow rays, wide for others; counters tell what dir does. dir: one by one, by plane distances \
+              for shadow rays, wide for others; rays are counted as dir walks them. dir: one by one, by plane distances \
               in the order of the direction. ta-b-poly: by the heights of entry and exit points over the plane. wide: three levels at a \
               time, several rays in turn. tile8, tile16: as dir, but camera rays go in tiles of 64 or 256, and shadow \
-              rays of one light in tiles of 64 from the light; what does not go well so goes in packets. p4, p8, \
-              p16: as dir, but in packets of 4, 8 or 16 rays, one to a lane, shadow rays only of 16. Counters of \
-              shadow rays tell what dir does. The answer is the same",
+              rays of one light in tiles of 64 from the light; tiles whose rays drift apart are split into packets. p4, p8, \
+              p16: as dir, but in packets of 4, 8 or 16 rays, one to a lane, shadow rays always of 16. Shadow rays are \
+              counted as dir walks them. The answer is the same",
         unit: "",
         kind: Kind::Choice(&[
             "auto",
@@ -262,7 +237,7 @@ pub mod params {
             "p16",
             "ta-b-poly",
         ]),
-        default: Default::Choice("auto"),
+        default: Value::Choice("auto"),
     };
 
     /// Walks of axis-aligned trees that are there to be compared with.
@@ -275,7 +250,7 @@ pub mod params {
         kind: Kind::Choice(&[
             "dir", "ta-b", "ta-a", "sung", "arvo", "seq", "rope", "ropetree",
         ]),
-        default: Default::Choice("dir"),
+        default: Value::Choice("dir"),
         ..TRAVERSAL_AXIS
     };
 
@@ -287,7 +262,7 @@ pub mod params {
               for measuring how often that fails; never for pictures",
         unit: "",
         kind: Kind::Choice(&["widen", "none"]),
-        default: Default::Choice("widen"),
+        default: Value::Choice("widen"),
     };
 
     /// What shadow rays ask before the tree.
@@ -298,14 +273,14 @@ pub mod params {
               costs a test where they end. The answer is the same",
         unit: "",
         kind: Kind::Choice(&["none", "cache"]),
-        default: Default::Choice("none"),
+        default: Value::Choice("none"),
     };
 
     /// The same on trees that divide space.
     pub const SHADOW_BEAM: ParamSpec = ParamSpec {
         doc: "cache: what blocked a light last is tested first (Wilt 1994). beam: rays to one light go \
               through the tree together; mostly one walk shows that nothing is in the way of all 64. On trees \
-              of planes that spares walks, and single rays are quicker all the same. \
+              of planes that saves walks, but is still slower than single rays. \
               The answer is the same",
         kind: Kind::Choice(&["none", "cache", "beam"]),
         ..SHADOW
@@ -322,7 +297,7 @@ pub mod params {
             min: 0,
             max: plane_tree::MAX_DEPTH as i64,
         },
-        default: Default::Integer(0),
+        default: Value::Integer(0),
     };
 
     /// Leaf size.
@@ -332,7 +307,7 @@ pub mod params {
         doc: "Nodes of at most this many triangles are not split. More builds faster and tests more",
         unit: "triangles",
         kind: Kind::Integer { min: 0, max: 64 },
-        default: Default::Integer(1),
+        default: Value::Integer(1),
     };
 
     /// Largest leaf of hierarchies parted by the surface area heuristic.
@@ -342,7 +317,7 @@ pub mod params {
         doc: "Nodes of more triangles are always parted. More saves memory where triangles crowd",
         unit: "triangles",
         kind: Kind::Integer { min: 1, max: 4096 },
-        default: Default::Integer(64),
+        default: Value::Integer(64),
     };
 
     const fn cost(
@@ -357,7 +332,7 @@ pub mod params {
             doc,
             unit: "",
             kind: Kind::Float { min: 0.0, max: 1e6 },
-            default: Default::Float(value as f64),
+            default: Value::Float(value as f64),
         }
     }
 
@@ -400,7 +375,7 @@ pub mod params {
                   space, at the price of longer walks",
             unit: "",
             kind: Kind::Float { min: 0.1, max: 1.0 },
-            default: Default::Float(costs.empty as f64),
+            default: Value::Float(costs.empty as f64),
         }
     }
 
@@ -409,24 +384,24 @@ pub mod params {
         name: "lazy",
         label: "Lazy Build",
         doc: "1: only the upper part is built at once, the rest where a ray comes for the first time. The first picture \
-              is there sooner, the tree and the answer are the same; rays that go in no tile go one by one. Only with \
-              the traversals auto, dir and tile8; others build the whole tree at once. What rays have built does not \
-              count as build time. The memory limit covers what is built before the first ray; where the whole, \
+              is there sooner, the tree and the answer are the same; rays outside tiles are traced one by one. Only with \
+              the traversals auto, dir and tile8; others build the whole tree at once. What rays build later is not \
+              counted as build time. The memory limit covers what is built before the first ray; where the whole, \
               estimated from some subtrees built on trial, would not fit, nothing is built",
         unit: "",
         kind: Kind::Choice(&["0", "1"]),
-        default: Default::Choice("0"),
+        default: Value::Choice("0"),
     };
 
     /// When a cell is too small to be parted.
     pub const AREA_STOP: ParamSpec = ParamSpec {
         name: "area_stop",
         label: "Area Stop",
-        doc: "A node of n of N triangles becomes a leaf where n^2 N times its share of the scene's surface \
+        doc: "A node of n of N triangles, 16 at most, becomes a leaf where n^2 N times its share of the scene's surface \
               is no more than this: few rays come by. More gives a smaller tree and a shorter build",
         unit: "",
         kind: Kind::Float { min: 0.0, max: 1e6 },
-        default: Default::Float(16.0),
+        default: Value::Float(16.0),
     };
 }
 
@@ -447,9 +422,9 @@ mod tests {
             assert!(ALIASES.iter().all(|(alias, _)| *alias != tree.id));
             for param in tree.all_params() {
                 let inside = match (param.kind, param.default) {
-                    (Kind::Integer { min, max }, Default::Integer(x)) => (min..=max).contains(&x),
-                    (Kind::Float { min, max }, Default::Float(x)) => (min..=max).contains(&x),
-                    (Kind::Choice(options), Default::Choice(x)) => options[0] == x,
+                    (Kind::Integer { min, max }, Value::Integer(x)) => (min..=max).contains(&x),
+                    (Kind::Float { min, max }, Value::Float(x)) => (min..=max).contains(&x),
+                    (Kind::Choice(options), Value::Choice(x)) => options[0] == x,
                     _ => false,
                 };
                 assert!(inside, "{}: {}", tree.id, param.name);

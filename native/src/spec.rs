@@ -6,7 +6,7 @@ use crate::registry::{self, Kind, ParamSpec, StructureSpec};
 use std::fmt::{self, Write};
 
 /// A parameter's value.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Value {
     /// A whole number.
     Integer(i64),
@@ -47,10 +47,7 @@ impl Config {
                 known.join(", ")
             ))
         })?;
-        let mut values: Vec<_> = structure
-            .all_params()
-            .map(|p| (p, p.default.value()))
-            .collect();
+        let mut values: Vec<_> = structure.all_params().map(|p| (p, p.default)).collect();
         let mut given = vec![false; values.len()];
         for pair in rest
             .split(',')
@@ -89,7 +86,7 @@ impl Config {
     /// The string that names this configuration with only what differs from the defaults.
     pub fn canonical(&self) -> String {
         let mut text = self.structure.id.to_owned();
-        let changed = self.values.iter().filter(|(p, v)| p.default.value() != *v);
+        let changed = self.values.iter().filter(|(p, v)| p.default != *v);
         for (i, (param, value)) in changed.enumerate() {
             let separator = if i == 0 { ':' } else { ',' };
             write!(text, "{separator}{}={value}", param.name).expect("writing to a string");
@@ -139,6 +136,14 @@ impl Config {
             Value::Choice(x) => x,
             other => panic!("{name} is {other:?}, not a choice"),
         }
+    }
+
+    /// Whether walks allow for rounding: all but those that are asked to run as published.
+    ///
+    /// # Panics
+    /// When the structure's row declares no parameter `robust`.
+    pub fn robust(&self) -> bool {
+        self.choice("robust") != "none"
     }
 
     /// All values, in the order of the structure's row.

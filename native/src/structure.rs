@@ -9,8 +9,9 @@ use self::tracing::Batches;
 use crate::build::grid::Grid;
 use crate::build::lazy_tree::{LazyTree, Progress};
 use crate::build::octree_nodes::Octree;
-use crate::build::plane_tree::{PlaneTree, Shape};
+use crate::build::plane_tree::PlaneTree;
 use crate::build::ropes::Ropes;
+use crate::build::shape::Shape;
 use crate::build::{Monitor, footprint, ropes};
 use crate::error::{Error, Result};
 use crate::leaf_depth::LeafDepths;
@@ -51,7 +52,7 @@ pub enum Layout {
     OctreeGlassner(Octree),
 }
 
-/// A way of walking a tree of planes. All but `Dir` and `TaBPoly` need axis-aligned planes.
+/// A way of walking a tree of planes. All but `Dir`, `TaBPoly` and `Beams` need axis-aligned planes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PlaneWalk {
     /// By distances in the order of the direction.

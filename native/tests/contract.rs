@@ -243,6 +243,22 @@ fn zero_and_nan_directions_meet_nothing() {
 }
 
 #[test]
+fn large_leaves_are_counted() {
+    let corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+    let scene = Triangles::new(corners.to_vec(), vec![[0, 1, 2]; 100]).unwrap();
+    let scene = Arc::new(scene);
+    let mut large = 0;
+    for tree in TREES {
+        let shape = build(&scene, tree.id, 1).shape();
+        // They lie in one place: whatever parts space ends with all of them in a leaf, or in several.
+        let expected = shape.leaf_max > 64;
+        assert_eq!(shape.leaves_large > 0, expected, "{}", tree.id);
+        large += usize::from(expected);
+    }
+    assert!(large > 20, "only {large} structures have a large leaf here");
+}
+
+#[test]
 fn a_cancelled_build_ends_with_an_error() {
     let scene = soup(grid(6, 0.0));
     for spec in specs() {

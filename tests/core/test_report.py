@@ -140,7 +140,7 @@ def test_too_few_rounds_rank_nothing() -> None:
     for one in few:
         for key in ("rounds", "anchor_rounds"):
             one["rays"]["primary"][key] = one["rays"]["primary"][key][:3]
-    assert "3 rounds rank nothing" in said(*few)
+    assert "3 rounds are too few for a ranking" in said(*few)
 
 
 def test_rows_of_different_rounds_are_compared_through_their_anchor() -> None:
@@ -211,6 +211,7 @@ def everything(spec: str, slowness: float, k: int | None = None) -> dict[str, An
     """A row with all that can be drawn."""
     made = row(spec, 2.0 / slowness)
     made["structure"], made["k"] = spec.partition(":")[0], k
+    made["statistics"]["nodes_oblique"] = 7 if spec.startswith(("bsp-", "beam-hh")) else 0
     made["curve"] = [
         {"spp": n, "seconds": slowness * n / 10, "rmse": n**-0.5, "relmse": 1 / n, "flip": 0.1} for n in (1, 4, 16)
     ]
@@ -393,6 +394,12 @@ def test_where_oblique_planes_pay_for_one_picture_is_said() -> None:
     assert "10.2 s with bsp-wn" in sentence
     assert "faster than the 20.2 s with kd; bvh-sah is the best of all with 5.2 s" in sentence
     assert report.worth_it(rows) == [rows[0]["scene"]]
+    # Whatever the tree is called; but where no plane of it is oblique, it does not count.
+    rows[1]["spec"] = "beam-hh"
+    assert report.worth_it(rows) == [rows[0]["scene"]]
+    rows[1]["spec"], rows[1]["statistics"]["nodes_oblique"] = "bsp-wn", 0
+    assert report.worth_it(rows) == []
+    rows[1]["statistics"]["nodes_oblique"] = 7
     # A machine that becomes slower and slower does not hide it.
     for one, seconds in zip(rows, (20.0, 10.0, 5.0), strict=True):
         pictured(one, seconds, drift=0.5)
@@ -406,7 +413,7 @@ def test_where_oblique_planes_pay_for_one_picture_is_said() -> None:
         pictured(one, 1.0)
     text = page.as_html(document(both))
     assert "on 0 of 2 scenes;" in text
-    assert "on 1 noise does not tell: other" in text
+    assert "on 1 it is too close to tell: other" in text
 
 
 def about_pictures(rows: list[dict[str, Any]]) -> str:
@@ -419,9 +426,7 @@ def test_oblique_planes_are_not_faster_by_less_than_noise_nor_by_luck() -> None:
     for one, seconds in zip(rows, (10.0, 9.5, 9.8, 10.4), strict=True):
         pictured(one, seconds, spread=0.08)
     assert report.worth_it(rows) == []
-    assert "bsp-wn:k=3, the best of 3 trees with oblique planes; noise does not tell it from the" in about_pictures(
-        rows
-    )
+    assert "bsp-wn:k=3, the best of 3 trees with oblique planes; too close to tell from the" in about_pictures(rows)
     # Faster in each pair of rounds, but the machine's own noise is larger.
     for one, seconds in zip(rows, (10.0, 9.7, 9.8, 10.4), strict=True):
         pictured(one, seconds, spread=0.001)
@@ -436,7 +441,7 @@ def test_oblique_planes_are_not_faster_by_less_than_noise_nor_by_luck() -> None:
     for one, seconds in zip(rows, (10.0, 1.0, 2.0, 3.0), strict=True):
         one["image_s"], one["image"] = dict.fromkeys(("min", "med", "max"), seconds), None
     assert report.worth_it(rows) == []
-    assert "noise does not tell" in about_pictures(rows)
+    assert "too close to tell" in about_pictures(rows)
     for one in rows:
         one["image_s"] = one["image_s"]["med"]
     assert report.image_total(rows[1]) == pytest.approx(1.2), "as in reports of earlier versions"
@@ -483,7 +488,7 @@ def test_of_builds_with_rays_noise_is_told_too() -> None:
     for one in few:
         for key in ("rounds", "anchor_rounds"):
             one["rays"]["primary"][key] = one["rays"]["primary"][key][:3]
-    assert "3 rounds rank nothing" in told(*few)
+    assert "3 rounds are too few for a ranking" in told(*few)
 
 
 def test_fitted_costs_are_those_that_made_the_times() -> None:

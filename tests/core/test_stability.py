@@ -297,6 +297,13 @@ def test_closed_surfaces_hold(row: dict) -> None:
             assert not leaks.count_leaks(halfspace_native, [spec], list(leaks.surfaces(2)), 2000)[spec], spec
 
 
+@pytest.mark.parametrize("lie", ["false_miss", "wrong_any_hit"])
+def test_leaks_are_looked_for_by_both_questions(lie: str) -> None:
+    vertices, triangles = leaks.icosphere(1)
+    surface = ("sphere", vertices.astype(np.float32), triangles, np.zeros(3), 0.3)
+    assert leaks.count_leaks(LyingNative(lie), ["kd"], [surface], 100, threads=1)["kd"]["sphere"] == 1
+
+
 def test_a_hole_is_a_leak() -> None:
     vertices, triangles = leaks.icosphere(2)
     assert len(triangles) == 20 * 16

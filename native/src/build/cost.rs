@@ -22,7 +22,7 @@ pub struct Costs {
 
 impl Costs {
     /// Fitted to leaves of eight triangles tested at once: a step is a mispredicted branch, a
-    /// block of eight costs as much as two of them.
+    /// block of eight costs as much as four of them.
     pub const BLOCKS: Self = Self {
         step: 10.0,
         leaf: 5.0,
@@ -38,7 +38,8 @@ impl Costs {
         ..Self::BLOCKS
     };
 
-    /// Those of pbrt's and Hoobergs's kd-trees: a triangle costs 80 steps, emptiness earns nothing.
+    /// Those of Hoobergs's kd-tree: a triangle costs 80 steps, as in pbrt, but emptiness earns nothing, where pbrt
+    /// halves the cost.
     pub const THESIS: Self = Self {
         step: 1.0,
         leaf: 0.0,
@@ -46,6 +47,9 @@ impl Costs {
         block: 1.0,
         empty: 1.0,
     };
+
+    /// What a step through an oblique plane costs beside [`Self::THESIS`].
+    pub const THESIS_OBLIQUE: f32 = 5.0;
 
     /// Those of the configuration's keys `step_cost`, `leaf_cost`, `triangle_cost` and
     /// `empty_factor`, for leaves of blocks.

@@ -6,8 +6,9 @@
 //! All of it together is the tree that the same builder makes at once, node for node: [`LazyTree::whole`].
 
 use super::cell::{Direction, Plane};
-use super::plane_tree::{ENTRANCE, Node, PlaneTree, Shape};
+use super::plane_tree::{ENTRANCE, Node, PlaneTree};
 use super::preorder::{Item, Preorder};
+use super::shape::Shape;
 use crate::error::Result;
 use crate::scene::Triangles;
 use crate::traverse::blocks::Blocks;

@@ -39,7 +39,7 @@ impl Leaves {
     /// Takes in a leaf, by where its `count` numbers begin in the tree; returns where its data begins.
     ///
     /// # Panics
-    /// When there are more than 2^32 words, which the layouts' bounds excludes.
+    /// When there are more than 2^32 words, which the layouts' limits exclude.
     pub fn push(&mut self, first: u32, count: usize) -> u32 {
         let first = first as usize;
         let at = self.words;

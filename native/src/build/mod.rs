@@ -26,6 +26,7 @@ pub mod polytope;
 pub mod preorder;
 pub mod profile;
 pub mod ropes;
+pub mod shape;
 pub mod slanted;
 mod slanted_split;
 pub mod slanted_tree;

@@ -120,7 +120,7 @@ impl ObjectTree {
     pub fn check_size(&self) -> Result<()> {
         if self.ids.len() >= 1 << 28 {
             return Err(Error::Memory(format!(
-                "the tree would hold {} triangles; at most 2^28 are possible",
+                "the tree would hold {} triangles; fewer than 2^28 are possible",
                 self.ids.len()
             )));
         }

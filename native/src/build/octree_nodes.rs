@@ -8,7 +8,7 @@
 //! are found.
 
 use super::octree::{Cube, FAR, Item, Octants};
-use super::plane_tree::Shape;
+use super::shape::{Measure, Shape};
 use crate::error::{Error, Result};
 use crate::geom::Aabb;
 use crate::scene::Triangles;
@@ -104,7 +104,7 @@ impl Octree {
         });
         if nodes >= 1 << 30 || references >= 1 << 28 || most.max().unwrap_or(0) >= INNER {
             return Err(Error::Memory(format!(
-                "the tree would have {nodes} nodes and {references} references; at most 2^30 and 2^28 \
+                "the tree would have {nodes} nodes and {references} references; fewer than 2^30 and 2^28 \
                  are possible, and 2^24 in a leaf"
             )));
         }
@@ -256,8 +256,7 @@ impl Octree {
     pub fn shape(&self, frame: &Frame) -> Shape {
         let bounds = frame.bounds();
         let whole = bounds.area().max(f64::MIN_POSITIVE);
-        let mut shape = Shape::default();
-        let mut depth_sum = 0;
+        let mut measure = Measure::default();
         self.visit(|_, node, place| {
             let mut cell = self.cell(node, place);
             for k in 0..3 {
@@ -270,26 +269,16 @@ impl Octree {
                 cell.area() / whole
             };
             if node.is_inner() {
-                shape.nodes_axis += 1;
-                shape.sah_cost += 3.0 * share;
-                return;
+                measure.axis(share);
+                measure.steps(2.0 * share);
+            } else {
+                measure.leaf(node.blocks().1, node.level() as usize, share);
             }
-            let (count, depth) = (node.blocks().1, node.level() as usize);
-            shape.leaves += 1;
-            shape.leaves_empty += usize::from(count == 0);
-            shape.references += count;
-            shape.leaf_max = shape.leaf_max.max(count);
-            shape.depth_max = shape.depth_max.max(depth);
-            shape.sah_cost += 80.0 * share * count as f64;
-            depth_sum += depth;
         });
-        shape.links = self
-            .links
-            .iter()
-            .flatten()
-            .filter(|&&l| l != OUTSIDE)
-            .count();
-        shape.depth_mean = depth_sum as f64 / shape.leaves.max(1) as f64;
-        shape
+        let links = self.links.iter().flatten();
+        Shape {
+            links: links.filter(|&&link| link != OUTSIDE).count(),
+            ..measure.finish()
+        }
     }
 }

@@ -73,34 +73,6 @@ pub struct PlaneTree {
     planes: Vec<[f32; 4]>,
 }
 
-/// What there is to know about a tree's shape.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Shape {
-    /// Inner nodes with an axis-aligned plane.
-    pub nodes_axis: usize,
-    /// Inner nodes with an oblique plane.
-    pub nodes_oblique: usize,
-    /// Leaves, empty ones included.
-    pub leaves: usize,
-    /// Leaves without triangles.
-    pub leaves_empty: usize,
-    /// Triangle references in all leaves.
-    pub references: usize,
-    /// Links from leaves to their neighbours; those that lead out of the tree do not count.
-    pub links: usize,
-    /// Triangles in the largest leaf.
-    pub leaf_max: usize,
-    /// Leaves of more than 64 triangles.
-    pub leaves_large: usize,
-    /// Largest depth of a leaf; the root has depth 0.
-    pub depth_max: usize,
-    /// Mean depth of the leaves.
-    pub depth_mean: f64,
-    /// Expected cost of a random ray in the units of the thesis (Hoobergs 2019): 80 a triangle, 1
-    /// an axis step, 5 an oblique step. The same for all trees, so that they compare.
-    pub sah_cost: f64,
-}
-
 /// The child of an axis node that a ray enters first; the other is one bit away. `signs` has the
 /// ray's sign bits as bits 0, 1 and 2 of each byte.
 ///
@@ -125,7 +97,7 @@ impl PlaneTree {
         let (nodes, references) = (preorder.items.len(), preorder.ids.len());
         if nodes >= 1 << 27 || references >= 1 << 28 {
             return Err(Error::Memory(format!(
-                "the tree would have {nodes} nodes and {references} references; at most 2^27 and 2^28 \
+                "the tree would have {nodes} nodes and {references} references; fewer than 2^27 and 2^28 \
                  are possible"
             )));
         }
@@ -231,63 +203,5 @@ impl PlaneTree {
                 waiting.extend([(children + 1, depth + 1), (children, depth + 1)]);
             }
         }
-    }
-}
-
-impl Shape {
-    /// Takes in the shape of a subtree whose root has this depth.
-    pub fn join(&mut self, other: &Self, depth: usize) {
-        let depth_sum = self.depth_mean * self.leaves as f64
-            + (other.depth_mean + depth as f64) * other.leaves as f64;
-        self.nodes_axis += other.nodes_axis;
-        self.nodes_oblique += other.nodes_oblique;
-        self.leaves += other.leaves;
-        self.leaves_empty += other.leaves_empty;
-        self.references += other.references;
-        self.links += other.links;
-        self.leaf_max = self.leaf_max.max(other.leaf_max);
-        self.leaves_large += other.leaves_large;
-        self.depth_max = self.depth_max.max(other.depth_max + depth);
-        self.depth_mean = depth_sum / self.leaves.max(1) as f64;
-        self.sah_cost += other.sah_cost;
-    }
-
-    /// Measures a tree in preorder.
-    pub fn new(preorder: &Preorder) -> Self {
-        let mut shape = Self::default();
-        let mut depths = vec![0_usize];
-        let mut depth_sum = 0;
-        for item in &preorder.items {
-            let depth = depths.pop().expect("preorder: every node has a depth");
-            match *item {
-                Item::Inner { plane, share } => {
-                    match plane.direction {
-                        Direction::Axis(_) => {
-                            shape.nodes_axis += 1;
-                            shape.sah_cost += f64::from(share);
-                        }
-                        Direction::Oblique(_) => {
-                            shape.nodes_oblique += 1;
-                            shape.sah_cost += 5.0 * f64::from(share);
-                        }
-                    }
-                    depths.extend([depth + 1; 2]);
-                }
-                Item::Later => {}
-                Item::Leaf { count, share } => {
-                    let count = count as usize;
-                    shape.leaves += 1;
-                    shape.leaves_empty += usize::from(count == 0);
-                    shape.references += count;
-                    shape.leaf_max = shape.leaf_max.max(count);
-                    shape.leaves_large += usize::from(count > 64);
-                    shape.depth_max = shape.depth_max.max(depth);
-                    shape.sah_cost += 80.0 * f64::from(share) * count as f64;
-                    depth_sum += depth;
-                }
-            }
-        }
-        shape.depth_mean = depth_sum as f64 / shape.leaves.max(1) as f64;
-        shape
     }
 }

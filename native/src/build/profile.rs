@@ -46,8 +46,9 @@ pub struct Profile {
 
 impl Profile {
     /// The least share of the surface that a part of the cell can have which reaches from height `at`
-    /// to one of the cell's ends, first the low one: by Brunn and Minkowski's theorem the root of a
-    /// convex body's part grows at least as fast as its height.
+    /// to one of the cell's ends, first the low one. The part holds the whole cell shrunk towards a point of that
+    /// end by its share of the height, and of two convex bodies the inner has the smaller surface: so its share is
+    /// at least the square of the height's.
     pub fn least_shares(&self, at: f32) -> [f32; 2] {
         let extent = self.high - self.low;
         // One part in 10^5 for rounding here and in the shares themselves, and the margin, which is

@@ -76,7 +76,7 @@ struct Pending {
     across: [[u32; 2]; 3],
 }
 
-/// A face of a leaf. Where the scene ends, so does not the leaf's cell: that a ray has crossed the wall there is
+/// A face of a leaf. A leaf at the border of the scene ends beyond it: that a ray has crossed the wall there is
 /// never certain, so a plane in that wall has to be decided about.
 #[derive(Clone, Copy)]
 struct Face<'a> {

@@ -113,7 +113,7 @@ impl Policy {
                 (low, high) = (low.min(reach.0), high.max(reach.1));
             }
             (low, high) = (low.max(profile.low), high.min(profile.high));
-            // By Brunn and Minkowski the share that is left is at least the square of that of the height.
+            // The share that is left is at least the square of the height's, as in `Profile::least_shares`.
             let span = profile.high - profile.low;
             let bound = (high - low) / span;
             if span <= 0.0 || bound * bound >= least || bound > 0.95 {

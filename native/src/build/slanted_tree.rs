@@ -2,7 +2,7 @@
 //! A tree between parallel planes along thirteen directions, as its builder emits it.
 
 use super::cell::Direction;
-use super::plane_tree::Shape;
+use super::shape::{Measure, Shape};
 use crate::traverse::dop_tree::NORMALS;
 
 /// How many directions there are.
@@ -64,41 +64,28 @@ pub struct SlantedTree {
 impl SlantedTree {
     /// Its shape.
     pub fn shape(&self) -> Shape {
-        let mut shape = Shape::default();
+        let mut measure = Measure::default();
         let whole = self.items[0].area;
-        let mut depth_sum = 0;
         // Where the subtrees end in which the item lies that is looked at.
         let mut depths = vec![0];
         for item in &self.items {
             let depth = depths.pop().expect("every item has its place");
             let share = if whole > 0.0 { item.area / whole } else { 0.0 };
-            let mut step = |direction: usize| {
-                let oblique = direction >= 3;
-                shape.nodes_axis += usize::from(!oblique);
-                shape.nodes_oblique += usize::from(oblique);
-                shape.sah_cost += if oblique { 5.0 } else { 1.0 } * share;
-            };
-            match item.kind {
+            let (direction, children) = match item.kind {
                 Kind::Leaf { count } => {
-                    shape.leaves += 1;
-                    shape.leaves_empty += usize::from(count == 0);
-                    shape.references += count;
-                    shape.leaf_max = shape.leaf_max.max(count);
-                    shape.depth_max = shape.depth_max.max(depth);
-                    shape.sah_cost += 80.0 * share * count as f64;
-                    depth_sum += depth;
+                    measure.leaf(count, depth, share);
+                    continue;
                 }
-                Kind::Only { direction, .. } => {
-                    step(direction);
-                    depths.push(depth + 1);
-                }
-                Kind::Pair { direction, .. } => {
-                    step(direction);
-                    depths.extend([depth + 1; 2]);
-                }
+                Kind::Only { direction, .. } => (direction, 1),
+                Kind::Pair { direction, .. } => (direction, 2),
+            };
+            if direction < 3 {
+                measure.axis(share);
+            } else {
+                measure.oblique(share);
             }
+            depths.extend(std::iter::repeat_n(depth + 1, children));
         }
-        shape.depth_mean = depth_sum as f64 / shape.leaves.max(1) as f64;
-        shape
+        measure.finish()
     }
 }

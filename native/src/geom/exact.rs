@@ -14,7 +14,7 @@ use super::vec3::{Vec3, sub};
 use num_bigint::{BigInt, Sign};
 use std::ops::{Add, Mul, Sub};
 
-/// Most binary places of a number that 64 bits hold, and the difference of two.
+/// Most binary places of numbers whose difference still fits 64 bits.
 const WORD: i32 = 60;
 
 /// Most binary places for which 128 bits hold the edge functions and their sum, those of the points

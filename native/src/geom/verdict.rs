@@ -13,8 +13,8 @@
 use super::exact::{edge_signs, from_origin, intersect};
 use super::vec3::{Vec3, cross, dot, map, widen};
 
-/// A 3x3 determinant whose rows are differences rounded once takes 8 more roundings than its exact
-/// value (three differences, two products, three sums), each of half an epsilon; each of its six
+/// A 3x3 determinant whose rows are differences rounded once is computed with 8 roundings
+/// (three differences, two products, three sums), each of half an epsilon; each of its six
 /// products is at most the product of its rows' largest components. Ten roundings leave room for the
 /// second order and for the bound itself.
 pub(crate) const DETERMINANT_ERROR: f64 = 6.0 * 5.0 * f64::EPSILON;
@@ -101,10 +101,10 @@ impl FromOrigin {
     }
 }
 
-/// Decides on the line `o + t d` and the closed triangle `v`. A line in the triangle's plane
-/// misses it, and so does every line a triangle without area. `d` need not be of unit length.
+/// Decides on the line `o + t d` and the closed triangle `v`. A line in the triangle's plane misses
+/// it; a triangle without area is missed by every line. `d` need not be of unit length.
 ///
-/// Only a `t` in the closed interval `span` interests: where f64 proves
+/// Only a `t` inside the closed interval `span` matters: where f64 proves
 /// that `t` lies outside it, its last bits are not worked out and the answer is a miss. This is
 /// what happens to the triangle that a scattered ray starts from, whose `t` is all rounding error.
 #[inline(always)]

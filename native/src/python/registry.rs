@@ -20,7 +20,7 @@ fn parameter<'py>(py: Python<'py>, param: &ParamSpec) -> PyResult<Bound<'py, PyD
     dict.set_item("label", param.label)?;
     dict.set_item("doc", param.doc)?;
     dict.set_item("unit", param.unit)?;
-    set_value(&dict, "default", &param.default.value())?;
+    set_value(&dict, "default", &param.default)?;
     for key in ["min", "max", "options"] {
         dict.set_item(key, py.None())?;
     }

@@ -91,7 +91,10 @@ pub fn path<'py>(
     for visit in &path.visits {
         faces.push(&visit.region.faces(), &built.frame);
         triangles.extend(built.blocks.ids(visit.first, visit.count));
-        ends.push(u32::try_from(triangles.len()).expect("fewer than 2^28 a leaf"));
+        ends.push(
+            u32::try_from(triangles.len())
+                .expect("fewer than 2^28 references, and each leaf is visited once"),
+        );
     }
     set_faces(&visited, &faces)?;
     let corners: Vec<_> = triangles

@@ -2,9 +2,9 @@
 //! The path tracer, as a wavefront: all camera rays of a tile, then all their shadow rays, then
 //! all next bounces, so that a structure always receives many rays at once.
 //!
-//! Unbiased: light samples and scattered rays that meet lights are combined by multiple importance
-//! sampling (Veach and Guibas 1995), paths end by Russian roulette or after `max_bounces`. The
-//! scene's features choose one of the compiled variants of [`super::shade`] once per render.
+//! Light samples and scattered rays that meet lights are combined by multiple importance sampling
+//! (Veach and Guibas 1995), paths end by Russian roulette: unbiased up to `max_bounces`, which cuts the
+//! rest off. `clamp_indirect` and adaptive sampling are biased on purpose. The scene's features choose one of the compiled variants of [`super::shade`] once per render.
 
 use std::sync::atomic::AtomicBool;
 

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! A tree over lights, so that one of a million is chosen in twenty steps: at each node the child
-//! that can give more light is taken more often (Conty Estevez and Kulla 2018, "Importance
-//! Sampling of Many Lights", without its cones). The same tree finds the lights that a ray meets.
+//! that seems to give more light is taken more often (Conty Estevez and Kulla 2018, "Importance
+//! Sampling of Many Lights with Adaptive Tree Splitting", without its cones, its splitting and its cost:
+//! nodes are halved by number along their longest side). The same tree finds the lights that a ray meets.
 
 use super::lights::Receiver;
 use super::vector::{Vec3, vec3};
@@ -20,7 +21,8 @@ pub struct Ball {
 }
 
 impl Ball {
-    /// A bound of the irradiance that could come from the ball; zero only where none can.
+    /// About the irradiance that comes from the ball: its strength over the squared distance of its centre (inside,
+    /// over its squared radius) times the largest cosine anywhere in it; zero only where none can come.
     #[inline]
     pub fn importance(&self, receiver: Receiver) -> f32 {
         let way = self.centre - receiver.point;
@@ -104,7 +106,7 @@ impl LightTree {
         tree
     }
 
-    /// A bound of what all lights together could give.
+    /// About what all lights together give.
     pub fn importance(&self, receiver: Receiver) -> f32 {
         self.nodes
             .first()

@@ -208,7 +208,6 @@ impl Lights {
             pdf,
         } = ray;
         let met = light.can_be_met();
-        let density = if met { pdf } else { 1.0 };
         let scale = if light.has_size() {
             factor / pdf
         } else {
@@ -216,7 +215,7 @@ impl Lights {
         };
         let radiance = light.strength * (scale / probability);
         let pdf = if met {
-            density * probability
+            pdf * probability
         } else {
             f32::INFINITY
         };

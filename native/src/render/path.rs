@@ -12,7 +12,7 @@ pub const MOST_PASSED: u16 = 64;
 /// And through so many that are hidden from it.
 pub const MOST_UNSEEN: u16 = 1000;
 
-/// Random pairs of a pixel: 0 the filter, 1 the lens, 2 the time, 3 free; then four per vertex.
+/// Random pairs of a pixel: 0 the filter, 1 the lens, 2 and 3 free; then four per vertex.
 const FIRST_VERTEX: u32 = 4;
 const PAIRS_PER_VERTEX: u32 = 4;
 

@@ -29,9 +29,9 @@ use std::marker::PhantomData;
 pub(super) enum Batches {
     /// As the layout walks single rays, or its own tiles.
     Own,
-    /// Camera rays in tiles of 8 x 8.
+    /// Camera rays, and shadow rays from their light, in tiles of 8 x 8.
     Eight,
-    /// Four such tiles at once.
+    /// Camera rays in four such tiles at once.
     Sixteen,
     /// Several rays in flight through wide nodes.
     Wide,
@@ -143,7 +143,7 @@ impl Structure {
         if Q::ANY && self.config.choice("shadow") == "beam" {
             return self.shadow_beams(&job, write, counters);
         }
-        // Shadow rays that come here are counted, or ask the shadow cache: they go singly.
+        // Under `Auto` only shadow rays come here that are counted or ask the shadow cache: they go singly.
         let streams = self.batches == Batches::Wide || !Q::ANY;
         if let (Some(wide), None, true) = (&self.wide, &counters, streams) {
             return job.stream::<_, Q>(&plane_wide::Walk(wide), write);

@@ -50,7 +50,7 @@ impl Errors {
         let (det, uv, t, floor) = if ray.place.is_none() {
             let span = keep_min(2.0 * farthest + size, ray.span);
             let lever = span * size;
-            // Zero, or NaN where some product may have overflowed: NaN bounds reject nothing.
+            // Next to nothing, or NaN where some product may have overflowed: NaN bounds reject nothing.
             let floor = UNDERFLOW + 0.0 * (64.0 * lever * keep_max(size, 1.0));
             let det = DET_ERROR * (size * size) + UNDERFLOW;
             let uv = 2.0 * UV_ERROR * lever + (3.0 * det + floor);

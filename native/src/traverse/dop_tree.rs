@@ -135,7 +135,7 @@ impl<const D: usize> DopTree<D> {
     ) -> Result<Self> {
         if objects.len() >= 1 << 28 {
             return Err(Error::Memory(format!(
-                "the tree would hold {} triangles; at most 2^28 are possible",
+                "the tree would hold {} triangles; fewer than 2^28 are possible",
                 objects.len()
             )));
         }

@@ -19,8 +19,13 @@ pub const U: f32 = 1.0 / 16_777_216.0;
 /// Relative slack for pruning by the best hit: three roundings of `t` and the scale of the frame.
 pub(super) const PRUNE: f32 = 1.0 + 1.0 / 1_048_576.0;
 
-/// The padding of [`FrameRay::pad`], per unit of coordinate.
-pub const PARALLEL_PAD: f32 = 8.0 * U;
+/// The padding of [`FrameRay::pad`], per unit of coordinate: a plane distance `(p - o) / d` is off by hardly more than
+/// 3 u, the point that it stands for by less than 5 u of `|o| + |p|`; the rest is room for the additions.
+pub const AXIS_PAD: f32 = 8.0 * U;
+
+/// That of [`FrameRay::oblique_pad`], per unit of the span: 8 sqrt(3) 2 u for a height `n . (o + t d) - c` with
+/// `|n| <= 1`, rounded up.
+pub const OBLIQUE_PAD: f32 = 28.0 * U;
 
 /// Added where products may have lost a subnormal part.
 pub(super) const TINY: f32 = 1e-37;
@@ -117,8 +122,8 @@ impl Frame {
     /// [`FrameRay::oblique_pad`] for all rays from there, in a frame that [`Self::is_scene`].
     pub fn pads(&self, o: [f32; 3]) -> ([f32; 3], f32) {
         let far = o[0].abs().max(o[1].abs()).max(o[2].abs());
-        let pad = map(o, |x| self.robust * 8.0 * U * (x.abs() + self.magnitude));
-        (pad, self.robust * 28.0 * U * (far + self.magnitude))
+        let pad = map(o, |x| self.robust * AXIS_PAD * (x.abs() + self.magnitude));
+        (pad, self.robust * OBLIQUE_PAD * (far + self.magnitude))
     }
 
     /// The power of two by which a ray's direction is divided; `None` for what wants more care: a
@@ -277,7 +282,7 @@ impl Frame {
         let sum = far + self.magnitude;
         let blurred = blur[0].max(blur[1]).max(blur[2]);
         out.span = sum;
-        out.oblique_pad = self.robust * (28.0 * U * sum + 2.0 * blurred);
+        out.oblique_pad = self.robust * (OBLIQUE_PAD * sum + 2.0 * blurred);
         out.last_place = last_place(out.to_frame);
         let mut near = f32::NEG_INFINITY;
         let mut exit = f32::INFINITY;
@@ -286,9 +291,7 @@ impl Frame {
         // the walks then skip nothing.
         let parallel = U / sum;
         for k in 0..3 {
-            // A plane distance (p - o) / d is off by less than 3 u |p - o| / |d|, the point it
-            // stands for by less than 5 u (|o| + |p|); 8 leaves room for the additions.
-            let pad = PARALLEL_PAD * (o[k].abs() + self.magnitude) + blur[k];
+            let pad = AXIS_PAD * (o[k].abs() + self.magnitude) + blur[k];
             let slowest = parallel * pad;
             let dk = if d[k].abs() < slowest {
                 slowest.copysign(d[k])

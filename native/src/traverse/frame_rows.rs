@@ -3,7 +3,7 @@
 //! up to 64, eight at a time, with the same operations on each.
 
 use super::bundle::{LANES, RAYS, Row, Rows, all, load};
-use super::frame::{Frame, PARALLEL_PAD, U};
+use super::frame::{AXIS_PAD, Frame, U};
 use super::ray::Ray;
 use crate::geom::vec3::map;
 use fearless_simd::{Select, Simd, SimdBase, SimdFloat, SimdMask, f32x8};
@@ -94,7 +94,7 @@ impl FrameRows {
         let mut near = load(simd, &self.enter, row);
         let mut exit = load(simd, &self.reach, row);
         for k in 0..3 {
-            let pad = (o[k].abs() + magnitude) * splat(PARALLEL_PAD);
+            let pad = (o[k].abs() + magnitude) * splat(AXIS_PAD);
             let slowest = parallel * pad;
             let dk = d[k]
                 .abs()

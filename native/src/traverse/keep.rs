@@ -5,6 +5,7 @@ use super::blocks::{LANES, WORDS};
 use super::bound::keep_max;
 use super::frame::Frame;
 use crate::scene::Triangles;
+use crate::spec::Config;
 
 /// What leaves keep of their triangles.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -18,6 +19,17 @@ pub enum Keep {
 }
 
 impl Keep {
+    /// As the configuration's key `leaves` says.
+    ///
+    /// # Panics
+    /// When the structure's row declares no such parameter.
+    pub fn of(config: &Config) -> Self {
+        match config.choice("leaves") {
+            "indices" => Self::Indices,
+            _ => Self::Corners,
+        }
+    }
+
     /// How many words a leaf of `count` triangles takes.
     pub fn words(self, count: usize) -> usize {
         match self {

@@ -30,7 +30,7 @@ impl Seen {
         let (e1, e2, s) = (sub(b, a), sub(c, a), sub(o, a));
         let size = largest(e1).max(largest(e2));
         let span = largest(s);
-        // Zero, or NaN where some product may have overflowed: NaN bounds reject nothing.
+        // Next to nothing, or NaN where some product may have overflowed: NaN bounds reject nothing.
         let floor = UNDERFLOW + 0.0 * (64.0 * span * size * size.max(1.0));
         let det_error = DET_ERROR * size * size + UNDERFLOW;
         let q = cross(s, e1);
@@ -176,7 +176,7 @@ impl Free {
 fn errors<S: Simd>(simd: S, s: [f32x8<S>; 3], size: f32) -> [f32x8<S>; 3] {
     let splat = |x: f32| f32x8::splat(simd, x);
     let span = s[0].abs().max(s[1].abs()).max(s[2].abs());
-    // Zero, or NaN where some product may have overflowed: NaN bounds reject nothing.
+    // Next to nothing, or NaN where some product may have overflowed: NaN bounds reject nothing.
     let overflow = (span * splat(64.0 * size * size.max(1.0))) * splat(0.0);
     let floor = overflow + splat(UNDERFLOW);
     let det_error = DET_ERROR * size * size + UNDERFLOW;

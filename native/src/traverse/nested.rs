@@ -2,7 +2,7 @@
 //! Object trees seen from outside, whatever their layout: for their shape, for validation and for
 //! drawing. Walks do not come here.
 
-use crate::build::plane_tree::Shape;
+use crate::build::shape::{Measure, Shape};
 use crate::geom::Aabb;
 
 /// What is found at a node.
@@ -76,9 +76,8 @@ pub fn visit<T: Nested + ?Sized>(
 
 /// Measures a tree over a scene of these bounds.
 pub fn shape<T: Nested + ?Sized>(tree: &T, bounds: Aabb) -> Shape {
-    let mut shape = Shape::default();
+    let mut measure = Measure::default();
     let root_area = bounds.area();
-    let mut depth_sum = 0;
     visit(tree, bounds, |(_, region), depth, look, _| {
         let share = if root_area > 0.0 && !region.is_empty() {
             region.area() / root_area
@@ -86,18 +85,10 @@ pub fn shape<T: Nested + ?Sized>(tree: &T, bounds: Aabb) -> Shape {
             0.0
         };
         if let Look::Leaf { count, .. } = look {
-            shape.leaves += 1;
-            shape.leaves_empty += usize::from(count == 0);
-            shape.references += count;
-            shape.leaf_max = shape.leaf_max.max(count);
-            shape.depth_max = shape.depth_max.max(depth);
-            shape.sah_cost += 80.0 * share * count as f64;
-            depth_sum += depth;
+            measure.leaf(count, depth, share);
         } else {
-            shape.nodes_axis += 1;
-            shape.sah_cost += share;
+            measure.axis(share);
         }
     });
-    shape.depth_mean = depth_sum as f64 / shape.leaves.max(1) as f64;
-    shape
+    measure.finish()
 }

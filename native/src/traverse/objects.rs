@@ -10,7 +10,7 @@ use super::slab_node::{Double, Single};
 use super::slab_tree::{self, SlabTree};
 use super::slab_wide::{self, WideSlabs};
 use super::slant_tree::{self, SlantTree};
-use crate::build::plane_tree::Shape;
+use crate::build::shape::Shape;
 use crate::geom::Aabb;
 
 /// An object tree, laid out for one way of walking.

@@ -220,7 +220,7 @@ fn look<S: Simd>(
     let (low, high) = (sub(same(simd, low), a), sub(same(simd, high), a));
     let size = largest(e1).max(largest(e2));
     let span = largest(low).max(largest(high));
-    // Zero, or NaN where some product may have overflowed: NaN bounds reject nothing.
+    // Next to nothing, or NaN where some product may have overflowed: NaN bounds reject nothing.
     let product = splat(64.0) * span * size * size.max(splat(1.0));
     let floor = product.mul_add(splat(0.0), splat(UNDERFLOW));
     let det_error = size.mul_add(size * splat(DET_ERROR), splat(UNDERFLOW));

@@ -18,8 +18,8 @@ pub struct Ray {
 }
 
 impl Ray {
-    /// Whether a hit at this distance counts. An infinite one is what a miss reports; one that no float can hold has no
-    /// order, behind the origin either.
+    /// Whether a hit at this distance counts. An infinite distance stands for a miss, so it cannot be a hit; neither can
+    /// one too large for a float, before or behind the origin.
     #[inline(always)]
     pub fn reaches(&self, t: f32) -> bool {
         self.t_min <= t && t <= self.t_max && t.abs() < f32::INFINITY

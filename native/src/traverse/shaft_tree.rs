@@ -12,8 +12,7 @@ pub trait ShaftTree: Sync {
     /// A node and its box.
     type Place: Copy;
 
-    /// A beam may visit so many inner nodes and blocks of triangles for each of its rays before they go on
-    /// singly.
+    /// A beam may visit this many inner nodes and blocks of triangles per ray; then its rays go on singly.
     const STEPS_PER_RAY: u32;
 
     /// The root, in a scene of these bounds.

@@ -192,7 +192,7 @@ fn look<S: Simd, const R: usize>(
     let s = sub(same(simd, tile.o), a);
     let size = largest(e1).max(largest(e2));
     let span = largest(s);
-    // Zero, or NaN where some product may have overflowed: NaN bounds reject nothing.
+    // Next to nothing, or NaN where some product may have overflowed: NaN bounds reject nothing.
     let product = splat8(simd, 64.0) * span * size * size.max(splat8(simd, 1.0));
     let floor = product.mul_add(splat8(simd, 0.0), splat8(simd, UNDERFLOW));
     let [blur, turn] = tile.blur;

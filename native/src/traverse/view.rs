@@ -6,10 +6,11 @@
 //! through two points, or a polygon's edge, is an affine function of `x` and `y`. Which side of a line a pixel is
 //! on is decided once, by that function in f64, and decides who owns it. Corners of polygons are off by some 1e-14
 //! of the slopes, which are at most 4: what asks for a bound on all directions of a polygon widens it by [`NOISE`].
+//! That is a thousand times as much, since a polygon is cut again and again; more only widens beams.
 
 use crate::geom::vec3::{Vec3, cross, dot};
 
-/// Bound on the error of an affine function of unit coefficients at the corners of a polygon.
+/// A margin for the error of an affine function of unit coefficients at the corners of a polygon.
 pub const NOISE: f64 = 1e-11;
 
 /// Corners at most; a polygon that would have more is not cut.

@@ -8,15 +8,16 @@ use crate::build::insertion::{self, Growth, Search, WIDEST};
 use crate::build::leaves::Leaves;
 use crate::build::object;
 use crate::error::Result;
-use crate::registry::{Built, Default, Kind, ParamSpec, StructureSpec, params};
+use crate::registry::{Built, Kind, ParamSpec, StructureSpec, params};
 use crate::scene::Triangles;
-use crate::spec::Config;
+use crate::spec::{Config, Value};
 use crate::structure::Layout;
 use crate::traverse::dop_tree::DopTree;
 use crate::traverse::frame::Frame;
 use crate::traverse::keep::Keep;
 use crate::traverse::nested;
 use crate::traverse::objects::Objects;
+use crate::trees::NO_PLANES;
 
 /// The registry's row.
 pub const SPEC: StructureSpec = StructureSpec {
@@ -52,7 +53,7 @@ const SLABS: ParamSpec = ParamSpec {
           faces too. More fit closer and cost memory and time at each node",
     unit: "slabs",
     kind: Kind::Choice(&["3", "7", "13"]),
-    default: Default::Choice("3"),
+    default: Value::Choice("3"),
 };
 
 const CHILDREN: ParamSpec = ParamSpec {
@@ -64,7 +65,7 @@ const CHILDREN: ParamSpec = ParamSpec {
         min: 2,
         max: WIDEST as i64,
     },
-    default: Default::Integer(WIDEST as i64),
+    default: Value::Integer(WIDEST as i64),
 };
 
 const LEAF_SIZE: ParamSpec = ParamSpec {
@@ -74,7 +75,7 @@ const LEAF_SIZE: ParamSpec = ParamSpec {
           memory and tests more",
     unit: "triangles",
     kind: Kind::Integer { min: 1, max: 64 },
-    default: Default::Integer(4),
+    default: Value::Integer(4),
 };
 
 const SEED: ParamSpec = ParamSpec {
@@ -86,7 +87,7 @@ const SEED: ParamSpec = ParamSpec {
         min: 0,
         max: 0x7fff_ffff,
     },
-    default: Default::Integer(1),
+    default: Value::Integer(1),
 };
 
 fn build(scene: &Triangles, config: &Config, monitor: &Monitor, search: Search) -> Result<Built> {
@@ -98,10 +99,7 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor, search: Search) 
         seed: config.integer("seed") as u64,
     };
     let grown = insertion::grow(&objects, &growth, monitor)?;
-    let mut leaves = Leaves::new(match config.choice("leaves") {
-        "indices" => Keep::Indices,
-        _ => Keep::Corners,
-    });
+    let mut leaves = Leaves::new(Keep::of(config));
     let mut ids = Vec::with_capacity(objects.len());
     let (triangles, out) = ((scene, &frame, &objects[..]), (&mut leaves, &mut ids));
     let leaf_size = config.integer("leaf_size");
@@ -113,10 +111,10 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor, search: Search) 
     let shape = nested::shape(tree.nested(), frame.bounds());
     let blocks = leaves.write(scene, &frame, &ids);
     Ok(Built {
-        frame: frame.with_robust(config.choice("robust") != "none"),
+        frame: frame.with_robust(config.robust()),
         blocks,
         layout: Layout::Objects(tree),
         shape,
-        left_out: vec!["split planes: this structure parts triangles, not space".to_owned()],
+        left_out: vec![NO_PLANES.to_owned()],
     })
 }

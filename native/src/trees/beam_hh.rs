@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Heckbert and Hanrahan's beams: a tree of the polygons' own planes, seen from the front to the back by beams
-//! that the polygons cut.
+//! Heckbert and Hanrahan's beams: the tree of `bsp-wn-plus-kd`, seen from the front to the back by beams that the
+//! polygons cut. Its planes are chosen by cost, along the axes and some of the polygons' normals, and not one
+//! through every polygon as those of Fuchs, Kedem and Naylor 1980: its fragments would outgrow memory on real scenes.
 
 use crate::build::Monitor;
 use crate::error::Result;
-use crate::registry::{Built, Default, Kind, ParamSpec, StructureSpec};
+use crate::registry::{Built, Kind, ParamSpec, StructureSpec};
 use crate::scene::Triangles;
-use crate::spec::Config;
+use crate::spec::{Config, Value};
 use crate::structure::{Layout, PlaneWalk};
 use crate::trees::bsp::normals::Arbitrary;
 use crate::trees::bsp::{Variant, build as build_bsp, params};
@@ -18,7 +19,7 @@ const BEAM_LEAST: ParamSpec = ParamSpec {
           earlier; 65 is never a beam, 1 always",
     unit: "rays",
     kind: Kind::Integer { min: 1, max: 65 },
-    default: Default::Integer(4),
+    default: Value::Integer(4),
 };
 
 /// The registry's row.
@@ -27,7 +28,7 @@ pub const SPEC: StructureSpec = StructureSpec {
     code: 80,
     label: "BSP with beams",
     family: "space",
-    summary: "A tree of planes along polygons, through which 64 camera rays go as one beam that each polygon cuts.",
+    summary: "A tree of swept planes, through which 64 camera rays go as one beam that each polygon cuts.",
     paper: "Heckbert and Hanrahan 1984, Beam tracing polygonal objects; Fuchs, Kedem and Naylor 1980, for the order; \
             Weiler and Atherton 1977, for the cuts",
     params: &PARAMS,

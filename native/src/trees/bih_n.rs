@@ -5,9 +5,9 @@
 use super::interval::{self, EMPTY, LEAF_SIZE, LEAVES};
 use crate::build::Monitor;
 use crate::error::Result;
-use crate::registry::{Built, Default, Kind, ParamSpec, StructureSpec, params};
+use crate::registry::{Built, Kind, ParamSpec, StructureSpec, params};
 use crate::scene::Triangles;
-use crate::spec::Config;
+use crate::spec::{Config, Value};
 use crate::traverse::objects::Objects;
 use crate::traverse::slab_wide::WideSlabs;
 
@@ -30,7 +30,7 @@ const WAYS: ParamSpec = ParamSpec {
     doc: "Intervals per node, all tested at once. More makes fewer, dearer steps; 2 is bih4",
     unit: "intervals",
     kind: Kind::Choice(&["4", "2", "8"]),
-    default: Default::Choice("4"),
+    default: Value::Choice("4"),
 };
 
 fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built> {

@@ -9,14 +9,15 @@ use crate::build::leaves::Leaves;
 use crate::build::slanted::{self, Policy};
 use crate::build::slanted_tree::DIRECTIONS;
 use crate::error::Result;
-use crate::registry::{Built, Default, Kind, ParamSpec, StructureSpec, params};
+use crate::registry::{Built, Kind, ParamSpec, StructureSpec, params};
 use crate::scene::Triangles;
-use crate::spec::Config;
+use crate::spec::{Config, Value};
 use crate::structure::Layout;
 use crate::traverse::frame::Frame;
 use crate::traverse::keep::Keep;
 use crate::traverse::objects::Objects;
 use crate::traverse::slant_tree::SlantTree;
+use crate::trees::NO_PLANES;
 
 const COSTS: Costs = Costs::BLOCKS;
 
@@ -30,7 +31,7 @@ const K: ParamSpec = ParamSpec {
         min: 3,
         max: DIRECTIONS as i64,
     },
-    default: Default::Integer(DIRECTIONS as i64),
+    default: Value::Integer(DIRECTIONS as i64),
 };
 
 const OBLIQUE_STEP: ParamSpec = ParamSpec {
@@ -39,7 +40,7 @@ const OBLIQUE_STEP: ParamSpec = ParamSpec {
     doc: "Price of a step through a node with oblique planes. More gives fewer of them",
     unit: "",
     kind: Kind::Float { min: 0.0, max: 1e6 },
-    default: Default::Float(12.0),
+    default: Value::Float(12.0),
 };
 
 /// The registry's row.
@@ -80,19 +81,16 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built>
         directions: config.integer("k"),
     };
     let built = slanted::build(scene, &frame, &policy, monitor)?;
-    let mut leaves = Leaves::new(match config.choice("leaves") {
-        "indices" => Keep::Indices,
-        _ => Keep::Corners,
-    });
+    let mut leaves = Leaves::new(Keep::of(config));
     let tree = SlantTree::new(&built, &mut leaves)?;
     let blocks = leaves.write(scene, &frame, &built.ids);
     let shape = built.shape();
-    let mut left_out = vec!["split planes: this structure parts triangles, not space".to_owned()];
+    let mut left_out = vec![NO_PLANES.to_owned()];
     if shape.nodes_oblique == 0 {
         left_out.push("oblique planes: those along the axes were cheaper everywhere".to_owned());
     }
     Ok(Built {
-        frame: frame.with_robust(config.choice("robust") != "none"),
+        frame: frame.with_robust(config.robust()),
         blocks,
         layout: Layout::Objects(Objects::Slanted(tree)),
         shape,

@@ -2,7 +2,7 @@
 //! Brute force: every ray against every triangle. The oracle that all other structures must equal.
 
 use crate::build::Monitor;
-use crate::build::plane_tree::Shape;
+use crate::build::shape::Measure;
 use crate::error::Result;
 use crate::registry::{Built, StructureSpec};
 use crate::scene::Triangles;
@@ -29,20 +29,13 @@ fn build(scene: &Triangles, _: &Config, monitor: &Monitor) -> Result<Built> {
     let mut blocks = Blocks::new();
     blocks.push_leaf(scene, &frame, scene.live());
     blocks.seal();
-    let count = scene.live().len();
-    let shape = Shape {
-        leaves: 1,
-        leaves_empty: usize::from(count == 0),
-        references: count,
-        leaf_max: count,
-        sah_cost: 80.0 * count as f64,
-        ..Shape::default()
-    };
+    let mut measure = Measure::default();
+    measure.leaf(scene.live().len(), 0, 1.0);
     Ok(Built {
         frame,
         blocks,
         layout: Layout::Brute,
-        shape,
+        shape: measure.finish(),
         left_out: Vec::new(),
     })
 }

@@ -9,9 +9,9 @@ use crate::build::space::{self, Node, Params, PlanePolicy};
 use crate::error::Result;
 use crate::geom::Aabb;
 use crate::geom::vec3::{cross, dot, length, sub, widen};
-use crate::registry::{Built, Default, Kind, ParamSpec, StructureSpec};
+use crate::registry::{Built, Kind, ParamSpec, StructureSpec};
 use crate::scene::Triangles;
-use crate::spec::Config;
+use crate::spec::{Config, Value};
 use crate::traverse::frame::Frame;
 use crate::trees::bsp::normals::{Normals, oriented};
 use crate::trees::bsp::{AXES, Variant, anything, build_with, loop_params, params};
@@ -43,7 +43,7 @@ pub const KD: StructureSpec = StructureSpec {
     build: |scene, config, monitor| grow(scene, config, monitor, Variant::PlusKd),
 };
 
-/// An edge whose perpendicular is shorter than this share of its square is a sliver's.
+/// A triangle lower over an edge than this share of the edge's length is a sliver.
 const SLIVER: f64 = 1.0 / (1 << 20) as f64;
 
 const TRIED: ParamSpec = ParamSpec {
@@ -56,7 +56,7 @@ const TRIED: ParamSpec = ParamSpec {
         min: 1,
         max: 1_000_000_000,
     },
-    default: Default::Integer(128),
+    default: Value::Integer(128),
 };
 
 const PLAIN_PARAMS: [ParamSpec; params::SINGLE] = params::single(TRIED);

@@ -8,15 +8,16 @@ use crate::build::cost::Costs;
 use crate::build::leaves::Leaves;
 use crate::build::object;
 use crate::error::{Error, Result};
-use crate::registry::{Built, Default, Kind, ParamSpec, StructureSpec, params};
+use crate::registry::{Built, Kind, ParamSpec, StructureSpec, params};
 use crate::scene::Triangles;
-use crate::spec::Config;
+use crate::spec::{Config, Value};
 use crate::structure::Layout;
 use crate::traverse::box_tree::BoxTree;
 use crate::traverse::frame::Frame;
 use crate::traverse::keep::Keep;
 use crate::traverse::nested;
 use crate::traverse::objects::Objects;
+use crate::trees::NO_PLANES;
 
 /// Fitted to nodes of eight boxes: a step shares its price with up to six others of the binary tree.
 const COSTS: Costs = Costs {
@@ -49,12 +50,13 @@ const TRAVERSAL: ParamSpec = ParamSpec {
     name: "traversal",
     label: "Traversal",
     doc: "How rays walk the tree. ordered: one by one, the nearest box first. tile8, tile16: camera rays in tiles \
-          of 64 or 256, what does not go well so in packets. p4, p8, p16: packets of 4, 8 or 16 rays, one to a lane, \
-          shadow rays only of 16. Counters of shadow rays tell what ordered does. Tiles and packets need eight \
+          of 64 or 256, shadow rays of one light in tiles of 64 from the light; tiles whose rays drift apart are \
+          split into packets. p4, p8, p16: packets of 4, 8 or 16 rays, one to a lane, \
+          shadow rays always in packets of 16. Shadow rays are counted as ordered walks them. Tiles and packets need eight \
           boxes to a node. The answer is the same",
     unit: "",
     kind: Kind::Choice(&["ordered", "tile8", "tile16", "p4", "p8", "p16"]),
-    default: Default::Choice("ordered"),
+    default: Value::Choice("ordered"),
 };
 
 const WIDTH: ParamSpec = ParamSpec {
@@ -63,7 +65,7 @@ const WIDTH: ParamSpec = ParamSpec {
     doc: "Boxes per node, all tested at once. More makes fewer, dearer steps; 2 is the textbook's tree",
     unit: "boxes",
     kind: Kind::Choice(&["8", "4", "2"]),
-    default: Default::Choice("8"),
+    default: Value::Choice("8"),
 };
 
 fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built> {
@@ -85,10 +87,10 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built>
     let blocks = leaves.write(scene, &frame, &binary.ids);
     let shape = nested::shape(tree.nested(), frame.bounds());
     Ok(Built {
-        frame: frame.with_robust(config.choice("robust") != "none"),
+        frame: frame.with_robust(config.robust()),
         blocks,
         layout: Layout::Objects(tree),
         shape,
-        left_out: vec!["split planes: this structure parts triangles, not space".to_owned()],
+        left_out: vec![NO_PLANES.to_owned()],
     })
 }

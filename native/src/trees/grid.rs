@@ -3,11 +3,11 @@
 
 use crate::build::Monitor;
 use crate::build::grid::Grid;
-use crate::build::plane_tree::Shape;
+use crate::build::shape::{Measure, Shape};
 use crate::error::Result;
-use crate::registry::{Built, Default, Kind, ParamSpec, StructureSpec, params};
+use crate::registry::{Built, Kind, ParamSpec, StructureSpec, params};
 use crate::scene::Triangles;
-use crate::spec::Config;
+use crate::spec::{Config, Value};
 use crate::structure::Layout;
 use crate::traverse::blocks::Blocks;
 use crate::traverse::frame::Frame;
@@ -21,7 +21,8 @@ pub const SPEC: StructureSpec = StructureSpec {
     summary: "Equal cells in rows and columns, walked from wall to wall.",
     paper: "Amanatides and Woo 1987, A fast voxel traversal algorithm for ray tracing; Cleary and Wyvill 1988, \
             Analysis of an algorithm for fast ray tracing using uniform space subdivision",
-    params: &[DENSITY, params::ROBUST],
+    // Not a tree: no beam of shadow rays goes down in it.
+    params: &[DENSITY, params::ROBUST, params::SHADOW],
     build,
 };
 
@@ -35,7 +36,7 @@ const DENSITY: ParamSpec = ParamSpec {
         min: 0.001,
         max: 64.0,
     },
-    default: Default::Float(4.0),
+    default: Value::Float(4.0),
 };
 
 /// Levels above a cell as the overlay shows them: slices, rows, cells.
@@ -58,7 +59,7 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built>
         ));
     }
     Ok(Built {
-        frame: frame.with_robust(config.choice("robust") != "none"),
+        frame: frame.with_robust(config.robust()),
         blocks,
         layout: Layout::Grid(grid),
         shape,
@@ -68,22 +69,16 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built>
 
 /// Measures a grid. Its cost is that of the cells that a random ray meets, a step each.
 fn shape(grid: &Grid, frame: &Frame) -> Shape {
-    let mut shape = Shape {
-        depth_max: DEPTH,
-        depth_mean: DEPTH as f64,
-        ..Shape::default()
-    };
+    let mut measure = Measure::default();
     let whole = frame.bounds().area();
     grid.visit(|place, (_, count)| {
-        shape.leaves += 1;
-        shape.leaves_empty += usize::from(count == 0);
-        shape.references += count;
-        shape.leaf_max = shape.leaf_max.max(count);
-        shape.leaves_large += usize::from(count > 64);
-        if whole > 0.0 {
-            let share = grid.bounds(place).area() / whole;
-            shape.sah_cost += share * (1.0 + 80.0 * count as f64);
-        }
+        let share = if whole > 0.0 {
+            grid.bounds(place).area() / whole
+        } else {
+            0.0
+        };
+        measure.steps(share);
+        measure.leaf(count, DEPTH, share);
     });
-    shape
+    measure.finish()
 }

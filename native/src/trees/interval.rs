@@ -10,13 +10,14 @@ use crate::build::object_tree::ObjectTree;
 use crate::build::tighten::Tighten;
 use crate::error::Result;
 use crate::geom::Aabb;
-use crate::registry::{Built, Default, Kind, ParamSpec};
+use crate::registry::{Built, Kind, ParamSpec};
 use crate::scene::Triangles;
-use crate::spec::Config;
+use crate::spec::{Config, Value};
 use crate::structure::Layout;
 use crate::traverse::frame::Frame;
 use crate::traverse::keep::Keep;
 use crate::traverse::objects::Objects;
+use crate::trees::NO_PLANES;
 
 /// Leaf size where a grid parts the triangles.
 pub const LEAF_SIZE: ParamSpec = ParamSpec {
@@ -25,7 +26,7 @@ pub const LEAF_SIZE: ParamSpec = ParamSpec {
     doc: "Nodes of at most this many triangles are not parted. More builds faster and tests more",
     unit: "triangles",
     kind: Kind::Integer { min: 1, max: 64 },
-    default: Default::Integer(6),
+    default: Value::Integer(6),
 };
 
 /// What leaves keep.
@@ -36,7 +37,7 @@ pub const LEAVES: ParamSpec = ParamSpec {
           copies, which are tested sooner and take longer to build",
     unit: "",
     kind: Kind::Choice(&["indices", "corners"]),
-    default: Default::Choice("indices"),
+    default: Value::Choice("indices"),
 };
 
 /// When empty space is cut off.
@@ -47,7 +48,7 @@ pub const EMPTY: ParamSpec = ParamSpec {
           0 for never; more costs memory and steps and saves visits of leaves",
     unit: "",
     kind: Kind::Float { min: 0.0, max: 1.0 },
-    default: Default::Float(0.7),
+    default: Value::Float(0.7),
 };
 
 /// When to cut off empty space, as the configuration says.
@@ -88,20 +89,17 @@ pub fn finish(
     binary: &ObjectTree,
     lay_out: impl FnOnce(&ObjectTree, Aabb, &mut Leaves) -> Result<Objects>,
 ) -> Result<Built> {
-    let mut leaves = Leaves::new(match config.choice("leaves") {
-        "indices" => Keep::Indices,
-        _ => Keep::Corners,
-    });
+    let mut leaves = Leaves::new(Keep::of(config));
     let tree = lay_out(binary, frame.bounds(), &mut leaves)?;
     let (shape, blocks) = rayon::join(
         || tree.shape(frame.bounds()),
         || leaves.write(scene, &frame, &binary.ids),
     );
     Ok(Built {
-        frame: frame.with_robust(config.choice("robust") != "none"),
+        frame: frame.with_robust(config.robust()),
         blocks,
         layout: Layout::Objects(tree),
         shape,
-        left_out: vec!["split planes: this structure parts triangles, not space".to_owned()],
+        left_out: vec![NO_PLANES.to_owned()],
     })
 }

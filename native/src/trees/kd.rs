@@ -6,8 +6,9 @@ use crate::build::Monitor;
 use crate::build::cell::{BoxCell, Direction};
 use crate::build::cost::Costs;
 use crate::build::piece::{ClippedBox, Piece};
-use crate::build::plane_tree::{MAX_DEPTH, PlaneTree, Shape};
+use crate::build::plane_tree::{MAX_DEPTH, PlaneTree};
 use crate::build::preorder::Preorder;
+use crate::build::shape::Shape;
 use crate::build::space::{self, Node, ObliqueStep, Params, PlanePolicy, Stop};
 use crate::build::sweep::Ties;
 use crate::error::Result;
@@ -119,7 +120,7 @@ pub fn lay_out(
     let shape = Shape::new(preorder);
     let mut blocks = Blocks::new();
     let tree = PlaneTree::new(preorder, scene, &frame, &mut blocks)?;
-    let robust = config.choice("robust") != "none";
+    let robust = config.robust();
     let walk = match (config.choice("traversal"), robust) {
         ("auto" | "dir" | "wide" | "tile8" | "tile16" | "p4" | "p8" | "p16", _) => PlaneWalk::Dir,
         ("seq", true) => PlaneWalk::Seq,

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! The kd-tree of pbrt and of Hoobergs 2019: whole triangles, none cut; one triangle per leaf; a
-//! triangle costs 80 steps. The baseline of that thesis, and so of everything compared with it.
+//! The kd-tree of Hoobergs 2019: pbrt's, without its bonus for empty sides. Whole triangles, none cut; one per
+//! leaf; a triangle costs 80 steps. The baseline of that thesis, and so of everything compared with it.
 
 use crate::build::Monitor;
 use crate::build::cost::Costs;
@@ -18,9 +18,9 @@ use std::marker::PhantomData;
 pub const SPEC: StructureSpec = StructureSpec {
     id: "kd-sah",
     code: 2,
-    label: "kd-tree (pbrt)",
+    label: "kd-tree (thesis)",
     family: "space",
-    summary: "The kd-tree of pbrt and of the thesis on BSP trees: whole triangles, one per leaf.",
+    summary: "That of the thesis on BSP trees, pbrt's without its bonus for empty sides: whole triangles, one per leaf.",
     paper: "Pharr, Jakob and Humphreys, Physically Based Rendering, 3rd ed., section 4.4; Hoobergs 2019",
     params: &[
         params::TRAVERSAL_BASELINE,

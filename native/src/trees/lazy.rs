@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Trees of split planes that rays have built.
+//! kd- and BSP trees whose lower parts are built when the first ray needs them.
 
 use crate::build::Monitor;
-use crate::build::plane_tree::Shape;
+use crate::build::shape::Shape;
 use crate::build::space::{Params, PlanePolicy, lazy};
 use crate::error::Result;
 use crate::registry::Built;
@@ -46,7 +46,7 @@ pub fn build<P: PlanePolicy + Send + 'static>(
     let frame = Frame::new(scene.bounds());
     let tree = lazy::build(scene, frame, policy, params, monitor)?;
     Ok(Built {
-        frame: frame.with_robust(config.choice("robust") != "none"),
+        frame: frame.with_robust(config.robust()),
         blocks: Blocks::new(),
         layout: Layout::Lazy(tree),
         // That of what is built, whenever it is asked for.

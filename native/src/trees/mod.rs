@@ -35,3 +35,6 @@ pub mod octree_net;
 pub mod octree_param;
 pub mod octree_samet;
 pub mod rbsp;
+
+/// What hierarchies of objects leave out, whatever the scene.
+const NO_PLANES: &str = "split planes: this structure parts triangles, not space";

@@ -5,9 +5,9 @@ use crate::build::Monitor;
 use crate::build::octree::{self, Cube, MAX_DEPTH, Params};
 use crate::build::octree_nodes::Octree;
 use crate::error::Result;
-use crate::registry::{Built, Default, Kind, ParamSpec};
+use crate::registry::{Built, Kind, ParamSpec};
 use crate::scene::Triangles;
-use crate::spec::Config;
+use crate::spec::{Config, Value};
 use crate::structure::Layout;
 use crate::traverse::blocks::Blocks;
 use crate::traverse::frame::Frame;
@@ -23,7 +23,7 @@ pub const MAX_DEPTH_PARAM: ParamSpec = ParamSpec {
         min: 0,
         max: MAX_DEPTH as i64,
     },
-    default: Default::Integer(0),
+    default: Value::Integer(0),
 };
 
 /// Leaf size.
@@ -34,7 +34,7 @@ pub const LEAF_SIZE: ParamSpec = ParamSpec {
           share, cells go down to the depth limit",
     unit: "triangles",
     kind: Kind::Integer { min: 0, max: 64 },
-    default: Default::Integer(2),
+    default: Value::Integer(2),
 };
 
 /// Budget.
@@ -45,7 +45,7 @@ pub const REFERENCES: ParamSpec = ParamSpec {
           costs memory in proportion, and soon more time in fetching it than it saves",
     unit: "per triangle",
     kind: Kind::Integer { min: 1, max: 64 },
-    default: Default::Integer(3),
+    default: Value::Integer(3),
 };
 
 /// The depth limit where the user gives none: enough for triangles of uneven size.

@@ -15,7 +15,7 @@ pub const SPEC: StructureSpec = StructureSpec {
     code: 61,
     label: "Octree, linear time",
     family: "octants",
-    summary: "The same walk from the top, under the name of the note that first described it.",
+    summary: "The walk of octree-param, from the root down, under the name of the note that first described it.",
     paper: "Arvo 1988, Linear-time voxel walking for octrees (Ray Tracing News 1)",
     params: &[LEAF_SIZE, REFERENCES, MAX_DEPTH_PARAM],
     build,

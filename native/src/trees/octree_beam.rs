@@ -5,9 +5,9 @@ use super::octree::{self, LEAF_SIZE, MAX_DEPTH_PARAM, REFERENCES, Walked};
 use crate::build::Monitor;
 use crate::error::Result;
 use crate::registry::{Built, StructureSpec};
-use crate::registry::{Default, Kind, ParamSpec};
+use crate::registry::{Kind, ParamSpec};
 use crate::scene::Triangles;
-use crate::spec::Config;
+use crate::spec::{Config, Value};
 use crate::structure::Layout;
 
 /// The threshold of the paper, which gives no number.
@@ -18,7 +18,7 @@ const BEAM_LEAST: ParamSpec = ParamSpec {
           a beam, 1 always",
     unit: "rays",
     kind: Kind::Integer { min: 1, max: 65 },
-    default: Default::Integer(4),
+    default: Value::Integer(4),
 };
 
 /// The registry's row.
@@ -28,7 +28,7 @@ pub const SPEC: StructureSpec = StructureSpec {
     label: "Octree with beams",
     family: "octants",
     summary: "The octree with links, on which 64 camera rays of a tile go as one beam until they part.",
-    paper: "Gonzalez Lopez and Gisbert Canto, Trazado de haces de rayos en escenas estructuradas espacialmente mediante arboles octales",
+    paper: "González López and Gisbert Canto, Trazado de haces de rayos en escenas estructuradas espacialmente mediante árboles octales",
     params: &[LEAF_SIZE, REFERENCES, MAX_DEPTH_PARAM, BEAM_LEAST],
     build,
 };

@@ -16,7 +16,7 @@ pub const SPEC: StructureSpec = StructureSpec {
     label: "Octree, from the top",
     family: "octants",
     summary: "Cubes halved along all axes; rays walk down from the root, octants in the order of the direction.",
-    paper: "Revelles, Urena and Lastra 2000, An efficient parametric algorithm for octree traversal",
+    paper: "Revelles, Ureña and Lastra 2000, An efficient parametric algorithm for octree traversal",
     params: &[LEAF_SIZE, REFERENCES, MAX_DEPTH_PARAM],
     build,
 };

@@ -4,9 +4,9 @@
 
 use crate::build::Monitor;
 use crate::error::Result;
-use crate::registry::{Built, Default, Kind, ParamSpec, StructureSpec};
+use crate::registry::{Built, Kind, ParamSpec, StructureSpec};
 use crate::scene::Triangles;
-use crate::spec::Config;
+use crate::spec::{Config, Value};
 use crate::trees::bsp::fixed::{Fixed, cube, spiral};
 use crate::trees::bsp::{Variant, build, params};
 
@@ -44,7 +44,7 @@ const SET: ParamSpec = ParamSpec {
           beyond. spiral: always even over the sphere (Kammaje and Mora 2007)",
     unit: "",
     kind: Kind::Choice(&["cube", "spiral"]),
-    default: Default::Choice("cube"),
+    default: Value::Choice("cube"),
 };
 
 const K: ParamSpec = ParamSpec {
@@ -60,7 +60,7 @@ const KD_PARAMS: [ParamSpec; params::KD] = with_set(params::kd(K), 3);
 const fn with_set<const N: usize>(mut params: [ParamSpec; N], seed: usize) -> [ParamSpec; N] {
     params[seed] = SET;
     params[seed + 1] = ParamSpec {
-        default: Default::Float(1.0),
+        default: Value::Float(1.0),
         ..params::K_SMALL
     };
     params

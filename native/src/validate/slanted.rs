@@ -14,7 +14,7 @@ pub fn slanted(structure: &Structure, tree: &SlantTree, broken: &mut Vec<String>
     // Places, and the planes on the way to them.
     let mut waiting = vec![(0, Vec::new())];
     while let Some((place, path)) = waiting.pop() {
-        if path.len() > 2 * MAX_DEPTH || axis + oblique + leaves > tree.len() {
+        if path.len() > 2 * MAX_DEPTH || axis + oblique + leaves > tree.node_count() {
             broken.push(format!(
                 "node {place} lies too deep, or the links run in a circle"
             ));

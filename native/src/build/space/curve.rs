@@ -4,7 +4,7 @@
 use crate::build::piece::Piece;
 use crate::geom::Aabb;
 
-/// Sorts pieces along Morton's curve through the scene's box.
+/// Sorts pieces along Morton's curve (1966) through the scene's box.
 pub fn sort<P: Piece>(pieces: &mut [P], bounds: &Aabb) {
     let code = |piece: &P| {
         let own = piece.bounds();

@@ -351,7 +351,7 @@ impl<P: PlanePolicy> Builder<'_, P> {
                 ..choice?
             },
         };
-        // Counts as f32 are exact for all nodes but those that no budget is too small for.
+        // f32 holds these counts exactly, except in nodes so large that their budget always suffices.
         let total = choice.best.counts[0] + choice.best.counts[1];
         (total <= node.budget as f32).then_some((cell, choice))
     }

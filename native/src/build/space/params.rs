@@ -9,8 +9,8 @@ use crate::build::sweep::Ties;
 pub enum Stop {
     /// As soon as no split is cheaper than the leaf.
     Cheapest,
-    /// As pbrt: a path may hold up to this many splits dearer than their leaf, but none four times
-    /// as dear at fewer than 16 triangles (Pharr, Jakob and Humphreys, 3rd ed., section 4.4.2).
+    /// As pbrt: the split that would be the so-manieth on its path dearer than its leaf is not made, and none four
+    /// times as dear at fewer than 16 triangles (Pharr, Jakob and Humphreys, 3rd ed., section 4.4.2).
     Tolerant(u32),
 }
 

@@ -18,8 +18,8 @@ pub trait PlanePolicy: Sync {
     fn directions(&self, node: &Node<'_, Self::Piece>, out: &mut Vec<Direction>);
     /// Single planes to try beside the sweeps, into the empty `out`.
     fn planes(&self, _: &Node<'_, Self::Piece>, _: &mut Vec<Plane>) {}
-    /// Directions to sweep after those of [`Self::directions`], added to `out`, where these left planes that cost more
-    /// than [`super::Params::enough`].
+    /// Directions to sweep in addition, added to `out`, asked only where the cheapest plane of [`Self::directions`] costs
+    /// more than [`super::Params::enough`].
     fn further(&self, _: &Node<'_, Self::Piece>, _: &mut Vec<Direction>) {}
     /// Directions, into the empty `out`, for a node that would otherwise become a leaf.
     fn more(&self, _: &Node<'_, Self::Piece>, _: &mut Vec<Direction>) {}

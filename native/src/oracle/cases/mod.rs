@@ -61,7 +61,8 @@ pub struct Case {
     pub name: &'static str,
     /// What is hard about it.
     pub summary: &'static str,
-    /// The numbers of the list of extreme cases that it stands for.
+    /// Which kinds of extreme input it stands for, X01 to X60, each a number for what its summary says: reports count
+    /// by them which kinds were tried.
     pub extremes: &'static [&'static str],
     /// Its triangles.
     pub scene: Arc<Triangles>,

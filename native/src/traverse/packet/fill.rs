@@ -2,7 +2,7 @@
 //! How rays get into a packet: brought into the frame and to the scene's box, all at once.
 
 use super::super::bound::{keep_max_each, keep_min_each};
-use super::super::frame::{Frame, PARALLEL_PAD, PRUNE, TINY, U};
+use super::super::frame::{AXIS_PAD, Frame, OBLIQUE_PAD, PRUNE, TINY, U};
 use super::super::ray::{Hit, Ray};
 use super::super::tile::{self, Held, ORDINARY};
 use super::{MOST, Packet, Sixteen, live, store};
@@ -130,7 +130,7 @@ impl Packet {
         for k in 0..3 {
             let o = tile::load(simd, &self.o[k]);
             let d = tile::load(simd, &self.d[k]);
-            let pad = (o.abs() + magnitude) * splat(PARALLEL_PAD);
+            let pad = (o.abs() + magnitude) * splat(AXIS_PAD);
             let slowest = parallel * pad;
             let d = d.abs().simd_lt(slowest).select(slowest.copysign(d), d);
             let inv = splat(1.0) / d;
@@ -145,7 +145,7 @@ impl Packet {
             store::<S, Sixteen>(slack * robust, &mut self.slack[k]);
         }
         store::<S, Sixteen>(span, &mut self.span);
-        store::<S, Sixteen>(span * splat(28.0 * U) * robust, &mut self.oblique_pad);
+        store::<S, Sixteen>(span * splat(OBLIQUE_PAD) * robust, &mut self.oblique_pad);
         store::<S, Sixteen>(last_place, &mut self.last_place);
         store::<S, Sixteen>(near, &mut self.start);
         store::<S, Sixteen>(exit, &mut self.reach);

@@ -14,8 +14,9 @@ use crate::build::Monitor;
 use crate::build::cell::{ConvexCell, Direction};
 use crate::build::cost::Costs;
 use crate::build::piece::{Boxed, Clipped, ClippedBox, Piece, Whole};
-use crate::build::plane_tree::{PlaneTree, Shape};
+use crate::build::plane_tree::PlaneTree;
 use crate::build::preorder::Preorder;
+use crate::build::shape::Shape;
 use crate::build::space::{self, Node, ObliqueStep, Params, PlanePolicy, Stop};
 use crate::build::sweep::Ties;
 use crate::error::Result;
@@ -337,16 +338,13 @@ pub fn lay_out(
         PlaneWalk::Dir
     };
     Ok(Built {
-        frame: frame.with_robust(config.choice("robust") != "none"),
+        frame: frame.with_robust(config.robust()),
         blocks,
         layout: Layout::Plane(tree, walk),
         shape,
         left_out,
     })
 }
-
-/// The thesis's fixed price of an oblique step, beside [`Costs::THESIS`].
-const THESIS_OBLIQUE: f32 = 5.0;
 
 /// Prices and rules, as the configuration wants them.
 pub fn loop_params(scene: &Triangles, config: &Config, variant: Variant) -> Params {
@@ -357,7 +355,7 @@ pub fn loop_params(scene: &Triangles, config: &Config, variant: Variant) -> Para
         Costs::fitted(config)
     };
     let fixed = if thesis {
-        THESIS_OBLIQUE
+        Costs::THESIS_OBLIQUE
     } else {
         config.float("oblique_cost")
     };

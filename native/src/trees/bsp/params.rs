@@ -5,7 +5,8 @@ use crate::build::cost::Costs;
 use crate::registry::params::{
     AREA_STOP, MAX_DEPTH, ROBUST, TRAVERSAL_ANY, empty_factor, leaf_cost, step_cost, triangle_cost,
 };
-use crate::registry::{Default, Kind, ParamSpec};
+use crate::registry::{Kind, ParamSpec};
+use crate::spec::Value;
 
 /// Price of a step through an oblique node, in the units of [`Costs::PLANES`]. Dearer ones measured no
 /// faster on killeroo, Sponza and Conference, though a step itself takes about twice an axis node's.
@@ -23,7 +24,7 @@ pub const fn k(min: i64, usual: i64) -> ParamSpec {
               planes and builds in proportion longer",
         unit: "directions",
         kind: Kind::Integer { min, max: 32 },
-        default: Default::Integer(usual),
+        default: Value::Integer(usual),
     }
 }
 
@@ -38,7 +39,7 @@ pub const ALPHA: ParamSpec = ParamSpec {
         min: 0.0,
         max: 1000.0,
     },
-    default: Default::Float(0.1),
+    default: Value::Float(0.1),
 };
 
 /// Seed.
@@ -51,7 +52,7 @@ pub const SEED: ParamSpec = ParamSpec {
         min: 0,
         max: 0xffff_ffff,
     },
-    default: Default::Integer(0),
+    default: Value::Integer(0),
 };
 
 const COSTS: ParamSpec = ParamSpec {
@@ -61,7 +62,7 @@ const COSTS: ParamSpec = ParamSpec {
           axis step, 5 an oblique step, one triangle per leaf, pbrt's stopping rule (Hoobergs 2019)",
     unit: "",
     kind: Kind::Choice(&["fitted", "thesis"]),
-    default: Default::Choice("fitted"),
+    default: Value::Choice("fitted"),
 };
 
 const RULE: ParamSpec = ParamSpec {
@@ -71,7 +72,7 @@ const RULE: ParamSpec = ParamSpec {
           takes that one, code takes the first attempt's, as the thesis's program does",
     unit: "",
     kind: Kind::Choice(&["text", "code"]),
-    default: Default::Choice("text"),
+    default: Value::Choice("text"),
 };
 
 const TIES: ParamSpec = ParamSpec {
@@ -82,7 +83,7 @@ const TIES: ParamSpec = ParamSpec {
           trees",
     unit: "",
     kind: Kind::Choice(&["clean", "pbrt"]),
-    default: Default::Choice("clean"),
+    default: Value::Choice("clean"),
 };
 
 const SLAB: ParamSpec = ParamSpec {
@@ -92,7 +93,7 @@ const SLAB: ParamSpec = ParamSpec {
           from rays that pass. Fewer tests on walls, a longer build",
     unit: "",
     kind: Kind::Choice(&["1", "0"]),
-    default: Default::Choice("1"),
+    default: Value::Choice("1"),
 };
 
 const CLIP: ParamSpec = ParamSpec {
@@ -101,7 +102,7 @@ const CLIP: ParamSpec = ParamSpec {
     doc: "Whether triangles are cut to their cells. Fewer tests where triangles are long, a longer build",
     unit: "",
     kind: Kind::Choice(&["1", "0"]),
-    default: Default::Choice("1"),
+    default: Value::Choice("1"),
 };
 
 const EARLY: ParamSpec = ParamSpec {
@@ -111,7 +112,7 @@ const EARLY: ParamSpec = ParamSpec {
           Builds faster, tests slightly more",
     unit: "",
     kind: Kind::Choice(&["0", "1"]),
-    default: Default::Choice("0"),
+    default: Value::Choice("0"),
 };
 
 const AXES_DEPTH: ParamSpec = ParamSpec {
@@ -120,7 +121,7 @@ const AXES_DEPTH: ParamSpec = ParamSpec {
     doc: "Nodes above this depth try the axes only. More builds faster",
     unit: "levels",
     kind: Kind::Integer { min: 0, max: 60 },
-    default: Default::Integer(0),
+    default: Value::Integer(0),
 };
 
 /// Nodes of at most this many triangles are small.
@@ -134,7 +135,7 @@ pub const K_SMALL: ParamSpec = ParamSpec {
           nodes are small; more builds slower and traces hardly faster. costs=thesis tries K everywhere",
     unit: "of K",
     kind: Kind::Float { min: 0.0, max: 1.0 },
-    default: Default::Float(0.66),
+    default: Value::Float(0.66),
 };
 
 const ENOUGH: ParamSpec = ParamSpec {
@@ -144,7 +145,7 @@ const ENOUGH: ParamSpec = ParamSpec {
           try no other direction. More builds faster; 0 tries all everywhere, as costs=thesis does",
     unit: "",
     kind: Kind::Float { min: 0.0, max: 1.0 },
-    default: Default::Float(0.6),
+    default: Value::Float(0.6),
 };
 
 const OBLIQUE: ParamSpec = ParamSpec {
@@ -154,7 +155,7 @@ const OBLIQUE: ParamSpec = ParamSpec {
           attempt. More gives fewer oblique planes. costs=thesis has its own",
     unit: "",
     kind: Kind::Float { min: 0.0, max: 1e6 },
-    default: Default::Float(OBLIQUE_STEP as f64),
+    default: Value::Float(OBLIQUE_STEP as f64),
 };
 
 /// The numbers behind `costs=fitted`.
