@@ -32,7 +32,8 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from addon.core import native, specs, workload
+from addon.core import native, results, specs, workload
+from addon.core.native import first_line
 from addon.core.usage import Parser, UsageError
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -270,8 +271,8 @@ def _set_picture(scene: Any, asked: argparse.Namespace) -> None:
 
 
 def _start(asked: argparse.Namespace) -> Any:
-    """Check the options and start Blender with the extension. Returns bpy."""
-    asked.out.mkdir(parents=True, exist_ok=True)
+    """Check the options and start Blender with the extension. Returns bpy. Raises FolderError."""
+    results.prepare_folder(asked.out)
 
     import bpy
 
@@ -359,7 +360,10 @@ def _open(bpy: Any, file: str | None, lights: Sequence[str] | None = None) -> st
         return name
     with tempfile.TemporaryDirectory(prefix="halfspace-compare-") as folder:
         path = str(Path(folder) / "scene.blend")
-        bpy.ops.wm.save_as_mainfile(filepath=path)
+        try:
+            bpy.ops.wm.save_as_mainfile(filepath=path)
+        except RuntimeError as error:
+            raise OSError(f"{path}: cannot be written: {first_line(error)}") from error
         bpy.ops.wm.open_mainfile(filepath=path)
     return name
 

@@ -16,7 +16,7 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from addon.core import native, specs, workload
+from addon.core import native, results, specs, workload
 from addon.core.usage import Parser, UsageError
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -62,7 +62,7 @@ def main(arguments: Sequence[str]) -> int:
 
 
 def check(asked: argparse.Namespace) -> None:
-    """Find what is wrong with the command line before any work. Raises UsageError and WorkloadError."""
+    """Find what is wrong with the command line before any work. Raises UsageError, WorkloadError and FolderError."""
     if asked.file is not None:
         workload.find(asked.file, workload.RENDERED)
     first, _, last = asked.depth.partition("-")
@@ -80,7 +80,7 @@ def check(asked: argparse.Namespace) -> None:
         raise UsageError(f"{asked.out}: expected a name that ends in {', '.join(SUFFIXES)}")
     if asked.out.is_dir():
         raise UsageError(f"{asked.out}: cannot be written: it is a folder")
-    asked.out.parent.mkdir(parents=True, exist_ok=True)
+    results.prepare_folder(asked.out.parent)
 
 
 def run(asked: argparse.Namespace) -> None:

@@ -12,7 +12,6 @@ import argparse
 import os
 import struct
 import sys
-import tempfile
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -20,7 +19,7 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from addon.core import native, specs, workload
+from addon.core import native, picture_files, results, specs, workload
 from addon.core.usage import Parser, UsageError
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -66,7 +65,7 @@ def main(arguments: Sequence[str]) -> int:
 
 
 def check(asked: argparse.Namespace) -> None:
-    """Find what is wrong with the command line before any work. Raises UsageError and WorkloadError."""
+    """Find what is wrong with the command line before any work. Raises UsageError, WorkloadError and FolderError."""
     if asked.file is not None:
         workload.find(asked.file, workload.RENDERED)
     for name, most in MOST.items():
@@ -77,12 +76,7 @@ def check(asked: argparse.Namespace) -> None:
         raise UsageError(f"{asked.out}: expected a name that ends in .png")
     if asked.out.is_dir():
         raise UsageError(f"{asked.out}: cannot be written: it is a folder")
-    try:
-        asked.out.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=asked.out.parent):
-            pass
-    except OSError as error:
-        raise UsageError(f"{asked.out.parent}: cannot be written: {error.strerror}") from error
+    results.prepare_folder(asked.out.parent)
 
 
 def render(asked: argparse.Namespace) -> None:
@@ -100,22 +94,17 @@ def render(asked: argparse.Namespace) -> None:
     scene: Any = bpy.context.scene
     bpy.app.handlers.render_stats.append(_Progress())
     _configure(scene, asked)
-    # The picture takes its name only when it is complete.
-    with tempfile.TemporaryDirectory(dir=asked.out.parent, prefix=".render-") as folder:
-        picture = Path(folder) / "picture.png"
+    with picture_files.replacing(asked.out) as picture:
         scene.render.filepath = str(picture)
         start = time.perf_counter()
         bpy.ops.render.render(write_still=True)
         if not picture.is_file():
             raise RuntimeError("nothing was rendered")
-        width, height = _size(picture)
-        try:
-            picture.replace(asked.out)
-        except OSError as error:
-            raise OSError(f"{asked.out}: cannot be written: {error.strerror or error}") from error
+        seconds = time.perf_counter() - start
+    width, height = _size(asked.out)
     tree = trees.last(scene)
     spec = tree.spec if tree is not None else properties.spec(scene.halfspace)
-    print(f"{asked.out}: {width} × {height} pixels in {time.perf_counter() - start:.1f} s with {spec}")
+    print(f"{asked.out}: {width} × {height} pixels in {seconds:.1f} s with {spec}")
 
 
 class _Progress:

@@ -3,13 +3,17 @@
 
 from __future__ import annotations
 
+import contextlib
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import bpy
 import numpy as np
 
+from ..core.native import first_line
+from ..core.picture_files import replacing
 from ..core.scene import F32
 
 
@@ -17,7 +21,7 @@ def render(scene: Any) -> F32:
     """Render the scene with its engine: (height, width, 4) float32, scene linear, rows from the bottom.
 
     Blender shows the result of a render only in a window, so that the way to it goes through a file. Raises
-    RuntimeError with the engine's words.
+    RuntimeError with the engine's words, and OSError where the file could not be written.
     """
     image_settings = scene.render.image_settings
     with tempfile.TemporaryDirectory(prefix="halfspace-picture-") as folder:
@@ -32,11 +36,13 @@ def render(scene: Any) -> F32:
 
 
 def load(path: Path) -> F32:
-    """A picture file's values as they are stored, (height, width, 4) float32, rows from the bottom."""
+    """A picture file's values as they are stored, (height, width, 4) float32, rows from the bottom. Raises OSError."""
     image = bpy.data.images.load(str(path))
     try:
         image.colorspace_settings.name = "Non-Color"
         width, height = image.size
+        if not width * height:  # Blender says so on standard error only
+            raise OSError(f"{path}: cannot be read: it is no picture, or written in part only, as on a full disk")
         values = np.empty(width * height * 4, np.float32)
         image.pixels.foreach_get(values)
     finally:
@@ -50,26 +56,41 @@ JPEG_QUALITY = 88
 def save_displayed(path: Path, picture: F32, scene: Any) -> F32:
     """Write (height, width, 3 or 4) scene linear values as PNG as the scene's view transform shows them.
 
-    Returns the (height, width, 3) values in the file, 0 to 1.
+    Returns the (height, width, 3) values in the file, 0 to 1. Raises OSError, and leaves an older picture then.
     """
     image = _image(picture, float_buffer=True)
     try:
         as_file(scene.render.image_settings, "PNG")
         scene.render.image_settings.color_mode = "RGB"
-        image.save_render(str(path), scene=scene)
+        with _saving(path) as fresh:
+            image.save_render(str(fresh), scene=scene)
     finally:
         bpy.data.images.remove(image)
     return load(path)[..., :3]
 
 
 def save(path: Path, picture: F32) -> None:
-    """Write (height, width, 3) display values, 0 to 1, as they are: as JPEG if the name ends so, else as PNG."""
+    """Write (height, width, 3) display values, 0 to 1, as they are: as JPEG if the name ends so, else as PNG.
+
+    Raises OSError, and leaves an older picture then.
+    """
     image = _image(picture, float_buffer=False)
     try:
         image.file_format = "JPEG" if path.suffix in (".jpg", ".jpeg") else "PNG"
-        image.save(filepath=str(path), quality=JPEG_QUALITY)
+        with _saving(path) as fresh:
+            image.save(filepath=str(fresh), quality=JPEG_QUALITY)
     finally:
         bpy.data.images.remove(image)
+
+
+@contextlib.contextmanager
+def _saving(path: Path) -> Iterator[Path]:
+    """As `replacing`, for what Blender's own saving raises too."""
+    with replacing(path) as fresh:
+        try:
+            yield fresh
+        except RuntimeError as error:
+            raise OSError(f"{path}: cannot be written: {first_line(error)}") from error
 
 
 def halved(picture: F32) -> F32:
