@@ -237,9 +237,15 @@ def merge(asked: argparse.Namespace) -> int:
     for folder in folders:
         if not list(folder.glob("rows*.jsonl")):
             raise UsageError(f"--merge: {folder} holds no rows of a run")
-    merged, *others = map(results.Journal, folders)
+    journals = {folder: results.Journal(folder) for folder in folders}
+    lacking = {folder: journal.lacking() for folder, journal in journals.items()}
+    merged, *others = journals.values()
     for other in others:
         merged.merge(other)
+    left = merged.lacking()
+    for folder, lines in lacking.items():
+        for key in left.keys() & lines.keys():
+            raise UsageError(f"--merge: {folder}: {lines[key]}")
     rows, missing = merged.rows(), merged.missing()
     if not rows:
         raise UsageError(f"--merge: there are no rows in {', '.join(map(str, folders))}")

@@ -58,13 +58,12 @@ def run(asked: argparse.Namespace) -> int:
     journal = results.Journal(asked.out) if asked.out is not None else None
     fixed = [claims.VERSION, module.__version__, results.native_fingerprint(module), asked.quick]
     machine = results.machine(module)
-    found = []
+    found: list[claims.Result] = []
     for place, claim in enumerate(chosen):
         key = results.key(*fixed, lab.fingerprints(claim.scenes), claim.id, claim.says)
         entry = None if journal is None else journal.entries.get(key)
-        if entry is not None:
-            result = kept(claim, entry.row)
-        else:
+        result = None if entry is None else kept(claim, entry.row)
+        if result is None:
             (result,) = claims.measure(lab, [claim])
             result = replace(result, machine=machine["name"])
             # What could not be measured costs nothing to try again.
@@ -83,9 +82,12 @@ def row(result: claims.Result) -> dict[str, Any]:
     return {"outcomes": list(result.as_rows()), "wrong": result.wrong, "machine": result.machine}
 
 
-def kept(claim: claims.Claim, known: Mapping[str, Any]) -> claims.Result:
-    """A claim that was measured before, from its row."""
-    return claims.Result(claim, tuple(map(claims.outcome, known["outcomes"])), known["wrong"], known["machine"])
+def kept(claim: claims.Claim, known: Mapping[str, Any]) -> claims.Result | None:
+    """A claim that was measured before, from its row; None where that, of another version, tells too little."""
+    try:
+        return claims.Result(claim, tuple(map(claims.outcome, known["outcomes"])), known["wrong"], known["machine"])
+    except (KeyError, TypeError):
+        return None
 
 
 def save(

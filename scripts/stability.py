@@ -169,7 +169,7 @@ def measure_cases(module: Any, chosen: list[str], asked: argparse.Namespace) -> 
         key = results.key(*fixed, case["name"], *([] if most is None else [most]))
         found = journal.entries.get(key) if journal is not None else None
         kept = None if found is None else found.row
-        if kept is None:
+        if kept is None or not all(map(stability.is_whole, kept.get("rows", [{}]))):
             some = stability.fewer_rays(case, most)
             kept = {
                 "rows": list(stability.measure_case(module, some, chosen, exact_pairs=pairs, threads=asked.threads))
@@ -193,7 +193,7 @@ def run_long(module: Any, chosen: list[str], asked: argparse.Namespace) -> int:
         key = results.key(*fixed, number)
         found = journal.entries.get(key) if journal is not None else None
         kept = None if found is None else found.row
-        if kept is None:
+        if kept is None or not is_whole_block(kept):
             if asked.seconds is not None and time.monotonic() - start >= asked.seconds:
                 break
             began = time.process_time()
@@ -225,6 +225,12 @@ def run_long(module: Any, chosen: list[str], asked: argparse.Namespace) -> int:
     return 1 if any(stability.differs(row) for row in rows) else 0
 
 
+def is_whole_block(kept: dict[str, Any]) -> bool:
+    """Whether a block of a journal has all that is told of it."""
+    rows = kept.get("rows", [{}])
+    return "seconds" in kept and all(stability.is_whole(row, "wrong_in") for row in rows)
+
+
 def run_scenes(module: Any, chosen: list[str], loaded: list[workload.Workload], asked: argparse.Namespace) -> int:
     """Compare every configuration on whole scenes. Returns the exit status."""
     journal = results.Journal(asked.out) if asked.out is not None else None
@@ -238,7 +244,7 @@ def run_scenes(module: Any, chosen: list[str], loaded: list[workload.Workload], 
             key = results.key(*fixed, spec)
             found = journal.entries.get(key) if journal is not None else None
             row = None if found is None else found.row
-            if row is None:
+            if row is None or not stability.is_whole(row, "statistics", "broken", "seconds"):
                 if not questions:
                     questions = agreement.questions(module, scene, asked.rays, asked.seed, threads=asked.threads)
                     told = ", ".join(f"{len(q.rays):,} {q.rays.name} ({q.proven:,})" for q in questions)

@@ -9,7 +9,7 @@ from pathlib import PurePath
 from typing import Any
 
 from .notes import some
-from .rows import Row
+from .rows import Row, blank
 
 Place = tuple[str, str]
 """A run, and a scene as its command line calls it: it may end before the scene is read and has a name."""
@@ -60,7 +60,9 @@ class Asked:
         elif "failed" in line:
             found = line["failed"]
             scene, spec = found["order"]
-            self.failures[found["run"], found["scene"], found["row"]["spec"]] = (int(scene), int(spec)), found["row"]
+            # Of what failed nothing was measured: whichever version tells it, the other columns are empty.
+            row = blank() | found["row"]
+            self.failures[found["run"], found["scene"], row["spec"]] = (int(scene), int(spec)), row
         else:
             return False
         return True

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from .asked import Asked
-from .rows import Row, without_times
+from .rows import Row, lacks, without_times
 
 SCHEMA = 1
 JOURNAL = "rows.jsonl"
@@ -179,6 +179,16 @@ class Journal:
         own = (entry for entry in self.entries.values() if entry.is_benchmark)
         return {(entry.run, entry.row["scene"], entry.row["spec"]) for entry in own}
 
+    def lacking(self) -> dict[str, str]:
+        """By key, what rows of a benchmark have not that a report needs: those of another version of the program."""
+        found = {}
+        for key, entry in self.entries.items():
+            column = lacks(entry.row) if entry.is_benchmark else None
+            if column is not None:
+                place = f"{entry.row.get('scene')}, {entry.row.get('spec')}"
+                found[key] = f"the row of {place} has no {column!r}, as those of another version: measure it again"
+        return found
+
     def merge(self, other: Journal) -> None:
         """Take over the rows of another journal, in memory only."""
         self.machines |= other.machines
@@ -190,9 +200,15 @@ class Journal:
 
     def _take(self, entry: Entry) -> None:
         known = self.entries.setdefault(entry.key, entry)
-        if entry.is_benchmark and without_times(known.row) != without_times(entry.row):
-            where = " and ".join(sorted({known.row["machine"], entry.row["machine"]}))
-            self.disagreements.append(f"{entry.row['scene']}, {entry.row['spec']}: measured twice, on {where}")
+        if not entry.is_benchmark:
+            return
+        if (lacks(known.row) is None) != (lacks(entry.row) is None):
+            # Measured again, because a report needs more than one of them tells.
+            self.entries[entry.key] = known if lacks(known.row) is None else entry
+            return
+        if without_times(known.row) != without_times(entry.row):
+            where = " and ".join(sorted({str(row.get("machine")) for row in (known.row, entry.row)}))
+            self.disagreements.append(f"{entry.row['scene']}, {entry.row.get('spec')}: measured twice, on {where}")
 
     def _read(self, path: Path) -> None:
         try:
@@ -208,7 +224,10 @@ class Journal:
                     self.options = found["options"]
                 elif not self.asked.take(found):
                     scene, spec = found["order"]
-                    self._take(Entry(found["key"], (int(scene), int(spec)), found["row"], found.get("run", "")))
+                    entry = Entry(found["key"], (int(scene), int(spec)), found["row"], found.get("run", ""))
+                    if not entry.is_benchmark:
+                        self.entries[entry.key] = entry  # the last: it was measured again where one lacked something
+                    self._take(entry)
             except (ValueError, KeyError, TypeError):
                 # The line that was being written when the process ended; its row is measured again.
                 continue

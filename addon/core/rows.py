@@ -40,18 +40,30 @@ LAZY = ("lazy", "1")
 """In the configuration of a tree that rays have built."""
 
 
-def empty(native: Any, workload: Workload, spec: str, threads: int) -> Row:
-    """A row with every key; what is not known is null."""
-    known = {} if spec == yardstick.SPEC else specs.values(spec, native.structures())
+OF_RAYS = (
+    *("n", "mrays_s", "times_embree", "rounds", "anchor_rounds", "noise"),
+    *("steps", "steps_axis", "steps_oblique", "tests", "hits"),
+)
+"""What a row tells of each set of rays."""
+
+OF_ERRORS = (
+    *("reference", "rays", "false_miss", "false_hit", "wrong_triangle", "wrong_values", "wrong_any_hit", "wrong"),
+    *("t_ulp_max", "t_ulp_p999", "on_boundary", "sets", "differing_pixels"),
+)
+"""What it tells of its errors."""
+
+
+def blank() -> Row:
+    """A row with every key, of which nothing is known."""
     return {
-        "scene": workload.name,
-        "triangles": len(workload.triangles),
-        "spec": spec,
-        "structure": spec.partition(":")[0],
-        "k": known.get("k"),
-        "alpha": known.get("alpha"),
-        "seed": known.get("seed"),
-        "threads": 1 if spec == yardstick.SPEC else threads,
+        "scene": "",
+        "triangles": 0,
+        "spec": "",
+        "structure": "",
+        "k": None,
+        "alpha": None,
+        "seed": None,
+        "threads": 0,
         "machine": platform.node(),
         "round_id": None,
         "anchor": None,
@@ -76,6 +88,33 @@ def empty(native: Any, workload: Workload, spec: str, threads: int) -> Row:
     }
 
 
+def empty(native: Any, workload: Workload, spec: str, threads: int) -> Row:
+    """A row with every key; what is not known is null."""
+    known = {} if spec == yardstick.SPEC else specs.values(spec, native.structures())
+    return blank() | {
+        "scene": workload.name,
+        "triangles": len(workload.triangles),
+        "spec": spec,
+        "structure": spec.partition(":")[0],
+        "k": known.get("k"),
+        "alpha": known.get("alpha"),
+        "seed": known.get("seed"),
+        "threads": 1 if spec == yardstick.SPEC else threads,
+    }
+
+
+def lacks(row: Row) -> str | None:
+    """A column that this row of a journal has not, so that no report can be made of it; None where it has all.
+
+    Rows of another version of the program may lack some.
+    """
+    inner: list[tuple[str, Row | None, tuple[str, ...]]] = [("errors", row.get("errors"), OF_ERRORS)]
+    inner += [(f"rays, {name}", one, OF_RAYS) for name, one in (row.get("rays") or {}).items()]
+    missing = [name for name in blank() if name not in row]
+    missing += [f"{where}, {name}" for where, found, names in inner if found for name in names if name not in found]
+    return missing[0] if missing else None
+
+
 def failed(native: Any, workload: Workload, spec: str, threads: int, error: BaseException) -> Row:
     """The row of a configuration that could not be measured."""
     row = empty(native, workload, spec, threads)
@@ -85,42 +124,7 @@ def failed(native: Any, workload: Workload, spec: str, threads: int, error: Base
 
 def failed_scene(name: str, error: BaseException) -> Row:
     """The row of a scene that could not be read: no configuration, only why."""
-    return (
-        {"scene": name, "triangles": 0, "spec": "", "structure": "", "threads": 0}
-        | dict.fromkeys(
-            (
-                "k",
-                "alpha",
-                "seed",
-                "round_id",
-                "anchor",
-                "build_s",
-                "first_s",
-                "bytes",
-                "peak_bytes",
-                "statistics",
-                "rays",
-                "errors",
-            ),
-            None,
-        )
-        | {
-            "image_s": None,
-            "image": None,
-            "map": None,
-            "curve": None,
-            "independent": None,
-            "scaling": None,
-            "offsets": None,
-            "render_s": None,
-            "left_out": [],
-            "too_slow": [],
-        }
-        | {
-            "machine": platform.node(),
-            "error": first_line(error),
-        }
-    )
+    return blank() | {"scene": name, "error": first_line(error)}
 
 
 def spread(numbers: Sequence[float] | NDArray[np.float64]) -> dict[str, float]:

@@ -184,6 +184,11 @@ def columns(errors: Errors, exact: Errors) -> Row:
     return columns
 
 
+def is_whole(row: Row, *more: str) -> bool:
+    """Whether a row of a journal has every column, and `more`: one of another version of the program may lack some."""
+    return {"case", "spec", "triangles", "different_rays", *TITLES, *more} <= row.keys()
+
+
 def differs(row: Row) -> bool:
     """Whether any answer of the row is another than brute force's, to the last bit, or than the exact one."""
     return any(row[name] for name in (*COUNTS[1:], "t_ulp_max", "exact_wrong", "exact_t_ulp_max"))

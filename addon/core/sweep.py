@@ -79,7 +79,7 @@ class Sweep:
         known = {} if self.journal is None else self.journal.entries
         keys = [results.key(workload.name, scene, spec, *self.identity) for spec in self.chosen]
         mine = [i for i in range(len(self.chosen)) if self.shard.has(number * len(self.chosen) + i)]
-        missing = [i for i in mine if keys[i] not in known]
+        missing = [i for i in mine if keys[i] not in known or rows.lacks(known[keys[i]].row) is not None]
         for index in mine:
             if index not in missing:
                 # A row that another command line asked for has another place there.

@@ -222,6 +222,46 @@ def test_a_journal_of_an_earlier_version_is_merged_as_far_as_it_tells(
     assert "no rows" in capsys.readouterr().err
 
 
+def without(journal: Path, *path: str) -> None:
+    """Take a column away from all rows of a journal. path: keys, the last that of the column."""
+    lines = [json.loads(line) for line in journal.read_text(encoding="utf-8").splitlines()]
+    for line in lines:
+        inner = line.get("row", {})
+        for key in path[:-1]:
+            inner = inner.get(key, {})
+        inner.pop(path[-1], None)
+    journal.write_text("".join(json.dumps(line) + "\n" for line in lines), encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    "path",
+    [("errors",), ("spec",), ("machine",), ("rays", "primary", "steps"), ("errors", "t_ulp_max"), ("left_out",)],
+    ids=".".join,
+)
+def test_rows_of_another_version_are_told_by_a_merge_and_measured_again_by_a_run(
+    scenes: list[str], tmp_path: Path, capsys: Any, path: tuple[str, ...]
+) -> None:
+    first, second, out = (tmp_path / name for name in ("first", "second", "merged"))
+    quick = [*scenes, *OPTIONS, "--structures", "kd", "--curve", "none"]
+    for number, folder in (("1/2", first), ("2/2", second)):
+        assert bench.main([*quick, "--shard", number, "--out", str(folder)]) == 0
+    without(second / "rows-2-of-2.jsonl", *path)
+    for folders in ([first, second], [second, first]):
+        capsys.readouterr()
+        assert bench.main([*map(str, folders), "--merge", "--out", str(out)]) == 2
+        told = capsys.readouterr().err
+        assert told.startswith(f"bench: --merge: {second}: the row of soup-")
+        assert f"{', '.join(path)!r}" in told
+        assert told.count("\n") == 1
+    assert not out.exists()
+    for _ in range(2):  # what was measured again is not measured again
+        assert bench.main([*quick, "--shard", "2/2", "--out", str(second)]) == 0
+    counted = [json.loads(line) for line in (second / "rows-2-of-2.jsonl").read_text(encoding="utf-8").splitlines()]
+    keys = [line["key"] for line in counted if "key" in line]
+    assert len(keys) == 2 * len(set(keys))
+    assert merged([first, second], out)[0] == 0
+
+
 @pytest.mark.parametrize("arguments", [[], ["nowhere"], ["nowhere", "--out", "out"]])
 def test_merging_nothing_is_one_line(arguments: list[str], tmp_path: Path, capsys: Any, monkeypatch: Any) -> None:
     monkeypatch.chdir(tmp_path)
