@@ -22,6 +22,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from addon.core import (
     benchmark,
     cluster,
+    command,
     curve,
     grid,
     native,
@@ -156,12 +157,13 @@ def parser() -> argparse.ArgumentParser:
 
 def main(arguments: Sequence[str]) -> int:
     """Run the benchmark. Returns the exit status."""
-    try:
-        asked = parser().parse_args(arguments)
-        return merge(asked) if asked.merge else run(asked)
-    except (*native.FAILURES, results.FolderError) as error:
-        print(f"bench: {' '.join(str(error).split())}", file=sys.stderr)
-        return BAD_INPUT
+    return command.run(
+        "bench",
+        arguments,
+        parser().parse_args,
+        lambda asked: merge(asked) if asked.merge else run(asked),
+        keeps=lambda asked: None if asked.merge else asked.out,
+    )
 
 
 def run(asked: argparse.Namespace) -> int:

@@ -15,12 +15,11 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from addon.core import auto, catalogue, check, choice, native, rays
+from addon.core import auto, catalogue, check, choice, command, native, rays
 from addon.core.reference import Reference, affordable
 from addon.core.usage import Parser, UsageError
 from addon.core.workload import SCENES, Workload, find, load_npz
 
-BAD_INPUT = 2
 REPEATS = 3
 GOOD = 1.1
 """Within this of the best counts as well chosen."""
@@ -63,11 +62,7 @@ def full(
 
 def main(arguments: Sequence[str]) -> int:
     """Choose and compare on each scene. Returns the exit status."""
-    try:
-        return run(read(arguments))
-    except native.FAILURES as error:
-        print(f"choose: {' '.join(str(error).split()) or type(error).__name__}", file=sys.stderr)
-        return BAD_INPUT
+    return command.run("choose", arguments, read, run)
 
 
 def read(arguments: Sequence[str]) -> argparse.Namespace:

@@ -18,7 +18,7 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from addon.core import claims, claims_report, claims_table, native, results, workload
+from addon.core import claims, claims_report, claims_table, command, native, results, workload
 from addon.core.usage import Parser, UsageError
 
 
@@ -34,11 +34,7 @@ def parser() -> argparse.ArgumentParser:
 
 def main(arguments: Sequence[str]) -> int:
     """Measure and print. Returns the exit status."""
-    try:
-        return run(parser().parse_args(arguments))
-    except (*native.FAILURES, results.FolderError) as error:
-        print(f"claims: {' '.join(str(error).split())}", file=sys.stderr)
-        return 2
+    return command.run("claims", arguments, parser().parse_args, run, keeps=lambda asked: asked.out)
 
 
 def run(asked: argparse.Namespace) -> int:

@@ -32,13 +32,13 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from addon.core import native, results, specs, workload
+from addon.core import command, native, results, specs, workload
 from addon.core.native import first_line
 from addon.core.usage import Parser, UsageError
 
 ROOT = Path(__file__).resolve().parents[1]
 
-DIFFERENT, BAD_INPUT = 1, 2
+DIFFERENT = 1
 
 LARGEST = 1 << 14
 """Pixels along a side of a picture."""
@@ -86,17 +86,17 @@ def parser() -> argparse.ArgumentParser:
 
 def main(arguments: Sequence[str]) -> int:
     """Compare. Returns the exit status."""
-    try:
-        asked = read(arguments)
-        if asked.whole:
-            return 0 if time_whole(asked) else DIFFERENT
-        if asked.scene is None:
-            run(asked)
-            return 0
-        return 0 if (judge_slopes if asked.slope else judge_scenes)(asked) else DIFFERENT
-    except (*native.FAILURES, OSError) as error:
-        print("compare: " + " ".join(str(error).removeprefix("Error:").split()), file=sys.stderr)
-        return BAD_INPUT
+    return command.run("compare", arguments, read, work)
+
+
+def work(asked: argparse.Namespace) -> int:
+    """Do what is asked. Returns the exit status."""
+    if asked.whole:
+        return 0 if time_whole(asked) else DIFFERENT
+    if asked.scene is None:
+        run(asked)
+        return 0
+    return 0 if (judge_slopes if asked.slope else judge_scenes)(asked) else DIFFERENT
 
 
 def read(arguments: Sequence[str]) -> argparse.Namespace:

@@ -21,7 +21,7 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from addon.core import native
+from addon.core import command
 from addon.core.usage import Parser, UsageError
 
 PROMISED_EDIT, PROMISED_WARM = 300e-9, 50e-9
@@ -40,12 +40,7 @@ def parser() -> argparse.ArgumentParser:
 
 def main(arguments: Sequence[str]) -> int:
     """Measure and print. Returns the exit status."""
-    try:
-        measure(read(arguments))
-    except native.FAILURES as error:
-        print(f"extraction: {' '.join(str(error).split()) or type(error).__name__}", file=sys.stderr)
-        return 2
-    return 0
+    return command.run("extraction", arguments, read, measure)
 
 
 def read(arguments: Sequence[str]) -> argparse.Namespace:
@@ -57,8 +52,8 @@ def read(arguments: Sequence[str]) -> argparse.Namespace:
     return asked
 
 
-def measure(asked: argparse.Namespace) -> None:
-    """Measure all scenes and print a line for each."""
+def measure(asked: argparse.Namespace) -> int:
+    """Measure all scenes and print a line for each. Returns the exit status."""
     import bpy
 
     print(f"{'scene':<30}{'triangles':>12}{'evaluation':>12}{'after edit':>12}{'warm':>9}   promise")
@@ -76,6 +71,7 @@ def measure(asked: argparse.Namespace) -> None:
     geometry = _read()
     places = sum(len(source.names) for source in geometry.sources)
     _row(f"{places:,} instances", len(geometry.triangles), evaluation, None, _shortest(asked.rounds, _read))
+    return 0
 
 
 def _row(name: str, triangles: int, evaluation: float, edited: float | None, warm: float) -> None:

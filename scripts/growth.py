@@ -19,7 +19,7 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from addon.core import growth, growth_report, native, rays, results, specs
+from addon.core import command, growth, growth_report, native, rays, results, specs
 from addon.core.usage import Parser, UsageError
 
 STRUCTURES = "kd,bsp-wn-plus-kd"
@@ -46,11 +46,7 @@ def parser() -> argparse.ArgumentParser:
 
 def main(arguments: Sequence[str]) -> int:
     """Measure and print. Returns the exit status."""
-    try:
-        return run(parser().parse_args(arguments))
-    except (*native.FAILURES, results.FolderError) as error:
-        print(f"growth: {' '.join(str(error).split())}", file=sys.stderr)
-        return BAD_INPUT
+    return command.run("growth", arguments, parser().parse_args, run, keeps=lambda asked: asked.out)
 
 
 def run(asked: argparse.Namespace) -> int:

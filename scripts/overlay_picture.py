@@ -16,12 +16,11 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from addon.core import native, results, specs, workload
+from addon.core import command, results, specs, workload
 from addon.core.usage import Parser, UsageError
 
 ROOT = Path(__file__).resolve().parents[1]
 
-BAD_INPUT = 2
 LARGEST, DEEPEST = 1 << 13, 1 << 10
 SUFFIXES = (".png", ".jpg", ".jpeg")
 SMOOTHING = 2
@@ -51,18 +50,12 @@ def parser() -> argparse.ArgumentParser:
 
 def main(arguments: Sequence[str]) -> int:
     """Draw. Returns the exit status."""
-    try:
-        asked = parser().parse_args(arguments)
-        check(asked)
-        run(asked)
-    except (*native.FAILURES, OSError, TypeError) as error:
-        print("overlay_picture: " + " ".join(str(error).removeprefix("Error:").split()), file=sys.stderr)
-        return BAD_INPUT
-    return 0
+    return command.run("overlay_picture", arguments, read, run, told=(TypeError,))
 
 
-def check(asked: argparse.Namespace) -> None:
-    """Find what is wrong with the command line before any work. Raises UsageError, WorkloadError and FolderError."""
+def read(arguments: Sequence[str]) -> argparse.Namespace:
+    """The command line, checked before any work. Raises UsageError, WorkloadError and FolderError."""
+    asked = parser().parse_args(arguments)
     if asked.file is not None:
         workload.find(asked.file, workload.RENDERED)
     first, _, last = asked.depth.partition("-")
@@ -81,10 +74,11 @@ def check(asked: argparse.Namespace) -> None:
     if asked.out.is_dir():
         raise UsageError(f"{asked.out}: cannot be written: it is a folder")
     results.prepare_folder(asked.out.parent)
+    return asked
 
 
-def run(asked: argparse.Namespace) -> None:
-    """Open the scene, build the structure, draw, save."""
+def run(asked: argparse.Namespace) -> int:
+    """Open the scene, build the structure, draw, save. Returns the exit status."""
     first, _, last = asked.depth.partition("-")
     width, _, height = asked.size.partition("x")
     structure = asked.structure
@@ -140,6 +134,7 @@ def run(asked: argparse.Namespace) -> None:
     for found in picked:
         for line in found.lines() if found is not None else ():
             print(line)
+    return 0
 
 
 def _drawn(bpy: Any, gpu: Any, overlay: Any, scene: Any, size: tuple[int, int]) -> Any:

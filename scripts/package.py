@@ -7,6 +7,7 @@ Blender's own tool, and validates it. Without --wheel the wheel for this machine
 
 from __future__ import annotations
 
+import argparse
 import importlib.util
 import re
 import shutil
@@ -19,7 +20,8 @@ import wheel
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from addon.core.usage import Parser, UsageError
+from addon.core import command
+from addon.core.usage import Parser
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -132,12 +134,12 @@ def main(arguments: Sequence[str]) -> int:
     parser = Parser(prog="package", description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--wheel", type=Path, action="append", default=[], help="a wheel to bundle; may be repeated")
     parser.add_argument("--out", type=Path, default=ROOT / "build", help="where the zip goes (default: build)")
-    try:
-        asked = parser.parse_args(arguments)
-        target = package(asked.wheel, asked.out)
-    except (UsageError, PackageError, wheel.BuildError, OSError) as error:
-        print(f"package: {' '.join(str(error).split())}", file=sys.stderr)
-        return 2
+    return command.run("package", arguments, parser.parse_args, run, told=(PackageError, wheel.BuildError))
+
+
+def run(asked: argparse.Namespace) -> int:
+    """Do what is asked. Returns the exit status."""
+    target = package(asked.wheel, asked.out)
     print(f"{target} ({target.stat().st_size / 1e6:.1f} MB)")
     return 0
 

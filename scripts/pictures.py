@@ -19,7 +19,7 @@ import overlay_picture
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from addon.core import catalogue, native
+from addon.core import catalogue, command
 from addon.core.usage import Parser, UsageError
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -52,8 +52,6 @@ VIEW = ("-1.2", "-8.6", "4.4", "0.6", "-0.2", "1.0")
 LEAST = 64
 """Pixels across at least."""
 
-BAD_INPUT = 2
-
 
 def parser() -> argparse.ArgumentParser:
     """The command line."""
@@ -66,11 +64,7 @@ def parser() -> argparse.ArgumentParser:
 
 def main(arguments: Sequence[str]) -> int:
     """Make them all. Returns the exit status."""
-    try:
-        return run(parser().parse_args(arguments))
-    except (*native.FAILURES, OSError) as error:
-        print("pictures: " + " ".join(str(error).split()), file=sys.stderr)
-        return BAD_INPUT
+    return command.run("pictures", arguments, parser().parse_args, run)
 
 
 def run(asked: argparse.Namespace) -> int:

@@ -2,13 +2,14 @@
 """Render a picture with Halfspace, without a Blender window: `python scripts/render.py [FILE] [options]`.
 
 FILE: a .blend, or an .npz with the keys of the README, which gets a matte surface, a sun, a lamp and a sky. Without it
-the built-in showcase is rendered. Exit status: 0 done; 2 bad usage or input, or stopped while it rendered, 130 stopped
-at another time; either said in one line, and an older picture of that name stays.
+the built-in showcase is rendered. Exit status: 0 done; 2 bad usage or input, 130 stopped; either said in one line, and
+an older picture of that name stays.
 """
 
 from __future__ import annotations
 
 import argparse
+import contextlib
 import os
 import struct
 import sys
@@ -19,15 +20,10 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from addon.core import native, picture_files, results, specs, workload
+from addon.core import command, native, picture_files, results, specs, workload
 from addon.core.usage import Parser, UsageError
 
 ROOT = Path(__file__).resolve().parents[1]
-
-BAD_INPUT = 2
-
-INTERRUPTED = 130
-"""What shells say of a program that was stopped from the keyboard."""
 
 MOST = {"samples": 1 << 20, "percentage": 32767}
 """What Blender's own settings go up to."""
@@ -51,21 +47,12 @@ def parser() -> argparse.ArgumentParser:
 
 def main(arguments: Sequence[str]) -> int:
     """Render. Returns the exit status."""
-    try:
-        asked = parser().parse_args(arguments)
-        check(asked)
-        render(asked)
-    except (*native.FAILURES, OSError) as error:
-        print(f"render: {_once(str(error))}", file=sys.stderr)
-        return BAD_INPUT
-    except KeyboardInterrupt:
-        print("render: interrupted", file=sys.stderr)
-        return INTERRUPTED
-    return 0
+    return command.run("render", arguments, read, render)
 
 
-def check(asked: argparse.Namespace) -> None:
-    """Find what is wrong with the command line before any work. Raises UsageError, WorkloadError and FolderError."""
+def read(arguments: Sequence[str]) -> argparse.Namespace:
+    """The command line, checked before any work. Raises UsageError, WorkloadError and FolderError."""
+    asked = parser().parse_args(arguments)
     if asked.file is not None:
         workload.find(asked.file, workload.RENDERED)
     for name, most in MOST.items():
@@ -77,10 +64,11 @@ def check(asked: argparse.Namespace) -> None:
     if asked.out.is_dir():
         raise UsageError(f"{asked.out}: cannot be written: it is a folder")
     results.prepare_folder(asked.out.parent)
+    return asked
 
 
-def render(asked: argparse.Namespace) -> None:
-    """Render with Blender's module. Raises what opening, building and rendering raise."""
+def render(asked: argparse.Namespace) -> int:
+    """Render with Blender's module. Returns the exit status. Raises what opening, building and rendering raise."""
     native.load()
     import bpy
 
@@ -105,6 +93,7 @@ def render(asked: argparse.Namespace) -> None:
     tree = trees.last(scene)
     spec = tree.spec if tree is not None else properties.spec(scene.halfspace)
     print(f"{asked.out}: {width} × {height} pixels in {seconds:.1f} s with {spec}")
+    return 0
 
 
 class _Progress:
@@ -118,7 +107,8 @@ class _Progress:
     def __call__(self, stats: Any, *_: Any) -> None:
         if isinstance(stats, str) and time.monotonic() - self.last >= self.SECONDS:
             self.last = time.monotonic()
-            print(f"[render] {stats}", flush=True)
+            with contextlib.suppress(command.OutputError):  # Blender would print where it came from; the end tells it
+                print(f"[render] {stats}", flush=True)
 
 
 def _configure(scene: Any, asked: argparse.Namespace) -> None:
@@ -143,12 +133,6 @@ def _configure(scene: Any, asked: argparse.Namespace) -> None:
         scene.halfspace.integrator = asked.integrator
     if asked.percentage is not None:
         scene.render.resolution_percentage = asked.percentage
-
-
-def _once(message: str) -> str:
-    """In one line what Blender may say in several, each after "Error:" and the last the same as the first."""
-    lines = (" ".join(line.removeprefix("Error:").split()) for line in message.splitlines())
-    return " ".join(dict.fromkeys(filter(None, lines)))
 
 
 def _size(picture: Path) -> tuple[int, int]:

@@ -19,7 +19,7 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from addon.core import agreement, grid, leaks, native, results, specs, stability, trials, workload
+from addon.core import agreement, command, grid, leaks, native, results, specs, stability, trials, workload
 from addon.core.usage import Parser, UsageError
 
 BUNNY = Path(__file__).resolve().parents[2] / "shared" / "scenes" / "stanford-bunny.npz"
@@ -64,11 +64,7 @@ def parser() -> argparse.ArgumentParser:
 
 def main(arguments: Sequence[str]) -> int:
     """Measure and print. Returns the exit status."""
-    try:
-        return run(parser().parse_args(arguments))
-    except (*native.FAILURES, results.FolderError) as error:
-        print(f"stability: {' '.join(str(error).split())}", file=sys.stderr)
-        return 2
+    return command.run("stability", arguments, parser().parse_args, run, keeps=lambda asked: asked.out)
 
 
 def run(asked: argparse.Namespace) -> int:

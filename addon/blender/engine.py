@@ -13,6 +13,7 @@ import numpy as np
 
 from ..core import auto, catalogue, choice, native
 from ..core.background import Background
+from ..core.command import INTERRUPTED
 from ..core.notes import Notes
 from ..core.session import POLL_SECONDS, Cancelled, Session, watch
 from ..core.settings import Mist, RenderSettings, memory_limit
@@ -76,7 +77,7 @@ class HalfspaceEngine(bpy.types.RenderEngine):
         except KeyboardInterrupt:
             # Blender would go on as if all were well, and write an empty picture over the last one.
             picture.discard()
-            self._refuse("interrupted")
+            self._refuse(INTERRUPTED)
         except Exception as error:
             log.exception("Halfspace could not render")
             picture.discard()

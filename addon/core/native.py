@@ -15,11 +15,29 @@ class NativeError(RuntimeError):
     """The compiled module is missing, broken or of another version. The message is meant for the user."""
 
 
+TRACEBACK = "Traceback (most recent call last):"
+
+
 def first_line(error: BaseException) -> str:
     """What an exception says, in one line; its type where it says nothing."""
-    # Blender's operators begin theirs with a word of their own.
-    lines = [line.removeprefix("Error: ").strip() for line in str(error).splitlines() if line.strip()]
-    return lines[0] if lines else type(error).__name__
+    return next(iter(_lines(error)), type(error).__name__)
+
+
+def in_one_line(error: BaseException) -> str:
+    """All that an exception says, without repetitions, in one line; its type where it says nothing."""
+    return " ".join(dict.fromkeys(_lines(error))) or type(error).__name__
+
+
+def _lines(error: BaseException) -> list[str]:
+    """What an exception says: without the word with which Blender's operators begin, and of a traceback its end."""
+    lines = str(error).splitlines()
+    for number, line in enumerate(lines):
+        if line.endswith(TRACEBACK):
+            # Operators written in Python report all of it; the calls are indented, and after the error comes the place.
+            lines = [after for after in lines[number + 1 :] if after[:1].strip()][:1] or lines
+            break
+    found = (" ".join(line.removeprefix("Error:").split()) for line in lines)
+    return [line for line in found if line]
 
 
 FAILURES = (ValueError, RuntimeError, MemoryError)

@@ -114,8 +114,8 @@ def test_an_interrupted_render_is_no_success(
     out = tmp_path / "out.png"
     out.write_bytes(b"old")
     monkeypatch.setattr(engine._Picture, "_tracing", interrupt)
-    assert render.main([str(file), "--samples", str(1 << 16), "--out", str(out)]) == 2
+    assert render.main([str(file), "--samples", str(1 << 16), "--out", str(out)]) == 130
     monkeypatch.setattr(scenes, "open_file", interrupt)
     assert render.main([str(file), "--out", str(out)]) == 130
-    assert capsys.readouterr().err == "render: interrupted\n" * 2
+    assert capsys.readouterr().err == "render: stopped\n" * 2
     assert out.read_bytes() == b"old"

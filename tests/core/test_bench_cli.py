@@ -83,7 +83,9 @@ def test_a_second_run_measures_nothing_again(scene: Path, tmp_path: Path, monkey
     assert document(out)["rows"] == before
 
 
-def test_a_stopped_run_goes_on_where_it_was(scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_stopped_run_goes_on_where_it_was(
+    scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     out = tmp_path / "out"
     both = [*FAST, "--structures", "kd,kd-sah"]
     real = benchmark.events
@@ -95,8 +97,8 @@ def test_a_stopped_run_goes_on_where_it_was(scene: Path, tmp_path: Path, monkeyp
                 raise KeyboardInterrupt
 
     monkeypatch.setattr(benchmark, "events", stopped)
-    with pytest.raises(KeyboardInterrupt):
-        bench.main([str(scene), *both, "--out", str(out)])
+    assert bench.main([str(scene), *both, "--out", str(out)]) == 130
+    assert capsys.readouterr().err == f"bench: stopped; what was finished is kept in {out}\n"
     asked: list[str] = []
 
     def counted(module: Any, loaded: Any, chosen: list[str], *rest: Any) -> Any:
