@@ -20,7 +20,7 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from addon.core import command, native, picture_files, results, specs, workload
+from addon.core import choice, command, native, picture_files, results, specs, workload
 from addon.core.usage import Parser, UsageError
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -76,7 +76,7 @@ def render(asked: argparse.Namespace) -> int:
 
     if not hasattr(bpy.context.scene, "halfspace"):
         addon.register()
-    from addon.blender import properties, scenes, trees
+    from addon.blender import properties, reports, scenes, trees
 
     scenes.open_file(asked.file)
     scene: Any = bpy.context.scene
@@ -92,7 +92,12 @@ def render(asked: argparse.Namespace) -> int:
     width, height = _size(asked.out)
     tree = trees.last(scene)
     spec = tree.spec if tree is not None else properties.spec(scene.halfspace)
-    print(f"{asked.out}: {width} × {height} pixels in {seconds:.1f} s with {spec}")
+    report = reports.last(scene)
+    answers = choice.NOT_COMPARED if report is None else report.answers
+    # No time without the errors of what it took. The report is of the last view layer alone.
+    is_known = answers != choice.NOT_COMPARED and sum(layer.use for layer in scene.view_layers) == 1
+    took = f" in {seconds:.1f} s" * is_known
+    print(f"{asked.out}: {width} × {height} pixels{took} with {spec}, {answers}")
     return 0
 
 

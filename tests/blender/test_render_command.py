@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -38,8 +39,23 @@ def test_the_structure_is_what_the_file_says_unless_one_is_asked_for(
     bpy.ops.wm.save_mainfile()
     out = tmp_path / "out.png"
     assert render.main([str(file), *QUICK, "--out", str(out)]) == 0
-    assert capsys.readouterr().out.strip().endswith(" s with bvh-sah")
+    told = capsys.readouterr().out.strip()
+    assert told.endswith(f"{out}: 32 × 16 pixels with bvh-sah, answers not compared"), "no time without the errors"
     assert pictures.load(out).shape == (16, 32, 4)
+
+
+def test_a_time_is_told_beside_the_errors(file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The file's structure is chosen, and so compared."""
+    out = tmp_path / "out.png"
+    assert render.main([str(file), *QUICK, "--out", str(out)]) == 0
+    told = capsys.readouterr().out.strip().splitlines()[-1]
+    assert re.search(r": 32 × 16 pixels in [0-9.]+ s with [a-z].*, 0 of [0-9,]+ answers wrong$", told), told
+    # The time of two view layers is known, but only of the last what its answers are.
+    bpy.context.scene.view_layers.new("Another")
+    bpy.ops.wm.save_mainfile()
+    assert render.main([str(file), *QUICK, "--out", str(out)]) == 0
+    told = capsys.readouterr().out.strip().splitlines()[-1]
+    assert re.search(r": 32 × 16 pixels with [a-z].*, 0 of [0-9,]+ answers wrong$", told), told
 
 
 def test_a_configuration_is_taken_whatever_the_file_would_choose(
@@ -49,7 +65,7 @@ def test_a_configuration_is_taken_whatever_the_file_would_choose(
     assert render.main([*asked, "--structure", "kd:max_depth=9,traversal=dir"]) == 0
     told = capsys.readouterr().out.strip()
     assert "16 × 8 pixels" in told
-    assert told.endswith(" s with kd:traversal=dir,max_depth=9")
+    assert told.endswith(" with kd:traversal=dir,max_depth=9, answers not compared")
 
 
 def test_stereo_becomes_one_picture_and_the_size_is_the_file_s(
@@ -64,7 +80,7 @@ def test_stereo_becomes_one_picture_and_the_size_is_the_file_s(
     assert render.main([str(file), *QUICK, "--out", str(out)]) == 0
     told = capsys.readouterr()
     assert told.err.startswith("render: stereo is not supported")
-    assert f"{out}: 16 × 8 pixels in" in told.out
+    assert f"{out}: 16 × 8 pixels in " in told.out
     assert pictures.load(out).shape == (8, 16, 4)
 
 
@@ -77,7 +93,7 @@ def test_a_bare_geometry_is_rendered(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert render.main([str(path), *QUICK, "--percentage", "2", "--out", str(out)]) == 0
     picture = pictures.load(out)[..., :3]
     assert picture.std() > 0.05, "a triangle before the sky"
-    assert capsys.readouterr().out.strip().endswith(" s with kd")
+    assert capsys.readouterr().out.strip().endswith(" with kd, answers not compared")
 
 
 def test_whatever_goes_wrong_is_one_line(
