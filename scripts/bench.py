@@ -210,6 +210,8 @@ def run(asked: argparse.Namespace) -> int:
                 print(f"bench: {loaded.name}: {first_line(error)}", file=sys.stderr)
                 own = todo.rows(number)
                 todo.fail(number, loaded.name, error)
+            for line in workload.left_out(loaded, dropped(own)):
+                say(f"{loaded.name}: {line}")
             if own:
                 print("\n" + report.table(own) + "\n", flush=True)
     rows = todo.rows()
@@ -262,6 +264,11 @@ def merge(asked: argparse.Namespace) -> int:
     save(asked.out, results.document(module, rows, merged.options, merged.machines, missing), published)
     found = 1 if merged.disagreements else status(rows)
     return found or (BAD_INPUT if missing else 0)
+
+
+def dropped(rows: Sequence[benchmark.Row]) -> int:
+    """How many triangles of their scene these rows' structures leave out."""
+    return max(((row["statistics"] or {}).get("dropped_triangles", 0) for row in rows), default=0)
 
 
 def status(rows: Sequence[benchmark.Row]) -> int:
@@ -335,7 +342,7 @@ def read_options(asked: argparse.Namespace, configurations: int) -> benchmark.Op
         raise UsageError(f"--memory-limit: expected a number of gigabytes, got {asked.memory_limit}")
     if not 0 < asked.seconds < float("inf"):
         raise UsageError(f"--seconds: expected more than 0, got {asked.seconds:g}")
-    samples = [] if asked.curve == "none" else specs.numbers(asked.curve)
+    samples = [] if asked.curve == "none" else specs.numbers(asked.curve, "--curve")
     if not all(specs.is_whole(value) and 0 < int(value) <= curve.MOST_SAMPLES for value in samples):
         raise UsageError(
             f"--curve: expected numbers of samples such as 1,2,4, up to {curve.MOST_SAMPLES}, got {asked.curve!r}"
@@ -362,8 +369,12 @@ def read_options(asked: argparse.Namespace, configurations: int) -> benchmark.Op
 def read_structures(asked: argparse.Namespace, module: Any) -> list[str]:
     """The configurations, each proved to be valid by a tiny build. Raises SpecError."""
     preset = PRESETS.get(asked.preset or "", {})
-    ranges = {"k": asked.k or preset.get("k"), "alpha": asked.alpha, "seed": asked.seeds or preset.get("seeds")}
-    given = {name: specs.numbers(text) for name, text in ranges.items() if text is not None}
+    ranges = {
+        "k": ("--k", asked.k or preset.get("k")),
+        "alpha": ("--alpha", asked.alpha),
+        "seed": ("--seeds", asked.seeds or preset.get("seeds")),
+    }
+    given = {name: specs.numbers(text, option) for name, (option, text) in ranges.items() if text is not None}
     left_out: list[str] = []
     wanted = asked.structures or preset.get("structures") or "all"
     chosen = specs.expand(wanted, module.structures(), given, left_out)

@@ -18,7 +18,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from addon.core import auto, catalogue, check, choice, command, native, rays
 from addon.core.reference import Reference, affordable
 from addon.core.usage import Parser, UsageError
-from addon.core.workload import SCENES, Workload, find, load_npz
+from addon.core.workload import SCENES, Workload, find, left_out, load_npz
 
 REPEATS = 3
 GOOD = 1.1
@@ -92,7 +92,8 @@ def run(asked: argparse.Namespace) -> int:
         for line in compared.lines:
             times = f"build {line.build:8.2f} s  trace {line.trace:8.2f} s  total {line.total:8.2f} s"
             print(f"  {line.spec:<36} {times}  {line.answers}")
-        for note in chosen.notes:
+        notes = [*workload.notes, *left_out(workload, chosen.structure.statistics["dropped_triangles"])]
+        for note in (*notes, *chosen.notes):
             print(f"  {note}")
         sys.stdout.flush()
     print(f"{good} of {len(asked.scenes)} within {GOOD - 1:.0%} of the best")

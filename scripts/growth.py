@@ -123,7 +123,7 @@ def read_options(asked: argparse.Namespace) -> growth.Options:
 
 def read_sizes(text: str) -> tuple[int, ...]:
     """Numbers of triangles, the smallest first. Raises UsageError and SpecError."""
-    found = {float(value) for value in specs.numbers(text)}
+    found = {float(value) for value in specs.numbers(text, "--triangles")}
     if not all(growth.LEAST <= value <= growth.MOST for value in found):
         raise UsageError(f"--triangles: expected {growth.LEAST} to {growth.MOST} each, got {text!r}")
     return tuple(sorted(map(round, found)))

@@ -233,6 +233,7 @@ def run_scenes(module: Any, chosen: list[str], loaded: list[workload.Workload], 
     machine = results.machine(module)
     rows: list[stability.Row] = []
     for place, scene in enumerate(loaded):
+        dropped = 0
         program = [module.__version__, results.native_fingerprint(module), stability.VERSION]
         fixed = [*program, scene.fingerprint(), asked.rays, asked.seed]
         questions: list[agreement.Question] = []
@@ -252,6 +253,9 @@ def run_scenes(module: Any, chosen: list[str], loaded: list[workload.Workload], 
                     journal.add(results.Entry(key, (place, chosen.index(spec)), row), machine)
             rows.append(row)
             say(f"{scene.name}, {spec}: {row['rays']:,} rays, {'DIFFERS' if wrong(row) else 'equal'}")
+            dropped = max(dropped, row["statistics"].get("dropped_triangles", 0))
+        for line in workload.left_out(scene, dropped):
+            say(f"{scene.name}: {line}")
     print(stability.table(rows), "\n", stability.table(stability.sums(rows)), sep="\n")
     for row in rows:
         for text in row["broken"]:

@@ -47,9 +47,17 @@ def is_whole(text: str) -> bool:
     return text.isascii() and text.isdecimal() and len(text) <= 18
 
 
-def numbers(text: str) -> list[str]:
-    """The values in a list with ranges of whole numbers: "2-4,8" or "2..4,8" is 2, 3, 4, 8. Raises SpecError."""
-    return [value for part in text.split(",") for value in _values(part.strip())]
+def numbers(text: str, option: str = "") -> list[str]:
+    """The values in a list with ranges of whole numbers: "2-4,8" or "2..4,8" is 2, 3, 4, 8.
+
+    option: of a command line, whose text it is. Raises SpecError, which names it.
+    """
+    try:
+        return [value for part in text.split(",") for value in _values(part.strip())]
+    except SpecError as error:
+        if not option:
+            raise
+        raise SpecError(f"{option}: {error}") from error
 
 
 def _values(part: str) -> list[str]:

@@ -31,6 +31,10 @@ class WorkloadError(ValueError):
     """A scene cannot be used. The message names the file and what is wrong, in one line."""
 
 
+FARTHEST = 1e37
+"""Coordinates of a view, which rays must be able to begin at and to cross in f32."""
+
+
 @dataclass(frozen=True, eq=False)
 class View:
     """A pinhole view. eye, target, up: (3,) float64, scene frame; vertical_fov: degrees, 0 to 180 exclusive.
@@ -48,8 +52,10 @@ class View:
     def __post_init__(self) -> None:
         for name in ("eye", "target", "up"):
             value = getattr(self, name)
-            if value.shape != (3,) or not np.isfinite(value).all():
-                raise WorkloadError(f"camera_{name}: expected three finite numbers, got {value.tolist()}")
+            if value.shape != (3,) or not (np.abs(value) <= FARTHEST).all():
+                raise WorkloadError(
+                    f"camera_{name}: expected three finite numbers of at most {FARTHEST:g}, got {value.tolist()}"
+                )
         if not 0 < self.vertical_fov < 180:
             raise WorkloadError(f"camera_vfov_deg: expected an angle between 0 and 180, got {self.vertical_fov}")
         if not np.cross(self.target - self.eye, self.up).any():
@@ -132,6 +138,17 @@ def bounds(vertices: F32, triangles: I32) -> tuple[F64, F64]:
     return used.min(axis=0), used.max(axis=0)
 
 
+def left_out(workload: Workload, dropped: int) -> list[str]:
+    """In a line or none, how many triangles a structure leaves out and why. dropped: as its statistics count them."""
+    if not dropped:
+        return []
+    finite = np.isfinite(workload.vertices).all(axis=1)
+    outside = int(np.count_nonzero(~finite[workload.triangles].all(axis=1)))
+    reasons = {"with coordinates that are not finite": outside, "without area": dropped - outside}
+    told = " and ".join(f"{count:,} {reason}" for reason, count in reasons.items() if count)
+    return [f"{dropped:,} of {len(workload.triangles):,} triangles are left out: {told}"]
+
+
 def framing_view(vertices: F32, triangles: I32) -> View:
     """A view of the whole scene from the front, the right and above, for files without a camera."""
     low, high = bounds(vertices, triangles)
@@ -194,8 +211,10 @@ def load_npz(path: Path, *, memory_limit: int | None = None, published: bool = F
             vertices = np.ascontiguousarray(_real(arrays["vertices"], "vertices"), np.float32)
         if arrays["triangles"].dtype.kind not in "iu":
             raise WorkloadError(f"triangles: expected whole numbers, got {arrays['triangles'].dtype}")
-        if arrays["triangles"].size and int(arrays["triangles"].max()) > np.iinfo(np.int32).max:
-            raise WorkloadError(f"triangles: an index is out of range for {len(vertices)} vertices")
+        if arrays["triangles"].size:  # before they become int32, in which others may look as if they were in range
+            least, most = int(arrays["triangles"].min()), int(arrays["triangles"].max())
+            if not 0 <= least <= most < len(vertices):
+                raise WorkloadError(f"triangles: an index is out of range for {len(vertices)} vertices")
         whole = Workload(path.stem, vertices, np.ascontiguousarray(arrays["triangles"], np.int32), view)
         return _as_published(whole, arrays) if published else whole
     except ValueError as error:

@@ -65,6 +65,11 @@ def test_bad_usage_is_one_line(name: str, arguments: list[str], capsys: pytest.C
             ["grid", "--curve", "1,16777216"],
             "--curve: expected numbers of samples such as 1,2,4, up to 1048576",
         ),
+        ("bench", ["grid", "--curve", "many"], "--curve: expected a number or a range such as 2-10, got 'many'"),
+        ("bench", ["grid", "--k", "9-2"], "--k: the range '9-2' runs backwards"),
+        ("bench", ["grid", "--alpha", "much"], "--alpha: expected a number or a range"),
+        ("bench", ["grid", "--seeds", "1-9999999"], "--seeds: the range '1-9999999' has more than "),
+        ("growth", ["--triangles", "1e4,lots"], "--triangles: expected a number or a range"),
         ("bench", ["folder", "--merge", "--out", "new", "--shard", "1/2"], "--shard: expected no --merge"),
         ("bench", ["folder", "--merge", "--out", "new", "--structures", "kd"], "--structures: expected no --merge"),
         ("bench", ["folder", "--merge", "--out", "new", "--only-rays"], "--only-rays: expected no --merge"),
@@ -154,6 +159,50 @@ def test_a_scene_that_is_not_there_is_told_with_all_choices(
         assert said.endswith(f"or one of {tmp_path}: attic\n")
 
 
+VIEW: dict[str, Any] = {
+    "camera_eye": np.full(3, 5.0),
+    "camera_target": np.zeros(3),
+    "camera_up": np.array([0.0, 0.0, 1.0]),
+    "camera_vfov_deg": np.float64(40.0),
+}
+
+
+@pytest.mark.parametrize(
+    ("triangles", "words"),
+    [
+        ([[0, 1, 2]], ""),
+        ([[0, 1, 3], [0, 1, 1]], "2 of 2 triangles are left out: 2 without area"),
+        (
+            [[0, 1, 2], [0, 1, 3], [0, 1, 4]],
+            "2 of 3 triangles are left out: 1 with coordinates that are not finite and 1 without area",
+        ),
+    ],
+)
+@pytest.mark.parametrize(
+    ("name", "arguments"),
+    [
+        ("bench", ["--structures", "kd", "--size", "8x8", "--repeats", "1", "--only-rays", "--curve", "none"]),
+        ("choose", ["--pixels", "64"]),
+        ("stability", ["--structures", "bih:shadow=none", "--rays", "64", "--scenes"]),
+    ],
+)
+def test_triangles_that_are_left_out_are_told(
+    name: str,
+    arguments: list[str],
+    triangles: list[list[int]],
+    words: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    path = tmp_path / "hut.npz"
+    corners = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [-1, 2, 0], [np.nan, 0, 0]], np.float32)
+    np.savez(path, vertices=corners, triangles=np.array(triangles), **VIEW)
+    assert COMMANDS[name].main([*arguments, str(path)]) == 0
+    told = [line for line in capsys.readouterr().out.splitlines() if "left out: " in line and "triangles" in line]
+    assert len(told) == bool(words)
+    assert not words or told[0].endswith(words)
+
+
 @pytest.mark.parametrize(("name", "arguments"), [("choose", ["hut"]), ("claims", ["beams-flat-line", "--quick"])])
 def test_a_build_without_room_is_one_line(
     name: str,
@@ -169,10 +218,7 @@ def test_a_build_without_room_is_one_line(
         tmp_path / "hut.npz",
         vertices=np.eye(3, dtype=np.float32),
         triangles=np.array([[0, 1, 2]]),
-        camera_eye=np.full(3, 5.0),
-        camera_target=np.zeros(3),
-        camera_up=np.array([0.0, 0.0, 1.0]),
-        camera_vfov_deg=np.float64(40.0),
+        **VIEW,
     )
     monkeypatch.setattr(workload, "SCENES", tmp_path)
     monkeypatch.setattr(auto, "choose", crowded)
