@@ -256,6 +256,9 @@ def document(
 ) -> dict[str, Any]:
     """The content of bench.json. machine: where it was written; machines: where the rows were measured, by name.
 
+    native: a hash of the compiled module that the writer had; rows of a run were measured with the same build, those of
+    a merge with the builds of their machines.
+
     machines: all that are known; where rows name theirs, the others are left out. missing: what was asked and is not
     among the rows; without such the key is not there.
     """
@@ -265,6 +268,7 @@ def document(
     return {
         "schema": SCHEMA,
         "project_version": native.__version__,
+        "native": native_fingerprint(native),
         "machine": here,
         "machines": used or {here["name"]: here},
         "options": options,

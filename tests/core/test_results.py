@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import halfspace_native
@@ -166,3 +167,18 @@ def test_the_native_fingerprint_is_that_of_the_module() -> None:
     assert found == results.native_fingerprint(halfspace_native)
     empty = type("Empty", (), {"__file__": "/nowhere/x.py", "__version__": halfspace_native.__version__})
     assert found != results.native_fingerprint(empty)
+
+
+def test_a_document_names_the_build_of_the_compiled_module(tmp_path: Path) -> None:
+    made = []
+    for number in (1, 2):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        (folder / "halfspace_native.so").write_bytes(bytes([number]))
+        module = SimpleNamespace(
+            __file__=str(folder / "__init__.py"), __version__="0.1.0", level=halfspace_native.level
+        )
+        made.append(results.document(module, [], {}))
+        assert made[-1]["native"] == results.native_fingerprint(module)
+    assert made[0]["native"] != made[1]["native"]
+    assert made[0] | {"native": ""} == made[1] | {"native": ""}
