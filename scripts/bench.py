@@ -3,7 +3,8 @@
 
 `python scripts/bench.py [SCENE ...] [options]`, or inside Blender: `blender --background [FILE] --python
 scripts/bench.py -- [SCENE ...] [options]`. Exit status: 0 all answers agree with the reference; 1 some answer differs;
-2 bad usage or input, said in one line, or rows that failed or, with `--merge`, are missing.
+2 bad usage or input, said in one line, or rows that failed or, with `--merge`, are missing;
+130 stopped from the keyboard.
 """
 
 from __future__ import annotations

@@ -2,7 +2,8 @@
 """How well the automatic choice chooses: `python scripts/choose.py SCENE.npz [...] [options]`.
 
 For each scene: what is chosen, what choosing cost, and what the best of all candidates would have taken, each of them
-built, compared with brute force and timed in full. Exit status: 0 done; 2 bad usage or input, said in one line.
+built, compared with brute force and timed in full. Exit status: 0 done; 2 bad usage or input, 130 stopped,
+said in one line.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 
 `python scripts/claims.py [CLAIM ...] [options]` goes on where an earlier run with the same `--out` ended. Exit status:
 0 every claim was measured, whether it holds or not; 1 some answer differed from brute force, but for walks as published
-without bounds on their rounding; 2 bad usage.
+without bounds on their rounding; 2 bad usage; 130 stopped.
 """
 
 from __future__ import annotations

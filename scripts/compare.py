@@ -16,7 +16,8 @@ building included: by default one sample of 1920 × 1080 pixels, direct light wi
 without size alone, so that each pixel takes a camera ray and a shadow ray. The engines alternate; medians, and their
 ratio beside the error of the pictures and of the rays. With `--most R` a larger ratio is a failure.
 
-Exit status: 0 compared, and what was asked holds; 1 it does not; 2 bad usage or input, said in one line.
+Exit status: 0 compared, and what was asked holds; 1 it does not; 2 bad usage or input, 130 stopped,
+said in one line.
 """
 
 from __future__ import annotations

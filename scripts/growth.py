@@ -4,7 +4,7 @@
 `python scripts/growth.py [options]`. Every tessellation is first proved against brute force, bit for bit; only then
 anything is timed. With `--out` it writes growth.json and growth.html, again after each line, with the fits of c n log n
 to the builds and of a + b log n to the rays. Exit status: 0 all answers agree with brute force; 1 some answer differs;
-2 bad usage, or something could not be built.
+2 bad usage, or something could not be built; 130 stopped.
 """
 
 from __future__ import annotations

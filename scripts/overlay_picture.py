@@ -2,7 +2,7 @@
 """A picture of the structure in the viewport: `python scripts/overlay_picture.py [FILE] [options]`.
 
 FILE: a .blend or .npz (default: the built-in showcase), seen through its camera in Solid shading. Opens
-no window, which needs Blender 5.2 or newer. Exit status: 0 done; 2 bad usage or input, said in one line.
+no window, which needs Blender 5.2 or newer. Exit status: 0 done; 2 bad usage or input, 130 stopped, said in one line.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 
 planes-ID.png, leaves-ID.png and ray-ID.png of the built-in scene as the viewport shows them, beam-ID.png of a tile of
 rays, costs.png with the steps of two structures on one scale. With --readme only those of the README, as small .jpg.
-Opens no window, which needs Blender 5.2 or newer. Exit status: 0 done; 2 something failed, said in one line.
+Opens no window, which needs Blender 5.2 or newer. Exit status: 0 done; 2 something failed, 130 stopped, in one line.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@
 `python scripts/stability.py [options]` prints structure by case and what leaks out of closed surfaces. With `--long N`
 it compares N answers on random and extreme scenes instead, with `--scenes` camera rays, shadow rays and bounces on
 whole scenes. All of them go on where an earlier run with the same `--out` ended, but for the leaks. Exit status: 0 no
-structure differs; 1 some structure does; 2 bad usage.
+structure differs; 1 some structure does; 2 bad usage; 130 stopped.
 """
 
 from __future__ import annotations
