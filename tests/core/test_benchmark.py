@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from lying_native import LIES, Lying, LyingNative
 
-from addon.core import benchmark, costmap, grid, offsets, peak, rays, report, workload, yardstick
+from addon.core import benchmark, check, costmap, grid, offsets, peak, rays, report, timing, workload, yardstick
 from addon.core.benchmark import Options, Row
 
 QUICK = Options(size=(64, 64), repeats=2, check_rays=512)
@@ -165,6 +165,33 @@ def test_a_configuration_that_cannot_be_built_is_a_row_and_the_others_go_on() ->
     assert rows["kd-sah"]["errors"] is None
     assert not benchmark.agrees(rows["kd-sah"])
     assert benchmark.agrees(rows["kd"])
+
+
+class Listening:
+    """As the structure, and remembers which question each pass asked."""
+
+    def __init__(self, structure: Any) -> None:
+        self._structure = structure
+        self.asked: list[str] = []
+
+    def closest(self, *arguments: Any, **options: Any) -> Any:
+        self.asked.append("closest")
+        return self._structure.closest(*arguments, **options)
+
+    def occluded(self, *arguments: Any, **options: Any) -> Any:
+        self.asked.append("occluded")
+        return self._structure.occluded(*arguments, **options)
+
+
+def test_shadow_rays_are_timed_by_any_hits_and_all_others_by_closest_ones() -> None:
+    scene = grid.workload(boxes=2, rays=64)
+    heard = Listening(halfspace_native.build(scene.vertices, scene.triangles, "kd"))
+    for some in rays.make(scene, heard._structure, size=(8, 8), seed=1, names=rays.NAMES):
+        expected = "occluded" if some.name == "shadow" else "closest"
+        timing.one_pass(timing.Candidate("kd", heard), some, 1)
+        check.rate(heard, some, 1)
+        assert heard.asked == [expected] * 3, some.name  # one pass, one to warm up, one timed
+        heard.asked.clear()
 
 
 def test_a_slow_structure_is_timed_on_fewer_rays() -> None:

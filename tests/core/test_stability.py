@@ -117,6 +117,76 @@ def test_a_wrong_structure_sets_the_status(monkeypatch: pytest.MonkeyPatch) -> N
     assert command.main(["--structures", "kd:robust=none,traversal=dir,shadow=none", "--leak-rays", "0"]) == 1
 
 
+@pytest.fixture
+def holed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The closed surfaces, of which one has a hole."""
+    vertices, triangles = leaks.icosphere(2)
+    surface = ("holed", vertices.astype(np.float32), triangles[1:], np.zeros(3), 0.3)
+    monkeypatch.setattr(leaks, "surfaces", lambda _: iter([surface]))
+    monkeypatch.setattr(command, "BUNNY", Path("none.npz"))
+
+
+@pytest.mark.usefixtures("holed")
+def test_a_leak_sets_the_status(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    rows = trials.trial(halfspace_native, ["kd:shadow=none"], 3, 0)
+    monkeypatch.setattr(command, "measure_cases", lambda *_: rows)
+    asked = ["--structures", "kd:shadow=none", "--leak-rays"]
+    assert command.main([*asked, "0"]) == 0
+    assert command.main([*asked, "4000"]) == 1
+    assert " 0 leaks" not in capsys.readouterr().out
+    assert command.main([*asked, "4000", "--leaks-only"]) == 1
+
+
+def test_a_long_run_with_a_difference_sets_the_status(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(trials, "BLOCK", 2)
+    asked = ["--structures", "kd:shadow=none", "--seed", "3", "--long", "1", "--threads", "1"]
+    assert command.main(asked) == 0
+    monkeypatch.setattr(command.native, "load", lambda: LyingNative("wrong_triangle", "kd:shadow=none"))
+    assert command.main(asked) == 1
+    assert "kd:shadow=none differs in trial 0 of seed 3" in capsys.readouterr().out
+
+
+class Broken:
+    """As the structure, whose nodes are not as they should be although it answers well."""
+
+    def __init__(self, structure: Any) -> None:
+        self._structure = structure
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._structure, name)
+
+    def validate(self) -> list[str]:
+        return ["node 3 lies outside of its parent"]
+
+
+class BrokenNative:
+    def __getattr__(self, name: str) -> Any:
+        return getattr(halfspace_native, name)
+
+    def build(self, *arguments: Any, **options: Any) -> Any:
+        return Broken(halfspace_native.build(*arguments, **options))
+
+
+def test_a_broken_structure_that_answers_well_sets_the_status(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(command.native, "load", BrokenNative)
+    small = grid.workload(boxes=2, rays=64)
+    monkeypatch.setattr(command.grid, "workload", lambda: small)
+    assert command.main(["--structures", "bih:shadow=none", "--rays", "64", "--scenes", "grid"]) == 1
+    assert "bih:shadow=none is broken: node 3 lies outside of its parent" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("lie", [lie for lie in LIES if lie != "wrong_any_hit"])
+def test_the_tree_that_answers_for_brute_force_is_proven_by_it(lie: str) -> None:
+    scene = grid.workload(boxes=2, rays=64)
+    assert agreement.questions(halfspace_native, scene, 64, 1, threads=1)
+    with pytest.raises(agreement.ReferenceDiffersError, match="kd differs from brute force"):
+        agreement.questions(LyingNative(lie), scene, 64, 1, threads=1)
+
+
 def test_whole_scenes_are_compared_and_resumed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     vertices, triangles = leaks.icosphere(2)
     scene = tmp_path / "ball.npz"
