@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import time
 from pathlib import Path
@@ -14,7 +15,7 @@ import pytest
 from layouts import draw_all
 from shapes import cube, grid
 
-from addon.blender import compare_panels, comparing, panels, presets, properties, reports, trees
+from addon.blender import compare_panels, comparing, engine, panels, presets, properties, reports, trees
 from addon.core import auto, catalogue, choice
 
 
@@ -175,6 +176,29 @@ def test_a_render_can_choose_by_itself_and_says_why(seen: Any) -> None:
     assert bpy.ops.halfspace.check() == {"FINISHED"}
     assert trees.last(seen) is tree
     assert tree.spec != "brute"
+
+
+def test_of_a_structure_that_was_chosen_the_errors_that_were_counted_are_told(
+    seen: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen.render.engine, seen.halfspace.samples, seen.halfspace.automatic = "HALFSPACE", 1, True
+    seen.render.resolution_x = seen.render.resolution_y = 16
+    choose = engine._Picture._choose
+    said: list[str] = []
+
+    def err(*arguments: Any) -> Any:
+        chosen = choose(*arguments)
+        first, *others = chosen.comparison.lines
+        lines = (dataclasses.replace(first, wrong=3, checked=1024), *others)
+        return dataclasses.replace(chosen, comparison=dataclasses.replace(chosen.comparison, lines=lines))
+
+    monkeypatch.setattr(engine._Picture, "_choose", err)
+    monkeypatch.setattr(engine._Picture, "_say", lambda _self, text: said.append(text))
+    bpy.ops.render.render()
+    report = reports.last(seen)
+    assert report is not None
+    assert report.answers == "3 of 1,024 answers wrong"
+    assert report.answers in said[-1]
 
 
 class Operator:

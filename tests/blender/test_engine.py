@@ -15,7 +15,7 @@ import pytest
 from pictures import exr
 from shapes import cube, grid, material, node, with_nodes
 
-from addon.blender import engine, reports
+from addon.blender import engine, reports, viewport
 from addon.core.session import Cancelled
 
 WIDTH, HEIGHT = 48, 32
@@ -124,6 +124,28 @@ def test_every_structure_gives_the_same_picture(stage: Any, tmp_path: Path) -> N
         stage.halfspace.structure = structure
         pictures.append(render(stage, tmp_path)["Combined.R"])
     assert all(np.array_equal(pictures[0], other) for other in pictures[1:])
+
+
+def test_a_fixed_number_of_threads_is_kept_to(stage: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[tuple[str, int]] = []
+
+    class Watched(engine.Session):
+        @classmethod
+        def start(cls, *arguments: Any, threads: int, **named: Any) -> Any:
+            asked.append(("build", threads))
+            return super().start(*arguments, threads=threads, **named)
+
+        def render(self, camera: Any, settings: Any) -> Any:
+            asked.append(("trace", settings.threads))
+            return super().render(camera, settings)
+
+    monkeypatch.setattr(engine, "Session", Watched)
+    stage.render.threads_mode, stage.render.threads = "FIXED", 3
+    bpy.ops.render.render()
+    assert viewport.preview_settings(stage).threads == 3
+    stage.render.threads_mode = "AUTO"  # 0: one per core
+    bpy.ops.render.render()
+    assert asked == [("build", 3), ("trace", 3), ("build", 0), ("trace", 0)]
 
 
 def test_what_is_not_understood_is_reported_once(stage: Any, tmp_path: Path) -> None:

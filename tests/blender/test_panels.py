@@ -95,6 +95,9 @@ def test_a_structure_that_errs_is_shown_as_such(scene: Any, add: Any) -> None:
     # Five that differ, of which two are right but for the last bit of their distance.
     wrong = dataclasses.replace(found.errors, false_miss=3, wrong=5)
     checking._checks[tree.number] = dataclasses.replace(found, errors=wrong)
+    assert checking.words(tree) == f"{found.errors.rays:,} answers compared, some WRONG"
+    (built,) = (line for line in draw(overlay_panels.HALFSPACE_PT_view_structure, scene=scene) if "Built in" in line)
+    assert built.endswith("some WRONG")
     text = " ".join(draw(overlay_panels.HALFSPACE_PT_view_statistics, scene=scene))
     assert "5 of" in text
     assert "3 hits lost" in text

@@ -81,6 +81,15 @@ def test_the_picture_is_the_same_in_two_levels(forest: Any, tmp_path: Path) -> N
             assert np.array_equal(channel, pictures[mode][name]), (mode, name)
 
 
+def test_an_object_that_the_tree_over_places_drops_is_named(forest: Any, add: Any, tmp_path: Path) -> None:
+    add("Speck", forest.objects["Item 0"].data, scale=(1e-30, 1e-30, 1e-30))
+    forest.halfspace.instancing = "two-level"
+    render(forest, tmp_path)
+    report = reports.last(forest)
+    assert report is not None
+    assert "Dropped, the transform is out of range: Speck" in report.warnings
+
+
 def test_glowing_meshes_light_whitted_s_pictures_in_any_mode(forest: Any, tmp_path: Path) -> None:
     shaders = [
         shader

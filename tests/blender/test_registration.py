@@ -7,7 +7,7 @@ import bpy
 import pytest
 
 import addon
-from addon.blender import building, checking, comparing, overlay, picking, properties, reports, trees
+from addon.blender import building, checking, comparing, overlay, picking, properties, reports, sky, trees, viewport
 from addon.blender.engine import ENGINE
 from addon.core import native
 
@@ -44,8 +44,23 @@ def footprint() -> dict[str, object]:
         "popover": len(bpy.types.VIEW3D_PT_overlay.draw._draw_funcs)
         if hasattr(bpy.types.VIEW3D_PT_overlay.draw, "_draw_funcs")
         else 1,
-        "timers": [bpy.app.timers.is_registered(look) for look in (building._tick, overlay._begin)],
+        "timers": [bpy.app.timers.is_registered(look) for look in (building._tick, overlay._begin, viewport._tick)],
+        "views": len(viewport._working),
+        "skies": (len(sky._kept), len(sky._looks)),
     }
+
+
+def begin_a_view_and_a_sky() -> None:
+    """What a 3D view that still works, and a sky that has come, leave to be ended."""
+    view = viewport.Viewport()
+    viewport._working.add(view)
+    bpy.app.timers.register(viewport._tick, first_interval=3600)
+    HELD.append(view)
+    sky._kept["clear"] = sky.SkyError("not rendered")
+
+
+HELD: list[viewport.Viewport] = []
+"""The set of working views does not keep them alive."""
 
 
 def test_three_rounds_leave_nothing_behind() -> None:
@@ -61,6 +76,8 @@ def test_three_rounds_leave_nothing_behind() -> None:
             assert footprint()["properties"] == {"Scene", "ViewLayer"}
             bpy.context.scene.halfspace.overlay.show = True
             assert footprint()["drawing"] != clean["drawing"]
+            begin_a_view_and_a_sky()
+            assert all(footprint()[name] != clean[name] for name in ("timers", "views", "skies"))
             addon.unregister()
             assert footprint() == clean
     finally:
