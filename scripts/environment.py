@@ -75,7 +75,7 @@ def continue_in(version: str) -> None:
 def available(environment: Environment) -> bool:
     """Whether this machine has the Python that the environment needs."""
     return (
-        interpreters.answers(environment.python, environment.version)
+        interpreters.answers_in_environment(environment.python, environment.version)
         or interpreters.find(environment.version) is not None
     )
 
@@ -103,7 +103,7 @@ def alone() -> Iterator[None]:
 
 def prepare(environment: Environment) -> None:
     """Make the environment ready: its Python, its packages, the libraries of its Blender. Raises SetupError."""
-    if not interpreters.answers(environment.python, environment.version):
+    if not interpreters.answers_in_environment(environment.python, environment.version):
         _create(environment)
     _install_requirements(environment)
     try:

@@ -14,6 +14,10 @@ from pathlib import Path
 PROBE = "import sys, venv, ensurepip; print('%d.%d' % sys.version_info[:2]); print(sys.executable)"
 """A Python that cannot run this (Debian ships one without ensurepip) cannot make an environment."""
 
+WHOLE = "; import importlib.metadata as m; assert m.distribution('pip').read_text('INSTALLER')"
+"""Added to the probe of an environment. This file comes last when pip is put into it: where it is missing, the making
+of the environment was cut short, even if pip starts."""
+
 
 def find(version: str) -> Path | None:
     """A Python of this version ("3.13") that can make virtual environments, or None.
@@ -29,10 +33,15 @@ def answers(path: Path, version: str) -> bool:
     return _ask(path)[:1] == (version,)
 
 
-def _ask(path: Path) -> tuple[str, ...]:
+def answers_in_environment(path: Path, version: str) -> bool:
+    """Whether the interpreter at `path` answers so, and is that of an environment whose making came to its end."""
+    return _ask(path, PROBE + WHOLE)[:1] == (version,)
+
+
+def _ask(path: Path, probe: str = PROBE) -> tuple[str, ...]:
     """The version and the real place of the interpreter at `path`; empty when it does not answer."""
     try:
-        done = subprocess.run([str(path), "-c", PROBE], capture_output=True, text=True, timeout=60, check=False)
+        done = subprocess.run([str(path), "-c", probe], capture_output=True, text=True, timeout=60, check=False)
     except (OSError, subprocess.TimeoutExpired):
         return ()
     return tuple(done.stdout.splitlines()) if done.returncode == 0 else ()

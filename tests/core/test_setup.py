@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The set-up: finding Pythons and libraries, counting tests, deciding what must be built, filling the manifest."""
+"""The set-up: finding Pythons and libraries, deciding what must be built and installed, filling the manifest."""
 
 from __future__ import annotations
 
-import runpy
 import subprocess
 import sys
 import threading
+import venv
 from pathlib import Path
 from typing import Any
 
@@ -19,8 +19,6 @@ import system_libraries
 import wheel
 
 ROOT = environment.ROOT
-test_script = runpy.run_path(str(ROOT / "scripts" / "test.py"), run_name="script")
-cargo_counts, Counts = test_script["cargo_counts"], test_script["Counts"]
 
 LDD = """\
 \tlinux-vdso.so.1 (0x00007ffe)
@@ -92,6 +90,37 @@ def test_a_python_that_cannot_make_environments_is_passed_over(tmp_path: Path) -
 def test_versions_are_compared_as_numbers() -> None:
     names = [Path("3.13.9"), Path("3.13.10"), Path("3.13.0")]
     assert [p.name for p in interpreters.newest_first(iter(names))] == ["3.13.10", "3.13.9", "3.13.0"]
+
+
+HERE = f"{sys.version_info.major}.{sys.version_info.minor}"
+
+
+def files_of_pip(where: environment.Environment, *names: str) -> None:
+    """Files as pip leaves them in an environment, the last one after all others."""
+    folder = environment._package_folder(where, "pip-1.dist-info")
+    folder.mkdir(parents=True)
+    for name in names:
+        (folder / name).write_text("Metadata-Version: 2.1\nName: pip\nVersion: 1\n")
+
+
+@pytest.mark.parametrize(
+    ("names", "made_again"),
+    [((), True), (("METADATA", "RECORD"), True), (("METADATA", "RECORD", "INSTALLER"), False)],
+    ids=["ended before pip", "ended within pip", "whole"],
+)
+def test_an_environment_whose_making_was_cut_short_is_made_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, names: tuple[str, ...], made_again: bool
+) -> None:
+    where = environment.Environment("0", HERE, tmp_path / "env", ())
+    venv.EnvBuilder(symlinks=True, with_pip=False).create(where.folder)
+    if names:
+        files_of_pip(where, *names)
+    made: list[environment.Environment] = []
+    monkeypatch.setattr(environment, "_create", made.append)
+    monkeypatch.setattr(environment, "_install_requirements", lambda _: None)
+    monkeypatch.setattr(environment.system_libraries, "provide", lambda _: [])
+    environment.prepare(where)
+    assert made == [where] * made_again
 
 
 def test_missing_libraries_are_read_off_and_named_as_packages() -> None:
@@ -192,6 +221,18 @@ def test_work_is_done_once_and_again_after_a_failure(tmp_path: Path) -> None:
     assert done == [1, 3, 4]
 
 
+def test_another_wheel_of_the_same_name_is_installed_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    where = environment.Environment("0", "3.13", tmp_path, ())
+    path = tmp_path / "x-1-cp311-abi3-linux_x86_64.whl"
+    monkeypatch.setattr(environment.wheel, "build", lambda *_: (path, True))
+    installed: list[bytes] = []
+    monkeypatch.setattr(environment, "_pip", lambda *_: installed.append(path.read_bytes()))
+    for content in (b"one", b"one", b"two", b"two"):
+        path.write_bytes(content)
+        environment.install_wheel(where)
+    assert installed == [b"one", b"two"]
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows does without the lock")
 def test_two_set_ups_take_turns(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:
     monkeypatch.setattr(environment, "ROOT", tmp_path)
@@ -210,50 +251,6 @@ def test_two_set_ups_take_turns(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
     thread.join(30)
     assert order == ["first", "second"]
     assert "waiting for another set-up" in capsys.readouterr().out
-
-
-def test_the_counts_of_cargo_add_up() -> None:
-    text = (
-        "test result: ok. 12 passed; 0 failed; 1 ignored; 0 measured; 0 filtered out; finished in 0.1s\n"
-        "     Running tests/contract.rs\n"
-        "test result: FAILED. 3 passed; 2 failed; 0 ignored; 0 measured; 0 filtered out\n"
-    )
-    assert str(cargo_counts(text)) == "15 passed, 2 failed, 1 skipped"
-    assert cargo_counts("error: could not compile") == Counts()
-
-
-SKIPPED = "import pytest\n@pytest.mark.skip(reason='x')\ndef test_a(): pass\n"
-
-
-@pytest.mark.parametrize(
-    ("body", "expected", "status"),
-    [
-        ("def test_a(): pass\ndef test_b(): assert 0\n", {"passed": 1, "failed": 1, "skipped": 0}, 1),
-        (
-            "import pytest\n@pytest.mark.skip(reason='x')\ndef test_a(): pass\n",
-            {"passed": 0, "failed": 0, "skipped": 1},
-            0,
-        ),
-        (
-            "import pytest\n@pytest.fixture\ndef f():\n    yield\n    assert 0\ndef test_a(f): pass\n",
-            {"passed": 0, "failed": 1, "skipped": 0},
-            1,
-        ),
-        ("import nothing_of_this_name\n", {"passed": 0, "failed": 1, "skipped": 0}, 2),
-        ("import warnings\ndef test_a(): warnings.warn('x')\n", {"passed": 0, "failed": 1, "skipped": 0}, 1),
-        ("", {"passed": 0, "failed": 0, "skipped": 0}, 5),
-    ],
-)
-def test_the_runner_counts_tests(tmp_path: Path, body: str, expected: dict[str, int], status: int) -> None:
-    import json
-
-    (tmp_path / "test_it.py").write_text(body)
-    counts = tmp_path / "counts.json"
-    options = ["-c", str(ROOT / "pyproject.toml"), "--rootdir", str(tmp_path), "-p", "no:cacheprovider"]
-    command = [sys.executable, str(ROOT / "tests" / "run.py"), "--counts", str(counts), *options, str(tmp_path)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
-    assert json.loads(counts.read_text()) == expected, done.stdout
-    assert done.returncode == status
 
 
 MANIFEST = 'id = "x"\nversion = "1.2.3"\n\n[permissions]\nfiles = "Because"\n'
@@ -303,16 +300,3 @@ def test_the_versions_in_all_files_are_one() -> None:
     }
     versions["manifest"] = tomllib.loads((ROOT / "blender_manifest.toml").read_text(encoding="utf-8"))["version"]
     assert set(versions.values()) == {native.VERSION}, versions
-
-
-def test_a_check_that_hangs_ends_with_all_that_it_started(tmp_path, monkeypatch, capsys):
-    run = test_script["run"]
-    monkeypatch.setitem(run.__globals__, "TIME_LIMIT", 1)
-    late = tmp_path / "late"
-    grandchild = f"import time, pathlib; time.sleep(12); pathlib.Path({str(late)!r}).touch()"
-    child = f"import subprocess, sys; subprocess.run([sys.executable, '-c', {grandchild!r}])"
-    status, _ = run([sys.executable, "-c", child])
-    # What was started holds on to the output, so nothing returns before it has ended, one way or the other.
-    assert not late.exists()
-    assert status != 0
-    assert "ended after 1 s" in capsys.readouterr().out
