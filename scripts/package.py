@@ -2,7 +2,8 @@
 """The extension zip: `python scripts/package.py [--wheel WHEEL ...] [--out DIR]`.
 
 Stages the add-on, the manifest with its wheels, the licence and the wheels into build/extension, builds the zip with
-Blender's own tool, and validates it. Without --wheel the wheel for this machine is built.
+Blender's own tool, and validates it. Without --wheel the wheel for this machine is built. Says so when a wheel needs a
+newer C library than Blender itself.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import re
 import shutil
 import subprocess
 import sys
+import zipfile
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -39,6 +41,10 @@ PLATFORMS = {
 """A wheel's platform tag to the name that Blender gives the platform."""
 
 
+BLENDER_GLIBC = (2, 28)
+"""The oldest C library with which Blender itself runs on Linux, as its requirements say."""
+
+
 class PackageError(RuntimeError):
     """The extension cannot be packaged. The message says why."""
 
@@ -50,6 +56,37 @@ def platform_of(wheel_name: str) -> str:
         if any(re.fullmatch(pattern, one) for one in tag.split(".")):
             return name
     raise PackageError(f"{wheel_name}: Blender knows no platform {tag!r}")
+
+
+def glibc_of(wheel_file: Path) -> tuple[int, int]:
+    """The version of the C library that the native module of a wheel needs, (0, 0) if it is not for Linux.
+
+    Out of the versions of symbols in it: a wheel's name need not tell. Raises PackageError.
+    """
+    needed = [(0, 0)]
+    try:
+        with zipfile.ZipFile(wheel_file) as archive:
+            for name in archive.namelist():
+                if name.endswith(".so"):
+                    found = re.findall(rb"\0GLIBC_(\d+)\.(\d+)(?=[.\0])", archive.read(name))
+                    needed += [(int(major), int(minor)) for major, minor in found]
+    except zipfile.BadZipFile as error:
+        raise PackageError(f"{wheel_file}: it is no wheel: {error}") from error
+    return max(needed)
+
+
+def too_new(wheel_file: Path) -> str | None:
+    """What to know of a wheel that needs a newer C library than Blender, or None. Raises PackageError."""
+    needed = glibc_of(wheel_file)
+    if needed <= BLENDER_GLIBC:
+        return None
+    image = "manylinux_{}_{}".format(*BLENDER_GLIBC)
+    return (
+        f"WARNING: {wheel_file.name} needs glibc {needed[0]}.{needed[1]} or newer, Blender only "
+        f"{BLENDER_GLIBC[0]}.{BLENDER_GLIBC[1]}: on older systems (RHEL 9 has 2.34, Ubuntu 20.04 2.31) it can be "
+        f"installed but not loaded. For them build the wheel there, in an image {image} or with zig "
+        f"(maturin build --release --zig --compatibility {image}), and give it with --wheel"
+    )
 
 
 def filled_manifest(text: str, wheels: Sequence[str]) -> str:
@@ -116,6 +153,9 @@ def package(wheels: Sequence[Path], out: Path) -> Path:
     for path in chosen:
         if not path.is_file():
             raise PackageError(f"{path}: there is no such wheel")
+        warning = too_new(path)
+        if warning is not None:
+            print(f"package: {warning}", file=sys.stderr)
     manifest = tomllib.loads((ROOT / "blender_manifest.toml").read_text(encoding="utf-8"))
     staged = ROOT / "build" / "extension"
     stage(chosen, staged)

@@ -3,10 +3,12 @@
 
 from __future__ import annotations
 
+import ast
 import subprocess
 import sys
 import threading
 import venv
+import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -161,6 +163,15 @@ def test_a_failed_installation_is_told(monkeypatch: pytest.MonkeyPatch, tmp_path
         system_libraries.provide(tmp_path)
 
 
+@pytest.mark.parametrize("folder", ["addon", "scripts", "tests"])
+def test_nothing_needs_at_its_start_what_windows_has_not(folder: str) -> None:
+    for path in (ROOT / folder).rglob("*.py"):
+        for line in ast.parse(path.read_text(encoding="utf-8")).body:
+            names = [alias.name for alias in line.names] if isinstance(line, ast.Import) else []
+            names += [line.module] if isinstance(line, ast.ImportFrom) else []
+            assert not {"fcntl", "grp", "pwd", "resource", "termios"} & set(names), f"{path}:{line.lineno}"
+
+
 def test_the_installed_blender_lacks_nothing() -> None:
     bpy = pytest.importorskip("bpy", reason="Blender's module bpy is not installed in this environment")
     folder = next(p for p in Path(bpy.__file__).parents if p.name == "bpy" and any(p.glob("__init__*.so")))
@@ -286,6 +297,50 @@ def test_a_wheel_of_another_version_is_refused() -> None:
 )
 def test_platform_tags_are_translated(tag: str, platform: str) -> None:
     assert package.platform_of(f"x-1-cp311-abi3-{tag}.whl") == platform
+
+
+def wheel_with(path: Path, *symbols: bytes) -> Path:
+    """A wheel whose module names these versions of symbols."""
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("x/x.abi3.so", b"\x7fELF\0" + b"\0".join(symbols) + b"\0")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("symbols", "needed"),
+    [
+        ((b"GLIBC_2.2.5", b"GLIBC_2.17"), (2, 17)),
+        ((b"GLIBC_2.28", b"GLIBC_2.4", b"GLIBC_PRIVATE"), (2, 28)),
+        ((b"GLIBC_2.9", b"GLIBC_2.35", b"GLIBC_2.34"), (2, 35)),
+        ((b"KERNEL32.dll",), (0, 0)),
+    ],
+)
+def test_a_wheel_for_newer_systems_than_blender_s_is_told_when_it_is_packaged(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    symbols: tuple[bytes, ...],
+    needed: tuple[int, int],
+) -> None:
+    path = wheel_with(tmp_path / "x-1-cp311-abi3-linux_x86_64.whl", *symbols)
+    assert package.glibc_of(path) == needed
+    monkeypatch.setattr(package, "stage", lambda *_: None)
+    monkeypatch.setattr(package, "run_tool", lambda *words: Path(words[-1]).touch() if words[0] == "build" else None)
+    assert package.main(["--wheel", str(path), "--out", str(tmp_path)]) == 0
+    said = capsys.readouterr().err
+    if needed <= (2, 28):
+        assert not said
+    else:
+        assert said.startswith(f"package: WARNING: {path.name} needs glibc 2.35 or newer, Blender only 2.28: ")
+        assert "build the wheel there" in said
+        assert "manylinux_2_28" in said
+
+
+def test_a_wheel_that_is_none_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "x-1-cp311-abi3-linux_x86_64.whl"
+    path.write_bytes(b"no wheel")
+    assert package.main(["--wheel", str(path), "--out", str(tmp_path)]) == 2
+    assert capsys.readouterr().err == f"package: {path}: it is no wheel: File is not a zip file\n"
 
 
 def test_the_versions_in_all_files_are_one() -> None:
