@@ -42,14 +42,21 @@ def write_all(files: Mapping[Path, str]) -> None:
                 file.write(text)
                 file.flush()
                 os.fsync(file.fileno())
-            # mkstemp makes files that only their owner can read; a report is for others too.
-            Path(temporary).chmod(0o644)
+            # mkstemp makes files that only their owner can read; a report is for whom the user's other files are for.
+            Path(temporary).chmod(0o666 & ~_umask())
         for one, path in complete:
             one.replace(path)
     except BaseException:
         for one, _ in complete:
             one.unlink(missing_ok=True)
         raise
+
+
+def _umask() -> int:
+    """What the user keeps others from doing with new files. Python tells it only while it sets another one."""
+    kept = os.umask(0o077)
+    os.umask(kept)
+    return kept
 
 
 def prepare_folder(folder: Path) -> None:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -19,6 +20,20 @@ HERE = {"name": "here", "cores": 2}
 def entry(key: str, number: int, **values: Any) -> results.Entry:
     row = {"scene": "s", "spec": key, "machine": "here", **values}
     return results.Entry(key, (0, number), row)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="this system keeps nobody from new files by a mask")
+@pytest.mark.parametrize("mask", [0o022, 0o077, 0o002])
+def test_all_files_are_for_whom_the_user_s_other_files_are_for(tmp_path: Path, mask: int) -> None:
+    before = os.umask(mask)
+    try:
+        results.Journal(tmp_path).add(entry("a", 0), HERE)
+        results.write(tmp_path / "bench.json", "{}")
+        assert os.umask(mask) == mask, "it stays as it was"
+    finally:
+        os.umask(before)
+    modes = {path.name: oct(path.stat().st_mode & 0o777) for path in tmp_path.iterdir()}
+    assert modes == dict.fromkeys(("rows.jsonl", "bench.json"), oct(0o666 & ~mask))
 
 
 def test_rows_come_back(tmp_path: Path) -> None:
