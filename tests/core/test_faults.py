@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import gc
 import os
-import resource
 import subprocess
 import sys
 import threading
@@ -202,7 +201,6 @@ runpy.run_path({script!r}, run_name="__main__")
 """
 
 
-@pytest.mark.skipif(not hasattr(resource, "RLIMIT_FSIZE"), reason="this system limits no file's size")
 @pytest.mark.parametrize(
     ("room", "command"),
     [
@@ -212,6 +210,7 @@ runpy.run_path({script!r}, run_name="__main__")
     ],
 )
 def test_a_command_on_a_full_disk_says_so_in_one_line(tmp_path: Path, room: int, command: list[str]) -> None:
+    pytest.importorskip("resource", reason="this system limits no file's size")
     script = str(Path(__file__).resolve().parents[2] / "scripts" / command[0])
     program = LITTLE_ROOM.format(room=room, script=script, arguments=[*command[1:], "--out", str(tmp_path)])
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path)), "PYTHONDONTWRITEBYTECODE": "1"}

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import resource
 import subprocess
 import sys
 from typing import Any
@@ -261,6 +260,7 @@ print(geometry.count, before * 1024, resource.getrusage(resource.RUSAGE_SELF).ru
 
 
 def test_many_instances_take_little_memory() -> None:
+    pytest.importorskip("resource", reason="this system does not tell how much memory a process held at most")
     # A hundredth of 10^5 instances of 10^4 triangles; flattened its vertices and indices alone would take 180 MB.
     script = [sys.executable, "-c", MEMORY.format(count=1000)]
     done = subprocess.run(script, capture_output=True, text=True, timeout=300, check=False)
@@ -268,4 +268,3 @@ def test_many_instances_take_little_memory() -> None:
     count, before, peak = map(int, done.stdout.split())
     assert count == 1000 * 10_000
     assert peak - before < 60 << 20, f"{(peak - before) >> 20} MiB"
-    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss > 0
