@@ -24,6 +24,11 @@ def test_enum_numbers_are_the_registrys_codes(scene: Any) -> None:
     assert scene.halfspace.structure == "kd"
 
 
+def test_what_is_compared_unless_the_user_says_otherwise_exists(scene: Any) -> None:
+    items = scene.halfspace.bl_rna.properties["structure"].enum_items
+    assert set(properties.TICKED) <= {item.identifier for item in items}
+
+
 def test_every_structure_has_a_property_for_each_parameter_with_its_default(scene: Any) -> None:
     for row in halfspace_native.structures():
         scene.halfspace.structure = row["id"]
