@@ -79,7 +79,9 @@ class HalfspaceEngine(bpy.types.RenderEngine):
             picture.discard()
             self._refuse(INTERRUPTED)
         except Exception as error:
-            log.exception("Halfspace could not render")
+            # Where Blender is a module, a program has called it, and tells the failure in its own way.
+            level = logging.DEBUG if bpy.app.module else logging.ERROR
+            log.log(level, "Halfspace could not render", exc_info=error)
             picture.discard()
             self._refuse(" ".join(str(error).split()) or type(error).__name__)
 

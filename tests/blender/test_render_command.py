@@ -11,6 +11,7 @@ import bpy
 import numpy as np
 import pytest
 import render
+from one_line import told
 from shapes import cube
 
 from addon.blender import engine, pictures, scenes
@@ -119,6 +120,21 @@ def test_whatever_goes_wrong_is_one_line(
     assert render.main([str(file), *out]) == 2
     assert capsys.readouterr().err == f"render: {tmp_path / 'out.png'}: cannot be written: No space left on device\n"
     assert sorted(path.name for path in tmp_path.iterdir()) == ["broken.blend", "cube.blend"]
+
+
+@pytest.mark.parametrize("where", ["find", "Session"])
+def test_what_goes_wrong_while_rendering_is_one_line(
+    file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], where: str
+) -> None:
+    def fail(*_: Any, **__: Any) -> Any:
+        raise ValueError("the scene\nis odd")
+
+    if where == "find":
+        monkeypatch.setattr(engine.extract, "find", fail)
+    else:
+        monkeypatch.setattr(engine.Session, "render", fail)
+    asked = [str(file), *QUICK, "--structure", "kd", "--out", str(tmp_path / "out.png")]
+    assert told(render, asked, capsys) == "render: the scene is odd\n"
 
 
 def test_an_interrupted_render_is_no_success(

@@ -3,8 +3,9 @@
 
 from __future__ import annotations
 
+import logging
+import sys
 from pathlib import Path
-from typing import Any
 
 import bench
 import choose
@@ -19,6 +20,7 @@ import pictures
 import pytest
 import render
 import stability
+from one_line import told
 
 from addon.core import auto, native, results, workload
 
@@ -39,12 +41,22 @@ COMMANDS = {
 HUGE = "99999999999"
 
 
-def told(command: Any, arguments: list[str], capsys: pytest.CaptureFixture[str]) -> str:
-    """The one line on standard error of a command that ends with status 2."""
-    assert command.main(arguments) == 2
-    said = capsys.readouterr().err
-    assert said.count("\n") == 1, said
-    return said
+class Talkative:
+    """A command that logs its error before it tells it."""
+
+    @staticmethod
+    def main(_: list[str]) -> int:
+        try:
+            raise ValueError("odd")
+        except ValueError as error:
+            logging.getLogger("addon").exception("in many lines")
+            print(f"talkative: {error}", file=sys.stderr)
+            return 2
+
+
+def test_what_is_logged_beside_the_line_is_noticed(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(AssertionError, match="Traceback"):
+        told(Talkative, [], capsys)
 
 
 @pytest.mark.parametrize("name", COMMANDS)
