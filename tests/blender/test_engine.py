@@ -12,7 +12,7 @@ import bpy
 import numpy as np
 import OpenImageIO
 import pytest
-from pictures import exr
+from exr_files import exr
 from shapes import cube, grid, material, node, with_nodes
 
 from addon.blender import engine, reports, viewport

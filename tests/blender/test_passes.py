@@ -9,7 +9,7 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-from pictures import exr
+from exr_files import exr
 from shapes import cube, grid, material, node, with_nodes
 
 from addon.blender import engine, passes

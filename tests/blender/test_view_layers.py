@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import bpy
 import pytest
-from pictures import exr
+from exr_files import exr
 from shapes import cube, material, node, read, with_nodes
 
 from addon.blender import reports
