@@ -189,7 +189,7 @@ pub mod params {
               for shadow rays, wide for others; rays are counted as dir walks them. dir: one by one, by plane distances \
               in the order of the direction; ta-b: by entry and exit points (Havran et al. 1997); ta-a, sung, arvo: by the side of the \
               origin and distances, as TA-A, as Sung and Shirley 1992, as Arvo 1988. wide: three levels at a time, \
-              several rays in turn. seq: each leaf from the root, \
+              several rays in turn, many in random order sorted by where they start. seq: each leaf from the root, \
               without a stack (Kaplan 1985). rope: from leaf to leaf by links to what lies across each face (MacDonald and \
               Booth 1990); ropetree: by a small tree for each face (Havran et al. 1998); both need about twice \
               the memory of nodes and more. tile8, tile16: as dir, but camera rays go in tiles of 64 or 256, and \
@@ -221,7 +221,7 @@ pub mod params {
         doc: "How rays walk the tree. auto: whatever is quickest for a batch: tile8 for camera rays and \
               for shadow rays, wide for others; rays are counted as dir walks them. dir: one by one, by plane distances \
               in the order of the direction. ta-b-poly: by the heights of entry and exit points over the plane. wide: three levels at a \
-              time, several rays in turn. tile8, tile16: as dir, but camera rays go in tiles of 64 or 256, and shadow \
+              time, several rays in turn, many in random order sorted by where they start. tile8, tile16: as dir, but camera rays go in tiles of 64 or 256, and shadow \
               rays of one light in tiles of 64 from the light; tiles whose rays drift apart are split into packets. p4, p8, \
               p16: as dir, but in packets of 4, 8 or 16 rays, one to a lane, shadow rays always of 16. Shadow rays are \
               counted as dir walks them. The answer is the same",

@@ -14,7 +14,7 @@ import halfspace_native as native
 import numpy as np
 import pytest
 
-from addon.core import workload
+from addon.core import leaks, workload
 
 SCENES = Path(__file__).resolve().parents[3] / "shared" / "scenes"
 SPECS = [row["id"] for row in native.structures()]
@@ -112,6 +112,27 @@ def test_the_interval_may_differ_from_ray_to_ray() -> None:
     origins, directions = (np.repeat(a, 4, axis=0) for a in DOWN)
     hits = tree.closest(origins, directions, np.array([0, 0.5, 0.6, 0]), np.array([np.inf, 0.5, 9, 0.4]))
     assert hits.triangle.tolist() == [0, 0, -1, -1]
+
+
+@pytest.mark.parametrize("spec", ["kd", "kd:traversal=wide", "bsp-wn-plus-kd:k=3"])
+def test_many_rays_in_random_order_answer_as_few(spec: str) -> None:
+    vertices, triangles = leaks.icosphere(6)
+    rng = np.random.default_rng(3)
+    n = 1 << 16
+    origins = rng.uniform(-1.2, 1.2, (n, 3)).astype(np.float32)
+    directions = rng.normal(size=(n, 3)).astype(np.float32)
+    limits = rng.uniform(0, 0.2, n).astype(np.float32), rng.uniform(0.3, 3, n).astype(np.float32)
+    tree = native.build(vertices.astype(np.float32), triangles, spec)
+    assert tree.statistics["bytes"] > 1 << 22, "smaller ones are walked in the order of the rays"
+    for ends in limits, (0.0, np.inf):
+        everything = tree.closest(origins, directions, *ends)
+        assert (everything.triangle >= 0).any()
+        assert (everything.triangle < 0).any()
+        for part in np.split(np.arange(n), 4):
+            own = [end[part] if isinstance(end, np.ndarray) else end for end in ends]
+            few = tree.closest(origins[part], directions[part], *own)
+            for name in ("t", "triangle", "u", "v"):
+                assert np.array_equal(getattr(everything, name)[part], getattr(few, name)), name
 
 
 def test_what_cannot_be_hit_is_dropped_and_the_rest_keep_their_numbers() -> None:

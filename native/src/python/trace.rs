@@ -4,14 +4,17 @@
 use super::arrays::{self, Limits, PerRay, Points};
 use super::whole::Threads;
 use crate::error::{Error, Result, caught};
+use crate::geom::Aabb;
 use crate::memory::check_room;
 use crate::oracle::exact_closest;
 use crate::scene::Triangles;
+use crate::traverse::reorder;
 use crate::traverse::{Hit, Order, Ray, RayCounters, Tracer};
 use numpy::{PyReadonlyArray1, ToPyArray};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::num::NonZero;
+use std::ops::Range;
 use std::sync::Mutex;
 use std::thread::Builder;
 
@@ -36,6 +39,8 @@ pub struct Rays<'a> {
     t_min: Limits<'a>,
     t_max: Limits<'a>,
     order: Order,
+    /// The places of the rays in the order in which they are walked, where that is another.
+    places: Option<&'a [u32]>,
 }
 
 impl<'py> RayArrays<'py> {
@@ -97,11 +102,12 @@ impl<'py> RayArrays<'py> {
             t_min: self.t_min.limits(),
             t_max: self.t_max.limits(),
             order: self.order,
+            places: None,
         }
     }
 }
 
-impl Rays<'_> {
+impl<'a> Rays<'a> {
     /// All of them.
     pub fn all(&self) -> Vec<Ray> {
         let mut rays = vec![BLANK; self.origins.len()];
@@ -109,11 +115,46 @@ impl Rays<'_> {
         rays
     }
 
+    /// Those in a range of places.
+    fn part(&self, range: Range<usize>) -> Self {
+        let limits = |limits: Limits<'a>| match limits {
+            Limits::Same(t) => Limits::Same(t),
+            Limits::Each(t) => Limits::Each(&t[range.clone()]),
+        };
+        Self {
+            origins: &self.origins[range.clone()],
+            directions: &self.directions[range.clone()],
+            t_min: limits(self.t_min),
+            t_max: limits(self.t_max),
+            ..*self
+        }
+    }
+
+    /// Overwrites `rays` with those at these places.
+    fn put_those(&self, places: &[u32], rays: &mut [Ray]) {
+        let at = |limits: Limits<'_>, i: usize| match limits {
+            Limits::Same(t) => t,
+            Limits::Each(t) => t[i],
+        };
+        for (ray, &place) in rays.iter_mut().zip(places) {
+            let i = place as usize;
+            *ray = Ray {
+                o: self.origins[i],
+                d: self.directions[i],
+                t_min: at(self.t_min, i),
+                t_max: at(self.t_max, i),
+            };
+        }
+    }
+
     /// Overwrites `rays` with those from the `first` on.
     // Field by field, and with the kinds of limits told apart outside the loops: rays that are put together
     // first and copied then take longer to bring in than to trace in tiles.
     fn put(&self, first: usize, rays: &mut [Ray]) {
         let range = first..first + rays.len();
+        if let Some(places) = self.places {
+            return self.put_those(&places[range], rays);
+        }
         let ends = self.origins[range.clone()]
             .iter()
             .zip(&self.directions[range.clone()]);
@@ -329,6 +370,17 @@ pub fn closest(
     counters: bool,
 ) -> Result<Hits> {
     let order = rays.order;
+    if !counters
+        && order == Order::None
+        && let Some(bounds) = tracer.near_rays()
+        && reorder::scattered(rays.origins, &bounds)
+    {
+        return Ok(Hits {
+            hits: closest_reordered(tracer, rays, threads, &bounds)?,
+            counts: None,
+            on_boundary: None,
+        });
+    }
     let (hits, counts) = in_chunks(rays, threads, counters, Hit::MISS, |rays, hits, counts| {
         tracer.closest_ordered(rays, hits, counts, order);
     })?;
@@ -337,6 +389,34 @@ pub fn closest(
         counts: counts.map(|counts| (cases, counts)),
         on_boundary: None,
     })
+}
+
+/// Nearest hits of rays in random order, which are walked in another.
+fn closest_reordered(
+    tracer: &dyn Tracer,
+    rays: Rays<'_>,
+    threads: usize,
+    bounds: &Aabb,
+) -> Result<Vec<Hit>> {
+    let n = rays.origins.len();
+    check_room("origins", (n * size_of::<Hit>()) as u64)?;
+    let mut hits = vec![Hit::MISS; n];
+    for (window, hits) in hits.chunks_mut(reorder::WINDOW).enumerate() {
+        let first = window * reorder::WINDOW;
+        let own = rays.part(first..first + hits.len());
+        let places = reorder::order(own.origins, own.directions, bounds);
+        let own = Rays {
+            places: Some(&places),
+            ..own
+        };
+        let (found, _) = in_chunks(own, threads, false, Hit::MISS, |rays, hits, _| {
+            tracer.closest(rays, hits, None);
+        })?;
+        for (&place, hit) in places.iter().zip(found) {
+            hits[place as usize] = hit;
+        }
+    }
+    Ok(hits)
 }
 
 /// Any hits.

@@ -3,6 +3,7 @@
 
 use super::{Layout, PlaneWalk, Structure};
 use crate::build::ropes::Ropes;
+use crate::geom::Aabb;
 use crate::leaf_depth::LeafDepths;
 use crate::registry::Built;
 use crate::scene::Triangles;
@@ -23,6 +24,9 @@ use crate::traverse::{
 };
 use fearless_simd::Level;
 use std::marker::PhantomData;
+
+/// A structure of so many bytes stays in the caches next to a core, whatever the order of its rays.
+const IN_CACHE: usize = 4 << 20;
 
 /// How batches of rays are walked.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -407,6 +411,11 @@ impl Tracer for Structure {
     ) {
         self.at_level(Level::new())
             .closest_ordered(rays, hits, counters, order);
+    }
+
+    fn near_rays(&self) -> Option<Aabb> {
+        let several = matches!(self.batches, Batches::Auto | Batches::Wide) && self.wide.is_some();
+        (several && self.bytes() > IN_CACHE).then(|| self.scene.bounds())
     }
 
     fn leaf_depths(&self, rays: &[Ray], depths: &mut [u32]) {

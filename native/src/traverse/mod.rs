@@ -56,6 +56,7 @@ pub mod plane_wide;
 pub mod planes;
 pub mod query;
 pub mod ray;
+pub mod reorder;
 pub mod replay;
 pub mod shadow_beam;
 pub mod shadow_cache;

@@ -2,6 +2,7 @@
 //! Rays and their answers, as callers see them.
 
 use super::cases::CASES;
+use crate::geom::Aabb;
 use crate::scene::Triangles;
 
 /// A ray `o + t d` with `t` in the closed interval `[t_min, t_max]`.
@@ -136,6 +137,11 @@ pub trait Tracer: Sync {
     ) {
         let _ = order;
         self.closest(rays, hits, counters);
+    }
+    /// The box of the scene, where rays that start near each other had better follow one another; `None` where they go
+    /// singly, or where that is no quicker.
+    fn near_rays(&self) -> Option<Aabb> {
+        None
     }
     /// The depth of the last leaf that the walk of each ray to its nearest hit tests, for showing; 0
     /// where there is none, or where depths are not known.
