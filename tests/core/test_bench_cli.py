@@ -47,6 +47,12 @@ def _without_plots(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(plots, "problem", lambda: "left out here")
 
 
+@pytest.fixture(autouse=True)
+def _without_an_open_file(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Tests of Blender in the same process may have left one open, which would be a scene too."""
+    monkeypatch.setattr(bench, "_open_file", lambda: False)
+
+
 def document(folder: Path) -> Any:
     return json.loads((folder / "bench.json").read_text(encoding="utf-8"))
 
