@@ -203,25 +203,41 @@ def why_not(name: str, lts_problem: str | None) -> str | None:
     return None
 
 
-def set_up(names: list[str], beside: contextlib.ExitStack) -> tuple[str | None, RustTests | None]:
-    """Make the environments ready. Raises SetupError.
+@dataclass(frozen=True)
+class Ready:
+    """What the set-up has come to.
 
-    Returns why the one for Blender LTS is missing, or None, and the Rust tests, which run meanwhile, if wanted.
-    `beside` closes them.
+    rust: its tests, which run meanwhile, if wanted. lts_missing: why there is no environment for Blender LTS, or None.
+    lts_broken: whether it could not be made, though its Python is there.
+    """
+
+    rust: RustTests | None = None
+    lts_missing: str | None = None
+    lts_broken: bool = False
+
+
+def set_up(names: list[str], beside: contextlib.ExitStack) -> Ready:
+    """Make the environments ready. `beside` closes the Rust tests. Raises SetupError.
+
+    Where only Blender LTS cannot be set up, its check fails, and the others run.
     """
     environment.prepare(CURRENT)
     rust = RustTests() if RUST in names else None
     if rust is not None:
         beside.callback(rust.close)
-    ready, problem = [CURRENT], None
+    environments, missing, broken = [CURRENT], None, False
     if "blender-lts" in names:
         if environment.available(LTS):
-            environment.prepare(LTS)
-            ready.append(LTS)
+            try:
+                environment.prepare(LTS)
+                environments.append(LTS)
+            except environment.SetupError as error:
+                broken = True
+                print(f"[set-up] blender-lts fails: {error}", flush=True)
         else:
-            problem = f"Python {LTS.version}, which Blender {LTS.blender} needs, was not found"
-    environment.install_wheel(*ready)
-    return problem, rust
+            missing = f"Python {LTS.version}, which Blender {LTS.blender} needs, was not found"
+    environment.install_wheel(*environments)
+    return Ready(rust, missing, broken)
 
 
 def main(wanted: list[str]) -> int:
@@ -238,13 +254,17 @@ def main(wanted: list[str]) -> int:
     with contextlib.ExitStack() as beside:
         try:
             with environment.alone():
-                lts_problem, rust = set_up(names, beside)
+                ready = set_up(names, beside)
         except environment.SetupError as error:
             print(f"The set-up failed: {error}\n\n{Counts(failed=1)}", flush=True)
             return 1
-        checks = CHECKS if rust is None else {**CHECKS, RUST: rust.counts}
+        checks = dict(CHECKS)
+        if ready.rust is not None:
+            checks[RUST] = ready.rust.counts
+        if ready.lts_broken:
+            checks["blender-lts"] = lambda: Counts(failed=1)
         for name in names:
-            reason = why_not(name, lts_problem)
+            reason = why_not(name, ready.lts_missing)
             print(f"\n==== {name}" + (f": skipped, {reason}" if reason else ""), flush=True)
             began = time.monotonic()
             counts = Counts(skipped=1) if reason else checks[name]()
@@ -258,5 +278,7 @@ def main(wanted: list[str]) -> int:
 
 
 if __name__ == "__main__":
+    # What runs here leads sessions of its own: an end from outside has to reach it.
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     environment.continue_in(CURRENT.version)
     sys.exit(main(sys.argv[1:]))

@@ -92,7 +92,7 @@ def checks(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
     everything = test_script["main"].__globals__
     monkeypatch.setitem(everything, "CHECKS", {name: check(name) for name in found})
-    monkeypatch.setitem(everything, "set_up", lambda *_: (None, None))
+    monkeypatch.setitem(everything, "set_up", lambda *_: test_script["Ready"]())
     monkeypatch.setattr(environment, "alone", nullcontext)
     return ran
 
@@ -116,6 +116,26 @@ def test_a_set_up_that_fails_is_status_1(
     assert test_script["main"](["good"]) == 1
     assert "no network" in capsys.readouterr().out
     assert not checks
+
+
+def test_a_broken_lts_fails_its_own_check_alone(monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:
+    def prepare(where: environment.Environment) -> None:
+        if where == environment.LTS:
+            raise environment.SetupError("no network")
+
+    wheels: list[environment.Environment] = []
+    monkeypatch.setattr(environment, "prepare", prepare)
+    monkeypatch.setattr(environment, "available", lambda _: True)
+    monkeypatch.setattr(environment, "install_wheel", lambda *them: wheels.extend(them))
+    monkeypatch.setattr(environment, "alone", nullcontext)
+    everything = test_script["main"].__globals__
+    passing = dict.fromkeys(("core", "blender-lts"), lambda: Counts(passed=1))
+    monkeypatch.setitem(everything, "CHECKS", passing)
+    assert test_script["main"](["core", "blender"]) == 1
+    told = capsys.readouterr().out
+    assert "blender-lts fails: no network" in told
+    assert told.splitlines()[-1] == "1 passed, 1 failed, 0 skipped"
+    assert wheels == [environment.CURRENT]
 
 
 @pytest.mark.parametrize("wanted", [["nosuch"], ["good", "nosuch"]])
