@@ -46,7 +46,7 @@ def parser() -> argparse.ArgumentParser:
 
 def main(arguments: Sequence[str]) -> int:
     """Measure and print. Returns the exit status."""
-    return command.run("growth", arguments, parser().parse_args, run, keeps=lambda asked: asked.out)
+    return command.run("growth", arguments, parser().parse_args, run)
 
 
 def run(asked: argparse.Namespace) -> int:

@@ -15,8 +15,8 @@ PROBE = "import sys, venv, ensurepip; print('%d.%d' % sys.version_info[:2]); pri
 """A Python that cannot run this (Debian ships one without ensurepip) cannot make an environment."""
 
 WHOLE = "; import importlib.metadata as m; assert m.distribution('pip').read_text('INSTALLER')"
-"""Added to the probe of an environment. This file comes last when pip is put into it: where it is missing, the making
-of the environment was cut short, even if pip starts."""
+"""Added to the probe of an environment. pip writes this file about itself when all of it is there: where it is missing,
+the making of the environment was cut short, even if pip starts."""
 
 
 def find(version: str) -> Path | None:
@@ -39,9 +39,12 @@ def answers_in_environment(path: Path, version: str) -> bool:
 
 
 def _ask(path: Path, probe: str = PROBE) -> tuple[str, ...]:
-    """The version and the real place of the interpreter at `path`; empty when it does not answer."""
+    """The version and the real place of the interpreter at `path`; empty when it does not answer.
+
+    Whatever PYTHONPATH and the like add to it.
+    """
     try:
-        done = subprocess.run([str(path), "-c", probe], capture_output=True, text=True, timeout=60, check=False)
+        done = subprocess.run([str(path), "-I", "-c", probe], capture_output=True, text=True, timeout=60, check=False)
     except (OSError, subprocess.TimeoutExpired):
         return ()
     return tuple(done.stdout.splitlines()) if done.returncode == 0 else ()

@@ -61,7 +61,7 @@ class Asked:
             found = line["failed"]
             scene, spec = found["order"]
             # Of what failed nothing was measured: whichever version tells it, the other columns are empty.
-            row = blank() | found["row"]
+            row = blank() | {"machine": ""} | found["row"]
             self.failures[found["run"], found["scene"], row["spec"]] = (int(scene), int(spec)), row
         else:
             return False

@@ -37,8 +37,8 @@ def run(
 ) -> int:
     """Read a command line and do its work. Returns the exit status: 2 after a failure, 130 after Ctrl-C.
 
-    keeps: the folder that holds what is finished, if the work is stopped. told: what is told in one line, beside
-    FAILURES and OSError.
+    keeps: the folder whose journal holds what is finished, if the work is stopped. told: what is told in one line,
+    beside FAILURES and OSError.
     """
     caught: tuple[type[Exception], ...] = (*FAILURES, OSError, OutputError, *told)
     asked = None
@@ -57,12 +57,16 @@ def run(
 
 
 def _stopped(name: str, folder: Path | None) -> int:
-    there = folder is not None and folder.is_dir() and any(folder.iterdir())
+    there = False
+    with contextlib.suppress(OSError):
+        there = folder is not None and any(b'"key"' in path.read_bytes() for path in folder.glob("rows*.jsonl"))
     _tell(f"{name}: stopped" + (f"; what was finished is kept in {folder}" if there else ""))
     return STOPPED
 
 
 def _tell(line: str) -> None:
+    if sys.stderr is None:  # what is printed there would go to standard output
+        return
     with contextlib.suppress(OSError):  # there is nowhere else to say it
         print(line, file=sys.stderr, flush=True)
 
@@ -116,7 +120,8 @@ class _Checked:
 
     def write(self, text: str) -> int:
         """Write as the stream itself. Raises OutputError."""
-        return int(self._asked(self._stream.write, text))
+        written = self._asked(self._stream.write, text)
+        return len(text) if written is None else int(written)  # streams of programs around us may tell nothing
 
     def flush(self) -> None:
         """Flush as the stream itself. Raises OutputError."""

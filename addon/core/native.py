@@ -31,11 +31,11 @@ def in_one_line(error: BaseException) -> str:
 def _lines(error: BaseException) -> list[str]:
     """What an exception says: without the word with which Blender's operators begin, and of a traceback its end."""
     lines = str(error).splitlines()
-    for number, line in enumerate(lines):
-        if line.endswith(TRACEBACK):
-            # Operators written in Python report all of it; the calls are indented, and after the error comes the place.
-            lines = [after for after in lines[number + 1 :] if after[:1].strip()][:1] or lines
-            break
+    beginnings = [number for number, line in enumerate(lines) if line.endswith(TRACEBACK)]
+    if beginnings:
+        # Operators written in Python report all of it, and before it those of its causes; the calls are indented, and
+        # after the error comes the place.
+        lines = [after for after in lines[beginnings[-1] + 1 :] if after[:1].strip()][:1] or lines
     found = (" ".join(line.removeprefix("Error:").split()) for line in lines)
     return [line for line in found if line]
 

@@ -20,8 +20,9 @@ def replacing(path: Path) -> Iterator[Path]:
 
     Whatever happens before, an older picture stays. Raises OSError, which names the file; what the body raises passes.
     """
+    target = Path(os.path.realpath(path))  # a link goes on pointing there
     try:
-        folder = tempfile.TemporaryDirectory(dir=path.parent, prefix=".picture-")
+        folder = tempfile.TemporaryDirectory(dir=target.parent, prefix=".picture-")
     except OSError as error:
         raise _unwritten(path, error.strerror or error) from error
     with folder as name:
@@ -32,7 +33,7 @@ def replacing(path: Path) -> Iterator[Path]:
                 raise _unwritten(path, "the picture was written in part only, as on a full disk")
             with fresh.open("rb+") as file:  # Windows flushes only what may be written
                 os.fsync(file.fileno())
-            fresh.replace(path)
+            fresh.replace(target)
         except FileNotFoundError as error:
             raise _unwritten(path, "nothing was written") from error
         except OSError as error:

@@ -108,6 +108,9 @@ def lacks(row: Row) -> str | None:
 
     Rows of another version of the program may lack some.
     """
+    for name in ("errors", "rays"):
+        if not isinstance(row.get(name) or {}, dict):
+            return name
     inner: list[tuple[str, Row | None, tuple[str, ...]]] = [("errors", row.get("errors"), OF_ERRORS)]
     inner += [(f"rays, {name}", one, OF_RAYS) for name, one in (row.get("rays") or {}).items()]
     missing = [name for name in blank() if name not in row]

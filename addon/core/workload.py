@@ -197,7 +197,8 @@ def load_npz(path: Path, *, memory_limit: int | None = None, published: bool = F
             missing = [key for key in _KEYS if key not in file.files]
             if missing:
                 raise WorkloadError(f"{path}: the key {missing[0]!r} is missing")
-            arrays = {key: file[key] for key in (*_KEYS, *_PUBLISHED) if key in file.files}
+            wanted = (*_KEYS, *_PUBLISHED) if published else _KEYS
+            arrays = {key: file[key] for key in wanted if key in file.files}
     except WorkloadError:
         raise
     except Exception as error:
@@ -231,7 +232,7 @@ def _as_published(whole: Workload, arrays: Mapping[str, Any]) -> Workload:
                 f"triangle_from_quadric: expected {len(triangles)} whole numbers, got {stand_in.dtype} {stand_in.shape}"
             )
         triangles = np.ascontiguousarray(triangles[stand_in == 0])
-        notes.append(f"{len(whole.triangles) - len(triangles):,} triangles that stand for quadrics are left out")
+        notes.append(f"triangles that stand for quadrics are left out: {len(whole.triangles) - len(triangles):,}")
     if "camera_crop" in arrays:
         left, right, top, bottom = map(float, _numbers(arrays["camera_crop"], "camera_crop", 4))
         if "camera_right" in arrays and _numbers(arrays["camera_right"], "camera_right", 3) @ view.axes()[0] < 0:

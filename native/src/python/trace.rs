@@ -39,8 +39,6 @@ pub struct Rays<'a> {
     t_min: Limits<'a>,
     t_max: Limits<'a>,
     order: Order,
-    /// The places of the rays in the order in which they are walked, where that is another.
-    places: Option<&'a [u32]>,
 }
 
 impl<'py> RayArrays<'py> {
@@ -102,7 +100,6 @@ impl<'py> RayArrays<'py> {
             t_min: self.t_min.limits(),
             t_max: self.t_max.limits(),
             order: self.order,
-            places: None,
         }
     }
 }
@@ -152,9 +149,6 @@ impl<'a> Rays<'a> {
     // first and copied then take longer to bring in than to trace in tiles.
     fn put(&self, first: usize, rays: &mut [Ray]) {
         let range = first..first + rays.len();
-        if let Some(places) = self.places {
-            return self.put_those(&places[range], rays);
-        }
         let ends = self.origins[range.clone()]
             .iter()
             .zip(&self.directions[range.clone()]);
@@ -327,11 +321,22 @@ fn in_chunks<T: Clone + Send>(
             (i * CHUNK, answers, counts)
         })
         .collect();
-    let cores = std::thread::available_parallelism().map_or(1, NonZero::get);
-    let threads = if threads == 0 { cores } else { threads }
-        .min(chunks.len())
-        .max(1);
-    let queue = Mutex::new(chunks.into_iter());
+    share_out(chunks, threads, |buffer, (first, answers, counts)| {
+        let buffer = &mut buffer[..answers.len()];
+        rays.put(first, buffer);
+        work(buffer, answers, counted.then_some(counts));
+    })?;
+    Ok((answers, counted.then_some(counts)))
+}
+
+/// Runs `work` on all parts, on `threads` threads, each with room for [`CHUNK`] rays.
+fn share_out<P: Send>(
+    parts: Vec<P>,
+    threads: usize,
+    work: impl Fn(&mut [Ray], P) + Sync,
+) -> Result<()> {
+    let threads = wanted(threads).min(parts.len()).max(1);
+    let queue = Mutex::new(parts.into_iter());
     let worker = || {
         let mut buffer = vec![BLANK; CHUNK];
         loop {
@@ -339,12 +344,10 @@ fn in_chunks<T: Clone + Send>(
                 .lock()
                 .unwrap_or_else(std::sync::PoisonError::into_inner)
                 .next();
-            let Some((first, answers, counts)) = next else {
+            let Some(part) = next else {
                 return;
             };
-            let buffer = &mut buffer[..answers.len()];
-            rays.put(first, buffer);
-            work(buffer, answers, counted.then_some(counts));
+            work(&mut buffer, part);
         }
     };
     caught(|| {
@@ -358,8 +361,16 @@ fn in_chunks<T: Clone + Send>(
             worker();
         });
         Ok(())
-    })?;
-    Ok((answers, counted.then_some(counts)))
+    })
+}
+
+/// How many threads are asked for; 0: as many as there are processors.
+fn wanted(threads: usize) -> usize {
+    if threads == 0 {
+        std::thread::available_parallelism().map_or(1, NonZero::get)
+    } else {
+        threads
+    }
 }
 
 /// Nearest hits.
@@ -391,7 +402,7 @@ pub fn closest(
     })
 }
 
-/// Nearest hits of rays in random order, which are walked in another.
+/// Nearest hits of rays in random order, which are walked in another: each thread puts its own share in order.
 fn closest_reordered(
     tracer: &dyn Tracer,
     rays: Rays<'_>,
@@ -399,23 +410,28 @@ fn closest_reordered(
     bounds: &Aabb,
 ) -> Result<Vec<Hit>> {
     let n = rays.origins.len();
-    check_room("origins", (n * size_of::<Hit>()) as u64)?;
+    let window = reorder::window(n, wanted(threads));
+    let in_order = n.min(window * wanted(threads)) * reorder::BYTES;
+    check_room("origins", (n * size_of::<Hit>() + in_order) as u64)?;
     let mut hits = vec![Hit::MISS; n];
-    for (window, hits) in hits.chunks_mut(reorder::WINDOW).enumerate() {
-        let first = window * reorder::WINDOW;
-        let own = rays.part(first..first + hits.len());
-        let places = reorder::order(own.origins, own.directions, bounds);
-        let own = Rays {
-            places: Some(&places),
-            ..own
-        };
-        let (found, _) = in_chunks(own, threads, false, Hit::MISS, |rays, hits, _| {
-            tracer.closest(rays, hits, None);
-        })?;
-        for (&place, hit) in places.iter().zip(found) {
-            hits[place as usize] = hit;
-        }
-    }
+    let windows = hits.chunks_mut(window).enumerate().collect();
+    share_out(
+        windows,
+        threads,
+        |buffer, (i, hits): (usize, &mut [Hit])| {
+            let own = rays.part(i * window..i * window + hits.len());
+            let places = reorder::order(own.origins, own.directions, bounds);
+            let mut found = vec![Hit::MISS; CHUNK];
+            for places in places.chunks(CHUNK) {
+                let (buffer, found) = (&mut buffer[..places.len()], &mut found[..places.len()]);
+                own.put_those(places, buffer);
+                tracer.closest(buffer, found, None);
+                for (&place, hit) in places.iter().zip(found) {
+                    hits[place as usize] = *hit;
+                }
+            }
+        },
+    )?;
     Ok(hits)
 }
 

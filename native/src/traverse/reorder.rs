@@ -9,8 +9,8 @@ use crate::geom::Aabb;
 /// Fewer rays do not meet in cells.
 const LEAST: usize = 1 << 16;
 
-/// Rays that are put in order at once: more need more memory, and each cell has many already.
-pub const WINDOW: usize = 1 << 20;
+/// Rays that are put in order at once, at most: more need more memory, and each cell has many already.
+const WINDOW: usize = 1 << 20;
 
 /// Cells along an axis, as a power of two.
 const CELL_BITS: u32 = 6;
@@ -33,6 +33,14 @@ pub fn scattered(origins: &[[f32; 3]], bounds: &Aabb) -> bool {
         (0..3).any(|k| (a[k] - b[k]).abs() > far)
     };
     2 * (0..PAIRS).filter(|&i| apart(i)).count() > PAIRS
+}
+
+/// What putting in order takes for each ray: its key, twice because it is sorted, and its place.
+pub const BYTES: usize = 2 * size_of::<u64>() + size_of::<u32>();
+
+/// How many of `rays` to put in order at once, so that all threads have work.
+pub fn window(rays: usize, threads: usize) -> usize {
+    rays.div_ceil(threads.max(1)).clamp(LEAST, WINDOW)
 }
 
 /// The order in which to walk the rays, by their places. At most 2^32 rays.
@@ -109,6 +117,14 @@ mod tests {
         assert!(!scattered(&along_x, &unit()));
         assert!(!scattered(&vec![[0.5; 3]; LEAST], &unit()), "of one camera");
         assert!(!scattered(&vec![[f32::NAN; 3]; LEAST], &unit()));
+    }
+
+    #[test]
+    fn every_thread_has_rays_to_put_in_order() {
+        assert_eq!(window(1 << 22, 1), WINDOW);
+        assert_eq!(window(1 << 20, 4), 1 << 18);
+        assert_eq!(window((1 << 20) + 1, 4), (1 << 18) + 1);
+        assert_eq!(window(LEAST, 64), LEAST);
     }
 
     #[test]
