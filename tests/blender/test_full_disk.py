@@ -4,13 +4,11 @@
 from __future__ import annotations
 
 import importlib.util
-import os
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
 import compare
+import little_room
 import numpy as np
 import pytest
 
@@ -18,16 +16,6 @@ from addon.blender import pictures
 from addon.core import results
 
 pytestmark = pytest.mark.skipif(importlib.util.find_spec("resource") is None, reason="no file's size can be limited")
-
-SCRIPTS = Path(__file__).resolve().parents[2] / "scripts"
-
-LITTLE_ROOM = """
-import resource, runpy, signal, sys
-signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-resource.setrlimit(resource.RLIMIT_FSIZE, ({room}, {room}))
-sys.argv = [{script!r}, *{arguments!r}]
-runpy.run_path({script!r}, run_name="__main__")
-"""
 
 
 @pytest.mark.parametrize(
@@ -44,15 +32,7 @@ def test_the_old_picture_stays(tmp_path: Path, room: int, command: list[str], na
     arguments = [*command[1:], "--out", str(old if is_render else tmp_path)]
     if not is_render:
         arguments += ["--samples", "2", "--runs", "2"]
-    script = str(SCRIPTS / command[0])
-    done = subprocess.run(
-        [sys.executable, "-c", LITTLE_ROOM.format(room=room, script=script, arguments=arguments)],
-        capture_output=True,
-        text=True,
-        timeout=300,
-        env={**os.environ, "PYTHONDONTWRITEBYTECODE": "1"},
-        check=False,
-    )
+    done = little_room.run(room, command[0], arguments)
     last = done.stderr.splitlines()[-1]
     assert done.returncode == 2, done.stderr
     assert "Traceback" not in done.stderr

@@ -5,8 +5,6 @@ from __future__ import annotations
 
 import gc
 import os
-import subprocess
-import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -15,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import halfspace_native as native
+import little_room
 import numpy as np
 import pytest
 
@@ -192,14 +191,6 @@ def test_a_full_disk_keeps_the_old_report(tmp_path: Path, monkeypatch: pytest.Mo
 SHORT = ["grid", "--structures", "kd", "--size", "8x8", "--repeats", "1", "--check-rays", "64", "--seconds", "1"]
 SHORT += ["--rays", "primary", "--only-rays", "--curve", "none"]
 
-LITTLE_ROOM = """
-import resource, runpy, signal, sys
-signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-resource.setrlimit(resource.RLIMIT_FSIZE, ({room}, {room}))
-sys.argv = [{script!r}, *{arguments!r}]
-runpy.run_path({script!r}, run_name="__main__")
-"""
-
 
 @pytest.mark.parametrize(
     ("room", "command"),
@@ -211,12 +202,7 @@ runpy.run_path({script!r}, run_name="__main__")
 )
 def test_a_command_on_a_full_disk_says_so_in_one_line(tmp_path: Path, room: int, command: list[str]) -> None:
     pytest.importorskip("resource", reason="this system limits no file's size")
-    script = str(Path(__file__).resolve().parents[2] / "scripts" / command[0])
-    program = LITTLE_ROOM.format(room=room, script=script, arguments=[*command[1:], "--out", str(tmp_path)])
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path)), "PYTHONDONTWRITEBYTECODE": "1"}
-    done = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, timeout=300, env=environment, check=False
-    )
+    done = little_room.run(room, command[0], [*command[1:], "--out", str(tmp_path)])
     assert done.returncode == 2, done.stderr
     assert "Traceback" not in done.stderr
     assert str(tmp_path) in done.stderr.splitlines()[-1]
