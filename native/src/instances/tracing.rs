@@ -14,7 +14,7 @@ use crate::structure::Structure;
 use crate::traverse::box_tree::Slabs;
 use crate::traverse::frame::{FrameRay, Placed};
 use crate::traverse::place::Place;
-use crate::traverse::query::{Any, Best, Closest, Count, Query};
+use crate::traverse::query::{Any, Best, Closest, Count, Notes, Query};
 use crate::traverse::{Hit, Ray, RayCounters, Tracer};
 use fearless_simd::Level;
 
@@ -284,7 +284,7 @@ impl Walker<'_> {
         let mut best = Best::known(self.best.hit());
         let ended = ids.iter().any(|&id| {
             counters.tests += 1;
-            let counters = &mut Count(counters, None);
+            let counters = &mut Count(counters, Notes::Nothing);
             best.offer::<Q, _>((self.ray, framed), id, || scene.corners(id), counters)
         });
         self.found(best.hit());

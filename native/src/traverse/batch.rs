@@ -4,8 +4,8 @@
 
 use super::blocks::{Blocks, LANES};
 use super::frame::{Frame, FrameRay};
-use super::path::{Follow, Path};
-use super::query::{Any, Best, Closest, Count, Counters, NoCount, Query};
+use super::path::Path;
+use super::query::{Any, Best, Closest, Count, Counters, NoCount, Notes, Query};
 use super::ray::{Hit, Ray, RayCounters};
 use super::replay::{CHUNK, Record};
 use super::shadow_cache::ShadowCache;
@@ -142,10 +142,9 @@ impl<'a> Batch<'a> {
             }),
             Some(counters) => {
                 let mut counters = counters.iter_mut();
-                baseline!(simd => {
-                    self.each::<_, _, Q, _>(simd, walk, write, |_| {
-                        Count(counters.next().expect("one set of counters per ray"), None)
-                    });
+                self.counted::<_, Q>(walk, write, &mut |_| {
+                    let counters = counters.next().expect("one set of counters per ray");
+                    Count(counters, Notes::Nothing)
                 });
             }
         }
@@ -161,16 +160,13 @@ impl<'a> Batch<'a> {
         // One at a time: the counters of all rays share the record.
         for (ray, counters) in self.rays.iter().zip(counters) {
             record.begin();
-            let mut both = Some((counters, &mut *record));
+            let mut count = Some(Count(counters, Notes::Answers(record)));
             let one = Batch {
                 rays: std::slice::from_ref(ray),
                 ..*self
             };
-            baseline!(simd => {
-                one.each::<_, _, Q, _>(simd, walk, &mut |_, _| (), |_| {
-                    let (counters, record) = both.take().expect("one ray");
-                    Count(counters, Some(record))
-                });
+            one.counted::<_, Q>(walk, &mut |_, _| (), &mut |_| {
+                count.take().expect("one ray")
             });
         }
     }
@@ -182,13 +178,23 @@ impl<'a> Batch<'a> {
     pub fn path<W: Walk>(&self, walk: &W) -> (Hit, Path) {
         assert_eq!(self.rays.len(), 1, "one ray");
         let (mut nearest, mut path) = (Hit::MISS, Path::default());
-        let mut only = Some(&mut path);
-        baseline!(simd => {
-            self.each::<_, _, Closest, _>(simd, walk, &mut |_, hit| nearest = hit, |_| {
-                Follow::new(only.take().expect("one ray"))
-            });
+        let mut count = Some(path.count());
+        self.counted::<_, Closest>(walk, &mut |_, hit| nearest = hit, &mut |_| {
+            count.take().expect("one ray")
         });
         (nearest, path)
+    }
+
+    /// Walks the rays one by one with what `count` counts into for each. Out of line, and its callers apart in values
+    /// only: one compiled walk serves them all.
+    #[inline(never)]
+    fn counted<'c, W: Walk, Q: Query>(
+        &self,
+        walk: &W,
+        write: Write<'_>,
+        count: &mut dyn FnMut(usize) -> Count<'c>,
+    ) {
+        baseline!(simd => self.each::<_, _, Q, _>(simd, walk, write, count));
     }
 
     /// Walks recorded rays again without testing triangles. Tells how long each [`CHUNK`] of them
@@ -336,7 +342,7 @@ impl<'a> Batch<'a> {
                 let mut counters = counters.iter_mut();
                 baseline!(simd => {
                     self.each_tile(simd, walk, &mut write, |_| {
-                        Count(counters.next().expect("one set of counters per ray"), None)
+                        Count(counters.next().expect("one set of counters per ray"), Notes::Nothing)
                     });
                 });
             }
@@ -388,7 +394,8 @@ impl<'a> Batch<'a> {
                 .map(|(i, (ray, counters))| {
                     let framed = self.framed(group * RAYS + i)?;
                     // Rays of a group go together, so the blockers are those of the group before.
-                    let known = self.cached(&cache, (ray, &framed), &mut Count(counters, None));
+                    let known =
+                        self.cached(&cache, (ray, &framed), &mut Count(counters, Notes::Nothing));
                     let best = known.map_or_else(|| Best::new(&framed), Best::known);
                     Some((framed, best, counters, known.is_some()))
                 })
@@ -426,7 +433,7 @@ impl<'a> Batch<'a> {
                     continue;
                 };
                 if !*done {
-                    let mut count = Count(counters, None);
+                    let mut count = Count(counters, Notes::Nothing);
                     let blocks = self.blocks;
                     *done = blocks.test::<S, Q, _>(
                         simd,

@@ -99,8 +99,19 @@ impl Counters for NoCountLate {
     const LATE: bool = true;
 }
 
-/// Counts into the counters of one ray, and records what its leaves answer if there is a record.
-pub struct Count<'a>(pub &'a mut RayCounters, pub Option<&'a mut Record>);
+/// What is noted of a walk beside its counters. A value, not a type of counters each: what counts, records or follows
+/// rays is then one compiled walk.
+pub enum Notes<'a> {
+    /// Nothing.
+    Nothing,
+    /// What the leaves answer.
+    Answers(&'a mut Record),
+    /// The leaves whose triangles are tested: where their blocks begin, and how many triangles they hold.
+    Leaves(&'a mut Vec<(u32, usize)>),
+}
+
+/// Counts into the counters of one ray, and takes notes.
+pub struct Count<'a>(pub &'a mut RayCounters, pub Notes<'a>);
 
 impl Counters for Count<'_> {
     #[inline(always)]
@@ -136,14 +147,17 @@ impl Counters for Count<'_> {
         self.0.cases[case() % CASES] += 1;
     }
     #[inline(always)]
-    fn visit(&mut self, _: u32, _: usize) {
-        if let Some(record) = &mut self.1 {
-            record.visit();
+    fn visit(&mut self, first: u32, triangles: usize) {
+        match &mut self.1 {
+            Notes::Answers(record) => record.visit(),
+            // An empty leaf begins where the next one does.
+            Notes::Leaves(leaves) if triangles > 0 => leaves.push((first, triangles)),
+            _ => {}
         }
     }
     #[inline(always)]
     fn improved(&mut self, hit: Hit) {
-        if let Some(record) = &mut self.1 {
+        if let Notes::Answers(record) = &mut self.1 {
             record.improved(hit);
         }
     }

@@ -17,7 +17,7 @@ use super::bundle::{LANES, RAYS, Row, Rows, all, lanes, load};
 use super::frame::FrameRay;
 use super::lanes::{Free, Plane};
 use super::light_cube;
-use super::query::{Any, Best, Count, Counters, NoCount};
+use super::query::{Any, Best, Count, Counters, NoCount, Notes};
 use super::ray::{Hit, RayCounters};
 use super::shadow_cache::ShadowCache;
 use super::shaft::{Extent, Shaft};
@@ -63,7 +63,10 @@ impl Batch<'_> {
                 });
             }
             Some(counters) => {
-                let mut counters: Vec<_> = counters.iter_mut().map(|c| Count(c, None)).collect();
+                let mut counters: Vec<_> = counters
+                    .iter_mut()
+                    .map(|c| Count(c, Notes::Nothing))
+                    .collect();
                 baseline!(simd => {
                     self.each_beam(simd, (tree, walk), &sorted, &mut write, &mut counters);
                 });
