@@ -8,8 +8,12 @@ from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
 
 from addon.core import results
+
+settings.register_profile("halfspace", deadline=None)  # a slow machine is no fault of what is tested
+settings.load_profile("halfspace")
 
 
 @pytest.fixture

@@ -15,7 +15,7 @@ from hypothesis.extra import numpy as hnp
 
 DOCUMENTED = (halfspace_native.ShapeError, halfspace_native.NonFiniteError, halfspace_native.SpecError)
 STRUCTURES = halfspace_native.structures()
-QUIET = settings(deadline=None, max_examples=150, suppress_health_check=list(HealthCheck))
+QUIET = settings(max_examples=150, suppress_health_check=list(HealthCheck))
 
 shapes = st.one_of(st.tuples(st.integers(0, 9), st.just(3)), hnp.array_shapes(min_dims=0, max_dims=3, max_side=4))
 dtypes = st.sampled_from(["f4", "f8", "f2", "i4", "u4", "i8", "u1", "?", ">f4", "c8", "S3", "O"])

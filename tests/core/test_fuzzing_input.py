@@ -20,7 +20,7 @@ from hypothesis.extra import numpy as hnp
 
 from addon.core import workload
 
-QUIET = settings(deadline=None, max_examples=120, suppress_health_check=list(HealthCheck))
+QUIET = settings(max_examples=120, suppress_health_check=list(HealthCheck))
 GOOD: dict[str, Any] = {
     "vertices": np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32),
     "triangles": np.array([[0, 1, 2]], np.int32),

@@ -6,7 +6,7 @@ from __future__ import annotations
 import halfspace_native
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from addon.core import grid, rays
@@ -160,3 +160,7 @@ def test_the_grid_has_every_inner_wall_twice_and_rays_inside_them() -> None:
     answers = brute.closest(walls.origins, walls.directions)
     edge = (answers.triangle >= 0) & ((answers.u == 0) | (answers.v == 0) | (answers.u + answers.v == 1))
     assert edge.mean() > 0.2
+
+
+def test_no_deadline_makes_a_test_with_drawn_input_fail_on_a_slow_machine() -> None:
+    assert settings().deadline is None
