@@ -22,7 +22,7 @@ from .accuracy import Answers, Errors
 from .check import timed_build
 from .rays import RaySet, blocks
 from .stability import allowed_to_fail
-from .workload import Workload, load_npz
+from .workload import Workload, load_both
 
 HOLDS = "holds"
 FAILS = "does not hold"
@@ -167,6 +167,7 @@ class Lab:
         self._rays: dict[tuple[str, str], RaySet] = {}
         self._errors: dict[tuple[str, str, str], Errors] = {}
         self._used: set[tuple[str, str, str]] = set()
+        self._scenes: dict[str, tuple[Workload, Workload]] = {}
         self._fingerprints: dict[str, str] = {}
         self._builds: dict[tuple[str, tuple[str, ...]], Builds] = {}
 
@@ -181,26 +182,29 @@ class Lab:
 
     def shared(self, name: str, *, published: bool = False) -> Workload | None:
         """A scene from the shared folder, or what of it was published; None where it is not there."""
-        path = self._path(name)
-        if path is None:
+        both = self._loaded(name)
+        if both is None:
             self.say(f"{name} is left out: there is no such file")
             return None
-        found = load_npz(path, published=published)
+        found = both[published]
         # Under another name, for what was measured of the whole scene is known by its name.
         return replace(found, name=f"{name} as published") if found.notes else found
 
     def fingerprints(self, names: Iterable[str]) -> dict[str, str]:
         """What the shared scenes of these names hold, of those that are there. Raises WorkloadError."""
-        for name in names:
-            path = self._path(name)
-            if name not in self._fingerprints and path is not None:
-                both = {load_npz(path, published=published).fingerprint() for published in (False, True)}
-                self._fingerprints[name] = " ".join(sorted(both))
-        return {name: self._fingerprints[name] for name in names if name in self._fingerprints}
+        there = {name: both for name in names if (both := self._loaded(name)) is not None}
+        for name in there.keys() - self._fingerprints.keys():
+            self._fingerprints[name] = " ".join(sorted({one.fingerprint() for one in there[name]}))
+        return {name: self._fingerprints[name] for name in there}
 
-    def _path(self, name: str) -> Path | None:
-        path = None if self.scenes is None else self.scenes / f"{name}.npz"
-        return path if path is not None and path.is_file() else None
+    def _loaded(self, name: str) -> tuple[Workload, Workload] | None:
+        """A scene from the shared folder, whole and as published, read once; None where it is not there."""
+        if name not in self._scenes:
+            path = None if self.scenes is None else self.scenes / f"{name}.npz"
+            if path is None or not path.is_file():
+                return None
+            self._scenes[name] = load_both(path)
+        return self._scenes[name]
 
     def build(self, workload: Workload, spec: str) -> Any:
         """The structure, built once, or again after others that needed its room."""

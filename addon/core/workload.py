@@ -3,8 +3,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -188,6 +189,22 @@ def load_npz(path: Path, *, memory_limit: int | None = None, published: bool = F
     published: as it was measured in a publication, where the file says what that was: without the triangles that stand
     for quadrics, and only the part of the film that was rendered.
     """
+    arrays = _arrays(path, (*_KEYS, *_PUBLISHED) if published else _KEYS, memory_limit)
+    with _naming(path):
+        whole = _whole(path.stem, arrays)
+        return _as_published(whole, arrays) if published else whole
+
+
+def load_both(path: Path) -> tuple[Workload, Workload]:
+    """A scene and what of it was published, of one reading, as `load_npz` gives them. Raises WorkloadError."""
+    arrays = _arrays(path, (*_KEYS, *_PUBLISHED), None)
+    with _naming(path):
+        whole = _whole(path.stem, arrays)
+        return whole, _as_published(whole, arrays)
+
+
+def _arrays(path: Path, wanted: Sequence[str], memory_limit: int | None) -> dict[str, Any]:
+    """The wanted arrays, as far as the file has them. Raises WorkloadError."""
     try:
         # Opened here, because numpy leaves a broken file open.
         with path.open("rb") as raw, np.load(raw, allow_pickle=False) as file:
@@ -197,29 +214,37 @@ def load_npz(path: Path, *, memory_limit: int | None = None, published: bool = F
             missing = [key for key in _KEYS if key not in file.files]
             if missing:
                 raise WorkloadError(f"{path}: the key {missing[0]!r} is missing")
-            wanted = (*_KEYS, *_PUBLISHED) if published else _KEYS
-            arrays = {key: file[key] for key in wanted if key in file.files}
+            return {key: file[key] for key in wanted if key in file.files}
     except WorkloadError:
         raise
     except Exception as error:
         # A damaged archive makes its readers raise anything, from struct.error to NotImplementedError.
         raise WorkloadError(f"{path}: cannot be read as .npz: {first_line(error)}") from error
+
+
+@contextlib.contextmanager
+def _naming(path: Path) -> Iterator[None]:
+    """What is wrong with a file's arrays is told with its name."""
     try:
-        camera = {key: _real(arrays[key], key).astype(np.float64) for key in _KEYS if key.startswith("camera_")}
-        eye, target, up = (camera[f"camera_{k}"].reshape(-1) for k in ("eye", "target", "up"))
-        view = View(eye, target, up, float(camera["camera_vfov_deg"].reshape(())))
-        with np.errstate(over="ignore"):  # what is beyond float32 becomes infinite, and is dropped
-            vertices = np.ascontiguousarray(_real(arrays["vertices"], "vertices"), np.float32)
-        if arrays["triangles"].dtype.kind not in "iu":
-            raise WorkloadError(f"triangles: expected whole numbers, got {arrays['triangles'].dtype}")
-        if arrays["triangles"].size:  # before they become int32, in which others may look as if they were in range
-            least, most = int(arrays["triangles"].min()), int(arrays["triangles"].max())
-            if not 0 <= least <= most < len(vertices):
-                raise WorkloadError(f"triangles: an index is out of range for {len(vertices)} vertices")
-        whole = Workload(path.stem, vertices, np.ascontiguousarray(arrays["triangles"], np.int32), view)
-        return _as_published(whole, arrays) if published else whole
+        yield
     except ValueError as error:
         raise WorkloadError(f"{path}: {first_line(error)}") from error
+
+
+def _whole(name: str, arrays: Mapping[str, Any]) -> Workload:
+    """The scene that these arrays are. Raises ValueError."""
+    camera = {key: _real(arrays[key], key).astype(np.float64) for key in _KEYS if key.startswith("camera_")}
+    eye, target, up = (camera[f"camera_{k}"].reshape(-1) for k in ("eye", "target", "up"))
+    view = View(eye, target, up, float(camera["camera_vfov_deg"].reshape(())))
+    with np.errstate(over="ignore"):  # what is beyond float32 becomes infinite, and is dropped
+        vertices = np.ascontiguousarray(_real(arrays["vertices"], "vertices"), np.float32)
+    if arrays["triangles"].dtype.kind not in "iu":
+        raise WorkloadError(f"triangles: expected whole numbers, got {arrays['triangles'].dtype}")
+    if arrays["triangles"].size:  # before they become int32, in which others may look as if they were in range
+        least, most = int(arrays["triangles"].min()), int(arrays["triangles"].max())
+        if not 0 <= least <= most < len(vertices):
+            raise WorkloadError(f"triangles: an index is out of range for {len(vertices)} vertices")
+    return Workload(name, vertices, np.ascontiguousarray(arrays["triangles"], np.int32), view)
 
 
 def _as_published(whole: Workload, arrays: Mapping[str, Any]) -> Workload:

@@ -181,6 +181,16 @@ def test_a_scene_that_is_put_there_or_changes_is_measured(tmp_path: Path) -> Non
     assert not set(other) & set(first)
 
 
+def test_a_shared_scene_is_read_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = tmp_path / "utah-teapot-plane.npz"
+    save_scene(scene, claims_scenes.scattered())
+    read: list[str] = []
+    load = np.load
+    monkeypatch.setattr(np, "load", lambda file, **options: read.append(file.name) or load(file, **options))
+    assert command.main(["teapot-in-the-stadium", "--quick", "--out", str(tmp_path)]) == 0
+    assert read == [str(scene)], "to know whether it changed, and to be measured"
+
+
 def test_what_cannot_be_measured_is_tried_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     asked = ["octrees-beat-boxes", "--quick", "--out", str(tmp_path)]
     with monkeypatch.context() as patch:
