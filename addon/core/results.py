@@ -32,24 +32,48 @@ def write(path: Path, text: str) -> None:
 
 
 def write_all(files: Mapping[Path, str]) -> None:
-    """Write files so that none is ever seen half-written, and all old ones stay until all new ones are complete."""
+    """Write files so that none is ever seen half-written, and all old ones stay until all new ones are complete.
+
+    Raises FolderError, which names the file that cannot be written, before any is replaced.
+    """
     complete: list[tuple[Path, Path]] = []
     try:
+        for path in files:
+            _check_target(path)
         for path, text in files.items():
-            handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=path.name + ".")
-            complete.append((Path(temporary), path))
-            with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as file:
-                file.write(text)
-                file.flush()
-                os.fsync(file.fileno())
-            # mkstemp makes files that only their owner can read; a report is for whom the user's other files are for.
-            Path(temporary).chmod(0o666 & ~_umask())
+            with _naming(path):
+                handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=path.name + ".")
+                complete.append((Path(temporary), path))
+                with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as file:
+                    file.write(text)
+                    file.flush()
+                    os.fsync(file.fileno())
+                # mkstemp makes files that only their owner can read; a report is for whom the user's others are for.
+                Path(temporary).chmod(0o666 & ~_umask())
         for one, path in complete:
-            one.replace(path)
+            with _naming(path):
+                one.replace(path)
     except BaseException:
         for one, _ in complete:
             one.unlink(missing_ok=True)
         raise
+
+
+def _check_target(path: Path) -> None:
+    """Raise FolderError where a new file cannot take this name."""
+    if path.is_dir():
+        raise FolderError(f"{path}: cannot be written: it is a folder")
+    if path.exists() and not os.access(path, os.W_OK):
+        raise FolderError(f"{path}: cannot be written: it may only be read")
+
+
+@contextlib.contextmanager
+def _naming(path: Path) -> Iterator[None]:
+    """What keeps a file from being written becomes a FolderError with its name, not that of what stands in for it."""
+    try:
+        yield
+    except OSError as error:
+        raise _unwritten(path, error) from error
 
 
 def _umask() -> int:
@@ -66,7 +90,7 @@ def prepare_folder(folder: Path) -> None:
         with tempfile.TemporaryFile(dir=folder):
             pass
     except OSError as error:
-        raise FolderError(f"{folder}: cannot be written: {error.strerror or error}") from error
+        raise _unwritten(folder, error) from error
 
 
 @contextlib.contextmanager
@@ -77,7 +101,11 @@ def writing(folder: Path | None) -> Iterator[None]:
     except FolderError:
         raise
     except OSError as error:
-        raise FolderError(f"{folder}: cannot be written: {error.strerror or error}") from error
+        raise _unwritten(folder, error) from error
+
+
+def _unwritten(path: Path | None, error: OSError) -> FolderError:
+    return FolderError(f"{path}: cannot be written: {error.strerror or error}")
 
 
 def machine(native: Any) -> dict[str, Any]:
@@ -250,7 +278,7 @@ class Journal:
                 file.flush()
                 os.fsync(file.fileno())
         except OSError as error:
-            raise FolderError(f"{self._path}: cannot be written: {error.strerror or error}") from error
+            raise _unwritten(self._path, error) from error
         self._torn = False
 
 

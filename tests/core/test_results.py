@@ -36,6 +36,43 @@ def test_all_files_are_for_whom_the_user_s_other_files_are_for(tmp_path: Path, m
     assert modes == dict.fromkeys(("rows.jsonl", "bench.json"), oct(0o666 & ~mask))
 
 
+def two_old(folder: Path) -> dict[Path, str]:
+    """Two files that are to be replaced, the second of which cannot be."""
+    first, second = folder / "bench.json", folder / "report.html"
+    first.write_text("old")
+    return {first: "new", second: "new"}
+
+
+def test_a_folder_where_a_file_should_be_leaves_the_other_files(tmp_path: Path) -> None:
+    files = two_old(tmp_path)
+    first, second = files
+    second.mkdir()
+    with pytest.raises(results.FolderError) as told:
+        results.write_all(files)
+    assert str(told.value) == f"{second}: cannot be written: it is a folder"
+    assert first.read_text() == "old"
+    assert set(tmp_path.iterdir()) == set(files)
+
+
+def test_a_file_that_may_only_be_read_leaves_the_other_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    files = two_old(tmp_path)
+    first, second = files
+    second.write_text("old")
+    # Not by the mode of the file, which keeps nobody from it who may do everything.
+    monkeypatch.setattr(results.os, "access", lambda path, mode: path != second or mode != os.W_OK)
+    with pytest.raises(results.FolderError) as told:
+        results.write_all(files)
+    assert str(told.value) == f"{second}: cannot be written: it may only be read"
+    assert [path.read_text() for path in files] == ["old", "old"]
+
+
+def test_a_file_without_a_folder_is_told_by_its_own_name(tmp_path: Path) -> None:
+    missing = tmp_path / "nowhere" / "bench.json"
+    with pytest.raises(results.FolderError) as told:
+        results.write(missing, "{}")
+    assert str(told.value).startswith(f"{missing}: cannot be written: No such file")
+
+
 def test_rows_come_back(tmp_path: Path) -> None:
     first = results.Journal(tmp_path)
     first.begin({"seed": 1})
