@@ -40,7 +40,7 @@ from addon.core import (
     yardstick,
 )
 from addon.core.native import first_line
-from addon.core.usage import Parser, UsageError
+from addon.core.usage import Parser, UsageError, output
 
 SUFFIXES = (".npz", ".blend", ".obj", ".ply", ".stl", ".glb", ".gltf", ".usd", ".usda", ".usdc", ".usdz")
 
@@ -146,7 +146,7 @@ def parser() -> argparse.ArgumentParser:
         help="no peak memory, no other view sizes, no cost maps, no moved grids: speeds and errors",
     )
     add("--preset", choices=sorted(PRESETS), help="a named choice of scenes, structures and ray sets")
-    add("--out", type=Path, metavar="DIR", help="write bench.json, bench.csv and report.html; an earlier run resumes")
+    add("--out", type=output, metavar="DIR", help="write bench.json, bench.csv and report.html; an earlier run resumes")
     add("--shard", metavar="I/N", help="measure only every N-th row, from the I-th; the report is made by --merge")
     add(
         "--merge", action="store_true", help="measure nothing: one report of the folders that stand for SCENE, in --out"

@@ -19,7 +19,7 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from addon.core import claims, claims_report, claims_table, command, native, results, workload
-from addon.core.usage import Parser, UsageError
+from addon.core.usage import Parser, UsageError, output
 
 
 def parser() -> argparse.ArgumentParser:
@@ -28,7 +28,7 @@ def parser() -> argparse.ArgumentParser:
     add = made.add_argument
     add("claims", nargs="*", metavar="CLAIM", help="which claims (default: all); `list` prints them")
     add("--quick", action="store_true", help="three repeats instead of seven")
-    add("--out", type=Path, metavar="DIR", help="write claims.json and claims.html")
+    add("--out", type=output, metavar="DIR", help="write claims.json and claims.html")
     return made
 
 

@@ -35,7 +35,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from addon.core import command, native, results, specs, workload
 from addon.core.native import first_line
-from addon.core.usage import Parser, UsageError
+from addon.core.usage import Parser, UsageError, output
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -81,7 +81,7 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument("--bounces", type=int, help="bounces of light in both engines (default: 4; with --whole 0)")
     made.add_argument("--threads", type=int, default=0, help="threads of both engines, 0 = all (default)")
     made.add_argument("--structure", default="kd", metavar="SPEC", help="Halfspace's acceleration structure")
-    made.add_argument("--out", type=Path, default=ROOT / "out" / "compare", metavar="DIR", help="where to write")
+    made.add_argument("--out", type=output, default=ROOT / "out" / "compare", metavar="DIR", help="where to write")
     return made
 
 

@@ -20,7 +20,7 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from addon.core import command, growth, growth_report, native, rays, results, specs
-from addon.core.usage import Parser, UsageError
+from addon.core.usage import Parser, UsageError, output
 
 STRUCTURES = "kd,bsp-wn-plus-kd"
 
@@ -40,7 +40,7 @@ def parser() -> argparse.ArgumentParser:
     add("--ray-seed", type=int, default=1, help="seed of the rays (default: 1)")
     add("--memory-limit", type=float, metavar="GB", help="what a build may take (default: most of what is free)")
     add("--no-peak", action="store_true", help="leave out the builds in processes of their own that tell their memory")
-    add("--out", type=Path, metavar="DIR", help="write growth.json and growth.html")
+    add("--out", type=output, metavar="DIR", help="write growth.json and growth.html")
     return made
 
 

@@ -17,7 +17,7 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from addon.core import command, results, specs, workload
-from addon.core.usage import Parser, UsageError
+from addon.core.usage import Parser, UsageError, output
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -44,7 +44,7 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument("--style", default="BOTH", choices=("OUTLINE", "FILL", "BOTH"), help="default: BOTH")
     made.add_argument("--view", type=float, nargs=6, metavar="N", help="eye x y z and target x y z, z up, 40 degrees")
     made.add_argument("--size", default="1440x810", metavar="WxH", help="pixels (default: 1440x810)")
-    made.add_argument("--out", type=Path, default=ROOT / "out" / "overlay.png", help="the picture, .png or .jpg")
+    made.add_argument("--out", type=output, default=ROOT / "out" / "overlay.png", help="the picture, .png or .jpg")
     return made
 
 

@@ -23,7 +23,7 @@ import wheel
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from addon.core import command
-from addon.core.usage import Parser
+from addon.core.usage import Parser, output
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -173,7 +173,7 @@ def main(arguments: Sequence[str]) -> int:
     """The command line. Returns the exit status."""
     parser = Parser(prog="package", description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--wheel", type=Path, action="append", default=[], help="a wheel to bundle; may be repeated")
-    parser.add_argument("--out", type=Path, default=ROOT / "build", help="where the zip goes (default: build)")
+    parser.add_argument("--out", type=output, default=ROOT / "build", help="where the zip goes (default: build)")
     return command.run("package", arguments, parser.parse_args, run, told=(PackageError, wheel.BuildError))
 
 

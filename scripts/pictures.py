@@ -20,7 +20,7 @@ import overlay_picture
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from addon.core import catalogue, command
-from addon.core.usage import Parser, UsageError
+from addon.core.usage import Parser, UsageError, output
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -56,7 +56,7 @@ LEAST = 64
 def parser() -> argparse.ArgumentParser:
     """The command line."""
     made = Parser(prog="pictures", description=(__doc__ or "").splitlines()[0])
-    made.add_argument("--out", type=Path, help="a folder (default: out/pictures, with --readme .pictures)")
+    made.add_argument("--out", type=output, help="a folder (default: out/pictures, with --readme .pictures)")
     made.add_argument("--width", type=int, help="pixels across (default: 1280, with --readme 720)")
     made.add_argument("--readme", action="store_true", help="only the pictures of the README")
     return made

@@ -21,7 +21,7 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from addon.core import choice, command, native, picture_files, results, specs, workload
-from addon.core.usage import Parser, UsageError
+from addon.core.usage import Parser, UsageError, output
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -34,7 +34,10 @@ def parser() -> argparse.ArgumentParser:
     made = Parser(prog="render", description=(__doc__ or "").splitlines()[0])
     made.add_argument("file", nargs="?", help=".blend or .npz (default: the built-in showcase)")
     made.add_argument(
-        "--out", type=Path, default=ROOT / "out" / "showcase.png", help="the picture, .png (default: out/showcase.png)"
+        "--out",
+        type=output,
+        default=ROOT / "out" / "showcase.png",
+        help="the picture, .png (default: out/showcase.png)",
     )
     made.add_argument("--structure", metavar="SPEC", help="the acceleration structure (default: the file's)")
     made.add_argument("--samples", type=int, help="samples per pixel (default: the file's)")

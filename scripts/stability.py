@@ -20,7 +20,7 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from addon.core import agreement, command, grid, leaks, native, results, specs, stability, trials, workload
-from addon.core.usage import Parser, UsageError
+from addon.core.usage import Parser, UsageError, output
 
 BUNNY = Path(__file__).resolve().parents[2] / "shared" / "scenes" / "stanford-bunny.npz"
 """A scanned surface whose few holes are closed by fans."""
@@ -58,7 +58,7 @@ def parser() -> argparse.ArgumentParser:
     add("--leaks-only", action="store_true", help="only send rays out of closed surfaces")
     add("--seed", type=int, default=7, help="seed of the scenes (default: 7)")
     add("--leak-rays", type=int, metavar="N", help="rays from inside each closed surface (default: 10^4, large 10^6)")
-    add("--out", type=Path, metavar="DIR", help="write stability.json, stability.csv and stability.html")
+    add("--out", type=output, metavar="DIR", help="write stability.json, stability.csv and stability.html")
     return made
 
 

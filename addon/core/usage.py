@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 from typing import NoReturn
 
 
@@ -17,3 +18,10 @@ class Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """Raise the UsageError."""
         raise UsageError(message)
+
+
+def output(text: str) -> Path:
+    """Where a command writes, as the type of an option. An empty name, which is `.` to a path, is a mistake."""
+    if not text.strip():
+        raise argparse.ArgumentTypeError(f"expected a name, got {text!r}")
+    return Path(text)

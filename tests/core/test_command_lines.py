@@ -138,6 +138,12 @@ def test_what_cannot_be_done_is_one_line(
     assert words in told(COMMANDS[name], arguments, capsys)
 
 
+@pytest.mark.parametrize("name", [name for name in COMMANDS if name not in ("choose", "extraction")])
+@pytest.mark.parametrize("text", ["", " "])
+def test_nothing_is_written_to_a_place_without_a_name(name: str, text: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert told(COMMANDS[name], ["--out", text], capsys) == f"{name}: argument --out: expected a name, got {text!r}\n"
+
+
 @pytest.mark.parametrize("name", ["render", "overlay_picture"])
 def test_a_folder_is_no_picture(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "picture.png").mkdir()

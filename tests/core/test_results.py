@@ -56,7 +56,7 @@ def test_a_folder_where_a_file_should_be_leaves_the_other_files(tmp_path: Path) 
 
 def test_a_file_that_may_only_be_read_leaves_the_other_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     files = two_old(tmp_path)
-    first, second = files
+    second = list(files)[1]
     second.write_text("old")
     # Not by the mode of the file, which keeps nobody from it who may do everything.
     monkeypatch.setattr(results.os, "access", lambda path, mode: path != second or mode != os.W_OK)
