@@ -29,7 +29,7 @@ def read_light(item: Any, matrix: F64, notes: Notes) -> Light | None:
     if data.use_temperature:
         power = _times(power, tuple(data.temperature_color))
     power = _times(power, _node_strength(data, name, notes))
-    light = Light(kind=data.type.lower(), to_world=to_world, power=power, casts_shadow=data.use_shadow)
+    light = Light(data.type.lower(), to_world, power, casts_shadow=data.use_shadow, name=name)
     match data.type:
         case "POINT" | "SPOT":
             light = replace(light, radius=data.shadow_soft_size)

@@ -63,7 +63,7 @@ class Sky:
         turned = Vector(self.direction).to_track_quat("Z", "Y").to_matrix().to_4x4()
         to_world = np.array([list(row) for row in turned], np.float64)
         power = scaled(self.sun, strength * math.pi * math.sin(self.angle / 2) ** 2)
-        return Light("sun", to_world, power, angle=self.angle, hidden_from=())
+        return Light("sun", to_world, power, angle=self.angle, hidden_from=(), name="Sky Texture")
 
 
 class _Bake(threading.Thread):

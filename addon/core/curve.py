@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from . import flip, rotation, timing
 from .rays import TILE
-from .session import arguments
+from .session import render_scene
 from .workload import View, Workload
 
 SIZE = 96
@@ -144,7 +144,9 @@ class Curve:
     def _scene(self, structure: Any) -> Any:
         """The scene to render, with this structure. Its textures are handed over here, which is no part of any time."""
         scene = self._workload.render_scene
-        return self._native.RenderScene(structure, **(_plain_scene() if scene is None else arguments(scene)))
+        if scene is None:
+            return self._native.RenderScene(structure, **_plain_scene())
+        return render_scene(self._native, structure, scene)
 
     def _job(self, render_scene: Any, samples: int, seed: int, threads: int) -> Any:
         settings = {

@@ -302,7 +302,7 @@ class Material:
 
 @dataclass(frozen=True, eq=False)
 class Light:
-    """A lamp that shines along its -Z.
+    """A lamp that shines along its -Z. name: what messages call it, the object's.
 
     power: linear RGB in W (sun: W/m²) as Blender means energy × colour. radius, size, size_y in scene units; angle,
     spot_size (full cone) in radians; shape as in Blender: SQUARE, RECTANGLE, DISK, ELLIPSE.
@@ -320,11 +320,13 @@ class Light:
     size_y: float = 0.0
     casts_shadow: bool = True
     hidden_from: Hidden = ("camera",)
+    name: str = ""
 
     def __post_init__(self) -> None:
-        check("light.to_world", self.to_world, np.float64, (4, 4))
+        called = self.name or "light"
+        check(f"{called}: to_world", self.to_world, np.float64, (4, 4))
         if not np.isfinite(self.to_world).all() or not np.isfinite(self.power).all():
-            raise SceneError("light: its transform or power is not finite")
+            raise SceneError(f"{called}: its transform or power is not finite")
 
 
 @dataclass(frozen=True)

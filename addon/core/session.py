@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 import threading
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, fields, replace
@@ -200,6 +201,22 @@ def arguments(scene: Scene) -> dict[str, Any]:
     }
 
 
+LIGHT = re.compile(r"lights\[(\d+)\]")
+"""How messages of the native module begin that are about a light."""
+
+
+def render_scene(native: Any, structure: Any, scene: Scene) -> Any:
+    """The native `RenderScene` over this structure. Raises what it raises; an error about a light tells its name."""
+    try:
+        return native.RenderScene(structure, **arguments(scene))
+    except ValueError as error:
+        about = LIGHT.match(str(error))
+        name = scene.lights[int(about[1])].name if about is not None else ""
+        if not name:
+            raise
+        raise type(error)(f"{name}: {error}") from error
+
+
 @dataclass(frozen=True)
 class Session:
     """A structure, and the scene around it in the form that the native renderer walks."""
@@ -237,8 +254,7 @@ class Session:
     @classmethod
     def over(cls, native: Any, scene: Scene, structure: Any) -> Session:
         """The same over a structure of this scene that is built already."""
-        render_scene = native.RenderScene(structure, **arguments(scene))
-        return cls(native, structure, render_scene)
+        return cls(native, structure, render_scene(native, structure, scene))
 
     @property
     def left_out(self) -> list[str]:

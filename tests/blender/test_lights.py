@@ -31,6 +31,15 @@ def test_power_is_energy_times_colour_times_exposure(add: Any) -> None:
     assert (light.kind, light.radius) == ("point", 0.5)
 
 
+def test_an_error_about_a_light_names_its_object(scene: Any, add: Any) -> None:
+    scene.render.engine = "HALFSPACE"
+    add("Camera", bpy.data.cameras.new("Camera"))
+    scene.camera = bpy.data.objects["Camera"]
+    add("Desk Lamp", bpy.data.lights.new("its data", "POINT")).data.energy = -1.0
+    with pytest.raises(RuntimeError, match=r"Desk Lamp: lights\[0\]\['power'\]"):
+        bpy.ops.render.render()
+
+
 def test_temperature_tints(add: Any) -> None:
     light = only_light(add, "SUN", energy=1, use_temperature=True, temperature=3000, angle=0.1)
     r, g, b = light.power

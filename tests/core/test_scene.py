@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Scene arrays refuse what is wrong, by name, and know whose triangles are faulty."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
-from addon.core.scene import Camera, Geometry, Material, Scene, SceneError, Source, World, faulty
+from addon.core.scene import Camera, Geometry, Light, Material, Scene, SceneError, Source, World, faulty
 
 VERTICES = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [np.nan, 0, 0], [2, 0, 0]], np.float32)
 
@@ -74,3 +76,9 @@ def test_a_camera_that_is_not_finite_is_refused() -> None:
         Camera("perspective", np.eye(4), (-1.0, np.nan, -1.0, 1.0), 0.1, 100.0)
     with pytest.raises(SceneError, match="kind"):
         Camera("panoramic", np.eye(4), (-1.0, 1.0, -1.0, 1.0), 0.1, 100.0)
+
+
+@pytest.mark.parametrize("wrong", [{"power": (np.inf, 0.0, 0.0)}, {"to_world": np.full((4, 4), np.nan)}])
+def test_an_error_about_a_light_names_it(wrong: dict[str, Any]) -> None:
+    with pytest.raises(SceneError, match=r"^Desk Lamp: its transform or power is not finite"):
+        Light(**{"kind": "point", "to_world": np.eye(4), "power": (1.0, 1.0, 1.0), "name": "Desk Lamp", **wrong})

@@ -3,12 +3,14 @@
 
 import math
 import threading
+from dataclasses import replace
 
+import halfspace_native
 import numpy as np
 import pytest
 from fake_native import FakeNative
 
-from addon.core.scene import Camera, Geometry, Material, Scene, World
+from addon.core.scene import Camera, Geometry, Light, Material, Scene, World
 from addon.core.session import Cancelled, RenderError, Session, watch
 from addon.core.settings import RenderSettings
 
@@ -29,6 +31,17 @@ def test_materials_and_world_reach_the_native_scene() -> None:
     assert parts["corner_normals"] is None
     assert parts["material_index"].dtype == np.int32
     assert session.left_out == ["shadow rays: no lights"]
+
+
+def test_an_error_about_a_light_names_it() -> None:
+    sound = Light("sun", np.eye(4), (1.0, 1.0, 1.0), name="Sun")
+    lamp = Light("point", np.eye(4), (1e60, 1.0, 1.0), name="Desk Lamp")
+    for lights, words in (
+        ((sound, lamp), r"^Desk Lamp: lights\[1\]\['power'\]\[0\] must be finite"),
+        ((replace(lamp, name=""),), r"^lights\[0\]"),
+    ):
+        with pytest.raises(halfspace_native.NonFiniteError, match=words):
+            Session.start(halfspace_native, replace(SCENE, lights=lights), "kd", keep_going=lambda _: True)
 
 
 def test_a_cancelled_build_stops_and_joins_its_thread() -> None:
