@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import bpy
 import numpy as np
 
-from ..core import auto, catalogue, choice, native
+from ..core import auto, catalogue, choice, native, room
 from ..core.background import Background
 from ..core.command import INTERRUPTED
 from ..core.notes import Notes
@@ -117,6 +117,8 @@ class _Picture:
         spec = properties.spec(self.group)
         label = catalogue.load()[self.group.structure].label
         settings = render_settings(self.engine, self.depsgraph)
+        width, height = settings.size
+        room.check(module, f"a picture of {width} × {height} pixels", passes.bytes_needed(settings))
 
         self._say("Reading the scene")
         start, read = time.perf_counter(), trees.moment(self.scene)

@@ -4,9 +4,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import bpy
+
+if TYPE_CHECKING:
+    from ..core.settings import RenderSettings
 
 
 @dataclass(frozen=True)
@@ -73,3 +76,13 @@ def register_passes(engine: Any, scene: Any, view_layer: Any) -> None:
 def native_names() -> dict[str, str]:
     """The native name of each pass by its name in this Blender."""
     return {render_pass.in_blender: render_pass.name for render_pass in PASSES}
+
+
+BYTES = 8 + 4 + 4
+"""Of each channel of a pixel: in the film, on the way from it, and in Blender's result."""
+
+
+def bytes_needed(settings: RenderSettings) -> int:
+    """How much memory the pixels of a picture take."""
+    width, height = settings.size
+    return width * height * BYTES * sum(len(each.channels) for each in PASSES if each.name in settings.passes)

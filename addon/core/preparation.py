@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass
 from functools import partial
 from typing import Any
 
-from . import costmap, curve, rays, yardstick
+from . import costmap, curve, rays, room, yardstick
 from .accuracy import Answers
 from .offsets import Moved
 from .rays import RaySet
@@ -96,8 +96,18 @@ class Prepared:
     beside: Any = None
 
 
+def check_room(native: Any, options: Options) -> None:
+    """Raise MemoryError where there is no room for the rays of a view of this size."""
+    width, height = options.size
+    room.check(native, f"size: the rays of {width}x{height} pixels", rays.bytes_needed(options.size, options.sets))
+
+
 def prepare(native: Any, workload: Workload, options: Options) -> Generator[Progress, None, Prepared]:
-    """The part of the work that all configurations of a scene share; a generator that returns it."""
+    """The part of the work that all configurations of a scene share; a generator that returns it.
+
+    Raises MemoryError, before anything is made, where there is no room for it.
+    """
+    check_room(native, options)
     yield Progress(0.0, "making the rays")
     tracer = _tracer(native, workload, options)
     ray_sets = rays.make(workload, tracer, size=options.size, seed=options.seed, names=options.sets)

@@ -37,6 +37,10 @@ SHORT_OF_LIGHT = 1e-4
 """Shadow rays end this share of their length before the light, which itself blocks nothing."""
 
 
+PIXEL_BYTES, HIT_BYTES = 112, 400
+"""What making the primary rays takes for each pixel at its height, and what all sets that need hits take beside it."""
+
+
 @dataclass(frozen=True, eq=False)
 class RaySet:
     """Rays that are traced together.
@@ -93,6 +97,12 @@ def make(
     if set(names) - {"primary"}:
         sets |= _secondary(workload, tracer, primary, directions, tiles, seed, offset)
     return [sets[name] for name in NAMES if name in names] + list(workload.extra)
+
+
+def bytes_needed(size: tuple[int, int], names: Sequence[str]) -> int:
+    """About how much memory `make` takes for these sets. size: width and height in pixels."""
+    width, height = size
+    return width * height * (PIXEL_BYTES + HIT_BYTES * bool(set(names) - {"primary"}))
 
 
 def tile_order(width: int, height: int) -> NDArray[np.int64]:

@@ -9,13 +9,15 @@ from pathlib import Path
 from typing import Any
 
 import bpy
+import halfspace_native
 import numpy as np
 import OpenImageIO
 import pytest
 from exr_files import exr
 from shapes import cube, grid, material, node, with_nodes
 
-from addon.blender import engine, reports, viewport
+from addon.blender import engine, extract, reports, viewport
+from addon.core import room
 from addon.core.session import Cancelled
 
 WIDTH, HEIGHT = 48, 32
@@ -192,6 +194,18 @@ def test_an_error_while_rendering_is_one_readable_line(stage: Any, monkeypatch: 
 
     monkeypatch.setattr(engine.extract, "find", fail)
     with pytest.raises(RuntimeError, match="the scene is odd"):
+        bpy.ops.render.render()
+
+
+def test_a_picture_larger_than_memory_is_refused_before_the_scene_is_read(
+    stage: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(extract, "find", lambda *_, **__: pytest.fail("the scene was read"))
+    monkeypatch.setattr(room, "SMALL", 0)
+    # Of the film alone there would be room.
+    monkeypatch.setattr(halfspace_native, "free_memory", lambda: 64 * 64 * 4 * 8)
+    stage.render.resolution_x = stage.render.resolution_y = 64
+    with pytest.raises(RuntimeError, match="a picture of 64 × 64 pixels: needs about 1 MB, of 1 MB that are free"):
         bpy.ops.render.render()
 
 

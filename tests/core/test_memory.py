@@ -3,15 +3,19 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import bench
 import halfspace_native as native
 import numpy as np
 import pytest
+from one_line import told
 
-from addon.core import benchmark, grid, peak, workload
+from addon.core import benchmark, grid, peak, preparation, rays, workload
+from addon.core import native as loading
 from addon.core.workload import WorkloadError
 
 STRUCTURES = [row["id"] for row in native.structures()]
@@ -112,6 +116,36 @@ def test_a_film_larger_than_memory_is_refused() -> None:
         pytest.skip("this machine has room for the largest film")
     with pytest.raises(MemoryError, match="film"):
         native.render(scene, camera, settings)
+
+
+class Narrow:
+    """The module on a machine with a gigabyte of free memory."""
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(native, name)
+
+    def free_memory(self) -> int:
+        return 1_000_000_000
+
+
+NO_ROOM = r"^size: the rays of 16384x16384 pixels: needs about \d+ MB, of 1000 MB that are free$"
+
+
+@pytest.mark.parametrize("names", [("primary",), rays.NAMES])
+def test_rays_that_are_larger_than_memory_are_refused_before_they_are_made(
+    names: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(rays, "make", lambda *_, **__: pytest.fail("rays were made"))
+    options = benchmark.Options(size=(1 << 14, 1 << 14), sets=names)
+    with pytest.raises(MemoryError, match=NO_ROOM):
+        preparation.prepared(Narrow(), grid.workload(rays=64), options)
+
+
+def test_a_size_without_room_is_one_line(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setattr(loading, "load", Narrow)
+    monkeypatch.setattr(grid, "workload", lambda **_: pytest.fail("a scene was made"))
+    said = told(bench, ["grid", "--structures", "kd", "--size", "16384x16384"], capsys)
+    assert re.fullmatch(NO_ROOM.strip("^$"), said.removeprefix("bench: ").rstrip())
 
 
 class Watched:

@@ -1,0 +1,22 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Whether what Python and Blender allocate fits into memory; asked before it is allocated, as by the native module."""
+
+from __future__ import annotations
+
+from typing import Any
+
+SMALL = 64 << 20
+"""Less than this is not worth asking the system about."""
+
+
+def check(native: Any, what: str, needed: int) -> None:
+    """Raise MemoryError, which names what it is about, where so many bytes are more than a build might take now."""
+    if needed <= SMALL:
+        return
+    free = native.free_memory()
+    if needed > free:
+        raise MemoryError(f"{what}: needs about {_megabytes(needed)}, of {_megabytes(free)} that are free")
+
+
+def _megabytes(size: int) -> str:
+    return f"{-(-size // 1_000_000)} MB"
