@@ -6,6 +6,7 @@ from __future__ import annotations
 import logging
 import math
 import time
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import bpy
@@ -21,6 +22,7 @@ from . import camera, comparing, extract, passes, properties, remarks, reports, 
 from .viewport import Viewport
 
 if TYPE_CHECKING:
+    from ..core.instances import Layout
     from ..core.scene import Camera, Scene
 
 ENGINE = "HALFSPACE"
@@ -100,6 +102,28 @@ class HalfspaceEngine(bpy.types.RenderEngine):
             self._viewport.draw(self, context)
 
 
+@dataclass(frozen=True, eq=False)
+class _Read:
+    """What was read of the scene. moment: when, as `trees.moment` tells it. seconds: how long it took."""
+
+    scene: Scene
+    view: Camera
+    layout: Layout
+    moment: int
+    seconds: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Built:
+    """What the picture is rendered with. reasons: of a choice, in lines. answers: how many were compared, in words."""
+
+    session: Session
+    spec: str
+    label: str
+    reasons: list[str] = field(default_factory=list)
+    answers: str = choice.NOT_COMPARED
+
+
 class _Picture:
     """One call of `render`, with the result that is open in Blender while it runs."""
 
@@ -114,66 +138,91 @@ class _Picture:
     def render(self) -> None:
         """Extract, build, render, report."""
         module = native.load()
-        spec = properties.spec(self.group)
-        label = catalogue.load()[self.group.structure].label
         settings = render_settings(self.engine, self.depsgraph)
         width, height = settings.size
         room.check(module, f"a picture of {width} × {height} pixels", passes.bytes_needed(settings))
 
         self._say("Reading the scene")
-        start, read = time.perf_counter(), trees.moment(self.scene)
+        read = self._read(settings)
+        if not self.group.overlay.show:
+            trees.clear()  # so that two trees need not fit into memory
+        built = self._build(module, read, settings)
+        tree = self._keep(read, built)
+
+        job = built.session.render(read.view, settings)
+        self._trace(job, settings, read, built)
+        self._report(job, read, built, tree)
+        self._warn()
+
+    def _read(self, settings: RenderSettings) -> _Read:
+        """The scene and its camera. Raises what extraction raises."""
+        start, moment = time.perf_counter(), trees.moment(self.scene)
         uvs = "UV" in settings.passes
         found = extract.find(self.depsgraph, self.notes, uvs=uvs, keep_going=self._reading)
         # Only triangles in their places carry UVs.
         layout = found.layout("flatten" if uvs else self.group.instancing, integrator=self.group.integrator)
         scene = found.instanced() if layout.two_level else found.flattened(uvs=uvs)
-        origin = scene.geometry.origin
-        view = self._camera(origin)
-        extract_seconds = time.perf_counter() - start
+        view = self._camera(scene.geometry.origin)
+        return _Read(scene, view, layout, moment, time.perf_counter() - start)
 
-        count = scene.geometry.count
-        if not self.group.overlay.show:
-            trees.clear()  # so that two trees need not fit into memory
-        reasons: list[str] = []
-        answers, kept = choice.NOT_COMPARED, None
-        if self.group.automatic and layout.two_level:
-            reasons = ["as set: Choose for Me needs instances to be flattened, see Instances"]
-        if self.group.automatic and count and not layout.two_level:
-            seen = Notes()
-            chosen = self._choose(module, scene, view, settings, seen)
-            spec, label, reasons = chosen.spec, comparing.name(chosen.spec), [*chosen.notes, *seen.lines()]
-            answers = chosen.comparison.lines[0].answers
-            session = Session.over(module, scene, chosen.structure)
+    def _build(self, module: Any, read: _Read, settings: RenderSettings) -> _Built:
+        """The structure as set, or the one that the scene chooses, ready to render with."""
+        two_level = read.layout.two_level
+        if self.group.automatic and read.scene.geometry.count and not two_level:
+            built = self._build_chosen(module, read, settings)
         else:
-            self._say(f"{label}: building over {count:,} triangles")
-            session = Session.start(
-                module,
-                scene,
-                spec,
-                threads=settings.threads,
-                memory_limit=memory_limit(self.group.memory_limit),
-                keep_going=self._building,
-            )
+            built = self._build_set(module, read.scene, settings)
+            if self.group.automatic and two_level:
+                built.reasons.append("as set: Choose for Me needs instances to be flattened, see Instances")
+        session = built.session
         meshes = session.building.meshes if session.building is not None else []
         _kept[:] = meshes if self.scene.render.use_persistent_data else []
-        self._note_dropped(scene.geometry, session.structure.statistics)
-        if layout.two_level:
-            trees.clear()  # the overlay shows one tree in the scene's own space
-        else:
-            source = scene.geometry
-            kept = trees.keep(
-                self.scene,
-                session.structure,
-                origin,
-                source.vertices,
-                source.triangles,
-                spec=spec,
-                label=label,
-                read=read,
-            )
+        self._note_dropped(read.scene.geometry, session.structure.statistics)
+        return built
 
-        job = session.render(view, settings)
+    def _build_set(self, module: Any, scene: Scene, settings: RenderSettings) -> _Built:
+        """The structure of the settings."""
+        spec, label = properties.spec(self.group), catalogue.load()[self.group.structure].label
+        self._say(f"{label}: building over {scene.geometry.count:,} triangles")
+        session = Session.start(
+            module,
+            scene,
+            spec,
+            threads=settings.threads,
+            memory_limit=memory_limit(self.group.memory_limit),
+            keep_going=self._building,
+        )
+        return _Built(session, spec, label)
+
+    def _build_chosen(self, module: Any, read: _Read, settings: RenderSettings) -> _Built:
+        """The structure that is likely to take the least time, with the reasons and the answers that were compared."""
+        seen = Notes()
+        chosen = self._choose(module, read.scene, read.view, settings, seen)
+        session = Session.over(module, read.scene, chosen.structure)
+        answers = chosen.comparison.lines[0].answers
+        return _Built(session, chosen.spec, comparing.name(chosen.spec), [*chosen.notes, *seen.lines()], answers)
+
+    def _keep(self, read: _Read, built: _Built) -> trees.Tree | None:
+        """Keep the tree for the overlay, which shows one in the scene's own space; None where there is none."""
+        if read.layout.two_level:
+            trees.clear()
+            return None
+        source = read.scene.geometry
+        return trees.keep(
+            self.scene,
+            built.session.structure,
+            source.origin,
+            source.vertices,
+            source.triangles,
+            spec=built.spec,
+            label=built.label,
+            read=read.moment,
+        )
+
+    def _trace(self, job: Any, settings: RenderSettings, read: _Read, built: _Built) -> None:
+        """Fill a result of Blender's with the job's picture, while it grows and at the end."""
         width, height = settings.size
+        origin = read.scene.geometry.origin
         buffers = {name: np.empty(width * height * channels, np.float32) for name, channels in job.passes.items()}
         self.result = self.engine.begin_result(
             0, 0, width, height, layer=self.depsgraph.view_layer.name, view=self.engine.active_view_get()
@@ -183,32 +232,34 @@ class _Picture:
             if not bpy.app.background:  # else nobody sees it
                 self._fill(job, buffers, origin)
                 self.engine.update_result(self.result)
-            self._say(_summary(label, session.structure.statistics, job, answers))
+            self._say(_summary(built.label, built.session.structure.statistics, job, built.answers))
 
         watch(job, milliseconds=UPDATE_MILLISECONDS, keep_going=self._tracing, show=show)
         self._fill(job, buffers, origin)
         self.engine.end_result(self.result)
         self.result = None
 
+    def _report(self, job: Any, read: _Read, built: _Built, tree: trees.Tree | None) -> None:
+        """Tell of the finished picture: in the status, as Blender's memory, and in the panel of the last render."""
+        session, count = built.session, read.scene.geometry.count
         statistics = {**session.structure.statistics, **job.statistics}
-        self._say(_summary(label, statistics, job, answers))
+        self._say(_summary(built.label, statistics, job, built.answers))
         mebibytes = statistics["bytes"] / 2**20
         self.engine.update_memory_stats(memory_used=mebibytes, memory_peak=mebibytes)
-        left_out = [layout.reason, *session.structure.statistics["left_out"], *session.left_out]
+        left_out = [read.layout.reason, *session.structure.statistics["left_out"], *session.left_out]
         remarks.remark(self.scene, self.depsgraph.view_layer_eval, count, self.notes)
         report = reports.Report(
-            label,
+            built.label,
             count,
-            extract_seconds,
+            read.seconds,
             statistics,
             left_out,
             self.engine.noted(self.depsgraph, self.notes).lines(),
-            reasons,
-            answers,
-            None if kept is None else kept.number,
+            built.reasons,
+            built.answers,
+            None if tree is None else tree.number,
         )
         reports.keep(self.scene, report)
-        self._warn()
 
     def discard(self) -> None:
         """Close an open result without keeping its pixels."""
