@@ -74,8 +74,8 @@ OF_THE_THESIS = {
 def faithful() -> str:
     """All structures of the thesis with its own prices and rules."""
     swept = [*DIRECTIONS, "bsp-ize", "bsp-ize-kd", "rbsp:k=13", "rbsp-kd:k=13"]
-    made = [f"{spec}{',' if ':' in spec else ':'}{FAITHFUL}" for spec in swept]
-    return ",".join(f"{spec},rule=code" if "-kd:" in spec else spec for spec in made)
+    made = [specs.joined(spec, FAITHFUL) for spec in swept]
+    return ",".join(specs.joined(spec, "rule=code") if "-kd:" in spec else spec for spec in made)
 
 
 PRESETS: dict[str, dict[str, str]] = {

@@ -142,7 +142,7 @@ def check(asked: argparse.Namespace) -> None:
 
 def is_brute(spec: str) -> bool:
     """Whether the configuration is one of brute force itself."""
-    return spec.partition(":")[0] == "brute"
+    return specs.structure_of(spec) == "brute"
 
 
 def measure_cases(module: Any, chosen: list[str], asked: argparse.Namespace) -> list[stability.Row]:

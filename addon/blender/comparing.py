@@ -14,7 +14,7 @@ from typing import Any
 import bpy
 from bpy.props import StringProperty
 
-from ..core import auto, benchmark, catalogue, choice, costmap, native, report, results
+from ..core import auto, benchmark, catalogue, choice, costmap, native, report, results, specs
 from ..core.background import Background
 from ..core.choice import Comparison, Plan
 from ..core.reference import affordable
@@ -99,13 +99,13 @@ def ticked(group: Any) -> list[str]:
     """The configurations to compare: the chosen structure as it is set, and all others that are ticked."""
     own = properties.spec(group)
     others = [s.id for s in catalogue.load().structures if getattr(group.compared, properties.tick(s.id))]
-    return [own, *(spec for spec in others if spec != own.partition(":")[0])]
+    return [own, *(spec for spec in others if spec != specs.structure_of(own))]
 
 
 def name(spec: str) -> str:
     """A configuration as people read it."""
-    structure = catalogue.load().get(spec.partition(":")[0])
-    parameters = spec.partition(":")[2]
+    structure = catalogue.load().get(specs.structure_of(spec))
+    parameters = specs.parameters(spec)
     label = structure.label if structure is not None else spec
     return f"{label}, {parameters}" if parameters else label
 

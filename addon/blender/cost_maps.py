@@ -15,6 +15,7 @@ from ..core import auto, catalogue, choice, costmap, native, rays
 from ..core.reference import Reference, affordable
 from ..core.scene import F32
 from ..core.settings import memory_limit
+from ..core.specs import structure_of
 from ..core.workload import Workload
 from . import lettering, properties, trees, workloads
 
@@ -84,7 +85,7 @@ def draw(scene: Any, width: int, tell: Callable[[str], None] | None = None) -> F
             structure = tree.structure
         else:
             structure = module.build(workload.vertices, workload.triangles, spec, memory_limit=limit)
-        label = catalogue.load()[spec.partition(":")[0]].label
+        label = catalogue.load()[structure_of(spec)].label
         if group.cost == "TIME":
             if reference is None:
                 reference = _reference(structure, workload, size)

@@ -34,7 +34,7 @@ class HALFSPACE_OT_use_spec(bpy.types.Operator):
     @classmethod
     def description(cls, context: Any, properties: Any) -> str:
         """The structure's own words."""
-        structure = catalogue.load().get(properties.spec.partition(":")[0])
+        structure = catalogue.load().get(specs.structure_of(properties.spec))
         return f"{structure.summary} {structure.paper}" if structure is not None else cls.bl_description
 
     def execute(self, context: Any) -> set[str]:

@@ -14,7 +14,7 @@ import gpu
 import numpy as np
 from gpu_extras.presets import draw_texture_2d
 
-from ..core import catalogue, native
+from ..core import catalogue, native, specs
 from ..core.notes import Notes
 from ..core.preview import Picture, Preview
 from ..core.settings import RenderSettings, memory_limit
@@ -103,7 +103,7 @@ class Viewport:
         parts = [f"Sample {done} of {wanted}"]
         if preview.preparing is not None:
             spec, progress = preview.preparing
-            label = catalogue.load()[spec.partition(":")[0]].label
+            label = catalogue.load()[specs.structure_of(spec)].label
             parts.insert(0, f"{label}: {progress:.0%}")
         if self._skipped:
             more = f" (and {len(self._skipped) - 1} more)" if len(self._skipped) > 1 else ""

@@ -115,7 +115,7 @@ def anchor_of(chosen: Sequence[str]) -> str | None:
     """
     ks: dict[str, set[str]] = {}
     for spec in chosen:
-        ks.setdefault(spec.partition(":")[0], set()).update(value for key, value in specs.pairs(spec) if key == "k")
+        ks.setdefault(specs.structure_of(spec), set()).update(value for key, value in specs.pairs(spec) if key == "k")
     swept = any(len(values) > 1 for values in ks.values())
     order = (*(thesis.BASES if swept else ()), yardstick.SPEC, "kd")
     return next((spec for spec in order if spec in chosen), None)

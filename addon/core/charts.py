@@ -11,6 +11,7 @@ import numpy as np
 from . import costmap, curve, ksweep
 from .costs import PARTS, Fit
 from .rows import Row, agrees
+from .specs import structure_of
 from .thesis import Published
 
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#5b6472")
@@ -88,7 +89,7 @@ def styles(rows: Sequence[Row]) -> Styles:
 
 
 def _family(spec: str) -> str:
-    return spec.partition(":")[0].partition("-")[0].rstrip("0123456789")
+    return structure_of(spec).partition("-")[0].rstrip("0123456789")
 
 
 def speeds(figure: Any, rows: Sequence[Row]) -> None:

@@ -21,6 +21,7 @@ from . import accuracy
 from .accuracy import Answers, Errors
 from .check import timed_build
 from .rays import RaySet, blocks
+from .specs import structure_of
 from .stability import allowed_to_fail
 from .workload import Workload, load_both
 
@@ -177,7 +178,7 @@ class Lab:
 
     def lacks(self, *specs: str) -> str:
         """Which of the structures do not exist in this build, as a sentence; empty when all do."""
-        missing = [spec for spec in specs if spec.partition(":")[0] not in self._ids]
+        missing = [spec for spec in specs if structure_of(spec) not in self._ids]
         return f"this build has no {', '.join(missing)}" if missing else ""
 
     def shared(self, name: str, *, published: bool = False) -> Workload | None:

@@ -12,6 +12,7 @@ from functools import partial
 
 from . import claims_scenes
 from .claims import FAILS, UNTESTED, Chart, Claim, Lab, Outcome, Timing, slope, verdict
+from .specs import structure_of
 from .workload import Workload
 
 PAPER = "González López and Gisbert Cantó, Trazado de haces (octrees with beams)"
@@ -37,7 +38,7 @@ def octree(name: str, configuration: str) -> str:
 
 def name(spec: str) -> str:
     """A configuration without its parameters."""
-    return spec.partition(":")[0]
+    return structure_of(spec)
 
 
 def sweep(lab: Lab, workload: Workload, specs: Sequence[str]) -> dict[str, list[Timing]]:

@@ -80,7 +80,7 @@ def offered(catalogue: Catalogue) -> tuple[Preset, ...]:
 
 def settings(catalogue: Catalogue, spec: str) -> tuple[str, dict[str, Value]]:
     """The id of a configuration's structure, and the values of all of its parameters. Raises specs.SpecError."""
-    structure = catalogue.get(spec.partition(":")[0])
+    structure = catalogue.get(specs.structure_of(spec))
     if structure is None:
         known = ", ".join(one.id for one in catalogue.structures)
         raise specs.SpecError(f"unknown structure {spec.partition(':')[0]!r}; there are {known}")

@@ -18,6 +18,7 @@ from .background import Background
 from .equality import same
 from .session import Building, Session
 from .settings import RenderSettings
+from .specs import structure_of
 
 if TYPE_CHECKING:
     from .scene import F32, Camera, Scene
@@ -250,7 +251,7 @@ class Preview:
         specs = [self._spec]
         geometry = self._scene.geometry
         quick = [spec for triangles, spec in QUICK if triangles <= geometry.size]
-        chosen = self._spec.partition(":")[0]
+        chosen = structure_of(self._spec)
         if quick and chosen not in quick and self._stock.find(geometry, self._spec, self._memory_limit) is None:
             specs.insert(0, quick[-1])
         self._preparing = _Preparing(self._native, self._stock, self._scene, specs, self._memory_limit, self._edits)

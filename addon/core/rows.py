@@ -95,7 +95,7 @@ def empty(native: Any, workload: Workload, spec: str, threads: int) -> Row:
         "scene": workload.name,
         "triangles": len(workload.triangles),
         "spec": spec,
-        "structure": spec.partition(":")[0],
+        "structure": specs.structure_of(spec),
         "k": known.get("k"),
         "alpha": known.get("alpha"),
         "seed": known.get("seed"),
@@ -142,9 +142,8 @@ def is_lazy(spec: str) -> bool:
 
 def eager(spec: str) -> str:
     """The same configuration, built at once."""
-    structure = spec.partition(":")[0]
-    kept = ",".join(f"{key}={value}" for key, value in specs.pairs(spec) if (key, value) != LAZY)
-    return f"{structure}:{kept}" if kept else structure
+    kept = (f"{key}={value}" for key, value in specs.pairs(spec) if (key, value) != LAZY)
+    return specs.joined(specs.structure_of(spec), *kept)
 
 
 def building(row: Row, which: str = "med") -> float:

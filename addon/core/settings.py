@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from . import specs
+
 if TYPE_CHECKING:
     from .catalogue import Structure, Value
 
@@ -29,7 +31,7 @@ def spec(structure: Structure, values: Mapping[str, Value]) -> str:
         value = parameter.clamp(values.get(parameter.name, parameter.default))
         if not same(value, parameter.default):
             keys[parameter.name] = value
-    return structure.id + ":" * bool(keys) + ",".join(f"{key}={_text(value)}" for key, value in keys.items())
+    return specs.joined(structure.id, *(f"{key}={_text(value)}" for key, value in keys.items()))
 
 
 def memory_limit(megabytes: int) -> int | None:

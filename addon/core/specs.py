@@ -26,10 +26,30 @@ def split(text: str) -> list[str]:
     return specs
 
 
+def structure_of(spec: str) -> str:
+    """The id of a configuration's structure."""
+    return spec.partition(":")[0]
+
+
+def parameters(spec: str) -> str:
+    """What a configuration says after its structure: `key=value,...`, empty where it says nothing."""
+    return spec.partition(":")[2]
+
+
 def pairs(spec: str) -> list[tuple[str, str]]:
     """The keys and values that a configuration gives, in its order and as it writes them."""
-    parts = (pair.partition("=") for pair in filter(None, spec.partition(":")[2].split(",")))
-    return [(key.strip(), value.strip()) for key, _, value in parts]
+    return [(key.strip(), value.strip()) for key, _, value in _parts(spec)]
+
+
+def _parts(spec: str) -> list[tuple[str, str, str]]:
+    """Key, `=` and value of all that a configuration gives; without the `=` where it lacks one."""
+    return [part.partition("=") for part in parameters(spec).split(",") if part]
+
+
+def joined(name: str, *given: str) -> str:
+    """The configuration of a structure, or one with some keys already, with these `key=value`."""
+    more = ",".join(filter(None, given))
+    return f"{name}{',' if parameters(name) else ':' * (':' not in name)}{more}" if more else name
 
 
 SWEEP = "bsp-sweep"
@@ -78,19 +98,17 @@ def _values(part: str) -> list[str]:
 
 def _spread_out(spec: str) -> list[str]:
     """The configurations that one with ranges stands for: `kd:k=2..4` or `kd:k=2|4`. Raises SpecError."""
-    name, colon, rest = spec.partition(":")
-    if ".." not in rest and "|" not in rest:
+    if ".." not in parameters(spec) and "|" not in parameters(spec):
         return [spec]
     choices = []
     count = 1
-    for pair in rest.split(","):
-        key, equals, value = pair.partition("=")
+    for key, equals, value in _parts(spec):
         found = [v for part in value.split("|") for v in (_values(part.strip()) if ".." in part else [part.strip()])]
         choices.append([f"{key}{equals}{one}" for one in found])
         count *= len(found)
     if count > MOST:
         raise SpecError(f"{spec!r} stands for more than {MOST:,} configurations")
-    return [f"{name}{colon}{','.join(parts)}" for parts in itertools.product(*choices)]
+    return [joined(structure_of(spec), *given) for given in itertools.product(*choices)]
 
 
 def expand(
@@ -110,9 +128,8 @@ def expand(
     ids = {alias: row["id"] for row in structures for alias in row.get("aliases", ())}
     chosen: list[str] = []
     for written in split(text):
-        called, colon, rest = written.partition(":")
-        name = ids.get(called, called)
-        part = name + colon * bool(rest) + rest
+        name = ids.get(structure_of(written), structure_of(written))
+        part = joined(name, parameters(written))
         family = [row["id"] for row in structures if part in _families(row)]
         if name in rows:
             chosen += _spread_out(part)
@@ -125,7 +142,7 @@ def expand(
             )
     if not chosen:
         raise SpecError("no structure is named")
-    unused = set(ranges) - {p["name"] for spec in chosen for p in rows[spec.partition(":")[0]]["parameters"]}
+    unused = set(ranges) - {p["name"] for spec in chosen for p in rows[structure_of(spec)]["parameters"]}
     if unused:
         raise SpecError(f"none of the structures {', '.join(chosen)} has the parameter {min(unused)!r}")
     told = left_out if left_out is not None else []
@@ -158,7 +175,7 @@ def _families(row: Mapping[str, Any]) -> list[str]:
 
 def values(spec: str, structures: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """All parameters of a valid configuration by name, defaults included, numbers as numbers."""
-    row = next(row for row in structures if row["id"] == spec.partition(":")[0])
+    row = next(row for row in structures if row["id"] == structure_of(spec))
     found = {parameter["name"]: parameter["default"] for parameter in row["parameters"]}
     for key, value in pairs(spec):
         default = found.get(key)
@@ -170,9 +187,8 @@ def values(spec: str, structures: Sequence[Mapping[str, Any]]) -> dict[str, Any]
 def _with_ranges(
     spec: str, rows: Mapping[str, Any], ranges: Mapping[str, Sequence[str]], left_out: list[str]
 ) -> list[str]:
-    structure_id, _, rest = spec.partition(":")
     given = {key for key, _ in pairs(spec)}
-    known = {parameter["name"]: parameter for parameter in rows[structure_id]["parameters"]}
+    known = {parameter["name"]: parameter for parameter in rows[structure_of(spec)]["parameters"]}
     keys = [key for key in ranges if key in known and key not in given]
     allowed = []
     for key in keys:
@@ -185,11 +201,10 @@ def _with_ranges(
                 raise SpecError(words)
             left_out.append(words)
         allowed.append(kept)
-    made = []
-    for combination in itertools.product(*allowed):
-        parts = [rest] * bool(rest) + [f"{key}={value}" for key, value in zip(keys, combination, strict=True)]
-        made.append(structure_id + (":" + ",".join(parts) if parts else ""))
-    return made
+    return [
+        joined(spec, *(f"{key}={value}" for key, value in zip(keys, combination, strict=True)))
+        for combination in itertools.product(*allowed)
+    ]
 
 
 def _inside(value: str, low: Any, high: Any) -> bool:

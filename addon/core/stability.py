@@ -79,21 +79,17 @@ def configurations(structures: Sequence[Mapping[str, Any]], chosen: Sequence[str
     rows = {row["id"]: row for row in structures}
     made: list[str] = []
     for spec in chosen:
-        row = rows[spec.partition(":")[0]]
+        row = rows[specs.structure_of(spec)]
         keys = {parameter["name"]: parameter for parameter in row["parameters"]}
         walks = [spec]
         if "traversal" in keys and "traversal=" not in spec:
-            walks += [_with(spec, f"traversal={name}") for name in row["traversals"][1:]]
+            walks += [specs.joined(spec, f"traversal={name}") for name in row["traversals"][1:]]
         made += walks
         if "shadow" in keys and "shadow=" not in spec:
-            made += [_with(spec, f"shadow={name}") for name in keys["shadow"]["options"][1:]]
+            made += [specs.joined(spec, f"shadow={name}") for name in keys["shadow"]["options"][1:]]
         if "robust" in keys and "robust=" not in spec and "none" in (keys["robust"]["options"] or ()):
-            made += [_with(walk, "robust=none") for walk in walks]
+            made += [specs.joined(walk, "robust=none") for walk in walks]
     return list(dict.fromkeys(made))
-
-
-def _with(spec: str, pair: str) -> str:
-    return f"{spec}{',' if ':' in spec else ':'}{pair}"
 
 
 VERSION = 3
