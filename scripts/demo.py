@@ -6,10 +6,12 @@ Renders the built-in showcase through Blender's module, and measures every struc
 
 from __future__ import annotations
 
+import argparse
 import os
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 
 import environment
 from environment import CURRENT, ROOT
@@ -26,8 +28,17 @@ STEPS = {
 """What is said, and the script that does it."""
 
 
-def main() -> int:
-    """Set up, then run all steps. Returns the exit status of the first that fails."""
+def main(arguments: Sequence[str]) -> int:
+    """Set up, then run all steps. Returns the exit status of the first that fails, 130 when it was stopped."""
+    # Imported here: what starts this script may be a Python that is too old for it.
+    sys.path.insert(0, str(ROOT))
+    from addon.core import command
+
+    return command.run("demo", arguments, argparse.ArgumentParser(prog="demo").parse_args, work)
+
+
+def work(_: argparse.Namespace) -> int:
+    """Do so. Returns the exit status."""
     start = time.monotonic()
     try:
         with environment.alone():
@@ -36,9 +47,9 @@ def main() -> int:
     except environment.SetupError as error:
         print(f"The set-up failed: {error}", file=sys.stderr)
         return 2
-    for text, command in STEPS.items():
+    for text, step in STEPS.items():
         print(f"\n==== {text}", flush=True)
-        done = subprocess.run([str(CURRENT.python), *command], cwd=ROOT, env=dict(os.environ), check=False)
+        done = subprocess.run([str(CURRENT.python), *step], cwd=ROOT, env=dict(os.environ), check=False)
         if done.returncode != 0:
             return done.returncode
     print(f"\nDone in {time.monotonic() - start:.0f} s. Look at:")
@@ -48,4 +59,4 @@ def main() -> int:
 
 if __name__ == "__main__":
     environment.continue_in(CURRENT.version)
-    sys.exit(main())
+    sys.exit(main(sys.argv[1:]))

@@ -2,19 +2,26 @@
 """What the native module depends on, against `native/deny.toml`, without network: `python scripts/dependencies.py`.
 
 Checks licences, where packages come from, and that none is wanted in any version. `cargo deny` checks the same and
-more, where it is installed. Exit status: 0 all may be used; 1 some may not.
+more, where it is installed. Exit status: 0 all may be used; 1 some may not;
+2 bad usage; 130 stopped.
 """
 
 from __future__ import annotations
 
+import argparse
 import json
 import re
 import subprocess
 import sys
 import tomllib
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from addon.core import command
+from addon.core.usage import Parser
 
 NATIVE = Path(__file__).resolve().parents[1] / "native"
 REGISTRY = "registry+https://github.com/rust-lang/crates.io-index"
@@ -75,10 +82,16 @@ def problems(metadata: Mapping[str, Any], rules: Mapping[str, Any]) -> Iterator[
             yield from (f"{name}: wants any version of {need}" for need in wanted)
 
 
-def main() -> int:
+def main(arguments: Sequence[str]) -> int:
     """Check, and tell. Returns the exit status."""
-    command = ["cargo", "metadata", "--manifest-path", str(NATIVE / "Cargo.toml"), "--all-features", "--locked"]
-    done = subprocess.run([*command, "--offline", "--format-version", "1"], capture_output=True, text=True, check=False)
+    parser = Parser(prog="dependencies", description=(__doc__ or "").splitlines()[0])
+    return command.run("dependencies", arguments, parser.parse_args, work)
+
+
+def work(_: argparse.Namespace) -> int:
+    """Do so. Returns the exit status."""
+    cargo = ["cargo", "metadata", "--manifest-path", str(NATIVE / "Cargo.toml"), "--all-features", "--locked"]
+    done = subprocess.run([*cargo, "--offline", "--format-version", "1"], capture_output=True, text=True, check=False)
     if done.returncode != 0:
         print(done.stderr.strip(), file=sys.stderr)
         return 1
@@ -90,4 +103,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main(sys.argv[1:]))

@@ -2,7 +2,8 @@
 """Deliberate faults, one at a time, and whether a test notices: `python scripts/mutations.py [options]`.
 
 The faults are put into a copy of the sources, all at once, each behind a switch, so that one build serves all. Exit
-status: 0 every fault was caught; 1 some survived; 2 the list no longer fits the sources, or nothing could be built.
+status: 0 every fault was caught; 1 some survived; 2 the list no longer fits the sources, or nothing could be built;
+130 stopped.
 """
 
 from __future__ import annotations
@@ -18,6 +19,11 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from addon.core import command
+from addon.core.usage import Parser
 
 ROOT = Path(__file__).resolve().parents[1]
 LIST = ROOT / "tests" / "MUTATIONS.md"
@@ -444,21 +450,21 @@ def copy_sources(folder: Path) -> Path:
 
 def main(arguments: Sequence[str]) -> int:
     """Try all faults, or those chosen. Returns the exit status."""
-    parser = argparse.ArgumentParser(prog="mutations", description=(__doc__ or "").splitlines()[0])
+    parser = Parser(prog="mutations", description=(__doc__ or "").splitlines()[0])
     parser.add_argument("numbers", nargs="*", type=int, help="only the faults of these numbers")
     parser.add_argument("--write", action="store_true", help=f"only write {LIST.relative_to(ROOT)}")
-    asked = parser.parse_args(arguments)
+    return command.run("mutations", arguments, parser.parse_args, work, told=(subprocess.CalledProcessError,))
+
+
+def work(asked: argparse.Namespace) -> int:
+    """Do what is asked. Returns the exit status. Raises StaleError, and CalledProcessError where nothing is built."""
     if asked.write:
         LIST.write_text(table(), encoding="utf-8")
         return 0
     chosen = [(n, fault) for n, fault in enumerate(FAULTS, 1) if not asked.numbers or n in asked.numbers]
-    try:
-        check()
-        with tempfile.TemporaryDirectory(prefix="halfspace-faults-") as folder:
-            survived = run(copy_sources(Path(folder)), chosen)
-    except (StaleError, subprocess.CalledProcessError) as error:
-        print(f"mutations: {error}", file=sys.stderr)
-        return 2
+    check()
+    with tempfile.TemporaryDirectory(prefix="halfspace-faults-") as folder:
+        survived = run(copy_sources(Path(folder)), chosen)
     print(f"{len(chosen) - len(survived)} of {len(chosen)} faults caught")
     return 1 if survived else 0
 

@@ -11,7 +11,11 @@ import time
 from pathlib import Path
 from typing import Any
 
+import demo
+import dependencies
+import mutations
 import pytest
+import test
 from test_command_lines import COMMANDS
 
 from addon.core import command, native
@@ -47,6 +51,17 @@ def test_ctrl_c_is_one_line_and_status_130(
     monkeypatch.setattr(command.argparse.ArgumentParser, "parse_args", interrupt)
     assert COMMANDS[name].main(["--out", str(tmp_path)]) == 130
     assert capsys.readouterr() == ("", f"{name}: stopped\n")
+
+
+@pytest.mark.parametrize(
+    ("tool", "first"), [(demo, "work"), (dependencies, "work"), (mutations, "check"), (test, "work")]
+)
+def test_ctrl_c_ends_the_tools_of_developers_alike(
+    tool: Any, first: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(tool, first, interrupt)
+    assert tool.main([]) == 130
+    assert capsys.readouterr() == ("", f"{tool.__name__}: stopped\n")
 
 
 @pytest.mark.parametrize("name", ["bench", "claims", "stability"])
