@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The renderer through its Python face: images against closed forms, jobs, bad input."""
+"""The renderer through its Python face: images against closed forms, and jobs."""
 
 import gc
 import math
@@ -10,54 +10,10 @@ from pathlib import Path
 import halfspace_native as native
 import numpy as np
 import pytest
+from render_scenes import FLOOR, MATTE, POINT, camera, finish, image, placed, scene, settings
 
-
-def placed(x=0.0, y=0.0, z=0.0):
-    matrix = np.eye(4)
-    matrix[:3, 3] = x, y, z
-    return matrix
-
-
-FLOOR = (
-    np.array([[-9, -9, 0], [9, -9, 0], [9, 9, 0], [-9, 9, 0]], np.float32),
-    np.array([[0, 1, 2], [0, 2, 3]], np.int32),
-)
 TASKS = Path("/proc/self/task")
 """The threads of this process, where the system lists them."""
-MATTE = {"name": "Matte", "base_color": (0.8, 0.8, 0.8), "specular": 0.0}
-POINT = {"kind": "point", "to_world": placed(z=2), "power": (100.0, 50.0, 0.0), "radius": 0.0}
-
-
-def camera(**changes):
-    base = {
-        "kind": "orthographic",
-        "to_world": placed(z=8),
-        "window": (-0.01, 0.01, -0.01, 0.01),
-        "clip_start": 0.1,
-        "clip_end": 100.0,
-    }
-    return base | changes
-
-
-def settings(**changes):
-    return {"width": 8, "height": 4, "samples": 4, "max_bounces": 0} | changes
-
-
-def scene(spec="kd", **changes):
-    parts = {"materials": [MATTE], "lights": [POINT]} | changes
-    return native.RenderScene(native.build(*FLOOR, spec), **parts)
-
-
-def finish(job):
-    assert job.wait(60_000)
-    assert job.error is None
-    return job
-
-
-def image(job, name="Combined", pixels=32):
-    out = np.full(pixels * job.passes[name], np.nan, np.float32)
-    job.copy_into(name, out)
-    return out.reshape(pixels, -1)
 
 
 def test_point_light_has_cycles_brightness():
@@ -240,122 +196,6 @@ def test_copying_while_rendering_gives_means_at_any_time():
     assert job.samples_done == 60
 
 
-@pytest.mark.parametrize(
-    ("error", "words", "change"),
-    [
-        ("SpecError", r"settings\['width'\]", {"settings": {"width": 0}}),
-        ("SpecError", r"settings\['samples'\].*-3", {"settings": {"samples": -3}}),
-        (
-            "SpecError",
-            r"settings\['samples'\]: expected a whole number, got float",
-            {"settings": {"samples": 2.5}},
-        ),
-        ("SpecError", r"settings\['sampels'\] is not a key", {"settings": {"sampels": 2}}),
-        ("SpecError", r"settings\['passes'\].*'Depht'", {"settings": {"passes": ["Depht"]}}),
-        ("SpecError", r"settings\['border'\]", {"settings": {"border": (0, 0, 9, 4)}}),
-        ("SpecError", r"settings\['border'\]", {"settings": {"border": (0, 0, 9)}}),
-        (
-            "NonFiniteError",
-            r"camera\['to_world'\]\[1\]\[3\]",
-            {"camera": {"to_world": placed(y=math.nan)}},
-        ),
-        ("ShapeError", r"camera\['to_world'\].*\(3, 3\)", {"camera": {"to_world": np.eye(3)}}),
-        ("SpecError", r"camera\['kind'\].*fisheye", {"camera": {"kind": "fisheye"}}),
-        ("SpecError", r"camera\['window'\] is empty", {"camera": {"window": (0, 0, 0, 1)}}),
-        ("SpecError", "threads: expected a whole number from 0 to 1024", {"threads": -1}),
-    ],
-)
-def test_bad_settings_are_refused_in_one_line(error, words, change):
-    arguments = (
-        scene(),
-        camera(**change.get("camera", {})),
-        settings(**change.get("settings", {})),
-    )
-    with pytest.raises(getattr(native, error), match=words) as caught:
-        native.render(*arguments, threads=change.get("threads", 0))
-    assert "\n" not in str(caught.value)
-
-
-@pytest.mark.parametrize(
-    ("error", "words", "change"),
-    [
-        (
-            "ShapeError",
-            r"material_index\[1\]: 5 is out of range",
-            {"material_index": np.array([0, 5], np.int32)},
-        ),
-        (
-            "ShapeError",
-            "material_index: expected an .* int32 array, got float64",
-            {"material_index": np.zeros(2)},
-        ),
-        (
-            "ShapeError",
-            "material_index must have one entry per triangle: 2, got 3",
-            {"material_index": np.zeros(3, np.int32)},
-        ),
-        (
-            "ShapeError",
-            r"corner_normals.*\(2, 3\)",
-            {"corner_normals": np.zeros((2, 3), np.float32)},
-        ),
-        (
-            "NonFiniteError",
-            r"corner_normals\[0\]",
-            {"corner_normals": np.full((2, 3, 3), np.inf, np.float32)},
-        ),
-        ("SpecError", r"materials\[0\]\['ior'\].*'Matte'", {"materials": [MATTE | {"ior": 0.0}]}),
-        (
-            "SpecError",
-            r"materials\[0\]\['rough'\] is not a key",
-            {"materials": [MATTE | {"rough": 1}]},
-        ),
-        ("SpecError", r"materials\[0\]: expected a dictionary", {"materials": ["red"]}),
-        (
-            "ShapeError",
-            r"materials\[0\]\['base_color'\].*\(4,\)",
-            {"materials": [{"base_color": (1, 1, 1, 1)}]},
-        ),
-        (
-            "NonFiniteError",
-            r"lights\[0\]\['power'\]",
-            {"lights": [POINT | {"power": (math.nan, 0, 0)}]},
-        ),
-        ("SpecError", r"lights\[0\]\['kind'\].*laser", {"lights": [POINT | {"kind": "laser"}]}),
-        ("SpecError", r"lights\[0\]\['shape'\] is missing", {"lights": [POINT | {"kind": "area"}]}),
-        ("SpecError", r"lights\[0\]\['radius'\]", {"lights": [POINT | {"radius": -1}]}),
-        ("NonFiniteError", r"world\['color'\]", {"world": {"color": (math.inf, 0, 0)}}),
-    ],
-)
-def test_bad_scenes_are_refused_in_one_line(error, words, change):
-    with pytest.raises(getattr(native, error), match=words) as caught:
-        scene(**change)
-    assert "\n" not in str(caught.value)
-
-
-def test_bad_buffers_are_refused():
-    job = finish(native.render(scene(), camera(), settings()))
-    right = np.zeros(8 * 4 * 4, np.float32)
-    frozen = right.copy()
-    frozen.flags.writeable = False
-    cases = [
-        (right.astype(np.float64), "float64"),
-        (right.reshape(4, -1), "one-dimensional"),
-        (right[:-1], "128 elements, got 127"),
-        (np.zeros(256, np.float32)[::2], "C-contiguous"),
-        (frozen, "writable"),
-        ([0.0] * 128, "got list"),
-    ]
-    for out, words in cases:
-        with pytest.raises(native.ShapeError, match=words):
-            job.copy_into("Combined", out)
-    for name in ("Depth", "Depht"):
-        with pytest.raises(native.SpecError, match=f"'{name}'"):
-            job.copy_into(name, right)
-    with pytest.raises(native.SpecError, match="milliseconds"):
-        job.wait(-1)
-
-
 def test_an_empty_scene_is_its_background():
     empty = native.build(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32))
     world = {"color": (0.25, 0.5, 1.0)}
@@ -364,66 +204,6 @@ def test_an_empty_scene_is_its_background():
     assert np.all(opaque == [0.25, 0.5, 1.0, 1.0])
     clear = image(finish(native.render(nothing, camera(), settings(film_transparent=True))))
     assert np.all(clear == 0)
-
-
-CORNERS = np.array([[-9, -9], [9, -9], [9, 9], [-9, 9]], np.float32)
-UV = (CORNERS[FLOOR[1]] + 9) / 18
-"""The floor's texture coordinates, 0 to 1."""
-
-SHOW = {
-    "program": [
-        {"op": "attribute", "layer": 0},
-        {"op": "image", "args": [0], "image": 0, "interpolation": "closest", "extension": "repeat"},
-    ],
-    "closures": [{"kind": "emission", "emission": 1}],
-}
-"""Glows as the image says."""
-
-
-def shown(pixels, *, material=SHOW, camera_changes=None, **parts):
-    """What a camera straight above sees of the floor, (4, 8, 3)."""
-    images = [{"name": "image", "pixels": np.asarray(pixels, np.float32)}]
-    parts = {"lights": [], "images": images, "layers": [np.ascontiguousarray(UV)]} | parts
-    made = scene(materials=[material], **parts)
-    seen = camera(window=(-8.9, 8.9, -8.9, 8.9)) | (camera_changes or {})
-    job = finish(native.render(made, seen, settings(filter="box", filter_width=0.01, samples=1)))
-    return image(job).reshape(4, 8, 4)[..., :3]
-
-
-def test_an_image_lies_on_the_surface_as_its_coordinates_say():
-    pixels = np.random.default_rng(1).random((4, 8, 4)).astype(np.float32)
-    np.testing.assert_array_equal(shown(pixels), pixels[..., :3])
-    assert "textures" not in " ".join(
-        scene(materials=[SHOW], images=[{"name": "", "pixels": pixels}], layers=[UV]).left_out
-    )
-    assert any("textures" in line for line in scene().left_out)
-
-
-def test_bad_images_and_values_give_a_picture():
-    assert (shown(np.zeros((0, 0, 4), np.float32)) == [1, 0, 1]).all(), "missing: pink"
-    nan = np.full((1, 1, 4), np.nan, np.float32)
-    assert (shown(nan) == 0).all()
-    assert (shown(np.ones((1, 1, 4), np.float32), layers=[None]) == 1).all(), "no coordinates"
-    infinite = {"closures": [{"kind": "emission", "emission": math.inf}]}
-    assert (shown(np.ones((1, 1, 4)), material=infinite) == 0).all()
-    inside_out = {"closures": [{"kind": "glass", "ior": 0.0, "roughness": math.nan, "weight": 5.0}]}
-    assert np.isfinite(shown(np.ones((1, 1, 4)), material=inside_out)).all()
-
-
-@pytest.mark.parametrize(
-    ("material", "message"),
-    [
-        ({"closures": [{"kind": "fur"}]}, "kind"),
-        ({"closures": [{"kind": "diffuse"}] * 9}, "more than 8"),
-        ({"closures": [{"kind": "diffuse", "color": 3}]}, "not there"),
-        ({"closures": [{"kind": "diffuse", "color": 0}], "program": [{"op": "warp"}]}, "warp"),
-        ({"closures": [{"kind": "diffuse", "color": 0}], "program": [{"op": "attribute", "layer": 7}]}, "layer 7"),
-        ({"closures": [{"kind": "diffuse", "color": 0}], "program": [{"op": "gamma", "args": [1.0]}]}, "2 arguments"),
-    ],
-)
-def test_a_broken_program_is_refused_in_words(material, message):
-    with pytest.raises(ValueError, match=message):
-        scene(materials=[material])
 
 
 def test_a_glowing_surface_and_a_background_map_are_sampled_and_exact():
