@@ -14,73 +14,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from report_rows import ROW, document, everything, pictured, row
 
-from addon.core import charts, costmap, costs, ksweep, page, plots, ranking, report, thesis
-
-RATE = {
-    "n": 64,
-    "mrays_s": {"min": 1.9, "med": 2.0, "max": 2.1},
-    "times_embree": 0.5,
-    "steps": 3.0,
-    "tests": 4.0,
-    "hits": 1.0,
-    "rounds": [2.0] * 7,
-    "anchor_rounds": [4.0] * 7,
-    "noise": 0.01,
-}
-ROW: dict[str, Any] = {
-    "scene": "room <1>",
-    "triangles": 1234,
-    "spec": "kd",
-    "structure": "kd",
-    "k": None,
-    "alpha": None,
-    "seed": None,
-    "threads": 1,
-    "machine": "here",
-    "round_id": "1",
-    "anchor": "embree",
-    "peak_bytes": 3_000_000,
-    "scaling": None,
-    "offsets": None,
-    "build_s": {"min": 0.1, "med": 0.2, "max": 0.3},
-    "bytes": 2_000_000,
-    "statistics": {"leaves": 5},
-    "rays": {"primary": RATE, "shadow": {**RATE, "mrays_s": None, "times_embree": None, "n": 0, "rounds": []}},
-    "errors": {
-        "reference": "brute",
-        "rays": 100,
-        "false_miss": 0,
-        "false_hit": 0,
-        "wrong_triangle": 0,
-        "wrong_values": 0,
-        "wrong_any_hit": 0,
-        "t_ulp_max": 0,
-        "t_ulp_p999": 0,
-        "on_boundary": 3,
-        "differing_pixels": 0,
-    },
-    "curve": None,
-    "render_s": None,
-    "left_out": ["oblique planes: <none>"],
-    "too_slow": [],
-    "error": None,
-}
-
-
-def row(spec: str, speed: float = 2.0, spread: float = 0.1, **errors: int) -> dict[str, Any]:
-    made = copy.deepcopy(ROW)
-    made["spec"] = spec
-    primary = made["rays"]["primary"]
-    primary["mrays_s"] = {"min": speed - spread, "med": speed, "max": speed + spread}
-    primary["rounds"] = [speed + spread * part for part in (-1, -0.6, -0.3, 0, 0.3, 0.6, 1)]
-    made["errors"].update(errors)
-    return made
-
-
-def document(rows: list[dict[str, Any]]) -> dict[str, Any]:
-    machine = {"processor": "P & Q", "cores": 2, "system": "S", "level": "avx2"}
-    return {"schema": 1, "project_version": "0.1.0", "machine": machine, "rows": rows}
+from addon.core import charts, costs, ksweep, page, plots, ranking, report, thesis
 
 
 def test_the_table_aligns_and_has_errors_beside_times() -> None:
@@ -195,35 +131,6 @@ def test_the_page_is_one_file_and_escapes_what_it_shows() -> None:
     assert "room <1>" not in text
     for outside in ("src=", "<link", "@import", "url(http"):
         assert outside not in text
-
-
-def pictured(one: dict[str, Any], seconds: float, spread: float = 0.01, drift: float = 0.0) -> None:
-    """Give a row a picture that takes about so long, timed in seven rounds beside kd, which takes ten seconds."""
-    pace = [1 + drift * step for step in range(7)]
-    rounds = [seconds * (1 + spread * part) for part in (0.3, -1, 1, -0.6, 0, 0.6, -0.3)]
-    rounds = [each * slower for each, slower in zip(rounds, pace, strict=True)]
-    one["image_s"] = {"min": min(rounds), "med": sorted(rounds)[3], "max": max(rounds)}
-    anchors = [10.0 * slower for slower in pace]
-    one["image"] = {"samples": 16, "anchor": "kd", "rounds_s": rounds, "anchor_rounds_s": anchors, "noise": 0.01}
-
-
-def everything(spec: str, slowness: float, k: int | None = None) -> dict[str, Any]:
-    """A row with all that can be drawn."""
-    made = row(spec, 2.0 / slowness)
-    made["structure"], made["k"] = spec.partition(":")[0], k
-    made["statistics"]["nodes_oblique"] = 7 if spec.startswith(("bsp-", "beam-hh")) else 0
-    made["curve"] = [
-        {"spp": n, "seconds": slowness * n / 10, "rmse": n**-0.5, "relmse": 1 / n, "flip": 0.1} for n in (1, 4, 16)
-    ]
-    made["scaling"] = [{"rays": n, "seconds": slowness * n / 1e6} for n in (64, 256, 1024)]
-    made["offsets"] = [
-        {"offset": offset, "rays": 100, "false_miss": 0, "wrong": 0, "false_miss_unguarded": 1, "wrong_unguarded": 2}
-        for offset in (0.0, 10.0, 1e6)
-    ]
-    made["map"] = costmap.packed(np.full((16, 24), 10 * slowness, np.float32))
-    rate = made["rays"]["primary"]
-    made["rays"]["primary"] = {**rate, "steps_axis": 10 * slowness, "steps_oblique": 0.0, "tests": 3.0}
-    return made
 
 
 @pytest.mark.skipif(plots.problem() is not None, reason=str(plots.problem()))
@@ -384,111 +291,6 @@ def test_the_tables_of_the_thesis_stand_beside_the_published_numbers(tmp_path: P
     assert lines["bsp-wn"][0][0][0] == pytest.approx(300.0)
     text = page.as_html(document([{**one, "scene": "sponza-dabrovic"} for one in rows]), thesis.read(path))
     assert "<em>20,000</em>" in text
-
-
-def test_where_oblique_planes_pay_for_one_picture_is_said() -> None:
-    rows = [everything("kd", 1.0), everything("bsp-wn", 1.0), everything("bvh-sah", 1.0)]
-    for one, seconds in zip(rows, (20.0, 10.0, 5.0), strict=True):
-        pictured(one, seconds)
-    (sentence,) = (text for text in report.findings(rows) if "1024 × 1024" in text)
-    assert "10.2 s with bsp-wn" in sentence
-    assert "faster than the 20.2 s with kd; bvh-sah is the best of all with 5.2 s" in sentence
-    assert report.worth_it(rows) == [rows[0]["scene"]]
-    # Whatever the tree is called; but where no plane of it is oblique, it does not count.
-    rows[1]["spec"] = "beam-hh"
-    assert report.worth_it(rows) == [rows[0]["scene"]]
-    rows[1]["spec"], rows[1]["statistics"]["nodes_oblique"] = "bsp-wn", 0
-    assert report.worth_it(rows) == []
-    rows[1]["statistics"]["nodes_oblique"] = 7
-    # A machine that becomes slower and slower does not hide it.
-    for one, seconds in zip(rows, (20.0, 10.0, 5.0), strict=True):
-        pictured(one, seconds, drift=0.5)
-    assert report.worth_it(rows) == [rows[0]["scene"]]
-    for one, seconds in zip(rows, (20.0, 30.0, 5.0), strict=True):
-        pictured(one, seconds)
-    assert report.worth_it(rows) == []
-    assert "slower than the " in about_pictures(rows)
-    both = [*rows, *({**copy.deepcopy(one), "scene": "other"} for one in rows)]
-    for one in both[3:]:
-        pictured(one, 1.0)
-    text = page.as_html(document(both))
-    assert "on 0 of 2 scenes;" in text
-    assert "on 1 it is too close to tell: other" in text
-
-
-def about_pictures(rows: list[dict[str, Any]]) -> str:
-    (sentence,) = (text for text in report.findings(rows) if "1024 × 1024" in text)
-    return sentence
-
-
-def test_oblique_planes_are_not_faster_by_less_than_noise_nor_by_luck() -> None:
-    rows = [everything("kd", 1.0), *(everything(f"bsp-wn:k={k}", 1.0, k) for k in (3, 4, 5))]
-    for one, seconds in zip(rows, (10.0, 9.5, 9.8, 10.4), strict=True):
-        pictured(one, seconds, spread=0.08)
-    assert report.worth_it(rows) == []
-    assert "bsp-wn:k=3, the best of 3 trees with oblique planes; too close to tell from the" in about_pictures(rows)
-    # Faster in each pair of rounds, but the machine's own noise is larger.
-    for one, seconds in zip(rows, (10.0, 9.7, 9.8, 10.4), strict=True):
-        pictured(one, seconds, spread=0.001)
-        one["image"]["noise"] = 0.05
-    assert report.worth_it(rows) == []
-    # Before and behind in no round: that is luck where many were tried, and an order where one was.
-    for one, seconds in zip(rows, (10.0, 9.0, 9.1, 9.2), strict=True):
-        pictured(one, seconds, spread=0.08)
-    assert report.worth_it(rows) == []
-    assert report.worth_it(rows[:2]) == [rows[0]["scene"]]
-    # Pictures that were made once rank nothing, however far apart.
-    for one, seconds in zip(rows, (10.0, 1.0, 2.0, 3.0), strict=True):
-        one["image_s"], one["image"] = dict.fromkeys(("min", "med", "max"), seconds), None
-    assert report.worth_it(rows) == []
-    assert "too close to tell" in about_pictures(rows)
-    for one in rows:
-        one["image_s"] = one["image_s"]["med"]
-    assert report.image_total(rows[1]) == pytest.approx(1.2), "as in reports of earlier versions"
-
-
-def test_a_build_of_uncertain_length_decides_nothing() -> None:
-    rows = [everything("kd", 1.0), everything("bsp-wn", 1.0)]
-    for one, seconds in zip(rows, (1.0, 0.9), strict=True):
-        pictured(one, seconds, spread=0.001)
-    rows[1]["build_s"] = {"min": 0.1, "med": 0.2, "max": 0.5}
-    assert report.worth_it(rows) == []
-    rows[1]["build_s"] = rows[0]["build_s"] = {"min": 0.2, "med": 0.2, "max": 0.2}
-    assert report.worth_it(rows) == [rows[0]["scene"]]
-
-
-def test_pictures_of_different_processes_are_related_by_the_tree_beside_them() -> None:
-    rows = [everything("kd", 1.0), everything("bsp-wn", 1.0)]
-    pictured(rows[0], 10.0)
-    # This machine is three times as slow.
-    pictured(rows[1], 27.0)
-    rows[1]["round_id"] = "2"
-    rows[1]["image"]["anchor_rounds_s"] = [30.0] * 7
-    assert report.worth_it(rows) == [rows[0]["scene"]]
-    rows[1]["image"]["samples"] = 1
-    assert report.worth_it(rows) == [], "a picture of fewer samples takes more time per sample"
-    rows[1]["image"]["anchor"] = None
-    rows[1]["image"]["anchor_rounds_s"] = []
-    pictured(rows[0], 100.0)
-    assert report.worth_it(rows) == [], "nothing relates them"
-
-
-def test_of_builds_with_rays_noise_is_told_too() -> None:
-    about = "build and one million rays of each set together"
-
-    def told(*rows: dict[str, Any]) -> str:
-        return next(text for text in report.findings(list(rows)) if about in text)
-
-    apart = row("a", 4.0), row("b", 2.0)
-    for one in apart:
-        one["build_s"] = dict.fromkeys(("min", "med", "max"), 0.01)
-    assert "260 ms with a (build 10 ms) and 510 ms with b (build 10 ms), the next" in told(*apart)
-    assert "cannot be told from those with b" in told(row("a", 2.02), row("b", 2.0))
-    few = row("a", 4.0), row("b", 2.0)
-    for one in few:
-        for key in ("rounds", "anchor_rounds"):
-            one["rays"]["primary"][key] = one["rays"]["primary"][key][:3]
-    assert "3 rounds are too few for a ranking" in told(*few)
 
 
 def test_fitted_costs_are_those_that_made_the_times() -> None:
