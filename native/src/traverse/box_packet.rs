@@ -8,6 +8,7 @@ use super::box_tree::{self, BoxTree, INNER};
 use super::packet::{self, Group, MOST, Packet, Width};
 use super::packet_leaf;
 use super::packet_walk::PacketTree;
+use super::pending::{Waits, make_room};
 use super::query::{Counters, Query};
 use super::ray::Ray;
 use super::tile::Row;
@@ -23,6 +24,13 @@ pub struct Pending {
     link: u32,
     count: u32,
     enter: Row,
+}
+
+impl Waits for Pending {
+    #[inline(always)]
+    fn enter(&self) -> f32 {
+        self.first
+    }
 }
 
 impl<const W: usize> PacketTree for BoxTree<W> {
@@ -92,18 +100,13 @@ impl<const W: usize> PacketTree for BoxTree<W> {
                 let mut own = [f32::INFINITY; MOST];
                 packet::store::<S, L>(entered, &mut own);
                 let first = own[lanes.trailing_zeros() as usize % MOST];
-                let mut at = waiting;
-                while at > base && stack[at - 1].first < first {
-                    stack[at] = stack[at - 1];
-                    at -= 1;
-                }
+                let at = make_room(stack, base, &mut waiting, first);
                 stack[at] = Pending {
                     first,
                     link: node.link[child],
                     count: node.count[child],
                     enter: own,
                 };
-                waiting += 1;
             }
 
             // Go on with the nearest box; leaves are tested until an inner node comes up.

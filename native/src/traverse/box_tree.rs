@@ -12,6 +12,7 @@ use super::blocks::Blocks;
 use super::bound::{keep_max, keep_max_each, keep_min, keep_min_each};
 use super::frame::FrameRay;
 use super::nested::{Look, Nested, Place};
+use super::pending::{Waits, make_room};
 use super::query::{Best, Counters, Query};
 use super::ray::{Hit, Ray};
 use crate::build::leaves::Leaves;
@@ -274,6 +275,13 @@ pub struct Pending {
     pub(super) count: u32,
 }
 
+impl Waits for Pending {
+    #[inline(always)]
+    fn enter(&self) -> f32 {
+        self.enter
+    }
+}
+
 /// The walk over one tree.
 pub struct Walk<'a, const W: usize>(pub &'a BoxTree<W>);
 
@@ -313,17 +321,12 @@ impl<const W: usize> batch::Walk for Walk<'_, W> {
                 let lane = hits.trailing_zeros() as usize % W;
                 hits &= hits - 1;
                 let enter = enters[lane];
-                let mut at = waiting;
-                while at > base && stack[at - 1].enter < enter {
-                    stack[at] = stack[at - 1];
-                    at -= 1;
-                }
+                let at = make_room(stack, base, &mut waiting, enter);
                 stack[at] = Pending {
                     enter,
                     link: node.link[lane],
                     count: node.count[lane],
                 };
-                waiting += 1;
             }
 
             // Go on with the nearest box; leaves are tested until an inner node comes up.

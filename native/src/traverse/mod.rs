@@ -37,6 +37,7 @@ pub mod packet;
 pub mod packet_leaf;
 pub mod packet_walk;
 pub mod path;
+pub mod pending;
 pub mod place;
 pub mod plane_arvo;
 pub mod plane_beam;

@@ -7,7 +7,8 @@
 use super::batch;
 use super::blocks::Blocks;
 use super::frame::FrameRay;
-use super::plane_origin::{Pending, STACK, Stack, around, both, both_published, ends, next};
+use super::pending::Pending;
+use super::plane_origin::{STACK, Stack, around, both, both_published, ends, next};
 use super::query::{Best, Counters, Query};
 use super::ray::{Hit, Ray};
 use crate::build::plane_tree::{Node, PlaneTree, near_child};

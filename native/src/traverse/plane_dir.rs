@@ -10,20 +10,13 @@ use super::batch;
 use super::blocks::Blocks;
 use super::bound::{keep_max, keep_min};
 use super::frame::FrameRay;
+use super::pending::{Pending, next};
 use super::planes::{Inside, Planes};
 use super::query::{Best, Counters, Query};
 use super::ray::{Hit, Ray};
 use crate::build::plane_tree::{MAX_DEPTH, Node, near_child};
 use crate::scene::Triangles;
 use fearless_simd::Simd;
-
-/// A child still to visit, and the interval of the ray inside it.
-#[derive(Clone, Copy)]
-pub struct Pending<A> {
-    node: A,
-    enter: f32,
-    leave: f32,
-}
 
 /// The walk over one tree.
 pub struct Walk<T>(pub T);
@@ -120,17 +113,9 @@ impl<T: Planes> batch::Walk for Walk<T> {
                     }
                 }
             }
-            loop {
-                if waiting == 0 {
-                    return best.hit();
-                }
-                waiting -= 1;
-                let next = stack[waiting];
-                if next.enter <= best.reach {
-                    (node, enter, leave) =
-                        (next.node, next.enter, keep_min(best.reach, next.leave));
-                    break;
-                }
+            match next(stack, &mut waiting, best.reach) {
+                Some(child) => (node, enter, leave) = child.within(best.reach),
+                None => return best.hit(),
             }
         }
     }

@@ -10,18 +10,8 @@
 
 use super::bound::{keep_max, keep_min};
 use super::frame::FrameRay;
+use super::pending::{self, Pending};
 use crate::build::plane_tree::MAX_DEPTH;
-
-/// A child still to visit, and the interval of the ray inside it.
-#[derive(Clone, Copy, Default)]
-pub struct Pending {
-    /// The child.
-    pub node: u32,
-    /// Where the ray enters it.
-    pub enter: f32,
-    /// Where the ray leaves it.
-    pub leave: f32,
-}
 
 /// Children still to visit, the next one last.
 pub type Stack = [Pending; MAX_DEPTH + 1];
@@ -84,17 +74,12 @@ pub fn next<const PUBLISHED: bool>(
     waiting: &mut usize,
     reach: f32,
 ) -> Option<(u32, f32, f32)> {
-    while *waiting != 0 {
-        *waiting -= 1;
+    if PUBLISHED {
+        *waiting = waiting.checked_sub(1)?;
         let next = stack[*waiting];
-        if PUBLISHED {
-            return Some((next.node, next.enter, next.leave));
-        }
-        if next.enter <= reach {
-            return Some((next.node, next.enter, keep_min(reach, next.leave)));
-        }
+        return Some((next.node, next.enter, next.leave));
     }
-    None
+    pending::next(stack, waiting, reach).map(|next| next.within(reach))
 }
 
 /// Goes on where both children are on the way, as published.

@@ -18,6 +18,7 @@ use super::blocks::Blocks;
 use super::bound::{keep_max, keep_min};
 use super::cases::{Turn, case};
 use super::frame::FrameRay;
+use super::pending::{Waits, next};
 use super::query::{Best, Counters, Query};
 use super::ray::{Hit, Ray};
 use crate::build::plane_tree::{MAX_DEPTH, Node, PlaneTree, near_child};
@@ -32,6 +33,13 @@ pub struct Segment {
     exit: [f32; 4],
     enter: f32,
     leave: f32,
+}
+
+impl Waits for (u32, Segment) {
+    #[inline(always)]
+    fn enter(&self) -> f32 {
+        self.1.enter
+    }
 }
 
 /// The ray in mirrored coordinates: all its speeds are positive.
@@ -176,16 +184,9 @@ impl batch::Walk for Walk<'_> {
                     }
                 }
             }
-            loop {
-                if waiting == 0 {
-                    return best.hit();
-                }
-                waiting -= 1;
-                let (next, part) = stack[waiting];
-                if part.enter <= best.reach {
-                    (node, segment) = (next, part);
-                    break;
-                }
+            match next(stack, &mut waiting, best.reach) {
+                Some(part) => (node, segment) = part,
+                None => return best.hit(),
             }
         }
     }

@@ -15,6 +15,7 @@ use super::batch;
 use super::blocks::Blocks;
 use super::bound::{keep_max, keep_min};
 use super::frame::FrameRay;
+use super::pending::{Waits, next};
 use super::query::{Best, Counters, Query};
 use super::ray::{Hit, Ray};
 use crate::build::plane_tree::{MAX_DEPTH, Node, PlaneTree};
@@ -38,6 +39,13 @@ pub struct Segment {
     exit: [f32; 3],
     enter: f32,
     leave: f32,
+}
+
+impl Waits for (u32, Segment) {
+    #[inline(always)]
+    fn enter(&self) -> f32 {
+        self.1.enter
+    }
 }
 
 /// The walk over one tree.
@@ -106,16 +114,9 @@ impl batch::Walk for Walk<'_> {
                     if blocks.test::<S, Q, C>(simd, leaf, scene, ray, &mut best, counters) {
                         return best.hit();
                     }
-                    loop {
-                        if waiting == 0 {
-                            return best.hit();
-                        }
-                        waiting -= 1;
-                        let (next, part) = stack[waiting];
-                        if part.enter <= best.reach {
-                            (node, segment) = (next, part);
-                            break;
-                        }
+                    match next(stack, &mut waiting, best.reach) {
+                        Some(part) => (node, segment) = part,
+                        None => return best.hit(),
                     }
                     continue;
                 }

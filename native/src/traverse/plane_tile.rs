@@ -10,6 +10,7 @@
 
 use super::blocks::Blocks;
 use super::frame::U;
+use super::pending::{Pending, next};
 use super::planes::{Inside, Planes};
 use super::query::Counters;
 use super::ray::Ray;
@@ -23,14 +24,6 @@ use fearless_simd::{Select, Simd, SimdBase, SimdFloat, SimdMask, f32x16, mask32x
 /// Bound on the error of `n . d` for `|n| <= 1` and components of `d` below 2: 3 roundings of at most
 /// `sqrt(3) 2` each.
 const SPEED_ERROR: f32 = 16.0 * U;
-
-/// A child still to visit, and where rays are inside it.
-#[derive(Clone, Copy)]
-struct Pending<A> {
-    node: A,
-    enter: f32,
-    leave: f32,
-}
 
 impl<T: Sync + 'static> TileTree for T
 where
@@ -148,20 +141,13 @@ fn follow<S: Simd, T: Planes, C: Counters, J: Judge<R>, const R: usize>(
                 }
             }
         }
-        loop {
-            if waiting == 0 {
-                if T::PARTS {
-                    judge.leave(simd, blocks, (tile, rays), counters);
-                }
-                return true;
+        let Some(child) = next(&stack, &mut waiting, tile.far) else {
+            if T::PARTS {
+                judge.leave(simd, blocks, (tile, rays), counters);
             }
-            waiting -= 1;
-            let next = stack[waiting];
-            if next.enter <= tile.far {
-                (node, enter, leave) = (next.node, next.enter, next.leave.min(tile.far));
-                break;
-            }
-        }
+            return true;
+        };
+        (node, enter, leave) = (child.node, child.enter, child.leave.min(tile.far));
     }
 }
 

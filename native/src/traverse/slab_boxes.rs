@@ -7,6 +7,7 @@ use super::batch;
 use super::blocks::Blocks;
 use super::box_tree::Slabs;
 use super::frame::FrameRay;
+use super::pending::{Waits, next};
 use super::query::{Best, Counters, Query};
 use super::ray::{Hit, Ray};
 use super::slab_node::{Kind, SlabNode};
@@ -22,6 +23,13 @@ pub struct Pending {
     node: u32,
     enter: f32,
     region: Aabb,
+}
+
+impl Waits for Pending {
+    #[inline(always)]
+    fn enter(&self) -> f32 {
+        self.enter
+    }
 }
 
 /// The walk over one tree over a scene of these bounds.
@@ -105,17 +113,10 @@ impl<N: SlabNode> batch::Walk for Walk<'_, N> {
                     }
                 }
             }
-            loop {
-                if waiting == 0 {
-                    return best.hit();
-                }
-                waiting -= 1;
-                let next = stack[waiting];
-                if next.enter <= best.reach {
-                    (node, region) = (nodes[next.node as usize], next.region);
-                    break;
-                }
-            }
+            let Some(child) = next(stack, &mut waiting, best.reach) else {
+                return best.hit();
+            };
+            (node, region) = (nodes[child.node as usize], child.region);
         }
     }
 }

@@ -9,9 +9,9 @@
 
 use super::batch;
 use super::blocks::Blocks;
-use super::bound::keep_min;
 use super::frame::FrameRay;
 use super::nested::{Look, Nested, Place};
+use super::pending::{Pending, next};
 use super::query::{Best, Counters, Query};
 use super::ray::{Hit, Ray};
 use super::slab_node::{Kind, MOST, SlabNode};
@@ -136,14 +136,6 @@ impl<N: SlabNode> Nested for SlabTree<N> {
     }
 }
 
-/// A child still to visit, and the interval of the ray inside it.
-#[derive(Clone, Copy, Default)]
-pub struct Pending {
-    node: u32,
-    enter: f32,
-    leave: f32,
-}
-
 /// The walk over one tree.
 pub struct Walk<'a, N>(pub &'a SlabTree<N>);
 
@@ -216,18 +208,12 @@ impl<N: SlabNode> batch::Walk for Walk<'_, N> {
                     }
                 }
             }
-            loop {
-                if waiting == 0 {
-                    return best.hit();
-                }
-                waiting -= 1;
-                let next = stack[waiting];
-                if next.enter <= best.reach {
-                    node = nodes[next.node as usize];
-                    (enter, leave) = (next.enter, keep_min(best.reach, next.leave));
-                    break;
-                }
-            }
+            let Some(child) = next(stack, &mut waiting, best.reach) else {
+                return best.hit();
+            };
+            let place;
+            (place, enter, leave) = child.within(best.reach);
+            node = nodes[place as usize];
         }
     }
 }

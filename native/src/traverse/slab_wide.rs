@@ -8,6 +8,7 @@ use super::bound::{keep_max, keep_max_each, keep_min, keep_min_each};
 use super::box_tree::Slabs;
 use super::frame::FrameRay;
 use super::nested::{Look, Nested, Place};
+use super::pending::{Pending, make_room, next};
 use super::query::{Best, Counters, Query};
 use super::ray::{Hit, Ray};
 use crate::build::leaves::Leaves;
@@ -256,14 +257,6 @@ impl Slabs {
     }
 }
 
-/// A child still to visit, and the interval of the ray inside it.
-#[derive(Clone, Copy, Default)]
-pub struct Pending {
-    node: u32,
-    enter: f32,
-    leave: f32,
-}
-
 /// The walk over one tree.
 pub struct Walk<'a, const W: usize>(pub &'a WideSlabs<W>);
 
@@ -307,11 +300,7 @@ impl<const W: usize> batch::Walk for Walk<'_, W> {
                 while hits != 0 {
                     let lane = hits.trailing_zeros() as usize % W;
                     hits &= hits - 1;
-                    let mut at = waiting;
-                    while at > base && stack[at - 1].enter < enters[lane] {
-                        stack[at] = stack[at - 1];
-                        at -= 1;
-                    }
+                    let at = make_room(stack, base, &mut waiting, enters[lane]);
                     #[expect(clippy::cast_possible_truncation, reason = "at most 8")]
                     let node = node.link() + lane as u32;
                     stack[at] = Pending {
@@ -319,7 +308,6 @@ impl<const W: usize> batch::Walk for Walk<'_, W> {
                         enter: enters[lane],
                         leave: leaves[lane],
                     };
-                    waiting += 1;
                 }
             } else {
                 let count = node.link() as usize;
@@ -335,18 +323,12 @@ impl<const W: usize> batch::Walk for Walk<'_, W> {
                     return best.hit();
                 }
             }
-            loop {
-                if waiting == 0 {
-                    return best.hit();
-                }
-                waiting -= 1;
-                let next = stack[waiting];
-                if next.enter <= best.reach {
-                    node = &self.0.nodes[next.node as usize];
-                    (enter, leave) = (next.enter, keep_min(best.reach, next.leave));
-                    break;
-                }
-            }
+            let Some(child) = next(stack, &mut waiting, best.reach) else {
+                return best.hit();
+            };
+            let place;
+            (place, enter, leave) = child.within(best.reach);
+            node = &self.0.nodes[place as usize];
         }
     }
 }

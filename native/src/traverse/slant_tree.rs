@@ -13,6 +13,7 @@ use super::bound::{keep_max, keep_min};
 use super::dop_tree::{NORMALS, Planes};
 use super::frame::FrameRay;
 use super::nested::{Look, Nested, Place};
+use super::pending::{Pending, next};
 use super::query::{Best, Counters, Query};
 use super::ray::{Hit, Ray};
 use crate::build::leaves::Leaves;
@@ -210,14 +211,6 @@ impl Nested for SlantTree {
     }
 }
 
-/// A child still to visit, and the interval of the ray inside it.
-#[derive(Clone, Copy, Default)]
-pub struct Pending {
-    node: u32,
-    enter: f32,
-    leave: f32,
-}
-
 /// The walk over one tree.
 pub struct Walk<'a>(pub &'a SlantTree);
 
@@ -307,18 +300,12 @@ impl batch::Walk for Walk<'_> {
                     }
                 }
             }
-            loop {
-                if waiting == 0 {
-                    return best.hit();
-                }
-                waiting -= 1;
-                let next = stack[waiting];
-                if next.enter <= best.reach {
-                    node = nodes[next.node as usize];
-                    (enter, leave) = (next.enter, keep_min(best.reach, next.leave));
-                    break;
-                }
-            }
+            let Some(child) = next(stack, &mut waiting, best.reach) else {
+                return best.hit();
+            };
+            let place;
+            (place, enter, leave) = child.within(best.reach);
+            node = nodes[place as usize];
         }
     }
 }
