@@ -18,6 +18,7 @@ mod candidates;
 pub mod cases;
 pub mod dop_tree;
 mod eight;
+pub mod first_hit;
 pub mod frame;
 pub mod frame_rows;
 pub mod grid_step;

@@ -54,12 +54,7 @@ pub fn next<P: Waits>(stack: &[P], waiting: &mut usize, reach: f32) -> Option<P>
 /// The place for one more that is entered at `enter`, among those from `base` on, of which the nearest
 /// is on top; those nearer than it move up.
 #[inline(always)]
-pub fn make_room<P: Waits>(
-    stack: &mut [P],
-    base: usize,
-    waiting: &mut usize,
-    enter: f32,
-) -> usize {
+pub fn make_room<P: Waits>(stack: &mut [P], base: usize, waiting: &mut usize, enter: f32) -> usize {
     let mut at = *waiting;
     while at > base && stack[at - 1].enter() < enter {
         stack[at] = stack[at - 1];

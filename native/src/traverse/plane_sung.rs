@@ -5,6 +5,7 @@
 
 use super::batch;
 use super::blocks::Blocks;
+use super::first_hit;
 use super::frame::FrameRay;
 use super::plane_origin::{STACK, Stack, around, both, both_published, ends, next};
 use super::query::{Best, Counters, Query};
@@ -85,16 +86,14 @@ impl<const PUBLISHED: bool> batch::Walk for Walk<'_, PUBLISHED> {
                 Node::Oblique { .. } => unreachable!("Sung's walk is for axis-aligned trees"),
                 Node::Leaf { first, count } => {
                     counters.leaf(count);
-                    let ends = blocks.test::<S, Q, C>(
+                    if first_hit::test::<PUBLISHED, S, Q, C>(
                         simd,
                         (first, count),
-                        scene,
+                        (scene, blocks),
                         (ray, frame, leave),
                         &mut best,
                         counters,
-                    );
-                    // As published, the first leaf with a hit inside has the nearest one.
-                    if ends || (PUBLISHED && best.hit().is_hit()) {
+                    ) {
                         return best.hit();
                     }
                 }

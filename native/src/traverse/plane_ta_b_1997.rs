@@ -11,6 +11,7 @@
 use super::batch;
 use super::blocks::Blocks;
 use super::cases::{Turn, case};
+use super::first_hit;
 use super::frame::FrameRay;
 use super::query::{Best, Counters, Query};
 use super::ray::{Hit, Ray};
@@ -112,16 +113,14 @@ impl batch::Walk for Walk<'_> {
                 Node::Oblique { .. } => unreachable!("TA-B walks axis-aligned trees"),
                 Node::Leaf { first, count } => {
                     counters.leaf(count);
-                    let ends = blocks.test::<S, Q, C>(
+                    if first_hit::test::<true, S, Q, C>(
                         simd,
                         (first, count),
-                        scene,
+                        (scene, blocks),
                         (ray, frame, exit.t),
                         &mut best,
                         counters,
-                    );
-                    // As published, the first leaf with a hit inside has the nearest one.
-                    if ends || best.hit().is_hit() {
+                    ) {
                         return best.hit();
                     }
                 }
