@@ -2,8 +2,10 @@
 //! Structures in places.
 
 use super::arrays::{check_copy, describe};
+use super::hits::Hits;
+use super::rays::RayArrays;
 use super::structure::{Monitor, Structure, memory_limit};
-use super::trace::{self, Hits};
+use super::trace;
 use super::whole::{MemoryLimit, Threads};
 use crate::build::Monitor as BuildMonitor;
 use crate::error::{Error, Result, caught};
@@ -37,7 +39,7 @@ impl Instances {
         threads: Threads,
         counters: bool,
     ) -> PyResult<Hits> {
-        let arguments = trace::RayArrays::new(origins, directions, t_min, t_max, order)?;
+        let arguments = RayArrays::new(origins, directions, t_min, t_max, order)?;
         let rays = arguments.rays();
         Ok(py.detach(|| trace::closest((&*self.0, &[]), rays, threads.0, counters))?)
     }
@@ -56,7 +58,7 @@ impl Instances {
         threads: Threads,
         counters: bool,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let arguments = trace::RayArrays::new(origins, directions, t_min, t_max, order)?;
+        let arguments = RayArrays::new(origins, directions, t_min, t_max, order)?;
         let rays = arguments.rays();
         let (occluded, counts) =
             py.detach(|| trace::occluded(&*self.0, rays, threads.0, counters))?;

@@ -5,13 +5,17 @@
 mod arrays;
 mod cases;
 mod errors;
+mod hits;
 mod instances;
 mod keys;
+mod oracle;
+mod rays;
 mod registry;
 mod render;
 mod render_args;
 mod seeing;
 mod shader_args;
+mod share;
 mod structure;
 mod trace;
 mod whole;
@@ -60,5 +64,6 @@ fn halfspace_native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     registry::register(module)?;
     render::register(module)?;
     structure::register(module)?;
-    trace::register(module)
+    hits::register(module)?;
+    oracle::register(module)
 }

@@ -2,8 +2,10 @@
 //! Building, statistics, validation, what there is to see.
 
 use super::arrays;
+use super::hits::{self, Hits};
+use super::rays::RayArrays;
 use super::seeing;
-use super::trace::{self, Hits};
+use super::trace;
 use super::whole::{MaxCount, MaxDepth, MemoryLimit, MinTriangles, Threads};
 use crate::build::Monitor as BuildMonitor;
 use crate::error::caught;
@@ -60,7 +62,7 @@ impl Recording {
     /// What each ray cost when it was recorded, as Hits.counters.
     #[getter]
     fn counters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        trace::counters(py, self.structure.cases(), &self.recording.counters)
+        hits::counters(py, self.structure.cases(), &self.recording.counters)
     }
 
     /// Walks the rays again on the calling thread, through the same nodes in the same order but with
@@ -118,7 +120,7 @@ impl Structure {
         threads: Threads,
         counters: bool,
     ) -> PyResult<Hits> {
-        let arguments = trace::RayArrays::new(origins, directions, t_min, t_max, order)?;
+        let arguments = RayArrays::new(origins, directions, t_min, t_max, order)?;
         let rays = arguments.rays();
         let tracer = (&*self.0, self.0.cases());
         Ok(py.detach(|| trace::closest((tracer.0, tracer.1), rays, threads.0, counters))?)
@@ -139,7 +141,7 @@ impl Structure {
         threads: Threads,
         counters: bool,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let arguments = trace::RayArrays::new(origins, directions, t_min, t_max, order)?;
+        let arguments = RayArrays::new(origins, directions, t_min, t_max, order)?;
         let rays = arguments.rays();
         let (occluded, counts) =
             py.detach(|| trace::occluded(&*self.0, rays, threads.0, counters))?;
@@ -161,7 +163,7 @@ impl Structure {
         t_max: Option<&Bound<'_, PyAny>>,
         any_hit: bool,
     ) -> PyResult<Recording> {
-        let arguments = trace::RayArrays::new(origins, directions, t_min, t_max, "none")?;
+        let arguments = RayArrays::new(origins, directions, t_min, t_max, "none")?;
         let rays = arguments.rays().all();
         let recording = py.detach(|| self.0.record(rays, any_hit))?;
         Ok(Recording {
