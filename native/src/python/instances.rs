@@ -3,11 +3,11 @@
 
 use super::arrays::{check_copy, describe};
 use super::hits::Hits;
+use super::monitor::{self, Monitor};
 use super::rays::RayArrays;
-use super::structure::{Monitor, Structure, memory_limit};
+use super::structure::Structure;
 use super::trace;
 use super::whole::{MemoryLimit, Threads};
-use crate::build::Monitor as BuildMonitor;
 use crate::error::{Error, Result, caught};
 use crate::geom::Transform;
 use crate::instances;
@@ -39,9 +39,8 @@ impl Instances {
         threads: Threads,
         counters: bool,
     ) -> PyResult<Hits> {
-        let arguments = RayArrays::new(origins, directions, t_min, t_max, order)?;
-        let rays = arguments.rays();
-        Ok(py.detach(|| trace::closest((&*self.0, &[]), rays, threads.0, counters))?)
+        let rays = RayArrays::new(origins, directions, t_min, t_max, order)?;
+        trace::closest(py, (&*self.0, &[]), &rays, threads, counters)
     }
 
     /// As Structure.occluded().
@@ -58,11 +57,8 @@ impl Instances {
         threads: Threads,
         counters: bool,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let arguments = RayArrays::new(origins, directions, t_min, t_max, order)?;
-        let rays = arguments.rays();
-        let (occluded, counts) =
-            py.detach(|| trace::occluded(&*self.0, rays, threads.0, counters))?;
-        trace::occluded_answer(py, &occluded, counts, &[])
+        let rays = RayArrays::new(origins, directions, t_min, t_max, order)?;
+        trace::occluded(py, (&*self.0, &[]), &rays, threads, counters)
     }
 
     /// How many instances there are, dropped ones included.
@@ -156,7 +152,7 @@ fn build(
     monitor: Option<&Monitor>,
     memory_limit: Option<MemoryLimit>,
 ) -> PyResult<Instances> {
-    let limit = self::memory_limit(memory_limit);
+    let limit = monitor::memory_limit(memory_limit);
     let meshes: Vec<_> = (structures.iter()).map(|one| Arc::clone(&one.0)).collect();
     let numbers: PyReadonlyArray1<'_, i32> = mesh.extract().map_err(|_| {
         Error::Shape(format!(
@@ -180,8 +176,7 @@ fn build(
             transform,
         })
         .collect();
-    let monitor = monitor.map_or_else(|| Arc::new(BuildMonitor::new()), |m| m.0.clone());
-    monitor.limit_memory(limit);
+    let monitor = monitor::watching(monitor, limit);
     let built = py.detach(|| {
         caught(|| {
             let pool = rayon::ThreadPoolBuilder::new()

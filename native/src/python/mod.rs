@@ -8,6 +8,7 @@ mod errors;
 mod hits;
 mod instances;
 mod keys;
+mod monitor;
 mod oracle;
 mod rays;
 mod registry;
@@ -61,6 +62,7 @@ fn halfspace_native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     cases::register(module)?;
     errors::register(module)?;
     instances::register(module)?;
+    monitor::register(module)?;
     registry::register(module)?;
     render::register(module)?;
     structure::register(module)?;

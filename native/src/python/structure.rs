@@ -3,13 +3,12 @@
 
 use super::arrays;
 use super::hits::{self, Hits};
+use super::monitor::{self, Monitor};
 use super::rays::RayArrays;
 use super::seeing;
 use super::trace;
 use super::whole::{MaxCount, MaxDepth, MemoryLimit, MinTriangles, Threads};
-use crate::build::Monitor as BuildMonitor;
 use crate::error::caught;
-use crate::memory;
 use crate::scene::Triangles;
 use crate::spec::Config;
 use crate::structure;
@@ -20,35 +19,6 @@ use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::sync::Arc;
-
-/// Progress of a build, 0 to 1, and a way to stop it; usable from any thread.
-#[pyclass(frozen)]
-pub struct Monitor(pub Arc<BuildMonitor>);
-
-#[pymethods]
-impl Monitor {
-    #[new]
-    fn new() -> Self {
-        Self(Arc::new(BuildMonitor::new()))
-    }
-
-    /// The share of the work done.
-    #[getter]
-    fn progress(&self) -> f64 {
-        self.0.progress()
-    }
-
-    /// Whether it was asked to stop.
-    #[getter]
-    fn cancelled(&self) -> bool {
-        self.0.is_cancelled()
-    }
-
-    /// Asks the build to stop; it raises Cancelled within a tenth of a second.
-    fn cancel(&self) {
-        self.0.cancel();
-    }
-}
 
 /// Rays and what each leaf of a structure answered to them, from Structure.record().
 #[pyclass(frozen)]
@@ -120,10 +90,8 @@ impl Structure {
         threads: Threads,
         counters: bool,
     ) -> PyResult<Hits> {
-        let arguments = RayArrays::new(origins, directions, t_min, t_max, order)?;
-        let rays = arguments.rays();
-        let tracer = (&*self.0, self.0.cases());
-        Ok(py.detach(|| trace::closest((tracer.0, tracer.1), rays, threads.0, counters))?)
+        let rays = RayArrays::new(origins, directions, t_min, t_max, order)?;
+        trace::closest(py, (&*self.0, self.0.cases()), &rays, threads, counters)
     }
 
     /// Whether each ray meets anything at all: (n,) bool; with counters=True a pair of that
@@ -141,11 +109,8 @@ impl Structure {
         threads: Threads,
         counters: bool,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let arguments = RayArrays::new(origins, directions, t_min, t_max, order)?;
-        let rays = arguments.rays();
-        let (occluded, counts) =
-            py.detach(|| trace::occluded(&*self.0, rays, threads.0, counters))?;
-        trace::occluded_answer(py, &occluded, counts, self.0.cases())
+        let rays = RayArrays::new(origins, directions, t_min, t_max, order)?;
+        trace::occluded(py, (&*self.0, self.0.cases()), &rays, threads, counters)
     }
 
     /// Traces the rays one by one, on one thread, and records what every leaf answers, so that the
@@ -254,11 +219,6 @@ impl Structure {
     }
 }
 
-/// Bytes that a build may take.
-pub fn memory_limit(asked: Option<MemoryLimit>) -> u64 {
-    asked.map_or_else(memory::default_limit, |limit| limit.0)
-}
-
 /// Builds a structure over triangles.
 ///
 /// vertices: (n, 3). triangles: (m, 3) indices; those without area or not finite are dropped and
@@ -279,12 +239,11 @@ fn build(
     monitor: Option<&Monitor>,
     memory_limit: Option<MemoryLimit>,
 ) -> PyResult<Structure> {
-    let limit = self::memory_limit(memory_limit);
+    let limit = monitor::memory_limit(memory_limit);
     let config = Config::parse(spec)?;
     let vertices = arrays::points("vertices", vertices)?;
     let indices = arrays::indices("triangles", triangles, vertices.len())?;
-    let monitor = monitor.map_or_else(|| Arc::new(BuildMonitor::new()), |m| m.0.clone());
-    monitor.limit_memory(limit);
+    let monitor = monitor::watching(monitor, limit);
     let built = py.detach(|| {
         caught(|| {
             let scene = Arc::new(Triangles::new(vertices, indices)?);
@@ -296,7 +255,6 @@ fn build(
 
 /// Adds building to the module.
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
-    module.add_class::<Monitor>()?;
     module.add_class::<Structure>()?;
     module.add_class::<Recording>()?;
     module.add_function(wrap_pyfunction!(build, module)?)

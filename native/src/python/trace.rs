@@ -2,17 +2,52 @@
 //! Rays traced for Python: nearest hits, in whichever order of rays is quickest, and any hits.
 
 use super::hits::{Hits, counters};
-use super::rays::Rays;
+use super::rays::{RayArrays, Rays};
 use super::share::{CHUNK, in_chunks, share_out, wanted};
+use super::whole::Threads;
 use crate::error::Result;
 use crate::geom::Aabb;
 use crate::memory::check_room;
-use crate::traverse::{Hit, Order, RayCounters, Tracer, reorder};
+use crate::traverse::{Hit, Order, Tracer, reorder};
 use numpy::ToPyArray;
 use pyo3::prelude::*;
 
-/// Nearest hits.
+/// Nearest hits. `cases`: what the walks told apart.
 pub fn closest(
+    py: Python<'_>,
+    (tracer, cases): (&dyn Tracer, &'static [&'static str]),
+    rays: &RayArrays<'_>,
+    threads: Threads,
+    counters: bool,
+) -> PyResult<Hits> {
+    let rays = rays.rays();
+    Ok(py.detach(|| nearest((tracer, cases), rays, threads.0, counters))?)
+}
+
+/// Any hits, or with `counting` a pair of them and what each ray cost. `cases` as for [`closest`].
+pub fn occluded<'py>(
+    py: Python<'py>,
+    (tracer, cases): (&dyn Tracer, &[&str]),
+    rays: &RayArrays<'_>,
+    threads: Threads,
+    counting: bool,
+) -> PyResult<Bound<'py, PyAny>> {
+    let rays = rays.rays();
+    let (occluded, counts) = py.detach(|| {
+        in_chunks(rays, threads.0, counting, false, |rays, answers, counts| {
+            tracer.occluded(rays, answers, counts);
+        })
+    })?;
+    let occluded = occluded.to_pyarray(py).into_any();
+    match counts {
+        None => Ok(occluded),
+        Some(counts) => Ok((occluded, counters(py, cases, &counts)?)
+            .into_pyobject(py)?
+            .into_any()),
+    }
+}
+
+fn nearest(
     (tracer, cases): (&dyn Tracer, &'static [&'static str]),
     rays: Rays<'_>,
     threads: usize,
@@ -25,7 +60,7 @@ pub fn closest(
         && reorder::scattered(rays.origins, &bounds)
     {
         return Ok(Hits {
-            hits: closest_reordered(tracer, rays, threads, &bounds)?,
+            hits: nearest_reordered(tracer, rays, threads, &bounds)?,
             counts: None,
             on_boundary: None,
         });
@@ -41,7 +76,7 @@ pub fn closest(
 }
 
 /// Nearest hits of rays in random order, which are walked in another: each thread puts its own share in order.
-fn closest_reordered(
+fn nearest_reordered(
     tracer: &dyn Tracer,
     rays: Rays<'_>,
     threads: usize,
@@ -71,32 +106,4 @@ fn closest_reordered(
         },
     )?;
     Ok(hits)
-}
-
-/// Any hits.
-pub fn occluded(
-    tracer: &dyn Tracer,
-    rays: Rays<'_>,
-    threads: usize,
-    counters: bool,
-) -> Result<(Vec<bool>, Option<Vec<RayCounters>>)> {
-    in_chunks(rays, threads, counters, false, |rays, answers, counts| {
-        tracer.occluded(rays, answers, counts);
-    })
-}
-
-/// Any hits, or a pair of them and what each ray cost.
-pub fn occluded_answer<'py>(
-    py: Python<'py>,
-    occluded: &[bool],
-    counts: Option<Vec<RayCounters>>,
-    cases: &[&str],
-) -> PyResult<Bound<'py, PyAny>> {
-    let occluded = occluded.to_pyarray(py).into_any();
-    match counts {
-        None => Ok(occluded),
-        Some(counts) => Ok((occluded, counters(py, cases, &counts)?)
-            .into_pyobject(py)?
-            .into_any()),
-    }
 }
