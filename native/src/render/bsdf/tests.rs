@@ -8,6 +8,7 @@ use super::super::program::{Op, Operand, Step};
 use std::f32::consts::TAU;
 
 use super::super::sampler::PixelSampler;
+use super::super::vector::vec3;
 use super::*;
 
 fn compile(params: MaterialParams) -> Material {
