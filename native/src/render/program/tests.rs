@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Tests of [`super`].
 
+use super::super::node_math::{Blend, Math};
 use super::*;
 
 fn step(op: Op, args: &[Operand]) -> Step {
