@@ -33,6 +33,25 @@ pub struct Policy {
     pub directions: usize,
 }
 
+impl Policy {
+    /// How the pieces of a node are parted; `None` where they are to stay together in a leaf.
+    fn choose(&self, pieces: &[Piece], cell: &ConvexCell, room: &mut Room) -> Option<Best> {
+        let count = pieces.len();
+        let best = self.best(pieces, cell, room);
+        let worth = best.is_some_and(|best| best.cost < self.costs.leaf(count as f32));
+        if count < 2 || (!worth && count <= self.leaf_max) {
+            None
+        } else {
+            best.or_else(|| Self::widest(pieces))
+        }
+    }
+}
+
+/// Halving reaches single triangles in so many levels.
+fn levels(count: usize) -> usize {
+    count.next_power_of_two().ilog2() as usize
+}
+
 /// Floats between which all pieces lie along a direction.
 fn around(pieces: &[Piece], k: usize) -> (f32, f32) {
     pieces
@@ -102,47 +121,19 @@ impl Builder<'_> {
     ) -> Result<()> {
         self.monitor.check()?;
         let first = items.len();
-        let levels = pieces.len().next_power_of_two().ilog2() as usize;
-        // Halving reaches single triangles in so many levels.
-        while node.depth + levels + 1 < MAX_DEPTH {
-            let Some(k) = self.policy.cut(pieces, &node.cell, room) else {
-                break;
-            };
-            let planes = around(pieces, k);
-            items.push(Item {
-                kind: Kind::Only {
-                    direction: k,
-                    planes: [planes.0, planes.1],
-                },
-                area: node.cell.area(),
-            });
-            let at = |offset| Plane {
-                direction: direction(k),
-                offset,
-            };
-            node.cell = node.cell.split(at(planes.0)).1.split(at(planes.1)).0;
-            node.depth += 1;
-        }
+        let levels = levels(pieces.len());
+        self.cut_off(pieces, &mut node, (items, room));
         let count = pieces.len();
         let area = node.cell.area();
-        let mut best = self.policy.best(pieces, &node.cell, room);
-        let worth = best.is_some_and(|best| best.cost < self.policy.costs.leaf(count as f32));
-        if count < 2 || (!worth && count <= self.policy.leaf_max) {
-            best = None;
-        } else if best.is_none() {
-            best = Policy::widest(pieces);
-        }
-        let Some(Best {
-            direction: k, at, ..
-        }) = best
-        else {
+        let Some(best) = self.policy.choose(pieces, &node.cell, room) else {
             items.push(Item {
                 kind: Kind::Leaf { count },
                 area,
             });
             return self.done(count, items.len() - first, node.work);
         };
-        let mut split = object::part_by(pieces, |piece: &Piece| piece.centre(k) <= at);
+        let k = best.direction;
+        let mut split = object::part_by(pieces, |piece: &Piece| piece.centre(k) <= best.at);
         if split == 0 || split == count || MAX_DEPTH - node.depth <= levels {
             split = median(pieces, k);
         }
@@ -190,6 +181,35 @@ impl Builder<'_> {
             return Ok(());
         }
         self.done(0, place + 1 - first, 0.0)
+    }
+
+    /// Appends nodes with one child, while there is emptiness around the pieces that is worth cutting off.
+    fn cut_off(
+        &self,
+        pieces: &[Piece],
+        node: &mut Node,
+        (items, room): (&mut Vec<Item>, &mut Room),
+    ) {
+        let levels = levels(pieces.len());
+        while node.depth + levels + 1 < MAX_DEPTH {
+            let Some(k) = self.policy.cut(pieces, &node.cell, room) else {
+                break;
+            };
+            let planes = around(pieces, k);
+            items.push(Item {
+                kind: Kind::Only {
+                    direction: k,
+                    planes: [planes.0, planes.1],
+                },
+                area: node.cell.area(),
+            });
+            let at = |offset| Plane {
+                direction: direction(k),
+                offset,
+            };
+            node.cell = node.cell.split(at(planes.0)).1.split(at(planes.1)).0;
+            node.depth += 1;
+        }
     }
 
     /// Tells of a leaf, or of the items of an inner node.
