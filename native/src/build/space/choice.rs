@@ -15,6 +15,9 @@ const PARALLEL_SWEEP: usize = 1 << 16;
 /// The best planes for both prices of an oblique step.
 pub type Found = [Option<(Plane, Best)>; 2];
 
+/// What a sweep works with, kept between sweeps.
+type Buffers<'a> = (&'a mut Scratch, &'a mut Profile);
+
 /// Keeps the cheaper of two; of equal ones the first.
 pub fn keep_better(found: &mut Found, new: &Found) {
     for (old, new) in found.iter_mut().zip(new) {
@@ -214,65 +217,17 @@ impl<P: PlanePolicy> Builder<'_, P> {
             ..
         } = task;
         let (pieces, directions) = (&pieces[from..], &directions[first..]);
-        let slab = self.params.slab * self.frame.bounds().magnitude();
         let n = pieces.len();
-        let attempt = |direction: Direction,
-                       found: &mut Found,
-                       scratch: &mut Scratch,
-                       profile: &mut Profile| {
-            if !cell.extent(direction, profile) {
-                return;
-            }
-            let pricing = pricing(direction, found);
-            P::Piece::project(pieces, direction, scratch);
-            scratch.add_slabs(slab);
-            if hull {
-                let (low, high) = scratch.hull();
-                let leaf = pricing.costs.leaf(n as f32);
-                let dear = |kept: f32| pricing.hopeless(kept * leaf, true);
-                if dear(profile.least_shares(low - slab)[1])
-                    && dear(profile.least_shares(high + slab)[0])
-                {
-                    return;
-                }
-            }
-            cell.divide(direction, profile);
-            profile.margin *= if self.params.ties == Ties::StartsFirst {
-                // The published builders know no margin. Two planes in the normals of a wall, almost one, part it
-                // from what is on both sides by a cell thinner than rounding: their walks then miss it, ours do not.
-                0.0
-            } else if pricing.by_count {
-                // What must be parted is parted, however thin the parts.
-                1.0 / 1024.0
-            } else {
-                1.0
-            };
-            let candidates = if hull {
-                Candidates::Hull
-            } else {
-                Candidates::All
-            };
-            let best = sweep(scratch, profile, &pricing, self.params.ties, candidates);
-            for (old, best) in found.iter_mut().zip(best) {
-                if let Some(best) = best
-                    && old.as_ref().is_none_or(|(_, old)| best.cost < old.cost)
-                {
-                    let offset = best.at;
-                    *old = Some((Plane { direction, offset }, best));
-                }
-            }
+        let attempt = |direction: Direction, found: &mut Found, buffers: Buffers<'_>| {
+            self.sweep_one((pieces, cell), direction, hull, &pricing, found, buffers);
         };
         if n >= PARALLEL_SWEEP {
             let attempts: Vec<_> = directions
                 .par_iter()
                 .map(|&d| {
                     let mut found = [None; 2];
-                    attempt(
-                        d,
-                        &mut found,
-                        &mut Scratch::default(),
-                        &mut Profile::default(),
-                    );
+                    let buffers = (&mut Scratch::default(), &mut Profile::default());
+                    attempt(d, &mut found, buffers);
                     found
                 })
                 .collect();
@@ -280,7 +235,7 @@ impl<P: PlanePolicy> Builder<'_, P> {
             return false;
         }
         for &direction in directions {
-            attempt(direction, found, scratch, profile);
+            attempt(direction, found, (&mut *scratch, &mut *profile));
             let parted = |best: &Option<(Plane, Best)>| {
                 best.is_some_and(|(_, b)| {
                     b.counts[0] + b.counts[1] <= n as f32 && b.counts[0] > 0.0 && b.counts[1] > 0.0
@@ -292,4 +247,69 @@ impl<P: PlanePolicy> Builder<'_, P> {
         }
         false
     }
+    /// The cheapest planes of one direction, where cheaper than what was found.
+    fn sweep_one<'p>(
+        &self,
+        (pieces, cell): (&[P::Piece], &P::Cell),
+        direction: Direction,
+        hull: bool,
+        pricing: &impl Fn(Direction, &Found) -> Pricing<'p>,
+        found: &mut Found,
+        (scratch, profile): Buffers<'_>,
+    ) {
+        if !cell.extent(direction, profile) {
+            return;
+        }
+        let pricing = pricing(direction, found);
+        let slab = self.params.slab * self.frame.bounds().magnitude();
+        P::Piece::project(pieces, direction, scratch);
+        scratch.add_slabs(slab);
+        let candidates = if hull {
+            let leaf = pricing.costs.leaf(pieces.len() as f32);
+            if hull_is_dear(scratch, profile, slab, &pricing, leaf) {
+                return;
+            }
+            Candidates::Hull
+        } else {
+            Candidates::All
+        };
+        cell.divide(direction, profile);
+        profile.margin *= self.margin(pricing.by_count);
+        let best = sweep(scratch, profile, &pricing, self.params.ties, candidates);
+        for (old, best) in found.iter_mut().zip(best) {
+            if let Some(best) = best
+                && old.as_ref().is_none_or(|(_, old)| best.cost < old.cost)
+            {
+                let offset = best.at;
+                *old = Some((Plane { direction, offset }, best));
+            }
+        }
+    }
+
+    /// How much of the usual margin planes keep from the ends of their cell.
+    fn margin(&self, by_count: bool) -> f32 {
+        if self.params.ties == Ties::StartsFirst {
+            // The published builders know no margin. Two planes in the normals of a wall, almost one, part it
+            // from what is on both sides by a cell thinner than rounding: their walks then miss it, ours do not.
+            0.0
+        } else if by_count {
+            // What must be parted is parted, however thin the parts.
+            1.0 / 1024.0
+        } else {
+            1.0
+        }
+    }
+}
+
+/// Whether no plane beside all triangles can be cheap enough, where they cost `leaf` as a leaf.
+fn hull_is_dear(
+    scratch: &Scratch,
+    profile: &Profile,
+    slab: f32,
+    pricing: &Pricing<'_>,
+    leaf: f32,
+) -> bool {
+    let (low, high) = scratch.hull();
+    let dear = |kept: f32| pricing.hopeless(kept * leaf, true);
+    dear(profile.least_shares(low - slab)[1]) && dear(profile.least_shares(high + slab)[0])
 }
