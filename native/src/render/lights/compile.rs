@@ -10,14 +10,8 @@ use super::params::{AreaShape, LightKind, LightParams};
 
 /// Checks a light, the `index`-th that its user described; `None` where it gives no light.
 pub(super) fn compile(params: &LightParams, index: usize) -> Result<Option<Light>> {
+    check(params, index)?;
     let name = |key: &str| format!("lights[{index}]['{key}']");
-    for (row, values) in params.to_world.iter().enumerate() {
-        finite(values, || format!("{}[{row}]", name("to_world")))?;
-    }
-    finite(&params.power, || name("power"))?;
-    for &p in &params.power {
-        within(p.into(), 0.0, 1e30, || name("power"))?;
-    }
     let size = |value: f32, key: &str| within(value.into(), 0.0, 1e18, || name(key));
     let angle = |value: f32, key: &str| {
         within(value.into(), 0.0, std::f64::consts::PI * 1.000_001, || {
@@ -31,12 +25,7 @@ pub(super) fn compile(params: &LightParams, index: usize) -> Result<Option<Light
     let (shape, strength, brightness) = match params.kind {
         LightKind::Point { radius } => {
             size(radius, "radius")?;
-            let disc = Disc::new(position, radius, None);
-            (
-                Shape::Disc(disc),
-                power * disc_strength(radius),
-                power.mean() / (4.0 * pi),
-            )
+            disc(Disc::new(position, radius, None), radius, power)
         }
         LightKind::Spot {
             radius,
@@ -47,12 +36,8 @@ pub(super) fn compile(params: &LightParams, index: usize) -> Result<Option<Light
             angle(cone, "spot_size")?;
             finite(&[blend], || name("spot_blend"))?;
             let cone = Cone::new(&params.to_world, cone, blend);
-            let disc = Disc::new(position, radius, Some(cone.ok_or_else(flat)?));
-            (
-                Shape::Disc(disc),
-                power * disc_strength(radius),
-                power.mean() / (4.0 * pi),
-            )
+            let cone = cone.ok_or_else(flat)?;
+            disc(Disc::new(position, radius, Some(cone)), radius, power)
         }
         LightKind::Sun { angle: full } => {
             angle(full, "angle")?;
@@ -99,6 +84,25 @@ pub(super) fn compile(params: &LightParams, index: usize) -> Result<Option<Light
         visible: params.visible,
     };
     Ok((brightness > 0.0 && strength.max_component() > 0.0).then_some(light))
+}
+
+/// That the place and the power of a light are numbers.
+fn check(params: &LightParams, index: usize) -> Result<()> {
+    let name = |key: &str| format!("lights[{index}]['{key}']");
+    for (row, values) in params.to_world.iter().enumerate() {
+        finite(values, || format!("{}[{row}]", name("to_world")))?;
+    }
+    finite(&params.power, || name("power"))?;
+    for &p in &params.power {
+        within(p.into(), 0.0, 1e30, || name("power"))?;
+    }
+    Ok(())
+}
+
+/// A disc that gives this power, and how bright it is.
+fn disc(disc: Disc, radius: f32, power: Vec3) -> (Shape, Vec3, f32) {
+    let brightness = power.mean() / (4.0 * std::f32::consts::PI);
+    (Shape::Disc(disc), power * disc_strength(radius), brightness)
 }
 
 /// Radiance of a disc light per watt, or intensity of a point without size.
