@@ -90,33 +90,8 @@ pub fn settings(dict: &Bound<'_, PyDict>) -> Result<Settings> {
     ];
     let keys = Keys::new(dict, "settings".into(), &known)?;
     let default = Settings::default();
-    let border = match keys.find("border") {
-        None => None,
-        Some(value) => {
-            let wrong = || keys.wrong("border", "four whole numbers of at least 0", &value);
-            let corners: Vec<i64> = value
-                .try_iter()
-                .and_then(|items| items.map(|i| i.and_then(|i| i.extract())).collect())
-                .map_err(|_| wrong())?;
-            let corners: Vec<u32> = corners
-                .iter()
-                .map(|&c| u32::try_from(c).map_err(|_| wrong()))
-                .collect::<Result<_>>()?;
-            Some(<[u32; 4]>::try_from(corners).map_err(|_| wrong())?)
-        }
-    };
-    let passes = match keys.find("passes") {
-        None => default.passes,
-        Some(value) => {
-            let names: Vec<String> = value
-                .extract()
-                .map_err(|_| keys.wrong("passes", "a list of names", &value))?;
-            names
-                .iter()
-                .map(|n| Pass::named(n))
-                .collect::<Result<_>>()?
-        }
-    };
+    let border = border(&keys)?;
+    let passes = passes(&keys)?.unwrap_or(default.passes);
     let filters = [
         ("blackman_harris", FilterKind::BlackmanHarris),
         ("box", FilterKind::Box),
@@ -153,6 +128,34 @@ pub fn settings(dict: &Bound<'_, PyDict>) -> Result<Settings> {
         },
         filter_width: keys.number_or("filter_width", default.filter_width)?,
     })
+}
+
+/// The part of the picture to render, as columns and rows from x0, y0 to x1, y1.
+fn border(keys: &Keys<'_, '_>) -> Result<Option<[u32; 4]>> {
+    let Some(value) = keys.find("border") else {
+        return Ok(None);
+    };
+    let wrong = || keys.wrong("border", "four whole numbers of at least 0", &value);
+    let corners: Vec<i64> = value
+        .try_iter()
+        .and_then(|items| items.map(|i| i.and_then(|i| i.extract())).collect())
+        .map_err(|_| wrong())?;
+    let corners: Vec<u32> = corners
+        .iter()
+        .map(|&c| u32::try_from(c).map_err(|_| wrong()))
+        .collect::<Result<_>>()?;
+    Ok(Some(<[u32; 4]>::try_from(corners).map_err(|_| wrong())?))
+}
+
+fn passes(keys: &Keys<'_, '_>) -> Result<Option<Vec<Pass>>> {
+    let Some(value) = keys.find("passes") else {
+        return Ok(None);
+    };
+    let names: Vec<String> = value
+        .extract()
+        .map_err(|_| keys.wrong("passes", "a list of names", &value))?;
+    let passes = names.iter().map(|n| Pass::named(n)).collect::<Result<_>>();
+    passes.map(Some)
 }
 
 fn mist(keys: &Keys<'_, '_>) -> Result<Mist> {
