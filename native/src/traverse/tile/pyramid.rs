@@ -36,6 +36,52 @@ impl<const R: usize> Pyramid<R> {
         if advance(axis) < 0.25 {
             return None;
         }
+        let sides = Sides::new(tile, axis)?;
+        let rows = Rows::new(simd, tile, &sides);
+        let range = [rows.range(0, &sides), rows.range(1, &sides)];
+        let sign = 1.0_f32.copysign(ranges[axis].0 + ranges[axis].1);
+        let (corners, scale) = sides.corners(range, sign)?;
+        let mut pyramid = Self {
+            corners,
+            middle: [[0.0; R]; 2],
+            half: [[0.0; R]; 2],
+            stretch: [1.0; R],
+        };
+        for (n, (from, to, pad)) in range.into_iter().enumerate() {
+            let inverse = 1.0 / (to - from);
+            for row in 0..R {
+                // Of rows without rays, infinite ends: nobody asks for them.
+                let first = (rows.low[n][row] - pad - from) * inverse;
+                let last = (rows.high[n][row] + pad - from) * inverse;
+                pyramid.middle[n][row] = 0.5 * (first + last);
+                pyramid.half[n][row] = 0.5 * (last - first) + PART_ERROR;
+            }
+        }
+        for (row, stretch) in pyramid.stretch.iter_mut().enumerate() {
+            if tile.active[row] != 0 {
+                *stretch = rows.tallest[row] / scale * (1.0 + PART_ERROR);
+            }
+        }
+        Some(pyramid)
+    }
+}
+
+/// A point and two sides in the plane at height 1 along an axis, which every point there is a sum of.
+struct Sides {
+    axis: usize,
+    /// The coordinates in the plane.
+    others: [usize; 2],
+    origin: [f32; 2],
+    e1: [f32; 2],
+    e2: [f32; 2],
+    /// Of the parallelogram.
+    area: f32,
+}
+
+impl Sides {
+    /// The sides of a full tile, or those of a square where its own are of no use.
+    #[inline(always)]
+    fn new<const R: usize>(tile: &Tile<R>, axis: usize) -> Option<Self> {
         let [i, j] = [(axis + 1) % 3, (axis + 2) % 3];
         let slope = |ray: usize| {
             let (row, lane) = seat(ray);
@@ -62,52 +108,33 @@ impl<const R: usize> Pyramid<R> {
                 (e1, e2, area) = (right, down, cross);
             }
         }
-        let inverse = splat(simd, 1.0 / area);
-        // Per part and row.
-        let mut low = [[f32::INFINITY; R]; 2];
-        let mut high = [[f32::NEG_INFINITY; R]; 2];
-        let mut tallest = [0.0; R];
-        for row in 0..R {
-            if tile.active[row] == 0 {
-                continue;
-            }
-            let active = mask32x16::from_bitmask(simd, u64::from(tile.active[row]));
-            let d = &tile.d[row];
-            let advance: f32x16<S> = active.select(load(simd, &d[axis]), splat(simd, 1.0));
-            let x = load(simd, &d[i]) / advance - splat(simd, origin[0]);
-            let y = load(simd, &d[j]) / advance - splat(simd, origin[1]);
-            let parts = [
-                (x * splat(simd, e2[1]) - y * splat(simd, e2[0])) * inverse,
-                (y * splat(simd, e1[0]) - x * splat(simd, e1[1])) * inverse,
-            ];
-            for n in 0..2 {
-                let below: f32x16<S> = active.select(parts[n], splat(simd, f32::INFINITY));
-                let above: f32x16<S> = active.select(parts[n], splat(simd, f32::NEG_INFINITY));
-                low[n][row] = below.reduce_min();
-                high[n][row] = above.reduce_max();
-            }
-            tallest[row] = advance.abs().reduce_max();
-        }
-        // Roundings of slopes, of the parts above and of the corners below move the sides by less
-        // than 2^-18 in all, and by less than 10^-4 of the tile.
-        let others = [length(e2), length(e1)];
-        let ends = |n: usize| {
-            let low = low[n].iter().copied().fold(f32::INFINITY, f32::min);
-            let high = high[n].iter().copied().fold(f32::NEG_INFINITY, f32::max);
-            let pad = 4e-6 * others[n] / area.abs() + 1e-4 * (1.0 + low.abs() + high.abs());
-            (low - pad, high + pad, pad)
-        };
-        let range = [ends(0), ends(1)];
-        let sign = 1.0_f32.copysign(ranges[axis].0 + ranges[axis].1);
+        Some(Self {
+            axis,
+            others: [i, j],
+            origin,
+            e1,
+            e2,
+            area,
+        })
+    }
+
+    /// The four directions to the ends of these parts of the sides, `sign` along the axis, and what they
+    /// were multiplied with; `None` where they are too steep.
+    #[inline(always)]
+    fn corners(
+        &self,
+        [(a0, a1, _), (b0, b1, _)]: [(f32, f32, f32); 2],
+        sign: f32,
+    ) -> Option<([[f32; 3]; 4], f32)> {
+        let [i, j] = self.others;
         let mut steepest = 0.0_f32;
         let mut corner = |a: f32, b: f32| {
-            let at = |n: usize| origin[n] + a * e1[n] + b * e2[n];
+            let at = |n: usize| self.origin[n] + a * self.e1[n] + b * self.e2[n];
             let mut corner = [0.0; 3];
-            (corner[axis], corner[i], corner[j]) = (sign, sign * at(0), sign * at(1));
+            (corner[self.axis], corner[i], corner[j]) = (sign, sign * at(0), sign * at(1));
             steepest = steepest.max(at(0).abs()).max(at(1).abs());
             corner
         };
-        let [(a0, a1, _), (b0, b1, _)] = range;
         let mut corners = [
             corner(a0, b0),
             corner(a1, b0),
@@ -126,29 +153,70 @@ impl<const R: usize> Pyramid<R> {
                 *x *= scale;
             }
         }
-        let mut pyramid = Self {
-            corners,
-            middle: [[0.0; R]; 2],
-            half: [[0.0; R]; 2],
-            stretch: [1.0; R],
+        Some((corners, scale))
+    }
+}
+
+/// Where the rays of each row lie, in parts of the two sides.
+struct Rows<const R: usize> {
+    low: [[f32; R]; 2],
+    high: [[f32; R]; 2],
+    /// How far directions go along the axis at most.
+    tallest: [f32; R],
+}
+
+impl<const R: usize> Rows<R> {
+    #[inline(always)]
+    fn new<S: Simd>(simd: S, tile: &Tile<R>, sides: &Sides) -> Self {
+        let Sides {
+            axis,
+            others: [i, j],
+            origin,
+            e1,
+            e2,
+            area,
+        } = *sides;
+        let inverse = splat(simd, 1.0 / area);
+        let mut rows = Self {
+            low: [[f32::INFINITY; R]; 2],
+            high: [[f32::NEG_INFINITY; R]; 2],
+            tallest: [0.0; R],
         };
-        for n in 0..2 {
-            let (from, to, pad) = range[n];
-            let inverse = 1.0 / (to - from);
-            for row in 0..R {
-                // Of rows without rays, infinite ends: nobody asks for them.
-                let first = (low[n][row] - pad - from) * inverse;
-                let last = (high[n][row] + pad - from) * inverse;
-                pyramid.middle[n][row] = 0.5 * (first + last);
-                pyramid.half[n][row] = 0.5 * (last - first) + PART_ERROR;
+        for row in 0..R {
+            if tile.active[row] == 0 {
+                continue;
             }
-        }
-        for (row, stretch) in pyramid.stretch.iter_mut().enumerate() {
-            if tile.active[row] != 0 {
-                *stretch = tallest[row] / scale * (1.0 + PART_ERROR);
+            let active = mask32x16::from_bitmask(simd, u64::from(tile.active[row]));
+            let d = &tile.d[row];
+            let advance: f32x16<S> = active.select(load(simd, &d[axis]), splat(simd, 1.0));
+            let x = load(simd, &d[i]) / advance - splat(simd, origin[0]);
+            let y = load(simd, &d[j]) / advance - splat(simd, origin[1]);
+            let parts = [
+                (x * splat(simd, e2[1]) - y * splat(simd, e2[0])) * inverse,
+                (y * splat(simd, e1[0]) - x * splat(simd, e1[1])) * inverse,
+            ];
+            for (n, part) in parts.into_iter().enumerate() {
+                let below: f32x16<S> = active.select(part, splat(simd, f32::INFINITY));
+                let above: f32x16<S> = active.select(part, splat(simd, f32::NEG_INFINITY));
+                rows.low[n][row] = below.reduce_min();
+                rows.high[n][row] = above.reduce_max();
             }
+            rows.tallest[row] = advance.abs().reduce_max();
         }
-        Some(pyramid)
+        rows
+    }
+
+    /// Between which parts of one side all rays lie, rounding included, and how much of that is for
+    /// rounding.
+    #[inline(always)]
+    fn range(&self, n: usize, sides: &Sides) -> (f32, f32, f32) {
+        // Roundings of slopes, of the parts and of the corners move the sides by less
+        // than 2^-18 in all, and by less than 10^-4 of the tile.
+        let other = length([sides.e2, sides.e1][n]);
+        let low = self.low[n].iter().copied().fold(f32::INFINITY, f32::min);
+        let high = (self.high[n].iter().copied()).fold(f32::NEG_INFINITY, f32::max);
+        let pad = 4e-6 * other / sides.area.abs() + 1e-4 * (1.0 + low.abs() + high.abs());
+        (low - pad, high + pad, pad)
     }
 }
 
