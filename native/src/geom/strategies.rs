@@ -18,3 +18,8 @@ pub fn coordinate() -> impl Strategy<Value = f32> {
 pub fn point() -> impl Strategy<Value = [f32; 3]> {
     [coordinate(), coordinate(), coordinate()]
 }
+
+/// A point in or near a triangle, for a ray to be aimed at; the weights are between 0 and 1.
+pub fn near_triangle([a, b, c]: [[f32; 3]; 3], [s, t]: [f32; 2]) -> [f32; 3] {
+    std::array::from_fn(|k| a[k] * (1.0 - s) * (1.0 - t) + b[k] * s + c[k] * t)
+}

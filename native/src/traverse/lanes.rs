@@ -273,7 +273,7 @@ fn largest(a: [f32; 3]) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geom::strategies::point;
+    use crate::geom::strategies::{near_triangle, point};
     use crate::geom::verdict::verdict;
     use crate::scene::Triangles;
     use crate::traverse::Ray;
@@ -290,11 +290,8 @@ mod tests {
             let scene = Triangles::new(corners.to_vec(), vec![[0, 1, 2]]).unwrap();
             prop_assume!(!scene.live().is_empty());
             let frame = Frame::new(scene.bounds());
-            // Aimed at a point in or near the triangle.
-            let [a, b, c] = corners;
-            let d: [f32; 3] = std::array::from_fn(|k| {
-                a[k] * (1.0 - s) * (1.0 - t) + b[k] * s + c[k] * t - o[k]
-            });
+            let target = near_triangle(corners, [s, t]);
+            let d: [f32; 3] = std::array::from_fn(|k| target[k] - o[k]);
             prop_assume!(d.iter().all(|x| x.is_finite()));
             let ray = Ray { o, d, t_min: 0.0, t_max: f32::INFINITY };
             let hit = verdict(o, d, corners).is_some_and(|v| v.t >= 0.0 && v.t.is_finite());

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 
 use super::*;
-use crate::geom::strategies::point;
+use crate::geom::strategies::{near_triangle, point};
 use crate::geom::verdict::verdict;
 use crate::scene::Triangles;
 use crate::traverse::Ray;
@@ -30,12 +30,9 @@ proptest! {
         let mut blocks = Blocks::new();
         let first = blocks.push_leaf(&scene, &frame, scene.live());
         blocks.seal();
-        // Aim at a point in or near one of the triangles.
-        let [a, b, c] = scene.corners(scene.live()[pick.index(scene.live().len())]);
-        let d: [f32; 3] = std::array::from_fn(|k| {
-            let target = a[k] * (1.0 - weights[0]) * (1.0 - weights[1]) + b[k] * weights[0] + c[k] * weights[1];
-            if turned { o[k] - target } else { target - o[k] }
-        });
+        let one = scene.live()[pick.index(scene.live().len())];
+        let target = near_triangle(scene.corners(one), weights);
+        let d: [f32; 3] = std::array::from_fn(|k| if turned { o[k] - target[k] } else { target[k] - o[k] });
         prop_assume!(d.iter().all(|x| x.is_finite()));
         let ray = Ray { o, d, t_min, t_max: f32::INFINITY };
         let hit = |id: u32| verdict(o, d, scene.corners(id)).map(|v| v.t).filter(|t| *t >= t_min && t.is_finite());
