@@ -176,8 +176,6 @@ def run(asked: argparse.Namespace) -> int:
     else:
         say(f"Embree is left out: {yardstick.problem()}")
     options = read_options(asked, len(chosen))
-    if asked.cluster is None:  # else other machines make the rays
-        preparation.check_room(module, options)
     shard = read_shard(asked)
     published = read_published(asked)
     if asked.cluster is not None:

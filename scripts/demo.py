@@ -2,6 +2,7 @@
 """Halfspace at work: `python3 scripts/demo.py`. Needs only Python and cargo; sets up the rest.
 
 Renders the built-in showcase through Blender's module, and measures every structure on it: how fast, how wrong.
+Exit status: 0 all went well; 2 bad usage, or the set-up failed; 130 stopped; else that of the step that failed.
 """
 
 from __future__ import annotations
@@ -33,8 +34,10 @@ def main(arguments: Sequence[str]) -> int:
     # Imported here: what starts this script may be a Python that is too old for it.
     sys.path.insert(0, str(ROOT))
     from addon.core import command
+    from addon.core.usage import Parser
 
-    return command.run("demo", arguments, argparse.ArgumentParser(prog="demo").parse_args, work)
+    parser = Parser(prog="demo", description="Render the built-in showcase, and measure every structure on it.")
+    return command.run("demo", arguments, parser.parse_args, work)
 
 
 def work(_: argparse.Namespace) -> int:

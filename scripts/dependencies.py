@@ -2,8 +2,7 @@
 """What the native module depends on, against `native/deny.toml`, without network: `python scripts/dependencies.py`.
 
 Checks licences, where packages come from, and that none is wanted in any version. `cargo deny` checks the same and
-more, where it is installed. Exit status: 0 all may be used; 1 some may not;
-2 bad usage; 130 stopped.
+more, where it is installed. Exit status: 0 all may be used; 1 some may not; 2 bad usage, or no cargo; 130 stopped.
 """
 
 from __future__ import annotations

@@ -3,12 +3,11 @@
 
 Sets up what it needs, then runs formatters, linters, type checks and all tests. The last line is the count; the exit
 status is 0 only if nothing failed. With arguments only the checks whose names begin so are run: `test.py core`; when
-none begins so, nothing is run, and the exit status is 2.
+none begins so, nothing is run, and the exit status is 2. Stopped by Ctrl-C it is 130.
 """
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import json
 import os
@@ -243,11 +242,12 @@ def set_up(names: list[str], beside: contextlib.ExitStack) -> Ready:
 
 def main(wanted: list[str]) -> int:
     """Run the checks whose names begin with one of `wanted` (all, if none). Returns the exit status."""
-    # Imported here: what starts this script may be a Python that is too old for it.
-    sys.path.insert(0, str(ROOT))
-    from addon.core import command
-
-    return command.run("test", wanted, lambda names: argparse.Namespace(wanted=names), lambda asked: work(asked.wanted))
+    # Not as other commands end: a fault of this script itself is to be seen whole.
+    try:
+        return work(wanted)
+    except KeyboardInterrupt:
+        print("test: stopped", file=sys.stderr, flush=True)
+        return 130
 
 
 def work(wanted: list[str]) -> int:

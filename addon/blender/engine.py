@@ -140,12 +140,12 @@ class _Picture:
         module = native.load()
         settings = render_settings(self.engine, self.depsgraph)
         width, height = settings.size
+        if not self.group.overlay.show:
+            trees.clear()  # so that neither two trees nor a tree and this picture need to fit into memory
         room.check(module, f"a picture of {width} × {height} pixels", passes.bytes_needed(settings))
 
         self._say("Reading the scene")
         read = self._read(settings)
-        if not self.group.overlay.show:
-            trees.clear()  # so that two trees need not fit into memory
         built = self._build(module, read, settings)
         tree = self._keep(read, built)
 

@@ -81,8 +81,12 @@ def native_names() -> dict[str, str]:
 BYTES = 8 + 4 + 4
 """Of each channel of a pixel: in the film, on the way from it, and in Blender's result."""
 
+NOISE_BYTES = 6 * 8
+"""Of each pixel in the film, where its noise decides how many samples it takes."""
+
 
 def bytes_needed(settings: RenderSettings) -> int:
     """How much memory the pixels of a picture take."""
     width, height = settings.size
-    return width * height * BYTES * sum(len(each.channels) for each in PASSES if each.name in settings.passes)
+    channels = sum(len(each.channels) for each in PASSES if each.name in settings.passes)
+    return width * height * (BYTES * channels + NOISE_BYTES * bool(settings.noise_threshold > 0.0))

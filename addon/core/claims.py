@@ -193,6 +193,9 @@ class Lab:
 
     def fingerprints(self, names: Iterable[str]) -> dict[str, str]:
         """What the shared scenes of these names hold, of those that are there. Raises WorkloadError."""
+        names = list(names)
+        # What the claims before took is let go: a claim names all that it takes.
+        self._scenes = {name: both for name, both in self._scenes.items() if name in names}
         there = {name: both for name in names if (both := self._loaded(name)) is not None}
         for name in there.keys() - self._fingerprints.keys():
             self._fingerprints[name] = " ".join(sorted({one.fingerprint() for one in there[name]}))

@@ -10,7 +10,10 @@ import numpy as np
 
 
 def same(a: Any, b: Any) -> bool:
-    """Whether two values are of one type and hold the same, arrays bit for bit but for the sign of zero."""
+    """Whether two values are of one type and hold the same, arrays bit for bit but for the sign of zero.
+
+    Fields that dataclasses leave out of comparisons are left out here too.
+    """
     if a is b:
         return True
     if type(a) is not type(b):
@@ -18,7 +21,7 @@ def same(a: Any, b: Any) -> bool:
     if isinstance(a, np.ndarray):
         return a.dtype == b.dtype and np.array_equal(a, b, equal_nan=a.dtype.kind == "f")
     if is_dataclass(a):
-        return all(same(getattr(a, field.name), getattr(b, field.name)) for field in fields(a))
+        return all(same(getattr(a, field.name), getattr(b, field.name)) for field in fields(a) if field.compare)
     if isinstance(a, (tuple, list)):
         return len(a) == len(b) and all(map(same, a, b))
     if isinstance(a, dict):

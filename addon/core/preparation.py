@@ -99,7 +99,7 @@ class Prepared:
 def check_room(native: Any, options: Options) -> None:
     """Raise MemoryError where there is no room for the rays of a view of this size."""
     width, height = options.size
-    room.check(native, f"size: the rays of {width}x{height} pixels", rays.bytes_needed(options.size, options.sets))
+    room.check(native, f"the rays of {width}x{height} pixels", rays.bytes_needed(options.size, options.sets))
 
 
 def prepare(native: Any, workload: Workload, options: Options) -> Generator[Progress, None, Prepared]:

@@ -38,7 +38,7 @@ SHORT_OF_LIGHT = 1e-4
 
 
 PIXEL_BYTES, HIT_BYTES = 112, 400
-"""What making the primary rays takes for each pixel at its height, and what all sets that need hits take beside it."""
+"""What making the primary rays takes at most, for each pixel, and what the sets that start from hits take beside it."""
 
 
 @dataclass(frozen=True, eq=False)

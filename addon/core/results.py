@@ -34,12 +34,14 @@ def write(path: Path, text: str) -> None:
 def write_all(files: Mapping[Path, str]) -> None:
     """Write files so that none is ever seen half-written, and all old ones stay until all new ones are complete.
 
-    Raises FolderError, which names the file that cannot be written, before any is replaced.
+    Raises FolderError, which names the file that cannot be written; while any other than the last is replaced, that
+    can only be what nobody could know before, such as a file that another program keeps to itself.
     """
     complete: list[tuple[Path, Path]] = []
     try:
         for path in files:
-            _check_target(path)
+            with _naming(path):
+                _check_target(path)
         for path, text in files.items():
             with _naming(path):
                 handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=path.name + ".")
@@ -63,8 +65,6 @@ def _check_target(path: Path) -> None:
     """Raise FolderError where a new file cannot take this name."""
     if path.is_dir():
         raise FolderError(f"{path}: cannot be written: it is a folder")
-    if path.exists() and not os.access(path, os.W_OK):
-        raise FolderError(f"{path}: cannot be written: it may only be read")
 
 
 @contextlib.contextmanager
@@ -72,6 +72,8 @@ def _naming(path: Path) -> Iterator[None]:
     """What keeps a file from being written becomes a FolderError with its name, not that of what stands in for it."""
     try:
         yield
+    except FolderError:
+        raise
     except OSError as error:
         raise _unwritten(path, error) from error
 

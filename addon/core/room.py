@@ -5,6 +5,8 @@ from __future__ import annotations
 
 from typing import Any
 
+MB = 1_000_000
+
 SMALL = 64 << 20
 """Less than this is not worth asking the system about."""
 
@@ -15,8 +17,5 @@ def check(native: Any, what: str, needed: int) -> None:
         return
     free = native.free_memory()
     if needed > free:
-        raise MemoryError(f"{what}: needs about {_megabytes(needed)}, of {_megabytes(free)} that are free")
-
-
-def _megabytes(size: int) -> str:
-    return f"{-(-size // 1_000_000)} MB"
+        # Rounded apart, lest both are the same number.
+        raise MemoryError(f"{what}: needs about {-(-needed // MB)} MB, of {free // MB} MB that are free")

@@ -320,7 +320,8 @@ class Light:
     size_y: float = 0.0
     casts_shadow: bool = True
     hidden_from: Hidden = ("camera",)
-    name: str = ""
+    # Of the object, for errors. A renamed lamp shines as before.
+    name: str = field(default="", compare=False)
 
     def __post_init__(self) -> None:
         called = self.name or "light"

@@ -16,7 +16,7 @@ import pytest
 from exr_files import exr
 from shapes import cube, grid, material, node, with_nodes
 
-from addon.blender import engine, extract, reports, viewport
+from addon.blender import engine, extract, reports, trees, viewport
 from addon.core import room
 from addon.core.session import Cancelled
 
@@ -205,8 +205,16 @@ def test_a_picture_larger_than_memory_is_refused_before_the_scene_is_read(
     # Of the film alone there would be room.
     monkeypatch.setattr(halfspace_native, "free_memory", lambda: 64 * 64 * 4 * 8)
     stage.render.resolution_x = stage.render.resolution_y = 64
-    with pytest.raises(RuntimeError, match="a picture of 64 × 64 pixels: needs about 1 MB, of 1 MB that are free"):
+    with pytest.raises(RuntimeError, match="a picture of 64 × 64 pixels: needs about 1 MB, of 0 MB that are free"):
         bpy.ops.render.render()
+
+
+def test_the_tree_of_the_last_picture_takes_no_room_from_the_next(stage: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    bpy.ops.render.render()
+    assert trees._tree is not None
+    monkeypatch.setattr(room, "SMALL", 0)
+    monkeypatch.setattr(halfspace_native, "free_memory", lambda: 1 << 30 if trees._tree is None else 0)
+    bpy.ops.render.render()
 
 
 def test_a_scene_that_needs_more_than_its_memory_limit_is_refused(stage: Any) -> None:

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from one_line import told
 
-from addon.core import benchmark, grid, peak, preparation, rays, workload
+from addon.core import benchmark, grid, peak, preparation, rays, room, workload
 from addon.core import native as loading
 from addon.core.workload import WorkloadError
 
@@ -128,7 +128,7 @@ class Narrow:
         return 1_000_000_000
 
 
-NO_ROOM = r"^size: the rays of 16384x16384 pixels: needs about \d+ MB, of 1000 MB that are free$"
+NO_ROOM = r"^the rays of 16384x16384 pixels: needs about \d+ MB, of 1000 MB that are free$"
 
 
 @pytest.mark.parametrize("names", [("primary",), rays.NAMES])
@@ -143,9 +143,23 @@ def test_rays_that_are_larger_than_memory_are_refused_before_they_are_made(
 
 def test_a_size_without_room_is_one_line(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setattr(loading, "load", Narrow)
-    monkeypatch.setattr(grid, "workload", lambda **_: pytest.fail("a scene was made"))
+    monkeypatch.setattr(rays, "make", lambda *_, **__: pytest.fail("rays were made"))
     said = told(bench, ["grid", "--structures", "kd", "--size", "16384x16384"], capsys)
-    assert re.fullmatch(NO_ROOM.strip("^$"), said.removeprefix("bench: ").rstrip())
+    assert re.fullmatch(NO_ROOM.strip("^$"), said.removeprefix("bench: grid: ").rstrip())
+
+
+def test_a_report_of_rows_that_are_there_needs_no_room_for_rays(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = ["grid", "--structures", "kd", "--size", "64x64", "--repeats", "1", "--rays", "primary"]
+    asked += ["--curve", "none", "--out", str(tmp_path)]
+    assert bench.main(asked) == 0
+    (tmp_path / "report.html").unlink()
+    monkeypatch.setattr(room, "SMALL", 0)
+    monkeypatch.setattr(loading, "load", Narrow)
+    monkeypatch.setattr(Narrow, "free_memory", lambda _: 0)
+    assert bench.main(asked) == 0
+    assert (tmp_path / "report.html").is_file()
 
 
 class Watched:

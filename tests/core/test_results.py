@@ -54,16 +54,11 @@ def test_a_folder_where_a_file_should_be_leaves_the_other_files(tmp_path: Path) 
     assert set(tmp_path.iterdir()) == set(files)
 
 
-def test_a_file_that_may_only_be_read_leaves_the_other_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    files = two_old(tmp_path)
-    second = list(files)[1]
-    second.write_text("old")
-    # Not by the mode of the file, which keeps nobody from it who may do everything.
-    monkeypatch.setattr(results.os, "access", lambda path, mode: path != second or mode != os.W_OK)
+def test_a_name_that_no_file_can_have_is_told_by_it(tmp_path: Path) -> None:
+    long = tmp_path / ("x" * 300)
     with pytest.raises(results.FolderError) as told:
-        results.write_all(files)
-    assert str(told.value) == f"{second}: cannot be written: it may only be read"
-    assert [path.read_text() for path in files] == ["old", "old"]
+        results.write(long, "{}")
+    assert str(told.value).startswith(f"{long}: cannot be written: File name too long")
 
 
 def test_a_file_without_a_folder_is_told_by_its_own_name(tmp_path: Path) -> None:

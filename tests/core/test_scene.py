@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Scene arrays refuse what is wrong, by name, and know whose triangles are faulty."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from addon.core.equality import same
 from addon.core.scene import Camera, Geometry, Light, Material, Scene, SceneError, Source, World, faulty
 
 VERTICES = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [np.nan, 0, 0], [2, 0, 0]], np.float32)
@@ -82,3 +84,9 @@ def test_a_camera_that_is_not_finite_is_refused() -> None:
 def test_an_error_about_a_light_names_it(wrong: dict[str, Any]) -> None:
     with pytest.raises(SceneError, match=r"^Desk Lamp: its transform or power is not finite"):
         Light(**{"kind": "point", "to_world": np.eye(4), "power": (1.0, 1.0, 1.0), "name": "Desk Lamp", **wrong})
+
+
+def test_a_renamed_light_is_the_same_light() -> None:
+    light = Light("point", np.eye(4), (1.0, 1.0, 1.0), name="Desk Lamp")
+    assert same(light, replace(light, name="Lamp"))
+    assert not same(light, replace(light, radius=1.0))

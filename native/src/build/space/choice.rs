@@ -247,6 +247,7 @@ impl<P: PlanePolicy> Builder<'_, P> {
         }
         false
     }
+
     /// The cheapest planes of one direction, where cheaper than what was found.
     fn sweep_one<'p>(
         &self,
