@@ -232,7 +232,7 @@ def _naming(path: Path) -> Iterator[None]:
 
 
 def _whole(name: str, arrays: Mapping[str, Any]) -> Workload:
-    """The scene that these arrays are. Raises ValueError."""
+    """The scene that these arrays make up. Raises ValueError."""
     camera = {key: _real(arrays[key], key).astype(np.float64) for key in _KEYS if key.startswith("camera_")}
     eye, target, up = (camera[f"camera_{k}"].reshape(-1) for k in ("eye", "target", "up"))
     view = View(eye, target, up, float(camera["camera_vfov_deg"].reshape(())))
