@@ -46,3 +46,19 @@ def add(scene: Any) -> Any:
         return item
 
     return add
+
+
+@pytest.fixture
+def canvas() -> Any:
+    """What is drawn on without a window."""
+    # Only here, for that module builds every structure once, and few tests need it.
+    import gpu
+    from drawn import HEIGHT, WIDTH
+
+    if not hasattr(gpu, "init"):
+        pytest.skip("this Blender cannot draw without a window (gpu.init came with 5.2)")
+    try:
+        gpu.init()
+    except Exception as error:
+        pytest.skip(f"no drawing here: {error}")
+    return gpu.types.GPUOffScreen(WIDTH, HEIGHT, format="RGBA16F")
