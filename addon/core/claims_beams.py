@@ -36,11 +36,6 @@ def octree(name: str, configuration: str) -> str:
     return f"{name}:{CONFIGURATIONS[configuration]}"
 
 
-def name(spec: str) -> str:
-    """A configuration without its parameters."""
-    return structure_of(spec)
-
-
 def sweep(lab: Lab, workload: Workload, specs: Sequence[str]) -> dict[str, list[Timing]]:
     """Each structure's times from the smallest picture to the largest."""
     found: dict[str, list[Timing]] = {spec: [] for spec in specs}
@@ -58,13 +53,13 @@ def chart(workload: Workload, times: dict[str, list[Timing]]) -> Chart:
         f"{workload.name}: camera rays, 320×200 to 1280×1024",
         "million rays",
         "milliseconds",
-        {name(spec): [(t.rays / 1e6, t.seconds * 1e3) for t in own] for spec, own in times.items()},
+        {structure_of(spec): [(t.rays / 1e6, t.seconds * 1e3) for t in own] for spec, own in times.items()},
     )
 
 
 def per_ray(times: dict[str, list[Timing]]) -> str:
     """Nanoseconds per ray at the largest picture, best first."""
-    last = {name(spec): own[-1].nanoseconds for spec, own in times.items()}
+    last = {structure_of(spec): own[-1].nanoseconds for spec, own in times.items()}
     return ", ".join(f"{spec} {value:.0f}" for spec, value in sorted(last.items(), key=lambda item: item[1]))
 
 
@@ -74,7 +69,7 @@ def counters(times: dict[str, list[Timing]], specs: Sequence[str]) -> str:
     for spec in specs:
         one = times[spec][-1].counters
         leaves = one["leaves"] + one["leaves_empty"]
-        parts.append(f"{name(spec)} {one['steps']:.2f} steps, {leaves:.2f} leaves, {one['tests']:.2f} tests")
+        parts.append(f"{structure_of(spec)} {one['steps']:.2f} steps, {leaves:.2f} leaves, {one['tests']:.2f} tests")
     return "per ray: " + "; ".join(parts)
 
 
@@ -112,7 +107,7 @@ def fastest(lab: Lab) -> Iterator[Outcome]:
             lacking = lab.lacks(BOX)
             specs += [MODERN] if lacking else [BOX, MODERN]
             times = sweep(lab, workload, specs)
-            last = {name(spec): own[-1].nanoseconds for spec, own in times.items()}
+            last = {structure_of(spec): own[-1].nanoseconds for spec, own in times.items()}
             octrees = verdict(holds=all(last[BEAM] < last[other] for other in OCTREES[1:]))
             boxes = UNTESTED if lacking else verdict(holds=last[BEAM] < last[BOX])
             yield Outcome(
@@ -120,7 +115,7 @@ def fastest(lab: Lab) -> Iterator[Outcome]:
                 octrees if octrees == FAILS else boxes,
                 f"{workload.name}: ns per ray at 1280×1024: {per_ray(times)}. Against the other octrees: {octrees}; "
                 f"against B.Box: {lacking or boxes}",
-                counters(times, [spec for spec in specs if name(spec) in (BEAM, NET, BOX)]),
+                counters(times, [spec for spec in specs if structure_of(spec) in (BEAM, NET, BOX)]),
                 lab.error(workload, specs),
                 last,
                 (chart(workload, times),),
@@ -148,7 +143,7 @@ def against_boxes(lab: Lab, workload: Workload, methods: Sequence[str], *, octre
             f"{workload.name}: ns per ray at 1280×1024: {per_ray(times)}",
             counters(times, specs),
             lab.error(workload, specs),
-            {name(spec): own[-1].nanoseconds for spec, own in times.items()},
+            {structure_of(spec): own[-1].nanoseconds for spec, own in times.items()},
             (chart(workload, times),),
         )
 
@@ -207,7 +202,7 @@ def teapot(lab: Lab) -> Iterator[Outcome]:
         specs = [octree(tree, configuration) for tree in (BEAM, NET, SAMET)]
         specs += [MODERN] if lacking else [BOX, MODERN]
         times = sweep(lab, workload, specs)
-        last = {name(spec): own[-1].nanoseconds for spec, own in times.items()}
+        last = {structure_of(spec): own[-1].nanoseconds for spec, own in times.items()}
         statistics = lab.statistics(workload, specs[1])
         holds = UNTESTED if lacking else verdict(holds=last[BOX] < min(last[NET], last[SAMET]))
         yield Outcome(

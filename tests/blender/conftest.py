@@ -17,6 +17,8 @@ bpy = pytest.importorskip("bpy", reason="Blender's module bpy is not installed i
 if importlib.util.find_spec("OpenImageIO") is None:
     bpy.utils.expose_bundled_modules()
 
+import gpu  # noqa: E402
+
 import addon  # noqa: E402
 
 
@@ -49,16 +51,12 @@ def add(scene: Any) -> Any:
 
 
 @pytest.fixture
-def canvas() -> Any:
-    """What is drawn on without a window."""
-    # Only here, for that module builds every structure once, and few tests need it.
-    import gpu
-    from drawn import HEIGHT, WIDTH
-
+def canvas(request: pytest.FixtureRequest) -> Any:
+    """What is drawn on without a window, of the size that the test's file says."""
     if not hasattr(gpu, "init"):
         pytest.skip("this Blender cannot draw without a window (gpu.init came with 5.2)")
     try:
         gpu.init()
     except Exception as error:
         pytest.skip(f"no drawing here: {error}")
-    return gpu.types.GPUOffScreen(WIDTH, HEIGHT, format="RGBA16F")
+    return gpu.types.GPUOffScreen(request.module.WIDTH, request.module.HEIGHT, format="RGBA16F")

@@ -48,17 +48,6 @@ class Engine:
 
 
 @pytest.fixture
-def canvas() -> Any:
-    if not hasattr(gpu, "init"):
-        pytest.skip("this Blender cannot draw without a window (gpu.init came with 5.2)")
-    try:
-        gpu.init()
-    except Exception as error:
-        pytest.skip(f"no drawing here: {error}")
-    return gpu.types.GPUOffScreen(WIDTH, HEIGHT, format="RGBA16F")
-
-
-@pytest.fixture
 def context(add: Any, scene: Any) -> Any:
     """A view of a dark cube before a white background, through the scene's camera."""
     cube_mesh = cube()
