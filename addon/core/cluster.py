@@ -33,6 +33,9 @@ POLL_SECONDS = 1.0
 START_SECONDS = 60.0
 """How long the first worker may take to appear."""
 
+HANDING_SECONDS = 60.0
+"""How long a finished row may take to come; it is a few kilobytes."""
+
 
 class ClusterError(RuntimeError):
     """The cluster cannot be used. The message says why, in one line."""
@@ -76,6 +79,8 @@ def measurer(address: str, options: Options, say: Callable[[str], None]) -> Iter
                     threads_per_worker=1,
                     processes=True,
                     dashboard_address=None,
+                    # Also without a dashboard it listens: for this machine alone, and where nobody else does.
+                    scheduler_kwargs={"dashboard_address": "127.0.0.1:0"},
                     silence_logs=logging.ERROR,
                 )
             )
@@ -180,9 +185,10 @@ def _hand_out(
 def _ended(task: Any) -> tuple[Measured | None, BaseException | None]:
     """The row of a task that has ended, or its failure; neither where it was lost at the last moment."""
     try:
-        failure = task.exception()
-        return (task.result(), None) if failure is None else (None, failure)
-    except CancelledError:
+        failure = task.exception(timeout=HANDING_SECONDS)
+        return (task.result(timeout=HANDING_SECONDS), None) if failure is None else (None, failure)
+    except (CancelledError, TimeoutError):
+        # A row that went with its worker waits for ever for that very worker.
         return None, None
 
 

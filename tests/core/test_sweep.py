@@ -282,6 +282,7 @@ def test_a_sweep_on_a_cluster_that_is_killed_twice_ends_as_if_it_had_not(
     assert table(out) == whole
 
 
+@pytest.mark.timeout(0)
 @pytest.mark.skipif(not LARGE, reason="takes minutes; set HALFSPACE_LARGE_SWEEP=1")
 @pytest.mark.skipif(cluster.problem() is not None, reason=str(cluster.problem()))
 def test_three_scenes_twelve_structures_all_k_and_seven_seeds_survive_two_kills(tmp_path: Path) -> None:
@@ -377,6 +378,42 @@ def test_a_worker_that_takes_the_scene_with_it_is_survived_or_said_in_one_line(
     else:
         assert len(table(out)) == ROWS
         assert not lines
+
+
+@pytest.mark.skipif(cluster.problem() is not None, reason=str(cluster.problem()))
+@pytest.mark.skipif(os.name == "nt", reason="processes are killed by signals")
+def test_a_finished_row_that_goes_with_its_worker_is_not_waited_for_for_ever(monkeypatch: pytest.MonkeyPatch) -> None:
+    import distributed
+
+    monkeypatch.setattr(cluster, "HANDING_SECONDS", 1.0)
+    with cluster.measurer("local:1", benchmark.Options(), lambda _: None):
+        client = distributed.default_client()
+        (worker,) = cluster._workers(client)
+        task = client.submit(os.getpid, pure=False, workers=[worker], allow_other_workers=False)
+        distributed.wait([task], timeout=60)
+        assert task.done()
+        (process,) = client.run(os.getpid).values()
+        os.kill(process, signal.SIGKILL)
+        assert cluster._ended(task) == (None, None)
+
+
+@pytest.mark.skipif(cluster.problem() is not None, reason=str(cluster.problem()))
+def test_workers_here_are_started_whoever_else_has_some() -> None:
+    import socket
+    import urllib.request
+
+    import distributed
+
+    with socket.socket() as taken:
+        try:
+            taken.bind(("", 8787))  # where a Dask scheduler listens if nobody tells it otherwise
+            taken.listen()
+        except OSError:
+            pass  # somebody has some
+        with cluster.measurer("local:1", benchmark.Options(), lambda _: None):
+            port = distributed.default_client().scheduler_info()["services"]["dashboard"]
+            with urllib.request.urlopen(f"http://127.0.0.1:{port}/health", timeout=30) as answer:
+                assert answer.status == 200
 
 
 @pytest.mark.skipif(cluster.problem() is not None, reason=str(cluster.problem()))
