@@ -167,7 +167,8 @@ struct Reached {
     from: (usize, usize),
 }
 
-/// An entry of the queue: the cheapest first, of equal ones the earliest.
+/// An entry of the queue: the cheapest first, of equal ones the latest. Those lie deepest: where objects as large as
+/// their nodes cost the same wherever they go, the first room for one is found below, not behind all nodes above.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Waiting(f32, usize);
 
@@ -181,7 +182,7 @@ impl PartialOrd for Waiting {
 
 impl Ord for Waiting {
     fn cmp(&self, other: &Self) -> Ordering {
-        self.0.total_cmp(&other.0).then(self.1.cmp(&other.1))
+        self.0.total_cmp(&other.0).then(other.1.cmp(&self.1))
     }
 }
 
