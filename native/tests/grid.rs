@@ -3,6 +3,7 @@
 //! just touch them there.
 
 use halfspace_native::build::Monitor;
+use halfspace_native::build::grid::Grid;
 use halfspace_native::oracle::cases::{Random, ray, soup};
 use halfspace_native::spec::Config;
 use halfspace_native::structure::{Layout, Structure};
@@ -25,8 +26,84 @@ fn outline(low: [f32; 3], high: [f32; 3]) -> Vec<Corners> {
     let mut triangles: Vec<Corners> = ends.to_vec();
     triangles[0][1][0] = high[0];
     triangles[1][1][0] = low[0];
-    triangles.resize(SIDE.pow(3) + 2, triangles[0]);
+    let mut small = [low; 3];
+    small[1][0] += 1e-3 * (high[0] - low[0]);
+    small[2][1] += 1e-3 * (high[1] - low[1]);
+    triangles.resize(SIDE.pow(3) + 2, small);
     triangles
+}
+
+fn grid(structure: &Structure) -> &Grid {
+    let Layout::Grid(grid) = &structure.built().layout else {
+        panic!("a grid")
+    };
+    grid
+}
+
+/// How many cells a grid has, and how many places triangles have in them.
+fn cells_and_places(structure: &Structure) -> (usize, usize) {
+    let (mut cells, mut places) = (0, 0);
+    grid(structure).visit(|_, (_, count)| {
+        cells += 1;
+        places += count;
+    });
+    (cells, places)
+}
+
+/// A triangle across the whole scene, a little off the others.
+fn large(random: &mut Random) -> Corners {
+    [[-1.0, -1.0, 0.0], [1.0, -0.5, 1.0], [0.0, 1.0, -1.0]]
+        .map(|p| p.map(|x: f32| x * (1.0 - 0.1 * random.unit())))
+}
+
+#[test]
+fn triangles_as_large_as_the_scene_have_few_cells() {
+    let mut random = Random(7);
+    let triangles: Vec<Corners> = (0..2000).map(|_| large(&mut random)).collect();
+    let structure = build(&triangles, "grid");
+    let (cells, places) = cells_and_places(&structure);
+    assert!(places <= 16 * (2000 + cells), "{places} in {cells}");
+    assert!(cells > 1);
+    let said = format!("cells: {cells} of 8");
+    assert!(
+        structure
+            .left_out()
+            .iter()
+            .any(|line| line.starts_with(&said)),
+        "{:?}",
+        structure.left_out()
+    );
+    assert!(validate(&structure).is_empty());
+    let mut random = Random(8);
+    let rays: Vec<_> = (0..500)
+        .map(|_| {
+            let mut at = || std::array::from_fn(|_| 4.0 * random.unit() - 2.0);
+            ray(at(), at())
+        })
+        .collect();
+    let expected = answers(&build(&triangles, "brute"), &rays);
+    assert_eq!(answers(&structure, &rays), expected);
+}
+
+#[test]
+fn a_few_large_triangles_take_no_cells_from_the_small_ones() {
+    let mut random = Random(9);
+    let mut triangles: Vec<Corners> = (0..40).map(|_| large(&mut random)).collect();
+    for _ in 0..20_000 {
+        let at: [f32; 3] = std::array::from_fn(|_| 1.8 * random.unit() - 0.9);
+        let corner = |random: &mut Random| at.map(|x| x + 0.01 * random.unit());
+        triangles.push([0, 1, 2].map(|_| corner(&mut random)));
+    }
+    let structure = build(&triangles, "grid");
+    let (cells, places) = cells_and_places(&structure);
+    assert!(
+        structure
+            .left_out()
+            .iter()
+            .all(|line| !line.starts_with("cells"))
+    );
+    assert!(cells > 3 * triangles.len(), "{cells}");
+    assert!(places > 2 * triangles.len(), "the large ones are in many");
 }
 
 #[test]
@@ -43,10 +120,7 @@ fn triangles_that_reach_a_corner_from_one_cell_are_met_there() {
         let spec = format!("grid:density={}", 343.0 / triangles.len() as f32);
         let walls = {
             let structure = build(&triangles, &spec);
-            let Layout::Grid(grid) = &structure.built().layout else {
-                panic!("a grid")
-            };
-            [0, 1, 2].map(|k| grid.walls(k).to_vec())
+            [0, 1, 2].map(|k| grid(&structure).walls(k).to_vec())
         };
         let mut rays = Vec::new();
         for i in 0..SIDE.pow(3) {

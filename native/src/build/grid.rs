@@ -11,10 +11,12 @@ use super::footprint;
 use super::overlap::TriangleBox;
 use crate::error::{Error, Result};
 use crate::geom::Aabb;
+use crate::geom::vec3::map;
 use crate::scene::Triangles;
 use crate::traverse::blocks::Blocks;
 use crate::traverse::frame::{Frame, U};
 use rayon::prelude::*;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Cells are not thinner than this share of the scene's largest coordinate: walls closer together than a ray
 /// can tell only add steps.
@@ -22,6 +24,14 @@ const THINNEST: f32 = 256.0 * U;
 
 /// Cells along one axis at most.
 const LONGEST: f64 = 4096.0;
+
+/// Places of triangles in cells, per triangle and cell, beyond which there are fewer cells. Rooms and scans have one or
+/// two; thousands of triangles as large as the scene are in most cells each, which takes time and memory and spares
+/// rays nothing.
+const CROWDED: usize = 16;
+
+/// Blocks of more cells than this are asked whether a triangle is in any of them before their cells are.
+const ASKED: usize = 8;
 
 /// Triangles that one task sorts into cells.
 const TASK: usize = 1024;
@@ -79,31 +89,25 @@ pub fn resolution(bounds: &Aabb, cells: f64) -> [usize; 3] {
 }
 
 impl Grid {
-    /// Builds a grid of about `cells` cells and puts the triangles of each into `blocks`.
+    /// Builds a grid of about `cells` cells, fewer where that would put too many triangles into each, and puts the
+    /// triangles of each into `blocks`.
     ///
     /// # Errors
     /// [`Error::Cancelled`] and [`Error::Memory`] when the monitor says so; [`Error::Memory`] for more places in
     /// cells than can be numbered.
-    #[expect(clippy::cast_possible_truncation, reason = "only ever a guess")]
     pub fn new(
         (scene, frame): (&Triangles, &Frame),
         cells: f64,
         blocks: &mut Blocks,
         monitor: &Monitor,
     ) -> Result<Self> {
-        let bounds = frame.bounds();
-        let counts = if bounds.is_empty() {
-            [1; 3]
-        } else {
-            resolution(&bounds, cells)
-        };
-        let number = counts[0] * counts[1] * counts[2];
+        let mut grid = Self::empty(&frame.bounds(), cells);
+        while grid.is_crowded((scene, frame), monitor)? {
+            grid = Self::empty(&frame.bounds(), grid.number() as f64 / 8.0);
+        }
+        let number = grid.number();
         monitor.take(number * footprint::leaf::<()>(0, 8))?;
-        let mut grid = Self {
-            walls: [0, 1, 2].map(|k| walls(&bounds, k, counts[k])),
-            per_unit: [0, 1, 2].map(|k| (counts[k] as f64 / bounds.extent(k)) as f32),
-            cells: vec![[0; 2]; number],
-        };
+        grid.cells = vec![[0; 2]; number];
 
         let tasks = scene.live().len().div_ceil(TASK).max(1) as f64;
         let places: Vec<Vec<(u32, u32)>> = scene
@@ -150,45 +154,152 @@ impl Grid {
         Ok(grid)
     }
 
+    /// The walls of about `cells` cells, and no cells yet.
+    #[expect(clippy::cast_possible_truncation, reason = "only ever a guess")]
+    fn empty(bounds: &Aabb, cells: f64) -> Self {
+        let counts = if bounds.is_empty() {
+            [1; 3]
+        } else {
+            resolution(bounds, cells)
+        };
+        Self {
+            walls: [0, 1, 2].map(|k| walls(bounds, k, counts[k])),
+            per_unit: [0, 1, 2].map(|k| (counts[k] as f64 / bounds.extent(k)) as f32),
+            cells: Vec::new(),
+        }
+    }
+
+    /// How many cells a box is divided into where about `cells` are asked for.
+    pub fn asked(bounds: &Aabb, cells: f64) -> usize {
+        Self::empty(bounds, cells).number()
+    }
+
+    /// How many cells there are between the walls.
+    pub fn number(&self) -> usize {
+        self.count(0) * self.count(1) * self.count(2)
+    }
+
+    /// Whether triangles would have so many places in several cells that fewer cells would do.
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "at least 0, at most the cells along an axis"
+    )]
+    fn is_crowded(&self, scene: (&Triangles, &Frame), monitor: &Monitor) -> Result<bool> {
+        let live = scene.0.live();
+        let number = self.number();
+        let most = CROWDED * (live.len() + number);
+        // Nearly always it is enough to know how large the triangles are.
+        let boxes: usize = (live.par_iter())
+            .map(|&id| {
+                let bounds = Aabb::of_triangle(corners(scene, id));
+                let along = |k: usize| bounds.extent(k) * f64::from(self.per_unit[k]);
+                let reached = map([0, 1, 2], |k| (along(k) as usize + 2).min(self.count(k)));
+                reached[0] * reached[1] * reached[2]
+            })
+            .sum();
+        if number == 1 || boxes <= most {
+            return Ok(false);
+        }
+        let places = AtomicUsize::new(0);
+        live.par_chunks(TASK).try_for_each(|ids| {
+            for &id in ids {
+                monitor.check()?;
+                let mut own = 0;
+                self.each_cell(scene, id, &mut |_| {
+                    own += 1;
+                    Ok(())
+                })?;
+                // Whether it becomes too many does not depend on who counts first.
+                if places.fetch_add(own, Ordering::Relaxed) + own > most {
+                    break;
+                }
+            }
+            Ok(())
+        })?;
+        Ok(places.into_inner() > most)
+    }
+
     /// The cells that each of some triangles is in.
     fn sort(
         &self,
-        (scene, frame): (&Triangles, &Frame),
+        scene: (&Triangles, &Frame),
         ids: &[u32],
         monitor: &Monitor,
     ) -> Result<Vec<(u32, u32)>> {
         let (mut out, mut gathered) = (Vec::new(), 0);
         for &id in ids {
             monitor.check()?;
-            let corners = scene.corners(id).map(|p| frame.point(p));
-            let triangle = TriangleBox::new(corners, frame.bounds().magnitude());
-            let [x, y, z] = self.reached(&Aabb::of_triangle(corners));
-            for k in z[0]..=z[1] {
-                for j in y[0]..=y[1] {
-                    for i in x[0]..=x[1] {
-                        let cell = self.bounds([i, j, k]);
-                        let (low, high) = (cell.min.map(f64::from), cell.max.map(f64::from));
-                        let centre = [0, 1, 2].map(|k| 0.5 * (low[k] + high[k]));
-                        let reach = [0, 1, 2].map(|k| 0.5 * (high[k] - low[k]));
-                        if triangle.meets_box(centre, reach) {
-                            monitor.charge(&mut gathered, footprint::leaf::<()>(1, 0))?;
-                            #[expect(
-                                clippy::cast_possible_truncation,
-                                reason = "4096^3 at most, by far fewer"
-                            )]
-                            out.push((self.index([i, j, k]) as u32, id));
-                        }
-                    }
-                }
-            }
+            self.each_cell(scene, id, &mut |place| {
+                monitor.charge(&mut gathered, footprint::leaf::<()>(1, 0))?;
+                #[expect(
+                    clippy::cast_possible_truncation,
+                    reason = "4096^3 at most, by far fewer"
+                )]
+                out.push((self.index(place) as u32, id));
+                Ok(())
+            })?;
         }
         monitor.take(gathered)?;
         Ok(out)
     }
 
+    /// Visits the cells that a triangle is in.
+    fn each_cell(
+        &self,
+        scene: (&Triangles, &Frame),
+        id: u32,
+        see: &mut impl FnMut([usize; 3]) -> Result<()>,
+    ) -> Result<()> {
+        let corners = corners(scene, id);
+        let triangle = TriangleBox::new(corners, scene.1.bounds().magnitude());
+        self.each_of(
+            &triangle,
+            self.reached(&Aabb::of_triangle(corners)),
+            &mut |place| see(place),
+        )
+    }
+
+    /// Visits the cells of a block, given by its first and last along each axis, that a triangle is in.
+    fn each_of(
+        &self,
+        triangle: &TriangleBox,
+        block: [[usize; 2]; 3],
+        see: &mut dyn FnMut([usize; 3]) -> Result<()>,
+    ) -> Result<()> {
+        let sides = map(block, |[first, last]| last - first + 1);
+        let several = sides[0] * sides[1] * sides[2];
+        // A large triangle is in few of the cells that its box reaches into.
+        if (several == 1 || several > ASKED) && !self.meets(triangle, block) {
+            return Ok(());
+        }
+        if several == 1 {
+            return see(map(block, |[first, _]| first));
+        }
+        let longest = (0..3).fold(0, |k, j| if sides[j] > sides[k] { j } else { k });
+        let [first, last] = block[longest];
+        let middle = first + sides[longest] / 2;
+        for half in [[first, middle - 1], [middle, last]] {
+            let mut part = block;
+            part[longest] = half;
+            self.each_of(triangle, part, see)?;
+        }
+        Ok(())
+    }
+
+    /// Whether a triangle may be in any cell of a block.
+    fn meets(&self, triangle: &TriangleBox, block: [[usize; 2]; 3]) -> bool {
+        let wall = |k: usize, i: usize| f64::from(self.walls[k][i]);
+        let low = map([0, 1, 2], |k| wall(k, block[k][0]));
+        let high = map([0, 1, 2], |k| wall(k, block[k][1] + 1));
+        let centre = map([0, 1, 2], |k| 0.5 * (low[k] + high[k]));
+        let reach = map([0, 1, 2], |k| 0.5 * (high[k] - low[k]));
+        triangle.meets_box(centre, reach)
+    }
+
     /// Per axis the first and the last cell that have a point in common with a box.
     fn reached(&self, bounds: &Aabb) -> [[usize; 2]; 3] {
-        [0, 1, 2].map(|k| {
+        map([0, 1, 2], |k| {
             let walls = &self.walls[k];
             let last = walls.len() - 2;
             let first = walls[1..].partition_point(|wall| *wall < bounds.min[k]);
@@ -252,6 +363,11 @@ impl Grid {
         let walls: usize = self.walls.iter().map(|walls| size_of_val(&**walls)).sum();
         walls + size_of_val(&*self.cells)
     }
+}
+
+/// The corners of a triangle in the frame.
+fn corners((scene, frame): (&Triangles, &Frame), id: u32) -> [[f32; 3]; 3] {
+    map(scene.corners(id), |p| frame.point(p))
 }
 
 /// The walls of `count` equal cells.

@@ -2,7 +2,7 @@
 //! Whether a triangle and a box have a point in common, by separating axes (Akenine-Möller 2001), in
 //! f64 with margins: "no" is certain, "yes" may be wrong by a hair.
 
-use crate::geom::vec3::{Vec3, cross, dot, sub, widen};
+use crate::geom::vec3::{Vec3, cross, dot, map, sub, widen};
 
 /// Products of f64 lose less than 2^-50 of their factors; this leaves room.
 const MARGIN: f64 = 1.0 / (1_u64 << 40) as f64;
@@ -22,7 +22,7 @@ impl TriangleBox {
     /// For a triangle and cubes of a scene whose coordinates are at most `magnitude`, cubes reaching
     /// beyond it by no more than their side.
     pub fn new(corners: [[f32; 3]; 3], magnitude: f32) -> Self {
-        let corners = corners.map(widen);
+        let corners = map(corners, widen);
         let [a, b, c] = corners;
         let edges = [sub(b, a), sub(c, b), sub(a, c)];
         let span = 16.0 * f64::from(magnitude);
@@ -50,11 +50,11 @@ impl TriangleBox {
 
     /// Whether it may meet the box of this centre that reaches so far.
     pub fn meets_box(&self, centre: Vec3, reach: Vec3) -> bool {
-        let corners = self.corners.map(|p| sub(p, centre));
+        let corners = map(self.corners, |p| sub(p, centre));
         let apart = |axis: Vec3, doubt: f64| {
-            let [x, y, z] = corners.map(|p| dot(axis, p));
+            let [x, y, z] = map(corners, |p| dot(axis, p));
             let (low, high) = (x.min(y).min(z), x.max(y).max(z));
-            let size = axis.map(f64::abs);
+            let size = map(axis, f64::abs);
             let limit = dot(reach, size) + doubt;
             low > limit || high < -limit
         };

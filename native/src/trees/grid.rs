@@ -30,7 +30,7 @@ const DENSITY: ParamSpec = ParamSpec {
     name: "density",
     label: "Density",
     doc: "Cells per triangle. More tests fewer triangles in more steps, and costs memory in proportion, for \
-          empty cells too",
+          empty cells too. There are fewer where triangles as large as the scene would crowd them",
     unit: "cells per triangle",
     kind: Kind::Float {
         min: 0.001,
@@ -50,6 +50,12 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built>
     let grid = Grid::new((scene, &frame), cells, &mut blocks, monitor)?;
     let shape = shape(&grid, &frame);
     let mut left_out = vec!["oblique planes: a grid divides along the axes".to_owned()];
+    let (made, asked) = (grid.number(), Grid::asked(&frame.bounds(), cells));
+    if made < asked {
+        left_out.push(format!(
+            "cells: {made} of {asked}, large triangles would be in too many of them"
+        ));
+    }
     let one: Vec<_> = (0..3).filter(|&k| grid.count(k) == 1).collect();
     if !one.is_empty() {
         let names: Vec<_> = one.iter().map(|&k| ["x", "y", "z"][k]).collect();
