@@ -53,16 +53,7 @@ class Job:
         scene = trees.scene_of(self.scene_uid)
         if scene is not None:  # else it was deleted meanwhile
             geometry = self._building.geometry
-            trees.keep(
-                scene,
-                structure,
-                geometry.origin,
-                geometry.vertices,
-                geometry.triangles,
-                spec=self.spec,
-                label=self.label,
-                read=self._read,
-            )
+            trees.keep(scene, structure, geometry, spec=self.spec, label=self.label, read=self._read)
         return True
 
     def cancel(self) -> None:

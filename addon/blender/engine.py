@@ -207,17 +207,8 @@ class _Picture:
         if read.layout.two_level:
             trees.clear()
             return None
-        source = read.scene.geometry
-        return trees.keep(
-            self.scene,
-            built.session.structure,
-            source.origin,
-            source.vertices,
-            source.triangles,
-            spec=built.spec,
-            label=built.label,
-            read=read.moment,
-        )
+        structure, geometry = built.session.structure, read.scene.geometry
+        return trees.keep(self.scene, structure, geometry, spec=built.spec, label=built.label, read=read.moment)
 
     def _trace(self, job: Any, settings: RenderSettings, read: _Read, built: _Built) -> None:
         """Fill a result of Blender's with the job's picture, while it grows and at the end."""

@@ -12,7 +12,7 @@ from typing import Any
 
 import bpy
 
-from ..core.scene import F32, F64, I32
+from ..core.scene import F32, F64, I32, Geometry
 
 IGNORED_TYPES = {"CAMERA", "LIGHT", "LIGHT_PROBE", "SPEAKER"}
 """Objects that can move without any triangle moving."""
@@ -70,13 +70,14 @@ def moved(scene_uid: int, read: int) -> bool:
     return read != _moments.get(scene_uid, 0)
 
 
-def keep(
-    scene: Any, structure: Any, origin: F64, vertices: F32, triangles: I32, *, spec: str, label: str, read: int
-) -> Tree:
-    """Remember a structure of this scene in place of the last one."""
+def keep(scene: Any, structure: Any, geometry: Geometry, *, spec: str, label: str, read: int) -> Tree:
+    """Remember a structure of this scene, built over this geometry, in place of the last one.
+
+    Of the geometry only what a `Tree` says is kept: its normals and UVs can take more memory than its triangles.
+    """
     global _tree  # noqa: PLW0603 (one per Blender, as said above)
-    uid = scene.original.session_uid
-    _tree = Tree(structure, origin.copy(), vertices, triangles, spec, label, uid, read)
+    uid, origin = scene.original.session_uid, geometry.origin.copy()
+    _tree = Tree(structure, origin, geometry.vertices, geometry.triangles, spec, label, uid, read)
     if not bpy.app.background:
         # Renders keep their trees from a thread of theirs; timers run where redrawing is allowed.
         bpy.app.timers.register(redraw)
