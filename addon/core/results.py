@@ -32,10 +32,9 @@ def write(path: Path, text: str) -> None:
 
 
 def write_all(files: Mapping[Path, str]) -> None:
-    """Write files so that none is ever seen half-written, and all old ones stay until all new ones are complete.
+    """Write files so that none is ever seen half-written, and afterwards all are new, or after an error all are old.
 
-    Raises FolderError, which names the file that cannot be written; while any other than the last is replaced, that
-    can only be what nobody could know before, such as a file that another program keeps to itself.
+    Raises FolderError, which names the file that cannot be written, and old ones that could not be put back.
     """
     complete: list[tuple[Path, Path]] = []
     try:
@@ -52,13 +51,66 @@ def write_all(files: Mapping[Path, str]) -> None:
                     os.fsync(file.fileno())
                 # mkstemp makes files that only their owner can read; a report is for whom the user's others are for.
                 Path(temporary).chmod(0o666 & ~_umask())
-        for one, path in complete:
-            with _naming(path):
-                one.replace(path)
+        _put_in_place(complete)
     except BaseException:
         for one, _ in complete:
-            one.unlink(missing_ok=True)
+            _remove(one)
         raise
+
+
+def _put_in_place(complete: Sequence[tuple[Path, Path]]) -> None:
+    """Give new files (temporary name, name) their names, all of them or none. Raises FolderError.
+
+    What fails here is what nobody could know before, such as a file that another program keeps to itself. Old files
+    have a second name until all is done.
+    """
+    old: list[tuple[Path, Path | None]] = []
+    try:
+        for new, path in complete:
+            with _naming(path):
+                old.append((path, _put_aside(path, new.with_name(new.name + ".old"))))
+                new.replace(path)
+    except BaseException as error:
+        failed = [line for path, kept in old if (line := _put_back(path, kept))]
+        if failed:
+            raise FolderError("; ".join(filter(None, [str(error), *failed]))) from error
+        raise
+    for _, kept in old:
+        if kept is not None:
+            _remove(kept)
+
+
+def _put_aside(path: Path, kept: Path) -> Path | None:
+    """Give an old file a second name, which is returned; None where there is no file."""
+    if not os.path.lexists(path):
+        return None
+    if not path.is_symlink():  # systems differ in what a link to a link is
+        with contextlib.suppress(OSError):
+            kept.hardlink_to(path)
+            return kept
+    # No links here, or not to a file of another user: for a moment it has only the second name.
+    path.replace(kept)
+    return kept
+
+
+def _put_back(path: Path, kept: Path | None) -> str:
+    """Let an old file have its name again, or remove the new one if there was none. Returns what failed, or nothing."""
+    try:
+        if kept is None:
+            path.unlink(missing_ok=True)
+        elif path.exists() and path.samefile(kept):
+            _remove(kept)  # it was not replaced, and a rename between two names of one file does nothing
+        else:
+            kept.replace(path)
+    except OSError:
+        return f"{path} cannot be removed" if kept is None else f"{path} cannot be put back: the old one is {kept}"
+    return ""
+
+
+def _remove(path: Path) -> None:
+    """Remove a temporary name. Where that fails, what led here is to be told, and not this."""
+    with contextlib.suppress(OSError):
+        path.unlink(missing_ok=True)
 
 
 def _check_target(path: Path) -> None:

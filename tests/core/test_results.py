@@ -193,6 +193,123 @@ def test_of_several_files_none_is_replaced_when_one_cannot_be_written(
     assert sorted(tmp_path.iterdir()) == sorted(paths), "no remains"
 
 
+REPORT = ("bench.json", "bench.csv", "report.html")
+
+
+def report(folder: Path, text: str) -> dict[Path, str]:
+    """What a report's files are to hold."""
+    return dict.fromkeys((folder / name for name in REPORT), text)
+
+
+def held(monkeypatch: pytest.MonkeyPatch, path: Path, error: BaseException) -> None:
+    """Let no file be moved to this name nor away from it, as where another program keeps it open on Windows."""
+    replace = os.replace
+
+    def refuse(source: Any, target: Any) -> None:
+        if path in (Path(source), Path(target)):
+            raise error
+        replace(source, target)
+
+    monkeypatch.setattr(os, "replace", refuse)
+
+
+def no_links(*_: Any, **__: Any) -> None:
+    raise OSError(1, "Operation not permitted")
+
+
+@pytest.mark.parametrize("links", [True, False])
+@pytest.mark.parametrize("name", REPORT)
+def test_a_report_is_all_old_when_a_file_is_held(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, links: bool
+) -> None:
+    results.write_all(report(tmp_path, "old"))
+    results.Journal(tmp_path).add(entry("kd", 0), HERE)
+    journal = (tmp_path / results.JOURNAL).read_bytes()
+    if not links:
+        monkeypatch.setattr(os, "link", no_links)
+    held(monkeypatch, tmp_path / name, PermissionError(13, "Permission denied"))
+    with pytest.raises(results.FolderError) as told:
+        results.write_all(report(tmp_path, "new"))
+    assert str(told.value) == f"{tmp_path / name}: cannot be written: Permission denied"
+    assert {path.name: path.read_text() for path in report(tmp_path, "")} == dict.fromkeys(REPORT, "old")
+    assert (tmp_path / results.JOURNAL).read_bytes() == journal
+    assert len(list(tmp_path.iterdir())) == len(REPORT) + 1, "no remains"
+
+
+@pytest.mark.parametrize("links", [True, False])
+def test_a_report_is_all_new_and_nothing_remains_of_the_old(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, links: bool
+) -> None:
+    if not links:
+        monkeypatch.setattr(os, "link", no_links)
+    for text in ("old", "new"):
+        results.write_all(report(tmp_path, text))
+    assert {path.name: path.read_text() for path in tmp_path.iterdir()} == dict.fromkeys(REPORT, "new")
+
+
+@pytest.mark.parametrize("error", [PermissionError(13, "Permission denied"), KeyboardInterrupt()])
+def test_no_file_of_a_first_report_is_left_when_it_is_not_whole(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: BaseException
+) -> None:
+    held(monkeypatch, tmp_path / REPORT[1], error)
+    with pytest.raises((results.FolderError, KeyboardInterrupt)):
+        results.write_all(report(tmp_path, "new"))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_old_file_that_cannot_be_put_back_is_kept_and_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    results.write_all(report(tmp_path, "old"))
+    first, second, _ = report(tmp_path, "")
+    replace, moved = os.replace, []
+
+    def refuse(source: Any, target: Any) -> None:
+        moved.append(Path(target))
+        if Path(target) == second or moved.count(first) > 1:
+            raise PermissionError(13, "Permission denied")
+        replace(source, target)
+
+    monkeypatch.setattr(os, "replace", refuse)
+    with pytest.raises(results.FolderError) as told:
+        results.write_all(report(tmp_path, "new"))
+    [kept] = set(tmp_path.iterdir()) - set(report(tmp_path, ""))
+    assert str(told.value) == (
+        f"{second}: cannot be written: Permission denied; {first} cannot be put back: the old one is {kept}"
+    )
+    assert (first.read_text(), second.read_text(), kept.read_text()) == ("new", "old", "old")
+
+
+@pytest.mark.skipif(os.name != "posix", reason="links of this kind need a right on this system")
+def test_a_link_is_put_back_as_a_link(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.write_text("old")
+    first, second, _ = report(tmp_path, "")
+    first.symlink_to(elsewhere)
+    held(monkeypatch, second, PermissionError(13, "Permission denied"))
+    with pytest.raises(results.FolderError):
+        results.write_all(report(tmp_path, "new"))
+    assert first.readlink() == elsewhere
+    assert set(tmp_path.iterdir()) == {elsewhere, first}
+    assert elsewhere.read_text() == "old"
+
+
+def test_an_error_names_the_file_where_its_remains_cannot_be_removed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As in a folder that is made read-only meanwhile."""
+    results.write_all(report(tmp_path, "old"))
+    first, *_ = report(tmp_path, "")
+
+    def read_only(*_: Any, **__: Any) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    for call in ("link", "replace", "unlink"):
+        monkeypatch.setattr(os, call, read_only)
+    with pytest.raises(results.FolderError) as told:
+        results.write_all(report(tmp_path, "new"))
+    assert str(told.value) == f"{first}: cannot be written: Permission denied"
+    assert {path.read_text() for path in report(tmp_path, "")} == {"old"}
+
+
 def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path) -> None:
     file = tmp_path / "file"
     file.write_text("")
