@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The development environments: `.venv` for current Blender, `.venv-4.5` for Blender 4.5 LTS.
+"""The development environments: `.venv` for current Blender, `.venv-4.5` for Blender 4.5 LTS, `.venv-portable`.
 
 Whatever is there already is kept, so that a second call costs a moment. Starts under any Python 3.8 or newer.
 """
@@ -51,6 +51,8 @@ CURRENT = Environment(
     "5.2", "3.13", ROOT / ".venv", ("blender-current", "test", "build", "check", "measure", "cluster")
 )
 LTS = Environment("4.5 LTS", "3.11", ROOT / ".venv-4.5", ("blender-lts", "test"))
+PORTABLE = Environment(CURRENT.blender, CURRENT.version, ROOT / ".venv-portable", ("build", "portable"))
+"""Without Blender itself: what builds a wheel for all systems on which Blender runs."""
 
 
 def say(text: str) -> None:
@@ -101,11 +103,16 @@ def alone() -> Iterator[None]:
         yield
 
 
-def prepare(environment: Environment) -> None:
-    """Make the environment ready: its Python, its packages, the libraries of its Blender. Raises SetupError."""
+def prepare_packages(environment: Environment) -> None:
+    """Make the Python and the packages of the environment ready. Raises SetupError."""
     if not interpreters.answers_in_environment(environment.python, environment.version):
         _create(environment)
     _install_requirements(environment)
+
+
+def prepare(environment: Environment) -> None:
+    """Make the environment ready: its Python, its packages, the libraries of its Blender. Raises SetupError."""
+    prepare_packages(environment)
     try:
         installed = system_libraries.provide(_package_folder(environment, "bpy"))
     except system_libraries.MissingLibrariesError as error:
@@ -154,7 +161,7 @@ def _install_requirements(environment: Environment) -> None:
     wanted = requirements(environment.groups)
 
     def install() -> None:
-        say(f"{environment.folder.name}: installing {', '.join(wanted)} (Blender is large: this takes minutes)")
+        say(f"{environment.folder.name}: installing {', '.join(wanted)} (some are large: this takes minutes)")
         _pip(environment, ["install", *wanted])
 
     _once(environment, "requirements", "\n".join(wanted), install)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The extension zip: `python scripts/package.py [--wheel WHEEL ...] [--out DIR]`.
+"""The extension zip: `python scripts/package.py [--portable] [--wheel WHEEL ...] [--out DIR]`.
 
 Stages the add-on, the manifest with its wheels, the licence and the wheels into build/extension, builds the zip with
-Blender's own tool, and validates it. Without --wheel the wheel for this machine is built. Says so when a wheel needs a
-newer C library than Blender itself.
+Blender's own tool, and validates it. Without --wheel the wheel for this machine is built, with --portable one for all
+machines of its kind on which Blender runs. Says so when a wheel needs a newer C library than Blender itself.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ import zipfile
 from collections.abc import Sequence
 from pathlib import Path
 
+import environment
 import wheel
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
@@ -47,6 +48,10 @@ BLENDER_GLIBC = (2, 28)
 
 class PackageError(RuntimeError):
     """The extension cannot be packaged. The message says why."""
+
+
+TOLD = (PackageError, wheel.BuildError, environment.SetupError)
+"""What ends the command with one line."""
 
 
 def platform_of(wheel_name: str) -> str:
@@ -80,12 +85,10 @@ def too_new(wheel_file: Path) -> str | None:
     needed = glibc_of(wheel_file)
     if needed <= BLENDER_GLIBC:
         return None
-    image = "manylinux_{}_{}".format(*BLENDER_GLIBC)
     return (
         f"WARNING: {wheel_file.name} needs glibc {needed[0]}.{needed[1]} or newer, Blender only "
         f"{BLENDER_GLIBC[0]}.{BLENDER_GLIBC[1]}: on older systems (RHEL 9 has 2.34, Ubuntu 20.04 2.31) it can be "
-        f"installed but not loaded. For them build the wheel there, in an image {image} or with zig "
-        f"(maturin build --release --zig --compatibility {image}), and give it with --wheel"
+        "installed but not loaded. For them package with --portable, or build the wheel there and give it with --wheel"
     )
 
 
@@ -145,11 +148,31 @@ def run_tool(*arguments: str) -> None:
         raise PackageError(f"blender_ext {arguments[0]}: {(done.stdout + done.stderr).strip()}")
 
 
-def package(wheels: Sequence[Path], out: Path) -> Path:
-    """Build and validate the zip in the folder `out`. Raises PackageError or wheel.BuildError."""
+def portable_wheel() -> Path:
+    """A wheel for all machines of this kind on which Blender runs. Raises wheel.BuildError or environment.SetupError.
+
+    Only on Linux is it another than the usual one, which needs the C library of the machine that built it.
+    """
+    if sys.platform != "linux":
+        return wheel.build(ROOT, Path(sys.executable))[0]
+    with environment.alone():
+        environment.prepare_packages(environment.PORTABLE)
+        environment.say("portable native module: looking for changes (a build takes minutes)")
+        return wheel.build(ROOT, environment.PORTABLE.python, glibc=BLENDER_GLIBC)[0]
+
+
+def package(wheels: Sequence[Path], out: Path, *, portable: bool = False) -> Path:
+    """Build and validate the zip in the folder `out`. Raises PackageError, wheel.BuildError, environment.SetupError.
+
+    portable: bundle the wheel that is built for all machines of this kind, beside those that are given.
+    """
     import tomllib
 
-    chosen = list(wheels) or [wheel.build(ROOT, Path(sys.executable))[0]]
+    chosen = list(wheels)
+    if portable:
+        chosen.append(portable_wheel())
+    elif not chosen:
+        chosen.append(wheel.build(ROOT, Path(sys.executable))[0])
     for path in chosen:
         if not path.is_file():
             raise PackageError(f"{path}: there is no such wheel")
@@ -173,13 +196,18 @@ def main(arguments: Sequence[str]) -> int:
     """The command line. Returns the exit status."""
     parser = Parser(prog="package", description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--wheel", type=Path, action="append", default=[], help="a wheel to bundle; may be repeated")
+    parser.add_argument(
+        "--portable",
+        action="store_true",
+        help="on Linux, build a wheel that runs wherever Blender does (minutes, and a download the first time)",
+    )
     parser.add_argument("--out", type=output, default=ROOT / "build", help="where the zip goes (default: build)")
-    return command.run("package", arguments, parser.parse_args, run, told=(PackageError, wheel.BuildError))
+    return command.run("package", arguments, parser.parse_args, run, told=TOLD)
 
 
 def run(asked: argparse.Namespace) -> int:
     """Do what is asked. Returns the exit status."""
-    target = package(asked.wheel, asked.out)
+    target = package(asked.wheel, asked.out, portable=asked.portable)
     print(f"{target} ({target.stat().st_size / 1e6:.1f} MB)")
     return 0
 

@@ -47,12 +47,35 @@ def sources(root: Path) -> list[Path]:
     return [path for path in (root / ".cargo" / "config.toml", root / "LICENSE", *inside) if path.is_file()]
 
 
-def build(root: Path, python: Path) -> tuple[Path, bool]:
-    """The wheel for this machine in build/wheel, and whether it had to be built. Raises BuildError.
+def unwinder() -> Path:
+    """The library that unwinds stacks on Linux, as the system's compiler finds it. Raises BuildError."""
+    name = "libgcc_s.so.1"
+    if shutil.which("cc") is None:
+        raise BuildError("cc is not on the PATH: install gcc (the system's packages) first")
+    done = subprocess.run(["cc", f"-print-file-name={name}"], capture_output=True, text=True, check=False)
+    found = Path(done.stdout.strip())
+    if not found.is_absolute():  # the name alone is what it says of a file that it does not find
+        raise BuildError(f"cc finds no {name}: install gcc (the system's packages) first")
+    return found.resolve()
 
-    python: an interpreter whose environment has maturin.
+
+def build(root: Path, python: Path, *, glibc: tuple[int, int] | None = None) -> tuple[Path, bool]:
+    """A wheel in a folder of its own below build, and whether it had to be built. Raises BuildError.
+
+    python: an interpreter whose environment has maturin. glibc: on Linux, the oldest C library with which the wheel is
+    to run, and then the environment has zig, which links with any version of it; None: that of this machine.
     """
     folder = root / "build" / "wheel"
+    options, variables = ["--interpreter", str(python)], {"PYO3_PYTHON": str(python)}
+    if glibc is not None:
+        name = "manylinux_{}_{}".format(*glibc)
+        folder = folder.with_name(f"wheel-{name}")
+        options += ["--zig", "--compatibility", name]  # it fails where a symbol is newer
+        # Else zig links an unwinder of its own, which crashes when Python, at its end, ends a thread that waits for it:
+        # the C library does that with this one, and each takes the other's notes for its own.
+        options += ["--", f"-Clink-arg={unwinder()}"]
+        # Looked up on the PATH else, where the environment need not be.
+        variables["CARGO_ZIGBUILD_PYTHON_PATH"] = str(python)
     stamp = folder / "fingerprint"
     wanted = fingerprint(root)
     found = sorted(folder.glob("*.whl"))
@@ -61,13 +84,12 @@ def build(root: Path, python: Path) -> tuple[Path, bool]:
     if shutil.which("cargo") is None:
         raise BuildError("cargo is not on the PATH: install Rust (rustup or the system's packages) first")
     # Into a fresh folder that takes the old one's place only when all went well.
-    fresh = root / "build" / "wheel.new"
+    fresh = folder.with_name(folder.name + ".new")
     shutil.rmtree(fresh, ignore_errors=True)
-    command = [str(python), "-m", "maturin", "build", "--release", "--out", str(fresh), "--interpreter"]
     done = subprocess.run(
-        [*command, str(python)],
+        [str(python), "-m", "maturin", "build", "--release", "--out", str(fresh), *options],
         cwd=root,
-        env={**os.environ, "PYO3_PYTHON": str(python)},
+        env={**os.environ, **variables},
         capture_output=True,
         text=True,
         check=False,

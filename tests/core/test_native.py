@@ -2,6 +2,8 @@
 """The native module's absence or age is one readable line; core stays free of Blender."""
 
 import ast
+import os
+import subprocess
 import sys
 import tomllib
 import types
@@ -61,3 +63,35 @@ def test_core_imports_nothing_of_blender() -> None:
             if isinstance(node, ast.ImportFrom) and node.level == 0:
                 names = [node.module or ""]
             assert not forbidden & {name.split(".")[0] for name in names}, file
+
+
+# A thread of the kind that builds in the background, always inside the module; the interpreter ends, and while it takes
+# itself apart it lets others run for a moment.
+ENDING = """
+import os, threading, time
+import halfspace_native, numpy
+
+corners = numpy.random.default_rng(1).random((30_000, 3), numpy.float32)
+triangles = numpy.arange(30_000, dtype=numpy.int32).reshape(-1, 3)
+inside = threading.Event()
+
+def build():
+    while True:
+        halfspace_native.build(corners, triangles, "kd-sah")
+        inside.set()
+
+class Last:
+    def __del__(self, sleep=time.sleep, write=os.write):
+        sleep(1)
+        write(1, b"ended")
+
+numpy.last = Last()
+threading.Thread(target=build, daemon=True).start()
+inside.wait()
+"""
+
+
+def test_python_ends_while_a_thread_is_inside_the_module() -> None:
+    search = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    done = subprocess.run([sys.executable, "-c", ENDING], env=search, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "ended", "")

@@ -332,8 +332,117 @@ def test_a_wheel_for_newer_systems_than_blender_s_is_told_when_it_is_packaged(
         assert not said
     else:
         assert said.startswith(f"package: WARNING: {path.name} needs glibc 2.35 or newer, Blender only 2.28: ")
-        assert "build the wheel there" in said
-        assert "manylinux_2_28" in said
+        assert "package with --portable, or build the wheel there" in said
+
+
+NAME = "x-1-cp311-abi3-manylinux_2_28_x86_64.whl"
+
+
+@pytest.fixture
+def builds(project: Path, monkeypatch: pytest.MonkeyPatch) -> list[tuple[list[str], dict[str, str]]]:
+    """The arguments and the environments of maturin, which leaves an empty wheel instead of a build."""
+    seen: list[tuple[list[str], dict[str, str]]] = []
+
+    def run(command: list[str], **named: Any) -> subprocess.CompletedProcess[str]:
+        if command[0] == "cc":
+            return subprocess.CompletedProcess(command, 0, "/lib/libgcc_s.so.1\n", "")
+        seen.append((command, named["env"]))
+        out = Path(command[command.index("--out") + 1])
+        out.mkdir(parents=True)
+        wheel_with(out / NAME)
+        return subprocess.CompletedProcess(command, 0, "", "")
+
+    monkeypatch.setattr(wheel.subprocess, "run", run)
+    monkeypatch.setattr(wheel.shutil, "which", lambda name: f"/bin/{name}")
+    return seen
+
+
+def test_the_portable_wheel_is_kept_beside_the_usual_one(
+    project: Path, builds: list[tuple[list[str], dict[str, str]]]
+) -> None:
+    python = Path("/env/bin/python")
+    usual = wheel.build(project, python)
+    portable = wheel.build(project, python, glibc=(2, 28))
+    assert usual == (project / "build" / "wheel" / NAME, True)
+    assert portable == (project / "build" / "wheel-manylinux_2_28" / NAME, True)
+    assert wheel.build(project, python) == (usual[0], False)
+    assert wheel.build(project, python, glibc=(2, 28)) == (portable[0], False)
+    (first, _), (second, variables) = builds
+    assert "--zig" not in first
+    assert second[-5:-1] == ["--zig", "--compatibility", "manylinux_2_28", "--"]
+    assert Path(second[-1].removeprefix("-Clink-arg=")).name.startswith("libgcc_s.so")
+    assert variables["CARGO_ZIGBUILD_PYTHON_PATH"] == str(python), "zig need not be on the PATH"
+
+
+@pytest.mark.parametrize(
+    ("there", "line"),
+    [(None, "cc is not on the PATH: install gcc"), ("/bin/cc", r"cc finds no libgcc_s\.so\.1: install gcc")],
+)
+def test_what_the_portable_wheel_lacks_is_told(
+    project: Path, monkeypatch: pytest.MonkeyPatch, there: str | None, line: str
+) -> None:
+    monkeypatch.setattr(wheel.shutil, "which", lambda name: there if name == "cc" else name)
+    unknown = subprocess.CompletedProcess([], 0, "libgcc_s.so.1\n", "")
+    monkeypatch.setattr(wheel.subprocess, "run", lambda *_, **__: unknown)
+    with pytest.raises(wheel.BuildError, match=line):
+        wheel.build(project, Path("/env/bin/python"), glibc=(2, 28))
+
+
+@pytest.mark.parametrize(
+    ("system", "portable", "glibc", "prepared"),
+    [
+        ("linux", True, (2, 28), [environment.PORTABLE]),
+        ("linux", False, None, []),
+        ("darwin", True, None, []),
+    ],
+)
+def test_what_is_asked_for_is_bundled_beside_what_is_given(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    system: str,
+    portable: bool,
+    glibc: tuple[int, int] | None,
+    prepared: list[environment.Environment],
+) -> None:
+    ready: list[environment.Environment] = []
+    asked: list[tuple[int, int] | None] = []
+    bundled: list[str] = []
+
+    def build(_: Path, __: Path, *, glibc: tuple[int, int] | None = None) -> tuple[Path, bool]:
+        asked.append(glibc)
+        return wheel_with(tmp_path / NAME), True
+
+    monkeypatch.setattr(sys, "platform", system)
+    monkeypatch.setattr(environment, "ROOT", tmp_path)
+    monkeypatch.setattr(environment, "prepare_packages", ready.append)
+    monkeypatch.setattr(package.wheel, "build", build)
+    monkeypatch.setattr(package, "stage", lambda wheels, _: bundled.extend(path.name for path in wheels))
+    monkeypatch.setattr(package, "run_tool", lambda *words: Path(words[-1]).touch() if words[0] == "build" else None)
+    given = wheel_with(tmp_path / "x-1-cp311-abi3-win_amd64.whl")
+    arguments = ["--portable", "--wheel", str(given)] if portable else []
+    assert package.main([*arguments, "--out", str(tmp_path)]) == 0
+    assert asked == [glibc]
+    assert ready == prepared
+    assert bundled == [given.name] * portable + [NAME]
+
+
+def test_an_environment_that_cannot_be_set_up_ends_packaging_with_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def fail(_: environment.Environment) -> None:
+        raise environment.SetupError("pip failed in .venv-portable")
+
+    monkeypatch.setattr(sys, "platform", "linux")
+    monkeypatch.setattr(environment, "ROOT", tmp_path)
+    monkeypatch.setattr(environment, "prepare_packages", fail)
+    assert package.main(["--portable", "--out", str(tmp_path)]) == 2
+    assert capsys.readouterr().err == "package: pip failed in .venv-portable\n"
+
+
+def test_tests_do_without_what_only_the_portable_wheel_needs() -> None:
+    assert any(line.startswith("ziglang==") for line in environment.requirements(environment.PORTABLE.groups))
+    for where in (environment.CURRENT, environment.LTS):
+        assert not any("zig" in line for line in environment.requirements(where.groups))
 
 
 def test_a_wheel_that_is_none_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
