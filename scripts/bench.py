@@ -81,7 +81,8 @@ def faithful() -> str:
 PRESETS: dict[str, dict[str, str]] = {
     "yardstick": {
         "scenes": "sponza-dabrovic,conference,country-kitchen,stanford-dragon,stanford-bunny",
-        "structures": "kd:traversal=auto|dir,bsp-wn-plus-kd:traversal=auto|dir,bvh-sah:traversal=tile8",
+        "structures": "kd:traversal=auto|boxes|dir,bsp-wn-plus-kd:traversal=auto|boxes|dir,"
+        "bvh-sah:traversal=auto|ordered",
         "rays": "primary,shadow,diffuse,shuffled",
     },
     "thesis": {**OF_THE_THESIS, "structures": f"kd-sah:traversal=dir,{faithful()}"},

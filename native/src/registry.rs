@@ -186,7 +186,8 @@ pub mod params {
         name: "traversal",
         label: "Traversal",
         doc: "How rays walk the tree. auto: whatever is quickest for a batch: tile8 for camera rays and \
-              for shadow rays, wide for others; rays are counted as dir walks them. dir: one by one, by plane distances \
+              for shadow rays, boxes with several rays in flight for others; rays are counted as dir walks them. \
+              boxes: one by one, through boxes around what the cells hold, eight to a node. dir: one by one, by plane distances \
               in the order of the direction; ta-b: by entry and exit points (Havran et al. 1997); ta-a, sung, arvo: by the side of the \
               origin and distances, as TA-A, as Sung and Shirley 1992, as Arvo 1988. wide: three levels at a time, \
               several rays in turn, many in random order sorted by where they start. seq: each leaf from the root, \
@@ -198,8 +199,8 @@ pub mod params {
               are counted as dir walks them. The answer is the same",
         unit: "",
         kind: Kind::Choice(&[
-            "auto", "dir", "wide", "tile8", "tile16", "p4", "p8", "p16", "ta-b", "ta-a", "sung",
-            "arvo", "seq", "rope", "ropetree",
+            "auto", "dir", "wide", "boxes", "tile8", "tile16", "p4", "p8", "p16", "ta-b", "ta-a",
+            "sung", "arvo", "seq", "rope", "ropetree",
         ]),
         default: Value::Choice("auto"),
     };
@@ -207,8 +208,8 @@ pub mod params {
     /// The same, by single rays where nothing is said: for a tree that others are measured against.
     pub const TRAVERSAL_BASELINE: ParamSpec = ParamSpec {
         kind: Kind::Choice(&[
-            "dir", "auto", "wide", "tile8", "tile16", "p4", "p8", "p16", "ta-b", "ta-a", "sung",
-            "arvo", "seq", "rope", "ropetree",
+            "dir", "auto", "wide", "boxes", "tile8", "tile16", "p4", "p8", "p16", "ta-b", "ta-a",
+            "sung", "arvo", "seq", "rope", "ropetree",
         ]),
         default: Value::Choice("dir"),
         ..TRAVERSAL_AXIS
@@ -220,7 +221,8 @@ pub mod params {
         label: "Traversal",
         doc: "How rays walk the tree. auto: whatever is quickest for a batch: tile8 for camera rays and \
               for shadow rays, wide for others; rays are counted as dir walks them. dir: one by one, by plane distances \
-              in the order of the direction. ta-b-poly: by the heights of entry and exit points over the plane. wide: three levels at a \
+              in the order of the direction. boxes: one by one, through boxes around what the cells hold, eight to a \
+              node, which cut along the axes only. ta-b-poly: by the heights of entry and exit points over the plane. wide: three levels at a \
               time, several rays in turn, many in random order sorted by where they start. tile8, tile16: as dir, but camera rays go in tiles of 64 or 256, and shadow \
               rays of one light in tiles of 64 from the light; tiles whose rays drift apart are split into packets. p4, p8, \
               p16: as dir, but in packets of 4, 8 or 16 rays, one to a lane, shadow rays always of 16. Shadow rays are \
@@ -230,6 +232,7 @@ pub mod params {
             "auto",
             "dir",
             "wide",
+            "boxes",
             "tile8",
             "tile16",
             "p4",

@@ -19,6 +19,7 @@ use crate::outline::Outline;
 use crate::registry::Built;
 use crate::scene::Triangles;
 use crate::spec::Config;
+use crate::traverse::box_tree::BoxTree;
 use crate::traverse::frame::Frame;
 use crate::traverse::objects::Objects;
 use crate::traverse::tile::Lately;
@@ -98,6 +99,8 @@ pub struct Structure {
     whole: OnceLock<Built>,
     /// The tree of planes once more, for walks through wide nodes.
     wide: Option<WideTree>,
+    /// The tree of planes once more, as boxes around what its cells hold.
+    boxes: Option<BoxTree<8>>,
     /// Links between the leaves of the tree of planes, for walks from leaf to leaf.
     ropes: Option<Ropes>,
     build_seconds: f64,
@@ -138,14 +141,25 @@ impl Structure {
         let start = Instant::now();
         let mut built = pool.install(|| (config.structure().build)(&scene, &config, monitor))?;
         let batches = Batches::new(&config);
-        let wide = match (&built.layout, batches) {
-            (Layout::Plane(tree, _), Batches::Wide | Batches::Auto) => {
-                let wide = WideTree::new(tree);
-                monitor.take(wide.bytes())?;
-                Some(wide)
+        let (mut wide, mut boxes) = (None, None);
+        match (&built.layout, batches) {
+            // On its own it takes them only where they leave out all that planes cut off.
+            (Layout::Plane(tree, _), Batches::Boxes | Batches::Auto)
+                if batches == Batches::Boxes || !tree.is_oblique() =>
+            {
+                boxes = Some(BoxTree::of_cells(
+                    tree,
+                    (&built.frame, &built.blocks),
+                    monitor,
+                )?);
             }
-            _ => None,
-        };
+            (Layout::Plane(tree, _), Batches::Wide | Batches::Auto) => {
+                let nodes = WideTree::new(tree);
+                monitor.take(nodes.bytes())?;
+                wide = Some(nodes);
+            }
+            _ => {}
+        }
         let ropes = match &built.layout {
             Layout::Plane(tree, PlaneWalk::Rope | PlaneWalk::Rope1990) => {
                 let kind = match config.choice("traversal") {
@@ -166,6 +180,7 @@ impl Structure {
             built,
             whole: OnceLock::new(),
             wide,
+            boxes,
             ropes,
             build_seconds,
             leaf_depths: OnceLock::new(),
@@ -267,6 +282,7 @@ impl Structure {
             | Layout::OctreeGlassner(tree) => tree.bytes(),
         };
         let more = self.wide.as_ref().map_or(0, WideTree::bytes)
+            + self.boxes.as_ref().map_or(0, BoxTree::size)
             + self.ropes.as_ref().map_or(0, Ropes::bytes);
         let whole = self.whole.get().map_or(0, |whole| {
             let Layout::Plane(tree, _) = &whole.layout else {

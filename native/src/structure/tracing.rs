@@ -9,6 +9,7 @@ use crate::registry::Built;
 use crate::scene::Triangles;
 use crate::spec::{Config, Value};
 use crate::traverse::batch::{Batch, Walk, WithWalk, Write};
+use crate::traverse::box_tree::{self, BoxTree};
 use crate::traverse::frame::FrameRay;
 use crate::traverse::objects::Objects;
 use crate::traverse::packet::Width;
@@ -17,10 +18,10 @@ use crate::traverse::query::{Any, Closest, Query};
 use crate::traverse::stream::Alone;
 use crate::traverse::tile_walk::{ShadowTiles, Tiles};
 use crate::traverse::{
-    Hit, Order, Ray, RayCounters, Tracer, grid_step, octree_beam, octree_glassner, octree_net,
-    octree_param, octree_samet, octree_step, packet, packet_walk, plane_arvo, plane_beam,
-    plane_dir, plane_rope, plane_seq, plane_seq_1985, plane_sung, plane_ta_a, plane_ta_b,
-    plane_ta_b_1997, plane_ta_b_poly, plane_wide,
+    Hit, Order, Ray, RayCounters, Tracer, box_flight, grid_step, octree_beam, octree_glassner,
+    octree_net, octree_param, octree_samet, octree_step, packet, packet_walk, plane_arvo,
+    plane_beam, plane_dir, plane_rope, plane_seq, plane_seq_1985, plane_sung, plane_ta_a,
+    plane_ta_b, plane_ta_b_1997, plane_ta_b_poly, plane_wide,
 };
 use fearless_simd::Level;
 use std::marker::PhantomData;
@@ -39,6 +40,8 @@ pub(super) enum Batches {
     Sixteen,
     /// Several rays in flight through wide nodes.
     Wide,
+    /// Through boxes around what cells hold.
+    Boxes,
     /// Packets of so many, whatever the order of the rays; shadow rays only in packets of 16.
     Packets(u32),
     /// Camera rays in tiles, shadow rays in tiles from their light, other rays to the nearest hit in flight; rays that
@@ -53,6 +56,7 @@ impl Batches {
             Some((_, Value::Choice("tile8"))) => Self::Eight,
             Some((_, Value::Choice("tile16"))) => Self::Sixteen,
             Some((_, Value::Choice("wide"))) => Self::Wide,
+            Some((_, Value::Choice("boxes"))) => Self::Boxes,
             Some((_, Value::Choice("p4"))) => Self::Packets(4),
             Some((_, Value::Choice("p8"))) => Self::Packets(8),
             Some((_, Value::Choice("p16"))) => Self::Packets(16),
@@ -152,7 +156,19 @@ impl Structure {
         if let (Some(wide), None, true) = (&self.wide, &counters, streams) {
             return job.stream::<_, Q>(&plane_wide::Walk(wide), write);
         }
+        if let (Some(tree), None, true) = (self.flown(), &counters, streams) {
+            return job.stream::<_, Q>(&box_flight::Walk(tree), write);
+        }
         self.walk::<Q>(&job, &mut write, counters);
+    }
+
+    /// The tree of boxes that rays walk in flight, if that is chosen.
+    fn flown(&self) -> Option<&BoxTree<8>> {
+        match (&self.built.layout, self.batches) {
+            (Layout::Objects(Objects::Boxes8(tree)), Batches::Auto | Batches::Wide) => Some(tree),
+            (_, Batches::Auto) => self.boxes.as_ref(),
+            _ => None,
+        }
     }
 
     /// Walks rays to their nearest hits in packets.
@@ -184,6 +200,9 @@ impl Structure {
     pub(super) fn with_walk<F: WithWalk>(&self, built: &Built, then: F) -> F::Output {
         if let (Batches::Wide, Some(wide)) = (self.batches, &self.wide) {
             return then.with(&Alone(&plane_wide::Walk(wide)));
+        }
+        if let (Batches::Boxes, Some(boxes)) = (self.batches, &self.boxes) {
+            return then.with(&box_tree::Walk(boxes));
         }
         match &built.layout {
             Layout::Brute => unreachable!("brute force has no tree to walk"),
@@ -242,7 +261,7 @@ impl Structure {
             (Layout::Lazy(tree), Auto | Eight) => {
                 job.quick_tiles(&ShadowTiles::<_, 4>(tree, lately), write);
             }
-            (Layout::Objects(Objects::Boxes8(tree)), Eight | Sixteen) => {
+            (Layout::Objects(Objects::Boxes8(tree)), Auto | Eight | Sixteen) => {
                 job.quick_tiles(&ShadowTiles::<_, 4>(tree, lately), write);
             }
             (Layout::Plane(tree, _), Packets(16)) => {
@@ -369,6 +388,9 @@ impl Tracer for AtLevel<'_> {
             (Layout::Objects(Objects::Boxes8(tree)), Batches::Eight) => {
                 job.tiles(&Tiles::<_, 4>(tree, lately), write, counters);
             }
+            (Layout::Objects(Objects::Boxes8(tree)), Batches::Auto) if counters.is_none() => {
+                job.tiles(&Tiles::<_, 4>(tree, lately), write, counters);
+            }
             (Layout::Objects(Objects::Boxes8(tree)), Batches::Sixteen) => {
                 job.tiles(&Tiles::<_, 16>(tree, lately), write, counters);
             }
@@ -414,7 +436,8 @@ impl Tracer for Structure {
     }
 
     fn near_rays(&self) -> Option<Aabb> {
-        let several = matches!(self.batches, Batches::Auto | Batches::Wide) && self.wide.is_some();
+        let planes = matches!(self.batches, Batches::Auto | Batches::Wide) && self.wide.is_some();
+        let several = planes || self.flown().is_some();
         (several && self.bytes() > IN_CACHE).then(|| self.scene.bounds())
     }
 

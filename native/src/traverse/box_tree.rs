@@ -48,7 +48,8 @@ pub struct BoxTree<const W: usize> {
 }
 
 impl<const W: usize> BoxTree<W> {
-    const BLANK: Wide<W> = Wide {
+    /// A node without children.
+    pub(super) const BLANK: Wide<W> = Wide {
         bounds: [
             [f32::MAX; W],
             [f32::MAX; W],
@@ -61,39 +62,60 @@ impl<const W: usize> BoxTree<W> {
         count: [0; W],
     };
 
-    /// Lays out a binary tree, its leaves in `leaves`. A node takes the place of up to
-    /// `W - 1` binary ones: while it has room, its largest inner child is replaced by that child's own
-    /// children.
+    /// A tree of nothing.
+    pub fn none() -> Self {
+        Self {
+            nodes: vec![Self::BLANK],
+        }
+    }
+
+    /// Lays out a tree of objects, its leaves in `leaves`.
     ///
     /// # Errors
     /// [`crate::error::Error::Memory`] when the leaf data is more than links can name.
     pub fn new(binary: &ObjectTree, leaves: &mut Leaves) -> Result<Self> {
         binary.check_size()?;
         let firsts = binary.firsts();
+        Self::collapsed(binary, 0, |place| {
+            let Kind::Leaf { count } = binary.kind(place) else {
+                unreachable!("an inner node has children")
+            };
+            let number = u32::try_from(count).expect("bounded by the scene");
+            Ok((leaves.push(firsts[place], count), number))
+        })
+    }
+
+    /// Lays out a binary tree from its root. A node takes the place of up to `W - 1` binary ones: while it has room, its largest
+    /// inner child is replaced by that child's own children. `leaf` tells where a leaf's blocks begin, and how many
+    /// triangles they hold.
+    ///
+    /// # Errors
+    /// Those of `leaf`.
+    pub fn collapsed(
+        binary: &impl Binary,
+        root: usize,
+        mut leaf: impl FnMut(usize) -> Result<(u32, u32)>,
+    ) -> Result<Self> {
         let mut nodes = vec![Self::BLANK];
         // Nodes to fill, the next one last: their own place and their children's places in `binary`.
-        let mut open = vec![(0, Self::children(binary, 0))];
+        let mut open = vec![(0, Self::children(binary, root))];
         while let Some((place, children)) = open.pop() {
             let mut node = Self::BLANK;
             let mut inner = Vec::with_capacity(W);
             for (lane, &child) in children.iter().enumerate() {
-                let bounds = binary.items[child].bounds;
+                let bounds = binary.bounds(child);
                 for k in 0..3 {
                     node.bounds[k][lane] = bounds.min[k];
                     node.bounds[3 + k][lane] = bounds.max[k];
                 }
-                match binary.kind(child) {
-                    Kind::Leaf { count } => {
-                        node.link[lane] = leaves.push(firsts[child], count);
-                        node.count[lane] = u32::try_from(count).expect("bounded by the scene");
-                    }
-                    Kind::Inner { .. } => {
-                        node.link[lane] = u32::try_from(nodes.len()).expect("bounded by the scene");
-                        node.count[lane] = INNER;
-                        inner.push((nodes.len(), Self::children(binary, child)));
-                        nodes.push(Self::BLANK);
-                    }
-                }
+                (node.link[lane], node.count[lane]) = if binary.children(child).is_none() {
+                    leaf(child)?
+                } else {
+                    let own = nodes.len();
+                    inner.push((own, Self::children(binary, child)));
+                    nodes.push(Self::BLANK);
+                    (u32::try_from(own).expect("bounded by the scene"), INNER)
+                };
             }
             nodes[place] = node;
             open.extend(inner.into_iter().rev());
@@ -103,18 +125,13 @@ impl<const W: usize> BoxTree<W> {
     }
 
     /// The up to `W` descendants that become the children of the node at `place`.
-    fn children(binary: &ObjectTree, place: usize) -> Vec<usize> {
+    fn children(binary: &impl Binary, place: usize) -> Vec<usize> {
         let mut children = vec![place];
         while children.len() < W {
-            let area = |place: usize| binary.items[place].bounds.area();
-            let inner =
-                children
-                    .iter()
-                    .enumerate()
-                    .filter_map(|(i, &child)| match binary.kind(child) {
-                        Kind::Inner { children, .. } => Some((i, children, area(child))),
-                        Kind::Leaf { .. } => None,
-                    });
+            let inner = (children.iter().enumerate()).filter_map(|(i, &child)| {
+                let own = binary.children(child)?;
+                Some((i, own, binary.bounds(child).area()))
+            });
             let Some((i, [below, above], _)) = inner.reduce(|a, b| if b.2 > a.2 { b } else { a })
             else {
                 break;
@@ -123,6 +140,33 @@ impl<const W: usize> BoxTree<W> {
             children.insert(i + 1, above);
         }
         children
+    }
+
+    /// Size in bytes.
+    pub fn size(&self) -> usize {
+        size_of_val(&*self.nodes)
+    }
+}
+
+/// A binary tree with a box around each node.
+pub trait Binary {
+    /// The box around a node.
+    fn bounds(&self, place: usize) -> Aabb;
+
+    /// The children of an inner node.
+    fn children(&self, place: usize) -> Option<[usize; 2]>;
+}
+
+impl Binary for ObjectTree {
+    fn bounds(&self, place: usize) -> Aabb {
+        self.items[place].bounds
+    }
+
+    fn children(&self, place: usize) -> Option<[usize; 2]> {
+        match self.kind(place) {
+            Kind::Inner { children, .. } => Some(children),
+            Kind::Leaf { .. } => None,
+        }
     }
 }
 
@@ -217,16 +261,15 @@ impl Slabs {
         (enter <= leave).then_some(enter)
     }
 
-    /// Where the ray enters the boxes of the lanes of `V`, and a bit for each that it may hit before
-    /// `reach`.
+    /// Where the ray enters and leaves the boxes of the lanes of `V`; it misses those that it leaves before it enters,
+    /// or enters beyond `reach`.
     #[inline(always)]
-    fn test<S: Simd, V: SimdFloat<S, Element = f32>, const W: usize>(
+    pub fn meet_all<S: Simd, V: SimdFloat<S, Element = f32>, const W: usize>(
         &self,
         simd: S,
         bounds: &[[f32; W]; 6],
         (start, reach): (f32, f32),
-        enters: &mut [f32; W],
-    ) -> u64 {
+    ) -> (V, V) {
         let splat = |x: f32| V::splat(simd, x);
         let mut enter = splat(start);
         let mut leave = splat(reach);
@@ -238,6 +281,20 @@ impl Slabs {
             enter = keep_max_each(near.mul_add(inv, splat(self.near[k])), enter);
             leave = keep_min_each(far.mul_add(inv, splat(self.far[k])), leave);
         }
+        (enter, leave)
+    }
+
+    /// Where the ray enters the boxes of the lanes of `V`, and a bit for each that it may hit before
+    /// `reach`.
+    #[inline(always)]
+    fn test<S: Simd, V: SimdFloat<S, Element = f32>, const W: usize>(
+        &self,
+        simd: S,
+        bounds: &[[f32; W]; 6],
+        range: (f32, f32),
+        enters: &mut [f32; W],
+    ) -> u64 {
+        let (enter, leave): (V, V) = self.meet_all(simd, bounds, range);
         enter.store_slice(enters);
         enter.simd_le(leave).to_bitmask()
     }

@@ -49,13 +49,17 @@ pub const SPEC: StructureSpec = StructureSpec {
 const TRAVERSAL: ParamSpec = ParamSpec {
     name: "traversal",
     label: "Traversal",
-    doc: "How rays walk the tree. ordered: one by one, the nearest box first. tile8, tile16: camera rays in tiles \
+    doc: "How rays walk the tree. ordered: one by one, the nearest box first. wide: several rays in flight, boxes in \
+          the order of the direction's octant, many in random order sorted by where they start. auto: whatever is quickest \
+          for a batch: tile8 for camera rays and for shadow rays, wide for others. tile8, tile16: camera rays in tiles \
           of 64 or 256, shadow rays of one light in tiles of 64 from the light; tiles whose rays drift apart are \
           split into packets. p4, p8, p16: packets of 4, 8 or 16 rays, one to a lane, \
-          shadow rays always in packets of 16. Shadow rays are counted as ordered walks them. Tiles and packets need eight \
+          shadow rays always in packets of 16. Shadow rays are counted as ordered walks them. All but ordered need eight \
           boxes to a node. The answer is the same",
     unit: "",
-    kind: Kind::Choice(&["ordered", "tile8", "tile16", "p4", "p8", "p16"]),
+    kind: Kind::Choice(&[
+        "ordered", "auto", "wide", "tile8", "tile16", "p4", "p8", "p16",
+    ]),
     default: Value::Choice("ordered"),
 };
 
@@ -82,7 +86,11 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built>
     let tree = match config.choice("width") {
         "2" => Objects::Boxes2(BoxTree::new(&binary, &mut leaves)?),
         "4" => Objects::Boxes4(BoxTree::new(&binary, &mut leaves)?),
-        _ => Objects::Boxes8(BoxTree::new(&binary, &mut leaves)?),
+        _ => {
+            let tree = BoxTree::new(&binary, &mut leaves)?;
+            let in_flight = matches!(traversal, "wide" | "auto");
+            Objects::Boxes8(if in_flight { tree.by_corners() } else { tree })
+        }
     };
     let blocks = leaves.write(scene, &frame, &binary.ids);
     let shape = nested::shape(tree.nested(), frame.bounds());

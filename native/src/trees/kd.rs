@@ -122,7 +122,9 @@ pub fn lay_out(
     let tree = PlaneTree::new(preorder, scene, &frame, &mut blocks)?;
     let robust = config.robust();
     let walk = match (config.choice("traversal"), robust) {
-        ("auto" | "dir" | "wide" | "tile8" | "tile16" | "p4" | "p8" | "p16", _) => PlaneWalk::Dir,
+        ("auto" | "dir" | "wide" | "boxes" | "tile8" | "tile16" | "p4" | "p8" | "p16", _) => {
+            PlaneWalk::Dir
+        }
         ("seq", true) => PlaneWalk::Seq,
         ("seq", false) => PlaneWalk::Seq1985,
         ("rope" | "ropetree", true) => PlaneWalk::Rope,

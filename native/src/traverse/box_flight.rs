@@ -1,0 +1,216 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Trees of boxes, eight to a node, walked by several rays in flight ([`super::stream`]).
+//!
+//! No step has a branch: where single rays sort the boxes that they meet by distance, these take them in an order
+//! that their direction alone tells. The children of a node lie in places named by corners of it, so that for
+//! each of the eight octants of directions the nearest corner comes first ([`BoxTree::by_corners`]; the places are those of
+//! Ylitie, Karras and Laine 2017, Efficient incoherent ray traversal on GPUs through compressed wide BVHs, section 3.2).
+
+use super::blocks::Blocks;
+use super::box_tree::{BoxTree, INNER, Slabs, Wide};
+use super::frame::FrameRay;
+use super::query::{Best, Counters, Query};
+use super::ray::Ray;
+use super::stream::{Next, Steps};
+use crate::build::plane_tree::MAX_DEPTH;
+use crate::geom::vec3::map;
+use crate::scene::Triangles;
+use fearless_simd::{Simd, SimdBase, SimdMask, f32x8, u8x32};
+
+/// Children of a node.
+const CHILDREN: usize = 8;
+
+/// Each node of a path leaves at most all children but one behind; loads and stores take eight.
+const STACK: usize = (MAX_DEPTH + 1) * (CHILDREN - 1) + 2 * CHILDREN;
+
+/// Instead of a count: the walk is over.
+const OVER: u32 = INNER - 1;
+
+/// For each octant of directions, bytes of the children's places, the farthest corner first.
+static ORDER: [[u8; 4 * CHILDREN]; 8] = order();
+
+const fn order() -> [[u8; 4 * CHILDREN]; 8] {
+    let mut table = [[0; 4 * CHILDREN]; 8];
+    let mut octant = 0;
+    while octant < 8 {
+        let mut byte = 0;
+        while byte < 4 * CHILDREN {
+            let child = (CHILDREN - 1 - byte / 4) ^ octant;
+            table[octant][byte] = (4 * child + byte % 4) as u8;
+            byte += 1;
+        }
+        octant += 1;
+    }
+    table
+}
+
+impl BoxTree<8> {
+    /// The same tree, with each child in the place of the corner of its node that it is nearest to: bit `k` of a place
+    /// says whether the corner is the upper one along axis `k`.
+    pub fn by_corners(mut self) -> Self {
+        for node in &mut self.nodes {
+            *node = by_corners(node);
+        }
+        self
+    }
+}
+
+/// The node with its children in other places: the child that is farthest in any corner goes there, then the next one.
+fn by_corners(node: &Wide<8>) -> Wide<8> {
+    let centre =
+        |k: usize, lane: usize| 0.5 * node.bounds[k][lane] + 0.5 * node.bounds[3 + k][lane];
+    let lanes: Vec<_> = (0..CHILDREN)
+        .filter(|&lane| node.count[lane] != 0)
+        .collect();
+    let middle = map([0, 1, 2], |k| {
+        lanes.iter().map(|&lane| centre(k, lane)).sum::<f32>() / lanes.len() as f32
+    });
+    let mut pairs = Vec::with_capacity(CHILDREN * CHILDREN);
+    for &lane in &lanes {
+        let from = map([0, 1, 2], |k| centre(k, lane) - middle[k]);
+        for corner in 0..CHILDREN {
+            let towards = |k: usize| {
+                if corner >> k & 1 == 1 {
+                    from[k]
+                } else {
+                    -from[k]
+                }
+            };
+            pairs.push((towards(0) + towards(1) + towards(2), lane, corner));
+        }
+    }
+    pairs.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let (mut out, mut placed, mut taken) = (BoxTree::<8>::BLANK, 0_u32, 0_u32);
+    for (_, lane, corner) in pairs {
+        if placed >> lane & 1 == 1 || taken >> corner & 1 == 1 {
+            continue;
+        }
+        (placed, taken) = (placed | 1 << lane, taken | 1 << corner);
+        for (to, from) in out.bounds.iter_mut().zip(&node.bounds) {
+            to[corner] = from[lane];
+        }
+        out.link[corner] = node.link[lane];
+        out.count[corner] = node.count[lane];
+    }
+    out
+}
+
+/// A ray on its way.
+pub struct Course {
+    slabs: Slabs,
+    /// The octant of its direction.
+    octant: usize,
+    start: f32,
+    /// The child to go on with: its link and its count.
+    next: (u32, u32),
+    waiting: usize,
+    /// Children to visit, and where the ray enters them; below them all one that ends the walk.
+    link: [f32; STACK],
+    count: [f32; STACK],
+    enter: [f32; STACK],
+}
+
+impl Course {
+    /// Goes on with the last child that may hold something nearer than `reach`.
+    #[inline(always)]
+    fn pop(&mut self, reach: f32) {
+        // The last one is entered at once.
+        let mut top = self.waiting - 1;
+        while self.enter[top] > reach {
+            top -= 1;
+        }
+        self.waiting = top;
+        self.next = (self.link[top].to_bits(), self.count[top].to_bits());
+    }
+}
+
+/// The walk over one tree whose children are [`BoxTree::by_corners`].
+pub struct Walk<'a>(pub &'a BoxTree<8>);
+
+impl Steps for Walk<'_> {
+    type Course = Course;
+
+    fn course(&self) -> Course {
+        Course {
+            slabs: Slabs::new(&FrameRay::NOTHING),
+            octant: 0,
+            start: 0.0,
+            next: (0, OVER),
+            waiting: 0,
+            link: [0.0; STACK],
+            count: [f32::from_bits(OVER); STACK],
+            enter: [f32::NEG_INFINITY; STACK],
+        }
+    }
+
+    #[inline(always)]
+    fn begin(&self, ray: &FrameRay, course: &mut Course) {
+        course.slabs = Slabs::new(ray);
+        course.octant = ray.signs as usize & 7;
+        course.start = ray.t_min;
+        course.next = (0, INNER);
+        course.waiting = 1;
+    }
+
+    #[inline(always)]
+    fn next(&self, course: &Course) -> Next {
+        match course.next.1 {
+            INNER => Next::PLAIN,
+            OVER => Next::OVER,
+            _ => Next::LEAF,
+        }
+    }
+
+    #[inline(always)]
+    fn plain<S: Simd>(&self, simd: S, course: &mut Course, reach: f32) {
+        let node = &self.0.nodes[course.next.0 as usize];
+        let (enter, leave) =
+            (course.slabs).meet_all::<S, f32x8<S>, 8>(simd, &node.bounds, (course.start, reach));
+        let places = u8x32::from_slice(simd, &ORDER[course.octant & 7]);
+        let ordered = |bits: &[u32; CHILDREN]| {
+            let all: f32x8<S> = f32x8::from_slice(simd, &bits.map(f32::from_bits));
+            all.swizzle_dyn(places)
+        };
+        let (enter, leave) = (enter.swizzle_dyn(places), leave.swizzle_dyn(places));
+        let live = enter.simd_le(leave);
+        let at = course.waiting;
+        let row = at..at + CHILDREN;
+        let (link, count) = (ordered(&node.link), ordered(&node.count));
+        link.compress(live)
+            .store_slice(&mut course.link[row.clone()]);
+        count
+            .compress(live)
+            .store_slice(&mut course.count[row.clone()]);
+        enter.compress(live).store_slice(&mut course.enter[row]);
+        course.waiting = at + live.to_bitmask().count_ones() as usize;
+        course.pop(reach);
+    }
+
+    #[inline(always)]
+    fn general<S: Simd>(&self, _: S, _: &FrameRay, _: &mut Course, _: f32) {}
+
+    #[inline(always)]
+    fn touch(&self, blocks: &Blocks, course: &Course) -> f32 {
+        blocks.touch(course.next.0)
+    }
+
+    #[inline(always)]
+    fn leaf<S: Simd, Q: Query, C: Counters>(
+        &self,
+        simd: S,
+        (scene, blocks): (&Triangles, &Blocks),
+        (ray, frame): (&Ray, &FrameRay),
+        (course, best): (&mut Course, &mut Best),
+        counters: &mut C,
+    ) {
+        let (link, count) = course.next;
+        let leaf = (link, count as usize);
+        counters.leaf(leaf.1);
+        let own = (ray, frame, frame.t_max);
+        if blocks.test::<S, Q, C>(simd, leaf, scene, own, best, counters) {
+            course.next.1 = OVER;
+        } else {
+            course.pop(best.reach);
+        }
+    }
+}

@@ -1,0 +1,210 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Trees of split planes as trees of boxes: around what lies inside each cell.
+//!
+//! The leaves are the same. But the empty space in a cell, which planes close off by a chain of cuts, a box leaves out
+//! at once, and eight boxes to a node make good use of its places, where three levels of planes leave most of them empty.
+//! That a tree of planes gains from boxes around its nodes is known from hardware (Woop, Marmitt and Slusallek 2006,
+//! B-KD trees for hardware accelerated ray tracing of dynamic scenes), where they replace the planes.
+
+use super::blocks::Blocks;
+use super::box_tree::{Binary, BoxTree};
+use super::frame::{AXIS_PAD, Frame};
+use crate::build::Monitor;
+use crate::build::plane_tree::{Node, PlaneTree};
+use crate::error::Result;
+use crate::geom::Aabb;
+use crate::geom::vec3::map;
+
+/// A cell that holds anything.
+struct Cell {
+    /// Around that.
+    bounds: Aabb,
+    /// Of an inner node.
+    children: Option<[usize; 2]>,
+    /// Of a leaf, where its blocks begin and how many triangles they hold.
+    leaf: (u32, u32),
+}
+
+/// The cells of a tree that hold anything, children before their parents.
+struct Cells<'a> {
+    tree: &'a PlaneTree,
+    blocks: &'a Blocks,
+    monitor: &'a Monitor,
+    /// By how much cells reach beyond their planes: far more than builders' planes are off by where they part triangles.
+    pad: f32,
+    found: Vec<Cell>,
+}
+
+impl Binary for Cells<'_> {
+    fn bounds(&self, place: usize) -> Aabb {
+        self.found[place].bounds
+    }
+
+    fn children(&self, place: usize) -> Option<[usize; 2]> {
+        self.found[place].children
+    }
+}
+
+impl BoxTree<8> {
+    /// The tree of boxes around what the cells of a tree of planes hold, with its leaves, its children
+    /// [`Self::by_corners`]. Cells are those between axis-aligned planes: what oblique ones cut off is not left out.
+    ///
+    /// # Errors
+    /// [`crate::error::Error::Cancelled`] and [`crate::error::Error::Memory`] when the monitor says so.
+    pub fn of_cells(
+        tree: &PlaneTree,
+        (frame, blocks): (&Frame, &Blocks),
+        monitor: &Monitor,
+    ) -> Result<Self> {
+        let mut cells = Cells {
+            tree,
+            blocks,
+            monitor,
+            pad: 4.0 * AXIS_PAD * frame.bounds().magnitude(),
+            found: Vec::new(),
+        };
+        let space = Aabb {
+            min: [f32::NEG_INFINITY; 3],
+            max: [f32::INFINITY; 3],
+        };
+        let Some(root) = cells.gather(tree.root(), &space)? else {
+            return Ok(Self::none());
+        };
+        let boxes = Self::collapsed(&cells, root, |place| {
+            monitor.check()?;
+            Ok(cells.found[place].leaf)
+        })?;
+        monitor.take(boxes.size())?;
+        Ok(boxes.by_corners())
+    }
+}
+
+impl Cells<'_> {
+    /// Finds what a subtree holds; returns where its root is, if it holds anything. A node with one child that holds
+    /// anything is that child.
+    // The depth of the recursion is that of the tree.
+    fn gather(&mut self, node: u32, cell: &Aabb) -> Result<Option<usize>> {
+        let (mut below, mut above) = (*cell, *cell);
+        let children = match self.tree.node(node) {
+            Node::Leaf { first, count } => {
+                self.monitor.check()?;
+                let bounds = self.inside((first, count), cell);
+                let number = u32::try_from(count).expect("bounded by the scene");
+                return Ok((!bounds.is_empty()).then(|| self.push(bounds, None, (first, number))));
+            }
+            Node::Axis {
+                axis,
+                split,
+                children,
+                ..
+            } => {
+                below.max[axis] = split + self.pad;
+                above.min[axis] = split - self.pad;
+                children
+            }
+            Node::Oblique { children, .. } => children,
+        };
+        let first = self.gather(children, &below)?;
+        let second = self.gather(children + 1, &above)?;
+        let (Some(first), Some(second)) = (first, second) else {
+            return Ok(first.or(second));
+        };
+        let bounds = self.found[first].bounds.union(&self.found[second].bounds);
+        Ok(Some(self.push(bounds, Some([first, second]), (0, 0))))
+    }
+
+    /// The box around what a leaf's triangles have inside its cell; empty where they have nothing there.
+    fn inside(&self, leaf: (u32, usize), cell: &Aabb) -> Aabb {
+        let mut bounds = Aabb::EMPTY;
+        self.blocks.each(leaf, |_, corners| {
+            let own = Aabb::of_triangle(corners);
+            let part = Aabb {
+                min: map([0, 1, 2], |k: usize| own.min[k].max(cell.min[k])),
+                max: map([0, 1, 2], |k: usize| own.max[k].min(cell.max[k])),
+            };
+            if !part.is_empty() {
+                bounds = bounds.union(&part);
+            }
+        });
+        bounds
+    }
+
+    fn push(&mut self, bounds: Aabb, children: Option<[usize; 2]>, leaf: (u32, u32)) -> usize {
+        self.found.push(Cell {
+            bounds,
+            children,
+            leaf,
+        });
+        self.found.len() - 1
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::oracle::cases::{Random, grid, soup};
+    use crate::structure::{Layout, Structure};
+    use crate::traverse::nested::{Look, Nested};
+    use std::collections::BTreeSet;
+
+    /// Leaves of a tree of planes that hold anything.
+    fn of_planes(tree: &PlaneTree, node: u32, out: &mut BTreeSet<(u32, usize)>) {
+        match tree.node(node) {
+            Node::Leaf { first, count } => {
+                if count > 0 {
+                    out.insert((first, count));
+                }
+            }
+            Node::Axis { children, .. } | Node::Oblique { children, .. } => {
+                of_planes(tree, children, out);
+                of_planes(tree, children + 1, out);
+            }
+        }
+    }
+
+    /// Leaves of a tree of boxes, each with its box.
+    fn of_boxes(tree: &BoxTree<8>) -> Vec<((u32, usize), Aabb)> {
+        let (mut out, mut open) = (Vec::new(), vec![(tree.top(), Aabb::EMPTY)]);
+        while let Some((place, bounds)) = open.pop() {
+            match tree.look(place, &bounds, &mut open) {
+                Look::Leaf { first, count } => out.push(((first, count), bounds)),
+                _ => {}
+            }
+        }
+        out
+    }
+
+    #[test]
+    fn boxes_hold_the_leaves_of_the_planes_and_no_more_than_their_triangles() {
+        let mut random = Random(3);
+        let many: Vec<_> = (0..900).map(|_| random.point(-1.0, 1.0)).collect();
+        for corners in [grid(3, 0.3), many, Vec::new()] {
+            for spec in ["kd:traversal=boxes", "bsp-cn-plus-kd:traversal=boxes"] {
+                let structure = Structure::of(&soup(corners.clone()), spec);
+                let built = structure.built();
+                let Layout::Plane(tree, _) = &built.layout else {
+                    panic!("a tree of planes")
+                };
+                let (frame, blocks) = (&built.frame, &built.blocks);
+                let boxes = BoxTree::of_cells(tree, (frame, blocks), &Monitor::new()).unwrap();
+                let mut expected = BTreeSet::new();
+                of_planes(tree, tree.root(), &mut expected);
+                let found = of_boxes(&boxes);
+                let own: BTreeSet<_> = found.iter().map(|(leaf, _)| *leaf).collect();
+                assert_eq!(own.len(), found.len(), "each leaf once");
+                assert_eq!(own, expected);
+                for (leaf, bounds) in found {
+                    let mut around = Aabb::EMPTY;
+                    blocks.each(leaf, |_, corners| {
+                        around = around.union(&Aabb::of_triangle(corners));
+                    });
+                    assert_eq!(
+                        around.union(&bounds),
+                        around,
+                        "no larger than its triangles"
+                    );
+                }
+            }
+        }
+    }
+}
