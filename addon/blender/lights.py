@@ -16,6 +16,10 @@ if TYPE_CHECKING:
     from ..core.notes import Notes
 
 
+EVEN = 1e-6
+"""Scales that differ by less of their size are the same: what is left of turning an object."""
+
+
 def read_light(item: Any, matrix: F64, notes: Notes) -> Light | None:
     """A light object at one place in the world; None when it gives no light."""
     data, name = item.data, item.name_full
@@ -37,6 +41,8 @@ def read_light(item: Any, matrix: F64, notes: Notes) -> Light | None:
                 notes.add("Lights without soft falloff are not supported yet, it falls off softly", name)
             if data.type == "SPOT":
                 light = replace(light, spot_size=data.spot_size, spot_blend=data.spot_blend)
+                if scale.all() and np.ptp(scale) > EVEN * scale.max():
+                    light = replace(light, to_world=matrix.copy())  # as in Cycles, it squeezes the cone
         case "SUN":
             light = replace(light, angle=data.angle)
         case "AREA":

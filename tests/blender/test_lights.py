@@ -53,6 +53,17 @@ def test_spots_have_a_cone(add: Any) -> None:
 
 
 @pytest.mark.parametrize(
+    ("scale", "kept"), [((2, 2, 2), (1, 1, 1)), ((2, 0.5, 1), (2, 0.5, 1)), ((0, 1, 2), (1, 1, 1))]
+)
+def test_uneven_scales_squeeze_the_cone_of_a_spot(
+    add: Any, scale: tuple[float, float, float], kept: tuple[float, float, float]
+) -> None:
+    """As in Cycles; the cone's shape is compared with it in `native/src/render/tests/brightness.rs`."""
+    light = only_light(add, "SPOT", energy=5, scale=scale)
+    assert np.linalg.norm(light.to_world[:3, :3], axis=0) == pytest.approx(kept)
+
+
+@pytest.mark.parametrize(
     ("shape", "area"), [("SQUARE", 4), ("RECTANGLE", 6), ("DISK", math.pi), ("ELLIPSE", 1.5 * math.pi)]
 )
 def test_areas_scale_with_their_object_and_need_not_be_normalised(add: Any, shape: str, area: float) -> None:
