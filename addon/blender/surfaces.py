@@ -7,8 +7,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from ..core.scene import Closure
 from .nodes import Place, Unsupported
 from .values import Values
@@ -128,9 +126,6 @@ def _principled(surface: Surface, node: Place, weight: Operand) -> None:
         surface.remark("Principled BSDF: Thin Wall")
     strength = values.input(node, "Emission Strength")
     emission = surface.emitted(values.input(node, "Emission Color"), strength) if strength != 0.0 else 0.0
-    coat = values.input(node, "Coat Weight")
-    if coat != 0.0 and (isinstance(emission, int) or np.any(emission)):
-        surface.remark("Principled BSDF: Emission dimmed by the coat")
     surface.add(
         "principled",
         weight,
@@ -145,7 +140,7 @@ def _principled(surface: Surface, node: Place, weight: Operand) -> None:
         specular_tint=values.input(node, "Specular Tint", (1.0, 1.0, 1.0)),
         emission=emission,
         alpha=values.input(node, "Alpha", 1.0),
-        coat_weight=coat,
+        coat_weight=values.input(node, "Coat Weight"),
         coat_roughness=values.input(node, "Coat Roughness"),
         coat_ior=values.input(node, "Coat IOR", 1.5),
         coat_tint=values.input(node, "Coat Tint", (1.0, 1.0, 1.0)),

@@ -158,15 +158,13 @@ def test_an_unknown_node_leaves_the_input_at_its_value_and_is_listed() -> None:
     assert [word for word in words if not any(word in n for n in notes)] == []
 
 
-def test_a_coat_that_should_dim_what_glows_below_is_listed() -> None:
+def test_a_coat_over_what_glows_is_understood() -> None:
     block = material("Sign", Emission_Strength=2.0)
-    assert understood(block)[1] == []
     shader = node(block.node_tree, "ShaderNodeBsdfPrincipled")
     shader.inputs["Coat Weight"].default_value = 0.5
-    notes = understood(block)[1]
-    assert len(notes) == 1
-    assert "Emission dimmed by the coat" in notes[0]
-    assert "Sign" in notes[0]
+    found, notes = understood(block)
+    assert notes == []
+    assert found.closures[0].inputs["coat_weight"] == pytest.approx(0.5)
 
 
 def test_a_picture_goes_through_mapping_ramp_and_mix() -> None:

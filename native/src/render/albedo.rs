@@ -19,9 +19,10 @@ const NODES: usize = 48;
 const FINE: [u32; 2] = [1597, 987];
 /// The same for grids, which have many tables.
 const COARSE: [u32; 2] = [233, 144];
-/// Levels of a grid whose roughness or index varies over the surface.
+/// Levels of a grid whose roughness varies over the surface.
 const ROUGHNESSES: usize = 17;
-const INDICES: usize = 6;
+/// Levels per unit of [`place_of_index`] of one whose index varies.
+const INDICES: f32 = 6.0;
 
 /// A function of the cosine of the viewing angle. Nodes are denser towards grazing angles, and above an edge where the
 /// function jumps or bends, if there is one.
@@ -57,12 +58,18 @@ impl Table {
     /// The value at a cosine, linear between nodes.
     #[inline(always)]
     pub fn at(&self, cos: f32) -> f32 {
+        self.at_edge(cos, self.edge)
+    }
+
+    /// The value where the edge lies elsewhere, as far from it in proportion.
+    #[inline(always)]
+    fn at_edge(&self, cos: f32, edge: f32) -> f32 {
         let cos = cos.clamp(0.0, 1.0);
-        let (values, place) = if cos < self.edge {
-            let place = (cos / self.edge).sqrt().asin() / FRAC_PI_2;
+        let (values, place) = if cos < edge {
+            let place = (cos / edge).sqrt().asin() / FRAC_PI_2;
             (&self.values[0], place)
         } else {
-            let place = ((cos - self.edge) / (1.0 - self.edge)).sqrt();
+            let place = ((cos - edge) / (1.0 - edge)).sqrt();
             (&self.values[1], place)
         };
         let x = place * (NODES - 1) as f32;
@@ -90,19 +97,21 @@ impl Table {
 
     /// The albedo of facets that reflect as the boundary of a dielectric.
     pub fn dielectric_reflection(ggx: Ggx, eta: f32, points: Points) -> Self {
-        // Beyond the critical angle everything is reflected.
-        let critical = (1.0 - eta * eta).max(0.0).sqrt().min(1.0 - 1e-3);
-        Self::of(critical, |cos| {
-            facets(ggx, cos, points, |c| fresnel::dielectric(c, eta).0)
+        let least = fresnel::least(eta);
+        Self::of(critical_cosine(eta), |cos| {
+            facets(ggx, cos, points, |c| {
+                fresnel::dielectric(c, eta).0.max(least)
+            })
         })
     }
 
     /// The albedo of rough glass, reflection and refraction together, seen from the side where
-    /// the far side has relative index `eta`.
-    pub fn glass(ggx: Ggx, eta: f32, points: Points) -> Self {
+    /// the far side has relative index `eta`. It reflects at least `least`.
+    pub fn glass(ggx: Ggx, eta: f32, least: f32, points: Points) -> Self {
         Self::of(0.0, |cos| {
-            facets(ggx, cos, points, |c| fresnel::dielectric(c, eta).0)
-                + refracted(ggx, cos, eta, points)
+            facets(ggx, cos, points, |c| {
+                fresnel::dielectric(c, eta).0.max(least)
+            }) + refracted(ggx, cos, eta, least, points)
         })
     }
 }
@@ -134,12 +143,14 @@ impl Axis {
         }
     }
 
-    /// An index of refraction between 1 and that with the normal reflectance `high`².
-    pub fn index(high: f32) -> Self {
+    /// An index of refraction between two. The levels are even in number, so that none lies at 1, where all passes,
+    /// when the range is from an index to its inverse.
+    pub fn index(low: f32, high: f32) -> Self {
+        let [low, high] = [low, high].map(place_of_index);
         Self {
-            low: 0.0,
-            high: high.clamp(1e-3, 0.99),
-            levels: INDICES,
+            low,
+            high,
+            levels: 2 * (1 + ((high - low) * INDICES * 0.5) as usize),
         }
     }
 
@@ -168,6 +179,24 @@ impl Axis {
     }
 }
 
+/// Place of an index on its axis: even steps of it part the indices about 1, where boundaries change fast, finer than
+/// high ones. An index and its inverse lie opposite each other.
+#[inline(always)]
+fn place_of_index(eta: f32) -> f32 {
+    let log = eta.ln();
+    log.abs().sqrt().copysign(log)
+}
+
+fn index_at(place: f32) -> f32 {
+    (place * place.abs()).exp()
+}
+
+/// The cosine below which a boundary of this index reflects everything; 0 from 1 on.
+#[inline(always)]
+fn critical_cosine(eta: f32) -> f32 {
+    (1.0 - eta * eta).max(0.0).sqrt().min(1.0 - 1e-3)
+}
+
 /// Which lobe a [`Grid`] is about.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Lobe {
@@ -179,13 +208,17 @@ pub enum Lobe {
     Glass,
     /// [`Table::glass`] from inside.
     GlassInside,
+    /// From outside, where it reflects at least [`fresnel::least`].
+    HeldGlass,
+    /// The same from inside.
+    HeldGlassInside,
 }
 
 /// Tables for all values of roughness and index that a material can have.
 #[derive(Debug)]
 pub struct Grid {
     roughness: Axis,
-    /// Over the root of the normal reflectance, |n - 1| / (n + 1); a fixed one holds n itself.
+    /// Over [`place_of_index`]; a fixed one holds the index itself.
     index: Axis,
     tables: Vec<(Table, f32)>,
 }
@@ -199,19 +232,23 @@ impl Grid {
             COARSE
         };
         for i in 0..index.levels {
-            let s = index.level(i);
+            let level = index.level(i);
             let eta = if index.levels == 1 {
-                s
+                level
             } else {
-                (1.0 + s) / (1.0 - s)
+                index_at(level)
             };
             for r in 0..roughness.levels {
                 let ggx = Ggx::new(roughness.level(r));
                 let table = match lobe {
                     Lobe::Reflection => Table::reflection(ggx, points),
                     Lobe::Dielectric => Table::dielectric_reflection(ggx, eta, points),
-                    Lobe::Glass => Table::glass(ggx, eta, points),
-                    Lobe::GlassInside => Table::glass(ggx, 1.0 / eta, points),
+                    Lobe::Glass => Table::glass(ggx, eta, 0.0, points),
+                    Lobe::GlassInside => Table::glass(ggx, 1.0 / eta, 0.0, points),
+                    Lobe::HeldGlass => Table::glass(ggx, eta, fresnel::least(eta), points),
+                    Lobe::HeldGlassInside => {
+                        Table::glass(ggx, 1.0 / eta, fresnel::least(eta), points)
+                    }
                 };
                 let mean = table.mean();
                 tables.push((table, mean));
@@ -224,11 +261,6 @@ impl Grid {
         }
     }
 
-    /// Whether the index varies, so that the grid covers those above 1 and their inverses.
-    pub fn varies(&self) -> bool {
-        self.index.levels > 1
-    }
-
     /// Albedo at a cosine, and its mean over the hemisphere.
     #[inline(always)]
     pub fn at(&self, roughness: f32, eta: f32, cos: f32) -> (f32, f32) {
@@ -237,7 +269,13 @@ impl Grid {
             return (table.at(cos), *mean);
         }
         let (r, fr) = self.roughness.find(roughness);
-        let (i, fi) = self.index.find(((eta - 1.0) / (eta + 1.0)).abs());
+        let varies = self.index.levels > 1;
+        let (i, fi, edge) = if varies {
+            let (i, fi) = self.index.find(place_of_index(eta));
+            (i, fi, critical_cosine(eta))
+        } else {
+            (0, 0.0, 0.0)
+        };
         let width = self.roughness.levels;
         let mut out = (0.0, 0.0);
         for (di, wi) in [(0, 1.0 - fi), (1, fi)] {
@@ -245,7 +283,13 @@ impl Grid {
                 let weight = wi * wr;
                 if weight > 0.0 {
                     let (table, mean) = &self.tables[(i + di) * width + r + dr];
-                    out.0 += weight * table.at(cos);
+                    // What jumps at an edge is looked up as far from its own edge as the cosine is from this index's.
+                    let edge = if varies && table.edge > 0.0 {
+                        edge
+                    } else {
+                        table.edge
+                    };
+                    out.0 += weight * table.at_edge(cos, edge);
                     out.1 += weight * mean;
                 }
             }
@@ -313,10 +357,10 @@ fn facets(ggx: Ggx, cos: f32, points: Points, reflectance: impl Fn(f32) -> f32) 
     sum / points[0] as f32
 }
 
-/// Mean over visible normals of (1 - F) × G2/G1 for the refracted direction.
-fn refracted(ggx: Ggx, cos: f32, eta: f32, points: Points) -> f32 {
+/// Mean over visible normals of (1 - F) × G2/G1 for the refracted direction, where F is at least `least`.
+fn refracted(ggx: Ggx, cos: f32, eta: f32, least: f32, points: Points) -> f32 {
     if ggx.is_smooth() {
-        return 1.0 - fresnel::dielectric(cos, eta).0;
+        return 1.0 - fresnel::dielectric(cos, eta).0.max(least);
     }
     let wi = view(cos);
     let lambda_i = ggx.lambda(cos);
@@ -329,7 +373,7 @@ fn refracted(ggx: Ggx, cos: f32, eta: f32, points: Points) -> f32 {
             if f >= 1.0 || wo.z >= 0.0 {
                 return 0.0;
             }
-            (1.0 - f) * (1.0 + lambda_i) / (1.0 + lambda_i + ggx.lambda(wo.z))
+            (1.0 - f.max(least)) * (1.0 + lambda_i) / (1.0 + lambda_i + ggx.lambda(wo.z))
         })
         .sum();
     sum / points[0] as f32
@@ -376,7 +420,7 @@ mod tests {
     #[test]
     fn a_grid_agrees_with_the_table_between_its_levels() {
         let mut grids = Grids::default();
-        let grid = grids.get(Lobe::Dielectric, Axis::roughness(), Axis::index(0.3));
+        let grid = grids.get(Lobe::Dielectric, Axis::roughness(), Axis::index(1.0, 2.0));
         for (roughness, eta) in [(0.33, 1.2), (0.61, 1.5), (0.95, 1.05)] {
             let table = Table::dielectric_reflection(Ggx::new(roughness), eta, FINE);
             for cos in [0.2, 0.6, 1.0] {
@@ -389,7 +433,7 @@ mod tests {
     #[test]
     fn smooth_glass_sends_on_everything() {
         for eta in [1.5, 1.0 / 1.5] {
-            let table = Table::glass(Ggx::new(0.0), eta, FINE);
+            let table = Table::glass(Ggx::new(0.0), eta, 0.0, FINE);
             for cos in [0.05, 0.5, 1.0] {
                 assert!((table.at(cos) - 1.0).abs() < 1e-5);
             }

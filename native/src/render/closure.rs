@@ -11,11 +11,13 @@ use super::fresnel;
 use super::program::{Operand, Value, read, rgb};
 use super::vector::Vec3;
 
+mod layering;
 mod lobe_grids;
 mod lobes;
 mod params;
 mod reflectance;
 
+pub use self::layering::{absorbed, coat_albedos, regain_each};
 pub use self::lobe_grids::LobeGrids;
 pub use self::lobes::{Parts, Reflector, Transmitter};
 pub use self::params::{ClosureParams, INPUTS, Input, Kind};
@@ -124,7 +126,12 @@ impl Closure {
         }
     }
 
-    /// Light that comes from it or passes it.
+    /// Whether it emits below a coat, so that what it emits varies with the direction.
+    pub fn dims_emission(&self) -> bool {
+        self.kind == Kind::Principled && self.can_differ(Input::CoatWeight, 0.0) && self.may_emit()
+    }
+
+    /// Light that comes from it or passes it, without what a coat takes of it.
     pub fn look(&self, registers: &[Value]) -> Look {
         let get = |input: Input| rgb(read(self.inputs[input as usize], registers));
         let weight = get(Input::Weight).x.max(0.0);
@@ -154,6 +161,11 @@ fn positive(c: Vec3) -> Vec3 {
 
 fn at_least_some(ior: f32) -> f32 {
     ior.clamp(1e-3, 1e3)
+}
+
+/// A coat is never thinner than what is around it, as in Cycles.
+fn coat_index(ior: f32) -> f32 {
+    at_least_some(ior).max(1.0)
 }
 
 /// Index of the dielectric layer: `specular` scales the reflectance at normal incidence.

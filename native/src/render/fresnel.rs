@@ -18,6 +18,19 @@ pub fn dielectric(cos_i: f32, eta: f32) -> (f32, f32) {
     (0.5 * (s * s + p * p), cos_t)
 }
 
+/// The least that a boundary counts as reflecting where its reflection is tinted: from the index 2 + √3 on (and below
+/// its inverse) one reflects less at some angles than at normal incidence, of which Cycles makes as much as there.
+pub fn least(eta: f32) -> f32 {
+    if (1.0 / TURN..=TURN).contains(&eta) {
+        0.0
+    } else {
+        f0_from_ior(eta)
+    }
+}
+
+/// Just below 2 + √3.
+const TURN: f32 = 3.732;
+
 /// Reflectance of a dielectric at normal incidence.
 pub fn f0_from_ior(eta: f32) -> f32 {
     let r = (eta - 1.0) / (eta + 1.0);

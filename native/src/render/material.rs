@@ -123,6 +123,8 @@ pub struct Material {
     pub transparent: bool,
     /// Whether it can emit.
     pub emits: bool,
+    /// Whether some of that shines through a coat, so that it varies with the direction.
+    pub dims_emission: bool,
     /// Whether it can have reflecting lobes.
     pub reflects: bool,
     /// Whether it can have refracting lobes.
@@ -165,24 +167,33 @@ impl Material {
         let normal = normal.and_then(|_| roots.last().copied());
 
         let asks = [Input::Weight, Input::Color, Input::Emission, Input::Alpha];
+        let coat = [
+            Input::CoatWeight,
+            Input::CoatRoughness,
+            Input::CoatIor,
+            Input::CoatTint,
+        ];
         let mut looks = closures.clone();
-        for closure in &mut looks {
+        for (closure, compiled) in looks.iter_mut().zip(&compiled) {
+            let dims = compiled.dims_emission();
             for (i, operand) in closure.inputs.iter_mut().enumerate() {
                 let color = i != Input::Color as usize || closure.kind == Kind::Transparent;
-                if !(asks.iter().any(|&a| a as usize == i) && color) {
+                let asked = asks.iter().any(|&a| a as usize == i) && color;
+                if !asked && !(dims && coat.iter().any(|&a| a as usize == i)) {
                     *operand = Operand::number(0.0);
                 }
             }
         }
         let mut roots: Vec<Operand> = looks.iter().flat_map(|c| c.inputs).collect();
         let look_program = Program::compile(&params.program, &mut roots, &name)?;
-        let look_closures = compile(&looks, &roots, &mut Grids::default());
+        let look_closures = compile(&looks, &roots, grids);
 
         let any = |f: fn(&Closure) -> bool| compiled.iter().any(f);
         let mut material = Self {
             visible: params.visible,
             transparent: any(Closure::may_be_transparent),
             emits: any(Closure::may_emit),
+            dims_emission: any(Closure::dims_emission),
             reflects: any(Closure::may_reflect),
             refracts: any(Closure::may_refract),
             closures: compiled,
@@ -198,7 +209,7 @@ impl Material {
         Ok(material)
     }
 
-    /// Light that comes from the surface or passes it, at a place. `registers`: scratch.
+    /// Light that comes from the surface or passes it, at a place, without what coats take of it. `registers`: scratch.
     #[inline(always)]
     pub fn look<'a>(
         &self,
@@ -227,6 +238,32 @@ impl Material {
             .unwrap_or_else(|| sum(&self.closures, registers))
     }
 
+    /// What a surface that emits `emission` without its coats sends out under this cosine, where the material's own
+    /// program has run already.
+    #[inline(always)]
+    pub fn dimmed_here(
+        &self,
+        emission: Vec3,
+        registers: &[Value],
+        cos: impl FnOnce() -> f32,
+    ) -> Vec3 {
+        if self.dims_emission {
+            through_coats(&self.closures, registers, cos())
+        } else {
+            emission
+        }
+    }
+
+    /// The same where [`Self::look`] has run.
+    #[inline(always)]
+    pub fn dimmed(&self, emission: Vec3, registers: &[Value], cos: impl FnOnce() -> f32) -> Vec3 {
+        if self.dims_emission {
+            through_coats(&self.look_closures, registers, cos())
+        } else {
+            emission
+        }
+    }
+
     /// Shading normal, where the material has one of its own and the program has run.
     pub fn normal(&self, registers: &[Value]) -> Option<Vec3> {
         self.normal.map(|operand| rgb(read(operand, registers)))
@@ -248,6 +285,18 @@ fn compile(params: &[ClosureParams], roots: &[Operand], grids: &mut Grids) -> Ve
             Closure::new(&resolved, grids)
         })
         .collect()
+}
+
+#[cold]
+fn through_coats(closures: &[Closure], registers: &[Value], cos: f32) -> Vec3 {
+    let mut total = Vec3::ZERO;
+    for closure in closures {
+        let emission = closure.look(registers).emission;
+        if emission != Vec3::ZERO {
+            total += emission * closure.through_coat(registers, cos);
+        }
+    }
+    total
 }
 
 fn sum(closures: &[Closure], registers: &[Value]) -> Look {

@@ -149,7 +149,8 @@ impl<'a, const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
         }
         let look = material.look_here(out.registers);
         if features.emission && !self.is(Integrator::Ambient) && look.emission != Vec3::ZERO {
-            self.add_emission(look.emission, (hit, &surface, d), path, out);
+            let emission = material.dimmed_here(look.emission, out.registers, || surface.cosine(d));
+            self.add_emission(emission, (hit, &surface, d), path, out);
         }
         let random = path.at_vertex(self.sample);
         let [roulette, opacity] = if path.bounce > 0 || features.transparency {
@@ -460,10 +461,9 @@ fn sent(scene: &RenderScene, light: &Arrival, registers: &mut Vec<Value>) -> Vec
             };
             let surface = Surface::of(scene, &hit, light.direction);
             let place = || surface.place(scene, light.direction, RayKind::Diffuse);
-            surface
-                .material
-                .look(&scene.images, place, registers)
-                .emission
+            let material = surface.material;
+            let look = material.look(&scene.images, place, registers);
+            material.dimmed(look.emission, registers, || surface.cosine(light.direction))
         }
     }
 }

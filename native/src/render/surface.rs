@@ -122,6 +122,12 @@ impl<'a> Surface<'a> {
         }
     }
 
+    /// Cosine between the way back along the unit direction `d` and the surface's own normal, which a coat has.
+    #[inline(always)]
+    pub fn cosine(&self, d: Vec3) -> f32 {
+        (-self.own.dot(d)).max(1e-4)
+    }
+
     /// The shading frame.
     #[inline(always)]
     pub fn frame(&self) -> Frame {

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The lobes of a material's closures, weighted for the viewing direction.
 
-use super::super::closure::{Closure, Fresnel, LobeGrids, Parts, Reflector, Transmitter};
-use super::super::fresnel;
+use super::super::closure::{
+    Closure, Fresnel, LobeGrids, Parts, Reflector, Transmitter, absorbed, coat_albedos, regain_each,
+};
 use super::super::ggx::Ggx;
 use super::super::program::Value;
 use super::super::vector::Vec3;
@@ -74,20 +75,11 @@ impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
         if GLOSSY
             && let (Some((reflector, absorb)), Some([facets, dielectric])) = (&parts.coat, coat)
         {
-            let eta = match reflector.fresnel {
-                Fresnel::Dielectric { eta, .. } => eta,
-                Fresnel::Metal { .. } => 1.0,
-            };
-            let single = facets.at(reflector.roughness, 1.0, self.wi.z);
-            let albedo = dielectric.at(reflector.roughness, eta, self.wi.z).0;
+            let (single, albedo) = coat_albedos(reflector, [facets, dielectric], self.wi.z);
             let reflected = self.add_facets(reflector, weight, single, Some(albedo), true);
             weight *= (1.0 - reflected).max(0.0);
             if *absorb != Vec3::ONE {
-                // The way through the coat is longer when seen from the side.
-                let (_, cos_t) = fresnel::dielectric(self.wi.z, eta);
-                let way = 1.0 / cos_t.max(1e-3);
-                let share = reflector.weight.x;
-                weight = weight * absorb.map(|c| 1.0 - share + share * c.powf(way));
+                weight = weight * absorbed(reflector, *absorb, self.wi.z);
             }
         }
         if GLOSSY
@@ -100,13 +92,10 @@ impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
             }
             let single = parts.layer.map(|l| grid.at(l.roughness, 1.0, self.wi.z));
             if let (Some(reflector), Some(single)) = (&parts.layer, single) {
-                let eta = match reflector.fresnel {
-                    Fresnel::Dielectric { eta, .. } => eta,
-                    Fresnel::Metal { .. } => 1.0,
-                };
-                let albedo = layer
-                    .as_ref()
-                    .map(|g| g.at(reflector.roughness, eta, self.wi.z).0);
+                let albedo = layer.as_ref().map(|g| {
+                    g.at(reflector.roughness, reflector.fresnel.index(), self.wi.z)
+                        .0
+                });
                 let share = reflector.weight.x;
                 let reflected = self.add_facets(reflector, weight, single, albedo, multiscatter);
                 // `diffuse` holds the share already.
@@ -119,11 +108,21 @@ impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
             self.diffuse += weight * parts.diffuse;
         }
         if GLASS && let Some(transmitter) = &parts.glass {
-            let single = glass.as_ref().map(|grids| {
-                let side = usize::from(inside != (transmitter.ior < 1.0 && grids[0].varies()));
-                grids[side].at(transmitter.roughness, transmitter.ior, self.wi.z)
+            let eta = if inside {
+                1.0 / transmitter.ior
+            } else {
+                transmitter.ior
+            };
+            let roughness = transmitter.roughness;
+            let single = glass.as_ref().filter(|_| multiscatter).map(|grids| {
+                let single = grids[usize::from(inside)].at(roughness, eta, self.wi.z);
+                let white = || {
+                    let grid = reflection.as_ref();
+                    grid.map_or(single, |grid| grid.at(roughness, 1.0, self.wi.z))
+                };
+                transmitter.single(single, white)
             });
-            self.add_boundary(transmitter, weight, single.filter(|_| multiscatter), inside);
+            self.add_boundary(transmitter, weight, single, eta);
         }
     }
 
@@ -138,28 +137,9 @@ impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
         albedo: Option<f32>,
         multiscatter: bool,
     ) -> f32 {
-        let Reflector {
-            ggx,
-            fresnel,
-            multiple,
-            ..
-        } = *reflector;
+        let Reflector { ggx, fresnel, .. } = *reflector;
         let smooth = ggx.is_smooth();
-        let (single, mean) = if smooth { (1.0, 1.0) } else { single };
-        let regained = if multiscatter {
-            regain(multiple, single, mean)
-        } else {
-            Vec3::ONE
-        };
-        let reflected = match (fresnel, albedo) {
-            (Fresnel::Dielectric { own, f0, .. }, Some(albedo)) if !smooth => {
-                // `Fresnel::at` is linear in the boundary's own reflectance, so its mean is too.
-                let rest = (albedo - own * single) / (1.0 - own).max(1e-6);
-                f0 * (single - rest) + Vec3::splat(rest)
-            }
-            _ => fresnel.at(self.wi.z) * single,
-        } * regained
-            * reflector.weight;
+        let (reflected, regained) = reflector.reflected(self.wi.z, single, albedo, multiscatter);
         if self.facet_count < MOST_FACETS {
             self.facets[self.facet_count] = Facets {
                 ggx,
@@ -179,14 +159,14 @@ impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
         &mut self,
         transmitter: &Transmitter,
         weight: Vec3,
-        single: Option<(f32, f32)>,
-        inside: bool,
+        single: Option<(Vec3, Vec3)>,
+        eta: f32,
     ) {
         // With so little refraction the half vector is undefined: light passes straight on.
         let window = (transmitter.ior - 1.0).abs() < 1e-4;
         let smooth = transmitter.ggx.is_smooth() || window;
         let regained = match single {
-            Some((single, mean)) if !smooth => regain(transmitter.tint, single, mean),
+            Some((single, mean)) if !smooth => regain_each(transmitter.tint, single, mean),
             _ => Vec3::ONE,
         };
         if self.boundary_count < MOST_BOUNDARIES {
@@ -198,11 +178,7 @@ impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
                 } else {
                     transmitter.ggx.lambda(self.wi.z)
                 },
-                eta: if inside {
-                    1.0 / transmitter.ior
-                } else {
-                    transmitter.ior
-                },
+                eta,
                 scale: weight * regained * transmitter.weight,
                 reflect: transmitter.reflect,
                 tint: transmitter.tint,
@@ -241,13 +217,4 @@ impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
             }
         }
     }
-}
-
-/// How much brighter than a single bounce the lobe has to be so that no energy is lost, given the
-/// albedo `single` of one bounce, its mean and the mean reflectance between facets. Kulla and
-/// Conty 2017, appendix, in the form of Cycles' `microfacet_ggx_preserve_energy`.
-#[inline(always)]
-fn regain(reflectance: Vec3, single: f32, mean: f32) -> Vec3 {
-    let missing = (1.0 - single) / single.max(1e-4);
-    reflectance.map(|f| 1.0 + f * mean / (1.0 - f * (1.0 - mean)).max(1e-6) * missing)
 }

@@ -6,7 +6,7 @@ use super::super::ggx::Ggx;
 use super::super::program::{Operand, Value, read, rgb};
 use super::super::vector::Vec3;
 use super::reflectance::{Fresnel, Reflected, edge_dip};
-use super::{Closure, INPUTS, Input, Kind, at_least_some, layer_index, positive};
+use super::{Closure, INPUTS, Input, Kind, at_least_some, coat_index, layer_index, positive};
 
 /// A rough or smooth reflection, before anything is known of the viewer.
 #[derive(Debug, Clone, Copy)]
@@ -164,7 +164,11 @@ impl Inputs<'_> {
                 ggx: Ggx::new(roughness),
                 roughness,
                 ior,
-                reflect: Some(Reflected::Dielectric { own, f0 }),
+                reflect: Some(Reflected::Dielectric {
+                    own,
+                    least: fresnel::least(ior),
+                    f0,
+                }),
                 tint: clamped.map(f32::sqrt),
             });
         }
@@ -182,7 +186,7 @@ impl Inputs<'_> {
     fn coat(&self) -> Option<(Reflector, Vec3)> {
         let coat = self.share(Input::CoatWeight);
         (coat > CUTOFF).then(|| {
-            let eta = at_least_some(self.get(Input::CoatIor).x);
+            let eta = coat_index(self.get(Input::CoatIor).x);
             let fresnel = Fresnel::dielectric(eta, Vec3::ONE);
             let absorb = positive(self.get(Input::CoatTint)).map(|c| c.min(1.0));
             let roughness = self.share(Input::CoatRoughness);

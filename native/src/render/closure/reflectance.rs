@@ -23,7 +23,9 @@ pub enum Fresnel {
         eta: f32,
         /// Its own normal reflectance.
         own: f32,
-        /// The normal reflectance wanted.
+        /// The least reflectance that counts.
+        least: f32,
+        /// The normal reflectance wanted, at most 1.
         f0: Vec3,
     },
 }
@@ -35,7 +37,17 @@ impl Fresnel {
         Self::Dielectric {
             eta,
             own,
-            f0: tint * own,
+            least: fresnel::least(eta),
+            f0: (tint * own).map(|x| x.min(1.0)),
+        }
+    }
+
+    /// Index of the boundary; 1 where there is none.
+    #[inline(always)]
+    pub fn index(&self) -> f32 {
+        match *self {
+            Self::Dielectric { eta, .. } => eta,
+            Self::Metal { .. } => 1.0,
         }
     }
 
@@ -48,9 +60,14 @@ impl Fresnel {
                 let m5 = m * m * m * m * m;
                 f0 + (edge - f0) * m5 - dip * (c * m5 * m)
             }
-            Self::Dielectric { eta, own, f0 } => {
+            Self::Dielectric {
+                eta,
+                own,
+                least,
+                f0,
+            } => {
                 let f = fresnel::dielectric(c, eta).0;
-                tinted(f, own, f0)
+                tinted(f.max(least), own, f0)
             }
         }
     }
@@ -60,7 +77,12 @@ impl Fresnel {
         match *self {
             // The integrals of 2 c (1 - c)⁵ and 2 c² (1 - c)⁶ are 1/21 and 1/126.
             Self::Metal { f0, edge, dip } => f0 + (edge - f0) * (1.0 / 21.0) - dip * (1.0 / 126.0),
-            Self::Dielectric { eta, own, f0 } => tinted(of_index(eta), own, f0),
+            Self::Dielectric {
+                eta,
+                own,
+                least,
+                f0,
+            } => tinted(of_index(eta).max(least), own, f0),
         }
     }
 }
@@ -83,7 +105,9 @@ pub enum Reflected {
     Dielectric {
         /// Its own normal reflectance.
         own: f32,
-        /// The normal reflectance wanted.
+        /// The least reflectance that counts.
+        least: f32,
+        /// The normal reflectance wanted, at most 1.
         f0: Vec3,
     },
 }
@@ -94,8 +118,7 @@ impl Reflected {
     pub fn at(&self, reflectance: f32) -> Vec3 {
         match *self {
             Self::Alike(color) => color * reflectance,
-            // High indices reflect less between than at normal incidence, of which a tint must not make less than nothing.
-            Self::Dielectric { own, f0 } => tinted(reflectance, own, f0).map(|x| x.max(0.0)),
+            Self::Dielectric { own, least, f0 } => tinted(reflectance.max(least), own, f0),
         }
     }
 

@@ -3,8 +3,10 @@
 
 use super::setup::{Mesh, at, from_above, light, matte, mean, run, scaled, square, tilted};
 use crate::render::camera::CameraParams;
+use crate::render::closure::{ClosureParams, Input, Kind};
 use crate::render::lights::{AreaShape, LightKind, LightParams};
 use crate::render::material::MaterialParams;
+use crate::render::program::Operand;
 use crate::render::scene::SceneParams;
 use crate::render::settings::{Integrator, Settings};
 
@@ -338,5 +340,52 @@ fn whitted_sees_an_even_world_as_paths_do() {
         };
         let value = mean(&run(&scene, &from_above(0.01), settings, 1).0);
         assert!((value - 0.8).abs() < 1e-3, "{bounces}: {value}");
+    }
+}
+
+#[test]
+fn what_glows_below_a_coat_is_dimmed_by_it() {
+    let glowing = |coat: f32| {
+        let mut closure = ClosureParams::new(Kind::Principled);
+        let inputs = [
+            (Input::Emission, 1.0),
+            (Input::Color, 0.0),
+            (Input::Specular, 0.0),
+            (Input::CoatWeight, coat),
+            (Input::CoatIor, 1.0),
+            (Input::CoatTint, 0.25),
+        ];
+        for (input, value) in inputs {
+            closure.inputs[input as usize] = Operand::number(value);
+        }
+        MaterialParams {
+            closures: vec![closure],
+            ..Default::default()
+        }
+    };
+    let seen = |coat: f32, glows_above: bool| {
+        let mut mesh = Mesh::default();
+        mesh.floor(9.0, 0.0, i32::from(glows_above));
+        if glows_above {
+            mesh.floor(4000.0, 20.0, 0);
+        }
+        let scene = mesh.scene(SceneParams {
+            materials: vec![glowing(coat), matte(0.5)],
+            ..Default::default()
+        });
+        mean(&run(&scene, &from_above(0.01), square(8, 256, 0), 1).0)
+    };
+    assert!((seen(1.0, false) - 0.25).abs() < 1e-6);
+    assert!((seen(0.5, false) - 0.625).abs() < 1e-6);
+    assert_eq!(seen(0.0, false), 1.0);
+    // Under a sky of it the light from aside has a longer way through the coat: its index is 1, so of 1 / cosine.
+    let n = 10_000;
+    let sky: f64 = (0..n)
+        .map(|i| (f64::from(i) + 0.5) / f64::from(n))
+        .map(|c| 2.0 * c * 0.25_f64.powf(1.0 / c) / f64::from(n))
+        .sum();
+    for (coat, want) in [(0.0, 0.5), (1.0, 0.5 * sky)] {
+        let got = seen(coat, true);
+        assert!((got / want - 1.0).abs() < 0.01, "{coat}: {got} {want}");
     }
 }
