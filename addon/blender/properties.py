@@ -16,6 +16,12 @@ if TYPE_CHECKING:
     from ..core.catalogue import Catalogue, Parameter
 
 
+TWO_LEVELS = (
+    "A tree for each mesh and one over the places. Flattened all the same where textures read more of a triangle than "
+    "its mesh has, and by Whitted's integrator where something glows"
+)
+
+
 def structure_parameters(group: Any) -> tuple[Parameter, ...]:
     """The parameters of the structure chosen in a `scene.halfspace` group."""
     return catalogue.load()[group.structure].parameters
@@ -187,7 +193,7 @@ RENDER_PROPERTIES: dict[str, Any] = {
         items=[
             ("auto", "Automatic", "Keep instances where that saves memory or, in the viewport, time to rebuild", 0),
             ("flatten", "Flatten", "One tree over all copies: more memory, quicker rays", 1),
-            ("two-level", "Two Levels", "A tree for each mesh and one over the places", 2),
+            ("two-level", "Two Levels", TWO_LEVELS, 2),
         ],
         default="auto",
     ),
