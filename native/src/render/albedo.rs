@@ -14,16 +14,16 @@ use super::fresnel;
 use super::ggx::Ggx;
 use super::vector::{Vec3, vec3};
 
+mod axis;
+
+pub use self::axis::Axis;
+use self::axis::{index_at, place_of_index};
+
 const NODES: usize = 48;
 /// Points of the quadrature and the generator of its lattice: neighbours in Fibonacci's sequence.
 const FINE: [u32; 2] = [1597, 987];
 /// The same for grids, which have many tables.
 const COARSE: [u32; 2] = [233, 144];
-/// Levels of a grid whose roughness varies over the surface.
-const ROUGHNESSES: usize = 17;
-/// Levels per unit of [`place_of_index`] of one whose index varies.
-const INDICES: f32 = 6.0;
-
 /// A function of the cosine of the viewing angle. Nodes are denser towards grazing angles, and above an edge where the
 /// function jumps or bends, if there is one.
 #[derive(Debug, Clone)]
@@ -114,81 +114,6 @@ impl Table {
             }) + refracted(ggx, cos, eta, least, points)
         })
     }
-}
-
-/// One number's range in a [`Grid`]: even steps, or a single value.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Axis {
-    low: f32,
-    high: f32,
-    levels: usize,
-}
-
-impl Axis {
-    /// A number that does not vary.
-    pub fn fixed(value: f32) -> Self {
-        Self {
-            low: value,
-            high: value,
-            levels: 1,
-        }
-    }
-
-    /// Roughness, 0..1.
-    pub fn roughness() -> Self {
-        Self {
-            low: 0.0,
-            high: 1.0,
-            levels: ROUGHNESSES,
-        }
-    }
-
-    /// An index of refraction between two. The levels are even in number, so that none lies at 1, where all passes,
-    /// when the range is from an index to its inverse.
-    pub fn index(low: f32, high: f32) -> Self {
-        let [low, high] = [low, high].map(place_of_index);
-        Self {
-            low,
-            high,
-            levels: 2 * (1 + ((high - low) * INDICES * 0.5) as usize),
-        }
-    }
-
-    fn level(&self, i: usize) -> f32 {
-        if self.levels == 1 {
-            self.low
-        } else {
-            self.low + (self.high - self.low) * i as f32 / (self.levels - 1) as f32
-        }
-    }
-
-    /// The level below a value and how far it is to the next.
-    #[inline(always)]
-    fn find(&self, value: f32) -> (usize, f32) {
-        if self.levels == 1 {
-            return (0, 0.0);
-        }
-        let x = (value - self.low) / (self.high - self.low) * (self.levels - 1) as f32;
-        let x = x.clamp(0.0, (self.levels - 1) as f32);
-        let i = (x as usize).min(self.levels - 2);
-        (i, x - i as f32)
-    }
-
-    fn key(&self) -> [u32; 3] {
-        [self.low.to_bits(), self.high.to_bits(), self.levels as u32]
-    }
-}
-
-/// Place of an index on its axis: even steps of it part the indices about 1, where boundaries change fast, finer than
-/// high ones. An index and its inverse lie opposite each other.
-#[inline(always)]
-fn place_of_index(eta: f32) -> f32 {
-    let log = eta.ln();
-    log.abs().sqrt().copysign(log)
-}
-
-fn index_at(place: f32) -> f32 {
-    (place * place.abs()).exp()
 }
 
 /// The cosine below which a boundary of this index reflects everything; 0 from 1 on.

@@ -178,8 +178,9 @@ impl Material {
             let dims = compiled.dims_emission();
             for (i, operand) in closure.inputs.iter_mut().enumerate() {
                 let color = i != Input::Color as usize || closure.kind == Kind::Transparent;
-                let asked = asks.iter().any(|&a| a as usize == i) && color;
-                if !asked && !(dims && coat.iter().any(|&a| a as usize == i)) {
+                let among = |inputs: &[Input]| inputs.iter().any(|&a| a as usize == i);
+                let asked = (among(&asks) && color) || (among(&coat) && dims);
+                if !asked {
                     *operand = Operand::number(0.0);
                 }
             }
