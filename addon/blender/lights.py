@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 EVEN = 1e-6
 """Scales that differ by less of their size are the same: what is left of turning an object."""
 
+FLAT = 1e-12
+"""Axes of length one at most that span a smaller volume lie in a plane, or nearly so."""
+
 
 def read_light(item: Any, matrix: F64, notes: Notes) -> Light | None:
     """A light object at one place in the world; None when it gives no light."""
@@ -41,7 +44,7 @@ def read_light(item: Any, matrix: F64, notes: Notes) -> Light | None:
                 notes.add("Lights without soft falloff are not supported yet, it falls off softly", name)
             if data.type == "SPOT":
                 light = replace(light, spot_size=data.spot_size, spot_blend=data.spot_blend)
-                if scale.all() and np.ptp(scale) > EVEN * scale.max():
+                if not _is_flat(matrix) and np.ptp(scale) > EVEN * scale.max():
                     light = replace(light, to_world=matrix.copy())  # as in Cycles, it squeezes the cone
         case "SUN":
             light = replace(light, angle=data.angle)
@@ -79,11 +82,16 @@ def _without_scale(matrix: F64) -> tuple[F64, F64]:
     """A transform with columns of unit length, and the lengths taken out. A lost axis is made up."""
     scale = np.linalg.norm(matrix[:3, :3], axis=0)
     to_world = matrix.copy()
-    if scale.all():
-        to_world[:3, :3] /= scale
-    else:
-        to_world[:3, :3] = np.eye(3)
+    directions = matrix[:3, :3] / np.where(scale > 0, scale, 1.0)
+    # Axes are lost, too, where an object that is turned hangs on one that is scaled to nothing along an axis.
+    to_world[:3, :3] = np.eye(3) if _is_flat(directions) else directions
     return to_world, scale
+
+
+def _is_flat(matrix: F64) -> bool:
+    """Whether a transform leaves so little of an axis that nothing can be told of directions after it."""
+    axes = matrix[:3, :3] / max(np.abs(matrix[:3, :3]).max(), np.finfo(np.float64).tiny)
+    return bool(abs(np.linalg.det(axes)) < FLAT)
 
 
 def _node_strength(data: Any, name: str, notes: Notes) -> RGB:

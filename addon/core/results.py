@@ -67,12 +67,15 @@ def _put_in_place(complete: Sequence[tuple[Path, Path]]) -> None:
     old: list[tuple[Path, Path | None]] = []
     try:
         for new, path in complete:
+            kept = new.with_name(new.name + ".old") if os.path.lexists(path) else None
+            old.append((path, kept))
             with _naming(path):
-                old.append((path, _put_aside(path, new.with_name(new.name + ".old"))))
+                if kept is not None:
+                    _put_aside(path, kept)
                 new.replace(path)
     except BaseException as error:
         failed = [line for path, kept in old if (line := _put_back(path, kept))]
-        if failed:
+        if failed and isinstance(error, Exception):
             raise FolderError("; ".join(filter(None, [str(error), *failed]))) from error
         raise
     for _, kept in old:
@@ -80,17 +83,14 @@ def _put_in_place(complete: Sequence[tuple[Path, Path]]) -> None:
             _remove(kept)
 
 
-def _put_aside(path: Path, kept: Path) -> Path | None:
-    """Give an old file a second name, which is returned; None where there is no file."""
-    if not os.path.lexists(path):
-        return None
+def _put_aside(path: Path, kept: Path) -> None:
+    """Give an old file a second name."""
     if not path.is_symlink():  # systems differ in what a link to a link is
         with contextlib.suppress(OSError):
             kept.hardlink_to(path)
-            return kept
+            return
     # No links here, or not to a file of another user: for a moment it has only the second name.
     path.replace(kept)
-    return kept
 
 
 def _put_back(path: Path, kept: Path | None) -> str:
@@ -98,6 +98,8 @@ def _put_back(path: Path, kept: Path | None) -> str:
     try:
         if kept is None:
             path.unlink(missing_ok=True)
+        elif not os.path.lexists(kept):
+            pass  # it did not come to that
         elif path.exists() and path.samefile(kept):
             _remove(kept)  # it was not replaced, and a rename between two names of one file does nothing
         else:

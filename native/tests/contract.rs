@@ -297,6 +297,37 @@ fn a_build_beyond_its_memory_is_refused() {
     }
 }
 
+/// In a scene so small that products of its coordinates and reciprocal directions overflow, no axis tells where a ray
+/// is, and a ray without a beginning is everywhere: also where a node has no child.
+#[test]
+fn rays_without_ends_pass_through_scenes_next_to_nothing() {
+    let mut random = Random(5);
+    let corners: Vec<_> = (0..400)
+        .flat_map(|_| {
+            let at = random.point(-1.0, 1.0);
+            let mut corner = || {
+                let by = random.point(-0.1, 0.1);
+                [0, 1, 2].map(|k: usize| (at[k] + by[k]) * 1e-42)
+            };
+            [corner(), corner(), corner()]
+        })
+        .collect();
+    let scene = soup(corners);
+    let rays: Vec<_> = (0..64)
+        .map(|i| {
+            let mut ray = ray([0.0, 0.0, 10.0], [0.0, 0.0, -1.0]);
+            ray.o[0] = 1e-42 * random.point(-1.0, 1.0)[0];
+            ray.t_min = if i % 2 == 0 { f32::NEG_INFINITY } else { -1e30 };
+            ray
+        })
+        .collect();
+    let reference = closest(&build(&scene, "brute", 1), &rays);
+    for spec in specs() {
+        let found = differences(&build(&scene, &spec, 1), &rays, &reference);
+        assert_eq!(found, 0, "{spec}");
+    }
+}
+
 #[test]
 fn extreme_parameters_build_right_trees() {
     let scene = soup(grid(3, 0.3));

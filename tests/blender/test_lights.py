@@ -53,7 +53,15 @@ def test_spots_have_a_cone(add: Any) -> None:
 
 
 @pytest.mark.parametrize(
-    ("scale", "kept"), [((2, 2, 2), (1, 1, 1)), ((2, 0.5, 1), (2, 0.5, 1)), ((0, 1, 2), (1, 1, 1))]
+    ("scale", "kept"),
+    [
+        ((2, 2, 2), (1, 1, 1)),
+        ((2, 0.5, 1), (2, 0.5, 1)),
+        ((0, 1, 2), (1, 1, 1)),
+        # So flat that no cone is left of it.
+        ((1, 1e-23, 1e-23), (1, 1, 1)),
+        ((1e20, 1e-20, 1), (1, 1, 1)),
+    ],
 )
 def test_uneven_scales_squeeze_the_cone_of_a_spot(
     add: Any, scale: tuple[float, float, float], kept: tuple[float, float, float]
@@ -61,6 +69,15 @@ def test_uneven_scales_squeeze_the_cone_of_a_spot(
     """As in Cycles; the cone's shape is compared with it in `native/src/render/tests/brightness.rs`."""
     light = only_light(add, "SPOT", energy=5, scale=scale)
     assert np.linalg.norm(light.to_world[:3, :3], axis=0) == pytest.approx(kept)
+
+
+def test_a_spot_that_hangs_on_something_flat_can_be_rendered(add: Any) -> None:
+    """None of its axes is lost by itself, but all three lie in a plane."""
+    flat = add("Flat", None, scale=(1, 1, 0))
+    spot = add("Light", bpy.data.lights.new("Light", "SPOT"), rotation_euler=(math.pi / 4, 0.2, 0.3))
+    spot.parent = flat
+    (light,) = read()[0].lights
+    assert abs(np.linalg.det(light.to_world[:3, :3])) == pytest.approx(1)
 
 
 @pytest.mark.parametrize(

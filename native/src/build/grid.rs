@@ -26,9 +26,12 @@ const THINNEST: f32 = 256.0 * U;
 const LONGEST: f64 = 4096.0;
 
 /// Places of triangles in cells, per triangle and cell, beyond which there are fewer cells. Rooms and scans have one or
-/// two; thousands of triangles as large as the scene are in most cells each, which takes time and memory and spares
-/// rays nothing.
-const CROWDED: usize = 16;
+/// two, and a few hundred triangles as large as the scene fewer than this; of thousands the places grow with the power
+/// 5/3 of their number, and time and memory with them. Rays pay for that with more tests.
+const CROWDED: usize = 64;
+
+/// By how much there are fewer then, until it is enough.
+const FEWER: f64 = 0.25;
 
 /// Blocks of more cells than this are asked whether a triangle is in any of them before their cells are.
 const ASKED: usize = 8;
@@ -103,7 +106,7 @@ impl Grid {
     ) -> Result<Self> {
         let mut grid = Self::empty(&frame.bounds(), cells);
         while grid.is_crowded((scene, frame), monitor)? {
-            grid = Self::empty(&frame.bounds(), grid.number() as f64 / 8.0);
+            grid = Self::empty(&frame.bounds(), FEWER * grid.number() as f64);
         }
         let number = grid.number();
         monitor.take(number * footprint::leaf::<()>(0, 8))?;

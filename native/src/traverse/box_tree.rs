@@ -377,6 +377,10 @@ impl<const W: usize> batch::Walk for Walk<'_, W> {
             while hits != 0 {
                 let lane = hits.trailing_zeros() as usize % W;
                 hits &= hits - 1;
+                // A ray of which no axis decides anything meets places without a box, too.
+                if node.count[lane] == 0 {
+                    continue;
+                }
                 let enter = enters[lane];
                 let at = make_room(stack, base, &mut waiting, enter);
                 stack[at] = Pending {

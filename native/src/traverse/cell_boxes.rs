@@ -166,9 +166,8 @@ mod tests {
     fn of_boxes(tree: &BoxTree<8>) -> Vec<((u32, usize), Aabb)> {
         let (mut out, mut open) = (Vec::new(), vec![(tree.top(), Aabb::EMPTY)]);
         while let Some((place, bounds)) = open.pop() {
-            match tree.look(place, &bounds, &mut open) {
-                Look::Leaf { first, count } => out.push(((first, count), bounds)),
-                _ => {}
+            if let Look::Leaf { first, count } = tree.look(place, &bounds, &mut open) {
+                out.push(((first, count), bounds));
             }
         }
         out

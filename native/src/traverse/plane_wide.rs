@@ -267,7 +267,8 @@ fn push<S: Simd>(
     let splat = |x: f32| f32x8::splat(simd, x);
     let mask = |bits: u32| mask32x8::from_bitmask(simd, u64::from(bits));
     let table = &SIGNS[signs as usize & 0x7f];
-    let mut enters = splat(enter);
+    // Whatever bounds nothing, and though the interval itself has no end: what is not there is not entered.
+    let mut enters: f32x8<S> = mask(used).select(splat(enter), splat(f32::INFINITY));
     let mut leaves: f32x8<S> = mask(used).select(splat(leave), splat(f32::NEG_INFINITY));
     for (places, near) in SPREAD.iter().zip(&table.near) {
         let near = mask(u32::from(*near));

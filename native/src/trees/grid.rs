@@ -30,7 +30,8 @@ const DENSITY: ParamSpec = ParamSpec {
     name: "density",
     label: "Density",
     doc: "Cells per triangle. More tests fewer triangles in more steps, and costs memory in proportion, for \
-          empty cells too. There are fewer where triangles as large as the scene would crowd them",
+          empty cells too. There are fewer where \
+          thousands of triangles as large as the scene would take memory out of all proportion, and rays test more there",
     unit: "cells per triangle",
     kind: Kind::Float {
         min: 0.001,
