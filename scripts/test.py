@@ -20,7 +20,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +32,9 @@ ENVIRONMENT = {**os.environ, "PYO3_PYTHON": str(CURRENT.python), "CARGO_TERM_COL
 TIME_LIMIT = 900
 """Seconds after which a check is ended and counts as failed."""
 
+LAST_LINES, LINE_WIDTH = 8, 160
+"""How much of what a failed check printed is printed again beside the summary, which may be all that a log keeps."""
+
 
 @dataclass(frozen=True)
 class Counts:
@@ -40,10 +43,17 @@ class Counts:
     passed: int = 0
     failed: int = 0
     skipped: int = 0
+    said: str = field(default="", compare=False, repr=False)
+    """What was printed by what failed."""
 
     def __add__(self, other: Counts) -> Counts:
         """Both together."""
-        return Counts(self.passed + other.passed, self.failed + other.failed, self.skipped + other.skipped)
+        return Counts(
+            self.passed + other.passed,
+            self.failed + other.failed,
+            self.skipped + other.skipped,
+            self.said + other.said,
+        )
 
     def __str__(self) -> str:
         """In the words that other programs look for."""
@@ -95,13 +105,19 @@ def run(command: list[str]) -> tuple[int, str]:
         timer.cancel()
     status = process.returncode
     if overdue.is_set():
-        print(f"ended after {TIME_LIMIT} s", flush=True)
+        lines.append(f"ended after {TIME_LIMIT} s\n")
+        print(lines[-1], end="", flush=True)
     return status, "".join(lines)
 
 
 def gate(*command: str) -> Callable[[], Counts]:
     """A check that is one test: its exit status decides."""
-    return lambda: Counts(passed=1) if run(list(command))[0] == 0 else Counts(failed=1)
+
+    def check() -> Counts:
+        status, said = run(list(command))
+        return Counts(passed=1) if status == 0 else Counts(failed=1, said=said)
+
+    return check
 
 
 def python_tool(module: str, *arguments: str) -> Callable[[], Counts]:
@@ -139,9 +155,9 @@ class RustTests:
                 print(f"ended after {TIME_LIMIT} s", flush=True)
             status = self._process.wait()
             print(output.read(), end="", flush=True)
-        counts = cargo_counts(self._output.read_text(encoding="utf-8", errors="replace"))
+        said = self._output.read_text(encoding="utf-8", errors="replace")
         # Not compiling fails no test, and so must count by itself.
-        return counts + Counts(failed=1) if status != 0 and counts.failed == 0 else counts
+        return judged(cargo_counts(said), status, said)
 
     def close(self) -> None:
         """End it, if it goes on, and forget what it printed."""
@@ -151,10 +167,17 @@ class RustTests:
         self._folder.cleanup()
 
 
+def judged(counts: Counts, status: int, said: str) -> Counts:
+    """What tests have come to: a program of them that ends badly has failed, whatever it counted."""
+    if status == 0 and not counts.failed:
+        return counts
+    return counts + Counts(failed=int(not counts.failed), said=said)
+
+
 def cargo_counts(text: str) -> Counts:
     """Adds up the closing lines of `cargo test`."""
     found = re.findall(r"^test result: .*? (\d+) passed; (\d+) failed; (\d+) ignored;", text, re.MULTILINE)
-    return sum((Counts(*map(int, numbers)) for numbers in found), Counts())
+    return sum((Counts(int(passed), int(failed), int(ignored)) for passed, failed, ignored in found), Counts())
 
 
 def pytest_tier(where: environment.Environment, folder: str) -> Callable[[], Counts]:
@@ -164,9 +187,9 @@ def pytest_tier(where: environment.Environment, folder: str) -> Callable[[], Cou
         with tempfile.TemporaryDirectory(prefix="halfspace-counts-") as temporary:
             file = Path(temporary) / "counts.json"
             arguments = ["tests/run.py", "--counts", str(file), folder]
-            status, _ = run([str(where.python), *arguments])
+            status, said = run([str(where.python), *arguments])
             counts = Counts(**json.loads(file.read_text(encoding="utf-8"))) if file.is_file() else Counts()
-        return counts + Counts(failed=1) if status != 0 and counts.failed == 0 else counts
+        return judged(counts, status, said)
 
     return check
 
@@ -279,6 +302,10 @@ def work(wanted: list[str]) -> int:
             began = time.monotonic()
             counts = Counts(skipped=1) if reason else checks[name]()
             results[name] = counts, reason or f"{time.monotonic() - began:.0f} s"
+    for name, (counts, _) in results.items():
+        if counts.failed:
+            last = [line[:LINE_WIDTH] for line in counts.said.splitlines() if line.strip()][-LAST_LINES:]
+            print("\n".join([f"\n==== {name} failed, and said last:", *last]))
     print(f"\n==== Summary after {time.monotonic() - start:.0f} s", flush=True)
     for name, (counts, remark) in results.items():
         print(f"{'FAILED ' if counts.failed else '':>7}{name:<14} {counts} ({remark})")

@@ -4,7 +4,8 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -60,6 +61,9 @@ SWEEP_IDS = ("bsp-random", "bsp-wn", "bsp-cn", "bsp-hybrid")
 
 MOST = 100_000
 """Configurations that one list may grow to."""
+
+SHOWN = 20
+"""Values of a list that a message names."""
 
 
 def is_whole(text: str) -> bool:
@@ -146,10 +150,11 @@ def expand(
     if unused:
         raise SpecError(f"none of the structures {', '.join(chosen)} has the parameter {min(unused)!r}")
     told = left_out if left_out is not None else []
-    found = dict.fromkeys(made for spec in chosen for made in _with_ranges(spec, rows, ranges, told))
-    if len(found) > MOST:
+    taken = {spec: _allowed(spec, rows, ranges, told) for spec in dict.fromkeys(chosen)}
+    # Counted before they are made: some forty structures with many seeds each are millions.
+    if sum(math.prod(map(len, allowed.values())) for allowed in taken.values()) > MOST:
         raise SpecError(f"these are more than {MOST:,} configurations")
-    return list(found)
+    return list(dict.fromkeys(made for spec, allowed in taken.items() for made in _with_values(spec, allowed)))
 
 
 def prove(native: Any, chosen: Sequence[str]) -> list[str]:
@@ -184,27 +189,39 @@ def values(spec: str, structures: Sequence[Mapping[str, Any]]) -> dict[str, Any]
     return found
 
 
-def _with_ranges(
+def _allowed(
     spec: str, rows: Mapping[str, Any], ranges: Mapping[str, Sequence[str]], left_out: list[str]
-) -> list[str]:
+) -> dict[str, list[str]]:
+    """The values that each parameter takes in turn which the structure has and the configuration does not set."""
     given = {key for key, _ in pairs(spec)}
     known = {parameter["name"]: parameter for parameter in rows[structure_of(spec)]["parameters"]}
-    keys = [key for key in ranges if key in known and key not in given]
-    allowed = []
-    for key in keys:
+    allowed: dict[str, list[str]] = {}
+    for key, wanted in ranges.items():
+        if key not in known or key in given:
+            continue
         low, high = known[key].get("min"), known[key].get("max")
-        kept = [value for value in ranges[key] if _inside(value, low, high)]
-        others = [value for value in ranges[key] if value not in kept]
+        allowed[key] = []
+        others: list[str] = []
+        for value in wanted:
+            (allowed[key] if _inside(value, low, high) else others).append(value)
         if others:
-            words = f"{spec}: {key}={','.join(others)}: it goes from {low:g} to {high:g}"
-            if not kept:
+            words = f"{spec}: {key}={_shortened(others)}: it goes from {low:g} to {high:g}"
+            if not allowed[key]:
                 raise SpecError(words)
             left_out.append(words)
-        allowed.append(kept)
-    return [
-        joined(spec, *(f"{key}={value}" for key, value in zip(keys, combination, strict=True)))
-        for combination in itertools.product(*allowed)
-    ]
+    return allowed
+
+
+def _shortened(texts: Sequence[str]) -> str:
+    """A list of values, of which a reader sees no more than a line."""
+    more = len(texts) - SHOWN
+    return ",".join(texts[:SHOWN]) + (f" and {more} more" if more > 0 else "")
+
+
+def _with_values(spec: str, allowed: Mapping[str, Sequence[str]]) -> Iterator[str]:
+    """The configuration with each combination of these values."""
+    for combination in itertools.product(*allowed.values()):
+        yield joined(spec, *(f"{key}={value}" for key, value in zip(allowed, combination, strict=True)))
 
 
 def _inside(value: str, low: Any, high: Any) -> bool:

@@ -176,6 +176,36 @@ def test_the_runner_counts_tests(tmp_path: Path, body: str, expected: dict[str, 
     assert done.returncode == status
 
 
+@pytest.mark.parametrize(
+    "body",
+    [
+        "import time\ndef test_it(): time.sleep(60)\n",
+        # Hypothesis would try it again and again, since a test that is ended by a signal has failed.
+        "import time, hypothesis as h\n@h.given(h.strategies.none())\ndef test_it(n): time.sleep(60)\n",
+    ],
+)
+def test_a_test_that_hangs_is_named_and_ends_all(tmp_path: Path, body: str) -> None:
+    (tmp_path / "test_it.py").write_text(body)
+    options = ["-c", str(ROOT / "pyproject.toml"), "--rootdir", str(tmp_path), "-p", "no:cacheprovider", "--timeout=2"]
+    command = [sys.executable, str(ROOT / "tests" / "run.py"), *options, str(tmp_path)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 1
+    assert ", in test_it\n" in done.stdout + done.stderr
+
+
+def test_what_a_failed_check_said_last_is_said_beside_the_summary(
+    checks: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    lines = "".join(f"line {n}\n" for n in range(100))
+    failing = test_script["gate"](sys.executable, "-c", f"print({lines!r}); raise SystemExit(1)")
+    everything = test_script["main"].__globals__
+    monkeypatch.setitem(everything, "CHECKS", {**everything["CHECKS"], "bad": failing})
+    assert test_script["main"](["bad", "good"]) == 1
+    told = capsys.readouterr().out.partition("==== bad failed, and said last:\n")[2]
+    assert told.splitlines()[:9] == [*(f"line {n}" for n in range(92, 100)), ""]
+    assert "==== Summary after" in told
+
+
 def test_a_check_that_hangs_ends_with_all_that_it_started(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

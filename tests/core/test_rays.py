@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import sys
+
 import halfspace_native
 import numpy as np
 import pytest
@@ -164,3 +166,8 @@ def test_the_grid_has_every_inner_wall_twice_and_rays_inside_them() -> None:
 
 def test_no_deadline_makes_a_test_with_drawn_input_fail_on_a_slow_machine() -> None:
     assert settings().deadline is None
+
+
+@pytest.mark.skipif("--hypothesis-profile=search" in sys.argv, reason="asked for")
+def test_the_same_is_drawn_on_all_machines() -> None:
+    assert settings().derandomize

@@ -167,6 +167,16 @@ def test_values_that_a_structure_does_not_allow_are_left_out_and_said() -> None:
         specs.expand("plus", [plus], {"k": ["2"]})
 
 
+def test_values_without_number_are_counted_before_configurations_are_made_of_them() -> None:
+    many = specs.numbers("0-99999")
+    # Some 10^10 steps, if each value were looked for among the others, or each configuration made.
+    with pytest.raises(specs.SpecError, match="more than 100,000 configurations"):
+        specs.expand("all", halfspace_native.structures(), {"seed": many})
+    told: list[str] = []
+    assert len(specs.expand("rbsp-kd", halfspace_native.structures(), {"k": many}, told)) == 24
+    assert told == [f"rbsp-kd: k=0,1,2,{','.join(map(str, range(27, 44)))} and 99956 more: it goes from 3 to 26"]
+
+
 def test_a_configuration_in_other_words_is_the_same() -> None:
     written = specs.expand(
         "kd:,kd,kd:traversal=auto,kd:traversal=dir,kd:traversal=dir", halfspace_native.structures(), {}
