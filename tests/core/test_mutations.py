@@ -7,16 +7,17 @@ from pathlib import Path
 
 import mutations
 import pytest
+from deliberate_faults import FAULTS, Fault, table
 
 
 def test_every_fault_has_its_place_and_its_line_in_the_list() -> None:
     mutations.check()
-    assert mutations.LIST.read_text(encoding="utf-8") == mutations.table()
-    assert len({fault.what for fault in mutations.FAULTS}) == len(mutations.FAULTS) >= 15
+    assert mutations.LIST.read_text(encoding="utf-8") == table()
+    assert len({fault.what for fault in FAULTS}) == len(FAULTS) >= 15
 
 
 def test_a_fault_without_a_place_is_told() -> None:
-    fault = mutations.Fault("gone", "native/x.rs", "a + b", "a - b", ("lib", "x"))
+    fault = Fault("gone", "native/x.rs", "a + b", "a - b", ("lib", "x"))
     with pytest.raises(mutations.StaleError, match="stands 0 times"):
         mutations.seeded("a * b", fault, 1)
     with pytest.raises(mutations.StaleError, match="2 times"):
@@ -41,7 +42,7 @@ def test_a_survivor_is_told(name: str, survived: list[int], tmp_path: Path, caps
     (tmp_path / "addon/core/thing.py").write_text("def add(a, b):\n    return a + b\n")
     (tmp_path / "tests/core/test_thing.py").write_text(TEST)
     (tmp_path / "tests/run.py").write_text("import sys, pytest\nsys.exit(pytest.main(sys.argv[1:]))\n")
-    fault = mutations.Fault("minus", "addon/core/thing.py", "a + b", "a - b", ("tests/core/test_thing.py", name))
+    fault = Fault("minus", "addon/core/thing.py", "a + b", "a - b", ("tests/core/test_thing.py", name))
     assert mutations.run(tmp_path, [(1, fault)]) == survived
     told = capsys.readouterr().out
     assert ("SURVIVED" in told) == (survived == [1])

@@ -1,0 +1,337 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The deliberate faults that `mutations.py` puts into the sources, each with the test that must notice it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Fault:
+    """In `file`, the expression `old` becomes `new`; `test` (program and name) must notice."""
+
+    what: str
+    file: str
+    old: str
+    new: str
+    test: tuple[str, str]
+
+    @property
+    def is_rust(self) -> bool:
+        """Whether it is behind a switch, in the native module."""
+        return self.file.startswith("native/")
+
+
+ALL = ("contract", "every_structure_answers_like_brute_force")
+"""Every structure on every extreme case."""
+
+EXACT = ("contract", "brute_force_answers_like_exact_arithmetic")
+"""What is wrong everywhere alike."""
+
+ENDS = ("contract", "the_ends_of_the_interval_count_and_nothing_beyond")
+PACKETS = ("lib", "packets_lose_nothing_on_hard_scenes")
+BLOCK = ("lib", "traverse::candidates::tests::no_hit_is_ever_rejected")
+VERDICT = ("lib", "geom::verdict::tests")
+INTEGERS = ("lib", "geom::exact")
+BEAMS = ("beams", "pixels_are_those_of_single_rays_at_every_size")
+STABILITY = ("tests/core/test_stability.py", "lie")
+
+_FRAME = "native/src/traverse/frame.rs"
+_QUERY = "native/src/traverse/query.rs"
+_RAY = "native/src/traverse/ray.rs"
+_CANDIDATES = "native/src/traverse/candidates.rs"
+_VERDICT = "native/src/geom/verdict.rs"
+_MONITOR = "native/src/build/monitor.rs"
+
+FAULTS = (
+    Fault("plane distances without their error bound", _FRAME, "self.robust * slack", "0.0 * slack", ALL),
+    Fault(
+        "the check for NaN directions dropped",
+        _FRAME,
+        "longest == 0.0 || !finite",
+        "longest == 0.0",
+        ("contract", "zero_and_nan_directions_meet_nothing"),
+    ),
+    Fault(
+        "no allowance for distances that round to zero",
+        _FRAME,
+        "(f64::from(f32::from_bits(1)) * to_frame) as f32 + TINY",
+        "0.0 * to_frame as f32",
+        ("contract", "what_rounds_to_zero_is_met_at_zero"),
+    ),
+    Fault(
+        "the far child first",
+        "native/src/build/plane_tree.rs",
+        "signs.wrapping_shr(link) & 1",
+        "!signs.wrapping_shr(link) & 1",
+        ALL,
+    ),
+    Fault("ties to the larger number", _RAY, "id < best_id", "id > best_id", EXACT),
+    Fault("an infinite distance is a hit", _RAY, "t.abs() < f32::INFINITY", "!t.is_nan()", EXACT),
+    Fault(
+        "hits beyond the interval count",
+        _RAY,
+        "t <= self.t_max",
+        "!t.is_nan()",
+        ENDS,
+    ),
+    Fault(
+        "one kind of octree link wrong",
+        "native/src/build/octree_nodes.rs",
+        "self.node(node.parent()).children() + across",
+        "self.node(node.parent()).children() + node.octant()",
+        ALL,
+    ),
+    Fault(
+        "octree walks leave before the last cell",
+        "native/src/traverse/octree_step.rs",
+        "next[axis] == grid.size",
+        "next[axis] + 1 >= grid.size",
+        ALL,
+    ),
+    Fault(
+        "the empty child marked on the wrong side",
+        "native/src/build/plane_tree.rs",
+        "EMPTY << (place & 1)",
+        "EMPTY << (1 - (place & 1))",
+        ALL,
+    ),
+    Fault(
+        "triangles in the split plane lost",
+        "native/src/build/sweep/mod.rs",
+        "min < at || max <= at",
+        "min < at",
+        ALL,
+    ),
+    Fault(
+        "stretches of a sweep left out that hold the cheapest plane",
+        "native/src/build/sweep/bins.rs",
+        "(starts[bin] + planar[bin]) as f32",
+        "(starts[bin + 1] + planar[bin + 1]) as f32",
+        ("lib", "build::sweep::tests"),
+    ),
+    Fault(
+        "triangles cut to the wrong side of a cell",
+        "native/src/build/clip.rs",
+        "bounds.max[k].min(round_up(high))",
+        "bounds.max[k].min(round_up(0.5 * (low + high)))",
+        ("lib", "build::clip::tests"),
+    ),
+    Fault(
+        "the f32 test without bounds on its weights",
+        _CANDIDATES,
+        "self.least.simd_lt(-uv_error)",
+        "self.least.simd_lt(splat(0.0))",
+        BLOCK,
+    ),
+    Fault(
+        "the f32 test without a bound on its distance",
+        _CANDIDATES,
+        "(T_ERROR * span * size + 6.0 * blur * (size + 2.0 * span)) * size + floor",
+        "0.0 * span",
+        BLOCK,
+    ),
+    Fault("the f32 test blind behind the origin", _CANDIDATES, "keep_max(-ray.t_min, reach)", "reach", BLOCK),
+    Fault(
+        "signs that f64 cannot tell taken as they are",
+        _VERDICT,
+        "!settle_signs(o, d, v, &mut w)",
+        "false",
+        VERDICT,
+    ),
+    Fault(
+        "128 bits trusted with more than they hold",
+        "native/src/geom/exact.rs",
+        "2 * points + direction <= SIGN_PLACES",
+        "2 * points <= SIGN_PLACES",
+        INTEGERS,
+    ),
+    Fault("carries lost in fixed point", "native/src/geom/exact/wide.rs", "all >> LIMB", "0", INTEGERS),
+    Fault("distances that f64 cannot round taken as they are", _VERDICT, "low == high", "low <= high", VERDICT),
+    Fault("the ends of the interval left out", _VERDICT, "high < span[0]", "high <= span[0]", ENDS),
+    Fault(
+        "boxes without their error bound",
+        "native/src/traverse/box_tree.rs",
+        "-shift + ray.slack[k]",
+        "-shift",
+        ALL,
+    ),
+    Fault(
+        "walls of the sorted grid on the wrong side",
+        "native/src/build/grid_order.rs",
+        "at.ceil() - 1.0",
+        "at.floor()",
+        ("lib", "build::grid_order::tests"),
+    ),
+    Fault(
+        "oblique planes crossed at the soonest where they are left",
+        "native/src/traverse/slant_tree.rs",
+        "slabs.latest(direction, near)",
+        "slabs.soonest(direction, near)",
+        ALL,
+    ),
+    Fault(
+        "triangles beyond the oblique plane of their node",
+        "native/src/build/slanted.rs",
+        "around(below, k).1",
+        "around(below, k).1.next_down().next_down()",
+        ALL,
+    ),
+    Fault(
+        "pixels hidden before one plane given up",
+        "native/src/traverse/plane_beam.rs",
+        "open != piece.pixels",
+        "false",
+        BEAMS,
+    ),
+    Fault(
+        "pixels of a cut beam lost",
+        "native/src/traverse/plane_beam.rs",
+        "!outside",
+        "outside",
+        BEAMS,
+    ),
+    Fault(
+        "shadow beams past the upper half of each cell",
+        "native/src/traverse/shaft_tree.rs",
+        "!u64::from(empty)",
+        "1",
+        ("beams", "shadow_beams_answer_like_single_rays_and_mostly_at_once"),
+    ),
+    Fault(
+        "cubes that a triangle touches denied",
+        "native/src/build/overlap.rs",
+        "low > limit",
+        "low > 0.99 * limit",
+        ("lib", "build::overlap::tests"),
+    ),
+    Fault(
+        "triangles that are not finite kept",
+        "native/src/scene.rs",
+        "v.as_flattened().iter().map(|x| x * 0.0).sum::<f32>() == 0.0",
+        "true",
+        ("lib", "scene::tests"),
+    ),
+    Fault(
+        "the memory limit never met",
+        _MONITOR,
+        "used.saturating_add(bytes)",
+        "0 * used",
+        ("contract", "a_build_beyond_its_memory_is_refused"),
+    ),
+    Fault(
+        "a cancelled build goes on",
+        _MONITOR,
+        "self.cancelled.load(Ordering::Relaxed)",
+        "false",
+        ("contract", "a_cancelled_build_ends_with_an_error"),
+    ),
+    Fault(
+        "wrong triangles not counted",
+        "addon/core/accuracy.py",
+        "wrong_triangle=int(other.sum())",
+        "wrong_triangle=0",
+        STABILITY,
+    ),
+    Fault(
+        "other u and v taken for equal",
+        "addon/core/trials.py",
+        "(a.u, b.u), (a.v, b.v)",
+        "(a.u, a.u), (b.v, b.v)",
+        STABILITY,
+    ),
+    Fault(
+        "distances not compared",
+        "addon/core/stability.py",
+        '(*COUNTS[1:], "t_ulp_max", "exact_wrong", "exact_t_ulp_max")',
+        '(*COUNTS[1:], "exact_wrong")',
+        STABILITY,
+    ),
+    Fault(
+        "reports written in place",
+        "addon/core/results.py",
+        'tempfile.mkstemp(dir=path.parent, prefix=path.name + ".")',
+        "(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC), str(path))",
+        ("tests/core/test_faults.py", "full_disk"),
+    ),
+    Fault(
+        "rays of a packet not parted by their signs",
+        "native/src/traverse/packet.rs",
+        "*own == signs",
+        "true",
+        ALL,
+    ),
+    Fault(
+        "odd rays in packets with others",
+        "native/src/traverse/packet/fill.rs",
+        "!ordinary",
+        "false",
+        PACKETS,
+    ),
+    Fault(
+        "triangles seen edge-on by some rays of a packet passed by",
+        "native/src/traverse/packet_leaf.rs",
+        "(one_sided & (outside | beyond))",
+        "(outside | beyond)",
+        PACKETS,
+    ),
+    Fault(
+        "packets that look no farther than their middle",
+        "native/src/traverse/packet_leaf.rs",
+        "(det + det_half).mul_add(far, doubt)",
+        "(det - det_half).mul_add(far, doubt)",
+        PACKETS,
+    ),
+    Fault(
+        "steps along ropes that are not certain",
+        "native/src/traverse/plane_rope.rs",
+        "moments[k].low > next.high",
+        "true",
+        ALL,
+    ),
+    Fault(
+        "heights of points without their error bound",
+        "native/src/traverse/plane_ta_b_poly.rs",
+        "frame.oblique_pad + wild",
+        "0.0 * frame.oblique_pad",
+        ALL,
+    ),
+    Fault(
+        "cells left before it is certain",
+        "native/src/traverse/grid_step.rs",
+        "axes[k].leaves(may[k][0]) < now",
+        "true",
+        ("grid", "triangles_that_reach_a_corner"),
+    ),
+    Fault("hits that wait forgotten for one as near", _QUERY, "far >= self.held.low", "false", ALL),
+    Fault(
+        "no room for the rounding of hits that wait",
+        _FRAME,
+        "high * (PRUNE * PRUNE) + 2.0 * self.last_place",
+        "high",
+        BLOCK,
+    ),
+    Fault("sure distances without a far end", _CANDIDATES, "[low[lane], high[lane]]", "[low[lane], low[lane]]", BLOCK),
+    Fault("sure hits outside the interval", _FRAME, "begun && within", "true", ENDS),
+)
+
+
+def table() -> str:
+    """The list, as Markdown."""
+    lines = [
+        "# Deliberate faults",
+        "",
+        "Made by `python scripts/mutations.py --write`. Each of these faults is put into the sources by",
+        "`python scripts/mutations.py`, and the test beside it must fail.",
+        "",
+        "| # | fault | file | what is written | instead of | noticed by |",
+        "| ---: | --- | --- | --- | --- | --- |",
+    ]
+    for number, fault in enumerate(FAULTS, 1):
+        cells = (
+            f"`{fault.file}`",
+            *(f"`{text}`".replace("|", "\\|") for text in (fault.new, fault.old)),
+            f"`{fault.test[0]}`, `{fault.test[1]}`",
+        )
+        lines.append(f"| {number} | {fault.what} | {' | '.join(cells)} |")
+    return "\n".join(lines) + "\n"
