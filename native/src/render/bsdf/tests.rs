@@ -30,6 +30,27 @@ fn node(kind: Kind, roughness: f32, more: &[(Input, f32)]) -> Material {
     })
 }
 
+/// A material of one white shader node, these of whose inputs a program fills: the first number at
+/// each point is that of the first input, and so on.
+fn varying(kind: Kind, inputs: &[Input], more: &[(Input, f32)]) -> Material {
+    let mut closure = ClosureParams::new(kind);
+    for &(input, value) in [(Input::Color, 1.0)].iter().chain(more) {
+        closure.inputs[input as usize] = Operand::number(value);
+    }
+    for (i, &input) in inputs.iter().enumerate() {
+        closure.inputs[input as usize] = Operand::Register(i as u16);
+    }
+    let step = Step {
+        op: Op::Attribute(0),
+        args: Vec::new(),
+    };
+    compile(MaterialParams {
+        closures: vec![closure],
+        program: vec![step; inputs.len()],
+        ..Default::default()
+    })
+}
+
 /// The triangle's normal and no other.
 const FLAT: Normals = Normals {
     geometric: vec3(0.0, 0.0, 1.0),
@@ -45,15 +66,24 @@ fn view(cos: f32) -> Vec3 {
 }
 
 /// Albedo by sampling: the mean weight of `n` samples.
-fn albedo(material: &Material, cos: f32, inside: bool) -> f64 {
+fn mean_weight(bsdf: &Bsdf<true, true>, n: u32) -> f64 {
     let sampler = PixelSampler::new(3, 5, 7);
-    let bsdf = seen(material, view(cos), inside);
-    let n = 1 << 16;
     let sum: f64 = (0..n)
         .filter_map(|i| bsdf.sample(sampler.pair(i, 0)[0], sampler.pair(i, 1)))
         .map(|s| f64::from(s.weight.mean()))
         .sum();
     sum / f64::from(n)
+}
+
+fn albedo(material: &Material, cos: f32, inside: bool) -> f64 {
+    mean_weight(&seen(material, view(cos), inside), 1 << 16)
+}
+
+/// Albedo by `n` samples of a material of [`varying`], whose inputs are these numbers.
+fn varying_albedo(material: &Material, inputs: &[f32], cos: f32, inside: bool, n: u32) -> f64 {
+    let registers: Vec<_> = inputs.iter().map(|&x| [x; 4]).collect();
+    let bsdf = Bsdf::new(&material.closures, &registers, view(cos), FLAT, inside);
+    mean_weight(&bsdf, n)
 }
 
 const WHITE: [f32; 3] = [1.0; 3];
@@ -206,36 +236,11 @@ fn as_many_lobes_as_a_material_may_have_all_count() {
 #[test]
 fn a_furnace_is_white_where_the_inputs_vary_as_well() {
     // Roughness, index and specular from a program: the grids stand in for the tables.
-    let mut closure = ClosureParams::new(Kind::Principled);
-    for (i, input) in [Input::Roughness, Input::Ior, Input::Specular]
-        .into_iter()
-        .enumerate()
-    {
-        closure.inputs[input as usize] = Operand::Register(i as u16);
-    }
-    closure.inputs[Input::Color as usize] = Operand::number(1.0);
-    closure.inputs[Input::Transmission as usize] = Operand::number(0.3);
-    let step = Step {
-        op: Op::Attribute(0),
-        args: Vec::new(),
-    };
-    let material = compile(MaterialParams {
-        closures: vec![closure],
-        program: vec![step; 3],
-        ..Default::default()
-    });
-    let sampler = PixelSampler::new(3, 5, 7);
+    let inputs = [Input::Roughness, Input::Ior, Input::Specular];
+    let material = varying(Kind::Principled, &inputs, &[(Input::Transmission, 0.3)]);
     for (roughness, ior, specular) in [(0.23, 1.33, 0.3), (0.55, 1.6, 0.9), (0.97, 1.45, 0.5)] {
-        let registers = [roughness, ior, specular].map(|x: f32| [x; 4]);
         for cos in [0.3, 0.8] {
-            let bsdf =
-                Bsdf::<true, true>::new(&material.closures, &registers, view(cos), FLAT, false);
-            let n = 1 << 15;
-            let sum: f64 = (0..n)
-                .filter_map(|i| bsdf.sample(sampler.pair(i, 0)[0], sampler.pair(i, 1)))
-                .map(|s| f64::from(s.weight.mean()))
-                .sum();
-            let a = sum / f64::from(n);
+            let a = varying_albedo(&material, &[roughness, ior, specular], cos, false, 1 << 15);
             assert!(
                 (a - 1.0).abs() < 0.005,
                 "{roughness} {ior} {specular} {cos}: {a}"
