@@ -3,11 +3,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import bpy
 import gpu
 import numpy as np
+import pytest
 from mathutils import Euler, Matrix, Vector
 from shapes import cube, grid
 
@@ -65,6 +67,12 @@ def far_away(add: Any) -> None:
 SCENES = [boxes, tilted, far_away]
 
 
+def everywhere(test: Callable[..., None]) -> Callable[..., None]:
+    """A test of every scene, which `make(add)` builds, with every `structure` of `STRUCTURES`."""
+    scenes = pytest.mark.parametrize("make", SCENES)
+    return pytest.mark.parametrize("structure", STRUCTURES)(scenes(test))
+
+
 def build(scene: Any, structure: str, **settings: Any) -> trees.Tree:
     scene.halfspace.structure = structure
     for key, value in {"show": True, "auto_update": False, **settings}.items():
@@ -96,6 +104,21 @@ def picture(canvas: Any, scene: Any, view: Any, projection: Any) -> np.ndarray[A
         overlay.paint(scene, (WIDTH, HEIGHT))
         pixels = framebuffer.read_color(0, 0, WIDTH, HEIGHT, 4, 0, "FLOAT")
     return np.array(pixels.to_list(), np.float32).reshape(HEIGHT, WIDTH, 4)
+
+
+def show(canvas: Any, scene: Any, structure: str, **settings: Any) -> tuple[trees.Tree, np.ndarray[Any, Any], Any, Any]:
+    """Build, with these settings of the overlay: the tree, its picture as of `picture`, view and projection."""
+    tree = build(scene, structure, **settings)
+    view, projection = camera(tree)
+    return tree, picture(canvas, scene, view, projection), view, projection
+
+
+def pick_a_box(scene: Any, **settings: Any) -> tuple[Vector, Vector]:
+    """Pick a ray towards one of the `boxes`. Its origin and its direction, which ends in the box."""
+    box = next(item for item in scene.objects if item.name == "Box 3").location
+    start = box + Vector((9.0, -7.0, 5.0))
+    assert bpy.ops.halfspace.pick_ray(origin=start, direction=box - start, **settings) == {"FINISHED"}
+    return start, box - start
 
 
 def projected(tree: trees.Tree, view: Any, projection: Any, *, depth: int) -> list[tuple[int, np.ndarray[Any, Any]]]:

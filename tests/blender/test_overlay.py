@@ -11,34 +11,20 @@ import gpu
 import numpy as np
 import overlay_picture
 import pytest
-from drawn import (
-    HEIGHT,
-    SCENES,
-    STRUCTURES,
-    WIDTH,
-    boxes,
-    build,
-    camera,
-    distances,
-    inside,
-    picture,
-    projected,
-)
+from drawn import HEIGHT, WIDTH, boxes, build, camera, distances, everywhere, inside, picture, projected, show
 
 from addon.blender import overlay, pictures, properties
 from addon.core import planes
 
 
-@pytest.mark.parametrize("structure", STRUCTURES)
-@pytest.mark.parametrize("make", SCENES)
+@everywhere
 def test_lines_are_where_the_planes_end_and_in_their_colours(
     scene: Any, add: Any, canvas: Any, make: Any, structure: str
 ) -> None:
     make(add)
-    tree = build(scene, structure, style="OUTLINE", depth_max=3, opacity=1.0, line_width=2.0)
-    view, projection = camera(tree)
-    drawn = picture(canvas, scene, view, projection)
-    polygons = projected(tree, view, projection, depth=3)
+    look = {"style": "OUTLINE", "depth_max": 3, "opacity": 1.0, "line_width": 2.0}
+    tree, drawn, *view = show(canvas, scene, structure, **look)
+    polygons = projected(tree, *view, depth=3)
     every = distances([polygon for _, polygon in polygons])
     lit = drawn[..., 3] > 0.02
     # Widths are 1 to 2 pixels, whose edges fade over another.
@@ -59,16 +45,13 @@ def test_lines_are_where_the_planes_end_and_in_their_colours(
             assert np.abs(pure - tint / tint.max()).max() < 0.02
 
 
-@pytest.mark.parametrize("structure", STRUCTURES)
-@pytest.mark.parametrize("make", SCENES)
+@everywhere
 def test_panes_cover_their_planes_and_nothing_else(
     scene: Any, add: Any, canvas: Any, make: Any, structure: str
 ) -> None:
     make(add)
-    tree = build(scene, structure, style="FILL", depth_max=2, opacity=1.0)
-    view, projection = camera(tree)
-    drawn = picture(canvas, scene, view, projection)
-    polygons = [polygon for _, polygon in projected(tree, view, projection, depth=2)]
+    tree, drawn, *view = show(canvas, scene, structure, style="FILL", depth_max=2, opacity=1.0)
+    polygons = [polygon for _, polygon in projected(tree, *view, depth=2)]
     covered = np.any([inside(polygon) for polygon in polygons], axis=0) if polygons else np.zeros((HEIGHT, WIDTH), bool)
     edge = distances(polygons)
     lit = drawn[..., :3].max(axis=2) > 0
@@ -80,9 +63,7 @@ def test_panes_cover_their_planes_and_nothing_else(
 
 def test_depths_kinds_and_limit_choose_what_is_drawn(scene: Any, add: Any, canvas: Any) -> None:
     boxes(add)
-    tree = build(scene, "kd", style="OUTLINE", depth_min=1, depth_max=3, kinds={"X"})
-    view = camera(tree)
-    drawn = picture(canvas, scene, *view)
+    _, drawn, *view = show(canvas, scene, "kd", style="OUTLINE", depth_min=1, depth_max=3, kinds={"X"})
     chosen = overlay.shown(scene)
     assert chosen is not None
     assert set(chosen.kind.tolist()) == {0}
@@ -100,9 +81,8 @@ def test_depths_kinds_and_limit_choose_what_is_drawn(scene: Any, add: Any, canva
 
 def test_batches_are_made_once_per_tree_and_setting(scene: Any, add: Any, canvas: Any) -> None:
     boxes(add)
-    view = camera(build(scene, "kd"))
+    _, _, *view = show(canvas, scene, "kd")
     uid = scene.session_uid, "PLANES"
-    picture(canvas, scene, *view)
     first = overlay._drawings[uid]
     picture(canvas, scene, *view)
     assert overlay._drawings[uid] is first
@@ -141,8 +121,8 @@ def test_objects_hide_planes_as_far_as_wished(scene: Any, add: Any, canvas: Any)
 
 def test_nothing_is_drawn_and_nothing_kept_when_switched_off(scene: Any, add: Any, canvas: Any) -> None:
     boxes(add)
-    view = camera(build(scene, "kd"))
-    assert picture(canvas, scene, *view).any()
+    _, drawn, *view = show(canvas, scene, "kd")
+    assert drawn.any()
     scene.halfspace.overlay.show = False
     assert not picture(canvas, scene, *view).any()
     assert not overlay._drawings

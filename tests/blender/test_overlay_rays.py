@@ -11,17 +11,18 @@ import numpy as np
 import pytest
 from drawn import (
     HEIGHT,
-    SCENES,
     STRUCTURES,
     WIDTH,
     boxes,
     build,
-    camera,
     distances,
+    everywhere,
     far_away,
     inside,
     pane,
+    pick_a_box,
     picture,
+    show,
     some_triangles,
 )
 from mathutils import Vector
@@ -30,19 +31,17 @@ from addon.blender import overlay, picking
 from addon.core import beams, colours, native
 
 
-@pytest.mark.parametrize("structure", STRUCTURES)
-@pytest.mark.parametrize("make", SCENES)
+@everywhere
 def test_leaves_cover_their_cells_and_the_fullest_is_brightest(
     scene: Any, add: Any, canvas: Any, make: Any, structure: str
 ) -> None:
     make(add)
-    tree = build(scene, structure, parts={"CELLS"}, style="FILL", opacity=1.0, max_count=120)
-    view, projection = camera(tree)
-    drawn = picture(canvas, scene, view, projection)
+    look = {"parts": {"CELLS"}, "style": "FILL", "opacity": 1.0, "max_count": 120}
+    tree, drawn, *view = show(canvas, scene, structure, **look)
     found = tree.structure.leaf_cells(1, 20)
     assert len(overlay.shown(scene, "CELLS")) == len(found["count"])
     polygons = np.split(found["vertices"].astype(np.float64) + tree.origin, found["offsets"][1:-1].astype(int))
-    flat = [pane(polygon, view, projection) for polygon in polygons]
+    flat = [pane(polygon, *view) for polygon in polygons]
     covered, edge = np.any([inside(polygon) for polygon in flat], axis=0), distances(flat)
     lit = drawn[..., :3].max(axis=2) > 0.01
     assert not lit[~covered & (edge > 1.5)].any()
@@ -65,23 +64,19 @@ def test_a_picked_ray_shows_its_cells_its_triangles_and_its_hit(
     scene: Any, add: Any, canvas: Any, structure: str
 ) -> None:
     far_away(add)
-    tree = build(scene, structure, parts={"RAY"}, opacity=1.0, line_width=3.0)
-    assert not picture(canvas, scene, *camera(tree)).any()
-    centre = Vector(tree.origin)
-    box = next(item for item in scene.objects if item.name == "Box 3").location
-    start = box + Vector((9.0, -7.0, 5.0))
-    assert bpy.ops.halfspace.pick_ray(origin=start, direction=box - start) == {"FINISHED"}
-    view, projection = camera(tree)
-    drawn = picture(canvas, scene, view, projection)
+    tree, drawn, *view = show(canvas, scene, structure, parts={"RAY"}, opacity=1.0, line_width=3.0)
+    assert not drawn.any()
+    start, way = pick_a_box(scene)
+    drawn = picture(canvas, scene, *view)
     path = overlay.shown(scene, "RAY")
     assert path.triangle >= 0
-    expected = tree.structure.closest(np.array([start - centre], np.float32), np.array([box - start], np.float32))
+    expected = tree.structure.closest(np.array([start - Vector(tree.origin)], np.float32), np.array([way], np.float32))
     assert (path.triangle, path.t) == (
         expected.triangle[0],
         pytest.approx(float(expected.t[0]), rel=1e-4),
     )  # the world's coordinates are f32
     # The ray is white from its origin to the hit, and seen on all of its way inside the picture.
-    ends = pane(np.array([start, start + (box - start) * path.t], np.float64), view, projection)
+    ends = pane(np.array([start, start + way * path.t], np.float64), *view)
     along = ends[0] + np.linspace(0.02, 0.98, 60)[:, None] * (ends[1] - ends[0])
     inside_picture = ((along >= 1) & (along < [WIDTH - 1, HEIGHT - 1])).all(axis=1)
     assert inside_picture.sum() > 10
@@ -90,26 +85,24 @@ def test_a_picked_ray_shows_its_cells_its_triangles_and_its_hit(
     # Nothing outside what the visited cells, the planes and the ray cover.
     polygons = np.split(path.cells.vertices + tree.origin, path.cells.offsets[1:-1])
     polygons += np.split(path.crossings.vertices + tree.origin, path.crossings.offsets[1:-1])
-    flat = [pane(polygon.astype(np.float64), view, projection) for polygon in polygons if len(polygon)]
+    flat = [pane(polygon.astype(np.float64), *view) for polygon in polygons if len(polygon)]
     covered = np.any([inside(polygon) for polygon in flat], axis=0)
     far = distances([*flat, ends]) > 4
     assert not (drawn[..., :3].max(axis=2) > 0.02)[~covered & far].any()
     assert bpy.ops.halfspace.forget_ray() == {"FINISHED"}
-    assert not picture(canvas, scene, view, projection).any()
+    assert not picture(canvas, scene, *view).any()
 
 
 @pytest.mark.parametrize("structure", STRUCTURES)
 def test_a_beam_shows_what_its_rays_share(scene: Any, add: Any, canvas: Any, structure: str) -> None:
     far_away(add)
-    tree = build(scene, structure, parts={"BEAM"}, opacity=1.0, line_width=3.0, beam_spacing=10.0)
-    box = next(item for item in scene.objects if item.name == "Box 3").location
-    start = box + Vector((9.0, -7.0, 5.0))
-    assert bpy.ops.halfspace.pick_ray(origin=start, direction=box - start, pixel=0.002) == {"FINISHED"}
-    view, projection = camera(tree)
-    drawn = picture(canvas, scene, view, projection)
+    look = {"parts": {"BEAM"}, "opacity": 1.0, "line_width": 3.0, "beam_spacing": 10.0}
+    tree, _, *view = show(canvas, scene, structure, **look)
+    _, way = pick_a_box(scene, pixel=0.002)
+    drawn = picture(canvas, scene, *view)
     beam = overlay.shown(scene, "BEAM")
     # Eight by eight rays around the picked one, with ten pixels of 0.002 between neighbours.
-    along = beam.directions @ np.array((box - start).normalized())
+    along = beam.directions @ np.array(way.normalized())
     assert along == pytest.approx(1.0, abs=1e-5)
     steps = np.diff(beam.directions.reshape(8, 8, 3), axis=1)
     assert np.linalg.norm(steps, axis=-1) == pytest.approx(0.02, rel=1e-4)
@@ -122,7 +115,7 @@ def test_a_beam_shows_what_its_rays_share(scene: Any, add: Any, canvas: Any, str
     assert beam.cells.count.sum() == beam.visits
     # Its four edges are white to where they end, and outside beam, cells and hits there is nothing.
     ends = np.stack([beam.origins[list(beams.CORNERS)], beams.ends(beam)], axis=1) + tree.origin
-    edges = [pane(end, view, projection) for end in ends]
+    edges = [pane(end, *view) for end in ends]
     for first, last in edges:
         points = first + np.linspace(0.03, 0.97, 40)[:, None] * (last - first)
         points = points[((points >= 1) & (points < [WIDTH - 1, HEIGHT - 1])).all(axis=1)].astype(int)
@@ -130,7 +123,7 @@ def test_a_beam_shows_what_its_rays_share(scene: Any, add: Any, canvas: Any, str
     polygons = np.split(beam.cells.vertices + tree.origin, beam.cells.offsets[1:-1])
     polygons += [corners + tree.origin for corners in beam.hits]
     polygons += [np.array([*ends[i], ends[j][1]]) for i, j in zip(range(4), (1, 2, 3, 0), strict=True)]
-    flat = [pane(polygon.astype(np.float64), view, projection) for polygon in polygons if len(polygon)]
+    flat = [pane(polygon.astype(np.float64), *view) for polygon in polygons if len(polygon)]
     covered, far = np.any([inside(polygon) for polygon in flat], axis=0), distances(flat) > 4
     assert not (drawn[..., :3].max(axis=2) > 0.02)[~covered & far].any()
 

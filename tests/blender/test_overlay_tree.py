@@ -10,9 +10,7 @@ from typing import Any
 
 import bpy
 import pytest
-from drawn import (
-    build,
-)
+from drawn import build
 from shapes import cube, grid
 
 from addon.blender import building, trees
