@@ -6,8 +6,8 @@ import bpy
 from . import (
     building,
     checking,
+    compare_operators,
     compare_panels,
-    comparing,
     compat,
     cost_maps,
     engine,
@@ -37,7 +37,7 @@ def register() -> None:
     checking.register()
     picking.register()
     cost_maps.register()
-    comparing.register()
+    compare_operators.register()
     panels.register()
     overlay_panels.register()
     compare_panels.register()
@@ -56,7 +56,7 @@ def unregister() -> None:
     compare_panels.unregister()
     overlay_panels.unregister()
     panels.unregister()
-    comparing.unregister()
+    compare_operators.unregister()
     cost_maps.unregister()
     picking.unregister()
     checking.unregister()

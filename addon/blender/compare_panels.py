@@ -9,7 +9,7 @@ import bpy
 
 from ..core import catalogue, choice, native
 from ..core.choice import Comparison, Line
-from . import comparing, panels, presets, properties
+from . import compare_operators, comparing, panels, presets, properties
 from .engine import ENGINE
 from .panels import wrapped
 
@@ -26,9 +26,9 @@ class _ComparePanel:
 
     def draw(self, context: Any) -> None:
         layout, scene = self.layout, context.scene  # type: ignore[attr-defined]
-        layout.operator(comparing.HALFSPACE_OT_choose.bl_idname, icon="SHADERFX")
+        layout.operator(compare_operators.HALFSPACE_OT_choose.bl_idname, icon="SHADERFX")
         _ticks(layout, scene.halfspace)
-        layout.operator(comparing.HALFSPACE_OT_compare.bl_idname, icon="SORTTIME")
+        layout.operator(compare_operators.HALFSPACE_OT_compare.bl_idname, icon="SORTTIME")
         now = comparing.progress()
         if now is not None:
             layout.progress(factor=now[0], text=now[1])
@@ -40,7 +40,7 @@ class _ComparePanel:
         _table(layout, found.comparison)
         for line in found.notes:
             wrapped(layout, line, width=WIDTH)
-        layout.operator(comparing.HALFSPACE_OT_write_report.bl_idname, icon="FILE_TICK")
+        layout.operator(compare_operators.HALFSPACE_OT_write_report.bl_idname, icon="FILE_TICK")
 
 
 def _ticks(layout: Any, group: Any) -> None:

@@ -15,7 +15,18 @@ import pytest
 from layouts import draw_all
 from shapes import cube, grid
 
-from addon.blender import compare_panels, comparing, engine, panels, presets, properties, reports, trees
+from addon.blender import (
+    compare_files,
+    compare_operators,
+    compare_panels,
+    comparing,
+    engine,
+    panels,
+    presets,
+    properties,
+    reports,
+    trees,
+)
 from addon.core import auto, catalogue, choice
 
 
@@ -85,7 +96,7 @@ def test_a_result_is_kept_in_the_file_as_a_text(seen: Any, tmp_path: Path) -> No
     # The next result takes its place.
     assert bpy.ops.halfspace.choose() == {"FINISHED"}
     assert "Choosing took" in bpy.data.texts["Halfspace comparison, Still life"].as_string()
-    assert len([text for text in bpy.data.texts if text.name.startswith(comparing.TEXT)]) == 1
+    assert len([text for text in bpy.data.texts if text.name.startswith(compare_files.TEXT)]) == 1
 
 
 def test_choosing_sets_structure_and_parameters(seen: Any) -> None:
@@ -98,7 +109,7 @@ def test_choosing_sets_structure_and_parameters(seen: Any) -> None:
     assert seen.halfspace.structure == found.comparison.best.spec.partition(":")[0]
     assert any("Choosing took" in line for line in found.notes)
     assert all(line.checked >= 64 and not line.wrong for line in found.comparison.sound)
-    told = list(comparing.words(found))
+    told = list(compare_files.words(found))
     assert sum("answers wrong" in line for line in told) == len(found.comparison.lines)
     assert not any("0 of 0" in line for line in told)
     for panel in compare_panels.CLASSES:
@@ -146,7 +157,7 @@ def test_a_result_is_old_once_the_scene_has_changed(seen: Any) -> None:
 def test_what_was_not_compared_is_said_to_be_so(seen: Any) -> None:
     line = choice.Line("kd", 1.0, 2.0)
     found = comparing.Found(choice.Comparison(comparing.plan_of(seen), (line,)), [])
-    assert any("3.00 s; answers not compared" in told for told in comparing.words(found))
+    assert any("3.00 s; answers not compared" in told for told in compare_files.words(found))
     comparing._found[seen.session_uid] = found
     for panel in compare_panels.CLASSES:
         assert "Answers not compared" in draw_all(panel, scene=seen).log
@@ -207,11 +218,11 @@ class Operator:
     _work: Any = None
     _timer: Any = None
     _told = ""
-    _begin: Any = comparing.HALFSPACE_OT_compare._begin
-    _use: Any = comparing._Modal._use
-    _done = comparing._Modal._done
-    _end = comparing._Modal._end
-    _failed = comparing._Modal._failed
+    _begin: Any = compare_operators.HALFSPACE_OT_compare._begin
+    _use: Any = compare_operators._Modal._use
+    _done = compare_operators._Modal._done
+    _end = compare_operators._Modal._end
+    _failed = compare_operators._Modal._failed
 
     def __init__(self) -> None:
         self.said: list[str] = []
@@ -251,7 +262,7 @@ def until_it_ends(operator: Any, kind: Any, context: Any) -> set[str]:
 def test_a_result_goes_to_the_scene_that_was_measured(seen: Any) -> None:
     other = bpy.data.scenes.new("Other")
     other.halfspace.structure = seen.halfspace.structure = "brute"
-    window, operator, kind = Window(seen), Operator(), comparing.HALFSPACE_OT_choose
+    window, operator, kind = Window(seen), Operator(), compare_operators.HALFSPACE_OT_choose
     operator._begin, operator._use = (MethodType(found, operator) for found in (kind._begin, kind._use))
     assert kind.invoke(operator, window.context, None) == {"RUNNING_MODAL"}
     window.context.scene = other  # the user goes on elsewhere
@@ -259,11 +270,11 @@ def test_a_result_goes_to_the_scene_that_was_measured(seen: Any) -> None:
     assert other.halfspace.structure == "brute"
     assert seen.halfspace.structure != "brute"
     assert comparing.last(seen) is not None
-    assert [text.name for text in bpy.data.texts] == [f"{comparing.TEXT}, {seen.name}"]
+    assert [text.name for text in bpy.data.texts] == [f"{compare_files.TEXT}, {seen.name}"]
 
 
 def test_a_result_of_a_scene_that_is_gone_is_said(seen: Any) -> None:
-    window, operator, kind = Window(seen), Operator(), comparing.HALFSPACE_OT_compare
+    window, operator, kind = Window(seen), Operator(), compare_operators.HALFSPACE_OT_compare
     assert kind.invoke(operator, window.context, None) == {"RUNNING_MODAL"}
     window.context.scene = bpy.data.scenes.new("Other")
     bpy.data.scenes.remove(seen)
@@ -278,7 +289,7 @@ def test_comparing_goes_on_beside_blender_and_esc_stops_it(seen: Any, add: Any, 
     add("Sea", grid(60), location=(0, 0, -1))
     window = Window(seen)
     context, calls, texts = window.context, window.calls, window.texts
-    operator, kind = Operator(), comparing.HALFSPACE_OT_compare
+    operator, kind = Operator(), compare_operators.HALFSPACE_OT_compare
     assert kind.invoke(operator, context, None) == {"RUNNING_MODAL"}
     assert comparing.progress() is not None
     assert kind.modal(operator, context, SimpleNamespace(type="MOUSEMOVE")) == {"PASS_THROUGH"}

@@ -19,7 +19,7 @@ def test_whatever_touches_the_disk_or_starts_a_program_is_told() -> None:
     text = MANIFEST.read_text(encoding="utf-8")
     told = text[text.index("[permissions]") :]
     found = [path.stem for path in (ROOT / "addon/blender").glob("*.py") if TOUCHES_THE_DISK.search(path.read_text())]
-    assert {"comparing", "lettering", "presets", "sky", "sky_bake"} <= set(found)
+    assert {"compare_files", "lettering", "presets", "sky", "sky_bake"} <= set(found)
     assert [name for name in found if f"{name}.py" not in told] == []
     for words in ("report", "preset", "temporary"):
         assert words in tomllib.loads(text)["permissions"]["files"].lower()

@@ -12,7 +12,7 @@ import pytest
 from shapes import cube
 
 import addon
-from addon.blender import comparing, cost_maps, manual, overlay, picking
+from addon.blender import compare_files, comparing, cost_maps, manual, overlay, picking
 
 
 @pytest.fixture
@@ -28,8 +28,8 @@ def seen(scene: Any, add: Any, monkeypatch: pytest.MonkeyPatch) -> Any:
 @pytest.mark.parametrize(
     ("operator", "arguments", "made"),
     [
-        ("compare", {}, lambda: [text.name for text in bpy.data.texts if text.name.startswith(comparing.TEXT)]),
-        ("choose", {}, lambda: [text.name for text in bpy.data.texts if text.name.startswith(comparing.TEXT)]),
+        ("compare", {}, lambda: [text.name for text in bpy.data.texts if text.name.startswith(compare_files.TEXT)]),
+        ("choose", {}, lambda: [text.name for text in bpy.data.texts if text.name.startswith(compare_files.TEXT)]),
         ("cost_map", {"width": 32}, lambda: [image.name for image in bpy.data.images if image.name == cost_maps.IMAGE]),
         ("manual", {"section": "The structures"}, lambda: [t.name for t in bpy.data.texts if t.name == manual.TEXT]),
     ],
