@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from lying_native import LyingNative
 
-from addon.core import benchmark, native, plots, results, specs, thesis, workload, yardstick
+from addon.core import bench_presets, benchmark, native, plots, results, specs, thesis, workload, yardstick
 
 BENCH = Path(bench.__file__)
 FAST = ["--size", "32x32", "--repeats", "1", "--check-rays", "128", "--curve", "none", "--only-rays"]
@@ -282,7 +282,7 @@ def test_the_thesis_is_repeated_on_what_of_a_scene_it_measured(
 
 @pytest.mark.parametrize("name", ["thesis", "directions"])
 def test_trees_of_a_sweep_are_walked_as_the_kd_tree_that_they_are_compared_with(name: str) -> None:
-    chosen = specs.split(bench.PRESETS[name]["structures"])
+    chosen = specs.split(bench_presets.PRESETS[name]["structures"])
     assert chosen[0] in thesis.BASES
     assert len(chosen) > 10
     assert all("traversal=dir" in spec for spec in chosen)

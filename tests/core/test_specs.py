@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import bench
 import compare
 import growth
 import halfspace_native
@@ -14,7 +13,7 @@ import overlay_picture
 import pictures
 import pytest
 
-from addon.core import agreement, auto, catalogue, preparation, presets, preview, specs, thesis
+from addon.core import agreement, auto, bench_presets, catalogue, preparation, presets, preview, specs, thesis
 
 
 def structure(name: str, family: str, **defaults: Any) -> dict[str, Any]:
@@ -107,7 +106,7 @@ NAMED = {
     "preparation.TRACERS": preparation.TRACERS,
     "preview.QUICK": [spec for _, spec in preview.QUICK],
     "thesis.BASES": thesis.BASES,
-    **{f"bench.PRESETS[{name!r}]": [preset["structures"]] for name, preset in bench.PRESETS.items()},
+    **{f"bench_presets.PRESETS[{name!r}]": [preset["structures"]] for name, preset in bench_presets.PRESETS.items()},
     "growth.STRUCTURES": [growth.STRUCTURES],
     "pictures": [*pictures.STRUCTURES, pictures.BEAM, *pictures.LINES, *pictures.BESIDE],
     **{f"{made.__name__} --structure": [made.parser().get_default("structure")] for made in (compare, overlay_picture)},
