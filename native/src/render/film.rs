@@ -6,120 +6,13 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use super::adaptive::{self, Noise};
 use super::check::{Error, Result};
 use super::settings::{Mist, Pass, Settings};
-use super::vector::Vec3;
 
-/// Side of a film tile in pixels; a multiple of 8, so that camera rays come in 8×8 blocks.
-pub const TILE: u32 = 32;
+mod area;
+mod sample;
 
-/// Side of the blocks that camera rays come in, and that stop being sampled together.
-pub const BLOCK: u32 = 8;
-
-/// What one sample of one pixel gathers.
-#[derive(Debug, Clone, Copy)]
-pub struct PixelSample {
-    /// Radiance.
-    pub color: [f32; 3],
-    /// Opacity.
-    pub alpha: f32,
-    /// Depth of the first surface.
-    pub depth: f32,
-    /// Its shading normal.
-    pub normal: [f32; 3],
-    /// Its position.
-    pub position: [f32; 3],
-    /// How far it is from the camera.
-    pub distance: f32,
-    /// Its UV and 1, or 0 where there is no surface.
-    pub uv: [f32; 3],
-    /// The number of its object.
-    pub object: f32,
-    /// The number of its material.
-    pub material: f32,
-    /// How much light it sends on.
-    pub albedo: [f32; 3],
-    /// Depth of the last leaf that the camera ray tested.
-    pub leaf_depth: u32,
-    /// Inner nodes visited by the camera ray.
-    pub steps: u32,
-    /// Triangles tested by the camera ray.
-    pub tests: u32,
-}
-
-impl PixelSample {
-    /// Nothing seen.
-    pub const EMPTY: Self = Self {
-        color: [0.0; 3],
-        alpha: 0.0,
-        depth: BACKGROUND_DEPTH,
-        normal: [0.0; 3],
-        position: [0.0; 3],
-        distance: f32::INFINITY,
-        uv: [0.0; 3],
-        object: 0.0,
-        material: 0.0,
-        albedo: [0.0; 3],
-        leaf_depth: 0,
-        steps: 0,
-        tests: 0,
-    };
-
-    /// Light arrives.
-    #[inline(always)]
-    pub fn add(&mut self, light: Vec3) {
-        for (c, l) in self.color.iter_mut().zip(light.array()) {
-            *c += l;
-        }
-    }
-}
-
-/// Depth where nothing is seen, as in Blender's own engines.
-pub const BACKGROUND_DEPTH: f32 = 1e10;
-
-/// The pixels of a tile.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct TileArea {
-    /// Lower left corner in the full frame.
-    pub x: u32,
-    /// Lower left corner in the full frame.
-    pub y: u32,
-    /// Pixels per row.
-    pub width: u32,
-    /// Rows.
-    pub height: u32,
-}
-
-impl TileArea {
-    /// Its number of pixels.
-    pub fn pixels(&self) -> usize {
-        self.width as usize * self.height as usize
-    }
-
-    /// How many blocks there are across and up.
-    pub fn blocks(&self) -> (u32, u32) {
-        (self.width.div_ceil(BLOCK), self.height.div_ceil(BLOCK))
-    }
-
-    /// The block of the pixel with this number, row by row.
-    #[inline]
-    pub fn block_of(&self, pixel: usize) -> usize {
-        let (x, y) = (pixel as u32 % self.width, pixel as u32 / self.width);
-        (y / BLOCK * self.width.div_ceil(BLOCK) + x / BLOCK) as usize
-    }
-
-    /// The pixels of those blocks that are `active`, in the order of the blocks.
-    pub fn in_blocks(&self, active: &[bool]) -> impl Iterator<Item = (u32, u32)> {
-        let side =
-            |n: u32| (0..n.div_ceil(BLOCK)).map(move |b| (b * BLOCK, (b * BLOCK + BLOCK).min(n)));
-        let width = self.width;
-        side(self.height)
-            .flat_map(move |rows| side(width).map(move |columns| (rows, columns)))
-            .zip(active)
-            .filter(|(_, active)| **active)
-            .flat_map(|(((y0, y1), (x0, x1)), _)| {
-                (y0..y1).flat_map(move |y| (x0..x1).map(move |x| (x, y)))
-            })
-    }
-}
+use self::area::TILE;
+pub use self::area::{BLOCK, TileArea};
+pub use self::sample::PixelSample;
 
 struct Tile {
     area: TileArea,
@@ -434,32 +327,5 @@ mod tests {
                 .to_string()
                 .contains("Depth")
         );
-    }
-
-    #[test]
-    fn blocks_visit_every_pixel_once_and_64_at_a_time() {
-        let area = TileArea {
-            x: 0,
-            y: 0,
-            width: 20,
-            height: 11,
-        };
-        let order: Vec<_> = area.in_blocks(&[true; 6]).collect();
-        let unique: std::collections::HashSet<_> = order.iter().collect();
-        assert_eq!((order.len(), unique.len()), (220, 220));
-        assert!(order[..64].iter().all(|&(x, y)| x < 8 && y < 8));
-        let some = [false, false, true, false, true, false];
-        let some: Vec<_> = area.in_blocks(&some).collect();
-        assert_eq!(some.len(), 4 * 8 + 8 * 3);
-        assert!(
-            some.iter()
-                .all(|&(x, y)| (x >= 16 && y < 8) || (8..16).contains(&x))
-        );
-        for (x, y) in order {
-            assert_eq!(
-                area.block_of((y * 20 + x) as usize) as u32,
-                y / 8 * 3 + x / 8
-            );
-        }
     }
 }
