@@ -2,12 +2,12 @@
 //! What happens where the rays of a wavefront hit: surfaces emit, shadow rays are collected, and the rays are
 //! replaced by those of the next bounce.
 
-use super::bsdf::{Bsdf, Scatter, cosine_direction};
+use super::bsdf::Bsdf;
 use super::features::Features;
 use super::film::PixelSample;
 use super::integrator::{Context, Wavefront};
-use super::lights::{Arrival, Emitter, Receiver, power_heuristic};
-use super::path::{Numbers, Path};
+use super::lights::Receiver;
+use super::path::Path;
 use super::place::RayKind;
 use super::program::Value;
 use super::scene::RenderScene;
@@ -18,8 +18,8 @@ use super::vector::{Frame, Vec3};
 use super::work::Work;
 use crate::traverse::{Hit, Ray};
 
-/// Shadow rays end a little before the light, in units of the way to it.
-const BEFORE_LIGHT: f32 = 1.0 - 1e-5;
+mod asked;
+mod found;
 
 /// Shades all hits of a wavefront for the sample of this number.
 pub type Shade = fn(&mut Wavefront, &Context<'_>, u32);
@@ -219,94 +219,6 @@ impl<'a, const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
         self.settings.integrator == integrator
     }
 
-    /// Adds the light of lamps that the ray passes before it hits anything else.
-    #[inline(always)]
-    fn meet_lights(&self, d: Vec3, hit: &Hit, path: &Path, out: &mut Out<'_>) {
-        let (scene, settings) = (self.scene, self.settings);
-        if path.camera && (!self.lamps_seen || (settings.film_transparent && !hit.is_hit())) {
-            return;
-        }
-        out.work.lights_asked += 1;
-        let span = [path.passed, path.passed + hit.t];
-        let light = scene
-            .lights
-            .met(path.receiver, d, span, path.pdf, path.kind);
-        out.sample
-            .add(settings.clamped(path.throughput * light, path.bounce > 1));
-    }
-
-    /// Adds the light of the world, which a ray that hits nothing meets.
-    #[inline(always)]
-    fn leave_scene(&self, d: Vec3, path: &Path, out: &mut Out<'_>) {
-        let (scene, settings) = (self.scene, self.settings);
-        if path.camera && settings.film_transparent {
-            return;
-        }
-        if scene.world.visible.to(path.kind) {
-            let mut light =
-                scene
-                    .world
-                    .radiance(&scene.images, &scene.varying, d, path.kind, out.registers);
-            if self.features.world && path.pdf.is_finite() {
-                let density = scene.lights.world_pdf(path.receiver, d);
-                light *= power_heuristic(path.pdf, density);
-            }
-            out.sample
-                .add(settings.clamped(path.throughput * light, path.bounce > 1));
-        }
-        out.sample.alpha = 1.0;
-    }
-
-    /// Asks whether a direction that Whitted's rays do not follow is open to a world of one colour, of which no light
-    /// sample is taken.
-    #[inline(always)]
-    fn meet_even_world(
-        &self,
-        surface: &Surface<'_>,
-        direction: Vec3,
-        scatter: &Scatter,
-        path: &Path,
-        out: &mut Out<'_>,
-    ) {
-        let world = &self.scene.world;
-        let Some(color) = world.constant().filter(|_| world.visible.to(scatter.kind)) else {
-            return;
-        };
-        let value = path.throughput * scatter.weight * color;
-        if !(value.max_component() > 0.0 && value.is_finite()) {
-            return;
-        }
-        let ray = Ray {
-            o: surface.leave(direction).array(),
-            d: direction.array(),
-            t_min: 0.0,
-            t_max: f32::INFINITY,
-        };
-        let value = self.settings.clamped(value, path.bounce > 0);
-        out.shadows.push(ray, path.slot, value);
-    }
-
-    /// Adds what the surface emits, seen along `d`.
-    #[inline(always)]
-    fn add_emission(
-        &self,
-        emission: Vec3,
-        (hit, surface, d): (&Hit, &Surface<'_>, Vec3),
-        path: &Path,
-        out: &mut Out<'_>,
-    ) {
-        let mut emission = path.throughput * emission;
-        if path.pdf.is_finite() {
-            let cos = surface.geometric.dot(d).abs();
-            let distance = path.passed + hit.t;
-            let lights = &self.scene.lights;
-            let density = lights.triangle_pdf(path.receiver, hit.triangle, distance, cos);
-            emission *= power_heuristic(path.pdf, density);
-        }
-        out.sample
-            .add(self.settings.clamped(emission, path.bounce > 1));
-    }
-
     /// What passes tell of the first surface.
     #[inline(always)]
     fn describe(&self, hit: &Hit, surface: &Surface<'_>, sample: &mut PixelSample) {
@@ -320,77 +232,6 @@ impl<'a, const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
         let material = scene.attributes.at(hit.triangle).material();
         (sample.object, sample.material) = scene.indices.of(triangle, material as u32);
         sample.uv = scene.indices.uv(triangle, hit.u, hit.v);
-    }
-
-    /// Ambient occlusion: light arrives from everywhere unless something near is in its way.
-    #[inline(always)]
-    fn look_around(
-        &self,
-        surface: &Surface<'_>,
-        frame: &Frame,
-        random: Numbers,
-        path: &Path,
-        out: &mut Out<'_>,
-    ) {
-        let direction = frame.to_world(cosine_direction(random.direction()));
-        if direction.dot(surface.geometric) > 0.0 {
-            let ray = Ray {
-                o: surface.leave_to_light::<SMOOTH>(direction).array(),
-                d: direction.array(),
-                t_min: 0.0,
-                t_max: self.settings.ambient_distance,
-            };
-            out.shadows.push(ray, path.slot, path.throughput);
-        }
-    }
-
-    /// Sends a shadow ray to a light, if one could bring something.
-    #[inline(always)]
-    fn sample_light(
-        &self,
-        surface: &Surface<'_>,
-        (frame, bsdf): (&Frame, &Bsdf<GLOSSY, GLASS>),
-        (choice, u): (f32, [f32; 2]),
-        path: &Path,
-        out: &mut Out<'_>,
-    ) {
-        let (scene, settings) = (self.scene, self.settings);
-        let Some(light) = scene.lights.sample(path.receiver, choice, u) else {
-            return;
-        };
-        let (f, pdf) = bsdf.eval_lit(frame.to_local(light.direction), light.visible);
-        // Whitted's rays follow mirrors only: nothing else would find the light.
-        let weight = if light.pdf.is_finite() && !self.is(Integrator::Whitted) {
-            power_heuristic(light.pdf, pdf)
-        } else {
-            1.0
-        };
-        let mut value = path.throughput * f * light.radiance * weight;
-        if value.max_component() > 0.0 && !matches!(light.emitter, Emitter::Lamp) {
-            value = value * sent(scene, &light, out.light_registers);
-        }
-        if !(value.max_component() > 0.0 && value.is_finite()) {
-            return;
-        }
-        let value = settings.clamped(value, path.bounce > 0);
-        if !light.casts_shadow {
-            out.sample.add(value);
-            return;
-        }
-        let o = surface.leave_to_light::<SMOOTH>(light.direction);
-        let (d, t_max) = if light.distance.is_finite() {
-            let to = surface.point + light.direction * light.distance;
-            (to - o, BEFORE_LIGHT)
-        } else {
-            (light.direction, f32::INFINITY)
-        };
-        let ray = Ray {
-            o: o.array(),
-            d: d.array(),
-            t_min: 0.0,
-            t_max,
-        };
-        out.shadows.push(ray, path.slot, value);
     }
 
     /// Chooses the direction in which the path goes on, if it does.
@@ -438,32 +279,5 @@ impl<'a, const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH
             t_min: 0.0,
             t_max: f32::INFINITY,
         })
-    }
-}
-
-/// What the emitter of an arrival that is no lamp sends towards the receiver.
-fn sent(scene: &RenderScene, light: &Arrival, registers: &mut Vec<Value>) -> Vec3 {
-    match light.emitter {
-        Emitter::Lamp => Vec3::ONE,
-        Emitter::World => scene.world.radiance(
-            &scene.images,
-            &scene.varying,
-            light.direction,
-            RayKind::Diffuse,
-            registers,
-        ),
-        Emitter::Triangle(triangle, [u, v]) => {
-            let hit = Hit {
-                t: light.distance,
-                triangle,
-                u,
-                v,
-            };
-            let surface = Surface::of(scene, &hit, light.direction);
-            let place = || surface.place(scene, light.direction, RayKind::Diffuse);
-            let material = surface.material;
-            let look = material.look(&scene.images, place, registers);
-            material.dimmed(look.emission, registers, || surface.cosine(light.direction))
-        }
     }
 }
