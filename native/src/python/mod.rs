@@ -14,10 +14,12 @@ mod rays;
 mod registry;
 mod render;
 mod render_args;
+mod scene_args;
 mod seeing;
 mod shader_args;
 mod share;
 mod structure;
+mod surface_args;
 mod trace;
 mod whole;
 

@@ -3,10 +3,9 @@
 
 use super::arrays::describe;
 use super::instances::Instances;
-use super::render_args as args;
-use super::shader_args;
 use super::structure::Structure;
 use super::whole::{Milliseconds, Threads};
+use super::{render_args, scene_args, shader_args, surface_args};
 use crate::error::{Error, Result};
 use crate::render::job::Job;
 use crate::render::scene::{self, SceneParams, SharedTracer};
@@ -105,7 +104,7 @@ impl RenderScene {
             }
             Ok(instances) => {
                 let instances = &instances.get().0;
-                let (meshes, each) = args::surfaces(surfaces, instances)?;
+                let (meshes, each) = surface_args::surfaces(surfaces, instances)?;
                 (
                     Arc::clone(instances) as SharedTracer,
                     Some((Arc::clone(instances), meshes, each)),
@@ -114,14 +113,18 @@ impl RenderScene {
         };
         let params = SceneParams {
             placed,
-            material_index: material_index.map(args::material_index).transpose()?,
-            materials: args::materials(materials)?,
-            corner_normals: corner_normals.map(args::corner_normals).transpose()?,
+            material_index: material_index
+                .map(surface_args::material_index)
+                .transpose()?,
+            materials: scene_args::materials(materials)?,
+            corner_normals: corner_normals
+                .map(surface_args::corner_normals)
+                .transpose()?,
             images: shader_args::images(images)?,
             varying: shader_args::varying(layers, objects, object_index, origin)?,
-            lights: args::lights(lights)?,
-            world: args::world(world)?,
-            indices: args::indices(indices)?,
+            lights: scene_args::lights(lights)?,
+            world: scene_args::world(world)?,
+            indices: surface_args::indices(indices)?,
         };
         let scene = py.detach(|| scene::RenderScene::new(tracer, params))?;
         Ok(Self(Arc::new(scene)))
@@ -291,7 +294,10 @@ fn render(
     settings: &Bound<'_, PyDict>,
     threads: Threads,
 ) -> PyResult<RenderJob> {
-    let (camera, settings) = (args::camera(camera)?, args::settings(settings)?);
+    let (camera, settings) = (
+        render_args::camera(camera)?,
+        render_args::settings(settings)?,
+    );
     let scene = Arc::clone(&scene.0);
     let job = py.detach(|| Job::start(scene, &camera, settings, threads.0))?;
     Ok(RenderJob(job))
