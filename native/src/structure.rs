@@ -21,6 +21,7 @@ use crate::scene::Triangles;
 use crate::spec::Config;
 use crate::traverse::box_tree::BoxTree;
 use crate::traverse::frame::Frame;
+use crate::traverse::nested::Nested;
 use crate::traverse::objects::Objects;
 use crate::traverse::tile::Lately;
 use crate::traverse::wide_tree::WideTree;
@@ -121,6 +122,30 @@ impl Structure {
     }
 }
 
+/// What a tree of planes is laid out as a second time, for rays in flight: nodes of seven planes, or boxes.
+fn second_layout(
+    built: &Built,
+    batches: Batches,
+    monitor: &Monitor,
+) -> Result<(Option<WideTree>, Option<BoxTree<8>>)> {
+    let Layout::Plane(tree, _) = &built.layout else {
+        return Ok((None, None));
+    };
+    match batches {
+        // On its own it takes them only where they leave out all that planes cut off.
+        Batches::Boxes | Batches::Auto if batches == Batches::Boxes || !tree.is_oblique() => {
+            let boxes = BoxTree::of_cells(tree, (&built.frame, &built.blocks), monitor)?;
+            Ok((None, Some(boxes)))
+        }
+        Batches::Wide | Batches::Auto => {
+            let nodes = WideTree::new(tree);
+            monitor.take(nodes.bytes())?;
+            Ok((Some(nodes), None))
+        }
+        _ => Ok((None, None)),
+    }
+}
+
 impl Structure {
     /// Builds `config` over `scene` on `threads` threads, 0 for one per core.
     ///
@@ -141,25 +166,7 @@ impl Structure {
         let start = Instant::now();
         let mut built = pool.install(|| (config.structure().build)(&scene, &config, monitor))?;
         let batches = Batches::new(&config);
-        let (mut wide, mut boxes) = (None, None);
-        match (&built.layout, batches) {
-            // On its own it takes them only where they leave out all that planes cut off.
-            (Layout::Plane(tree, _), Batches::Boxes | Batches::Auto)
-                if batches == Batches::Boxes || !tree.is_oblique() =>
-            {
-                boxes = Some(BoxTree::of_cells(
-                    tree,
-                    (&built.frame, &built.blocks),
-                    monitor,
-                )?);
-            }
-            (Layout::Plane(tree, _), Batches::Wide | Batches::Auto) => {
-                let nodes = WideTree::new(tree);
-                monitor.take(nodes.bytes())?;
-                wide = Some(nodes);
-            }
-            _ => {}
-        }
+        let (wide, boxes) = pool.install(|| second_layout(&built, batches, monitor))?;
         let ropes = match &built.layout {
             Layout::Plane(tree, PlaneWalk::Rope | PlaneWalk::Rope1990) => {
                 let kind = match config.choice("traversal") {
@@ -282,7 +289,7 @@ impl Structure {
             | Layout::OctreeGlassner(tree) => tree.bytes(),
         };
         let more = self.wide.as_ref().map_or(0, WideTree::bytes)
-            + self.boxes.as_ref().map_or(0, BoxTree::size)
+            + self.boxes.as_ref().map_or(0, Nested::bytes)
             + self.ropes.as_ref().map_or(0, Ropes::bytes);
         let whole = self.whole.get().map_or(0, |whole| {
             let Layout::Plane(tree, _) = &whole.layout else {

@@ -95,3 +95,31 @@ def test_python_ends_while_a_thread_is_inside_the_module() -> None:
     search = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     done = subprocess.run([sys.executable, "-c", ENDING], env=search, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout, done.stderr) == (0, "ended", "")
+
+
+THREADS = """
+import time
+from pathlib import Path
+import numpy as np
+import halfspace_native as native
+
+corners = np.random.default_rng(5).random((9000, 3), np.float32)
+triangles = np.arange(9000, dtype=np.int32).reshape(-1, 3)
+tasks = Path("/proc/self/task")
+before = len(list(tasks.iterdir()))
+for row in native.structures():
+    native.build(corners, triangles, row["id"], threads=1)
+    until = time.monotonic() + 20
+    while len(list(tasks.iterdir())) > before:  # a build's threads need a moment to end
+        if time.monotonic() > until:
+            raise SystemExit(row["id"])
+        time.sleep(0.01)
+"""
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="this system does not list a process's threads")
+def test_threads_of_builds_end_with_them() -> None:
+    # In a process of its own: threads that work for no build in particular stay until the end.
+    search = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    done = subprocess.run([sys.executable, "-c", THREADS], env=search, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")

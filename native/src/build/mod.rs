@@ -34,4 +34,4 @@ pub mod space;
 pub mod sweep;
 pub mod tighten;
 
-pub use monitor::Monitor;
+pub use monitor::{Held, Monitor};

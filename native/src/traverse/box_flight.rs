@@ -9,6 +9,7 @@
 use super::blocks::Blocks;
 use super::box_tree::{BoxTree, INNER, Slabs, Wide};
 use super::frame::FrameRay;
+use super::nested::Nested;
 use super::query::{Best, Counters, Query};
 use super::ray::Ray;
 use super::stream::{Next, Steps};
@@ -16,6 +17,7 @@ use crate::build::plane_tree::MAX_DEPTH;
 use crate::geom::vec3::map;
 use crate::scene::Triangles;
 use fearless_simd::{Simd, SimdBase, SimdMask, f32x8, u8x32};
+use rayon::prelude::*;
 
 /// Children of a node.
 const CHILDREN: usize = 8;
@@ -48,9 +50,7 @@ impl BoxTree<8> {
     /// The same tree, with each child in the place of the corner of its node that it is nearest to: bit `k` of a place
     /// says whether the corner is the upper one along axis `k`.
     pub fn by_corners(mut self) -> Self {
-        for node in &mut self.nodes {
-            *node = by_corners(node);
-        }
+        (self.nodes.par_iter_mut()).for_each(|node| *node = by_corners(node));
         self
     }
 }
@@ -186,12 +186,18 @@ impl Steps for Walk<'_> {
         course.pop(reach);
     }
 
-    #[inline(always)]
-    fn general<S: Simd>(&self, _: S, _: &FrameRay, _: &mut Course, _: f32) {}
+    fn bytes(&self) -> usize {
+        self.0.bytes()
+    }
 
     #[inline(always)]
-    fn touch(&self, blocks: &Blocks, course: &Course) -> f32 {
-        blocks.touch(course.next.0)
+    fn fetch_plain(&self, course: &Course) {
+        self.0.nodes[course.next.0 as usize].fetch_ahead();
+    }
+
+    #[inline(always)]
+    fn fetch_leaf(&self, blocks: &Blocks, course: &Course) {
+        blocks.fetch_ahead(course.next.0);
     }
 
     #[inline(always)]
@@ -212,5 +218,58 @@ impl Steps for Walk<'_> {
         } else {
             course.pop(best.reach);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A node whose children are the corners of a cube: `corner(lane)` says which.
+    fn node(corner: impl Fn(usize) -> usize) -> Wide<8> {
+        let mut node = BoxTree::<8>::BLANK;
+        for lane in 0..CHILDREN {
+            for k in 0..3 {
+                let low = if corner(lane) >> k & 1 == 1 { 2.0 } else { 0.0 };
+                (node.bounds[k][lane], node.bounds[3 + k][lane]) = (low, low + 1.0);
+            }
+            (node.link[lane], node.count[lane]) = (corner(lane) as u32, 1);
+        }
+        node
+    }
+
+    /// A wrong place would change no answer, only the time that rays take.
+    #[test]
+    fn children_lie_at_the_corners_that_they_are_nearest_to() {
+        for turn in 0..CHILDREN {
+            let found = by_corners(&node(|lane| (3 * lane + turn) % CHILDREN));
+            assert_eq!(found.link, [0, 1, 2, 3, 4, 5, 6, 7]);
+            assert_eq!(found, node(|lane| lane));
+        }
+    }
+
+    #[test]
+    fn the_nearest_corner_comes_first_whatever_the_direction() {
+        for (octant, order) in ORDER.iter().enumerate() {
+            let last = usize::from(order[4 * (CHILDREN - 1)]) / 4;
+            // The last one is on top of the stack; a ray that goes down along an axis comes from its upper end.
+            assert_eq!(last, octant);
+        }
+    }
+
+    #[test]
+    fn no_child_is_lost_where_several_want_one_corner() {
+        let mut crowded = BoxTree::<8>::BLANK;
+        for lane in 0..5 {
+            for k in 0..3 {
+                (crowded.bounds[k][lane], crowded.bounds[3 + k][lane]) = (1.0, 2.0);
+            }
+            (crowded.link[lane], crowded.count[lane]) = (10 + lane as u32, INNER);
+        }
+        let mut links: Vec<_> = (by_corners(&crowded).link.into_iter())
+            .filter(|&link| link != 0)
+            .collect();
+        links.sort_unstable();
+        assert_eq!(links, [10, 11, 12, 13, 14]);
     }
 }

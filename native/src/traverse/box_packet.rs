@@ -127,6 +127,10 @@ impl<const W: usize> PacketTree for BoxTree<W> {
                     break &self.nodes[next.link as usize];
                 }
                 let leaf = (next.link, next.count as usize);
+                blocks.fetch_ahead(leaf.0);
+                if let Some(further) = stack[..waiting].last() {
+                    self.fetch_ahead((further.link, further.count), blocks);
+                }
                 counters[charged].leaf(leaf.1);
                 let cell = (lanes, &ends);
                 packet_leaf::test::<S, Q, C, L>(simd, (blocks, rays), leaf, packet, cell, counters);

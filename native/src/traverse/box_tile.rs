@@ -65,6 +65,10 @@ impl<const W: usize> TileTree for BoxTree<W> {
                     break &self.nodes[next.link as usize];
                 }
                 let count = next.count as usize;
+                blocks.fetch_ahead(next.link);
+                if let Some(further) = stack[..waiting].last() {
+                    self.fetch_ahead((further.link, further.count), blocks);
+                }
                 counters[0].leaf(count);
                 let kept = tile_leaf::test(
                     simd,

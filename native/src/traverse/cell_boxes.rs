@@ -9,8 +9,9 @@
 use super::blocks::Blocks;
 use super::box_tree::{Binary, BoxTree};
 use super::frame::{AXIS_PAD, Frame};
-use crate::build::Monitor;
+use super::nested::Nested;
 use crate::build::plane_tree::{Node, PlaneTree};
+use crate::build::{Held, Monitor};
 use crate::error::Result;
 use crate::geom::Aabb;
 use crate::geom::vec3::map;
@@ -33,6 +34,8 @@ struct Cells<'a> {
     /// By how much cells reach beyond their planes: far more than builders' planes are off by where they part triangles.
     pad: f32,
     found: Vec<Cell>,
+    /// The room that those take.
+    room: Vec<Held<'a>>,
 }
 
 impl Binary for Cells<'_> {
@@ -62,6 +65,7 @@ impl BoxTree<8> {
             monitor,
             pad: 4.0 * AXIS_PAD * frame.bounds().magnitude(),
             found: Vec::new(),
+            room: Vec::new(),
         };
         let space = Aabb {
             min: [f32::NEG_INFINITY; 3],
@@ -74,10 +78,13 @@ impl BoxTree<8> {
             monitor.check()?;
             Ok(cells.found[place].leaf)
         })?;
-        monitor.take(boxes.size())?;
+        monitor.take(boxes.bytes())?;
         Ok(boxes.by_corners())
     }
 }
+
+/// Cells for which there is room at first.
+const FEWEST: usize = 64;
 
 impl Cells<'_> {
     /// Finds what a subtree holds; returns where its root is, if it holds anything. A node with one child that holds
@@ -90,7 +97,11 @@ impl Cells<'_> {
                 self.monitor.check()?;
                 let bounds = self.inside((first, count), cell);
                 let number = u32::try_from(count).expect("bounded by the scene");
-                return Ok((!bounds.is_empty()).then(|| self.push(bounds, None, (first, number))));
+                return if bounds.is_empty() {
+                    Ok(None)
+                } else {
+                    self.push(bounds, None, (first, number)).map(Some)
+                };
             }
             Node::Axis {
                 axis,
@@ -110,7 +121,7 @@ impl Cells<'_> {
             return Ok(first.or(second));
         };
         let bounds = self.found[first].bounds.union(&self.found[second].bounds);
-        Ok(Some(self.push(bounds, Some([first, second]), (0, 0))))
+        self.push(bounds, Some([first, second]), (0, 0)).map(Some)
     }
 
     /// The box around what a leaf's triangles have inside its cell; empty where they have nothing there.
@@ -129,13 +140,23 @@ impl Cells<'_> {
         bounds
     }
 
-    fn push(&mut self, bounds: Aabb, children: Option<[usize; 2]>, leaf: (u32, u32)) -> usize {
+    fn push(
+        &mut self,
+        bounds: Aabb,
+        children: Option<[usize; 2]>,
+        leaf: (u32, u32),
+    ) -> Result<usize> {
+        if self.found.len() == self.found.capacity() {
+            let more = self.found.len().max(FEWEST);
+            self.room.push(self.monitor.hold(more * size_of::<Cell>())?);
+            self.found.reserve_exact(more);
+        }
         self.found.push(Cell {
             bounds,
             children,
             leaf,
         });
-        self.found.len() - 1
+        Ok(self.found.len() - 1)
     }
 }
 
@@ -144,7 +165,7 @@ mod tests {
     use super::*;
     use crate::oracle::cases::{Random, grid, soup};
     use crate::structure::{Layout, Structure};
-    use crate::traverse::nested::{Look, Nested};
+    use crate::traverse::nested::Look;
     use std::collections::BTreeSet;
 
     /// Leaves of a tree of planes that hold anything.
@@ -186,6 +207,14 @@ mod tests {
                 };
                 let (frame, blocks) = (&built.frame, &built.blocks);
                 let boxes = BoxTree::of_cells(tree, (frame, blocks), &Monitor::new()).unwrap();
+                let limited = Monitor::new();
+                limited.limit_memory(boxes.bytes() as u64);
+                let refused = BoxTree::of_cells(tree, (frame, blocks), &limited);
+                assert_eq!(
+                    refused.is_err(),
+                    !corners.is_empty(),
+                    "what they are made from counts too"
+                );
                 let mut expected = BTreeSet::new();
                 of_planes(tree, tree.root(), &mut expected);
                 let found = of_boxes(&boxes);

@@ -165,9 +165,23 @@ impl Steps for Walk<'_> {
         course.pop(reach);
     }
 
+    fn bytes(&self) -> usize {
+        self.0.bytes()
+    }
+
     #[inline(always)]
-    fn touch(&self, blocks: &Blocks, course: &Course) -> f32 {
-        blocks.touch(self.0.leaf(course.next.0).0)
+    fn fetch_plain(&self, course: &Course) {
+        self.0.fetch_ahead::<1>(course.next.0);
+    }
+
+    #[inline(always)]
+    fn fetch_general(&self, course: &Course) {
+        self.0.fetch_ahead::<3>(course.next.0);
+    }
+
+    #[inline(always)]
+    fn fetch_leaf(&self, blocks: &Blocks, course: &Course) {
+        blocks.fetch_ahead(self.0.leaf(course.next.0).0);
     }
 
     #[inline(always)]

@@ -4,7 +4,8 @@
 //!
 //! A single ray waits for its own arithmetic and fetches, and the processor cannot guess what comes next, a
 //! node or a leaf. Sorted by what they need, rays run through loops without such a question, and one ray's
-//! work fills the time in which another waits.
+//! work fills the time in which another waits. What a ray needs next is asked for as soon as that is known: guessing
+//! wrong, the processor would else wait for memory before it found out, and for nothing of the other rays meanwhile.
 
 use super::batch::{self, Batch};
 use super::blocks::Blocks;
@@ -21,6 +22,9 @@ const FLIGHT: usize = 16;
 
 /// While no more rays than these wait before leaves, the others go on.
 const LEAVES: usize = 8;
+
+/// Nodes of no more bytes than this are not asked for ahead: they lie in caches from which they come soon enough.
+const CLOSE: usize = 4 << 20;
 
 /// What a ray needs next: the two highest bits of a word that names a node. A number, for rays are queued
 /// by it, which must not take a branch.
@@ -69,11 +73,26 @@ pub trait Steps: Sync {
     /// A step through a plain node, then to what lies nearer than `reach`.
     fn plain<S: Simd>(&self, simd: S, course: &mut Self::Course, reach: f32);
 
-    /// A step through a node of the other kind.
-    fn general<S: Simd>(&self, simd: S, ray: &FrameRay, course: &mut Self::Course, reach: f32);
+    /// A step through a node of the other kind; in trees of one kind there is nothing to do.
+    #[inline(always)]
+    fn general<S: Simd>(&self, simd: S, ray: &FrameRay, course: &mut Self::Course, reach: f32) {
+        let _ = (simd, ray, course, reach);
+    }
 
-    /// Reads a little of what the ray needs next, so that it is at hand by then.
-    fn touch(&self, blocks: &Blocks, course: &Self::Course) -> f32;
+    /// Size of the nodes in bytes.
+    fn bytes(&self) -> usize;
+
+    /// Asks for the plain node that the ray needs next.
+    fn fetch_plain(&self, course: &Self::Course);
+
+    /// Asks for the node of the other kind that the ray needs next.
+    #[inline(always)]
+    fn fetch_general(&self, course: &Self::Course) {
+        let _ = course;
+    }
+
+    /// Asks for the leaf that the ray needs next.
+    fn fetch_leaf(&self, blocks: &Blocks, course: &Self::Course);
 
     /// Tests the triangles of a leaf.
     fn leaf<S: Simd, Q: Query, C: Counters>(
@@ -186,6 +205,7 @@ impl<'a> Batch<'a> {
         let triangles = (self.scene, self.blocks);
         let mut cache = self.cache::<Q>();
         let mut late = Late::new();
+        let far = walk.bytes() > CLOSE;
         let mut following = 0;
         let mut flights: Vec<Flight<'a, W>> = Vec::with_capacity(FLIGHT);
         let mut queues = Queues {
@@ -228,20 +248,37 @@ impl<'a> Batch<'a> {
                     queues.push(walk.next(&flight.course), ray);
                 }
             }
+            let mut fetched = 0;
             loop {
-                for i in 0..queues.take(Next::PLAIN) {
+                let plain = queues.take(Next::PLAIN);
+                for i in 0..if far { plain } else { 0 } {
+                    let ray = queues.ray(Next::PLAIN, i);
+                    walk.fetch_plain(&flights[ray as usize].course);
+                }
+                for i in 0..plain {
                     let ray = queues.ray(Next::PLAIN, i);
                     let flight = &mut flights[ray as usize];
                     walk.plain(simd, &mut flight.course, flight.best.reach);
                     queues.push(walk.next(&flight.course), ray);
                 }
-                for i in 0..queues.take(Next::GENERAL) {
+                let general = queues.take(Next::GENERAL);
+                for i in 0..if far { general } else { 0 } {
+                    let ray = queues.ray(Next::GENERAL, i);
+                    walk.fetch_general(&flights[ray as usize].course);
+                }
+                for i in 0..general {
                     let ray = queues.ray(Next::GENERAL, i);
                     let flight = &mut flights[ray as usize];
                     let reach = flight.best.reach;
                     walk.general(simd, &flight.frame, &mut flight.course, reach);
                     queues.push(walk.next(&flight.course), ray);
                 }
+                // The sooner leaves are asked for, the more steps of other rays lie between.
+                for i in fetched..queues.count(Next::LEAF) {
+                    let ray = queues.ray(Next::LEAF, i);
+                    walk.fetch_leaf(self.blocks, &flights[ray as usize].course);
+                }
+                fetched = queues.count(Next::LEAF);
                 let inner = queues.count(Next::PLAIN) + queues.count(Next::GENERAL);
                 // Leaves are long in coming.
                 if inner == 0 || queues.count(Next::LEAF) + queues.count(Next::OVER) > LEAVES {
@@ -249,12 +286,6 @@ impl<'a> Batch<'a> {
                 }
             }
             let leaves = queues.take(Next::LEAF);
-            let mut touched = 0.0;
-            for i in 0..leaves {
-                let ray = queues.ray(Next::LEAF, i);
-                touched += walk.touch(self.blocks, &flights[ray as usize].course);
-            }
-            std::hint::black_box(touched);
             for i in 0..leaves {
                 let ray = queues.ray(Next::LEAF, i);
                 let flight = &mut flights[ray as usize];
