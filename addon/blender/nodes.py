@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import bpy
@@ -23,12 +23,34 @@ class Unsupported(Exception):
     """A node that has no meaning here. The message is its name for the user."""
 
 
+class Links:
+    """What feeds each input of the trees met so far: Blender itself looks through all links of a tree for every socket.
+
+    For one reading of trees that nobody changes meanwhile.
+    """
+
+    def __init__(self) -> None:
+        self._feeding: dict[int, dict[int, Any]] = {}
+
+    def feeding(self, socket: Any) -> Any:
+        """The output at the other end of an input's link, or None."""
+        tree = socket.id_data
+        key = tree.as_pointer()
+        if key not in self._feeding:
+            found = self._feeding[key] = {}
+            for link in tree.links:
+                if link.is_valid and not link.is_muted:
+                    found.setdefault(link.to_socket.as_pointer(), link.from_socket)
+        return self._feeding[key].get(socket.as_pointer())
+
+
 @dataclass(frozen=True)
 class Place:
-    """A socket together with the group nodes that lead to its tree, outermost first."""
+    """A socket together with the group nodes that lead to its tree, outermost first, and the links of its trees."""
 
     socket: Any
     groups: tuple[Any, ...] = ()
+    links: Links = field(default_factory=Links, repr=False, compare=False)
 
     @property
     def node(self) -> Any:
@@ -38,7 +60,15 @@ class Place:
     def input(self, name: str) -> Place | None:
         """An input of this place's node by name; None where this version of Blender has no such input."""
         socket = self.node.inputs.get(name)
-        return None if socket is None else Place(socket, self.groups)
+        return None if socket is None else self.beside(socket)
+
+    def beside(self, socket: Any) -> Place:
+        """Another socket in the same tree."""
+        return Place(socket, self.groups, self.links)
+
+    def within(self, groups: tuple[Any, ...], socket: Any) -> Place:
+        """A socket of the tree that these group nodes lead to."""
+        return Place(socket, groups, self.links)
 
     def source(self) -> Place:
         """Where the value of this input comes from: an output of a node that computes it, or an unlinked input.
@@ -69,21 +99,21 @@ def _before(place: Place) -> Place | None:
     """One step towards the source, or None when the value is made here."""
     socket, groups, node = place.socket, place.groups, place.node
     if not socket.is_output:
-        link = next((link for link in socket.links if link.is_valid and not link.is_muted), None)
-        return None if link is None else Place(link.from_socket, groups)
+        feeding = place.links.feeding(socket)
+        return None if feeding is None else place.beside(feeding)
     if node.mute:
         link = next((link for link in node.internal_links if link.to_socket == socket), None)
-        return None if link is None else Place(link.from_socket, groups)
+        return None if link is None else place.beside(link.from_socket)
     match node.bl_idname:
         case "NodeReroute":
-            return Place(node.inputs[0], groups)
+            return place.beside(node.inputs[0])
         case "ShaderNodeGroup" if node.node_tree is not None:
             inside = next(
                 (n for n in node.node_tree.nodes if n.bl_idname == "NodeGroupOutput" and n.is_active_output), None
             )
-            return None if inside is None else Place(_twin(inside.inputs, socket), (*groups, node))
+            return None if inside is None else place.within((*groups, node), _twin(inside.inputs, socket))
         case "NodeGroupInput" if groups:
-            return Place(_twin(groups[-1].inputs, socket), groups[:-1])
+            return place.within(groups[:-1], _twin(groups[-1].inputs, socket))
     return None
 
 

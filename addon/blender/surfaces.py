@@ -30,6 +30,9 @@ MOST_PRINCIPLED = 4
 DEEPEST = 32
 """Mixes within mixes that are followed."""
 
+MOST_READ = 4096
+"""Inputs of the shader kind that are followed. Each mix whose two sides come from one node doubles them."""
+
 
 @dataclass
 class Surface:
@@ -38,6 +41,7 @@ class Surface:
     values: Values
     viewport: tuple[float, ...]
     closures: list[Closure] = field(default_factory=list)
+    followed: int = 0
 
     def remark(self, what: str) -> None:
         """Something is not rendered as asked."""
@@ -45,6 +49,9 @@ class Surface:
 
     def read(self, place: Place, weight: Operand = 1.0, depth: int = 0) -> None:
         """Take over what an input of the shader kind receives. Raises Unsupported, naming the node."""
+        self.followed += 1
+        if self.followed > MOST_READ:
+            raise Unsupported(f"More than {MOST_READ} shaders")
         source = place.source()
         if not source.socket.is_output or weight == 0.0:
             return
@@ -55,14 +62,14 @@ class Surface:
                 self._mix(source, weight, depth)
             case "ShaderNodeAddShader":
                 for socket in source.node.inputs[:2]:
-                    self.read(Place(socket, source.groups), weight, depth + 1)
+                    self.read(source.beside(socket), weight, depth + 1)
             case kind if kind in SHADERS:
                 SHADERS[kind](self, source, weight)
             case _:
                 raise Unsupported(source.node.bl_label)
 
     def _mix(self, node: Place, weight: Operand, depth: int) -> None:
-        factor_socket, first, second = (Place(socket, node.groups) for socket in node.node.inputs[:3])
+        factor_socket, first, second = (node.beside(socket) for socket in node.node.inputs[:3])
         factor = self.values.value(factor_socket)
         if isinstance(factor, float):
             factor = min(max(factor, 0.0), 1.0)

@@ -163,7 +163,7 @@ def _mix(values: Values, node: Place) -> Operand:
     names = {"FLOAT": "Float", "VECTOR": "Vector", "RGBA": "Color"}
     if kind not in names:
         raise Unsupported(f"Mix ({kind.lower()})")
-    sockets = {socket.identifier: Place(socket, node.groups) for socket in item.inputs}
+    sockets = {socket.identifier: node.beside(socket) for socket in item.inputs}
     uneven = kind == "VECTOR" and item.factor_mode == "NON_UNIFORM"
     if uneven:
         raise Unsupported("Mix (vector, non-uniform)")
@@ -339,15 +339,15 @@ def _hue_saturation(values: Values, node: Place) -> Operand:
 
 def _normal_map(values: Values, node: Place) -> Operand:
     item = node.node
+    # Before its inputs: what fails is not remembered, and a chain of it would read them twice as often at each node.
+    if item.space not in ("TANGENT", "OBJECT", "WORLD"):
+        raise Unsupported(f"Normal Map ({item.space.replace('_', ' ').lower()})")
     color, strength = values.input(node, "Color"), values.input(node, "Strength")
-    match item.space:
-        case "TANGENT":
-            layer = values.layers.number(TANGENT, item.uv_map)
-            return values.step("normal_map", color, strength, layer=layer)
-        case "OBJECT" | "WORLD":
-            values.layers.objects |= item.space == "OBJECT"
-            return values.step("normal_map_space", color, strength, object=item.space == "OBJECT")
-    raise Unsupported(f"Normal Map ({item.space.replace('_', ' ').lower()})")
+    if item.space == "TANGENT":
+        layer = values.layers.number(TANGENT, item.uv_map)
+        return values.step("normal_map", color, strength, layer=layer)
+    values.layers.objects |= item.space == "OBJECT"
+    return values.step("normal_map_space", color, strength, object=item.space == "OBJECT")
 
 
 def _layer_weight(values: Values, node: Place) -> Operand:

@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 DEEPEST = 100
 """Longer chains of nodes are not followed."""
 
+MOST_STEPS = 4096
+"""What the native module takes. Groups within groups that use each other twice double them at each level."""
+
 
 class Layers:
     """What all materials read at the corners of triangles, numbered."""
@@ -66,7 +69,8 @@ class Values:
         self._open: list[Any] = []
 
     def step(self, op: str, *args: Operand, **settings: Any) -> int:
-        """Write a step. Returns its number."""
+        """Write a step. Returns its number. Raises Unsupported where there are too many."""
+        self._check_room()
         self.steps.append({"op": op, "args": args, **settings})
         return len(self.steps) - 1
 
@@ -84,7 +88,7 @@ class Values:
     def input(self, node: Place, name: str | int, absent: Operand = 0.0) -> Operand:
         """The value of a node's input; `absent` where this version of Blender has no such input."""
         if isinstance(name, int):
-            return self.value(Place(node.node.inputs[name], node.groups))
+            return self.value(node.beside(node.node.inputs[name]))
         place = node.input(name)
         return absent if place is None else self.value(place)
 
@@ -119,6 +123,8 @@ class Values:
         key = (tuple(group.as_pointer() for group in source.groups), node.as_pointer(), socket.identifier)
         if key in self._known:
             return self._known[key]
+        # Also before the inputs are read: they may be as many again in every group.
+        self._check_room()
         write = NODES.get(node.bl_idname)
         if write is None:
             raise Unsupported(node.bl_label)
@@ -133,6 +139,10 @@ class Values:
             self._open.pop()
         self._known[key] = operand
         return operand
+
+    def _check_room(self) -> None:
+        if len(self.steps) >= MOST_STEPS:
+            raise Unsupported(f"More than {MOST_STEPS} steps")
 
     def _converted(self, operand: Operand, have: str, want: str) -> Operand:
         numbers = ("VALUE", "INT", "BOOLEAN")

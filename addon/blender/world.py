@@ -62,14 +62,24 @@ def _read(
     values.sun_strength = _sky_strength(output)
     try:
         surface.read(Place(output.inputs["Surface"]))
+        total = _total(surface)
     except Unsupported as unsupported:
         remark(str(unsupported))
         return plain, *nothing
+    if total is None:
+        return World(), *nothing
+    if isinstance(total, tuple):
+        return World(_positive(total)), *nothing
+    return World((0.0, 0.0, 0.0), tuple(values.steps), total), values.images, values.suns
+
+
+def _total(surface: Surface) -> Any:
+    """What all shaders of a world send together, a colour or a step; None where there are none. Raises Unsupported."""
     # A background and an emission are the same here; other shaders have no meaning.
     total: Any = None
     for closure in surface.closures:
         if closure.kind != "emission":
-            remark(f"A {closure.kind} shader")
+            surface.remark(f"A {closure.kind} shader")
             continue
         part = surface.emitted(closure.inputs["emission"], closure.inputs["weight"])
         if total is None:
@@ -77,12 +87,8 @@ def _read(
         elif isinstance(total, tuple) and isinstance(part, tuple):
             total = tuple(a + b for a, b in zip(total, part, strict=False))
         else:
-            total = values.step("vector_math", total, part, 0.0, kind="ADD")
-    if total is None:
-        return World(), *nothing
-    if isinstance(total, tuple):
-        return World(_positive(total)), *nothing
-    return World((0.0, 0.0, 0.0), tuple(values.steps), total), values.images, values.suns
+            total = surface.values.step("vector_math", total, part, 0.0, kind="ADD")
+    return total
 
 
 def _sky_strength(output: Any) -> float | None:
@@ -91,7 +97,7 @@ def _sky_strength(output: Any) -> float | None:
         shader = Place(output.inputs["Surface"]).source()
         if shader.node.bl_idname != "ShaderNodeBackground":
             return None
-        color, strength = (Place(shader.node.inputs[name], shader.groups).source() for name in ("Color", "Strength"))
+        color, strength = (shader.beside(shader.node.inputs[name]).source() for name in ("Color", "Strength"))
         if color.node.bl_idname != "ShaderNodeTexSky" or strength.socket.is_output:
             return None
         vector = color.input("Vector")
