@@ -152,15 +152,20 @@ def box(mesh: Any) -> tuple[tuple[float, ...], tuple[float, ...]]:
     return tuple(size - place), tuple(0.5 / size)
 
 
+def width(placements: Sequence[Placement], key: Key) -> int:
+    """How many numbers the layer has at each corner, 0 where no mesh has it."""
+    return max((p.mesh.layers[key].shape[2] for p in placements if key in p.mesh.layers), default=0)
+
+
 def assemble_layers(placements: Sequence[Placement], keys: Sequence[Key], count: int) -> tuple[F32 | None, ...]:
     """Each layer over the `count` triangles of all placements in their order; None for one that no mesh has."""
     out: list[F32 | None] = []
     for key in keys:
-        widths = {p.mesh.layers[key].shape[2] for p in placements if key in p.mesh.layers}
-        if not widths:
+        numbers = width(placements, key)
+        if not numbers:
             out.append(None)
             continue
-        layer = np.zeros((count, 3, max(widths)), np.float32)
+        layer = np.zeros((count, 3, numbers), np.float32)
         if layer.shape[2] == 4:
             layer[..., 3] = 1
         start = 0

@@ -132,7 +132,9 @@ def assemble(
     vertex_count = sum(len(p.names) * len(p.mesh.positions) for p in placements)
     triangle_count = sum(len(p.names) * len(p.mesh.triangles) for p in placements)
     smooth = any(p.mesh.normals is not None for p in placements)
-    _check_room(triangle_count, 12 * vertex_count + (16 + 36 * smooth + 24 * uvs) * triangle_count)
+    # A layer is as long as the scene, also where a single mesh has it.
+    read = 12 * sum(texture_layers.width(placements, key) for key in layers)
+    _check_room(triangle_count, 12 * vertex_count + (16 + 36 * smooth + 24 * uvs + read) * triangle_count, read)
     vertices = np.empty((vertex_count, 3), np.float32)
     triangles = np.empty((triangle_count, 3), np.int32)
     material_index = np.empty(triangle_count, np.int32)
@@ -182,12 +184,12 @@ def assemble(
     )
 
 
-def _check_room(triangles: int, size: int) -> None:
+def _check_room(triangles: int, size: int, read: int) -> None:
     """Raise SceneError where the copies would be more than a tree can name or than fits into memory."""
     if triangles > MOST_TRIANGLES or size > native.load().free_memory():
         raise SceneError(
             f"Every copy of every instance together: {triangles:,} triangles, {size / 2**30:.1f} GiB, do not fit; "
-            "keep the instances in two levels"
+            + ("let materials read fewer different attributes" if read else "keep the instances in two levels")
         )
 
 

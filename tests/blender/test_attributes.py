@@ -6,9 +6,13 @@ from __future__ import annotations
 from typing import Any
 
 import bpy
+import halfspace_native
 import numpy as np
 import pytest
 from shapes import cube, material, node, read
+
+from addon.blender import layers
+from addon.core.scene import SceneError
 
 
 @pytest.fixture
@@ -71,3 +75,14 @@ def test_what_an_unused_material_reads_is_not_missed(scene: Any, add: Any) -> No
     paint.node_tree.links.new(image.outputs[0], shader.inputs["Base Color"])
     bpy.data.meshes["Cube"].materials.append(paint)
     assert read()[1] == ["No mesh has the UV map 'nowhere', it is 0 everywhere, in material: Unused"]
+
+
+def test_more_attributes_than_fit_over_the_whole_scene_are_refused_before_any_is_copied(
+    box: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    box.attributes.new("wear", "FLOAT_COLOR", "CORNER")
+    monkeypatch.setattr(layers, "assemble_layers", lambda *_: pytest.fail("they were copied"))
+    # The triangles and their corners alone would have room: 12 triangles of 8 vertices, flat.
+    monkeypatch.setattr(halfspace_native, "free_memory", lambda: 12 * 8 + 16 * 12)
+    with pytest.raises(SceneError, match=r"12 triangles, .* do not fit; let materials read fewer different attributes"):
+        read()
