@@ -52,8 +52,7 @@ class Asked:
         if "asked" in line:
             found = line["asked"]
             for scene in found["scenes"]:
-                known = self.specs.setdefault((found["run"], scene), [])
-                known += [spec for spec in found["specs"] if spec not in known]
+                self._ask((found["run"], scene), found["specs"])
         elif "reached" in line:
             found = line["reached"]
             self.names[found["run"], found["scene"]] = found["name"]
@@ -67,11 +66,14 @@ class Asked:
             return False
         return True
 
+    def _ask(self, place: Place, specs: Iterable[str]) -> None:
+        """Add what is not yet asked of a scene; each time that a run goes on it asks for all again."""
+        self.specs[place] = list(dict.fromkeys([*self.specs.get(place, ()), *specs]))
+
     def merge(self, other: Asked) -> None:
         """Take over what another journal knows."""
         for place, specs in other.specs.items():
-            known = self.specs.setdefault(place, [])
-            known += [spec for spec in specs if spec not in known]
+            self._ask(place, specs)
         self.names |= other.names
         self.failures |= other.failures
 

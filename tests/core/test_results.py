@@ -13,6 +13,7 @@ import halfspace_native
 import pytest
 
 from addon.core import results
+from addon.core.asked import Asked
 
 HERE = {"name": "here", "cores": 2}
 
@@ -346,3 +347,26 @@ def test_a_document_names_the_build_of_the_compiled_module(tmp_path: Path) -> No
         assert made[-1]["native"] == results.native_fingerprint(module)
     assert made[0]["native"] != made[1]["native"]
     assert made[0] | {"native": ""} == made[1] | {"native": ""}
+
+
+def test_what_is_asked_again_is_not_looked_for_in_a_list():
+    compared = []
+
+    class Told(str):
+        __hash__ = str.__hash__
+
+        def __eq__(self, other):
+            compared.append(other)
+            return str.__eq__(self, other)
+
+    def specs():
+        return [Told(f"kd:alpha=0.{i}") for i in range(1000)]
+
+    asked = Asked()
+    for _ in range(2):
+        asked.take({"asked": {"run": "a", "scenes": ["room"], "specs": specs()}})
+    other = Asked()
+    other.take({"asked": {"run": "a", "scenes": ["room"], "specs": [*specs(), "kd"]}})
+    asked.merge(other)
+    assert asked.specs["a", "room"] == [*specs(), "kd"]
+    assert len(compared) < 10_000
