@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -60,7 +60,7 @@ SWEEP_IDS = ("bsp-random", "bsp-wn", "bsp-cn", "bsp-hybrid")
 """What their ids begin with."""
 
 MOST = 100_000
-"""Configurations that one list may grow to."""
+"""Configurations that one list may grow to, and values of one option."""
 
 SHOWN = 20
 """Values of a list that a message names."""
@@ -77,11 +77,21 @@ def numbers(text: str, option: str = "") -> list[str]:
     option: of a command line, whose text it is. Raises SpecError, which names it.
     """
     try:
-        return [value for part in text.split(",") for value in _values(part.strip())]
+        return _at_most(_values(part.strip()) for part in text.split(","))
     except SpecError as error:
         if not option:
             raise
         raise SpecError(f"{option}: {error}") from error
+
+
+def _at_most(lists: Iterable[list[str]]) -> list[str]:
+    """All of these lists together. Raises SpecError as soon as they are too many."""
+    found: list[str] = []
+    for one in lists:
+        found += one
+        if len(found) > MOST:
+            raise SpecError(f"these are more than {MOST:,} values")
+    return found
 
 
 def _values(part: str) -> list[str]:
@@ -107,11 +117,11 @@ def _spread_out(spec: str) -> list[str]:
     choices = []
     count = 1
     for key, equals, value in _parts(spec):
-        found = [v for part in value.split("|") for v in (_values(part.strip()) if ".." in part else [part.strip()])]
+        found = _at_most(_values(part.strip()) if ".." in part else [part.strip()] for part in value.split("|"))
         choices.append([f"{key}{equals}{one}" for one in found])
         count *= len(found)
-    if count > MOST:
-        raise SpecError(f"{spec!r} stands for more than {MOST:,} configurations")
+        if count > MOST:
+            raise SpecError(f"{spec!r} stands for more than {MOST:,} configurations")
     return [joined(structure_of(spec), *given) for given in itertools.product(*choices)]
 
 
@@ -144,16 +154,23 @@ def expand(
             raise SpecError(
                 f"unknown structure {part!r}; there are {', '.join(rows)}; families: {', '.join(families)}, all"
             )
+        if len(chosen) > MOST:
+            raise SpecError(f"these are more than {MOST:,} configurations")
     if not chosen:
         raise SpecError("no structure is named")
     unused = set(ranges) - {p["name"] for spec in chosen for p in rows[structure_of(spec)]["parameters"]}
     if unused:
-        raise SpecError(f"none of the structures {', '.join(chosen)} has the parameter {min(unused)!r}")
+        raise SpecError(f"none of the structures {_shortened(chosen, ', ')} has the parameter {min(unused)!r}")
     told = left_out if left_out is not None else []
-    taken = {spec: _allowed(spec, rows, ranges, told) for spec in dict.fromkeys(chosen)}
     # Counted before they are made: some forty structures with many seeds each are millions.
-    if sum(math.prod(map(len, allowed.values())) for allowed in taken.values()) > MOST:
-        raise SpecError(f"these are more than {MOST:,} configurations")
+    inside = _Inside(rows, ranges)
+    taken: dict[str, dict[str, list[str]]] = {}
+    count = 0
+    for spec in dict.fromkeys(chosen):
+        taken[spec] = _allowed(spec, inside, told)
+        count += math.prod(map(len, taken[spec].values()))
+        if count > MOST:
+            raise SpecError(f"these are more than {MOST:,} configurations")
     return list(dict.fromkeys(made for spec, allowed in taken.items() for made in _with_values(spec, allowed)))
 
 
@@ -189,33 +206,51 @@ def values(spec: str, structures: Sequence[Mapping[str, Any]]) -> dict[str, Any]
     return found
 
 
-def _allowed(
-    spec: str, rows: Mapping[str, Any], ranges: Mapping[str, Sequence[str]], left_out: list[str]
-) -> dict[str, list[str]]:
-    """The values that each parameter takes in turn which the structure has and the configuration does not set."""
-    given = {key for key, _ in pairs(spec)}
-    known = {parameter["name"]: parameter for parameter in rows[structure_of(spec)]["parameters"]}
-    allowed: dict[str, list[str]] = {}
-    for key, wanted in ranges.items():
-        if key not in known or key in given:
-            continue
-        low, high = known[key].get("min"), known[key].get("max")
-        allowed[key] = []
+class _Inside:
+    """For each structure the values of `ranges` that its parameters allow, judged once for all its configurations."""
+
+    def __init__(self, rows: Mapping[str, Any], ranges: Mapping[str, Sequence[str]]) -> None:
+        self._rows, self._ranges = rows, ranges
+        self._known: dict[str, dict[str, tuple[list[str], str]]] = {}
+
+    def of(self, structure: str) -> dict[str, tuple[list[str], str]]:
+        """By parameter that it has, the values allowed and, where there are others, words about those."""
+        if structure not in self._known:
+            known = {parameter["name"]: parameter for parameter in self._rows[structure]["parameters"]}
+            self._known[structure] = {
+                key: self._parted(key, wanted, known[key]) for key, wanted in self._ranges.items() if key in known
+            }
+        return self._known[structure]
+
+    @staticmethod
+    def _parted(key: str, wanted: Sequence[str], parameter: Mapping[str, Any]) -> tuple[list[str], str]:
+        low, high = parameter.get("min"), parameter.get("max")
+        allowed: list[str] = []
         others: list[str] = []
         for value in wanted:
-            (allowed[key] if _inside(value, low, high) else others).append(value)
+            (allowed if _inside(value, low, high) else others).append(value)
+        return allowed, f"{key}={_shortened(others)}: it goes from {low:g} to {high:g}" if others else ""
+
+
+def _allowed(spec: str, inside: _Inside, left_out: list[str]) -> dict[str, list[str]]:
+    """The values that each parameter takes in turn which the structure has and the configuration does not set."""
+    given = {key for key, _ in pairs(spec)}
+    allowed: dict[str, list[str]] = {}
+    for key, (found, others) in inside.of(structure_of(spec)).items():
+        if key in given:
+            continue
+        allowed[key] = found
         if others:
-            words = f"{spec}: {key}={_shortened(others)}: it goes from {low:g} to {high:g}"
-            if not allowed[key]:
-                raise SpecError(words)
-            left_out.append(words)
+            if not found:
+                raise SpecError(f"{spec}: {others}")
+            left_out.append(f"{spec}: {others}")
     return allowed
 
 
-def _shortened(texts: Sequence[str]) -> str:
+def _shortened(texts: Sequence[str], comma: str = ",") -> str:
     """A list of values, of which a reader sees no more than a line."""
     more = len(texts) - SHOWN
-    return ",".join(texts[:SHOWN]) + (f" and {more} more" if more > 0 else "")
+    return comma.join(texts[:SHOWN]) + (f" and {more} more" if more > 0 else "")
 
 
 def _with_values(spec: str, allowed: Mapping[str, Sequence[str]]) -> Iterator[str]:

@@ -80,8 +80,9 @@ class Sweep:
         keys = [results.key(workload.name, scene, spec, *self.identity) for spec in self.chosen]
         mine = [i for i in range(len(self.chosen)) if self.shard.has(number * len(self.chosen) + i)]
         missing = [i for i in mine if keys[i] not in known or rows.lacks(known[keys[i]].row) is not None]
+        lost = set(missing)
         for index in mine:
-            if index not in missing:
+            if index not in lost:
                 # A row that another command line asked for has another place there.
                 self.entries[number, index] = dataclasses.replace(known[keys[index]], order=(number, index))
         if missing and len(missing) < len(mine):

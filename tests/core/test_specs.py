@@ -176,6 +176,25 @@ def test_values_without_number_are_counted_before_configurations_are_made_of_the
     assert told == [f"rbsp-kd: k=0,1,2,{','.join(map(str, range(27, 44)))} and 99956 more: it goes from 3 to 26"]
 
 
+def test_lists_are_counted_while_they_grow() -> None:
+    every = halfspace_native.structures()
+    with pytest.raises(specs.SpecError, match="more than 100,000 values"):
+        specs.numbers(",".join(["0-99999"] * 2000))
+    with pytest.raises(specs.SpecError, match="more than 100,000 values"):
+        specs.expand("kd:leaf_size=" + "|".join(["0..99999"] * 2000), every, {})
+    with pytest.raises(specs.SpecError, match="more than 100,000 configurations"):
+        specs.expand(",".join(["kd:leaf_size=0..99999"] * 2000), every, {})
+    # Some 10^10 steps each, if the values were judged for each configuration of the same structure, or to the end.
+    for name in ("seed", "k"):
+        with pytest.raises(specs.SpecError, match="more than 100,000 configurations"):
+            specs.expand("bsp-random:alpha=0..99999", every, {name: specs.numbers("0-99999")})
+    with pytest.raises(
+        specs.SpecError, match=r"^none of the structures kd:leaf_size=0, .* and 99980 more has the"
+    ) as told:
+        specs.expand("kd:leaf_size=0..99999", every, {"k": ["3"]})
+    assert len(str(told.value)) < 1000
+
+
 def test_a_configuration_in_other_words_is_the_same() -> None:
     written = specs.expand(
         "kd:,kd,kd:traversal=auto,kd:traversal=dir,kd:traversal=dir", halfspace_native.structures(), {}

@@ -17,7 +17,7 @@ import halfspace_native
 import numpy as np
 import pytest
 
-from addon.core import benchmark, cluster, rows, thesis, workload
+from addon.core import benchmark, cluster, rows, sweep, thesis, workload
 
 LARGE = os.environ.get("HALFSPACE_LARGE_SWEEP")
 """Set it for the check of 2,079 rows on a cluster; it takes some minutes."""
@@ -425,3 +425,18 @@ def test_a_cluster_that_is_not_there_is_one_line(
     lines = [line for line in capsys.readouterr().err.splitlines() if line.startswith("bench:")]
     assert len(lines) == 1
     assert "no workers" in lines[0]
+
+
+def test_many_missing_rows_are_not_looked_for_in_a_list() -> None:
+    chosen = [f"kd:leaf_size={n}" for n in range(100_000)]
+    asked: list[str] = []
+    # Most of a minute, if each were compared with all.
+    own = sweep.Sweep(chosen, benchmark.Options(), [], scenes=["little"])
+    scene = workload.Workload(
+        "little",
+        np.eye(3, dtype=np.float32),
+        np.array([[0, 1, 2]], np.int32),
+        workload.View(np.zeros(3), np.ones(3), np.array([0.0, 0.0, 1.0]), 45.0),
+    )
+    assert own.run(0, scene, lambda _, wanted, __: iter(asked.extend(wanted) or ()), print) == []
+    assert asked == chosen
