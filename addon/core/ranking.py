@@ -68,9 +68,12 @@ def rank(rows: Sequence[Row], name: str) -> Ranking | None:
     timed = max(units.values(), key=len, default=[])
     if len(timed) < 2:
         return None
+    ranked = set(map(id, timed))
     first, *others = sorted(timed, key=lambda row: -float(np.median(speeds(row, name))))
-    equal = [row for row in others if not faster(first, row, name)]
-    slower = [row for row in others if row not in equal]
+    equal: list[Row] = []
+    slower: list[Row] = []
+    for row in others:
+        (slower if faster(first, row, name) else equal).append(row)
     ratios = against(first, slower[0], name) if slower else np.ones(1)
     return Ranking(
         first,
@@ -81,7 +84,7 @@ def rank(rows: Sequence[Row], name: str) -> Ranking | None:
         float(ratios.max()),
         max(noise(row, name) for row in (first, *equal, *slower[:1])),
         min(len(_known(row, name)["rounds"]) for row in timed),
-        [row for row in able if row not in timed],
+        [row for row in able if id(row) not in ranked],
     )
 
 

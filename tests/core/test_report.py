@@ -90,6 +90,27 @@ def test_rows_of_different_rounds_are_compared_through_their_anchor() -> None:
     assert "cannot be told apart" in said(row("a", 2.0), overlapping)
 
 
+def test_many_rows_are_not_compared_with_each_other() -> None:
+    compared: list[Any] = []
+
+    class Told(dict[str, Any]):
+        __hash__ = None  # type: ignore[assignment]
+
+        def __eq__(self, other: object) -> bool:
+            compared.append(other)
+            return super().__eq__(other)
+
+    many = [Told(row(f"kd:leaf_size={n}")) for n in range(200)]
+    for n, each in enumerate(many):
+        each |= {"anchor": None, "round_id": str(n // 100)}
+        each["rays"]["primary"]["anchor_rounds"] = []
+    found = ranking.rank(many, "primary")
+    assert compared == []
+    assert found is not None
+    assert [found.best, *found.equal] == many[:100]
+    assert found.apart == many[100:]
+
+
 def test_wrong_answers_are_said_first() -> None:
     sentences = report.findings([row("a"), row("b", wrong_triangle=1)])
     assert sentences[0] == "Answers that differ from the reference, which is why they are ranked nowhere: b."
