@@ -111,7 +111,7 @@ def _threads(scene: Any) -> int:
 
 def _view(scene: Any) -> tuple[int, int]:
     render = scene.render
-    return costmap.rounded((VIEW_WIDTH, round(VIEW_WIDTH * render.resolution_y / max(render.resolution_x, 1))))
+    return costmap.shaped(VIEW_WIDTH, (render.resolution_x, render.resolution_y))
 
 
 class Work:

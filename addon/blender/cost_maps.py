@@ -67,7 +67,7 @@ def draw(scene: Any, width: int, tell: Callable[[str], None] | None = None) -> F
     tell: called with each line about what the picture leaves out.
     """
     group, render = scene.halfspace, scene.render
-    size = costmap.rounded((width, width * render.resolution_y / max(render.resolution_x, 1)))
+    size = costmap.shaped(width, (render.resolution_x, render.resolution_y))
     specs = [properties.spec(group)]
     if group.second != "NONE":
         specs.append(group.second)

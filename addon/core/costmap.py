@@ -23,6 +23,9 @@ TIMINGS = 3
 CALLS = 64
 """So many tiles without any work are timed beside, for the cost of asking, which is taken off."""
 
+HIGHEST = 4
+"""Views that are more times as high as wide are made narrower."""
+
 
 @dataclass(frozen=True)
 class Quantity:
@@ -48,10 +51,21 @@ def quantity(key: str) -> Quantity:
     return next(found for found in QUANTITIES if found.key == key)
 
 
-def rounded(size: tuple[int, int]) -> tuple[int, int]:
+def rounded(size: tuple[float, float]) -> tuple[int, int]:
     """The nearest size in whole tiles, at least one."""
     width, height = (max(round(side / rays.TILE), 1) * rays.TILE for side in size)
     return width, height
+
+
+def shaped(width: int, picture: tuple[int, int]) -> tuple[int, int]:
+    """A view of this width in whole tiles and of the shape of a picture, width by height in pixels.
+
+    Narrower where it would have more pixels than one HIGHEST times as high as wide: pictures may be 4 pixels wide and
+    65,536 high.
+    """
+    height = width * picture[1] / max(picture[0], 1)
+    share = min(math.sqrt(HIGHEST * width / max(height, 1.0)), 1.0)
+    return rounded((width * share, height * share))
 
 
 def measure(structure: Any, workload: Workload, size: tuple[int, int], key: str) -> F32:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from shapes import cube
 
-from addon.blender import building, checking, cost_maps, lettering, workloads
+from addon.blender import building, checking, comparing, cost_maps, lettering, workloads
 from addon.core import catalogue, costmap, native
 
 
@@ -136,6 +136,18 @@ def test_scales_end_at_round_numbers() -> None:
     assert [costmap.number(x) for x in costmap.ticks(40)] == ["0", "10", "20", "30", "40"]
     assert costmap.rounded((100, 3)) == (96, 8)
     assert catalogue.load()["kd"].label
+
+
+def test_a_picture_that_is_very_high_is_measured_with_few_rays(seen: Any) -> None:
+    seen.render.resolution_x, seen.render.resolution_y = 4, 65536
+    width, height = comparing._view(seen)
+    assert width * height < 1 << 20
+    # Some hundred million rays, if it were 64 pixels wide.
+    picture = cost_maps.draw(seen, 64)
+    assert picture.shape[0] * picture.shape[1] < 1 << 24
+    assert costmap.shaped(384, (1920, 1080)) == (384, 216)
+    assert costmap.shaped(384, (1080, 4320)) == (384, 1536)
+    assert costmap.shaped(384, (65536, 4)) == (384, 8)
 
 
 @pytest.mark.parametrize("built", [False, True])
