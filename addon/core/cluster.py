@@ -46,10 +46,15 @@ def problem() -> str | None:
     return None if importlib.util.find_spec("distributed") else "the package distributed is not installed"
 
 
+MOST_WORKERS = 1024
+"""Processes that are started here: as many as there may be threads."""
+
+
 def check(address: str) -> None:
     """Whether this can be a cluster's address, and whether there is Dask at all. Raises ClusterError."""
-    if local_workers(address) == 0:
-        raise ClusterError(f"--cluster: expected local:N with N workers, got {address!r}")
+    count = local_workers(address)
+    if count is not None and not 1 <= count <= MOST_WORKERS:
+        raise ClusterError(f"--cluster: expected local:N with N workers, 1 to {MOST_WORKERS}, got {address!r}")
     reason = problem()
     if reason:
         raise ClusterError(f"--cluster: {reason}")

@@ -149,6 +149,7 @@ def test_other_options_are_other_rows(scene: Path, tmp_path: Path) -> None:
         (["--shard", "3/2"], "--shard: expected I/N"),
         (["--structures", "kd:max_depth=9..3"], "runs backwards"),
         (["--cluster", "local:none"], "local:N"),
+        (["--cluster", "local:1025"], "local:N with N workers, 1 to 1024"),
         (["--published", "nowhere.json"], "--published: nowhere.json"),
         (["--wrong"], "unrecognized arguments"),
         (["missing.npz"], "missing.npz: cannot be read: No such file"),
