@@ -60,7 +60,10 @@ def unknown_passes(view_layer: Any) -> list[str]:
 
 def _collections(layer_collection: Any) -> Iterator[Any]:
     """A collection and all within it, without those that are left out."""
-    if not layer_collection.exclude:
-        yield layer_collection
-    for child in layer_collection.children:
-        yield from _collections(child)
+    # No recursion: collections may lie within each other more deeply than Python calls may.
+    left = [layer_collection]
+    while left:
+        one = left.pop()
+        if not one.exclude:
+            yield one
+        left += one.children

@@ -10,7 +10,7 @@ import pytest
 from exr_files import exr
 from shapes import cube, material, node, read, with_nodes
 
-from addon.blender import reports
+from addon.blender import reports, view_layers
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -137,3 +137,17 @@ def test_objects_of_equal_name_from_two_files_keep_their_numbers(scene: Any, add
     assert sorted(arrays["object"]) == [3, 7]
     assert len(notes) == 1
     assert notes[0].endswith(": Same")
+
+
+def test_collections_may_lie_within_each_other_more_deeply_than_calls(scene: Any) -> None:
+    inner = scene.collection
+    for _ in range(1100):
+        new = bpy.data.collections.new("Within")
+        inner.children.link(new)
+        inner = new
+    assert not view_layers.Marks(bpy.context.view_layer)._any
+    last = bpy.context.view_layer.layer_collection
+    while last.children:
+        (last,) = last.children
+    last.holdout = True
+    assert view_layers.Marks(bpy.context.view_layer)._any
