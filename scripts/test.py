@@ -152,7 +152,8 @@ class RustTests:
                 time.sleep(0.5)
             if self._process.poll() is None:
                 end(self._process)
-                print(f"ended after {TIME_LIMIT} s", flush=True)
+                with self._output.open("a", encoding="utf-8") as more:
+                    more.write(f"ended after {TIME_LIMIT} s\n")
             status = self._process.wait()
             print(output.read(), end="", flush=True)
         said = self._output.read_text(encoding="utf-8", errors="replace")

@@ -11,28 +11,40 @@ import json
 import os
 import sys
 import tempfile
+from collections import Counter
 from pathlib import Path
 
 
 class Counts:
-    """A pytest plugin that counts tests, not phases: a failing fixture and a failing test count once each."""
+    """A pytest plugin that counts tests, not phases: a failing fixture and a failing test count once each.
 
-    def __init__(self) -> None:
+    They are written to the file, if there is one, as they come: a test that hangs ends the process.
+    """
+
+    def __init__(self, file: Path | None) -> None:
+        self.file = file
         self.outcomes: dict[str, str] = {}
 
     def pytest_runtest_logreport(self, report) -> None:
         worse = {"passed": 0, "skipped": 1, "failed": 2}
         known = self.outcomes.get(report.nodeid, "passed")
         self.outcomes[report.nodeid] = max(known, report.outcome, key=worse.__getitem__)
+        if report.when == "teardown":
+            self.write()
 
     def pytest_collectreport(self, report) -> None:
         # A module that is skipped or broken as a whole has no tests to report.
         if report.outcome != "passed":
             self.outcomes[report.nodeid] = report.outcome
 
-    def as_dict(self) -> dict[str, int]:
-        found = list(self.outcomes.values())
-        return {name: found.count(name) for name in ("passed", "failed", "skipped")}
+    def pytest_sessionfinish(self) -> None:
+        self.write()
+
+    def write(self) -> None:
+        if self.file is not None:
+            found = Counter(self.outcomes.values())
+            counts = {name: found[name] for name in ("passed", "failed", "skipped")}
+            self.file.write_text(json.dumps(counts), encoding="utf-8")
 
 
 def main(arguments: list[str]) -> int:
@@ -40,15 +52,13 @@ def main(arguments: list[str]) -> int:
     if arguments[:1] == ["--counts"]:
         counts_file, arguments = Path(arguments[1]), arguments[2:]
     # Before bpy is imported: tests must neither read nor write the settings of the user's own Blender.
-    with tempfile.TemporaryDirectory(prefix="halfspace-blender-") as resources:
+    # Beside the counts, whose folder goes away even if a test that hangs ends this process.
+    beside = counts_file.parent if counts_file is not None else None
+    with tempfile.TemporaryDirectory(prefix="halfspace-blender-", dir=beside) as resources:
         os.environ["BLENDER_USER_RESOURCES"] = resources
         import pytest
 
-        counts = Counts()
-        status = int(pytest.main(arguments, plugins=[counts]))
-    if counts_file is not None:
-        counts_file.write_text(json.dumps(counts.as_dict()), encoding="utf-8")
-    return status
+        return int(pytest.main(arguments, plugins=[Counts(counts_file)]))
 
 
 if __name__ == "__main__":

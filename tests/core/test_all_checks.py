@@ -185,12 +185,15 @@ def test_the_runner_counts_tests(tmp_path: Path, body: str, expected: dict[str, 
     ],
 )
 def test_a_test_that_hangs_is_named_and_ends_all(tmp_path: Path, body: str) -> None:
-    (tmp_path / "test_it.py").write_text(body)
+    (tmp_path / "test_it.py").write_text("def test_before(): pass\n" + body)
+    counts = tmp_path / "counts" / "counts.json"
+    counts.parent.mkdir()
     options = ["-c", str(ROOT / "pyproject.toml"), "--rootdir", str(tmp_path), "-p", "no:cacheprovider", "--timeout=2"]
-    command = [sys.executable, str(ROOT / "tests" / "run.py"), *options, str(tmp_path)]
+    command = [sys.executable, str(ROOT / "tests" / "run.py"), "--counts", str(counts), *options, str(tmp_path)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
     assert done.returncode == 1
     assert ", in test_it\n" in done.stdout + done.stderr
+    assert json.loads(counts.read_text()) == {"passed": 1, "failed": 0, "skipped": 0}, "what came before is counted"
 
 
 def test_what_a_failed_check_said_last_is_said_beside_the_summary(

@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-import sys
-
 import halfspace_native
 import numpy as np
 import pytest
@@ -168,6 +166,7 @@ def test_no_deadline_makes_a_test_with_drawn_input_fail_on_a_slow_machine() -> N
     assert settings().deadline is None
 
 
-@pytest.mark.skipif("--hypothesis-profile=search" in sys.argv, reason="asked for")
-def test_the_same_is_drawn_on_all_machines() -> None:
+def test_the_same_is_drawn_on_all_machines(pytestconfig: pytest.Config) -> None:
+    if pytestconfig.getoption("--hypothesis-profile") == "search":
+        pytest.skip("asked for anew")
     assert settings().derandomize
