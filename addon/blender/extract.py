@@ -146,6 +146,7 @@ class _Reader:
         self.lights: list[Light] = []
         self.object_numbers: dict[str, float] = {}
         self._meshes: dict[tuple[str, int], meshes.MeshArrays] = {}
+        self._room = meshes.LayerRoom()
         self._groups: dict[tuple[tuple[str, int], tuple[int, ...]], _Group] = {}
         self._checked: set[str] = set()
         self._held: set[str] = set()
@@ -192,6 +193,8 @@ class _Reader:
         mesh_key, mesh, used = self._mesh(item, hidden)
         if mesh is None or not len(mesh.triangles):
             return
+        if mesh_key[0] == "mesh":  # others may be left out in the end
+            self._room.placed(len(mesh.triangles))
         group_key = (mesh_key, used)
         if (group := self._groups.get(group_key)) is None:
             group = self._groups[group_key] = _Group(mesh, np.array(used, np.int32))
@@ -220,6 +223,7 @@ class _Reader:
     def _read(self, data: Any, item: Any) -> meshes.MeshArrays:
         """A mesh and what materials read of it."""
         keys = self.palette.layers.keys
+        self._room.check(data, keys)
         for key in keys:
             if reason := texture_layers.unreadable(data, key):
                 self._unreadable.add(key)

@@ -33,6 +33,24 @@ def read_layers(mesh: Any, keys: Sequence[Key]) -> dict[Key, F32]:
     return found
 
 
+def widths(mesh: Any, keys: Sequence[Key]) -> dict[Key, int]:
+    """How many numbers each of the layers that the mesh has will have at each corner; copies none."""
+    found = {key: _width(mesh, *key) for key in keys} if len(mesh.loop_triangles) else {}
+    return {key: numbers for key, numbers in found.items() if numbers}
+
+
+def _width(mesh: Any, kind: str, name: str) -> int:
+    if kind == COLOR:
+        attribute = _attribute(mesh, name)
+        if attribute is None or unreadable(mesh, (kind, name)):
+            return 0
+        stored = TYPES[attribute.data_type][0]
+        return 3 if stored == 1 else stored
+    if _uv_map(mesh, name) is None:
+        return 0
+    return 4 if kind == TANGENT else 2
+
+
 def _uv_map(mesh: Any, name: str) -> Any:
     if name:
         return mesh.uv_layers.get(name)

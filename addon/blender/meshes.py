@@ -24,6 +24,9 @@ if TYPE_CHECKING:
 MOST_TRIANGLES = 1 << 29
 """What one scene can hold; most trees refuse half of it."""
 
+FEWER = "let materials read fewer different attributes"
+"""The advice where there would be room without what they read."""
+
 BLOCK = 1 << 14
 """How many vectors are transformed at a time."""
 
@@ -133,8 +136,9 @@ def assemble(
     triangle_count = sum(len(p.names) * len(p.mesh.triangles) for p in placements)
     smooth = any(p.mesh.normals is not None for p in placements)
     # A layer is as long as the scene, also where a single mesh has it.
-    read = 12 * sum(texture_layers.width(placements, key) for key in layers)
-    _check_room(triangle_count, 12 * vertex_count + (16 + 36 * smooth + 24 * uvs + read) * triangle_count, read)
+    read = 12 * sum(texture_layers.width(placements, key) for key in layers) * triangle_count
+    plain = 12 * vertex_count + (16 + 36 * smooth + 24 * uvs) * triangle_count
+    _check_room(triangle_count, plain, read, flat=bool(layers) or objects)
     vertices = np.empty((vertex_count, 3), np.float32)
     triangles = np.empty((triangle_count, 3), np.int32)
     material_index = np.empty(triangle_count, np.int32)
@@ -184,13 +188,49 @@ def assemble(
     )
 
 
-def _check_room(triangles: int, size: int, read: int) -> None:
-    """Raise SceneError where the copies would be more than a tree can name or than fits into memory."""
-    if triangles > MOST_TRIANGLES or size > native.load().free_memory():
-        raise SceneError(
-            f"Every copy of every instance together: {triangles:,} triangles, {size / 2**30:.1f} GiB, do not fit; "
-            + ("let materials read fewer different attributes" if read else "keep the instances in two levels")
-        )
+def _check_room(triangles: int, plain: int, read: int, *, flat: bool) -> None:
+    """Raise SceneError where the copies would be more than a tree can name or than fits into memory.
+
+    plain, read: bytes without and for what materials read. flat: whether two levels are impossible.
+    """
+    free = native.load().free_memory()
+    if triangles <= MOST_TRIANGLES and plain + read <= free:
+        return
+    if triangles <= MOST_TRIANGLES and plain <= free:
+        advice = FEWER
+    else:
+        advice = "make fewer copies" if flat else "keep the instances in two levels"
+    raise SceneError(
+        f"Every copy of every instance together: {triangles:,} triangles, {(plain + read) / 2**30:.1f} GiB, "
+        f"do not fit; {advice}"
+    )
+
+
+class LayerRoom:
+    """Counts what materials read of the meshes of a scene, each mesh before it is read."""
+
+    def __init__(self) -> None:
+        self._widths: dict[texture_layers.Key, int] = {}
+        self._triangles = 0
+
+    def placed(self, triangles: int) -> None:
+        """So many triangles stand in one more place."""
+        self._triangles += triangles
+
+    def check(self, mesh: Any, keys: Sequence[texture_layers.Key]) -> None:
+        """Raise SceneError where a mesh's layers, and all layers over the scene as far as it is known, do not fit."""
+        found = texture_layers.widths(mesh, keys)
+        for key, numbers in found.items():
+            self._widths[key] = max(numbers, self._widths.get(key, 0))
+        if not found:
+            return
+        own = len(mesh.loop_triangles)
+        triangles = self._triangles + own
+        size = 12 * (sum(found.values()) * own + sum(self._widths.values()) * triangles)
+        if size > native.load().free_memory():
+            raise SceneError(
+                f"What materials read of {triangles:,} triangles or more, {size / 2**30:.1f} GiB, does not fit; {FEWER}"
+            )
 
 
 def keep_instances(placements: list[Placement]) -> InstancedGeometry:

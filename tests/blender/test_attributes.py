@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from shapes import cube, material, node, read
 
-from addon.blender import layers
+from addon.blender import layers, meshes
 from addon.core.scene import SceneError
 
 
@@ -81,8 +81,60 @@ def test_more_attributes_than_fit_over_the_whole_scene_are_refused_before_any_is
     box: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     box.attributes.new("wear", "FLOAT_COLOR", "CORNER")
-    monkeypatch.setattr(layers, "assemble_layers", lambda *_: pytest.fail("they were copied"))
+    monkeypatch.setattr(layers, "read_layers", lambda *_: pytest.fail("they were copied"))
     # The triangles and their corners alone would have room: 12 triangles of 8 vertices, flat.
     monkeypatch.setattr(halfspace_native, "free_memory", lambda: 12 * 8 + 16 * 12)
-    with pytest.raises(SceneError, match=r"12 triangles, .* do not fit; let materials read fewer different attributes"):
+    with pytest.raises(
+        SceneError, match=r"12 triangles .* does not fit; let materials read fewer different attributes"
+    ):
         read()
+
+
+def test_attributes_are_counted_over_all_places_before_the_next_mesh_is_read(
+    box: Any, add: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    box.attributes.new("wear", "FLOAT_COLOR", "CORNER")
+    for i in range(9):
+        add(f"Box {i}", box)
+    other = cube("Other")
+    other.attributes.new("wear", "FLOAT_COLOR", "CORNER")
+    add("Other", other)
+    taken: list[Any] = []
+    copied = layers.read_layers
+    monkeypatch.setattr(layers, "read_layers", lambda *args: taken.append(args) or copied(*args))
+    # Room for a mesh's own layer beside that of five cubes, each of 12 triangles.
+    monkeypatch.setattr(halfspace_native, "free_memory", lambda: 12 * 4 * 12 * (1 + 5))
+    with pytest.raises(SceneError, match=r"132 triangles or more"):
+        read()
+    assert len(taken) == 1
+
+
+@pytest.mark.parametrize("kind", ["FLOAT", "FLOAT2", "FLOAT_VECTOR", "FLOAT_COLOR", "BYTE_COLOR", "INT"])
+def test_layers_are_counted_as_they_are_read(box: Any, kind: str) -> None:
+    box.attributes.new("wear", kind, "CORNER")
+    keys = [("color", "wear"), ("color", "none"), ("uv", ""), ("uv", "none"), ("tangent", "UVMap")]
+    found = layers.read_layers(box, keys)
+    assert layers.widths(box, keys) == {key: layer.shape[2] for key, layer in found.items()}
+    assert len(found) == 3
+
+
+@pytest.mark.parametrize(
+    ("most", "free", "advice"),
+    [
+        (1 << 29, 12 * 8 + 16 * 12, "let materials read fewer different attributes"),
+        (1 << 29, 12 * 8 + 16 * 12 - 1, "make fewer copies"),
+        (11, 1 << 40, "make fewer copies"),
+    ],
+)
+def test_the_advice_is_about_what_does_not_fit(
+    box: Any, monkeypatch: pytest.MonkeyPatch, most: int, free: int, advice: str
+) -> None:
+    keys = [("uv", "")]
+    placement = meshes.Placement(meshes.read_mesh(box, layers=keys), np.eye(4)[None], ("Box",), np.zeros(1, np.int32))
+    monkeypatch.setattr(meshes, "MOST_TRIANGLES", most)
+    monkeypatch.setattr(halfspace_native, "free_memory", lambda: free)
+    with pytest.raises(SceneError, match=f"12 triangles, .* do not fit; {advice}$"):
+        meshes.assemble([placement], layers=keys)
+    if advice == "make fewer copies":
+        with pytest.raises(SceneError, match=r"; keep the instances in two levels$"):
+            meshes.assemble([placement])
