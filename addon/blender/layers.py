@@ -12,11 +12,12 @@ from ..core.scene import F32, F64, U32, ObjectFrame
 from .value_nodes import COLOR, TANGENT, UV
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from .meshes import Placement
 
 Key = tuple[str, str]
+
+BLOCK = 1 << 14
+"""How many triangles' tangents are turned at a time."""
 
 
 def read_layers(mesh: Any, keys: Sequence[Key]) -> dict[Key, F32]:
@@ -194,8 +195,9 @@ def assemble_layers(placements: Sequence[Placement], keys: Sequence[Key], count:
             if values is not None:
                 mirrored = np.linalg.det(p.matrices[:, :3, :3]) < 0
                 if key[0] == TANGENT:
-                    rows[..., :3] = _turned(values[..., :3], p.matrices)
-                    rows[..., 3] = np.where(mirrored, -1, 1)[:, None, None] * values[..., 3]
+                    _turn(values[..., :3], p.matrices, out=rows[..., :3])
+                    signs = np.where(mirrored, -1, 1).astype(np.float32)
+                    np.multiply(signs[:, None, None], values[..., 3], out=rows[..., 3])
                 else:
                     rows[..., : values.shape[2]] = values
                 if mirrored.any():
@@ -205,11 +207,18 @@ def assemble_layers(placements: Sequence[Placement], keys: Sequence[Key], count:
     return tuple(out)
 
 
-def _turned(tangents: F32, matrices: F64) -> NDArray[Any]:
-    """Unit vectors (m, 3, 3) along a mesh in each of its places, (k, m, 3, 3)."""
-    turned = np.einsum("kij,mcj->kmci", matrices[:, :3, :3], tangents.astype(np.float64))
-    length = np.linalg.norm(turned, axis=-1, keepdims=True)
-    return turned / np.where(length > 0, length, 1)
+def _turn(tangents: F32, matrices: F64, *, out: F32) -> None:
+    """Unit vectors (m, 3, 3) along a mesh in each of its places, rounded once into `out` (k, m, 3, 3).
+
+    In blocks: in f64 all of them would be several times what is counted for the layer.
+    """
+    places = max(BLOCK // max(len(tangents), 1), 1)
+    for m in range(0, len(tangents), BLOCK):
+        part = tangents[m : m + BLOCK].astype(np.float64)
+        for k in range(0, len(matrices), places):
+            turned = np.einsum("kij,mcj->kmci", matrices[k : k + places, :3, :3], part)
+            length = np.linalg.norm(turned, axis=-1, keepdims=True)
+            out[k : k + places, m : m + BLOCK] = turned / np.where(length > 0, length, 1)
 
 
 def assemble_objects(placements: Sequence[Placement], origin: F64) -> tuple[tuple[ObjectFrame, ...], U32]:

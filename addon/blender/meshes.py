@@ -138,7 +138,7 @@ def assemble(
     # A layer is as long as the scene, also where a single mesh has it.
     read = 12 * sum(texture_layers.width(placements, key) for key in layers) * triangle_count
     plain = 12 * vertex_count + (16 + 36 * smooth + 24 * uvs) * triangle_count
-    _check_room(triangle_count, plain, read, flat=bool(layers) or objects)
+    _check_room(triangle_count, plain, read, flat=uvs or bool(layers) or objects)
     vertices = np.empty((vertex_count, 3), np.float32)
     triangles = np.empty((triangle_count, 3), np.int32)
     material_index = np.empty(triangle_count, np.int32)

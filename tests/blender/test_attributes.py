@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from typing import Any
 
 import bpy
@@ -13,6 +14,8 @@ from shapes import cube, material, node, read
 
 from addon.blender import layers, meshes
 from addon.core.scene import SceneError
+
+KEY = ("tangent", "UVMap")
 
 
 @pytest.fixture
@@ -138,3 +141,32 @@ def test_the_advice_is_about_what_does_not_fit(
     if advice == "make fewer copies":
         with pytest.raises(SceneError, match=r"; keep the instances in two levels$"):
             meshes.assemble([placement])
+
+
+@pytest.mark.parametrize(("triangles", "places"), [(2 * layers.BLOCK + 5, 3), (100, 1000), (1, 3 * layers.BLOCK)])
+def test_tangents_are_turned_within_the_memory_that_is_counted(triangles: int, places: int) -> None:
+    random = np.random.default_rng(4)
+    tangents = random.standard_normal((triangles, 3, 4)).astype(np.float32)
+    tangents[0] = 0
+    mesh = meshes.MeshArrays(
+        np.zeros((3, 3), np.float32), np.zeros((triangles, 3), np.int32), None, None, None, None, {KEY: tangents}
+    )
+    matrices = np.tile(np.eye(4), (places, 1, 1))
+    matrices[:, :3, :3] = random.standard_normal((places, 3, 3))
+    matrices[:, :3, 0] *= np.sign(np.linalg.det(matrices))[:, None]  # none is mirrored
+    placement = meshes.Placement(mesh, matrices, ("Mesh",) * places, np.zeros(1, np.int32))
+    tracemalloc.start()
+    try:
+        (layer,) = layers.assemble_layers([placement], [KEY], triangles * places)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert layer is not None
+    block = 9 * 8 * (layers.BLOCK + triangles)
+    assert peak < layer.nbytes + 8 * block
+    turned = np.einsum("kij,mcj->kmci", matrices[:, :3, :3], tangents[..., :3].astype(np.float64))
+    length = np.linalg.norm(turned, axis=-1, keepdims=True)
+    expected = turned / np.where(length > 0, length, 1)
+    found = layer.reshape(places, triangles, 3, 4)
+    assert np.allclose(found[..., :3], expected, rtol=1e-6, atol=1e-7)
+    assert (found[..., 3] == tangents[..., 3]).all()
