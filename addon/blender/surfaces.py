@@ -64,7 +64,9 @@ class Surface:
                 for socket in source.node.inputs[:2]:
                     self.read(source.beside(socket), weight, depth + 1)
             case kind if kind in SHADERS:
-                SHADERS[kind](self, source, weight)
+                # Before its inputs, which may be long ways to follow for nothing.
+                if self._has_room(principled=kind in PRINCIPLED):
+                    SHADERS[kind](self, source, weight)
             case _:
                 raise Unsupported(source.node.bl_label)
 
@@ -101,12 +103,16 @@ class Surface:
         return self.values.step("mix", 1.0, color, strength, kind="MULTIPLY")
 
     def add(self, kind: str, weight: Operand, node: Place, *, multiscatter: bool = True, **inputs: Operand) -> None:
-        """Add a closure."""
-        principled = sum(closure.kind == "principled" for closure in self.closures)
-        if len(self.closures) >= MOST_CLOSURES or (kind == "principled" and principled >= MOST_PRINCIPLED):
-            self.remark(f"More than {MOST_CLOSURES} shaders, {MOST_PRINCIPLED} of them Principled,")
-            return
+        """Add a closure, for which there is room."""
         self.closures.append(Closure(kind, {"weight": weight, **inputs}, self._normal(node), multiscatter))
+
+    def _has_room(self, *, principled: bool) -> bool:
+        """Whether one more closure fits; remarks where it does not."""
+        taken = sum(closure.kind == "principled" for closure in self.closures)
+        if len(self.closures) < MOST_CLOSURES and (not principled or taken < MOST_PRINCIPLED):
+            return True
+        self.remark(f"More than {MOST_CLOSURES} shaders, {MOST_PRINCIPLED} of them Principled,")
+        return False
 
     def _normal(self, node: Place) -> Operand | None:
         normal = node.input("Normal")
@@ -247,3 +253,6 @@ SHADERS: dict[str, Callable[[Surface, Place, Any], None]] = {
     "ShaderNodeBackground": _emission,
     "ShaderNodeBsdfTransparent": _transparent,
 }
+
+PRINCIPLED = frozenset(["ShaderNodeBsdfPrincipled", "ShaderNodeBsdfMetallic"])
+"""Those that become a closure of the kind principled."""

@@ -10,6 +10,7 @@ import pytest
 from shapes import material, node, with_nodes
 from test_materials import understood
 
+from addon.blender.values import Values
 from addon.blender.world import read_world
 from addon.core.notes import Notes
 
@@ -58,6 +59,27 @@ def test_a_shader_that_is_mixed_with_itself_again_and_again(kind: str, shader: s
     found, notes = understood(block)
     assert found.base_color == (0.25, 0.5, 0.75)
     assert any("More than 4096 shaders is not supported yet in material: Doubled" in line for line in notes)
+
+
+@pytest.mark.parametrize(
+    ("shader", "most"), [("ShaderNodeBsdfPrincipled", 4), ("ShaderNodeBsdfMetallic", 4), ("ShaderNodeBsdfGlass", 8)]
+)
+def test_shaders_for_which_there_is_no_room_are_not_read(
+    shader: str, most: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    block = material("Crowded")
+    tree = block.node_tree
+    end = node(tree, "ShaderNodeOutputMaterial").inputs["Surface"]
+    tree.links.new(doubled(tree, "ShaderNodeAddShader", tree.nodes.new(shader).outputs[0], 9), end)
+    asked: list[str] = []
+    value = Values.value
+    monkeypatch.setattr(
+        Values, "value", lambda self, place, *rest: asked.append(place.socket.name) or value(self, place, *rest)
+    )
+    found, notes = understood(block)
+    assert len(found.closures) == most
+    assert notes == ["More than 8 shaders, 4 of them Principled, is not supported yet in material: Crowded"]
+    assert asked.count("Roughness") == most
 
 
 def test_a_normal_map_of_normal_maps_that_are_unknown() -> None:
