@@ -60,12 +60,15 @@ def rounded(size: tuple[float, float]) -> tuple[int, int]:
 def shaped(width: int, picture: tuple[int, int]) -> tuple[int, int]:
     """A view of this width in whole tiles and of the shape of a picture, width by height in pixels.
 
-    Narrower where it would have more pixels than one HIGHEST times as high as wide: pictures may be 4 pixels wide and
-    65,536 high.
+    It has at most HIGHEST * width * width pixels, or is one tile: narrower where it would be more than HIGHEST times as
+    high as wide, and less high where it cannot be as narrow. Pictures may be 4 pixels wide and 65,536 high.
     """
     height = width * picture[1] / max(picture[0], 1)
     share = min(math.sqrt(HIGHEST * width / max(height, 1.0)), 1.0)
-    return rounded((width * share, height * share))
+    wide, high = rounded((width * share, height * share))
+    # Rounded up, a side may be several times what was asked for.
+    most = HIGHEST * width * width // wide // rays.TILE * rays.TILE
+    return wide, max(min(high, most), rays.TILE)
 
 
 def measure(structure: Any, workload: Workload, size: tuple[int, int], key: str) -> F32:

@@ -148,6 +148,15 @@ def test_a_picture_that_is_very_high_is_measured_with_few_rays(seen: Any) -> Non
     assert costmap.shaped(384, (1920, 1080)) == (384, 216)
     assert costmap.shaped(384, (1080, 4320)) == (384, 1536)
     assert costmap.shaped(384, (65536, 4)) == (384, 8)
+    assert costmap.shaped(64, (4, 65536)) == (8, 2048)
+
+
+@pytest.mark.parametrize("width", [8, 12, 64, 100, 384, 1000])
+@pytest.mark.parametrize("picture", [(4, 65536), (5, 5000), (1080, 4320), (1080, 4300), (1000, 3980), (65536, 4)])
+def test_a_view_has_no_more_rays_than_promised(width: int, picture: tuple[int, int]) -> None:
+    wide, high = costmap.shaped(width, picture)
+    assert wide % 8 == high % 8 == 0
+    assert 0 < wide * high <= costmap.HIGHEST * width * width
 
 
 @pytest.mark.parametrize("built", [False, True])
