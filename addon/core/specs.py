@@ -118,8 +118,8 @@ def _spread_out(spec: str) -> list[str]:
     count = 1
     for key, equals, value in _parts(spec):
         found = _at_most(_values(part.strip()) if ".." in part else [part.strip()] for part in value.split("|"))
-        choices.append([f"{key}{equals}{one}" for one in found])
-        count *= len(found)
+        choices.append(list(dict.fromkeys(f"{key}{equals}{one}" for one in found)))
+        count *= len(choices[-1])
         if count > MOST:
             raise SpecError(f"{spec!r} stands for more than {MOST:,} configurations")
     return [joined(structure_of(spec), *given) for given in itertools.product(*choices)]
@@ -229,7 +229,9 @@ class _Inside:
         others: list[str] = []
         for value in wanted:
             (allowed if _inside(value, low, high) else others).append(value)
-        return allowed, f"{key}={_shortened(others)}: it goes from {low:g} to {high:g}" if others else ""
+        words = f"{key}={_shortened(others)}: it goes from {low:g} to {high:g}" if others else ""
+        # Repeats are one configuration, and count as one.
+        return list(dict.fromkeys(allowed)), words
 
 
 def _allowed(spec: str, inside: _Inside, left_out: list[str]) -> dict[str, list[str]]:

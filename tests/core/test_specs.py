@@ -195,6 +195,16 @@ def test_lists_are_counted_while_they_grow() -> None:
     assert len(str(told.value)) < 1000
 
 
+def test_repeated_values_are_one_configuration_and_count_once() -> None:
+    many = specs.numbers("1-60000")
+    made = specs.expand("bsp-random", REGISTRY, {"seed": many, "k": ["2", "2"]})
+    assert made == [f"bsp-random:seed={seed},k=2" for seed in many]
+    assert specs.expand("bsp-random:k=2|2,seed=1..60000", REGISTRY, {}) == [
+        f"bsp-random:k=2,seed={seed}" for seed in many
+    ]
+    assert specs.expand("bsp-wn", REGISTRY, {"k": ["3", "2", "3", "4", "2"]}) == [f"bsp-wn:k={k}" for k in (3, 2, 4)]
+
+
 def test_a_configuration_in_other_words_is_the_same() -> None:
     written = specs.expand(
         "kd:,kd,kd:traversal=auto,kd:traversal=dir,kd:traversal=dir", halfspace_native.structures(), {}
