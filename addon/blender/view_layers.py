@@ -59,11 +59,11 @@ def unknown_passes(view_layer: Any) -> list[str]:
 
 
 def _collections(layer_collection: Any) -> Iterator[Any]:
-    """A collection and all within it, without those that are left out."""
+    """A collection and all within it in their order, without those that are left out."""
     # No recursion: collections may lie within each other more deeply than Python calls may.
     left = [layer_collection]
     while left:
         one = left.pop()
         if not one.exclude:
             yield one
-        left += one.children
+        left += reversed(list(one.children))

@@ -139,6 +139,17 @@ def test_objects_of_equal_name_from_two_files_keep_their_numbers(scene: Any, add
     assert notes[0].endswith(": Same")
 
 
+def test_collections_come_in_their_order(scene: Any) -> None:
+    for name in "AB":
+        outer = bpy.data.collections.new(name)
+        scene.collection.children.link(outer)
+        for i in range(2):
+            outer.children.link(bpy.data.collections.new(f"{name}{i}"))
+    first = bpy.context.view_layer.layer_collection
+    first.children["B"].children["B0"].exclude = True
+    assert [one.name for one in view_layers._collections(first)][1:] == ["A", "A0", "A1", "B", "B1"]
+
+
 def test_collections_may_lie_within_each_other_more_deeply_than_calls(scene: Any) -> None:
     inner = scene.collection
     for _ in range(1100):
