@@ -123,8 +123,9 @@ class Values:
         key = (tuple(group.as_pointer() for group in source.groups), node.as_pointer(), socket.identifier)
         if key in self._known:
             return self._known[key]
-        # Also before the inputs are read: they may be as many again in every group.
-        self._check_room()
+        # Also before inputs are read: they may be as many again in every group. Without any there may be no step.
+        if len(node.inputs):
+            self._check_room()
         write = NODES.get(node.bl_idname)
         if write is None:
             raise Unsupported(node.bl_label)

@@ -10,6 +10,7 @@ import pytest
 from shapes import material, node, with_nodes
 from test_materials import understood
 
+from addon.blender import values
 from addon.blender.values import Values
 from addon.blender.world import read_world
 from addon.core.notes import Notes
@@ -105,6 +106,26 @@ def test_groups_that_double_at_each_level_end_at_what_the_native_module_takes() 
     assert found.closures[0].inputs["roughness"] == 0.25
     assert any(line.startswith(f"More than {MOST_STEPS} steps for Roughness") for line in notes)
     assert len(found.program) <= MOST_STEPS
+
+
+def test_a_constant_is_read_where_there_is_no_room_for_a_step(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(values, "MOST_STEPS", 1)
+    block = material("Full")
+    tree = block.node_tree
+    shader = node(tree, "ShaderNodeBsdfPrincipled")
+    number, color, place, more = (
+        tree.nodes.new(f"ShaderNode{kind}") for kind in ("Value", "RGB", "NewGeometry", "Gamma")
+    )
+    number.outputs[0].default_value = 0.125
+    color.outputs[0].default_value = (0.25, 0.5, 0.75, 1)
+    tree.links.new(place.outputs["Position"], shader.inputs["Base Color"])
+    tree.links.new(number.outputs[0], shader.inputs["IOR"])
+    tree.links.new(color.outputs[0], shader.inputs["Coat Tint"])
+    tree.links.new(more.outputs[0], shader.inputs["Specular Tint"])
+    found, notes = understood(block)
+    inputs = found.closures[0].inputs
+    assert (len(found.program), inputs["ior"], inputs["coat_tint"]) == (1, 0.125, (0.25, 0.5, 0.75, 1.0))
+    assert notes == ["More than 1 steps for Specular Tint is not supported yet in material: Full"]
 
 
 def test_a_world_of_too_many_steps_is_its_plain_colour() -> None:
