@@ -111,15 +111,17 @@ def _before(place: Place) -> Place | None:
             inside = next(
                 (n for n in node.node_tree.nodes if n.bl_idname == "NodeGroupOutput" and n.is_active_output), None
             )
-            return None if inside is None else place.within((*groups, node), _twin(inside.inputs, socket))
+            twin = None if inside is None else _twin(inside.inputs, socket)
+            return None if twin is None else place.within((*groups, node), twin)
         case "NodeGroupInput" if groups:
-            return place.within(groups[:-1], _twin(groups[-1].inputs, socket))
+            twin = _twin(groups[-1].inputs, socket)
+            return None if twin is None else place.within(groups[:-1], twin)
     return None
 
 
 def _twin(sockets: Any, socket: Any) -> Any:
-    """The socket on the other side of a group's wall."""
-    return next(other for other in sockets if other.identifier == socket.identifier)
+    """The socket on the other side of a group's wall, or None: the last, empty one of its input is only drawn."""
+    return next((other for other in sockets if other.identifier == socket.identifier), None)
 
 
 def constant(place: Place, remark: Remark, fallback: Any = None) -> Any:

@@ -128,6 +128,24 @@ def test_a_constant_is_read_where_there_is_no_room_for_a_step(monkeypatch: pytes
     assert notes == ["More than 1 steps for Specular Tint is not supported yet in material: Full"]
 
 
+def test_the_empty_socket_of_a_group_s_input_is_unknown() -> None:
+    block = material("Grouped")
+    tree = block.node_tree
+    inner = bpy.data.node_groups.new("Inner", "ShaderNodeTree")
+    inner.interface.new_socket("Value", in_out="OUTPUT", socket_type="NodeSocketFloat")
+    start, end = inner.nodes.new("NodeGroupInput"), inner.nodes.new("NodeGroupOutput")
+    sum_ = inner.nodes.new("ShaderNodeMath")
+    sum_.inputs[0].default_value, sum_.inputs[1].default_value = 0.125, 0.25
+    inner.links.new(start.outputs[-1], sum_.inputs[0])
+    inner.links.new(sum_.outputs[0], end.inputs[0])
+    user = tree.nodes.new("ShaderNodeGroup")
+    user.node_tree = inner
+    tree.links.new(user.outputs[0], node(tree, "ShaderNodeBsdfPrincipled").inputs["Roughness"])
+    found, notes = understood(block)
+    assert [step["args"][:2] for step in found.program] == [(0.125, 0.25)]
+    assert notes == ["Group Input for Value is not supported yet in material: Grouped"]
+
+
 def test_a_world_of_too_many_steps_is_its_plain_colour() -> None:
     world = bpy.data.worlds.new("Grouped")
     with_nodes(world)
