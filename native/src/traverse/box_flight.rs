@@ -12,7 +12,7 @@ use super::frame::FrameRay;
 use super::nested::Nested;
 use super::query::{Best, Counters, Query};
 use super::ray::Ray;
-use super::stream::{Next, Steps};
+use super::stream::{Next, Steps, topmost};
 use crate::build::plane_tree::MAX_DEPTH;
 use crate::geom::vec3::map;
 use crate::scene::Triangles;
@@ -114,11 +114,7 @@ impl Course {
     /// Goes on with the last child that may hold something nearer than `reach`.
     #[inline(always)]
     fn pop(&mut self, reach: f32) {
-        // The last one is entered at once.
-        let mut top = self.waiting - 1;
-        while self.enter[top] > reach {
-            top -= 1;
-        }
+        let top = topmost(&self.enter, self.waiting, reach);
         self.waiting = top;
         self.next = (self.link[top].to_bits(), self.count[top].to_bits());
     }

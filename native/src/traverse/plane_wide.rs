@@ -13,7 +13,7 @@ use super::box_tree::Slabs;
 use super::frame::FrameRay;
 use super::query::{Best, Counters, Query};
 use super::ray::Ray;
-use super::stream::{Next, Steps};
+use super::stream::{Next, Steps, topmost};
 use super::wide_tree::{Info, Line, OVER, PLANES, WideTree};
 use crate::build::plane_tree::MAX_DEPTH;
 use crate::scene::Triangles;
@@ -105,11 +105,7 @@ impl Course {
     /// Goes on with the nearest child that may hold something nearer than `reach`.
     #[inline(always)]
     fn pop(&mut self, reach: f32) {
-        // The last word is entered at once.
-        let mut top = self.waiting - 1;
-        while self.enter[top] > reach {
-            top -= 1;
-        }
+        let top = topmost(&self.enter, self.waiting, reach);
         self.waiting = top;
         let leave = keep_min(reach, self.leave[top]);
         self.next = (self.child[top].to_bits(), self.enter[top], leave);

@@ -56,6 +56,17 @@ impl Next {
     }
 }
 
+/// The place on a stack of the last that waits and is entered no farther away than `reach`. The lowest is entered at
+/// once, and ends the walk: there is no question whether any waits.
+#[inline(always)]
+pub(super) fn topmost(enter: &[f32], waiting: usize, reach: f32) -> usize {
+    let mut top = waiting - 1;
+    while enter[top] > reach {
+        top -= 1;
+    }
+    top
+}
+
 /// A way of walking a tree that can be interrupted after each step.
 pub trait Steps: Sync {
     /// How far a ray has come.
