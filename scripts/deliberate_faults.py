@@ -55,8 +55,8 @@ FAULTS = (
     Fault(
         "no allowance for distances that round to zero",
         _FRAME,
-        "(f64::from(f32::from_bits(1)) * to_frame) as f32 + TINY",
-        "0.0 * to_frame as f32",
+        "(f64::from(f32::from_bits(1)) * to_frame + f64::from(TINY)) as f32",
+        "(0.0 * (to_frame + f64::from(TINY))) as f32",
         ("contract", "what_rounds_to_zero_is_met_at_zero"),
     ),
     Fault(

@@ -7,7 +7,7 @@
 //! so directions of both signs are no exception. Rays that start elsewhere, or are odd in another way,
 //! are left to a walk of single rays.
 
-use super::frame::{Frame, PRUNE, TINY};
+use super::frame::{Frame, PRUNE, last_place};
 use super::ray::{Hit, Ray};
 use crate::geom::verdict::verdict_within;
 use fearless_simd::{Select, Simd, SimdBase, SimdMask, f32x16, mask32x16};
@@ -125,7 +125,7 @@ impl<const R: usize> Tile<R> {
             inside: (0.0, f32::NEG_INFINITY),
             pyramid: None,
             to_frame: unit,
-            last_place: f32::from_bits(1) * unit + TINY,
+            last_place: last_place(f64::from(unit)),
         }
     }
 

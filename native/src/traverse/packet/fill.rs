@@ -2,7 +2,7 @@
 //! How rays get into a packet: brought into the frame and to the scene's box, all at once.
 
 use super::super::bound::{keep_max_each, keep_min_each};
-use super::super::frame::{AXIS_PAD, Frame, OBLIQUE_PAD, PRUNE, TINY, U};
+use super::super::frame::{AXIS_PAD, Frame, OBLIQUE_PAD, PRUNE, U, last_places};
 use super::super::ray::{Hit, Ray};
 use super::super::tile::{self, Held, ORDINARY};
 use super::{MOST, Packet, Sixteen, live, store};
@@ -116,7 +116,7 @@ impl Packet {
         let magnitude = splat(bounds.magnitude());
         let robust = splat(frame.robust());
         let to_frame = tile::load(simd, &self.to_frame);
-        let last_place = to_frame.mul_add(splat(f32::from_bits(1)), splat(TINY));
+        let last_place = last_places(simd, to_frame);
         let far = tile::load(simd, &self.o[0])
             .abs()
             .max(tile::load(simd, &self.o[1]).abs())
