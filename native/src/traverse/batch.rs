@@ -317,7 +317,13 @@ impl<'a> Batch<'a> {
         }
         let mut best = Best::new(ray.1);
         counters.tests(1);
-        let blocked = best.offer::<Any, C>(ray, id, || self.scene.corners(id), counters);
+        let blocked = best.offer::<Any, C>(
+            ray,
+            id,
+            #[inline(always)]
+            || self.scene.corners(id),
+            counters,
+        );
         if blocked {
             counters.spared();
         }

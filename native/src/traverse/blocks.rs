@@ -285,25 +285,25 @@ impl Blocks {
     ) -> bool {
         while let Some(lane) = open.next::<Q>() {
             let id = block[1 + 9 * n + lane].to_bits();
-            // The corners are at hand, unless the frame had to scale them.
-            let corners = || {
-                if self.scaled() {
-                    return scene.corners(id);
-                }
-                let at = |r: usize| block[1 + r * n + lane];
-                [
-                    [at(0), at(1), at(2)],
-                    [at(3), at(4), at(5)],
-                    [at(6), at(7), at(8)],
-                ]
-            };
             let held = match open.sure(lane) {
-                Some(range) => best.hold::<Q>((ray, frame), id, range, corners),
+                Some(range) => best.hold::<Q>(
+                    (ray, frame),
+                    id,
+                    range,
+                    #[inline(always)]
+                    || self.corners_in(block, (lane, n), scene),
+                ),
                 _ => None,
             };
             let ends = match held {
                 Some(ends) => ends,
-                None => best.offer::<Q, C>((ray, frame), id, corners, counters),
+                None => best.offer::<Q, C>(
+                    (ray, frame),
+                    id,
+                    #[inline(always)]
+                    || self.corners_in(block, (lane, n), scene),
+                    counters,
+                ),
             };
             if ends {
                 return true;
@@ -311,6 +311,23 @@ impl Blocks {
             open.drop_beyond(simd, best.reach);
         }
         false
+    }
+
+    /// The corners, in the scene's frame, of the triangle of a lane of a block of `n`.
+    #[inline(always)]
+    fn corners_in(
+        &self,
+        block: &[f32; SPAN],
+        (lane, n): (usize, usize),
+        scene: &Triangles,
+    ) -> [[f32; 3]; 3] {
+        let at = |r: usize| block[1 + r * n + lane];
+        let corners = [
+            [at(0), at(1), at(2)],
+            [at(3), at(4), at(5)],
+            [at(6), at(7), at(8)],
+        ];
+        self.scene_corners(scene, at(9).to_bits(), corners)
     }
 
     /// Makes a block of triangles of which only indices are stored.

@@ -133,13 +133,23 @@ impl batch::Walk for Walk<'_> {
     ) -> Hit {
         let grid = self.0;
         let mut best = Best::new(frame);
-        let axes = map([0, 1, 2], |k: usize| Axis::new(grid, frame, k));
+        let axes = map(
+            [0, 1, 2],
+            #[inline(always)]
+            |k: usize| Axis::new(grid, frame, k),
+        );
         let start = frame.t_min;
         // Per axis the first and the last cell that the ray may be in.
-        let mut may = map([0, 1, 2], |k: usize| {
-            axes[k].window(frame.o[k] + start * frame.d[k], grid.per_unit(k), start)
-        });
-        let mut next = map([0, 1, 2], |k: usize| axes[k].enters(may[k][1] + 1));
+        let mut may = map(
+            [0, 1, 2],
+            #[inline(always)]
+            |k: usize| axes[k].window(frame.o[k] + start * frame.d[k], grid.per_unit(k), start),
+        );
+        let mut next = map(
+            [0, 1, 2],
+            #[inline(always)]
+            |k: usize| axes[k].enters(may[k][1] + 1),
+        );
         let mut fresh = may;
         loop {
             counters.step_axis();

@@ -399,8 +399,13 @@ fn test<S: Simd, C: Counters, B: Bundle>(
                 };
                 let ray = (&rays[i], &framed);
                 let best = &mut beam.best[i];
-                let scene_corners = || blocks.scene_corners(scene, id, corners);
-                best.offer::<Closest, C>(ray, id, scene_corners, &mut counters[i]);
+                best.offer::<Closest, C>(
+                    ray,
+                    id,
+                    #[inline(always)]
+                    || blocks.scene_corners(scene, id, corners),
+                    &mut counters[i],
+                );
                 beam.rows.reach[i] = keep_min(best.reach, beam.rows.reach[i]);
             }
         }

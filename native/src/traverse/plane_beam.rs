@@ -400,8 +400,13 @@ impl Tile<'_> {
                         None => self.frame.ray(&self.rays[i]).unwrap_or(FrameRay::NOTHING),
                     };
                     let (ray, best) = ((&self.rays[i], &framed), &mut self.best[i]);
-                    let scene_corners = || blocks.scene_corners(scene, id, corners);
-                    best.offer::<Closest, C>(ray, id, scene_corners, &mut counters[i]);
+                    best.offer::<Closest, C>(
+                        ray,
+                        id,
+                        #[inline(always)]
+                        || blocks.scene_corners(scene, id, corners),
+                        &mut counters[i],
+                    );
                     self.rows.reach[i] = keep_min(best.reach, self.rows.reach[i]);
                     found |= u64::from(best.hit().triangle == id) << i;
                 }

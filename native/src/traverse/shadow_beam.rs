@@ -220,8 +220,14 @@ impl Batch<'_> {
                 let (i, own) = (row + lane, beam.ids[row + lane]);
                 let ray = (&self.rays[own], &beam.framed[i]);
                 let mut best = Best::new(ray.1);
-                let scene_corners = || self.blocks.scene_corners(self.scene, id, corners);
-                if best.offer::<Any, C>(ray, id, scene_corners, &mut counters[own]) {
+                let blocked = best.offer::<Any, C>(
+                    ray,
+                    id,
+                    #[inline(always)]
+                    || self.blocks.scene_corners(self.scene, id, corners),
+                    &mut counters[own],
+                );
+                if blocked {
                     beam.open &= !(1 << i);
                     *blocker = best.hit();
                     write(own, best.hit());

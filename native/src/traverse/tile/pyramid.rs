@@ -83,25 +83,18 @@ impl Sides {
     #[inline(always)]
     fn new<const R: usize>(tile: &Tile<R>, axis: usize) -> Option<Self> {
         let [i, j] = [(axis + 1) % 3, (axis + 2) % 3];
-        let slope = |ray: usize| {
-            let (row, lane) = seat(ray);
-            let d = |k: usize| tile.d[row][k][lane];
-            [d(i) / d(axis), d(j) / d(axis)]
-        };
         let first = (0..R * LANES).find(|&ray| {
             let (row, lane) = seat(ray);
             tile.active[row] >> lane & 1 == 1
         })?;
-        let origin = slope(first);
-        let side = |ray: usize| {
-            let s = slope(ray);
-            [s[0] - origin[0], s[1] - origin[1]]
-        };
+        let axes = [axis, i, j];
+        let origin = slopes(tile, axes, first);
         let (mut e1, mut e2) = ([1.0, 0.0], [0.0, 1.0]);
         let mut area: f32 = 1.0;
         if tile.active.iter().all(|&row| row == u16::MAX) {
             // The ends of the first row of pixels and of the first column.
-            let (right, down) = (side(R * LANES - 57), side(56));
+            let right = less(slopes(tile, axes, R * LANES - 57), origin);
+            let down = less(slopes(tile, axes, 56), origin);
             let (w, h) = (length(right), length(down));
             let cross = right[0] * down[1] - right[1] * down[0];
             if cross.abs() > 0.1 * w * h && w < 16.0 * h && h < 16.0 * w {
@@ -128,19 +121,16 @@ impl Sides {
     ) -> Option<([[f32; 3]; 4], f32)> {
         let [i, j] = self.others;
         let mut steepest = 0.0_f32;
-        let mut corner = |a: f32, b: f32| {
-            let at = |n: usize| self.origin[n] + a * self.e1[n] + b * self.e2[n];
-            let mut corner = [0.0; 3];
-            (corner[self.axis], corner[i], corner[j]) = (sign, sign * at(0), sign * at(1));
-            steepest = steepest.max(at(0).abs()).max(at(1).abs());
-            corner
-        };
-        let mut corners = [
-            corner(a0, b0),
-            corner(a1, b0),
-            corner(a0, b1),
-            corner(a1, b1),
-        ];
+        let mut corners = [[0.0; 3]; 4];
+        for (corner, [a, b]) in (corners.iter_mut()).zip([[a0, b0], [a1, b0], [a0, b1], [a1, b1]]) {
+            let (u, v) = (self.e1, self.e2);
+            let at = [
+                self.origin[0] + a * u[0] + b * v[0],
+                self.origin[1] + a * u[1] + b * v[1],
+            ];
+            (corner[self.axis], corner[i], corner[j]) = (sign, sign * at[0], sign * at[1]);
+            steepest = steepest.max(at[0].abs()).max(at[1].abs());
+        }
         // Error bounds want components below 2.
         let scale = match steepest {
             x if x < 1.75 => 1.0,
@@ -155,6 +145,19 @@ impl Sides {
         }
         Some((corners, scale))
     }
+}
+
+/// How far a ray of a tile goes along two axes while it goes one unit along the first of these.
+#[inline(always)]
+fn slopes<const R: usize>(tile: &Tile<R>, [axis, i, j]: [usize; 3], ray: usize) -> [f32; 2] {
+    let (row, lane) = seat(ray);
+    let d = &tile.d[row];
+    [d[i][lane] / d[axis][lane], d[j][lane] / d[axis][lane]]
+}
+
+#[inline(always)]
+fn less(a: [f32; 2], b: [f32; 2]) -> [f32; 2] {
+    [a[0] - b[0], a[1] - b[1]]
 }
 
 /// Where the rays of each row lie, in parts of the two sides.
