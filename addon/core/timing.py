@@ -25,6 +25,10 @@ STEP = 4
 VIEW_SECONDS = 0.1
 """A pass over one of the smaller views may take as long as this in any case."""
 
+WARM_SECONDS = 0.02
+"""A pass shorter than this comes after one that is not timed: else most of it would be what the structure before left
+in the caches, and of two that are the same the one behind a large one would be called slower, in every round."""
+
 LEAST_RAYS = 64
 """One tile. No pass has fewer, however slow the structure."""
 
@@ -93,6 +97,13 @@ def one_pass(candidate: Candidate, some: RaySet, threads: int) -> float:
     return now() - start
 
 
+def warmed_pass(candidate: Candidate, some: RaySet, threads: int) -> float:
+    """Seconds of a pass that does not depend on what was asked before it."""
+    if len(some) < candidate.checked[some.name] * 1e6 * WARM_SECONDS:
+        one_pass(candidate, some, threads)
+    return one_pass(candidate, some, threads)
+
+
 def rounds(candidates: Sequence[Candidate], name: str, repeats: int, threads: int) -> Iterator[str]:
     """Time every configuration on one set, a pass between two items: what comes next. The first round warms up."""
     ours = [c for c in candidates if c.spec != yardstick.SPEC and len(c.timed[name])]
@@ -100,11 +111,11 @@ def rounds(candidates: Sequence[Candidate], name: str, repeats: int, threads: in
     for number in range(repeats + 1):
         for candidate in candidates:
             yield f"{candidate.spec}: {name}, " + (f"round {number} of {repeats}" if number else "warming up")
-            seconds = one_pass(candidate, candidate.timed[name], threads)
+            seconds = warmed_pass(candidate, candidate.timed[name], threads)
             if number:
                 candidate.seconds.setdefault(name, []).append(seconds)
         if control is not None and number:
-            control.control.setdefault(name, []).append(one_pass(control, control.timed[name], threads))
+            control.control.setdefault(name, []).append(warmed_pass(control, control.timed[name], threads))
 
 
 def scaling(candidates: Sequence[Candidate], views: Sequence[RaySet], repeats: int, options: Any) -> Iterator[str]:
@@ -119,7 +130,7 @@ def scaling(candidates: Sequence[Candidate], views: Sequence[RaySet], repeats: i
         for number in range(repeats):
             for candidate in able:
                 yield f"{candidate.spec}: {len(view):,} rays, round {number + 1} of {repeats}"
-                seconds.setdefault(candidate.spec, []).append(one_pass(candidate, view, options.threads))
+                seconds.setdefault(candidate.spec, []).append(warmed_pass(candidate, view, options.threads))
         for candidate in able:
             candidate.scaling.append({"rays": len(view), "seconds": float(np.median(seconds[candidate.spec]))})
     whole = options.size[0] * options.size[1]

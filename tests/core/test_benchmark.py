@@ -194,6 +194,30 @@ def test_shadow_rays_are_timed_by_any_hits_and_all_others_by_closest_ones() -> N
         heard.asked.clear()
 
 
+class Cached:
+    """Answers nothing; a pass takes 1 ms by a clock of its own, and 1 ms more behind another structure."""
+
+    last: ClassVar[Any] = None
+    now: ClassVar[float] = 0.0
+
+    def closest(self, *_: Any, **__: Any) -> None:
+        Cached.now += 1e-3 if Cached.last is self else 2e-3
+        Cached.last = self
+
+
+def test_what_the_structure_before_left_in_the_caches_is_in_no_short_pass(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(timing, "clock", lambda _: lambda: Cached.now)
+    some = rays.RaySet("primary", *(np.zeros(shape, np.float32) for shape in ((64, 3), (64, 3), 64)))
+    rate = len(some) / 1e6 / 1e-3
+    equal = [timing.Candidate(name, Cached(), checked={"primary": rate}, timed={"primary": some}) for name in "abc"]
+    list(timing.rounds(equal, "primary", 6, 1))
+    list(timing.scaling(equal, [some], 2, Options(size=(8, 8))))
+    for one in equal:
+        assert one.seconds["primary"] == pytest.approx([1e-3] * 6)
+        assert one.scaling[0]["seconds"] == pytest.approx(1e-3)
+    assert timing.noise(equal, "primary") == pytest.approx(0.0)
+
+
 def test_a_slow_structure_is_timed_on_fewer_rays() -> None:
     row = measure(["kd"], replace(QUICK, pass_seconds=1e-7))["kd"]
     assert row["rays"]["primary"]["n"] == 64
