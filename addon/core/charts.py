@@ -10,6 +10,7 @@ import numpy as np
 
 from . import costmap, curve, ksweep
 from .costs import PARTS, Fit
+from .offsets import is_unguarded
 from .rows import Row, agrees
 from .specs import structure_of
 from .thesis import Published
@@ -243,21 +244,24 @@ def wrong_against_offset(figure: Any, rows: Sequence[Row], styles: Styles) -> No
     """Shares of wrong rays against the offset; none at all as a triangle at the rate that can be excluded."""
     axes = figure.subplots()
     places = {point["offset"]: number for number, point in enumerate(rows[0]["offsets"])}
+    bounded = [row for row in rows if not is_unguarded(row["spec"])]
     for row in rows:
-        points = [point for point in row["offsets"] if point["wrong_unguarded"] is not None]
+        key = "wrong_unguarded" if row in bounded else "wrong"
+        points = [point for point in row["offsets"] if point[key] is not None]
         if points:
             colour, marker = styles[row["spec"]]
-            shares = [max(p["wrong_unguarded"], 3.0 * (not p["wrong_unguarded"])) / p["rays"] for p in points]
+            shares = [max(p[key], 3.0 * (not p[key])) / p["rays"] for p in points]
             xs = [places[p["offset"]] for p in points]
             axes.plot(xs, shares, marker + "-", color=colour, markersize=5, linewidth=1, label=row["spec"])
-    worst = {offset: max(row["offsets"][place]["wrong"] for row in rows) for offset, place in places.items()}
     rays = rows[0]["offsets"][0]["rays"]
-    for offset, wrong in worst.items():
-        axes.plot(
-            places[offset], (wrong or 3) / rays, "X" if wrong else "v", color=WRONG if wrong else INK, markersize=8
-        )
-    label = f"with bounds: all {len(rows)}" if len(rows) > 1 else "with bounds"
-    axes.plot([], [], "v", color=INK, label=label)
+    if bounded:
+        worst = {offset: max(row["offsets"][place]["wrong"] for row in bounded) for offset, place in places.items()}
+        for offset, wrong in worst.items():
+            axes.plot(
+                places[offset], (wrong or 3) / rays, "X" if wrong else "v", color=WRONG if wrong else INK, markersize=8
+            )
+        label = f"with bounds: all {len(bounded)}" if len(bounded) > 1 else "with bounds"
+        axes.plot([], [], "v", color=INK, label=label)
     axes.set_yscale("log")
     axes.set_xticks(list(places.values()), [_plain(offset) for offset in places])
     axes.yaxis.set_major_formatter(lambda share, _: f"{100 * share:g} %")

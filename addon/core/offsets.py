@@ -62,6 +62,11 @@ class Moved:
         return found
 
 
+def is_unguarded(spec: str) -> bool:
+    """Whether the configuration itself asks to be walked without its error bounds."""
+    return UNGUARDED.partition("=")[::2] in specs.pairs(spec)
+
+
 def unguarded(spec: str, structures: Sequence[Any]) -> str | None:
     """The same configuration without its error bounds, or None where it has none or says itself what it wants."""
     if "robust" not in specs.values(spec, structures) or "robust=" in spec:

@@ -13,7 +13,7 @@ from typing import Any
 
 from . import plots, ranking, thesis, yardstick
 from .notes import some
-from .report import by_scene, findings, heading, image_total, set_names, worth_it
+from .report import by_scene, findings, heading, image_total, set_names, worth, worth_it
 from .rows import Row, agrees
 from .thesis import Published
 
@@ -109,13 +109,15 @@ def _missing(lines: Sequence[str]) -> str:
 def _overview(rows: Sequence[Row]) -> str:
     """What several scenes say together."""
     scenes = by_scene(rows)
-    if len(scenes) < 2 or not any(image_total(row) is not None for row in rows):
+    both = [scene for scene, own in scenes.items() if worth(own) is not None]
+    if len(scenes) < 2 or not both:
         return ""
+    where = " where both were measured" if len(both) < len(scenes) else ""
     better, open_ones = worth_it(rows), worth_it(rows, "")
     unsure = f"; on {len(open_ones)} it is too close to tell: {', '.join(open_ones)}" if open_ones else ""
     return (
         f'<ul class="findings"><li>The build and one picture of 1024 × 1024 pixels with 16 samples are faster with a '
-        f"tree with oblique planes than with kd on {len(better)} of {len(scenes)} scenes"
+        f"tree with oblique planes than with kd on {len(better)} of {len(both)} scenes{where}"
         f"{': ' if better else ''}{_safe(', '.join(better))}{_safe(unsure)}.</li></ul>"
     )
 

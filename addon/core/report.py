@@ -124,7 +124,7 @@ def _flatten(prefix: str, value: Any) -> Iterable[tuple[str, Any]]:
 def findings(rows: Sequence[Row]) -> list[str]:
     """What one scene's rows say, in sentences."""
     measured = [row for row in rows if row["errors"] and row["spec"] != yardstick.SPEC]
-    sentences = [*_about_errors(measured)]
+    sentences = [*_about_errors(measured), *_about_moved(measured)]
     right = [row for row in measured if agrees(row)]
     for name in set_names(rows):
         found = ranking.rank(right, name)
@@ -158,6 +158,17 @@ def _about_errors(measured: Sequence[Row]) -> Iterator[str]:
         yield (
             f"All {len(others)} structures agree with {reference} on every ray compared, at least {checked:,} each: "
             f"fewer than one ray in {checked // 3:,} is answered wrongly, with 95 % confidence."
+        )
+
+
+def _about_moved(measured: Sequence[Row]) -> Iterator[str]:
+    """Wrong answers on the moved grids, which are none of the scene's."""
+    worst = {row["spec"]: max(row["offsets"], key=lambda point: point["wrong"]) for row in measured if row["offsets"]}
+    wrong = [f"{spec} {p['wrong']:,} of {p['rays']:,}" for spec, p in worst.items() if p["wrong"]]
+    if wrong:
+        yield (
+            "On the grid of touching boxes, moved away from the origin, other answers than brute force's, where they "
+            f"are most: {', '.join(wrong)}."
         )
 
 

@@ -165,6 +165,11 @@ def agrees(row: Row) -> bool:
     return not any(errors[key] for key in wrong + bits)
 
 
+def agrees_moved(row: Row) -> bool:
+    """Whether its answers on the moved grids, where they were compared, are those of brute force."""
+    return not any(point["wrong"] for point in row["offsets"] or ())
+
+
 def without_times(value: Any) -> Any:
     """A row, or a part of one, without what depends on the clock and the machine: the rest must come out again."""
     if isinstance(value, Mapping):

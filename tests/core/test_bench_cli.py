@@ -15,6 +15,7 @@ import bench
 import numpy as np
 import pytest
 from lying_native import LyingNative
+from report_rows import everything
 
 from addon.core import bench_presets, benchmark, native, plots, results, specs, thesis, workload, yardstick
 
@@ -74,6 +75,13 @@ def test_it_writes_all_three_files_and_ends_well(scene: Path, tmp_path: Path, ca
 def test_an_answer_that_differs_is_status_1(scene: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(native, "load", lambda: LyingNative("wrong_triangle"))
     assert bench.main([str(scene), *QUICK]) == 1
+
+
+def test_an_answer_that_differs_far_from_the_origin_is_status_1_too() -> None:
+    right, wrong = everything("kd", 1.0), everything("kd-sah", 1.0)
+    assert bench.status([right, wrong]) == 0
+    wrong["offsets"][2]["wrong"] = 3
+    assert bench.status([right, wrong]) == 1
 
 
 def test_a_second_run_measures_nothing_again(scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

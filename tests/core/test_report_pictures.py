@@ -42,6 +42,18 @@ def test_where_oblique_planes_pay_for_one_picture_is_said() -> None:
     assert "on 1 it is too close to tell: other" in text
 
 
+def test_scenes_without_both_kinds_of_trees_are_not_counted() -> None:
+    """Of such scenes nobody knows where oblique planes pay."""
+    rows = [everything("kd", 1.0), everything("bvh-sah", 1.0)]
+    rows += [{**copy.deepcopy(one), "scene": "other"} for one in rows]
+    for one in rows:
+        pictured(one, 10.0)
+    assert "tree with oblique planes" not in page.as_html(document(rows))
+    rows.append({**everything("bsp-wn", 1.0), "scene": "other"})
+    pictured(rows[-1], 5.0)
+    assert "on 1 of 1 scenes where both were measured: other." in page.as_html(document(rows))
+
+
 def about_pictures(rows: list[dict[str, Any]]) -> str:
     (sentence,) = (text for text in report.findings(rows) if "1024 × 1024" in text)
     return sentence
