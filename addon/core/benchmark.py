@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from . import accuracy, costmap, first, peak, picture_times, rays, rows, specs, thesis, timing, yardstick
+from . import accuracy, costmap, counting, first, peak, picture_times, rays, rows, specs, thesis, timing, yardstick
 from .accuracy import Answers
 from .native import FAILURES, first_line
 from .picture_times import Rounds
@@ -375,6 +375,9 @@ class _Run:
             one.name: timing.speeds(candidate, one.name, anchor, timing.noise(group, one.name))
             for one in self._prepared.ray_sets
         }
+        if candidate.spec != yardstick.SPEC:
+            values = specs.values(candidate.spec, self._native.structures())
+            counting.mark(row["rays"], self._prepared.ray_sets, values)
         row["errors"] = accuracy.total(candidate.errors.values()).as_row(options.reference)
         row["errors"]["sets"] = {name: errors.as_row(options.reference) for name, errors in candidate.errors.items()}
         # Pixels in which a picture is not that of the first structure; 0 where nothing was rendered.

@@ -67,7 +67,7 @@ APART = ("embree", "brute")
 
 MAPS = (
     "Nodes visited and triangles tested by the ray of each pixel, all on one scale, in the order of their means. Rays "
-    "that a tile or a beam takes together share its work evenly."
+    "that a tile or a beam takes together share its work evenly; those of traversal=auto are counted one by one."
 )
 MAP_COLUMNS = 7
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from . import counting
 from .rows import Row
 from .timing import COUNTERS
 
@@ -35,9 +36,9 @@ class Fit:
 
 
 def fit(rows: Sequence[Row]) -> Fit | None:
-    """The fit over one scene's rows, or None when there are too few of them."""
+    """The fit over one scene's rows without those that are silent, or None when there are too few of them."""
     assert set(PARTS) <= set(COUNTERS)
-    found = [(row["spec"], *_per_ray(row)) for row in rows if row["rays"]]
+    found = [(row["spec"], *_per_ray(row)) for row in rows if row["rays"] and not is_silent(row)]
     kept = [(spec, counts, time) for spec, counts, time in found if counts is not None and time > 0]
     if len(kept) < LEAST_ROWS:
         return None
@@ -49,6 +50,11 @@ def fit(rows: Sequence[Row]) -> Fit | None:
     spread = float(((times - times.mean()) ** 2).sum())
     explained = 1.0 - float(((parts.sum(axis=1) - times) ** 2).sum()) / spread if spread else 0.0
     return Fit(tuple(spec for spec, _, _ in kept), dict(zip(PARTS, each, strict=True)), times, parts, explained)
+
+
+def is_silent(row: Row) -> bool:
+    """Whether some of its rays were timed in another walk than they were counted in: that fits nothing."""
+    return not all(counting.tells(row, name) for name, one in row["rays"].items() if one["mrays_s"])
 
 
 def _per_ray(row: Row) -> tuple[NDArray[np.float64] | None, float]:

@@ -11,6 +11,7 @@ from functools import partial
 from typing import Any
 
 from . import charts, costs, ksweep, yardstick
+from .notes import some
 from .rows import Row, agrees
 from .thesis import Published
 
@@ -103,7 +104,9 @@ def scene_figures(rows: Sequence[Row], published: Published | None = None) -> li
         add("Wrong answers far from the origin", charts.OFFSETS, 3.8 + below, draw)
     if fitted is not None:
         height = 1.6 + 0.2 * len(fitted.specs)
-        add("Fitted costs", charts.COSTS + remark, height, partial(charts.fitted_costs, fit=fitted))
+        silent = [row["spec"] for row in ours_close if costs.is_silent(row)]
+        told = f" Left out, as rays are traced together and counted one by one: {some(silent)}." if silent else ""
+        add("Fitted costs", charts.COSTS + told + remark, height, partial(charts.fitted_costs, fit=fitted))
     return found
 
 

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from . import curve, ranking, yardstick
+from . import counting, curve, ranking, yardstick
 from .rows import Row, agrees, building, eager, is_lazy
 
 ERRORS = {
@@ -350,25 +350,29 @@ def _about_ranking(found: ranking.Ranking, name: str) -> str:
             f"{best} is the fastest, {found.times:.2f} times {found.second['spec']} "
             f"({found.low:.2f} to {found.high:.2f} over the rounds; {noise})"
         )
-    reason = _because(found, name)
-    return f"{text}{', because ' + reason if reason else ''}."
+    return f"{text}{_because(found, name)}."
 
 
 def _because(found: ranking.Ranking, name: str) -> str:
-    """What of the counters goes the way of the time: fewer steps, fewer tests, or neither."""
+    """What of the counters goes the way of the time: fewer steps, fewer tests, or neither; nothing without steps."""
     if found.second is None:
         return ""
     best, other = (row["rays"][name] for row in (found.best, found.second))
     if best["steps"] is None or other["steps"] is None:
         return ""
+    silent = [row["spec"] for row in (found.best, found.second) if not counting.tells(row, name)]
+    if silent:
+        return f"; counters do not tell why: rays of {' and '.join(silent)} are traced together, and counted one by one"
     words = {"steps": "steps", "tests": "triangle tests"}
     fewer = [key for key in words if best[key] < 0.95 * other[key]]
     told = " and ".join(f"{best[key]:.1f} {words[key]} per ray against {other[key]:.1f}" for key in fewer)
     if told:
-        return f"{found.best['spec']} makes {told}"
+        return f", because {found.best['spec']} makes {told}"
+    if not best["steps"]:
+        return ""
     return (
-        f"its steps are cheaper: it makes as many of them, or more ({best['steps']:.1f} against {other['steps']:.1f}), "
-        f"and as many tests, or more ({best['tests']:.1f} against {other['tests']:.1f})"
+        f", because its steps are cheaper: it makes about as many of them, or more ({best['steps']:.1f} against "
+        f"{other['steps']:.1f}), and about as many tests, or more ({best['tests']:.1f} against {other['tests']:.1f})"
     )
 
 

@@ -1,0 +1,32 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Whether steps and tests are those of the walk that is timed: rays that go together may be counted one by one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from .rays import RaySet
+
+
+def is_of_the_timed_walk(values: Mapping[str, Any], *, any_hit: bool) -> bool:
+    """Whether rays of a configuration are counted as they are traced, as its parameter `traversal` says.
+
+    values: all of its parameters (`specs.values`). any_hit: of rays that ask whether anything is hit.
+    """
+    if any_hit and values.get("shadow") == "beam":
+        return True
+    walk = str(values.get("traversal", ""))
+    is_grouped = walk.rstrip("0123456789") in ("tile", "p")
+    return walk != "auto" and not (any_hit and is_grouped)
+
+
+def mark(told: Mapping[str, dict[str, Any]], sets: Iterable[RaySet], values: Mapping[str, Any]) -> None:
+    """Add to what a row tells of these sets whether its counters are those of the timed walk."""
+    for some in sets:
+        told[some.name]["counts_timed_walk"] = is_of_the_timed_walk(values, any_hit=some.any_hit)
+
+
+def tells(row: Mapping[str, Any], name: str) -> bool:
+    """Whether a row's counters of a set are those of the timed walk; rows of earlier versions do not say."""
+    return bool(row["rays"][name].get("counts_timed_walk", True))
