@@ -107,6 +107,9 @@ class Comparison:
         best, fastest = self.best, self.fastest
         if best is None or fastest is None:
             return "No configuration gives right answers."
+        if len(self.sound) == 1:
+            others = "gave right answers" if len(self.lines) > 1 else "was tried over the whole scene"
+            return f"{best.spec}: nothing else {others}."
         picture = f"{self.plan.pixels:,} pixels of {self.plan.samples:,} samples"
         if best.spec == fastest.spec:
             return f"{best.spec}: for {picture} it traces fastest, and its build of {best.build:.2f} s pays off."

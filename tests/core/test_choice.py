@@ -49,6 +49,12 @@ def test_few_samples_want_a_quick_build_and_many_a_quick_walk() -> None:
     assert [line.spec for line in few.sound] == ["bvh-sah", "kd"]
 
 
+def test_one_alone_is_not_called_the_fastest() -> None:
+    alone, wrong = Line("kd", 1.0, 2.0, 0, 10), Line("grid", 1.0, 1.0, 3, 10, "3 of 10 answers are wrong")
+    assert Comparison(Plan(100, 1), (alone,)).reason() == "kd: nothing else was tried over the whole scene."
+    assert Comparison(Plan(100, 1), (alone, wrong)).reason() == "kd: nothing else gave right answers."
+
+
 def test_rows_become_lines_and_wrong_answers_are_never_best(soup: Workload) -> None:
     options = benchmark.Options(size=(32, 32), sets=choice.SETS, repeats=2, check_rays=64)
     rows = list(benchmark.measure(native, soup, ["kd", "bvh-sah"], options, lambda _text: None))
