@@ -211,6 +211,8 @@ def merge(asked: argparse.Namespace) -> int:
     for folder, lines in lacking.items():
         for key in left.keys() & lines.keys():
             raise UsageError(f"--merge: {folder}: {lines[key]}")
+    if mixed := merged.mixed():
+        raise UsageError(f"--merge: {mixed[0]}: its rows are of runs with different options; name folders of one run")
     rows, missing = merged.rows(), merged.missing()
     if not rows:
         raise UsageError(f"--merge: there are no rows in {', '.join(map(str, folders))}")

@@ -62,7 +62,7 @@ def rank(rows: Sequence[Row], name: str) -> Ranking | None:
     name: of a ray set, PICTURE or TRACING.
     """
     able = [row for row in rows if agrees(row) and part(row, name)]
-    units: dict[tuple[str, Any], list[Row]] = {}
+    units: dict[tuple[str, Any, int], list[Row]] = {}
     for row in able:
         units.setdefault(_unit(row, name), []).append(row)
     timed = max(units.values(), key=len, default=[])
@@ -140,12 +140,14 @@ def _known(row: Row, name: str, build: str = "med") -> Part:
     return found
 
 
-def _unit(row: Row, name: str) -> tuple[str, str | None]:
-    """What a row's speeds are measured by: its anchor, or without one its rounds. Rows of equal units are related."""
+def _unit(row: Row, name: str) -> tuple[str, str | None, int]:
+    """What a row's speeds are measured by: its anchor, or without one its rounds; on so many threads. Rows of equal
+    units are related.
+    """
     one = _known(row, name)
     if one["anchor"] is not None and one["anchor_rounds"]:
-        return "anchor", one["anchor"]
-    return "round", row["round_id"]
+        return "anchor", one["anchor"], row["threads"]
+    return "round", row["round_id"], row["threads"]
 
 
 def related(a: Row, b: Row, name: str) -> bool:

@@ -44,7 +44,10 @@ def heading(scene: str, rows: Sequence[Row]) -> str:
     """What a scene's table is about, in one line."""
     checked = max((row["errors"]["rays"] for row in rows if row["errors"]), default=0)
     reference = next((row["errors"]["reference"] for row in rows if row["errors"]), "nothing")
-    threads = max(row["threads"] for row in rows)
+    ours = {row["threads"] for row in rows if row["spec"] != yardstick.SPEC and row["threads"]}
+    threads = " and ".join(map(str, sorted(ours or {max(row["threads"] for row in rows)})))
+    if ours - {1} and any(row["spec"] == yardstick.SPEC and row["rays"] for row in rows):
+        threads += " (Embree: 1)"
     return (
         f"{scene}: {rows[0]['triangles']:,} triangles; speeds in million rays per second (median) and times Embree, "
         f"threads: {threads}; errors against {reference} on {checked:,} rays"

@@ -270,6 +270,14 @@ class Journal:
         own = (entry for entry in self.entries.values() if entry.is_benchmark)
         return {(entry.run, entry.row["scene"], entry.row["spec"]) for entry in own}
 
+    def mixed(self) -> list[str]:
+        """Scenes whose rows are of runs with different options: other rays, which no report may set side by side."""
+        found: dict[str, set[str]] = {}
+        for entry in self.entries.values():
+            if entry.is_benchmark and entry.run:
+                found.setdefault(entry.row["scene"], set()).add(entry.run)
+        return [scene for scene, runs in found.items() if len(runs) > 1]
+
     def lacking(self) -> dict[str, str]:
         """By key, what rows of a benchmark have not that a report needs: those of another version of the program."""
         found = {}

@@ -114,7 +114,7 @@ def percent(row: Row, base: Row) -> float | None:
         sets = sum(bool(one["rounds"]) for one in row["rays"].values())
         return 100 * time / sets
     same = row["anchor"] == base["anchor"] if row["anchor"] is not None else ranking.together(row, base)
-    return 100 * time / unit if same else None
+    return 100 * time / unit if same and row["threads"] == base["threads"] else None
 
 
 def base_of(rows: Iterable[Row]) -> Row | None:

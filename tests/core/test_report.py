@@ -34,6 +34,17 @@ def test_a_row_that_is_wrong_shows_where() -> None:
     assert cell.text == "3"
 
 
+def test_rows_on_other_numbers_of_threads_are_told_apart_and_not_ranked() -> None:
+    rows = [{**row("embree"), "threads": 1}, row("a", 4.0), row("b", 2.0), {**row("c", 8.0), "threads": 2}]
+    assert "threads: 1 and 2 (Embree: 1);" in report.heading("room", rows)
+    assert "threads: 1;" in report.heading("room", rows[:3])
+    text = said(*rows)
+    assert "a is the fastest, 2.00 times b" in text
+    assert "Nothing relates the times of c to theirs." in text
+    base, *others = everything("kd", 1.0), everything("bsp-wn", 2.0), {**everything("bsp-wn", 2.0), "threads": 2}
+    assert [thesis.percent(one, base) is None for one in others] == [False, True]
+
+
 def test_a_failed_row_shows_its_error() -> None:
     failed = {**copy.deepcopy(ROW), "rays": None, "errors": None, "build_s": None, "bytes": None, "error": "too large"}
     assert "kd: too large" in report.table([failed, row("brute")])
@@ -176,28 +187,6 @@ def test_the_plots_are_svg_with_a_mark_for_each_structure() -> None:
             "Speed",
             "Fitted costs",
         )
-
-
-@pytest.mark.skipif(plots.problem() is not None, reason=str(plots.problem()))
-def test_a_walk_without_bounds_is_not_drawn_among_those_with_them() -> None:
-    rows = [everything("kd", 1.0), everything("octree-net", 1.0), everything("kd:robust=none", 1.0)]
-    for entry in rows[2]["offsets"]:
-        entry.update(wrong=50, wrong_unguarded=None)
-
-    def drawn(*some: dict[str, Any]) -> list[str]:
-        (picture,) = (one for one in plots.scene_figures(some) if one.title.startswith("Wrong answers far"))
-        return [text.strip() for text in ET.fromstring(picture.svg).itertext()]
-
-    assert "with bounds: all 2" in drawn(*rows)
-    assert "kd:robust=none" in drawn(*rows)
-    assert not [text for text in drawn(rows[2]) if "with bounds" in text]
-
-
-def test_wrong_answers_on_the_moved_grids_are_told() -> None:
-    rows = [everything("kd", 1.0), everything("kd-sah", 1.0)]
-    assert not [text for text in report.findings(rows) if "moved away" in text]
-    rows[1]["offsets"][2]["wrong"] = 3
-    assert [text for text in report.findings(rows) if "moved away" in text and "kd-sah 3 of 100." in text]
 
 
 def test_every_number_leads_to_its_place_in_bench_json() -> None:

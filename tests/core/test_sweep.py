@@ -96,6 +96,20 @@ def test_merging_rows_that_disagree_is_status_1(scenes: list[str], tmp_path: Pat
     assert "soup-1, kd: measured twice" in capsys.readouterr().err
 
 
+def test_rows_of_runs_with_other_options_are_not_merged(scenes: list[str], tmp_path: Path, capsys: Any) -> None:
+    """They are about other rays, and nothing would tell which row is about which."""
+    quick = [*OPTIONS, "--structures", "kd", "--curve", "none", "--out"]
+    first, second, third = (str(tmp_path / name) for name in ("first", "second", "third"))
+    assert bench.main([scenes[0], *quick, first]) == 0
+    assert bench.main([scenes[0], *quick, second, "--ray-seed", "9"]) == 0
+    assert bench.main([scenes[1], *quick, third, "--ray-seed", "9"]) == 0
+    capsys.readouterr()
+    assert bench.main([first, second, "--merge", "--out", str(tmp_path / "out")]) == 2
+    assert "soup-1: its rows are of runs with different options" in capsys.readouterr().err
+    # Of different scenes nothing is set side by side.
+    assert bench.main([first, third, "--merge", "--out", str(tmp_path / "out")]) == 0
+
+
 SWEPT = ["kd-sah:traversal=dir", "bsp-wn:k=3", "bsp-wn:k=4"]
 """A sweep over k, whose rows are related to the first."""
 
