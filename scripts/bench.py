@@ -140,7 +140,8 @@ def run(asked: argparse.Namespace) -> int:
     published = read_published(asked)
     if asked.cluster is not None:
         cluster.check(asked.cluster)
-    scenes = asked.scenes or default_scenes(asked.preset)
+    scenes = list(dict.fromkeys(asked.scenes)) or default_scenes(asked.preset)
+    workload.check_names({scene: find(scene) for scene in scenes})
     loaders = [loader(scene, options.size, asked.preset in AS_PUBLISHED) for scene in scenes]
     if asked.out is not None:
         results.prepare_folder(asked.out)
@@ -212,7 +213,8 @@ def merge(asked: argparse.Namespace) -> int:
         for key in left.keys() & lines.keys():
             raise UsageError(f"--merge: {folder}: {lines[key]}")
     if mixed := merged.mixed():
-        raise UsageError(f"--merge: {mixed[0]}: its rows are of runs with different options; name folders of one run")
+        what = "runs with different options, or of different triangles"
+        raise UsageError(f"--merge: {mixed[0]}: its rows are of {what}; name folders of one run")
     rows, missing = merged.rows(), merged.missing()
     if not rows:
         raise UsageError(f"--merge: there are no rows in {', '.join(map(str, folders))}")
@@ -347,12 +349,17 @@ def read_structures(asked: argparse.Namespace, module: Any) -> list[str]:
     return specs.prove(module, chosen)
 
 
+def find(scene: str) -> str | Path:
+    """A built-in scene's name, or the path of a file. Raises WorkloadError when there is no such scene."""
+    return workload.find(scene, SUFFIXES, ("grid", "showcase", *([OPEN_FILE] if _open_file() else [])))
+
+
 def loader(scene: str, size: tuple[int, int], published: bool) -> Callable[[], workload.Workload]:
     """A function that loads the scene, or what of it was published.
 
     Raises WorkloadError when there is no such scene, UsageError without Blender.
     """
-    found = workload.find(scene, SUFFIXES, ("grid", "showcase", *([OPEN_FILE] if _open_file() else [])))
+    found = find(scene)
     if found == "grid":
         return grid.workload
     if isinstance(found, Path) and found.suffix.lower() == ".npz":

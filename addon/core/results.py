@@ -271,12 +271,16 @@ class Journal:
         return {(entry.run, entry.row["scene"], entry.row["spec"]) for entry in own}
 
     def mixed(self) -> list[str]:
-        """Scenes whose rows are of runs with different options: other rays, which no report may set side by side."""
-        found: dict[str, set[str]] = {}
+        """Scenes whose rows no report may set side by side: of runs with different options, which are about other rays,
+        or of different triangles under one name.
+        """
+        runs: dict[str, set[str]] = {}
+        sizes: dict[str, set[int]] = {}
         for entry in self.entries.values():
-            if entry.is_benchmark and entry.run:
-                found.setdefault(entry.row["scene"], set()).add(entry.run)
-        return [scene for scene, runs in found.items() if len(runs) > 1]
+            if entry.is_benchmark:
+                runs.setdefault(entry.row["scene"], set()).update(filter(None, [entry.run]))
+                sizes.setdefault(entry.row["scene"], set()).add(entry.row["triangles"])
+        return [scene for scene in runs if len(runs[scene]) > 1 or len(sizes[scene]) > 1]
 
     def lacking(self) -> dict[str, str]:
         """By key, what rows of a benchmark have not that a report needs: those of another version of the program."""

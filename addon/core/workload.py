@@ -182,6 +182,20 @@ def find(name: str, suffixes: Sequence[str] = (".npz",), built_in: Sequence[str]
     raise WorkloadError(f"{name}: {problem}; expected {choices}{f', or one of {SCENES}: {names}' if names else ''}")
 
 
+def check_names(found: Mapping[str, str | Path]) -> None:
+    """Raise WorkloadError where two scenes have one name: reports would take their rows for those of one.
+
+    found: what `find` returned, by what the command line calls it.
+    """
+    known: dict[str, str] = {}
+    for scene, one in found.items():
+        other = known.setdefault(one if isinstance(one, str) else one.stem, scene)
+        if other != scene:
+            raise WorkloadError(
+                f"{scene}: has the name of {other}; expected different ones, by which reports tell them"
+            )
+
+
 def load_npz(path: Path, *, memory_limit: int | None = None, published: bool = False) -> Workload:
     """A scene from numpy's format, keys as in the README. Raises WorkloadError.
 

@@ -176,6 +176,18 @@ def test_bad_usage_is_one_line_and_status_2(
     assert not out.exists(), "nothing is written before everything is known to be right"
 
 
+def test_two_scenes_of_one_name_are_refused(scene: Path, tmp_path: Path, capsys: Any) -> None:
+    """A report tells scenes by their names, and would rank the rows of both among each other."""
+    other = tmp_path / "other" / scene.name
+    other.parent.mkdir()
+    other.write_bytes(scene.read_bytes())
+    assert bench.main([str(scene), str(other), *QUICK]) == 2
+    assert "expected different ones, by which reports tell them" in capsys.readouterr().err
+    # The same file twice is one scene.
+    assert bench.main([str(scene), str(scene), *QUICK, "--out", str(tmp_path / "out")]) == 0
+    assert [row["spec"] for row in document(tmp_path / "out")["rows"] if row["spec"] != "embree"] == ["kd"]
+
+
 def test_a_truncated_scene_is_one_line(scene: Path, tmp_path: Path, capsys: Any) -> None:
     scene.write_bytes(scene.read_bytes()[:300])
     assert bench.main([str(scene), *QUICK, "--out", str(tmp_path / "out")]) == 2

@@ -106,6 +106,17 @@ def test_rows_of_runs_with_other_options_are_not_merged(scenes: list[str], tmp_p
     capsys.readouterr()
     assert bench.main([first, second, "--merge", "--out", str(tmp_path / "out")]) == 2
     assert "soup-1: its rows are of runs with different options" in capsys.readouterr().err
+    smaller = Path(scenes[0]).with_name("other") / Path(scenes[0]).name
+    smaller.parent.mkdir()
+    with np.load(scenes[0]) as file:
+        np.savez(smaller, **{**file, "triangles": file["triangles"][1:]})
+    assert bench.main([str(smaller), *quick, second]) == 0
+    (tmp_path / "fourth").mkdir()
+    lines = (Path(second) / "rows.jsonl").read_text(encoding="utf-8").splitlines(keepends=True)
+    (tmp_path / "fourth" / "rows.jsonl").write_text("".join(lines[-3:]), encoding="utf-8")
+    capsys.readouterr()
+    assert bench.main([first, str(tmp_path / "fourth"), "--merge", "--out", str(tmp_path / "out")]) == 2
+    assert "or of different triangles" in capsys.readouterr().err
     # Of different scenes nothing is set side by side.
     assert bench.main([first, third, "--merge", "--out", str(tmp_path / "out")]) == 0
 
