@@ -7,22 +7,24 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from .rows import Row
-from .thesis import base_of, percent, spread
+from .specs import structure_of
+from .thesis import base_of, configuration, labels, percent, spread
 
 
 @dataclass(frozen=True)
 class Line:
-    """Per k the smallest, median and largest time over the seeds, in percent of the base."""
+    """Per k the smallest, median and largest time over the seeds, in percent of the base. label: what it is called."""
 
     structure: str
     k: tuple[int, ...]
     low: tuple[float, ...]
     median: tuple[float, ...]
     high: tuple[float, ...]
+    label: str
 
 
 def lines(rows: Sequence[Row]) -> tuple[str, list[Line]]:
-    """The base, and a line for each structure of one scene that was measured with two or more k.
+    """The base, and a line for each configuration of one scene that was measured with two or more k.
 
     Times are in units of the anchor's, so that rows of different hours and machines can be put in one line.
     """
@@ -33,11 +35,12 @@ def lines(rows: Sequence[Row]) -> tuple[str, list[Line]]:
     for row in rows:
         time = percent(row, base)
         if row["k"] is not None and time is not None:
-            found.setdefault(row["structure"], {}).setdefault(row["k"], []).append(time)
+            found.setdefault(configuration(row), {}).setdefault(row["k"], []).append(time)
+    called = labels(rows)
     made = []
-    for structure, by_k in found.items():
+    for one, by_k in found.items():
         if len(by_k) > 1:
             ks = sorted(by_k)
             low, median, high = zip(*(spread(by_k[k]) for k in ks), strict=True)
-            made.append(Line(structure, tuple(ks), low, median, high))
+            made.append(Line(structure_of(one), tuple(ks), low, median, high, called[one]))
     return base["spec"], made

@@ -10,11 +10,12 @@ import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 
-from . import ranking, yardstick
+from . import ranking, specs, yardstick
 from .rows import Row, agrees
 
 BASES = ("kd-sah:traversal=dir", "kd-sah", "kd:traversal=dir", "kd")
@@ -123,6 +124,28 @@ def base_of(rows: Iterable[Row]) -> Row | None:
     return next((known[spec] for spec in BASES if spec in known), None)
 
 
+SWEPT = ("k", "seed")
+"""Parameters that sweeps go over; medians are over seeds."""
+
+
+def configuration(row: Row) -> str:
+    """A row's configuration without what sweeps go over."""
+    return _without_swept(row["spec"])
+
+
+@lru_cache(1 << 17)
+def _without_swept(spec: str) -> str:
+    kept = (f"{key}={value}" for key, value in specs.pairs(spec) if key not in SWEPT)
+    return specs.joined(specs.structure_of(spec), *kept)
+
+
+def labels(rows: Iterable[Row]) -> dict[str, str]:
+    """By configuration what it is called: the structure alone, where that was measured in no other configuration."""
+    found = dict.fromkeys(map(configuration, rows))
+    alike = [specs.structure_of(one) for one in found]
+    return {one: name if alike.count(name) == 1 else one for one, name in zip(found, alike, strict=True)}
+
+
 def spread(values: Sequence[float]) -> Numbers:
     """Smallest, median and largest; nothing of nothing."""
     return (min(values), float(np.median(values)), max(values)) if values else ()
@@ -143,36 +166,36 @@ def tables(scenes: Mapping[str, Sequence[Row]], published: Published | None) -> 
     named = {scene: [r for r in rows if r["spec"] != yardstick.SPEC and agrees(r)] for scene, rows in scenes.items()}
     named = {scene: rows for scene, rows in named.items() if base_of(rows) is not None}
     known = published or Published()
+    called = labels(row for rows in named.values() for row in rows)
     found = []
     for structure, number in TABLES.items():
-        ks = sorted({row["k"] for rows in named.values() for row in rows if row["structure"] == structure})
-        if len(ks) > 1:
-            lines = tuple((f"K = {k}", tuple(_by_k(named, known, structure, k))) for k in ks)
-            title = f"Table {number}: time of {structure} by K"
-            found.append(Table(title, tuple(named), ("min", "median", "max"), lines))
+        for one in (one for one in called if specs.structure_of(one) == structure):
+            ks = sorted({row["k"] for rows in named.values() for row in rows if configuration(row) == one})
+            if len(ks) > 1:
+                lines = tuple((f"K = {k}", tuple(_by_k(named, known, one, k))) for k in ks)
+                title = f"Table {number}: time of {called[one]} by K"
+                found.append(Table(title, tuple(named), ("min", "median", "max"), lines))
     if found:
-        found.append(_comparison(named, known))
+        found.append(_comparison(named, known, called))
     return found
 
 
-def _by_k(
-    scenes: Mapping[str, Sequence[Row]], known: Published, structure: str, k: int
-) -> Iterable[tuple[Numbers, Numbers]]:
+def _by_k(scenes: Mapping[str, Sequence[Row]], known: Published, one: str, k: int) -> Iterable[tuple[Numbers, Numbers]]:
+    structure = specs.structure_of(one)
     for scene, rows in scenes.items():
-        own = [row for row in rows if (row["structure"], row["k"]) == (structure, k)]
+        own = [row for row in rows if (configuration(row), row["k"]) == (one, k)]
         yield spread(_percent(rows, own, "render")), known.spreads.get((structure, SCENES.get(scene, ""), k), ())
 
 
-def _comparison(scenes: Mapping[str, Sequence[Row]], known: Published) -> Table:
-    """Each structure with the k that the thesis compares it with, or else that which is the fastest."""
-    structures = list(dict.fromkeys(row["structure"] for rows in scenes.values() for row in rows))
+def _comparison(scenes: Mapping[str, Sequence[Row]], known: Published, called: Mapping[str, str]) -> Table:
+    """Each configuration with the k that the thesis compares it with, or else that which is the fastest."""
     lines = []
-    for structure in structures:
+    for one, label in called.items():
         cells = []
         for scene, rows in scenes.items():
-            k, theirs = known.comparison.get((structure, SCENES.get(scene, "")), (None, ()))
+            k, theirs = known.comparison.get((specs.structure_of(one), SCENES.get(scene, "")), (None, ()))
             base = base_of(rows)
-            times = [(percent(row, base), row) for row in rows if row["structure"] == structure and base is not None]
+            times = [(percent(row, base), row) for row in rows if configuration(row) == one and base is not None]
             own = [(time, row) for time, row in times if time is not None]
             if k is None or all(row["k"] != k for _, row in own):
                 _, fastest = min(own, key=lambda item: item[0], default=(0.0, None))
@@ -181,7 +204,7 @@ def _comparison(scenes: Mapping[str, Sequence[Row]], known: Published) -> Table:
             medians = [(*spread(_percent(rows, kept, column))[1:2], math.nan)[0] for column in COMPARED]
             cells.append((tuple(medians) if kept else (), theirs))
         if any(ours for ours, _ in cells):
-            lines.append((structure, tuple(cells)))
+            lines.append((label, tuple(cells)))
     title = "The comparison of all structures, each at the K of the thesis or, where that is not here, at its best"
     return Table(title, tuple(scenes), COMPARED, tuple(lines))
 
