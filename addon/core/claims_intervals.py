@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from functools import partial
 
-from . import claims_scenes
+from . import claims_scenes, counting
 from .claims import Builds, Chart, Claim, Lab, Outcome, verdict
 from .workload import Workload
 
@@ -116,7 +116,7 @@ def comparable(lab: Lab) -> Iterator[Outcome]:
             verdict(holds=ratio <= COMPARABLE),
             f"{workload.name}: a picture takes {ratio:.2f} times as long with {INTERVALS} as with {kd} (asked: at most "
             f"{COMPARABLE:g})",
-            f"per ray: {'; '.join(told)}",
+            f"per ray: {'; '.join(told)}" + counting.remark({spec: spec for spec in found}, lab.native.structures()),
             lab.error(workload, (INTERVALS, kd)),
             {"ratio": ratio},
         )

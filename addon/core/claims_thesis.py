@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from . import claims_kd
+from . import claims_kd, counting
 from .claims import UNTESTED, Chart, Claim, Lab, Outcome, Timing, verdict
 from .workload import Workload
 
@@ -94,7 +94,7 @@ def counters(lab: Lab, workload: Workload, configuration: str, trees: Sequence[t
     for name, one in specs.items():
         mean = found[one].counters
         told.append(f"{name} {mean['steps']:.1f} nodes, {mean['leaves']:.1f} leaves, {mean['tests']:.1f} tests")
-    return "per ray: " + "; ".join(told)
+    return f"per ray: {'; '.join(told)}{counting.remark(specs, lab.native.structures())}"
 
 
 def nowhere(lab: Lab) -> Iterator[Outcome]:

@@ -3,9 +3,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+from . import specs
 from .rays import RaySet
 
 
@@ -30,3 +31,14 @@ def mark(told: Mapping[str, dict[str, Any]], sets: Iterable[RaySet], values: Map
 def tells(row: Mapping[str, Any], name: str) -> bool:
     """Whether a row's counters of a set are those of the timed walk; rows of earlier versions do not say."""
     return bool(row["rays"][name].get("counts_timed_walk", True))
+
+
+def remark(chosen: Mapping[str, str], structures: Sequence[Mapping[str, Any]]) -> str:
+    """What stands behind counters of configurations where some are not those of the walk that is timed, or nothing.
+
+    chosen: what each is called, and the configuration. structures: the native registry.
+    """
+    silent = [
+        name for name, spec in chosen.items() if not is_of_the_timed_walk(specs.values(spec, structures), any_hit=False)
+    ]
+    return f" (rays of {', '.join(silent)} are counted one by one, however they go)" if silent else ""

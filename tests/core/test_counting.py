@@ -93,3 +93,10 @@ def test_times_of_walks_that_are_not_counted_are_not_fitted() -> None:
     if plots.problem() is None:
         (picture,) = (one for one in plots.scene_figures(rows) if one.title == "Fitted costs")
         assert "Left out, as their rays are counted one by one, however they go: bsp-wn:k=3." in picture.caption
+
+
+def test_claims_say_which_of_their_counters_are_of_another_walk() -> None:
+    structures = halfspace_native.structures()
+    assert counting.remark({"kd": "kd:traversal=dir", "boxes": "bvh-sah"}, structures) == ""
+    told = counting.remark({"a tree": "kd", "boxes": "bvh-sah"}, structures)
+    assert told == " (rays of a tree are counted one by one, however they go)"
