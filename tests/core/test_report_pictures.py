@@ -121,6 +121,11 @@ def test_of_builds_with_rays_noise_is_told_too() -> None:
     for one in apart:
         one["build_s"] = dict.fromkeys(("min", "med", "max"), 0.01)
     assert "260 ms with a (build 10 ms) and 510 ms with b (build 10 ms), the next" in told(*apart)
+    # Later the machine was four times as fast: the second's seconds are fewer, but it is the slower one.
+    later = {**row("b", 8.0), "round_id": "2"}
+    later["build_s"] = apart[0]["build_s"]
+    later["rays"]["primary"]["anchor_rounds"] = [16.0] * 7
+    assert "260 ms with a (build 10 ms) and 2.08 times as long with b, the next" in told(apart[0], later)
     assert "cannot be told from those with b" in told(row("a", 2.02), row("b", 2.0))
     few = row("a", 4.0), row("b", 2.0)
     for one in few:
