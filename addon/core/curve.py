@@ -7,6 +7,7 @@ time to the structure; that the pictures are the same is checked.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
@@ -69,11 +70,12 @@ class Curve:
         self.samples = samples
         scale = SIZE / min(size)
         self._width, self._height = (max(TILE, round(side * scale)) for side in size)
+        self._size = self._width, self._height
         self._camera = workload.render_camera or _camera(workload.view, self._width / self._height, workload.diagonal())
         self._seed = seed
         self._max_bounces = max_bounces
         self._converged: Image | None = None
-        self._pictures: dict[int, Image] = {}
+        self._pictures: dict[tuple[tuple[int, int], int], Image] = {}
         self.independent: list[dict[str, float]] = []
 
     def converge(self, structure: Any) -> None:
@@ -93,6 +95,16 @@ class Curve:
         seeds = range(self._seed + 2, self._seed + 2 + most)
         pictures = [self._image(self._render(structure, 1, seed, 0)) for seed in seeds]
         yield from of_independent(pictures, self._converged, [count for count in self.samples if count <= most])
+
+    def finer(self, samples: int) -> tuple[int, int, int]:
+        """Width, height and samples per pixel of about as many rays as so many samples take here, in more pixels.
+
+        Rays of neighbouring pixels lie closer in them, nearly as close as in a picture of IMAGE_PIXELS: how well rays
+        go together decides the time of some walks, twice and more, and which structure is the quickest.
+        """
+        more = max(1, min(samples, IMAGE_PIXELS // (self._width * self._height)))
+        width, height = (round(side * math.sqrt(more)) for side in (self._width, self._height))
+        return width, height, max(1, samples // more)
 
     def whole(self, seconds: float, samples: int) -> float:
         """What a picture of IMAGE_PIXELS with IMAGE_SAMPLES takes when one here takes so long with so many samples."""
@@ -115,20 +127,23 @@ class Curve:
         return {**found, "flip": flip.mean(picture.reshape(shape), self._converged.reshape(shape))}, differing
 
     def timed(self, structure: Any, samples: int, threads: int) -> tuple[float, int]:
-        """The seconds of `whole` by one picture with so many samples, and how many pixels differ from others'."""
-        _, seconds, differing = self._made(structure, samples, threads)
-        return self.whole(seconds, samples), differing
+        """The seconds of the picture that is told of, by `finer`, and how many pixels differ from others'."""
+        width, height, fewer = self.finer(samples)
+        _, seconds, differing = self._made(structure, fewer, threads, (width, height))
+        return seconds / (width * height * fewer) * IMAGE_PIXELS * IMAGE_SAMPLES, differing
 
-    def _made(self, structure: Any, samples: int, threads: int) -> tuple[Image, float, int]:
+    def _made(
+        self, structure: Any, samples: int, threads: int, size: tuple[int, int] | None = None
+    ) -> tuple[Image, float, int]:
         """A picture, its seconds, and how many pixels differ from the first structure's."""
         scene = self._scene(structure)
         now = timing.clock(threads)
         start = now()
-        job = self._job(scene, samples, self._seed, threads)
+        job = self._job(scene, samples, self._seed, threads, size)
         # On one thread the processor's seconds, as for all other times; else the native module's, without any waiting.
         seconds = now() - start if threads == 1 else float(job.statistics["seconds"])
-        picture = self._image(job)
-        first = self._pictures.setdefault(samples, picture)
+        picture = self._image(job, size)
+        first = self._pictures.setdefault((size or self._size, samples), picture)
         differing = int((picture.view(np.uint32) != first.view(np.uint32)).any(axis=1).sum())
         return picture, max(seconds, 1e-9), differing
 
@@ -148,10 +163,13 @@ class Curve:
             return self._native.RenderScene(structure, **_plain_scene())
         return render_scene(self._native, structure, scene)
 
-    def _job(self, render_scene: Any, samples: int, seed: int, threads: int) -> Any:
+    def _job(
+        self, render_scene: Any, samples: int, seed: int, threads: int, size: tuple[int, int] | None = None
+    ) -> Any:
+        width, height = size or self._size
         settings = {
-            "width": self._width,
-            "height": self._height,
+            "width": width,
+            "height": height,
             "samples": samples,
             "max_bounces": self._max_bounces,
             "seed": seed,
@@ -164,11 +182,12 @@ class Curve:
             raise RuntimeError(job.error)
         return job
 
-    def _image(self, job: Any) -> Image:
+    def _image(self, job: Any, size: tuple[int, int] | None = None) -> Image:
         """(pixels, 3) linear RGB."""
-        out = np.zeros(self._width * self._height * job.passes["Combined"], np.float32)
+        width, height = size or self._size
+        out = np.zeros(width * height * job.passes["Combined"], np.float32)
         job.copy_into("Combined", out)
-        return np.ascontiguousarray(out.reshape(self._width * self._height, -1)[:, :3])
+        return np.ascontiguousarray(out.reshape(width * height, -1)[:, :3])
 
 
 def errors(picture: Image, reference: Image) -> dict[str, float]:

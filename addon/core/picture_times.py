@@ -30,12 +30,14 @@ LONGEST = 5
 
 @dataclass
 class Rounds:
-    """Of one group of configurations. samples: per pixel. seconds: by configuration, one per round, of the picture that
+    """Of one group of configurations. samples: per pixel of a picture with as many rays, of which `Curve.finer` makes
+    one with more pixels; pixels: of that. seconds: by configuration, one per round, of the picture that
     is told of (`Curve.whole`). anchor: the tree beside; first, last: its seconds in each round.
     """
 
     anchor: str | None = None
     samples: int = 0
+    pixels: int = 0
     seconds: dict[str, list[float]] = field(default_factory=dict)
     first: list[float] = field(default_factory=list)
     last: list[float] = field(default_factory=list)
@@ -47,6 +49,7 @@ class Rounds:
             return None
         return {
             "samples": self.samples,
+            "pixels": self.pixels,
             "anchor": self.anchor,
             "rounds_s": rounds,
             "anchor_rounds_s": self.first,
@@ -69,6 +72,8 @@ def time(found: Rounds, pictures: Curve, anchor: Any, candidates: Sequence[Candi
     limit = max(options.pass_seconds, PASS_SECONDS)
     few = min(pictures.samples)
     found.samples = max((n for n in pictures.samples if pictures.rays(n) <= limit * RAYS_PER_SECOND), default=few)
+    width, height, _ = pictures.finer(found.samples)
+    found.pixels = width * height
     drawn = {
         candidate.spec: float(point["seconds"] or 0.0)
         for candidate in candidates

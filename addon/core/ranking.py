@@ -106,7 +106,8 @@ def part(row: Row, name: str, build: str = "med") -> Part | None:
         own = [1.0 / (built + seconds) for seconds in image["rounds_s"]]
         others = [1.0 / seconds for seconds in image["anchor_rounds_s"]]
         # What a picture takes besides its samples weighs more in one of fewer.
-        anchor = None if image["anchor"] is None else f"{image['anchor']} with {image['samples']} samples"
+        size = f"{image['samples']} samples, {image.get('pixels')} pixels"
+        anchor = None if image["anchor"] is None else f"{image['anchor']} with {size}"
         return {"rounds": own, "anchor_rounds": others, "anchor": anchor, "noise": image["noise"]}
     if name == TRACING:
         return _tracing(row, build)

@@ -83,6 +83,29 @@ def test_the_time_of_a_picture_is_of_interleaved_rounds_beside_the_same_tree(mon
         assert times["rounds_s"][0] > 0
 
 
+def test_a_picture_is_timed_in_many_pixels_rather_than_with_many_samples(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Rays as far apart as in few pixels do not go together as they do in the picture that is told of."""
+    small, asked = grid.workload(2, 64), []
+    made = halfspace_native.render
+
+    class Heard:
+        def __getattr__(self, name: str) -> object:
+            return getattr(halfspace_native, name)
+
+        def render(self, scene: object, camera: object, settings: dict[str, int], *, threads: int) -> object:
+            asked.append(tuple(settings[key] for key in ("width", "height", "samples")))
+            return made(scene, camera, settings, threads=threads)
+
+    monkeypatch.setattr(curve, "SIZE", 16)
+    pictures = curve.Curve(Heard(), small, (64, 32), (1, 16), 1)
+    tree = halfspace_native.build(small.vertices, small.triangles, "kd")
+    seconds, differing = pictures.timed(tree, 16, 1)
+    assert asked == [(128, 64, 1)]
+    assert (seconds > 0, differing) == (True, 0)
+    # Never more pixels than the picture that is told of has.
+    assert pictures.finer(1 << 20) == (round(32 * 2048**0.5), round(16 * 2048**0.5), 512)
+
+
 def test_a_picture_that_takes_long_is_timed_once(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(curve, "SIZE", 8)
     monkeypatch.setattr(picture_times, "LONGEST", 0)
