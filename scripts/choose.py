@@ -9,6 +9,7 @@ said in one line.
 from __future__ import annotations
 
 import argparse
+import math
 import os
 import sys
 from collections.abc import Sequence
@@ -16,7 +17,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from addon.core import auto, catalogue, check, choice, command, native, rays
+from addon.core import auto, catalogue, check, choice, command, native, rays, room
 from addon.core.reference import Reference, affordable
 from addon.core.usage import Parser, UsageError
 from addon.core.workload import SCENES, Workload, find, left_out, load_npz
@@ -24,6 +25,18 @@ from addon.core.workload import SCENES, Workload, find, left_out, load_npz
 REPEATS = 3
 GOOD = 1.1
 """Within this of the best counts as well chosen."""
+
+
+FINE = 960, 544
+"""Pixels of the view whose rays tell what a picture would have taken. In the few of a choice rays lie so far apart that
+they do not go together as they do in the picture, and another structure seems the best."""
+
+
+def view_of(pixels: int) -> tuple[int, int]:
+    """The same view in no more pixels than the picture has, in whole tiles."""
+    share = math.sqrt(min(1.0, pixels / math.prod(FINE)))
+    width, height = (max(rays.TILE, int(side * share) // rays.TILE * rays.TILE) for side in FINE)
+    return width, height
 
 
 def parser() -> argparse.ArgumentParser:
@@ -45,7 +58,9 @@ def full(
         built[spec], builds[spec] = check.timed_build(module, workload, spec, threads)
     first = built[specs[0]]
     counted = choice.mix(module, first, workload, auto.SIZE, plan.max_bounces)
-    sets = [some for some in rays.make(workload, first, size=auto.SIZE, seed=2, names=choice.SETS) if len(some)]
+    size = view_of(plan.pixels)
+    room.check(module, "the rays", rays.bytes_needed(size, choice.SETS))
+    sets = [some for some in rays.make(workload, first, size=size, seed=2, names=choice.SETS) if len(some)]
     wanted = min(auto.CHECKED, affordable(workload))
     reference = Reference(module, workload, sets, wanted, seed=2, threads=threads)
     best: dict[str, dict[str, float]] = {spec: {} for spec in specs}

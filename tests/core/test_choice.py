@@ -176,6 +176,15 @@ def test_the_command_prints_wrong_answers_beside_times(
         assert line.endswith(f"0 of {checked:,} answers wrong")
 
 
+def test_what_pictures_would_take_is_told_by_rays_as_close_as_theirs() -> None:
+    """In the few pixels of a choice they lie farther apart, do not go together, and name another structure the best."""
+    assert choose.view_of(1920 * 1080) == choose.FINE
+    assert choose.view_of(1) == (8, 8)
+    width, height = choose.view_of(100_000)
+    assert 0.9 * 100_000 < width * height <= 100_000
+    assert width * height > auto.SIZE[0] * auto.SIZE[1]
+
+
 class Clocked:
     """A native module whose structures take times that are told beforehand; time goes by only here."""
 
