@@ -9,7 +9,6 @@ said in one line.
 from __future__ import annotations
 
 import argparse
-import math
 import os
 import sys
 from collections.abc import Sequence
@@ -32,13 +31,6 @@ FINE = 960, 544
 they do not go together as they do in the picture, and another structure seems the best."""
 
 
-def view_of(pixels: int) -> tuple[int, int]:
-    """The same view in no more pixels than the picture has, in whole tiles."""
-    share = math.sqrt(min(1.0, pixels / math.prod(FINE)))
-    width, height = (max(rays.TILE, int(side * share) // rays.TILE * rays.TILE) for side in FINE)
-    return width, height
-
-
 def parser() -> argparse.ArgumentParser:
     """The command line."""
     made = Parser(prog="choose", description=(__doc__ or "").splitlines()[0])
@@ -58,7 +50,7 @@ def full(
         built[spec], builds[spec] = check.timed_build(module, workload, spec, threads)
     first = built[specs[0]]
     counted = choice.mix(module, first, workload, auto.SIZE, plan.max_bounces)
-    size = view_of(plan.pixels)
+    size = auto.view_of(plan.pixels, FINE)
     room.check(module, "the rays", rays.bytes_needed(size, choice.SETS))
     sets = [some for some in rays.make(workload, first, size=size, seed=2, names=choice.SETS) if len(some)]
     wanted = min(auto.CHECKED, affordable(workload))

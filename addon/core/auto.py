@@ -33,8 +33,9 @@ CANDIDATES = (
 )
 """What is tried: one of each kind, the best of the sources with few and with more directions."""
 
-SIZE, TRIAL_SIZE = (192, 128), (96, 64)
-"""Pixels of the view whose rays are timed, over the whole scene and over a part."""
+SIZE, TRIAL_SIZE = (480, 320), (192, 128)
+"""Pixels of the view whose rays are timed, over the whole scene and over a part. In fewer, rays lie so far apart that
+they do not go together as they do in most pictures, and another structure seems the best."""
 
 TRIAL_TRIANGLES = 4096
 """A trial is made over at most so many triangles, chosen at random."""
@@ -61,6 +62,13 @@ SMALL_BUDGET = 0.05
 BUDGET = 0.2
 """All full trials together may take this share of the best picture's time, so that choosing never costs more than it
 can win."""
+
+
+def view_of(pixels: int, most: tuple[int, int] = SIZE) -> tuple[int, int]:
+    """The view in no more pixels than a picture of so many has, in whole tiles. most: width and height otherwise."""
+    share = math.sqrt(min(1.0, pixels / math.prod(most)))
+    width, height = (max(rays.TILE, int(side * share) // rays.TILE * rays.TILE) for side in most)
+    return width, height
 
 
 def candidates(catalogue: Catalogue) -> list[str]:
@@ -129,7 +137,8 @@ class Chooser:
         first, *others = self.specs
         yield f"{first}: building"
         structure, build = check.timed_build(self.native, self.workload, first, self.threads, self.memory_limit)
-        sets = rays.make(self.workload, structure, size=SIZE, seed=1, names=choice.SETS)
+        size = view_of(self.plan.pixels)
+        sets = rays.make(self.workload, structure, size=size, seed=1, names=choice.SETS)
         sets = [some for some in sets if len(some)]
         yield "counting the rays of a small picture"
         counted = choice.mix(self.native, structure, self.workload, SIZE, self.plan.max_bounces)
@@ -215,7 +224,8 @@ class Chooser:
             yield f"{spec}: trying it on {share:,} triangles"
             structure, build = check.timed_build(self.native, part, spec, self.threads)
             if spec == first:
-                sets = [s for s in rays.make(part, structure, size=TRIAL_SIZE, seed=1, names=choice.SETS) if len(s)]
+                size = view_of(self.plan.pixels, TRIAL_SIZE)
+                sets = [s for s in rays.make(part, structure, size=size, seed=1, names=choice.SETS) if len(s)]
             speeds = [check.rate(structure, some, 1) for some in sets]
             speed = 1 / float(np.mean([1 / value for value in speeds])) if speeds else 1.0
             build *= grown

@@ -176,13 +176,40 @@ def test_the_command_prints_wrong_answers_beside_times(
         assert line.endswith(f"0 of {checked:,} answers wrong")
 
 
-def test_what_pictures_would_take_is_told_by_rays_as_close_as_theirs() -> None:
-    """In the few pixels of a choice they lie farther apart, do not go together, and name another structure the best."""
-    assert choose.view_of(1920 * 1080) == choose.FINE
-    assert choose.view_of(1) == (8, 8)
-    width, height = choose.view_of(100_000)
+def test_rays_are_timed_about_as_close_as_those_of_the_picture(soup: Workload) -> None:
+    """Farther apart they do not go together, and another structure seems the best."""
+    assert auto.view_of(1920 * 1080, choose.FINE) == choose.FINE
+    assert auto.view_of(1) == (8, 8)
+    width, height = auto.view_of(100_000)
     assert 0.9 * 100_000 < width * height <= 100_000
-    assert width * height > auto.SIZE[0] * auto.SIZE[1]
+    asked = []
+
+    class Heard:
+        def __init__(self, structure: Any) -> None:
+            self._structure = structure
+
+        def __getattr__(self, name: str) -> Any:
+            return getattr(self._structure, name)
+
+        def closest(self, origins: Any, *arguments: Any, **options: Any) -> Any:
+            asked.append(len(origins))
+            return self._structure.closest(origins, *arguments, **options)
+
+    class Hearing:
+        def __getattr__(self, name: str) -> Any:
+            return getattr(native, name)
+
+        def build(self, *arguments: Any, **options: Any) -> Any:
+            return Heard(native.build(*arguments, **options))
+
+        def RenderScene(self, structure: Any, **options: Any) -> Any:
+            return native.RenderScene(structure._structure, **options)
+
+    list(auto.Chooser(Hearing(), soup, Plan(1920 * 1080, 1), ["kd"], 1).steps())
+    assert max(asked) == 480 * 320
+    asked.clear()
+    list(auto.Chooser(Hearing(), soup, Plan(64 * 64, 1), ["kd"], 1).steps())
+    assert max(asked) <= 64 * 64
 
 
 class Clocked:
