@@ -191,7 +191,8 @@ impl<P: PlanePolicy> Builder<'_, P> {
             attempt(task)
         });
         let (plane, best) = found?;
-        Some(Choice {
+        let total = best.counts[0] + best.counts[1];
+        (total <= node.budget as f32).then_some(Choice {
             plane,
             best,
             bad: 0,

@@ -13,6 +13,7 @@ pub mod lazy;
 mod params;
 mod policy;
 mod single;
+mod worth;
 
 pub use self::params::{ObliqueStep, Params, Stop};
 pub use self::policy::{Node, PlanePolicy};
@@ -344,16 +345,12 @@ impl<P: PlanePolicy> Builder<'_, P> {
             let view = node.view(&task.pieces[from..]);
             self.policy.further(&view, &mut task.directions);
         }
-        let choice = match choice {
+        let leaf = params.costs.leaf(n as f32);
+        let choice = match choice.filter(|c| self.is_worth(c, leaf, node, n)) {
             None if n > params.leaf_most => self.forced(task, from, node)?,
-            choice => Choice {
-                bad: choice.as_ref().map_or(0, |c| c.bad),
-                ..choice?
-            },
+            choice => choice?,
         };
-        // f32 holds these counts exactly, except in nodes so large that their budget always suffices.
-        let total = choice.best.counts[0] + choice.best.counts[1];
-        (total <= node.budget as f32).then_some((cell, choice))
+        Some((cell, choice))
     }
 
     /// Parts the pieces from `from` on by a plane: those above stay, those below are put aside.
