@@ -14,7 +14,7 @@ use crate::build::plane_tree::{Node, PlaneTree};
 use crate::build::{Held, Monitor};
 use crate::error::Result;
 use crate::geom::Aabb;
-use crate::geom::vec3::map;
+use crate::geom::vec3::{Vec3, add_scaled, dot, map, sub, widen};
 
 /// A cell that holds anything.
 struct Cell {
@@ -33,9 +33,61 @@ struct Cells<'a> {
     monitor: &'a Monitor,
     /// By how much cells reach beyond their planes: far more than builders' planes are off by where they part triangles.
     pad: f32,
+    /// The oblique planes above a node, and the corners of what they leave of a triangle.
+    slanted: Slanted,
     found: Vec<Cell>,
     /// The room that those take.
     room: Vec<Held<'a>>,
+}
+
+/// The part of space where all `normal . x` are at most their heights, and room for cutting triangles to it.
+#[derive(Default)]
+struct Slanted {
+    sides: Vec<(Vec3, f64)>,
+    corners: Vec<Vec3>,
+    cut: Vec<Vec3>,
+}
+
+impl Slanted {
+    /// A box around the part of a triangle that lies inside (Sutherland and Hodgman 1974). Rounding moves it by far less
+    /// than the sides reach beyond their planes.
+    #[expect(clippy::cast_possible_truncation, reason = "the sides' room covers it")]
+    fn bounds(&mut self, triangle: [[f32; 3]; 3]) -> Aabb {
+        self.corners.clear();
+        self.corners.extend(triangle.map(widen));
+        for &(normal, height) in &self.sides {
+            let above = |p: &Vec3| dot(normal, *p) - height;
+            if self.corners.iter().all(|p| above(p) <= 0.0) {
+                continue;
+            }
+            self.cut.clear();
+            for (i, &a) in self.corners.iter().enumerate() {
+                let b = self.corners[(i + 1) % self.corners.len()];
+                let (from, to) = (above(&a), above(&b));
+                if from <= 0.0 {
+                    self.cut.push(a);
+                }
+                if (from <= 0.0) != (to <= 0.0) {
+                    self.cut.push(add_scaled(a, from / (from - to), sub(b, a)));
+                }
+            }
+            std::mem::swap(&mut self.corners, &mut self.cut);
+        }
+        let own = Aabb::of_triangle(triangle);
+        let around = self.corners.iter().fold(Aabb::EMPTY, |bounds, p| Aabb {
+            min: map([0, 1, 2], |k: usize| bounds.min[k].min(p[k] as f32)),
+            max: map([0, 1, 2], |k: usize| bounds.max[k].max(p[k] as f32)),
+        });
+        common(&around, &own)
+    }
+}
+
+/// What two boxes have in common.
+fn common(a: &Aabb, b: &Aabb) -> Aabb {
+    Aabb {
+        min: map([0, 1, 2], |k: usize| a.min[k].max(b.min[k])),
+        max: map([0, 1, 2], |k: usize| a.max[k].min(b.max[k])),
+    }
 }
 
 impl Binary for Cells<'_> {
@@ -50,7 +102,7 @@ impl Binary for Cells<'_> {
 
 impl BoxTree<8> {
     /// The tree of boxes around what the cells of a tree of planes hold, with its leaves, its children
-    /// [`Self::by_corners`]. Cells are those between axis-aligned planes: what oblique ones cut off is not left out.
+    /// [`Self::by_corners`].
     ///
     /// # Errors
     /// [`crate::error::Error::Cancelled`] and [`crate::error::Error::Memory`] when the monitor says so.
@@ -64,6 +116,7 @@ impl BoxTree<8> {
             blocks,
             monitor,
             pad: 4.0 * AXIS_PAD * frame.bounds().magnitude(),
+            slanted: Slanted::default(),
             found: Vec::new(),
             room: Vec::new(),
         };
@@ -91,8 +144,7 @@ impl Cells<'_> {
     /// anything is that child.
     // The depth of the recursion is that of the tree.
     fn gather(&mut self, node: u32, cell: &Aabb) -> Result<Option<usize>> {
-        let (mut below, mut above) = (*cell, *cell);
-        let children = match self.tree.node(node) {
+        let [first, second] = match self.tree.node(node) {
             Node::Leaf { first, count } => {
                 self.monitor.check()?;
                 let bounds = self.inside((first, count), cell);
@@ -109,14 +161,31 @@ impl Cells<'_> {
                 children,
                 ..
             } => {
+                let (mut below, mut above) = (*cell, *cell);
                 below.max[axis] = split + self.pad;
                 above.min[axis] = split - self.pad;
-                children
+                [
+                    self.gather(children, &below)?,
+                    self.gather(children + 1, &above)?,
+                ]
             }
-            Node::Oblique { children, .. } => children,
+            Node::Oblique {
+                normal,
+                offset,
+                children,
+                ..
+            } => {
+                let (normal, height) = (widen(normal), f64::from(offset));
+                let pad = f64::from(self.pad);
+                self.slanted.sides.push((normal, height + pad));
+                let first = self.gather(children, cell)?;
+                self.slanted.sides.pop();
+                self.slanted.sides.push((normal.map(|x| -x), pad - height));
+                let second = self.gather(children + 1, cell)?;
+                self.slanted.sides.pop();
+                [first, second]
+            }
         };
-        let first = self.gather(children, &below)?;
-        let second = self.gather(children + 1, &above)?;
         let (Some(first), Some(second)) = (first, second) else {
             return Ok(first.or(second));
         };
@@ -125,14 +194,14 @@ impl Cells<'_> {
     }
 
     /// The box around what a leaf's triangles have inside its cell; empty where they have nothing there.
-    fn inside(&self, leaf: (u32, usize), cell: &Aabb) -> Aabb {
+    fn inside(&mut self, leaf: (u32, usize), cell: &Aabb) -> Aabb {
         let mut bounds = Aabb::EMPTY;
+        let slanted = &mut self.slanted;
         self.blocks.each(leaf, |_, corners| {
-            let own = Aabb::of_triangle(corners);
-            let part = Aabb {
-                min: map([0, 1, 2], |k: usize| own.min[k].max(cell.min[k])),
-                max: map([0, 1, 2], |k: usize| own.max[k].min(cell.max[k])),
-            };
+            let mut part = common(&Aabb::of_triangle(corners), cell);
+            if !slanted.sides.is_empty() && !part.is_empty() {
+                part = common(&part, &slanted.bounds(corners));
+            }
             if !part.is_empty() {
                 bounds = bounds.union(&part);
             }
@@ -231,6 +300,67 @@ mod tests {
                         around,
                         "no larger than its triangles"
                     );
+                }
+            }
+        }
+    }
+
+    /// Slivers on one skew line, lying over each other.
+    fn slivers(count: usize) -> Vec<[f32; 3]> {
+        let mut random = Random(11);
+        let mut point = || {
+            let t = random.unit();
+            [t, 0.7 * t, 0.3 * t]
+        };
+        (0..3 * count).map(|_| point()).collect()
+    }
+
+    /// The leaves of the tree of boxes that walks take through a tree of planes, each with its box.
+    fn leaves(structure: &Structure) -> Vec<((u32, usize), Aabb)> {
+        let built = structure.built();
+        let Layout::Plane(tree, _) = &built.layout else {
+            panic!("a tree of planes")
+        };
+        let parts = (&built.frame, &built.blocks);
+        of_boxes(&BoxTree::of_cells(tree, parts, &Monitor::new()).unwrap())
+    }
+
+    fn holds(bounds: &Aabb, p: [f32; 3]) -> bool {
+        (0..3).all(|k| bounds.min[k] <= p[k] && p[k] <= bounds.max[k])
+    }
+
+    #[test]
+    fn boxes_leave_out_what_oblique_planes_cut_off() {
+        let structure = Structure::of(&soup(slivers(300)), "rbsp:traversal=boxes");
+        let leaves = leaves(&structure);
+        assert!(leaves.len() > 20, "{}", leaves.len());
+        let at = |leaf: &&(_, Aabb)| holds(&leaf.1, [0.5, 0.35, 0.15]);
+        let there = leaves.iter().filter(at).count();
+        assert!(4 * there < leaves.len(), "{there} of {}", leaves.len());
+    }
+
+    #[test]
+    fn every_point_of_a_triangle_lies_in_the_box_of_a_leaf_that_holds_it() {
+        let mut random = Random(17);
+        let many: Vec<_> = (0..600).map(|_| random.point(-1.0, 1.0)).collect();
+        for corners in [slivers(150), many] {
+            for spec in ["rbsp", "rbsp:clip=0", "bsp-ize", "bsp-random:ties=pbrt"] {
+                let structure = Structure::of(&soup(corners.clone()), spec);
+                let mut held = vec![Vec::new(); corners.len() / 3];
+                for (leaf, bounds) in leaves(&structure) {
+                    let blocks = &structure.built().blocks;
+                    blocks.each(leaf, |id, _| held[id as usize].push(bounds));
+                }
+                for _ in 0..4000 {
+                    let id = random.below(held.len());
+                    let [a, b, c] = [0, 1, 2].map(|i| corners[3 * id + i]);
+                    let (s, t) = (random.unit(), random.unit());
+                    let p = [0, 1, 2]
+                        .map(|k: usize| a[k] + s * (b[k] - a[k]) + (1.0 - s) * t * (c[k] - a[k]));
+                    // Slivers without area are in no leaf.
+                    let found =
+                        held[id].is_empty() || held[id].iter().any(|bounds| holds(bounds, p));
+                    assert!(found, "{spec}: {id} {p:?}");
                 }
             }
         }
