@@ -131,9 +131,10 @@ fn second_layout(
     let Layout::Plane(tree, _) = &built.layout else {
         return Ok((None, None));
     };
+    // Around cells that are slanted on most sides, boxes are much larger than what is inside.
+    let boxed = built.shape.nodes_oblique <= built.shape.nodes_axis;
     match batches {
-        // On its own it takes them only where they leave out all that planes cut off.
-        Batches::Boxes | Batches::Auto if batches == Batches::Boxes || !tree.is_oblique() => {
+        Batches::Boxes | Batches::Auto if boxed || batches == Batches::Boxes => {
             let boxes = BoxTree::of_cells(tree, (&built.frame, &built.blocks), monitor)?;
             Ok((None, Some(boxes)))
         }

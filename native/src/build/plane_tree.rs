@@ -84,11 +84,6 @@ pub fn near_child(link: u32, signs: u32) -> u32 {
 }
 
 impl PlaneTree {
-    /// Whether any of its planes is oblique.
-    pub fn is_oblique(&self) -> bool {
-        !self.planes.is_empty()
-    }
-
     /// Lays out a tree, its leaves' triangles in `blocks`.
     ///
     /// # Errors

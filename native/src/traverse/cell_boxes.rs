@@ -40,10 +40,13 @@ struct Cells<'a> {
     room: Vec<Held<'a>>,
 }
 
-/// The part of space where all `normal . x` are at most their heights, and room for cutting triangles to it.
+/// The points `x` where `normal . x` is at most a height.
+type Side = (Vec3, f64);
+
+/// The part of space that lies in all of these sides, and room for cutting triangles to it.
 #[derive(Default)]
 struct Slanted {
-    sides: Vec<(Vec3, f64)>,
+    sides: Vec<Side>,
     corners: Vec<Vec3>,
     cut: Vec<Vec3>,
 }
@@ -124,7 +127,7 @@ impl BoxTree<8> {
             min: [f32::NEG_INFINITY; 3],
             max: [f32::INFINITY; 3],
         };
-        let Some(root) = cells.gather(tree.root(), &space)? else {
+        let Some(root) = cells.gather(tree.root(), &space, 0)? else {
             return Ok(Self::none());
         };
         let boxes = Self::collapsed(&cells, root, |place| {
@@ -139,11 +142,14 @@ impl BoxTree<8> {
 /// Cells for which there is room at first.
 const FEWEST: usize = 64;
 
+/// So many levels of a tree are shared out among threads. What is found stands in the same order.
+const SHARED: u32 = 6;
+
 impl Cells<'_> {
     /// Finds what a subtree holds; returns where its root is, if it holds anything. A node with one child that holds
     /// anything is that child.
     // The depth of the recursion is that of the tree.
-    fn gather(&mut self, node: u32, cell: &Aabb) -> Result<Option<usize>> {
+    fn gather(&mut self, node: u32, cell: &Aabb, depth: u32) -> Result<Option<usize>> {
         let [first, second] = match self.tree.node(node) {
             Node::Leaf { first, count } => {
                 self.monitor.check()?;
@@ -164,10 +170,7 @@ impl Cells<'_> {
                 let (mut below, mut above) = (*cell, *cell);
                 below.max[axis] = split + self.pad;
                 above.min[axis] = split - self.pad;
-                [
-                    self.gather(children, &below)?,
-                    self.gather(children + 1, &above)?,
-                ]
+                self.both(children, [(&below, None), (&above, None)], depth)?
             }
             Node::Oblique {
                 normal,
@@ -177,13 +180,9 @@ impl Cells<'_> {
             } => {
                 let (normal, height) = (widen(normal), f64::from(offset));
                 let pad = f64::from(self.pad);
-                self.slanted.sides.push((normal, height + pad));
-                let first = self.gather(children, cell)?;
-                self.slanted.sides.pop();
-                self.slanted.sides.push((normal.map(|x| -x), pad - height));
-                let second = self.gather(children + 1, cell)?;
-                self.slanted.sides.pop();
-                [first, second]
+                let below = (normal, height + pad);
+                let above = (normal.map(|x| -x), pad - height);
+                self.both(children, [(cell, Some(below)), (cell, Some(above))], depth)?
             }
         };
         let (Some(first), Some(second)) = (first, second) else {
@@ -191,6 +190,66 @@ impl Cells<'_> {
         };
         let bounds = self.found[first].bounds.union(&self.found[second].bounds);
         self.push(bounds, Some([first, second]), (0, 0)).map(Some)
+    }
+
+    /// What the two children of a node hold, each from its cell and the side of the oblique plane that it lies on.
+    fn both(
+        &mut self,
+        children: u32,
+        [below, above]: [(&Aabb, Option<Side>); 2],
+        depth: u32,
+    ) -> Result<[Option<usize>; 2]> {
+        if depth >= SHARED {
+            return Ok([
+                self.part(children, below, depth)?,
+                self.part(children + 1, above, depth)?,
+            ]);
+        }
+        let mut other = self.apart();
+        let (first, second) = rayon::join(
+            || self.part(children, below, depth),
+            || other.part(children + 1, above, depth),
+        );
+        let (first, second) = (first?, second?);
+        let moved = self.adopt(&other.found)?;
+        Ok([first, second.map(|place| place + moved)])
+    }
+
+    fn part(
+        &mut self,
+        node: u32,
+        (cell, side): (&Aabb, Option<Side>),
+        depth: u32,
+    ) -> Result<Option<usize>> {
+        self.slanted.sides.extend(side);
+        let found = self.gather(node, cell, depth + 1);
+        self.slanted
+            .sides
+            .truncate(self.slanted.sides.len() - usize::from(side.is_some()));
+        found
+    }
+
+    /// The same place in the tree, and nothing found yet.
+    fn apart(&self) -> Self {
+        Self {
+            slanted: Slanted {
+                sides: self.slanted.sides.clone(),
+                ..Slanted::default()
+            },
+            found: Vec::new(),
+            room: Vec::new(),
+            ..*self
+        }
+    }
+
+    /// Takes over what was found apart; returns by how much its places grow.
+    fn adopt(&mut self, found: &[Cell]) -> Result<usize> {
+        let moved = self.found.len();
+        for cell in found {
+            let children = cell.children.map(|both| both.map(|place| place + moved));
+            self.push(cell.bounds, children, cell.leaf)?;
+        }
+        Ok(moved)
     }
 
     /// The box around what a leaf's triangles have inside its cell; empty where they have nothing there.
@@ -302,6 +361,25 @@ mod tests {
                     );
                 }
             }
+        }
+    }
+
+    #[test]
+    fn boxes_are_the_same_whatever_the_number_of_threads() {
+        let mut random = Random(5);
+        let many: Vec<_> = (0..6000).map(|_| random.point(-1.0, 1.0)).collect();
+        for spec in ["kd:traversal=boxes", "bsp-wn-plus-kd:traversal=boxes"] {
+            let structure = Structure::of(&soup(many.clone()), spec);
+            let built = structure.built();
+            let Layout::Plane(tree, _) = &built.layout else {
+                panic!("a tree of planes")
+            };
+            let made = |threads: usize| {
+                let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+                let parts = (&built.frame, &built.blocks);
+                (pool.unwrap()).install(|| BoxTree::of_cells(tree, parts, &Monitor::new()).unwrap())
+            };
+            assert!(made(1) == made(3));
         }
     }
 
