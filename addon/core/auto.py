@@ -37,6 +37,11 @@ SIZE, TRIAL_SIZE = (480, 320), (192, 128)
 """Pixels of the view whose rays are timed, over the whole scene and over a part. In fewer, rays lie so far apart that
 they do not go together as they do in most pictures, and another structure seems the best."""
 
+LEAST_RAYS, SHARE = 192 * 128, 64
+"""So many of the whole scene's rays are timed, in blocks that lie as close, or one for so many samples of the picture
+where those are more: with few samples, timing all of them would take longer than the picture.
+"""
+
 TRIAL_TRIANGLES = 4096
 """A trial is made over at most so many triangles, chosen at random."""
 
@@ -139,12 +144,13 @@ class Chooser:
         structure, build = check.timed_build(self.native, self.workload, first, self.threads, self.memory_limit)
         size = view_of(self.plan.pixels)
         sets = rays.make(self.workload, structure, size=size, seed=1, names=choice.SETS)
-        sets = [some for some in sets if len(some)]
+        wanted = max(LEAST_RAYS, self.plan.pixels * self.plan.samples // SHARE)
+        sets = [some.take(rays.blocks(len(some), wanted, seed=1)) for some in sets if len(some)]
         yield "counting the rays of a small picture"
         counted = choice.mix(self.native, structure, self.workload, SIZE, self.plan.max_bounces)
         yield "asking brute force"
-        wanted = self._affordable(counted)
-        self._reference = Reference(self.native, self.workload, sets, wanted, seed=1, threads=self.threads)
+        compared = self._affordable(counted)
+        self._reference = Reference(self.native, self.workload, sets, compared, seed=1, threads=self.threads)
         yield f"{first}: comparing and timing rays"
         self._measured(first, (structure, build), sets, counted)
         trials = yield from self._trials(first, others, clock)
