@@ -26,6 +26,7 @@ from addon.core import (
     command,
     curve,
     grid,
+    merging,
     native,
     offsets,
     page,
@@ -200,21 +201,7 @@ def merge(asked: argparse.Namespace) -> int:
         raise UsageError("--merge: name the folders of the rows, and --out for the report")
     published = read_published(asked)
     folders = [Path(folder) for folder in dict.fromkeys(asked.scenes)]
-    for folder in folders:
-        if not list(folder.glob("rows*.jsonl")):
-            raise UsageError(f"--merge: {folder} holds no rows of a run")
-    journals = {folder: results.Journal(folder) for folder in folders}
-    lacking = {folder: journal.lacking() for folder, journal in journals.items()}
-    merged, *others = journals.values()
-    for other in others:
-        merged.merge(other)
-    left = merged.lacking()
-    for folder, lines in lacking.items():
-        for key in left.keys() & lines.keys():
-            raise UsageError(f"--merge: {folder}: {lines[key]}")
-    if mixed := merged.mixed():
-        what = "runs with different options, or of different triangles"
-        raise UsageError(f"--merge: {mixed[0]}: its rows are of {what}; name folders of one run")
+    merged = merging.read(folders)
     rows, missing = merged.rows(), merged.missing()
     if not rows:
         raise UsageError(f"--merge: there are no rows in {', '.join(map(str, folders))}")

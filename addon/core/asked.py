@@ -26,6 +26,7 @@ def label(scene: str) -> str:
 @dataclass
 class Asked:
     """specs: the configurations asked of each scene. names: of scenes that could be read, as their rows have it.
+    options: of each run that tells them.
 
     failures: by place and configuration, the row that tells why, and its order; for a whole scene the configuration is
     empty. What failed may have been mended since: only what is not among the finished rows counts.
@@ -33,11 +34,13 @@ class Asked:
 
     specs: dict[Place, list[str]] = field(default_factory=dict)
     names: dict[Place, str] = field(default_factory=dict)
+    options: dict[str, dict[str, Any]] = field(default_factory=dict)
     failures: dict[tuple[str, str, str], tuple[tuple[int, int], Row]] = field(default_factory=dict)
 
-    def begun(self, run: str, scenes: Sequence[str], specs: Sequence[str]) -> dict[str, Any]:
+    def begun(self, run: str, scenes: Sequence[str], specs: Sequence[str], options: dict[str, Any]) -> dict[str, Any]:
         """The journal's line about what a run is asked for: these configurations of all these scenes."""
-        return {"asked": {"run": run, "scenes": list(map(label, scenes)), "specs": list(specs)}}
+        told = {"run": run, "scenes": list(map(label, scenes)), "specs": list(specs), "options": options}
+        return {"asked": told}
 
     def reached(self, run: str, scene: str, name: str) -> dict[str, Any]:
         """The line about a scene that could be read."""
@@ -53,6 +56,8 @@ class Asked:
             found = line["asked"]
             for scene in found["scenes"]:
                 self._ask((found["run"], scene), found["specs"])
+            if found.get("options"):
+                self.options[found["run"]] = found["options"]
         elif "reached" in line:
             found = line["reached"]
             self.names[found["run"], found["scene"]] = found["name"]
@@ -75,6 +80,7 @@ class Asked:
         for place, specs in other.specs.items():
             self._ask(place, specs)
         self.names |= other.names
+        self.options |= other.options
         self.failures |= other.failures
 
     def failures_left(self, there: There) -> Iterator[tuple[tuple[int, int], Row]]:

@@ -241,8 +241,8 @@ class Journal:
             self.options = options
 
     def ask(self, run: str, scenes: Sequence[str], specs: Sequence[str]) -> None:
-        """Tell which rows a run is asked for: these configurations of all these scenes."""
-        self._tell(self.asked.begun(run, scenes, specs))
+        """Tell which rows a run is asked for: these configurations of all these scenes, with the options told."""
+        self._tell(self.asked.begun(run, scenes, specs, self.options))
 
     def reach(self, run: str, scene: str, name: str) -> None:
         """Tell that a scene of a run could be read, and what its rows call it."""
@@ -269,18 +269,6 @@ class Journal:
     def _there(self) -> set[tuple[str, str, str]]:
         own = (entry for entry in self.entries.values() if entry.is_benchmark)
         return {(entry.run, entry.row["scene"], entry.row["spec"]) for entry in own}
-
-    def mixed(self) -> list[str]:
-        """Scenes whose rows no report may set side by side: of runs with different options, which are about other rays,
-        or of different triangles under one name.
-        """
-        runs: dict[str, set[str]] = {}
-        sizes: dict[str, set[int]] = {}
-        for entry in self.entries.values():
-            if entry.is_benchmark:
-                runs.setdefault(entry.row["scene"], set()).update(filter(None, [entry.run]))
-                sizes.setdefault(entry.row["scene"], set()).add(entry.row["triangles"])
-        return [scene for scene in runs if len(runs[scene]) > 1 or len(sizes[scene]) > 1]
 
     def lacking(self) -> dict[str, str]:
         """By key, what rows of a benchmark have not that a report needs: those of another version of the program."""

@@ -96,8 +96,23 @@ def test_merging_rows_that_disagree_is_status_1(scenes: list[str], tmp_path: Pat
     assert "soup-1, kd: measured twice" in capsys.readouterr().err
 
 
-def test_rows_of_runs_with_other_options_are_not_merged(scenes: list[str], tmp_path: Path, capsys: Any) -> None:
-    """They are about other rays, and nothing would tell which row is about which."""
+def test_a_slow_structure_measured_with_less_is_merged_with_the_others(scenes: list[str], tmp_path: Path) -> None:
+    """About the same rays, compared with the same reference: fewer repeats, no pictures, not all sets."""
+    first, second, later, out = (tmp_path / name for name in ("first", "second", "later", "out"))
+    quick = [scenes[0], *OPTIONS, "--structures"]
+    assert bench.main([*quick, "kd", "--curve", "1", "--out", str(first)]) == 0
+    less = ["--repeats", "1", "--check-rays", "64", "--rays", "primary"]
+    assert bench.main([*quick, "brute", *less, "--out", str(second)]) == 0
+    assert merged([first, second], out)[0] == 0
+    assert {row["spec"] for row in table(out)} == {"kd", "brute"}
+    # Two such runs may share a folder too.
+    assert bench.main([*quick, "kd", "--out", str(later)]) == 0
+    assert bench.main([*quick, "brute", *less, "--out", str(later)]) == 0
+    assert merged([later], out)[0] == 0
+
+
+def test_rows_of_runs_with_other_rays_are_not_merged(scenes: list[str], tmp_path: Path, capsys: Any) -> None:
+    """Nothing would tell which row is about which."""
     quick = [*OPTIONS, "--structures", "kd", "--curve", "none", "--out"]
     first, second, third = (str(tmp_path / name) for name in ("first", "second", "third"))
     assert bench.main([scenes[0], *quick, first]) == 0
@@ -105,7 +120,8 @@ def test_rows_of_runs_with_other_options_are_not_merged(scenes: list[str], tmp_p
     assert bench.main([scenes[1], *quick, third, "--ray-seed", "9"]) == 0
     capsys.readouterr()
     assert bench.main([first, second, "--merge", "--out", str(tmp_path / "out")]) == 2
-    assert "soup-1: its rows are of runs with different options" in capsys.readouterr().err
+    assert "soup-1: its rows are of runs with different --ray-seed;" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
     smaller = Path(scenes[0]).with_name("other") / Path(scenes[0]).name
     smaller.parent.mkdir()
     with np.load(scenes[0]) as file:
@@ -116,7 +132,7 @@ def test_rows_of_runs_with_other_options_are_not_merged(scenes: list[str], tmp_p
     (tmp_path / "fourth" / "rows.jsonl").write_text("".join(lines[-3:]), encoding="utf-8")
     capsys.readouterr()
     assert bench.main([first, str(tmp_path / "fourth"), "--merge", "--out", str(tmp_path / "out")]) == 2
-    assert "or of different triangles" in capsys.readouterr().err
+    assert "soup-1: its rows are of different scenes, of 299 and 300 triangles" in capsys.readouterr().err
     # Of different scenes nothing is set side by side.
     assert bench.main([first, third, "--merge", "--out", str(tmp_path / "out")]) == 0
 
