@@ -141,8 +141,8 @@ def run(asked: argparse.Namespace) -> int:
     published = read_published(asked)
     if asked.cluster is not None:
         cluster.check(asked.cluster)
-    scenes = list(dict.fromkeys(asked.scenes)) or default_scenes(asked.preset)
-    workload.check_names({scene: find(scene) for scene in scenes})
+    named = asked.scenes or default_scenes(asked.preset)
+    scenes = workload.distinct({scene: find(scene) for scene in named})
     loaders = [loader(scene, options.size, asked.preset in AS_PUBLISHED) for scene in scenes]
     if asked.out is not None:
         results.prepare_folder(asked.out)

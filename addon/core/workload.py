@@ -182,18 +182,21 @@ def find(name: str, suffixes: Sequence[str] = (".npz",), built_in: Sequence[str]
     raise WorkloadError(f"{name}: {problem}; expected {choices}{f', or one of {SCENES}: {names}' if names else ''}")
 
 
-def check_names(found: Mapping[str, str | Path]) -> None:
-    """Raise WorkloadError where two scenes have one name: reports would take their rows for those of one.
+def distinct(found: Mapping[str, str | Path]) -> list[str]:
+    """What the command line calls the scenes, each once. Raises WorkloadError where two have one name: reports would
+    take their rows for those of one.
 
     found: what `find` returned, by what the command line calls it.
     """
-    known: dict[str, str] = {}
+    known: dict[str, tuple[str, str | Path]] = {}
     for scene, one in found.items():
-        other = known.setdefault(one if isinstance(one, str) else one.stem, scene)
-        if other != scene:
+        name, place = (one, one) if isinstance(one, str) else (one.stem, one.resolve())
+        other, taken = known.setdefault(name, (scene, place))
+        if taken != place:
             raise WorkloadError(
                 f"{scene}: has the name of {other}; expected different ones, by which reports tell them"
             )
+    return [scene for scene, _ in known.values()]
 
 
 def load_npz(path: Path, *, memory_limit: int | None = None, published: bool = False) -> Workload:
