@@ -99,8 +99,8 @@ class Curve:
     def finer(self, samples: int) -> tuple[int, int, int]:
         """Width, height and samples per pixel of about as many rays as so many samples take here, in more pixels.
 
-        Rays of neighbouring pixels lie closer in them, nearly as close as in a picture of IMAGE_PIXELS: how well rays
-        go together decides the time of some walks, twice and more, and which structure is the quickest.
+        Rays of neighbouring pixels lie closer in them, though seldom as close as in a picture of IMAGE_PIXELS: how well
+        rays go together decides the time of some walks, twice and more, and which structure is the quickest.
         """
         more = max(1, min(samples, IMAGE_PIXELS // (self._width * self._height)))
         width, height = (round(side * math.sqrt(more)) for side in (self._width, self._height))

@@ -30,9 +30,9 @@ LONGEST = 5
 
 @dataclass
 class Rounds:
-    """Of one group of configurations. samples: per pixel of a picture with as many rays, of which `Curve.finer` makes
-    one with more pixels; pixels: of that. seconds: by configuration, one per round, of the picture that
-    is told of (`Curve.whole`). anchor: the tree beside; first, last: its seconds in each round.
+    """Of one group of configurations. samples, pixels: of the picture that is timed, the samples per pixel. seconds: by
+    configuration, one per round, of the picture that is told of (`Curve.whole`). anchor: the tree beside; first, last:
+    its seconds in each round.
     """
 
     anchor: str | None = None
@@ -71,14 +71,14 @@ def time(found: Rounds, pictures: Curve, anchor: Any, candidates: Sequence[Candi
     """
     limit = max(options.pass_seconds, PASS_SECONDS)
     few = min(pictures.samples)
-    found.samples = max((n for n in pictures.samples if pictures.rays(n) <= limit * RAYS_PER_SECOND), default=few)
-    width, height, _ = pictures.finer(found.samples)
+    samples = max((n for n in pictures.samples if pictures.rays(n) <= limit * RAYS_PER_SECOND), default=few)
+    width, height, found.samples = pictures.finer(samples)
     found.pixels = width * height
     drawn = {
         candidate.spec: float(point["seconds"] or 0.0)
         for candidate in candidates
         for point in candidate.curve
-        if point["spp"] == found.samples
+        if point["spp"] == samples
     }
     able = [one for one in candidates if drawn.get(one.spec, np.inf) <= LONGEST * limit]
     if not able:
@@ -88,17 +88,17 @@ def time(found: Rounds, pictures: Curve, anchor: Any, candidates: Sequence[Candi
         where = f"round {number} of {options.repeats}" if number else "warming up"
         if anchor is not None:
             yield f"{anchor.spec}: keeping time for pictures, {where}"
-            seconds, _ = pictures.timed(anchor, found.samples, options.threads)
+            seconds, _ = pictures.timed(anchor, samples, options.threads)
             found.first += [seconds] if number else []
         for candidate in able:
             yield f"{candidate.spec}: timing a picture, {where}"
-            seconds, differing = pictures.timed(candidate.structure, found.samples, options.threads)
+            seconds, differing = pictures.timed(candidate.structure, samples, options.threads)
             candidate.differing_pixels += differing
             if number:
                 found.seconds.setdefault(candidate.spec, []).append(seconds)
         if anchor is not None and number:
             yield f"{anchor.spec}: keeping time for pictures again, {where}"
-            found.last.append(pictures.timed(anchor, found.samples, options.threads)[0])
+            found.last.append(pictures.timed(anchor, samples, options.threads)[0])
 
 
 def told(pictures: Curve, candidate: Candidate, rounds: dict[str, Any] | None) -> dict[str, float]:
