@@ -9,6 +9,9 @@ from typing import Any
 from . import specs
 from .rays import RaySet
 
+ONE_BY_ONE = "counted one by one, though they may go together"
+"""What is said of rays whose counters are not those of the timed walk."""
+
 
 def is_of_the_timed_walk(values: Mapping[str, Any], *, any_hit: bool) -> bool:
     """Whether rays of a configuration are counted as they are traced, as its parameter `traversal` says.
@@ -41,4 +44,4 @@ def remark(chosen: Mapping[str, str], structures: Sequence[Mapping[str, Any]]) -
     silent = [
         name for name, spec in chosen.items() if not is_of_the_timed_walk(specs.values(spec, structures), any_hit=False)
     ]
-    return f" (rays of {', '.join(silent)} are counted one by one, however they go)" if silent else ""
+    return f" (rays of {', '.join(silent)} are {ONE_BY_ONE})" if silent else ""

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from . import charts, costs, ksweep, yardstick
+from . import charts, costs, counting, ksweep, yardstick
 from .notes import some
 from .rows import Row, agrees
 from .thesis import Published
@@ -105,7 +105,7 @@ def scene_figures(rows: Sequence[Row], published: Published | None = None) -> li
     if fitted is not None:
         height = 1.6 + 0.2 * len(fitted.specs)
         silent = [row["spec"] for row in ours_close if costs.is_silent(row)]
-        told = f" Left out, as their rays are counted one by one, however they go: {some(silent)}." if silent else ""
+        told = f" Left out, as their rays are {counting.ONE_BY_ONE}: {some(silent)}." if silent else ""
         add("Fitted costs", charts.COSTS + told + remark, height, partial(charts.fitted_costs, fit=fitted))
     return found
 

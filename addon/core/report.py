@@ -368,7 +368,7 @@ def _because(found: ranking.Ranking, name: str) -> str:
         return ""
     silent = [row["spec"] for row in (found.best, found.second) if not counting.tells(row, name)]
     if silent:
-        return f"; counters do not tell why: rays of {' and '.join(silent)} are counted one by one, however they go"
+        return f"; counters do not tell why: rays of {' and '.join(silent)} are {counting.ONE_BY_ONE}"
     words = {"steps": "steps", "tests": "triangle tests"}
     fewer = [key for key in words if best[key] < 0.95 * other[key]]
     told = " and ".join(f"{best[key]:.1f} {words[key]} per ray against {other[key]:.1f}" for key in fewer)
