@@ -91,7 +91,8 @@ def scene_figures(rows: Sequence[Row], published: Published | None = None) -> li
         add("Build against tracing", charts.BUILD + remark, 4.8 + below, draw)
     if lines:
         draw = partial(charts.k_sweep, scene=rows[0]["scene"], base=base, lines=lines, published=published)
-        add("How many directions", charts.K_SWEEP, 4.4, draw)
+        room = charts.room_for_legend([line.label for line in lines])
+        add("How many directions", charts.K_SWEEP, 4.4 + room, draw)
     if views:
         draw = partial(charts.time_against_rays, rows=views, styles=styles)
         add("Time against the number of rays", charts.SCALING, 4.4 + below, draw)

@@ -140,10 +140,17 @@ def _without_swept(spec: str) -> str:
 
 
 def labels(rows: Iterable[Row]) -> dict[str, str]:
-    """By configuration what it is called: the structure alone, where that was measured in no other configuration."""
-    found = dict.fromkeys(map(configuration, rows))
-    alike = [specs.structure_of(one) for one in found]
-    return {one: name if alike.count(name) == 1 else one for one, name in zip(found, alike, strict=True)}
+    """By configuration what it is called: the structure, and what other configurations of it have otherwise."""
+    alike: dict[str, list[str]] = {}
+    for one in dict.fromkeys(map(configuration, rows)):
+        alike.setdefault(specs.structure_of(one), []).append(one)
+    found = {}
+    for name, some in alike.items():
+        shared = set.intersection(*(set(specs.pairs(one)) for one in some))
+        for one in some:
+            own = (f"{key}={value}" for key, value in specs.pairs(one) if (key, value) not in shared)
+            found[one] = specs.joined(name, *own)
+    return found
 
 
 def spread(values: Sequence[float]) -> Numbers:

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from report_rows import everything
 
-from addon.core import ksweep, thesis
+from addon.core import ksweep, plots, thesis
 
 
 def swept(*configurations: tuple[str, float]) -> list[dict[str, Any]]:
@@ -36,3 +36,18 @@ def test_configurations_of_one_structure_are_not_taken_for_seeds() -> None:
     ]
     times = {name: cells[0][0][0] for name, cells in comparison.lines}
     assert times == pytest.approx({"kd-sah": 100, "bsp-wn:alpha=0.1": 200, "bsp-wn:alpha=1": 400, "bsp-cn": 300})
+
+
+def test_configurations_are_called_by_what_they_have_otherwise() -> None:
+    rows = swept(("bsp-wn:alpha=0.1,costs=thesis,", 2.0), ("bsp-wn:costs=thesis,", 3.0), ("bsp-cn:costs=thesis,", 4.0))
+    assert [line.label for line in ksweep.lines(rows)[1]] == ["bsp-wn:alpha=0.1", "bsp-wn", "bsp-cn"]
+
+
+@pytest.mark.skipif(plots.problem() is not None, reason=str(plots.problem()))
+def test_many_lines_leave_room_for_the_plot() -> None:
+    def height(count: int) -> float:
+        rows = swept(*((f"bsp-wn:alpha={number},", 2.0) for number in range(count)))
+        (picture,) = (one for one in plots.scene_figures(rows) if one.title == "How many directions")
+        return float(picture.svg.partition('height="')[2].partition("pt")[0])
+
+    assert height(40) > height(2) + 72
