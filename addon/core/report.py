@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import csv
 import io
+import statistics
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -262,17 +263,26 @@ def about_sweeps(rows: Sequence[Row]) -> Iterator[str]:
     found = worth(rows)
     if found is None:
         return
-    took, plain = (_seconds(image_total(row) or 0.0) for row in (found.best, found.plain))
-    known = {"faster": f", faster than the {plain} with kd", "slower": f", slower than the {plain} with kd"}
+    took = _seconds(image_total(found.best) or 0.0)
     text = (
         f"The build and one picture of {IMAGE}, reckoned from smaller ones, take {took} with {found.best['spec']}, "
-        f"the best of {found.among} {'tree' if found.among == 1 else 'trees'} with oblique planes"
-        + known.get(found.verdict, f"; too close to tell from the {plain} with kd")
+        f"the best of {found.among} {'tree' if found.among == 1 else 'trees'} with oblique planes{_beside_kd(found)}"
     )
     whole = ranking.rank([row for row in rows if image_total(row) is not None], ranking.PICTURE)
     if whole is not None and whole.ranked and not whole.equal:
-        text += f"; {whole.best['spec']} is the best of all with {_seconds(image_total(whole.best) or 0.0)}"
+        seconds = f" with {_seconds(image_total(whole.best) or 0.0)}" * ranking.together(whole.best, found.best)
+        text += f"; {whole.best['spec']} is the best of all{seconds}"
     yield text + "."
+
+
+def _beside_kd(found: Worth) -> str:
+    """How that compares with kd: by seconds of the same rounds, else by the ratio, which they could contradict."""
+    is_beside = ranking.together(found.best, found.plain)
+    if found.verdict and not is_beside:
+        times = statistics.median(ranking.against(found.best, found.plain, ranking.PICTURE))
+        return f", {found.verdict} than with kd, which takes {times:.2f} times as long"
+    plain = f"the {_seconds(image_total(found.plain) or 0.0)} with kd" if is_beside else "kd"
+    return f", {found.verdict} than {plain}" if found.verdict else f"; too close to tell from {plain}"
 
 
 IMAGE = "1024 × 1024 pixels with 16 samples"
