@@ -246,7 +246,7 @@ def wrong_against_offset(figure: Any, rows: Sequence[Row], styles: Styles) -> No
     places = {point["offset"]: number for number, point in enumerate(rows[0]["offsets"])}
     bounded = [row for row in rows if not is_unguarded(row["spec"])]
     for row in rows:
-        key = "wrong_unguarded" if row in bounded else "wrong"
+        key = "wrong" if is_unguarded(row["spec"]) else "wrong_unguarded"
         points = [point for point in row["offsets"] if point[key] is not None]
         if points:
             colour, marker = styles[row["spec"]]
