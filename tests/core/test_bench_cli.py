@@ -82,6 +82,8 @@ def test_an_answer_that_differs_far_from_the_origin_is_status_1_too() -> None:
     assert bench.status([right, wrong]) == 0
     wrong["offsets"][2]["wrong"] = 3
     assert bench.status([right, wrong]) == 1
+    # A walk that is asked to do without its error bounds errs there, and is measured for that.
+    assert bench.status([right, {**wrong, "spec": "kd-sah:robust=none"}]) == 0
 
 
 def test_a_second_run_measures_nothing_again(scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
