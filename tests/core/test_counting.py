@@ -12,7 +12,7 @@ from report_rows import everything, row
 
 from addon.core import benchmark, costs, counting, grid, plots, rays, report, specs
 
-NAMES = [row["id"] for row in halfspace_native.structures()]
+NAMES = [row["id"] for row in halfspace_native.structures() if any(p["name"] == "traversal" for p in row["parameters"])]
 
 
 def marked(*chosen: str) -> dict[str, dict[str, bool]]:
