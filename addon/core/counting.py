@@ -13,16 +13,21 @@ ONE_BY_ONE = "counted one by one, though they may go together"
 """What is said of rays whose counters are not those of the timed walk."""
 
 
+SHADOWS_TOGETHER = ("auto", "tile8", "tile16", "p16")
+"""Traversals that walk shadow rays in tiles or packets, but not where these are counted."""
+
+
 def is_of_the_timed_walk(values: Mapping[str, Any], *, any_hit: bool) -> bool:
     """Whether rays of a configuration are counted as they are traced, as its parameter `traversal` says.
 
     values: all of its parameters (`specs.values`). any_hit: of rays that ask whether anything is hit.
     """
-    if any_hit and values.get("shadow") == "beam":
-        return True
-    walk = str(values.get("traversal", ""))
-    is_grouped = walk.rstrip("0123456789") in ("tile", "p")
-    return walk != "auto" and not (any_hit and is_grouped)
+    walk = values.get("traversal")
+    if any_hit:
+        # With a cache they go singly in any case, and as a beam they are counted so.
+        return values.get("shadow") in ("cache", "beam") or walk not in SHADOWS_TOGETHER
+    # Of a tree that rays build, tiles are counted as single rays.
+    return walk != "auto" and not (walk == "tile8" and str(values.get("lazy")) == "1")
 
 
 def mark(told: Mapping[str, dict[str, Any]], sets: Iterable[RaySet], values: Mapping[str, Any]) -> None:

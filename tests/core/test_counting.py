@@ -26,7 +26,8 @@ def marked(*chosen: str) -> dict[str, dict[str, bool]]:
 
 def test_a_row_tells_whether_its_counters_are_of_the_timed_walk() -> None:
     alone = dict.fromkeys(rays.NAMES, True)
-    assert marked("kd", "kd:traversal=dir", "kd:traversal=tile8", "kd:shadow=beam", "bvh-sah", "octree-net") == {
+    first = "kd", "kd:traversal=dir", "kd:traversal=tile8", "kd:shadow=beam", "bvh-sah", "octree-net"
+    assert marked(*first) == {
         "kd": dict.fromkeys(rays.NAMES, False),
         "kd:traversal=dir": alone,
         "kd:traversal=tile8": {**alone, "shadow": False},
@@ -34,6 +35,23 @@ def test_a_row_tells_whether_its_counters_are_of_the_timed_walk() -> None:
         "bvh-sah": alone,
         "octree-net": alone,
     }
+    together = dict.fromkeys(rays.NAMES, False)
+    # Shadow rays that ask a cache, or whose packets are small, go singly; tiles of a lazy tree are not counted as such.
+    assert marked("kd:shadow=cache", "kd:traversal=p4", "kd:lazy=1,traversal=tile8") == {
+        "kd:shadow=cache": {**together, "shadow": True},
+        "kd:traversal=p4": alone,
+        "kd:lazy=1,traversal=tile8": together,
+    }
+
+
+def test_tiles_of_a_lazy_tree_are_counted_as_single_rays() -> None:
+    scene = grid.workload(3, 64)
+    tile, single = (
+        halfspace_native.build(scene.vertices, scene.triangles, f"kd:lazy=1,traversal={walk}")
+        for walk in ("tile8", "dir")
+    )
+    (some, *_) = rays.make(scene, single, size=(32, 32), seed=1, names=("primary",))
+    assert np.array_equal(_steps(tile, some), _steps(single, some))
 
 
 @pytest.mark.parametrize("name", NAMES)
