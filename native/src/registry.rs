@@ -222,7 +222,7 @@ pub mod params {
         doc: "How rays walk the tree. auto: whatever is quickest for a batch: tile8 for camera rays and \
               for shadow rays, boxes with several rays in flight for others, or wide where most planes are oblique; rays are counted as dir walks \
               them. dir: one by one, by plane distances in the order of the direction. boxes: one by one, through boxes around what the cells hold, eight to a \
-              node, which cut along the axes only. ta-b-poly: by the heights of entry and exit points over the plane. wide: three levels at a \
+              node, with sides along the axes only. ta-b-poly: by the heights of entry and exit points over the plane. wide: three levels at a \
               time, several rays in turn, many in random order sorted by where they start. tile8, tile16: as dir, but camera rays go in tiles of 64 or 256, and shadow \
               rays of one light in tiles of 64 from the light; tiles whose rays drift apart are split into packets. p4, p8, \
               p16: as dir, but in packets of 4, 8 or 16 rays, one to a lane, shadow rays always of 16. Shadow rays are \

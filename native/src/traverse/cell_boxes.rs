@@ -52,9 +52,12 @@ struct Slanted {
 }
 
 impl Slanted {
-    /// A box around the part of a triangle that lies inside (Sutherland and Hodgman 1974). Rounding moves it by far less
-    /// than the sides reach beyond their planes.
-    #[expect(clippy::cast_possible_truncation, reason = "the sides' room covers it")]
+    /// A box around the part of a triangle that lies inside (Sutherland and Hodgman 1974). What f64 rounds is far less than
+    /// the sides reach beyond their planes.
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "the walks allow for the rounding"
+    )]
     fn bounds(&mut self, triangle: [[f32; 3]; 3]) -> Aabb {
         self.corners.clear();
         self.corners.extend(triangle.map(widen));
