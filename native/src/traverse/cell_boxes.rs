@@ -31,7 +31,7 @@ struct Cells<'a> {
     tree: &'a PlaneTree,
     blocks: &'a Blocks,
     monitor: &'a Monitor,
-    /// By how much cells reach beyond their planes: far more than builders' planes are off by where they part triangles.
+    /// By how much cells reach beyond their planes: several times what builders' planes are off by where they part triangles.
     pad: f32,
     /// The oblique planes above a node, and the corners of what they leave of a triangle.
     slanted: Slanted,

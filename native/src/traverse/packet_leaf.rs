@@ -66,7 +66,7 @@ pub fn test<S: Simd, Q: Query, C: Counters, L: Width>(
     );
 }
 
-/// A ray that starts no farther than this from its origin, on either side, is taken to start before it by as much. Most
+/// A ray that starts nearer to its origin than this, on either side, is taken to start before it by as much. Most
 /// start there, but for what their rounding may add, and times a determinant that would be below the normal numbers, for
 /// which some processors take a hundred cycles.
 const BEFORE: f32 = 1e-18;
