@@ -16,7 +16,7 @@ use super::stream::{Next, Steps, topmost};
 use crate::build::plane_tree::MAX_DEPTH;
 use crate::geom::vec3::map;
 use crate::scene::Triangles;
-use fearless_simd::{Simd, SimdBase, SimdMask, f32x8, u8x32};
+use fearless_simd::{Bytes, Simd, SimdBase, SimdMask, f32x8, u8x32, u32x8};
 use rayon::prelude::*;
 
 /// Children of a node.
@@ -164,7 +164,7 @@ impl Steps for Walk<'_> {
             (course.slabs).meet_all::<S, f32x8<S>, 8>(simd, &node.bounds, (course.start, reach));
         let places = u8x32::from_slice(simd, &ORDER[course.octant & 7]);
         let ordered = |bits: &[u32; CHILDREN]| {
-            let all: f32x8<S> = f32x8::from_slice(simd, &bits.map(f32::from_bits));
+            let all: f32x8<S> = u32x8::from_slice(simd, bits).bitcast();
             all.swizzle_dyn(places)
         };
         let (enter, leave) = (enter.swizzle_dyn(places), leave.swizzle_dyn(places));

@@ -48,10 +48,11 @@ impl Errors {
         let farthest = keep_max(-ray.t_min, reach);
         // The first branch is the second one without blur and drift, at half its operations.
         let (det, uv, t, floor) = if ray.place.is_none() {
-            let span = keep_min(2.0 * farthest + size, ray.span);
-            let lever = span * size;
+            // From the size and the reach as few operations as can be: what follows waits for both.
+            let lever = (keep_min(2.0 * farthest, ray.span) + size) * size;
+            let largest = (ray.span + size) * size;
             // Next to nothing, or NaN where some product may have overflowed: NaN bounds reject nothing.
-            let floor = UNDERFLOW + 0.0 * (64.0 * lever * keep_max(size, 1.0));
+            let floor = UNDERFLOW + 0.0 * (64.0 * largest * keep_max(size, 1.0));
             let det = DET_ERROR * (size * size) + UNDERFLOW;
             let uv = 2.0 * UV_ERROR * lever + (3.0 * det + floor);
             (det, uv, T_ERROR * (lever * size) + floor, floor)
