@@ -62,7 +62,8 @@ class StructureRow(TypedDict):
 class Statistics(TypedDict):
     """What a build made.
 
-    build_seconds: by the clock. bytes: nodes and leaves, without the scene's own arrays.
+    build_seconds: by the clock. bytes: nodes and leaves of all layouts, without the scene's own arrays; leaves, depths,
+    references and cost are those of the planes where rays go through boxes made from them.
     references: triangles in all leaves together. links: from leaves to their neighbours, where a
     structure stores them. depth_max, depth_mean: of the leaves, the root at 0. leaf_max: triangles
     in the largest leaf. leaves_large: leaves of more than 64. sah_cost: expected cost of a random ray in the
@@ -171,7 +172,10 @@ class LeafCells(Faces):
     """Leaves left out because of max_count."""
 
 class Visits(Faces):
-    """Leaves on the way of a ray: those tested in the order of the walk, those passed untested between them."""
+    """Leaves on the way of a ray: those tested in the order of the walk, those passed untested between them.
+
+    With traversal=boxes leaves are boxes, which may overlap.
+    """
 
     enter: npt.NDArray[np.float64]
     leave: npt.NDArray[np.float64]
@@ -186,7 +190,7 @@ class Visits(Faces):
     """(3 t, 3), the three corners of each of `triangles`."""
 
 class Crossings(TypedDict):
-    """Planes on the way of a ray, the nearest first, each cut to the node that it splits."""
+    """Planes on the way of a ray, the nearest first, each cut to the node that it splits; none with traversal=boxes."""
 
     vertices: F32
     offsets: npt.NDArray[np.uint32]

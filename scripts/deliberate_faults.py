@@ -313,6 +313,27 @@ FAULTS = (
     ),
     Fault("sure distances without a far end", _CANDIDATES, "[low[lane], high[lane]]", "[low[lane], low[lane]]", BLOCK),
     Fault("sure hits outside the interval", _FRAME, "begun && within", "true", ENDS),
+    Fault(
+        "triangles that planes cut end at the plane",
+        "native/src/build/plane_objects.rs",
+        "parts[1].min[axis] = split",
+        "parts[1].min[axis] = parts[1].max[axis]",
+        ("lib", "every_point_of_a_triangle_lies_in_the_box_of_a_leaf_that_holds_it"),
+    ),
+    Fault(
+        "oblique planes leave all that they cut above",
+        "native/src/build/oblique_part.rs",
+        "high.min(-low) <= self.little",
+        "high.max(-low) >= self.little",
+        ("lib", "every_point_of_the_triangle_is_in_the_part_on_its_side"),
+    ),
+    Fault(
+        "boxes walked with the leaves of the planes",
+        "native/src/structure/tracing.rs",
+        "(self.walked()).map_or(&built.blocks, |boxes| &boxes.blocks)",
+        "(self.walked()).map_or(&built.blocks, |_| &built.blocks)",
+        ALL,
+    ),
 )
 
 

@@ -30,7 +30,7 @@ impl LeafDepths {
             }
         }
         let bounds = structure.built().frame.bounds();
-        Self(regions::with_cells(structure, Gather(bounds)).unwrap_or_default())
+        Self(regions::with_walked_cells(structure, Gather(bounds)).unwrap_or_default())
     }
 
     /// The depth of the last leaf whose triangles the walk of this ray tested; 0 when it tested none.
@@ -58,7 +58,11 @@ mod tests {
         let vertices: Vec<[f32; 3]> = corners.concat();
         let triangles: Vec<[u32; 3]> = (0..40).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
         let scene = Arc::new(Triangles::new(vertices, triangles).unwrap());
-        for spec in ["kd", "bvh-sah", "octree-net", "brute"] {
+        let boxes = ["kd:traversal=boxes", "rbsp:traversal=boxes"];
+        for spec in ["kd", "bvh-sah", "octree-net", "brute"]
+            .into_iter()
+            .chain(boxes)
+        {
             let structure = Structure::of(&scene, spec);
             let depths = LeafDepths::new(&structure);
             let mut deepest = 0;

@@ -71,7 +71,7 @@ pub fn ray_path(structure: &Structure, ray: &Ray) -> RayPath {
         span: (f64::from(ray.t_min), f64::from(ray.t_max.min(hit.t))),
         path: &path,
     };
-    match regions::with_cells(structure, task) {
+    match regions::with_walked_cells(structure, task) {
         Some((visits, crossings)) => RayPath {
             hit,
             counters: path.counters,

@@ -45,6 +45,15 @@ pub trait Task {
     fn run<T: Cells>(self, tree: &T) -> Self::Result;
 }
 
+/// Does `task` with the tree whose leaves the walks of single rays test: most often the structure's own; `None` when it
+/// has none.
+pub fn with_walked_cells<K: Task>(structure: &Structure, task: K) -> Option<K::Result> {
+    match structure.walked() {
+        Some(boxes) => Some(task.run(&Boxes(&boxes.tree))),
+        None => with_cells(structure, task),
+    }
+}
+
 /// Does `task` with a structure's tree; `None` when it has none.
 pub fn with_cells<K: Task>(structure: &Structure, task: K) -> Option<K::Result> {
     Some(match &structure.built().layout {

@@ -185,9 +185,10 @@ pub mod params {
     pub const TRAVERSAL_AXIS: ParamSpec = ParamSpec {
         name: "traversal",
         label: "Traversal",
-        doc: "How rays walk the tree. auto: whatever is quickest for a batch: tile8 for camera rays and \
-              for shadow rays, boxes with several rays in flight for others; rays are counted as dir walks them. \
-              boxes: one by one, through boxes around what the cells hold, eight to a node. dir: one by one, by plane distances \
+        doc: "How rays walk the tree. auto: whatever is quickest for a batch: through boxes, camera rays and \
+              shadow rays in tiles and others several in flight; rays are counted as dir walks them. \
+              boxes: one by one, through boxes around what the planes part, eight to a node, with leaves of their own, \
+              which take about as much memory again. dir: one by one, by plane distances \
               in the order of the direction; ta-b: by entry and exit points (Havran et al. 1997); ta-a, sung, arvo: by the side of the \
               origin and distances, as TA-A, as Sung and Shirley 1992, as Arvo 1988. wide: three levels at a time, \
               several rays in turn, many in random order sorted by where they start. seq: each leaf from the root, \
@@ -219,10 +220,11 @@ pub mod params {
     pub const TRAVERSAL_ANY: ParamSpec = ParamSpec {
         name: "traversal",
         label: "Traversal",
-        doc: "How rays walk the tree. auto: whatever is quickest for a batch: tile8 for camera rays and \
-              for shadow rays, boxes with several rays in flight for others, or wide where most planes are oblique; rays are counted as dir walks \
-              them. dir: one by one, by plane distances in the order of the direction. boxes: one by one, through boxes around what the cells hold, eight to a \
-              node, with sides along the axes only. ta-b-poly: by the heights of entry and exit points over the plane. wide: three levels at a \
+        doc: "How rays walk the tree. auto: whatever is quickest for a batch: through boxes, camera rays and \
+              shadow rays in tiles and others several in flight, or, where most planes are oblique, tile8 and wide; rays are \
+              counted as dir walks them. dir: one by one, by plane distances in the order of the direction. boxes: one by one, \
+              through boxes around what the planes part, eight to a node, with sides along the axes only and leaves of their own, \
+              which take about as much memory again. ta-b-poly: by the heights of entry and exit points over the plane. wide: three levels at a \
               time, several rays in turn, many in random order sorted by where they start. tile8, tile16: as dir, but camera rays go in tiles of 64 or 256, and shadow \
               rays of one light in tiles of 64 from the light; tiles whose rays drift apart are split into packets. p4, p8, \
               p16: as dir, but in packets of 4, 8 or 16 rays, one to a lane, shadow rays always of 16. Shadow rays are \

@@ -19,10 +19,9 @@ use crate::outline::Outline;
 use crate::registry::Built;
 use crate::scene::Triangles;
 use crate::spec::Config;
-use crate::traverse::box_tree::BoxTree;
 use crate::traverse::frame::Frame;
-use crate::traverse::nested::Nested;
 use crate::traverse::objects::Objects;
+use crate::traverse::plane_boxes::PlaneBoxes;
 use crate::traverse::tile::Lately;
 use crate::traverse::wide_tree::WideTree;
 use crate::traverse::{cases, plane_beam};
@@ -100,8 +99,8 @@ pub struct Structure {
     whole: OnceLock<Built>,
     /// The tree of planes once more, for walks through wide nodes.
     wide: Option<WideTree>,
-    /// The tree of planes once more, as boxes around what its cells hold.
-    boxes: Option<BoxTree<8>>,
+    /// The tree of planes once more, as boxes around what its planes part.
+    boxes: Option<PlaneBoxes>,
     /// Links between the leaves of the tree of planes, for walks from leaf to leaf.
     ropes: Option<Ropes>,
     build_seconds: f64,
@@ -122,20 +121,21 @@ impl Structure {
     }
 }
 
-/// What a tree of planes is laid out as a second time, for rays in flight: nodes of seven planes, or boxes.
+/// What a tree of planes is laid out as a second time: nodes of seven planes for rays in flight, or boxes for all rays.
 fn second_layout(
+    scene: &Triangles,
     built: &Built,
     batches: Batches,
     monitor: &Monitor,
-) -> Result<(Option<WideTree>, Option<BoxTree<8>>)> {
+) -> Result<(Option<WideTree>, Option<PlaneBoxes>)> {
     let Layout::Plane(tree, _) = &built.layout else {
         return Ok((None, None));
     };
-    // Around cells that are slanted on most sides, boxes are much larger than what is inside.
+    // Boxes along the axes fit worse what oblique planes part: where most are oblique, rays keep to the planes.
     let boxed = built.shape.nodes_oblique <= built.shape.nodes_axis;
     match batches {
         Batches::Boxes | Batches::Auto if boxed || batches == Batches::Boxes => {
-            let boxes = BoxTree::of_cells(tree, (&built.frame, &built.blocks), monitor)?;
+            let boxes = PlaneBoxes::new(tree, (scene, &built.frame), monitor)?;
             Ok((None, Some(boxes)))
         }
         Batches::Wide | Batches::Auto => {
@@ -167,7 +167,7 @@ impl Structure {
         let start = Instant::now();
         let mut built = pool.install(|| (config.structure().build)(&scene, &config, monitor))?;
         let batches = Batches::new(&config);
-        let (wide, boxes) = pool.install(|| second_layout(&built, batches, monitor))?;
+        let (wide, boxes) = pool.install(|| second_layout(&scene, &built, batches, monitor))?;
         let ropes = match &built.layout {
             Layout::Plane(tree, PlaneWalk::Rope | PlaneWalk::Rope1990) => {
                 let kind = match config.choice("traversal") {
@@ -261,6 +261,11 @@ impl Structure {
         })
     }
 
+    /// The boxes that are made from a tree of planes, where the walk needs them.
+    pub fn boxes(&self) -> Option<&PlaneBoxes> {
+        self.boxes.as_ref()
+    }
+
     /// The links between leaves, where the walk needs them.
     pub fn ropes(&self) -> Option<&Ropes> {
         self.ropes.as_ref()
@@ -275,7 +280,7 @@ impl Structure {
         }
     }
 
-    /// Bytes of nodes and leaves, without the scene's own arrays.
+    /// Bytes of nodes and leaves of all layouts, without the scene's own arrays.
     pub fn bytes(&self) -> usize {
         let nodes = match &self.built.layout {
             Layout::Brute => 0,
@@ -290,7 +295,7 @@ impl Structure {
             | Layout::OctreeGlassner(tree) => tree.bytes(),
         };
         let more = self.wide.as_ref().map_or(0, WideTree::bytes)
-            + self.boxes.as_ref().map_or(0, Nested::bytes)
+            + self.boxes.as_ref().map_or(0, PlaneBoxes::bytes)
             + self.ropes.as_ref().map_or(0, Ropes::bytes);
         let whole = self.whole.get().map_or(0, |whole| {
             let Layout::Plane(tree, _) = &whole.layout else {

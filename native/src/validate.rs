@@ -8,6 +8,7 @@ use crate::traverse::nested::{Look, Nested, visit};
 use crate::traverse::objects::Objects;
 use std::collections::BTreeSet;
 
+mod boxes;
 mod grid;
 mod octree;
 mod planes;
@@ -24,6 +25,9 @@ pub fn validate(structure: &Structure) -> Vec<String> {
             planes::planes(structure, tree, &mut broken);
             if let Some(links) = structure.ropes() {
                 ropes::ropes(structure, (tree, links), &mut broken);
+            }
+            if let Some(own) = structure.boxes() {
+                boxes::boxes(structure, own, &mut broken);
             }
         }
         Layout::Objects(Objects::Slanted(tree)) => {

@@ -429,8 +429,8 @@ fn no_way_of_shadow_rays_changes_an_answer() {
         let Kind::Choice(ways) = shadow.kind else {
             panic!("{}: ways of shadow rays have names", tree.id);
         };
-        let ask = |shadow: &str| {
-            let structure = build(&scene, &format!("{}:shadow={shadow}", tree.id), 1);
+        let ask = |shadow: &str, walk: &str| {
+            let structure = build(&scene, &format!("{}:shadow={shadow}{walk}", tree.id), 1);
             let mut blocked = vec![false; rays.len()];
             let mut counters = vec![RayCounters::default(); rays.len()];
             structure.occluded(&rays, &mut blocked, Some(&mut counters));
@@ -443,10 +443,14 @@ fn no_way_of_shadow_rays_changes_an_answer() {
                 .map(|c| c.steps_axis + c.steps_oblique + c.tests);
             (blocked, spared, steps.sum::<u32>())
         };
-        let (expected, none, steps) = ask("none");
+        let (expected, none, steps) = ask("none", "");
         assert_eq!(none, 0, "{}", tree.id);
         for way in &ways[1..] {
-            let (blocked, spared, fewer) = ask(way);
+            for walk in tree.traversals() {
+                let (blocked, ..) = ask(way, &format!(",traversal={walk}"));
+                assert_eq!(blocked, expected, "{}, {way}, {walk}", tree.id);
+            }
+            let (blocked, spared, fewer) = ask(way, "");
             assert_eq!(blocked, expected, "{}, {way}", tree.id);
             if *way == "cache" {
                 assert!(

@@ -81,7 +81,7 @@ def test_every_structure_tells_its_leaves_and_paths(spec: str) -> None:
     assert (found["t"], found["triangle"]) == (hits.t[0], hits.triangle[0])
 
 
-@pytest.mark.parametrize("spec", IDS)
+@pytest.mark.parametrize("spec", [*IDS, "kd:traversal=boxes", "bsp-wn-plus-kd:traversal=boxes"])
 def test_paths_are_those_of_the_walk(spec: str) -> None:
     tree = native.build(*soup(), spec)
     rng = np.random.default_rng(6)
@@ -107,7 +107,7 @@ def test_paths_are_those_of_the_walk(spec: str) -> None:
                 middle = origins[i] + (enter + leave) / 2 * directions[i].astype(np.float64)
                 assert (middle >= corners.min(axis=0) - 1e-5).all()
                 assert (middle <= corners.max(axis=0) + 1e-5).all()
-        if FAMILY[spec] in ("space", "octants"):
+        if FAMILY.get(spec) in ("space", "octants"):
             spans = np.stack([visits["enter"], visits["leave"]], axis=1)
             spans = spans[np.isfinite(spans).all(axis=1)]
             spans = spans[np.argsort(spans[:, 0])]

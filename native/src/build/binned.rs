@@ -4,7 +4,7 @@
 //! hierarchies).
 
 use super::cost::Costs;
-use super::object::{Node, Object, ObjectPolicy, Parting};
+use super::object::{self, Node, Object, ObjectPolicy, Parting};
 use crate::geom::Aabb;
 use crate::spec::Config;
 use rayon::prelude::*;
@@ -75,6 +75,13 @@ impl SurfaceArea {
             },
             leaf_max: config.integer("leaf_max"),
         }
+    }
+
+    /// Whether objects cost less when they are parted so than as one leaf.
+    pub fn pays(&self, whole: &[Object], parts: &[Vec<Object>; 2]) -> bool {
+        let cost = |objects: &[Object]| object::around(objects).area() * self.leaf(objects.len());
+        let step = f64::from(self.costs.step) * object::around(whole).area();
+        step + cost(&parts[0]) + cost(&parts[1]) < cost(whole)
     }
 
     #[expect(clippy::cast_precision_loss, reason = "a price")]

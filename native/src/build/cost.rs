@@ -38,6 +38,12 @@ impl Costs {
         ..Self::BLOCKS
     };
 
+    /// Fitted to nodes of eight boxes: a step shares its price with up to six others of the binary tree.
+    pub const BOXES: Self = Self {
+        step: 8.0,
+        ..Self::BLOCKS
+    };
+
     /// Those of Hoobergs's kd-tree: a triangle costs 80 steps, as in pbrt, but emptiness earns nothing, where pbrt
     /// halves the cost.
     pub const THESIS: Self = Self {

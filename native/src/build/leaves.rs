@@ -48,6 +48,11 @@ impl Leaves {
         u32::try_from(at).expect("checked by the layout")
     }
 
+    /// Size of what [`Self::write`] makes.
+    pub fn bytes(&self) -> usize {
+        self.words * size_of::<f32>()
+    }
+
     /// Writes all leaves; `ids` are the tree's numbers.
     pub fn write(&self, scene: &Triangles, frame: &Frame, ids: &[u32]) -> Blocks {
         Blocks::filled(frame, self.keep, self.words, |words| {

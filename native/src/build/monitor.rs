@@ -146,8 +146,8 @@ impl Monitor {
 
     fn refusal(&self) -> Error {
         Error::Memory(format!(
-            "memory_limit: the build needs more than the {} it may take; a smaller depth limit, larger leaves or \
-             another structure need less",
+            "memory_limit: the build needs more than the {} it may take; a smaller depth limit, larger leaves, \
+             walks through planes alone (traversal=dir) or another structure need less",
             megabytes(self.limit.load(Ordering::Relaxed))
         ))
     }

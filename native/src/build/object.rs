@@ -147,7 +147,7 @@ pub(super) fn grow_both<T: Send>(
 ///
 /// # Errors
 /// Those of [`build`].
-pub(super) fn build_part<P: ObjectPolicy>(
+pub fn build_part<P: ObjectPolicy>(
     objects: &mut [Object],
     at: (P::Region, usize),
     (policy, monitor): (&P, &Monitor),
@@ -224,7 +224,7 @@ impl<P: ObjectPolicy> Builder<'_, P> {
         }
         let Some((split, regions, axis)) = self.split(objects, &at)? else {
             self.monitor.advance(work);
-            items.push(item_leaf(objects));
+            items.push(leaf(objects));
             return Ok(());
         };
         let place = items.len();
@@ -254,7 +254,7 @@ impl<P: ObjectPolicy> Builder<'_, P> {
         items: &mut Vec<Item>,
     ) -> Result<()> {
         let Some((split, regions, axis)) = self.split(objects, &at)? else {
-            items.push(item_leaf(objects));
+            items.push(leaf(objects));
             return Ok(());
         };
         let place = items.len();
@@ -305,11 +305,14 @@ impl<P: ObjectPolicy> Builder<'_, P> {
     }
 }
 
-fn item_leaf(objects: &[Object]) -> Item {
-    let bounds = objects
-        .iter()
-        .fold(Aabb::EMPTY, |all, o| all.union(&o.bounds));
-    Item::leaf(bounds, objects.len())
+/// The box around some objects.
+pub fn around(objects: &[Object]) -> Aabb {
+    (objects.iter()).fold(Aabb::EMPTY, |all, object| all.union(&object.bounds))
+}
+
+/// Some objects as a leaf.
+pub fn leaf(objects: &[Object]) -> Item {
+    Item::leaf(around(objects), objects.len())
 }
 
 /// Moves the objects of which `below` holds to the front; returns how many they are.

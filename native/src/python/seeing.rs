@@ -86,11 +86,12 @@ pub fn path<'py>(
     dict.set_item("counters", counted)?;
 
     let visited = PyDict::new(py);
+    let leaves = structure.leaves_walked(built);
     let mut faces = Faces::default();
     let (mut triangles, mut ends) = (Vec::new(), vec![0_u32]);
     for visit in &path.visits {
         faces.push(&visit.region.faces(), &built.frame);
-        triangles.extend(built.blocks.ids(visit.first, visit.count));
+        triangles.extend(leaves.ids(visit.first, visit.count));
         ends.push(
             u32::try_from(triangles.len())
                 .expect("fewer than 2^28 references, and each leaf is visited once"),

@@ -9,11 +9,14 @@ use crate::registry::Built;
 use crate::scene::Triangles;
 use crate::spec::{Config, Value};
 use crate::traverse::batch::{Batch, Walk, WithWalk, Write};
+use crate::traverse::blocks::Blocks;
 use crate::traverse::box_tree::{self, BoxTree};
 use crate::traverse::frame::FrameRay;
+use crate::traverse::nested::Nested;
 use crate::traverse::objects::Objects;
 use crate::traverse::packet::Width;
 use crate::traverse::packet_walk::Packets;
+use crate::traverse::plane_boxes::PlaneBoxes;
 use crate::traverse::query::{Any, Closest, Query};
 use crate::traverse::stream::Alone;
 use crate::traverse::tile_walk::{ShadowTiles, Tiles};
@@ -40,12 +43,12 @@ pub(super) enum Batches {
     Sixteen,
     /// Several rays in flight through wide nodes.
     Wide,
-    /// Through boxes around what cells hold.
+    /// Through boxes around what planes part.
     Boxes,
     /// Packets of so many, whatever the order of the rays; shadow rays only in packets of 16.
     Packets(u32),
-    /// Camera rays in tiles, shadow rays in tiles from their light, other rays to the nearest hit in flight; rays that
-    /// are counted as the layout walks single rays.
+    /// Camera rays in tiles, shadow rays in tiles from their light, other rays to the nearest hit in flight, through boxes
+    /// where the tree has them; rays that are counted as the layout walks single rays.
     Auto,
 }
 
@@ -88,6 +91,24 @@ impl Structure {
         }
     }
 
+    /// Rays for the walk of [`Self::with_walk`], with the leaves that it tests.
+    pub(super) fn batch_walked<'a>(
+        &'a self,
+        built: &'a Built,
+        level: Level,
+        rays: &'a [Ray],
+    ) -> Batch<'a> {
+        Batch {
+            blocks: self.leaves_walked(built),
+            ..self.batch_of(built, level, rays)
+        }
+    }
+
+    /// The leaves that the walks of single rays test.
+    pub(crate) fn leaves_walked<'a>(&'a self, built: &'a Built) -> &'a Blocks {
+        (self.walked()).map_or(&built.blocks, |boxes| &boxes.blocks)
+    }
+
     /// Walks rays that were brought into the space of an instance of this mesh, one by one.
     pub(crate) fn walk_placed<Q: Query>(
         &self,
@@ -101,6 +122,11 @@ impl Structure {
             placed: Some(placed),
             ..self.batch(level, rays)
         };
+        let quickest = self.batches == Batches::Auto && counters.is_none();
+        if let (true, Some((tree, blocks))) = (quickest, self.flown()) {
+            let job = Batch { blocks, ..job };
+            return job.walk::<_, Q>(&box_tree::Walk(tree), write, None);
+        }
         self.walk::<Q>(&job, write, counters);
     }
 
@@ -125,7 +151,9 @@ impl Structure {
         if let Layout::Brute = &self.built.layout {
             return job.brute::<Q>(self.built.shape.references, write, counters);
         }
-        self.with_walk(&self.built, Trace::<Q>(job, write, counters, PhantomData));
+        let blocks = self.leaves_walked(&self.built);
+        let job = Batch { blocks, ..*job };
+        self.with_walk(&self.built, Trace::<Q>(&job, write, counters, PhantomData));
     }
 
     /// The same structure on a given instruction set instead of the best one: for tests, which show
@@ -151,24 +179,32 @@ impl Structure {
         if Q::ANY && self.config.choice("shadow") == "beam" {
             return self.shadow_beams(&job, write, counters);
         }
-        // Under `Auto` only shadow rays come here that are counted or ask the shadow cache: they go singly.
+        // Under `Auto` only shadow rays come here that are counted or ask the shadow cache: they go singly, through planes.
         let streams = self.batches == Batches::Wide || !Q::ANY;
         if let (Some(wide), None, true) = (&self.wide, &counters, streams) {
             return job.stream::<_, Q>(&plane_wide::Walk(wide), write);
         }
-        if let (Some(tree), None, true) = (self.flown(), &counters, streams) {
+        if let (Some((tree, blocks)), None, true) = (self.flown(), &counters, streams) {
+            let job = Batch { blocks, ..job };
             return job.stream::<_, Q>(&box_flight::Walk(tree), write);
         }
         self.walk::<Q>(&job, &mut write, counters);
     }
 
-    /// The tree of boxes that rays walk in flight, if that is chosen.
-    fn flown(&self) -> Option<&BoxTree<8>> {
+    /// The tree of boxes that rays walk in flight, and in tiles under `Auto`, if that is chosen, and its leaves.
+    fn flown(&self) -> Option<(&BoxTree<8>, &Blocks)> {
         match (&self.built.layout, self.batches) {
-            (Layout::Objects(Objects::Boxes8(tree)), Batches::Auto | Batches::Wide) => Some(tree),
-            (_, Batches::Auto) => self.boxes.as_ref(),
+            (Layout::Objects(Objects::Boxes8(tree)), Batches::Auto | Batches::Wide) => {
+                Some((tree, &self.built.blocks))
+            }
+            (_, Batches::Auto) => (self.boxes.as_ref()).map(|boxes| (&boxes.tree, &boxes.blocks)),
             _ => None,
         }
+    }
+
+    /// The boxes that single rays walk in place of planes, if that is chosen.
+    pub(crate) fn walked(&self) -> Option<&PlaneBoxes> {
+        (self.boxes.as_ref()).filter(|_| self.batches == Batches::Boxes)
     }
 
     /// Walks rays to their nearest hits in packets.
@@ -201,8 +237,8 @@ impl Structure {
         if let (Batches::Wide, Some(wide)) = (self.batches, &self.wide) {
             return then.with(&Alone(&plane_wide::Walk(wide)));
         }
-        if let (Batches::Boxes, Some(boxes)) = (self.batches, &self.boxes) {
-            return then.with(&box_tree::Walk(boxes));
+        if let Some(boxes) = self.walked() {
+            return then.with(&box_tree::Walk(&boxes.tree));
         }
         match &built.layout {
             Layout::Brute => unreachable!("brute force has no tree to walk"),
@@ -254,6 +290,11 @@ impl Structure {
         }
         let write = |i: usize, hit: Hit| occluded[i] = hit.is_hit();
         let lately = Some(&self.lately[1]);
+        if let (Auto, Some((tree, blocks))) = (self.batches, self.flown()) {
+            let job = Batch { blocks, ..job };
+            job.quick_tiles(&ShadowTiles::<_, 4>(tree, lately), write);
+            return true;
+        }
         match (&self.built.layout, self.batches) {
             (Layout::Plane(tree, _), Auto | Eight | Sixteen) => {
                 job.quick_tiles(&ShadowTiles::<_, 4>(tree, lately), write);
@@ -261,7 +302,7 @@ impl Structure {
             (Layout::Lazy(tree), Auto | Eight) => {
                 job.quick_tiles(&ShadowTiles::<_, 4>(tree, lately), write);
             }
-            (Layout::Objects(Objects::Boxes8(tree)), Auto | Eight | Sixteen) => {
+            (Layout::Objects(Objects::Boxes8(tree)), Eight | Sixteen) => {
                 job.quick_tiles(&ShadowTiles::<_, 4>(tree, lately), write);
             }
             (Layout::Plane(tree, _), Packets(16)) => {
@@ -366,6 +407,11 @@ impl Tracer for AtLevel<'_> {
         }
         // What is counted is the same each time.
         let lately = counters.is_none().then_some(&self.structure.lately[0]);
+        let auto = self.structure.batches == Batches::Auto && counters.is_none();
+        if let (true, Some((tree, blocks))) = (auto, self.structure.flown()) {
+            let job = Batch { blocks, ..job };
+            return job.tiles(&Tiles::<_, 4>(tree, lately), write, None);
+        }
         match (&self.structure.built.layout, self.structure.batches) {
             (Layout::OctreeBeam(tree, least), _) => {
                 job.tiles(&octree_beam::Walk(tree, *least), write, counters);
@@ -386,9 +432,6 @@ impl Tracer for AtLevel<'_> {
                 job.tiles(&Tiles::<_, 16>(tree, lately), write, counters);
             }
             (Layout::Objects(Objects::Boxes8(tree)), Batches::Eight) => {
-                job.tiles(&Tiles::<_, 4>(tree, lately), write, counters);
-            }
-            (Layout::Objects(Objects::Boxes8(tree)), Batches::Auto) if counters.is_none() => {
                 job.tiles(&Tiles::<_, 4>(tree, lately), write, counters);
             }
             (Layout::Objects(Objects::Boxes8(tree)), Batches::Sixteen) => {
@@ -437,8 +480,12 @@ impl Tracer for Structure {
 
     fn near_rays(&self) -> Option<Aabb> {
         let planes = matches!(self.batches, Batches::Auto | Batches::Wide) && self.wide.is_some();
-        let several = planes || self.flown().is_some();
-        (several && self.bytes() > IN_CACHE).then(|| self.scene.bounds())
+        let bytes = match self.flown() {
+            Some((tree, blocks)) => tree.bytes() + blocks.bytes(),
+            None if planes => self.bytes(),
+            None => 0,
+        };
+        (bytes > IN_CACHE).then(|| self.scene.bounds())
     }
 
     fn leaf_depths(&self, rays: &[Ray], depths: &mut [u32]) {

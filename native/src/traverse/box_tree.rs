@@ -75,59 +75,37 @@ impl<const W: usize> BoxTree<W> {
         count: [0; W],
     };
 
-    /// A tree of nothing.
-    pub fn none() -> Self {
-        Self {
-            nodes: vec![Self::BLANK],
-        }
-    }
-
-    /// Lays out a tree of objects, its leaves in `leaves`.
+    /// Lays out a tree of objects, its leaves in `leaves`. A node takes the place of up to `W - 1` binary ones: while it has
+    /// room, its largest inner child is replaced by that child's own children.
     ///
     /// # Errors
     /// [`crate::error::Error::Memory`] when the leaf data is more than links can name.
     pub fn new(binary: &ObjectTree, leaves: &mut Leaves) -> Result<Self> {
         binary.check_size()?;
         let firsts = binary.firsts();
-        Self::collapsed(binary, 0, |place| {
-            let Kind::Leaf { count } = binary.kind(place) else {
-                unreachable!("an inner node has children")
-            };
-            let number = u32::try_from(count).expect("bounded by the scene");
-            Ok((leaves.push(firsts[place], count), number))
-        })
-    }
-
-    /// Lays out a binary tree from its root. A node takes the place of up to `W - 1` binary ones: while it has room, its largest
-    /// inner child is replaced by that child's own children. `leaf` tells where a leaf's blocks begin, and how many
-    /// triangles they hold.
-    ///
-    /// # Errors
-    /// Those of `leaf`.
-    pub fn collapsed(
-        binary: &impl Binary,
-        root: usize,
-        mut leaf: impl FnMut(usize) -> Result<(u32, u32)>,
-    ) -> Result<Self> {
         let mut nodes = vec![Self::BLANK];
         // Nodes to fill, the next one last: their own place and their children's places in `binary`.
-        let mut open = vec![(0, Self::children(binary, root))];
+        let mut open = vec![(0, Self::children(binary, 0))];
         while let Some((place, children)) = open.pop() {
             let mut node = Self::BLANK;
             let mut inner = Vec::with_capacity(W);
             for (lane, &child) in children.iter().enumerate() {
-                let bounds = binary.bounds(child);
+                let bounds = binary.items[child].bounds;
                 for k in 0..3 {
                     node.bounds[k][lane] = bounds.min[k];
                     node.bounds[3 + k][lane] = bounds.max[k];
                 }
-                (node.link[lane], node.count[lane]) = if binary.children(child).is_none() {
-                    leaf(child)?
-                } else {
-                    let own = nodes.len();
-                    inner.push((own, Self::children(binary, child)));
-                    nodes.push(Self::BLANK);
-                    (u32::try_from(own).expect("bounded by the scene"), INNER)
+                (node.link[lane], node.count[lane]) = match binary.kind(child) {
+                    Kind::Leaf { count } => {
+                        let number = u32::try_from(count).expect("bounded by the scene");
+                        (leaves.push(firsts[child], count), number)
+                    }
+                    Kind::Inner { .. } => {
+                        let own = nodes.len();
+                        inner.push((own, Self::children(binary, child)));
+                        nodes.push(Self::BLANK);
+                        (u32::try_from(own).expect("bounded by the scene"), INNER)
+                    }
                 };
             }
             nodes[place] = node;
@@ -138,12 +116,14 @@ impl<const W: usize> BoxTree<W> {
     }
 
     /// The up to `W` descendants that become the children of the node at `place`.
-    fn children(binary: &impl Binary, place: usize) -> Vec<usize> {
+    fn children(binary: &ObjectTree, place: usize) -> Vec<usize> {
         let mut children = vec![place];
         while children.len() < W {
             let inner = (children.iter().enumerate()).filter_map(|(i, &child)| {
-                let own = binary.children(child)?;
-                Some((i, own, binary.bounds(child).area()))
+                let Kind::Inner { children, .. } = binary.kind(child) else {
+                    return None;
+                };
+                Some((i, children, binary.items[child].bounds.area()))
             });
             let Some((i, [below, above], _)) = inner.reduce(|a, b| if b.2 > a.2 { b } else { a })
             else {
@@ -162,28 +142,6 @@ impl<const W: usize> BoxTree<W> {
             self.nodes[link as usize].fetch_ahead();
         } else {
             blocks.fetch_ahead(link);
-        }
-    }
-}
-
-/// A binary tree with a box around each node.
-pub trait Binary {
-    /// The box around a node.
-    fn bounds(&self, place: usize) -> Aabb;
-
-    /// The children of an inner node.
-    fn children(&self, place: usize) -> Option<[usize; 2]>;
-}
-
-impl Binary for ObjectTree {
-    fn bounds(&self, place: usize) -> Aabb {
-        self.items[place].bounds
-    }
-
-    fn children(&self, place: usize) -> Option<[usize; 2]> {
-        match self.kind(place) {
-            Kind::Inner { children, .. } => Some(children),
-            Kind::Leaf { .. } => None,
         }
     }
 }
@@ -391,7 +349,20 @@ impl<const W: usize> batch::Walk for Walk<'_, W> {
                 4 => slabs.test::<S, f32x4<S>, W>(simd, &node.bounds, range, &mut enters),
                 _ => slabs.test_few(&node.bounds, range, &mut enters),
             };
+            let child = |lane: usize| Pending {
+                enter: enters[lane],
+                link: node.link[lane],
+                count: node.count[lane],
+            };
+            let mut ahead = None;
             let base = waiting;
+            let first = hits.trailing_zeros() as usize % W;
+            if hits & hits.wrapping_sub(1) == 0 {
+                // Most often one is met, or none, and there is nothing to put in order. It is a box: a ray that meets
+                // places without one meets all places.
+                ahead = (hits != 0).then(|| child(first));
+                hits = 0;
+            }
             while hits != 0 {
                 let lane = hits.trailing_zeros() as usize % W;
                 hits &= hits - 1;
@@ -399,22 +370,20 @@ impl<const W: usize> batch::Walk for Walk<'_, W> {
                 if node.count[lane] == 0 {
                     continue;
                 }
-                let enter = enters[lane];
-                let at = make_room(stack, base, &mut waiting, enter);
-                stack[at] = Pending {
-                    enter,
-                    link: node.link[lane],
-                    count: node.count[lane],
-                };
+                let at = make_room(stack, base, &mut waiting, enters[lane]);
+                stack[at] = child(lane);
             }
 
             // Go on with the nearest box; leaves are tested until an inner node comes up.
             node = loop {
-                if waiting == 0 {
-                    return best.hit();
-                }
-                waiting -= 1;
-                let next = stack[waiting];
+                let next = match ahead.take() {
+                    Some(next) => next,
+                    None if waiting == 0 => return best.hit(),
+                    None => {
+                        waiting -= 1;
+                        stack[waiting]
+                    }
+                };
                 if next.enter > best.reach {
                     continue;
                 }

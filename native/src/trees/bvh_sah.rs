@@ -19,12 +19,6 @@ use crate::traverse::nested;
 use crate::traverse::objects::Objects;
 use crate::trees::NO_PLANES;
 
-/// Fitted to nodes of eight boxes: a step shares its price with up to six others of the binary tree.
-const COSTS: Costs = Costs {
-    step: 8.0,
-    ..Costs::BLOCKS
-};
-
 /// The registry's row.
 pub const SPEC: StructureSpec = StructureSpec {
     id: "bvh-sah",
@@ -38,9 +32,9 @@ pub const SPEC: StructureSpec = StructureSpec {
         TRAVERSAL,
         WIDTH,
         params::ROBUST,
-        params::step_cost(COSTS),
-        params::leaf_cost(COSTS),
-        params::triangle_cost(COSTS),
+        params::step_cost(Costs::BOXES),
+        params::leaf_cost(Costs::BOXES),
+        params::triangle_cost(Costs::BOXES),
         params::LEAF_MAX,
     ],
     build,
@@ -80,7 +74,7 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built>
         )));
     }
     let frame = Frame::new(scene.bounds());
-    let policy = SurfaceArea::configured(config, COSTS);
+    let policy = SurfaceArea::configured(config, Costs::BOXES);
     let binary = object::build(scene, &frame, &policy, monitor)?;
     let mut leaves = Leaves::new(Keep::Corners);
     let tree = match config.choice("width") {

@@ -8,13 +8,16 @@ use crate::oracle::levels;
 use crate::structure::Structure;
 use crate::traverse::{Hit, Order, Ray, RayCounters, Tracer};
 
-const SPECS: [&str; 6] = [
+const SPECS: [&str; 8] = [
     "kd:traversal=p16",
     "kd-sah:traversal=p4",
     "bsp-wn-plus-kd:traversal=p16",
     "bvh-sah:traversal=p8",
     "kd:traversal=tile8",
     "bvh-sah:traversal=tile8",
+    // Through boxes around what the planes part.
+    "kd:traversal=auto",
+    "bsp-wn-plus-kd:traversal=auto",
 ];
 
 /// Bit patterns of the nearest hits, and which rays meet anything.
