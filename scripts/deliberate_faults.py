@@ -321,7 +321,7 @@ FAULTS = (
         ("lib", "every_point_of_a_triangle_lies_in_the_box_of_a_leaf_that_holds_it"),
     ),
     Fault(
-        "oblique planes leave all that they cut above",
+        "what oblique planes cut counts for one side only",
         "native/src/build/oblique_part.rs",
         "high.min(-low) <= self.little",
         "high.max(-low) >= self.little",
