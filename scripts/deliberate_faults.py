@@ -37,6 +37,7 @@ BEAMS = ("beams", "pixels_are_those_of_single_rays_at_every_size")
 STABILITY = ("tests/core/test_stability.py", "lie")
 
 _FRAME = "native/src/traverse/frame.rs"
+_FRAME_RAY = "native/src/traverse/frame_ray.rs"
 _QUERY = "native/src/traverse/query.rs"
 _RAY = "native/src/traverse/ray.rs"
 _CANDIDATES = "native/src/traverse/candidates.rs"
@@ -306,13 +307,13 @@ FAULTS = (
     Fault("hits that wait forgotten for one as near", _QUERY, "far >= self.held.low", "false", ALL),
     Fault(
         "no room for the rounding of hits that wait",
-        _FRAME,
+        _FRAME_RAY,
         "high * (PRUNE * PRUNE) + 2.0 * self.last_place",
         "high",
         BLOCK,
     ),
     Fault("sure distances without a far end", _CANDIDATES, "[low[lane], high[lane]]", "[low[lane], low[lane]]", BLOCK),
-    Fault("sure hits outside the interval", _FRAME, "begun && within", "true", ENDS),
+    Fault("sure hits outside the interval", _FRAME_RAY, "begun && within", "true", ENDS),
     Fault(
         "triangles that planes cut end at the plane",
         "native/src/build/plane_objects.rs",

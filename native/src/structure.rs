@@ -2,9 +2,10 @@
 //! A built structure over a scene: rays in, answers out.
 
 mod recording;
+mod tracer;
 mod tracing;
 
-pub use self::tracing::AtLevel;
+pub use self::tracer::AtLevel;
 use self::tracing::Batches;
 use crate::build::grid::Grid;
 use crate::build::lazy_tree::{LazyTree, Progress};

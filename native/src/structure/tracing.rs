@@ -3,34 +3,27 @@
 
 use super::{Layout, PlaneWalk, Structure};
 use crate::build::ropes::Ropes;
-use crate::geom::Aabb;
-use crate::leaf_depth::LeafDepths;
 use crate::registry::Built;
-use crate::scene::Triangles;
 use crate::spec::{Config, Value};
 use crate::traverse::batch::{Batch, Walk, WithWalk, Write};
 use crate::traverse::blocks::Blocks;
 use crate::traverse::box_tree::{self, BoxTree};
 use crate::traverse::frame::FrameRay;
-use crate::traverse::nested::Nested;
 use crate::traverse::objects::Objects;
 use crate::traverse::packet::Width;
 use crate::traverse::packet_walk::Packets;
 use crate::traverse::plane_boxes::PlaneBoxes;
 use crate::traverse::query::{Any, Closest, Query};
 use crate::traverse::stream::Alone;
-use crate::traverse::tile_walk::{ShadowTiles, Tiles};
+use crate::traverse::tile_walk::ShadowTiles;
 use crate::traverse::{
-    Hit, Order, Ray, RayCounters, Tracer, box_flight, grid_step, octree_beam, octree_glassner,
-    octree_net, octree_param, octree_samet, octree_step, packet, packet_walk, plane_arvo,
-    plane_beam, plane_dir, plane_rope, plane_seq, plane_seq_1985, plane_sung, plane_ta_a,
-    plane_ta_b, plane_ta_b_1997, plane_ta_b_poly, plane_wide,
+    Hit, Ray, RayCounters, box_flight, grid_step, octree_glassner, octree_net, octree_param,
+    octree_samet, octree_step, packet, packet_walk, plane_arvo, plane_dir, plane_rope, plane_seq,
+    plane_seq_1985, plane_sung, plane_ta_a, plane_ta_b, plane_ta_b_1997, plane_ta_b_poly,
+    plane_wide,
 };
 use fearless_simd::Level;
 use std::marker::PhantomData;
-
-/// A structure of so many bytes stays in the caches next to a core, whatever the order of its rays.
-const IN_CACHE: usize = 4 << 20;
 
 /// How batches of rays are walked.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -70,20 +63,21 @@ impl Batches {
 }
 
 impl Structure {
-    fn batch<'a>(&'a self, level: Level, rays: &'a [Ray]) -> Batch<'a> {
-        self.batch_of(&self.built, level, rays)
+    pub(super) fn batch<'a>(&'a self, level: Level, rays: &'a [Ray]) -> Batch<'a> {
+        self.batch_of((&self.built, &self.built.blocks), level, rays)
     }
 
+    /// Rays for a walk of one of the layouts, with the leaves of that.
     pub(super) fn batch_of<'a>(
         &'a self,
-        built: &'a Built,
+        (built, blocks): (&'a Built, &'a Blocks),
         level: Level,
         rays: &'a [Ray],
     ) -> Batch<'a> {
         Batch {
             scene: &self.scene,
             frame: &built.frame,
-            blocks: &built.blocks,
+            blocks,
             rays,
             level,
             shadow_cache: self.config.choice("shadow") == "cache",
@@ -91,20 +85,7 @@ impl Structure {
         }
     }
 
-    /// Rays for the walk of [`Self::with_walk`], with the leaves that it tests.
-    pub(super) fn batch_walked<'a>(
-        &'a self,
-        built: &'a Built,
-        level: Level,
-        rays: &'a [Ray],
-    ) -> Batch<'a> {
-        Batch {
-            blocks: self.leaves_walked(built),
-            ..self.batch_of(built, level, rays)
-        }
-    }
-
-    /// The leaves that the walks of single rays test.
+    /// The leaves that the walk of [`Self::with_walk`] tests.
     pub(crate) fn leaves_walked<'a>(&'a self, built: &'a Built) -> &'a Blocks {
         (self.walked()).map_or(&built.blocks, |boxes| &boxes.blocks)
     }
@@ -156,16 +137,7 @@ impl Structure {
         self.with_walk(&self.built, Trace::<Q>(&job, write, counters, PhantomData));
     }
 
-    /// The same structure on a given instruction set instead of the best one: for tests, which show
-    /// that answers do not depend on it.
-    pub fn at_level(&self, level: Level) -> AtLevel<'_> {
-        AtLevel {
-            structure: self,
-            level,
-        }
-    }
-
-    fn trace<Q: Query, T>(
+    pub(super) fn trace<Q: Query, T>(
         &self,
         level: Level,
         rays: &[Ray],
@@ -192,7 +164,7 @@ impl Structure {
     }
 
     /// The tree of boxes that rays walk in flight, and in tiles under `Auto`, if that is chosen, and its leaves.
-    fn flown(&self) -> Option<(&BoxTree<8>, &Blocks)> {
+    pub(super) fn flown(&self) -> Option<(&BoxTree<8>, &Blocks)> {
         match (&self.built.layout, self.batches) {
             (Layout::Objects(Objects::Boxes8(tree)), Batches::Auto | Batches::Wide) => {
                 Some((tree, &self.built.blocks))
@@ -211,7 +183,7 @@ impl Structure {
     ///
     /// # Panics
     /// For structures that do not offer it.
-    fn packets<L: Width>(
+    pub(super) fn packets<L: Width>(
         &self,
         job: &Batch<'_>,
         hits: &mut [Hit],
@@ -276,7 +248,7 @@ impl Structure {
 
     /// Walks shadow rays in tiles or packets of 16, where that is chosen; says whether it was. What is counted goes
     /// singly: nobody reads its speed, and every walk that counts is compiled once more.
-    fn shadow_groups(
+    pub(super) fn shadow_groups(
         &self,
         level: Level,
         rays: &[Ray],
@@ -358,145 +330,5 @@ impl Structure {
             }
             _ => unreachable!("only trees that divide space offer shadow beams"),
         }
-    }
-}
-
-/// A structure whose rays run on a given instruction set.
-pub struct AtLevel<'a> {
-    structure: &'a Structure,
-    level: Level,
-}
-
-impl Tracer for AtLevel<'_> {
-    fn triangles(&self) -> Option<&Triangles> {
-        Some(&self.structure.scene)
-    }
-
-    fn count(&self) -> usize {
-        self.structure.scene.len()
-    }
-
-    fn corners(&self, id: u32) -> [[f32; 3]; 3] {
-        self.structure.scene.corners(id)
-    }
-
-    fn closest(&self, rays: &[Ray], hits: &mut [Hit], counters: Option<&mut [RayCounters]>) {
-        assert_eq!(rays.len(), hits.len(), "one answer per ray");
-        let (structure, level) = (self.structure, self.level);
-        let job = structure.batch(level, rays);
-        match structure.batches {
-            Batches::Packets(4) => structure.packets::<packet::Four>(&job, hits, counters),
-            Batches::Packets(8) => structure.packets::<packet::Eight>(&job, hits, counters),
-            Batches::Packets(_) => structure.packets::<packet::Sixteen>(&job, hits, counters),
-            _ => structure.trace::<Closest, _>(level, rays, hits, counters, |hit| hit),
-        }
-    }
-
-    fn closest_ordered(
-        &self,
-        rays: &[Ray],
-        hits: &mut [Hit],
-        counters: Option<&mut [RayCounters]>,
-        order: Order,
-    ) {
-        assert_eq!(rays.len(), hits.len(), "one answer per ray");
-        let job = self.structure.batch(self.level, rays);
-        let write = |i: usize, hit: Hit| hits[i] = hit;
-        if order != Order::Tiles {
-            return self.closest(rays, hits, counters);
-        }
-        // What is counted is the same each time.
-        let lately = counters.is_none().then_some(&self.structure.lately[0]);
-        let auto = self.structure.batches == Batches::Auto && counters.is_none();
-        if let (true, Some((tree, blocks))) = (auto, self.structure.flown()) {
-            let job = Batch { blocks, ..job };
-            return job.tiles(&Tiles::<_, 4>(tree, lately), write, None);
-        }
-        match (&self.structure.built.layout, self.structure.batches) {
-            (Layout::OctreeBeam(tree, least), _) => {
-                job.tiles(&octree_beam::Walk(tree, *least), write, counters);
-            }
-            (Layout::Plane(tree, PlaneWalk::Beams(least)), _) => {
-                job.tiles(&plane_beam::Walk(tree, *least), write, counters);
-            }
-            (Layout::Plane(tree, _), Batches::Eight) => {
-                job.tiles(&Tiles::<_, 4>(tree, lately), write, counters);
-            }
-            (Layout::Plane(tree, _), Batches::Auto) if counters.is_none() => {
-                job.tiles(&Tiles::<_, 4>(tree, lately), write, counters);
-            }
-            (Layout::Lazy(tree), Batches::Auto | Batches::Eight) if counters.is_none() => {
-                job.tiles(&Tiles::<_, 4>(tree, lately), write, counters);
-            }
-            (Layout::Plane(tree, _), Batches::Sixteen) => {
-                job.tiles(&Tiles::<_, 16>(tree, lately), write, counters);
-            }
-            (Layout::Objects(Objects::Boxes8(tree)), Batches::Eight) => {
-                job.tiles(&Tiles::<_, 4>(tree, lately), write, counters);
-            }
-            (Layout::Objects(Objects::Boxes8(tree)), Batches::Sixteen) => {
-                job.tiles(&Tiles::<_, 16>(tree, lately), write, counters);
-            }
-            _ => self.closest(rays, hits, counters),
-        }
-    }
-
-    fn occluded(&self, rays: &[Ray], occluded: &mut [bool], counters: Option<&mut [RayCounters]>) {
-        assert_eq!(rays.len(), occluded.len(), "one answer per ray");
-        let (structure, level) = (self.structure, self.level);
-        if !structure.shadow_groups(level, rays, occluded, counters.is_some()) {
-            structure.trace::<Any, _>(level, rays, occluded, counters, |hit| hit.is_hit());
-        }
-    }
-}
-
-impl Tracer for Structure {
-    fn triangles(&self) -> Option<&Triangles> {
-        Some(&self.scene)
-    }
-
-    fn count(&self) -> usize {
-        self.scene.len()
-    }
-
-    fn corners(&self, id: u32) -> [[f32; 3]; 3] {
-        self.scene.corners(id)
-    }
-
-    fn closest(&self, rays: &[Ray], hits: &mut [Hit], counters: Option<&mut [RayCounters]>) {
-        self.at_level(Level::new()).closest(rays, hits, counters);
-    }
-
-    fn closest_ordered(
-        &self,
-        rays: &[Ray],
-        hits: &mut [Hit],
-        counters: Option<&mut [RayCounters]>,
-        order: Order,
-    ) {
-        self.at_level(Level::new())
-            .closest_ordered(rays, hits, counters, order);
-    }
-
-    fn near_rays(&self) -> Option<Aabb> {
-        let planes = matches!(self.batches, Batches::Auto | Batches::Wide) && self.wide.is_some();
-        let bytes = match self.flown() {
-            Some((tree, blocks)) => tree.bytes() + blocks.bytes(),
-            None if planes => self.bytes(),
-            None => 0,
-        };
-        (bytes > IN_CACHE).then(|| self.scene.bounds())
-    }
-
-    fn leaf_depths(&self, rays: &[Ray], depths: &mut [u32]) {
-        let known = self.leaf_depths.get_or_init(|| LeafDepths::new(self));
-        for (ray, depth) in rays.iter().zip(depths) {
-            *depth = known.of(self, ray);
-        }
-    }
-
-    fn occluded(&self, rays: &[Ray], occluded: &mut [bool], counters: Option<&mut [RayCounters]>) {
-        self.at_level(Level::new())
-            .occluded(rays, occluded, counters);
     }
 }

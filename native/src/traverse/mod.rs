@@ -21,6 +21,7 @@ pub mod dop_tree;
 mod eight;
 pub mod first_hit;
 pub mod frame;
+mod frame_ray;
 pub mod frame_rows;
 pub mod grid_step;
 pub mod keep;

@@ -392,11 +392,7 @@ fn test<S: Simd, C: Counters, B: Bundle>(
             {
                 let i = row + lane;
                 // Of the ray in the frame, only the scale of its distances is needed.
-                let unit = frame.unit_of(&rays[i]);
-                let framed = match unit {
-                    Some(unit) => frame.limits(unit),
-                    None => frame.ray(&rays[i]).unwrap_or(FrameRay::NOTHING),
-                };
+                let framed = frame.limits_of(&rays[i]);
                 let ray = (&rays[i], &framed);
                 let best = &mut beam.best[i];
                 best.offer::<Closest, C>(

@@ -17,7 +17,7 @@ use super::batch::{TileWalk, Walk as _};
 use super::blocks::Blocks;
 use super::bound::keep_min;
 use super::bundle::{self, Bundle as _, Common, LANES, RAYS, lanes, load};
-use super::frame::{Frame, FrameRay};
+use super::frame::Frame;
 use super::frame_rows::FrameRows;
 use super::plane_dir;
 use super::query::{Best, Closest, Counters};
@@ -395,10 +395,7 @@ impl Tile<'_> {
                 for lane in lanes(shared.candidates(simd, &seen, rays, reach) & bits) {
                     let i = row + lane;
                     // Of the ray in the frame, only the scale of its distances is needed.
-                    let framed = match self.frame.unit_of(&self.rays[i]) {
-                        Some(unit) => self.frame.limits(unit),
-                        None => self.frame.ray(&self.rays[i]).unwrap_or(FrameRay::NOTHING),
-                    };
+                    let framed = self.frame.limits_of(&self.rays[i]);
                     let (ray, best) = ((&self.rays[i], &framed), &mut self.best[i]);
                     best.offer::<Closest, C>(
                         ray,
