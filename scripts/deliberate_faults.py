@@ -136,7 +136,7 @@ FAULTS = (
     Fault(
         "signs that f64 cannot tell taken as they are",
         _VERDICT,
-        "!settle_signs(o, d, v, &mut w)",
+        "!settle_signs(o, d, v, (&mut w, errors.weight))",
         "false",
         VERDICT,
     ),

@@ -4,14 +4,13 @@
 //! Every structure, traversal, instruction set and packet width asks this one function about each
 //! candidate it finds, and so all give the same answer. The verdict is the exact one for the f32
 //! inputs: hit or miss is decided on the closed triangle without error, and `t` is the correctly
-//! rounded distance. f64 decides where its error bound allows (all but about one in a million
-//! candidates); exact arithmetic decides the rest.
+//! rounded distance. f64 decides where its error bound allows; exact arithmetic decides the rest.
 //!
 //! Edge functions after Woop, Benthin and Wald 2013, section 3, without their shear; the bounds
 //! are in the manner of Shewchuk 1997, section 4.3, coarser and cheaper.
 
 use super::exact::{edge_signs, from_origin, intersect};
-use super::vec3::{Vec3, cross, dot, map, widen};
+use super::vec3::{Vec3, cross, dot, map, sub, widen};
 
 /// A 3x3 determinant whose rows are differences rounded once is computed with 8 roundings
 /// (three differences, two products, three sums), each of half an epsilon; each of its six
@@ -19,8 +18,9 @@ use super::vec3::{Vec3, cross, dot, map, widen};
 /// second order and for the bound itself.
 pub(crate) const DETERMINANT_ERROR: f64 = 6.0 * 5.0 * f64::EPSILON;
 
-/// f64 computes `t` only where the determinant is at least this many times its own error.
-const WELL_CONDITIONED: f64 = 1_048_576.0;
+/// f64 computes `t` and the weights only where their sum is at least this many times the errors of all: to about a
+/// rounding of f32.
+const WELL_CONDITIONED: f64 = 8_388_608.0;
 
 /// Where a ray meets a triangle.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -33,37 +33,74 @@ pub struct Verdict {
     pub v: f32,
 }
 
-/// A vector and its largest component by absolute value.
-#[derive(Clone, Copy)]
-struct Sized {
-    vector: Vec3,
+/// A triangle as seen from an origin. The edge function of two corners takes one of them and the side between them:
+/// both corners would do as well, but are as long as the triangle is far away, and so would be the error.
+struct Seen {
+    corners: [Vec3; 3],
+    /// Opposite to the corners, one after the other around the triangle.
+    sides: [Vec3; 3],
+    /// The largest component of the corners.
+    far: f64,
+    /// The largest component of the sides.
     size: f64,
 }
 
-impl Sized {
+impl Seen {
     #[inline(always)]
-    fn new(vector: Vec3) -> Self {
+    fn new(o: Vec3, v: [Vec3; 3]) -> Self {
+        let [a, b, c] = v;
+        let corners = from_origin(o, v);
+        let sides = [sub(c, b), sub(a, c), sub(b, a)];
         Self {
-            vector,
-            size: vector[0].abs().max(vector[1].abs()).max(vector[2].abs()),
+            corners,
+            sides,
+            far: largest(corners),
+            size: largest(sides),
+        }
+    }
+
+    /// The products of these with a direction are the edge functions, the weights of the corners.
+    #[inline(always)]
+    fn normals(&self) -> [Vec3; 3] {
+        let ([a, b, c], [of_a, of_b, of_c]) = (self.corners, self.sides);
+        [cross(b, of_a), cross(c, of_b), cross(a, of_c)]
+    }
+
+    /// The product of this with a direction is the sum of the edge functions, that with a corner is `t` times the sum.
+    #[inline(always)]
+    fn normal(&self) -> Vec3 {
+        cross(self.sides[1], self.sides[2])
+    }
+
+    /// Bounds on the errors of the edge functions, of their sum, and of `t` times it, for directions with
+    /// components up to `longest`.
+    #[inline(always)]
+    fn errors(&self, longest: f64) -> Errors {
+        let (far, size) = (self.far, self.size);
+        Errors {
+            weight: DETERMINANT_ERROR * (longest * (far * size)),
+            sum: DETERMINANT_ERROR * (longest * (size * size)),
+            distance: DETERMINANT_ERROR * (far * (size * size)),
         }
     }
 }
 
-/// A determinant with a bound on its error.
-#[derive(Clone, Copy)]
-struct Bounded {
-    value: f64,
-    error: f64,
+/// Bounds on the errors of what a verdict is made of.
+#[derive(Debug, Clone, Copy)]
+pub struct Errors {
+    /// Of each edge function.
+    pub weight: f64,
+    /// Of their sum.
+    pub sum: f64,
+    /// Of the distance times the sum.
+    pub distance: f64,
 }
 
-/// `row . (p x q)`, and its bound. Exchanging `p` and `q` changes the sign and nothing else.
+/// The largest component by absolute value.
 #[inline(always)]
-fn determinant(row: Sized, p: Sized, q: Sized) -> Bounded {
-    Bounded {
-        value: dot(row.vector, cross(p.vector, q.vector)),
-        error: DETERMINANT_ERROR * (row.size * (p.size * q.size)),
-    }
+fn largest(v: [Vec3; 3]) -> f64 {
+    let of = |v: Vec3| v[0].abs().max(v[1].abs()).max(v[2].abs());
+    of(v[0]).max(of(v[1])).max(of(v[2]))
 }
 
 /// What the verdict knows of a triangle and an origin before it knows the direction, for directions
@@ -72,31 +109,28 @@ fn determinant(row: Sized, p: Sized, q: Sized) -> Bounded {
 pub struct FromOrigin {
     /// The weight of each corner is the product of its normal with the direction.
     pub normals: [Vec3; 3],
-    /// Bounds on the errors of the weights.
-    pub errors: [f64; 3],
-    /// The distance times the sum of the weights, and a bound on its error.
-    pub distance: (f64, f64),
+    /// The sum of the weights is the product of this with the direction.
+    pub normal: Vec3,
+    /// The distance times the sum of the weights.
+    pub distance: f64,
+    /// Bounds on the errors.
+    pub errors: Errors,
 }
 
 impl FromOrigin {
-    /// `t` is certain where the sum of the weights is this many times its own error.
+    /// `t` and the weights are certain where their sum is this many times the errors of all.
     pub const WELL_CONDITIONED: f64 = WELL_CONDITIONED;
 
     /// From an origin and corners.
     #[inline(always)]
-    pub fn new(o: [f32; 3], [a, b, c]: [[f32; 3]; 3]) -> Self {
-        let [a, b, c] = from_origin(widen(o), [widen(a), widen(b), widen(c)]);
-        let (a, b, c) = (Sized::new(a), Sized::new(b), Sized::new(c));
-        let distance = determinant(a, b, c);
-        let error = |p: Sized, q: Sized| DETERMINANT_ERROR * (2.0 * (p.size * q.size));
+    pub fn new(o: [f32; 3], corners: [[f32; 3]; 3]) -> Self {
+        let seen = Seen::new(widen(o), map(corners, widen));
+        let normal = seen.normal();
         Self {
-            normals: [
-                cross(b.vector, c.vector),
-                cross(c.vector, a.vector),
-                cross(a.vector, b.vector),
-            ],
-            errors: [error(b, c), error(c, a), error(a, b)],
-            distance: (distance.value, distance.error),
+            normals: seen.normals(),
+            normal,
+            distance: dot(seen.corners[0], normal),
+            errors: seen.errors(2.0),
         }
     }
 }
@@ -114,32 +148,32 @@ pub fn verdict_within(
     v: [[f32; 3]; 3],
     span: [f32; 2],
 ) -> Option<Verdict> {
-    let (o64, d64, v64) = (widen(o), widen(d), map(v, widen));
-    let [a, b, c] = map(from_origin(o64, v64), Sized::new);
-    let direction = Sized::new(d64);
-    let mut w = [
-        determinant(direction, b, c),
-        determinant(direction, c, a),
-        determinant(direction, a, b),
-    ];
-    let positive = w.iter().any(|w| w.value > w.error);
-    let negative = w.iter().any(|w| w.value < -w.error);
-    if positive && negative {
+    let direction = widen(d);
+    let seen = Seen::new(widen(o), map(v, widen));
+    let longest = direction[0]
+        .abs()
+        .max(direction[1].abs())
+        .max(direction[2].abs());
+    let errors = seen.errors(longest);
+    let mut w = map(seen.normals(), |normal| dot(direction, normal));
+    let (most, least) = (w[0].max(w[1]).max(w[2]), w[0].min(w[1]).min(w[2]));
+    if most > errors.weight && least < -errors.weight {
         return None;
     }
-    if w.iter().any(|w| w.value.abs() <= w.error) && !settle_signs(o, d, v, &mut w) {
+    if most >= -errors.weight
+        && least <= errors.weight
+        && !settle_signs(o, d, v, (&mut w, errors.weight))
+    {
         return None;
     }
 
-    // Weights of one sign: their sum is as accurate as they are.
-    let sum = w[0].value + w[1].value + w[2].value;
-    let sum_error = w[0].error + w[1].error + w[2].error + 2.0 * f64::EPSILON * sum.abs();
-    if sum.abs() > WELL_CONDITIONED * sum_error {
-        let distance = determinant(a, b, c);
+    let normal = seen.normal();
+    let sum = dot(direction, normal);
+    if sum.abs() > WELL_CONDITIONED * (errors.sum + errors.weight) {
         let inverse = 1.0 / sum;
-        let t = distance.value * inverse;
-        // 1 / (sum - error) is at most 1 + 2^-19 times as large.
-        let slack = (distance.error + t.abs() * sum_error) * inverse.abs() * (1.0 + 2e-6)
+        let t = dot(seen.corners[0], normal) * inverse;
+        // 1 / (sum - error) is at most 1 + 2^-22 times as large.
+        let slack = (errors.distance + t.abs() * errors.sum) * inverse.abs() * (1.0 + 2e-6)
             + 2.0 * f64::EPSILON * t.abs();
         #[expect(clippy::cast_possible_truncation, reason = "rounding is the point")]
         let (low, high) = ((t - slack) as f32, (t + slack) as f32);
@@ -150,8 +184,8 @@ pub fn verdict_within(
             #[expect(clippy::cast_possible_truncation, reason = "rounding is the point")]
             return Some(Verdict {
                 t: low + 0.0, // -0.0 becomes 0.0
-                u: (w[1].value * inverse) as f32,
-                v: (w[2].value * inverse) as f32,
+                u: (w[1] * inverse) as f32,
+                v: (w[2] * inverse) as f32,
             });
         }
     }
@@ -161,12 +195,17 @@ pub fn verdict_within(
 /// Replaces each edge function that f64 cannot tell from zero by its exact sign; says whether
 /// the ray still hits.
 #[cold]
-fn settle_signs(o: [f32; 3], d: [f32; 3], v: [[f32; 3]; 3], w: &mut [Bounded; 3]) -> bool {
+fn settle_signs(
+    o: [f32; 3],
+    d: [f32; 3],
+    v: [[f32; 3]; 3],
+    (weights, error): (&mut [f64; 3], f64),
+) -> bool {
     let signs = edge_signs(o, d, v);
-    for (w, sign) in w.iter_mut().zip(signs) {
-        if w.value.abs() <= w.error {
+    for (w, sign) in weights.iter_mut().zip(signs) {
+        if w.abs() <= error {
             // The magnitude below the bound is noise; the sign is now certain.
-            w.value = f64::from(sign) * w.value.abs();
+            *w = f64::from(sign) * w.abs();
         }
     }
     signs.contains(&1) != signs.contains(&-1)
@@ -174,6 +213,8 @@ fn settle_signs(o: [f32; 3], d: [f32; 3], v: [[f32; 3]; 3], w: &mut [Bounded; 3]
 
 #[cold]
 fn exact_verdict(o: [f32; 3], d: [f32; 3], v: [[f32; 3]; 3]) -> Option<Verdict> {
+    #[cfg(test)]
+    tests::EXACT.with(|count| count.set(count.get() + 1));
     let hit = intersect(o, d, v)?;
     Some(Verdict {
         t: hit.t + 0.0,
@@ -191,7 +232,14 @@ pub(crate) fn verdict(o: [f32; 3], d: [f32; 3], v: [[f32; 3]; 3]) -> Option<Verd
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::oracle::cases::Random;
     use proptest::prelude::*;
+    use std::cell::Cell;
+
+    thread_local! {
+        /// How many verdicts this thread has left to exact arithmetic.
+        pub(super) static EXACT: Cell<u32> = const { Cell::new(0) };
+    }
 
     fn agrees_with_exact(o: [f32; 3], d: [f32; 3], v: [[f32; 3]; 3]) {
         let fast = verdict(o, d, v);
@@ -239,6 +287,43 @@ mod tests {
             prop_assume!(d.iter().all(|x: &f32| x.is_finite()));
             agrees_with_exact(o, d, [a, b, c]);
         }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(20_000))]
+        /// Seen from as far as millions of times its size, and from nearly within its plane.
+        #[test]
+        fn small_triangles_far_away_are_decided_exactly(
+            centre in point(), o in point(), sides in [-1.0f32..1.0, -1.0f32..1.0, -1.0f32..1.0, -1.0f32..1.0, -1.0f32..1.0, -1.0f32..1.0],
+            shrink in 0i32..40, (s, t) in (-0.1f32..1.1, -0.1f32..1.1)
+        ) {
+            let size = 2.0f32.powi(-shrink);
+            let corner = |i: usize| std::array::from_fn(|k| centre[k] + size * sides[3 * i + k]);
+            let (a, b, c) = (centre, corner(0), corner(1));
+            let d = std::array::from_fn(|k| {
+                a[k] * (1.0 - s) * (1.0 - t) + b[k] * s + c[k] * t * (1.0 - s) - o[k]
+            });
+            prop_assume!(d.iter().chain(&b).chain(&c).all(|x: &f32| x.is_finite()));
+            agrees_with_exact(o, d, [a, b, c]);
+        }
+    }
+
+    /// As long as errors grow with the distance and no faster: each pixel of a picture may be one of these.
+    #[test]
+    fn f64_decides_on_triangles_of_a_hundredth_of_a_pixel() {
+        let mut random = Random(11);
+        let before = EXACT.get();
+        let mut hits = 0;
+        for _ in 0..20_000 {
+            let o = random.point(-1.0, 1.0);
+            let v: [[f32; 3]; 3] = std::array::from_fn(|_| random.point(-1e-5, 1e-5));
+            let [s, t, _] = random.point(0.0, 0.5);
+            let d =
+                std::array::from_fn(|k| v[0][k] * (1.0 - s - t) + v[1][k] * s + v[2][k] * t - o[k]);
+            hits += u32::from(verdict(o, d, v).is_some());
+        }
+        let exact = EXACT.get() - before;
+        assert!(hits > 15_000 && 200 * exact < hits, "{exact} of {hits}");
     }
 
     #[test]

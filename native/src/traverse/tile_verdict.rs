@@ -25,11 +25,14 @@ pub fn shared<S: Simd, const R: usize>(
     (id, triangle): (u32, &FromOrigin),
 ) -> u16 {
     let [a, b, c] = triangle.normals;
+    let errors = triangle.errors;
     let from = From {
         normals: [vectors(simd, a), vectors(simd, b), vectors(simd, c)],
-        errors: vectors(simd, triangle.errors),
-        distance: f64x8::splat(simd, triangle.distance.0),
-        distance_error: f64x8::splat(simd, triangle.distance.1),
+        normal: vectors(simd, triangle.normal),
+        distance: all(simd, triangle.distance),
+        weight_error: all(simd, errors.weight),
+        sum_error: all(simd, errors.sum),
+        distance_error: all(simd, errors.distance),
     };
     let ids = u32x16::splat(simd, id);
     take(simd, tile, (row, open), [from, from], ids)
@@ -56,8 +59,8 @@ pub fn each<S: Simd, const R: usize>(
     let [a, b, c] = gathered(blocks, &tile.held, row);
     let (a, b, c) = (wide(simd, &a), wide(simd, &b), wide(simd, &c));
     let o = vectors(simd, widen(tile.o));
-    let low = From::of(simd, [sub(a[0], o), sub(b[0], o), sub(c[0], o)]);
-    let high = From::of(simd, [sub(a[1], o), sub(b[1], o), sub(c[1], o)]);
+    let low = From::seen(simd, o, [a[0], b[0], c[0]]);
+    let high = From::seen(simd, o, [a[1], b[1], c[1]]);
     take(simd, tile, (row, held), [low, high], ids)
 }
 
@@ -99,7 +102,12 @@ pub fn any<S: Simd>(
     corners: [[f32; 3]; 3],
     open: u16,
 ) -> (u16, u16) {
-    let corners = [widen(corners[0]), widen(corners[1]), widen(corners[2])];
+    let [a, b, c] = corners;
+    let corners = [
+        vectors(simd, widen(a)),
+        vectors(simd, widen(b)),
+        vectors(simd, widen(c)),
+    ];
     let (o, d, to_scene) = (wide(simd, o), wide(simd, d), all(simd, to_scene));
     let low = half(simd, &From::seen(simd, o[0], corners), d[0], to_scene);
     let high = half(simd, &From::seen(simd, o[1], corners), d[1], to_scene);
@@ -130,9 +138,9 @@ pub fn apart<S: Simd>(
     let [a, b, c] = corners;
     let (a, b, c) = (wide(simd, a), wide(simd, b), wide(simd, c));
     let (below, above) = to_scene.split_at(HALF);
-    let low = From::of(simd, [sub(a[0], o[0]), sub(b[0], o[0]), sub(c[0], o[0])]);
+    let low = From::seen(simd, o[0], [a[0], b[0], c[0]]);
     let low = half(simd, &low, d[0], f64x8::from_slice(simd, below));
-    let high = From::of(simd, [sub(a[1], o[1]), sub(b[1], o[1]), sub(c[1], o[1])]);
+    let high = From::seen(simd, o[1], [a[1], b[1], c[1]]);
     let high = half(simd, &high, d[1], f64x8::from_slice(simd, above));
     let early = simd.narrow_f64x8(low.early, high.early);
     let late = simd.narrow_f64x8(low.late, high.late);
@@ -145,39 +153,35 @@ pub fn apart<S: Simd>(
     (certain & tile::bits(early.simd_eq(late)), out)
 }
 
-/// What the verdict knows of eight triangles, each as seen from an origin.
+/// What the verdict knows of eight triangles, each as seen from an origin, for directions whose components are below 2.
 #[derive(Clone, Copy)]
 struct From<S: Simd> {
     normals: [Vector<S>; 3],
-    errors: Vector<S>,
+    normal: Vector<S>,
     distance: f64x8<S>,
+    weight_error: f64x8<S>,
+    sum_error: f64x8<S>,
     distance_error: f64x8<S>,
 }
 
 impl<S: Simd> From<S> {
-    /// Of one triangle and eight origins.
+    /// Of eight origins and the corners of eight triangles.
     #[inline(always)]
-    fn seen(simd: S, o: Vector<S>, [a, b, c]: [[f64; 3]; 3]) -> Self {
-        let (a, b, c) = (vectors(simd, a), vectors(simd, b), vectors(simd, c));
-        Self::of(simd, [sub(a, o), sub(b, o), sub(c, o)])
-    }
-
-    /// Of corners as seen from the origin.
-    #[inline(always)]
-    fn of(simd: S, [a, b, c]: [Vector<S>; 3]) -> Self {
-        let (of_a, of_b, of_c) = (cross(b, c), cross(c, a), cross(a, b));
-        let (p, q, r) = (largest(a), largest(b), largest(c));
+    fn seen(simd: S, o: Vector<S>, [a, b, c]: [Vector<S>; 3]) -> Self {
+        let [of_a, of_b, of_c] = [sub(c, b), sub(a, c), sub(b, a)];
+        let [a, b, c] = [sub(a, o), sub(b, o), sub(c, o)];
+        let normal = cross(of_b, of_c);
+        let far = largest(a).max(largest(b)).max(largest(c));
+        let size = largest(of_a).max(largest(of_b)).max(largest(of_c));
         let error = all(simd, DETERMINANT_ERROR);
         let twice = all(simd, 2.0);
         Self {
-            normals: [of_a, of_b, of_c],
-            errors: [
-                error * (twice * (q * r)),
-                error * (twice * (r * p)),
-                error * (twice * (p * q)),
-            ],
-            distance: dot(a, of_a),
-            distance_error: error * (p * (q * r)),
+            normals: [cross(b, of_a), cross(c, of_b), cross(a, of_c)],
+            normal,
+            distance: dot(a, normal),
+            weight_error: error * (twice * (far * size)),
+            sum_error: error * (twice * (size * size)),
+            distance_error: error * (far * (size * size)),
         }
     }
 }
@@ -302,19 +306,16 @@ struct Half<S: Simd> {
 fn half<S: Simd>(simd: S, triangle: &From<S>, d: Vector<S>, to_scene: f64x8<S>) -> Half<S> {
     let [a, b, c] = triangle.normals;
     let w = [dot(d, a), dot(d, b), dot(d, c)];
-    let [a, b, c] = triangle.errors;
-    let sums = a + b + c;
-    let (above_a, below_a) = (w[0].simd_gt(a), w[0].simd_lt(-a));
-    let (above_b, below_b) = (w[1].simd_gt(b), w[1].simd_lt(-b));
-    let (above_c, below_c) = (w[2].simd_gt(c), w[2].simd_lt(-c));
-    let miss = (above_a | above_b | above_c) & (below_a | below_b | below_c);
-    let hit = (above_a & above_b & above_c) | (below_a & below_b & below_c);
-    let sum = w[0] + w[1] + w[2];
+    let (most, least) = (w[0].max(w[1]).max(w[2]), w[0].min(w[1]).min(w[2]));
+    let (above, below) = (triangle.weight_error, -triangle.weight_error);
+    let miss = most.simd_gt(above) & least.simd_lt(below);
+    let hit = least.simd_gt(above) | most.simd_lt(below);
+    let sum = dot(d, triangle.normal);
     let epsilon = all(simd, 2.0 * f64::EPSILON);
-    let sum_error = sum.abs() * epsilon + sums;
+    let sum_error = triangle.sum_error;
     let well = sum
         .abs()
-        .simd_gt(sum_error * all(simd, FromOrigin::WELL_CONDITIONED));
+        .simd_gt((sum_error + triangle.weight_error) * all(simd, FromOrigin::WELL_CONDITIONED));
     let inverse = all(simd, 1.0) / sum;
     let t = triangle.distance * inverse;
     let error = triangle.distance_error + t.abs() * sum_error;
