@@ -221,7 +221,7 @@ pub mod params {
         name: "traversal",
         label: "Traversal",
         doc: "How rays walk the tree. auto: whatever is quickest for a batch: through boxes, camera rays and \
-              shadow rays in tiles and others several in flight, or, where most planes are oblique, tile8 and wide; rays are \
+              shadow rays in tiles and others several in flight; rays are \
               counted as dir walks them. dir: one by one, by plane distances in the order of the direction. boxes: one by one, \
               through boxes around what the planes part, eight to a node, with sides along the axes only and leaves of their own, \
               which take about as much memory again. ta-b-poly: by the heights of entry and exit points over the plane. wide: three levels at a \

@@ -122,7 +122,7 @@ impl Structure {
     }
 }
 
-/// What a tree of planes is laid out as a second time: nodes of seven planes for rays in flight, or boxes for all rays.
+/// What a tree of planes is laid out as a second time: nodes of seven planes, or boxes, whatever its planes.
 fn second_layout(
     scene: &Triangles,
     built: &Built,
@@ -132,14 +132,12 @@ fn second_layout(
     let Layout::Plane(tree, _) = &built.layout else {
         return Ok((None, None));
     };
-    // Boxes along the axes fit worse what oblique planes part: where most are oblique, rays keep to the planes.
-    let boxed = built.shape.nodes_oblique <= built.shape.nodes_axis;
     match batches {
-        Batches::Boxes | Batches::Auto if boxed || batches == Batches::Boxes => {
+        Batches::Boxes | Batches::Auto => {
             let boxes = PlaneBoxes::new(tree, (scene, &built.frame), monitor)?;
             Ok((None, Some(boxes)))
         }
-        Batches::Wide | Batches::Auto => {
+        Batches::Wide => {
             let nodes = WideTree::new(tree);
             monitor.take(nodes.bytes())?;
             Ok((Some(nodes), None))

@@ -89,9 +89,6 @@ impl Tracer for AtLevel<'_> {
             (Layout::Plane(tree, _), Batches::Eight) => {
                 job.tiles(&Tiles::<_, 4>(tree, lately), write, counters);
             }
-            (Layout::Plane(tree, _), Batches::Auto) if counters.is_none() => {
-                job.tiles(&Tiles::<_, 4>(tree, lately), write, counters);
-            }
             (Layout::Lazy(tree), Batches::Auto | Batches::Eight) if counters.is_none() => {
                 job.tiles(&Tiles::<_, 4>(tree, lately), write, counters);
             }
@@ -146,10 +143,9 @@ impl Tracer for Structure {
     }
 
     fn near_rays(&self) -> Option<Aabb> {
-        let planes = matches!(self.batches, Batches::Auto | Batches::Wide) && self.wide.is_some();
         let bytes = match self.flown() {
             Some((tree, blocks)) => tree.bytes() + blocks.bytes(),
-            None if planes => self.bytes(),
+            None if self.wide.is_some() => self.bytes(),
             None => 0,
         };
         (bytes > IN_CACHE).then(|| self.scene.bounds())

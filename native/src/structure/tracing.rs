@@ -40,8 +40,8 @@ pub(super) enum Batches {
     Boxes,
     /// Packets of so many, whatever the order of the rays; shadow rays only in packets of 16.
     Packets(u32),
-    /// Camera rays in tiles, shadow rays in tiles from their light, other rays to the nearest hit in flight, through boxes
-    /// where the tree has them; rays that are counted as the layout walks single rays.
+    /// Camera rays in tiles, shadow rays in tiles from their light, other rays to the nearest hit in flight, through
+    /// boxes; of a tree that rays build only tiles; rays that are counted as the layout walks single rays.
     Auto,
 }
 
@@ -151,11 +151,11 @@ impl Structure {
         if Q::ANY && self.config.choice("shadow") == "beam" {
             return self.shadow_beams(&job, write, counters);
         }
-        // Under `Auto` only shadow rays come here that are counted or ask the shadow cache: they go singly, through planes.
-        let streams = self.batches == Batches::Wide || !Q::ANY;
-        if let (Some(wide), None, true) = (&self.wide, &counters, streams) {
+        if let (Some(wide), None) = (&self.wide, &counters) {
             return job.stream::<_, Q>(&plane_wide::Walk(wide), write);
         }
+        // Under `Auto` only shadow rays come here that are counted or ask the shadow cache: they go singly, through planes.
+        let streams = self.batches == Batches::Wide || !Q::ANY;
         if let (Some((tree, blocks)), None, true) = (self.flown(), &counters, streams) {
             let job = Batch { blocks, ..job };
             return job.stream::<_, Q>(&box_flight::Walk(tree), write);
@@ -206,7 +206,7 @@ impl Structure {
     /// # Panics
     /// For brute force, which walks nothing.
     pub(super) fn with_walk<F: WithWalk>(&self, built: &Built, then: F) -> F::Output {
-        if let (Batches::Wide, Some(wide)) = (self.batches, &self.wide) {
+        if let Some(wide) = &self.wide {
             return then.with(&Alone(&plane_wide::Walk(wide)));
         }
         if let Some(boxes) = self.walked() {
@@ -268,7 +268,7 @@ impl Structure {
             return true;
         }
         match (&self.built.layout, self.batches) {
-            (Layout::Plane(tree, _), Auto | Eight | Sixteen) => {
+            (Layout::Plane(tree, _), Eight | Sixteen) => {
                 job.quick_tiles(&ShadowTiles::<_, 4>(tree, lately), write);
             }
             (Layout::Lazy(tree), Auto | Eight) => {
