@@ -274,9 +274,10 @@ def test_a_build_can_be_cancelled_from_another_thread() -> None:
     assert monitor.progress < 1
 
 
-def test_progress_ends_at_one() -> None:
+@pytest.mark.parametrize("spec", ["kd", "kd:traversal=dir", "bsp-wn:traversal=boxes", "bvh-sah:traversal=auto"])
+def test_progress_ends_at_one(spec: str) -> None:
     monitor = native.Monitor()
-    native.build(*soup(1000), "kd", monitor=monitor)
+    native.build(*soup(1000), spec, monitor=monitor)
     assert monitor.progress == pytest.approx(1, abs=1e-6)
 
 

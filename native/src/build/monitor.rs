@@ -15,6 +15,8 @@ const GATHERED: usize = 1 << 18;
 #[derive(Debug)]
 pub struct Monitor {
     done: AtomicU64,
+    /// The bits of an f64: how much of the whole the work at hand is.
+    scale: AtomicU64,
     cancelled: AtomicBool,
     used: AtomicU64,
     limit: AtomicU64,
@@ -25,6 +27,7 @@ impl Default for Monitor {
     fn default() -> Self {
         Self {
             done: AtomicU64::new(0),
+            scale: AtomicU64::new(1.0_f64.to_bits()),
             cancelled: AtomicBool::new(false),
             used: AtomicU64::new(0),
             limit: AtomicU64::new(u64::MAX),
@@ -57,14 +60,23 @@ impl Monitor {
         (self.done.load(Ordering::Relaxed) as f64 / ONE).min(1.0)
     }
 
-    /// Adds a share of the whole work.
+    /// Says that the work from now on, until this is called again, is this share of the whole.
+    pub fn scale(&self, share: f64) {
+        self.scale.store(share.to_bits(), Ordering::Relaxed);
+    }
+
+    /// Adds a share of the work at hand: of the whole, unless [`Self::scale`] says less.
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
         reason = "0 <= share <= 1"
     )]
     pub fn advance(&self, share: f64) {
-        self.done.fetch_add((share * ONE) as u64, Ordering::Relaxed);
+        let scale = f64::from_bits(self.scale.load(Ordering::Relaxed));
+        let done = (share * scale * ONE) as u64;
+        if done > 0 {
+            self.done.fetch_add(done, Ordering::Relaxed);
+        }
     }
 
     /// Asks the work to stop.

@@ -18,6 +18,7 @@ use crate::error::Result;
 use crate::geom::Aabb;
 use crate::scene::Triangles;
 use crate::traverse::frame::{AXIS_PAD, Frame};
+use rayon::prelude::*;
 
 /// Prices, and how triangles are parted as objects.
 const OBJECTS: SurfaceArea = SurfaceArea {
@@ -32,7 +33,10 @@ const LITTLE: f32 = 4.0 * AXIS_PAD;
 /// Nodes of more objects than this are built on two threads.
 const PARALLEL: usize = 4096;
 
-/// After so many objects it is asked whether the work is still wanted.
+/// The share of the work on boxes that is done here, the rest being their layout.
+pub const SHARE: f64 = 0.75;
+
+/// After so many objects it is asked whether the work is still wanted, and so many are parted at once, by all threads.
 const PATIENCE: usize = 1 << 14;
 
 /// Builds the tree over the live triangles of `scene`.
@@ -53,7 +57,7 @@ pub fn build(
     };
     let objects = object::gather(scene, frame);
     let mut tree = ObjectTree::default();
-    builder.node(objects, (planes.root(), 0), &mut tree)?;
+    builder.node(objects, (planes.root(), 0, SHARE), &mut tree)?;
     Ok(tree)
 }
 
@@ -67,9 +71,8 @@ struct Sides {
 }
 
 impl Sides {
-    /// Takes in an object with boxes around its parts. One with a part on one side only goes there, one that seems to have
-    /// none goes above.
-    fn push(&mut self, whole: Object, parts: [Aabb; 2]) {
+    /// Takes in an object with boxes around its parts, but for one without a part below, which goes above: that is returned.
+    fn take(&mut self, whole: Object, parts: [Aabb; 2]) -> Option<Object> {
         let [below, above] = parts;
         match parts.map(|part| part.is_empty()) {
             [false, false] => self.cut.push((whole, parts)),
@@ -77,12 +80,32 @@ impl Sides {
                 bounds: below,
                 ..whole
             }),
-            [true, false] => self.apart[1].push(Object {
-                bounds: above,
-                ..whole
-            }),
-            [true, true] => self.apart[1].push(whole),
+            [true, false] => {
+                return Some(Object {
+                    bounds: above,
+                    ..whole
+                });
+            }
+            // What seems to have a part on neither side stays whole.
+            [true, true] => return Some(whole),
         }
+        None
+    }
+
+    /// All of these, one after the other.
+    fn joined(parts: Vec<Self>) -> Self {
+        let all = |side: usize| parts.iter().map(|part| part.apart[side].len()).sum();
+        let mut joined = Self {
+            apart: [Vec::with_capacity(all(0)), Vec::with_capacity(all(1))],
+            cut: Vec::new(),
+        };
+        for part in parts {
+            for (all, own) in joined.apart.iter_mut().zip(part.apart) {
+                all.extend(own);
+            }
+            joined.cut.extend(part.cut);
+        }
+        joined
     }
 
     /// Shares out what is cut: to both sides, or whole to one of them, one after another, by the boxes at hand. Of what goes
@@ -106,7 +129,8 @@ impl Sides {
                 let parts = cut(&whole, parts);
                 if parts.iter().any(Aabb::is_empty) {
                     count[usize::from(!parts[0].is_empty())] -= 1.0;
-                    self.push(whole, parts);
+                    let above = self.take(whole, parts);
+                    self.apart[1].extend(above);
                     continue;
                 }
                 for (side, bounds) in parts.into_iter().enumerate() {
@@ -133,19 +157,19 @@ struct Builder<'a> {
 }
 
 impl Builder<'_> {
-    /// Appends the tree over some objects, whose node in the tree of planes and depth are given. The depth of the recursion
-    /// is that of the tree.
+    /// Appends the tree over some objects, whose node in the tree of planes, depth and share of the whole work are given.
+    /// The depth of the recursion is that of the tree.
     fn node(
         &self,
         mut objects: Vec<Object>,
-        (mut place, depth): (u32, usize),
+        (mut place, depth, work): (u32, usize, f64),
         tree: &mut ObjectTree,
     ) -> Result<()> {
         loop {
             self.monitor.check()?;
             let node = self.planes.node(place);
             let (Node::Axis { children, .. } | Node::Oblique { children, .. }) = node else {
-                return self.objects(objects, depth, tree);
+                return self.objects(objects, (depth, work), tree);
             };
             let whole = (objects.len() <= OBJECTS.leaf_max).then(|| objects.clone());
             let parted = self.part(objects, &node)?;
@@ -155,9 +179,9 @@ impl Builder<'_> {
                 parted => {
                     return match whole {
                         Some(whole) if !OBJECTS.pays(&whole, &parted) => {
-                            self.objects(whole, depth, tree)
+                            self.objects(whole, (depth, work), tree)
                         }
-                        _ => self.inner(parted, (children, depth), tree),
+                        _ => self.inner(parted, (children, depth, work), tree),
                     };
                 }
             }
@@ -168,25 +192,27 @@ impl Builder<'_> {
     fn inner(
         &self,
         [below, above]: [Vec<Object>; 2],
-        (children, depth): (u32, usize),
+        (children, depth, work): (u32, usize, f64),
         tree: &mut ObjectTree,
     ) -> Result<()> {
         let count = below.len() + above.len();
         let place = tree.items.len();
         // Nobody asks for the axis.
         tree.items.push(Item::inner(0));
-        let second = (children + 1, depth + 1);
         let above_at = if count <= PARALLEL {
-            self.node(below, (children, depth + 1), tree)?;
+            // Threads that told of every leaf would wait for each other.
+            self.node(below, (children, depth + 1, 0.0), tree)?;
             let above_at = tree.items.len();
-            self.node(above, second, tree)?;
+            self.node(above, (children + 1, depth + 1, 0.0), tree)?;
+            self.monitor.advance(work);
             above_at
         } else {
             let _held = self.monitor.hold(count * size_of::<Object>())?;
             let mut other = ObjectTree::default();
+            let part = work * below.len() as f64 / count as f64;
             let (first, last) = rayon::join(
-                || self.node(below, (children, depth + 1), tree),
-                || self.node(above, second, &mut other),
+                || self.node(below, (children, depth + 1, part), tree),
+                || self.node(above, (children + 1, depth + 1, work - part), &mut other),
             );
             first?;
             last?;
@@ -201,7 +227,12 @@ impl Builder<'_> {
 
     /// Appends the tree over objects that no plane parts any more. Where it might become deeper than any tree may, they are
     /// one leaf.
-    fn objects(&self, mut objects: Vec<Object>, depth: usize, tree: &mut ObjectTree) -> Result<()> {
+    fn objects(
+        &self,
+        mut objects: Vec<Object>,
+        (depth, work): (usize, f64),
+        tree: &mut ObjectTree,
+    ) -> Result<()> {
         let before = tree.items.len();
         let many = objects.len() > PARALLEL;
         let most = if many {
@@ -218,6 +249,7 @@ impl Builder<'_> {
             tree.items.push(object::leaf(&objects));
         }
         tree.ids.extend(objects.iter().map(|object| object.id));
+        self.monitor.advance(work);
         // The inner nodes above are no more than these.
         let made = 2 * (tree.items.len() - before) * size_of::<Item>();
         self.monitor.take(made + objects.len() * size_of::<u32>())
@@ -225,50 +257,67 @@ impl Builder<'_> {
 
     /// Parts objects by the plane of a node.
     fn part(&self, objects: Vec<Object>, node: &Node) -> Result<[Vec<Object>; 2]> {
-        let mut sides = Sides::default();
-        let little = LITTLE * self.magnitude;
-        let (mut objects, mut seen) = (objects.into_iter(), 0_usize);
-        let mut next = || {
-            seen += 1;
-            if seen.is_multiple_of(PATIENCE) {
-                self.monitor.check()?;
-            }
-            Ok(objects.next())
+        let sides = if objects.len() >= 2 * PATIENCE {
+            // Near the root there are few nodes and many objects.
+            let _held = (self.monitor).hold(2 * objects.len() * size_of::<Object>())?;
+            let parts = objects.par_chunks(PATIENCE);
+            let parts: Result<Vec<_>> = parts.map(|part| self.sides(part.to_vec(), node)).collect();
+            drop(objects);
+            Sides::joined(parts?)
+        } else {
+            self.sides(objects, node)?
         };
+        Ok(match node {
+            // Most of what such a plane cuts stays whole, and need not be cut to learn it.
+            Node::Axis { .. } => sides.share_out(|object, parts| {
+                let corners = self.corners(object);
+                parts.map(|part| {
+                    let bounds = clipped_bounds(corners, &part, self.magnitude);
+                    bounds.unwrap_or(Aabb::EMPTY)
+                })
+            }),
+            _ => sides.share_out(|_, parts| parts),
+        })
+    }
+
+    /// On which sides of the plane of a node objects lie. Those above stay where they are.
+    fn sides(&self, mut objects: Vec<Object>, node: &Node) -> Result<Sides> {
+        self.monitor.check()?;
+        let little = LITTLE * self.magnitude;
+        let mut sides = Sides::default();
         match *node {
-            Node::Axis { axis, split, .. } => {
-                while let Some(object) = next()? {
-                    let below = split - object.bounds.min[axis];
-                    let above = object.bounds.max[axis] - split;
-                    if below.min(above) <= little {
-                        // What lies in the plane is below, as planes have it.
-                        sides.apart[usize::from(below < above)].push(object);
-                    } else {
-                        let mut parts = [object.bounds; 2];
-                        parts[0].max[axis] = split;
-                        parts[1].min[axis] = split;
-                        sides.cut.push((object, parts));
+            Node::Axis { axis, split, .. } => objects.retain(|object| {
+                let below = split - object.bounds.min[axis];
+                let above = object.bounds.max[axis] - split;
+                if below.min(above) <= little {
+                    // What lies in the plane is below, as planes have it.
+                    if below < above {
+                        return true;
                     }
+                    sides.apart[0].push(*object);
+                } else {
+                    let mut parts = [object.bounds; 2];
+                    parts[0].max[axis] = split;
+                    parts[1].min[axis] = split;
+                    sides.cut.push((*object, parts));
                 }
-                // Most of what a plane cuts stays whole, and need not be cut to learn it.
-                Ok(sides.share_out(|object, parts| {
-                    let corners = self.corners(object);
-                    parts.map(|part| {
-                        let bounds = clipped_bounds(corners, &part, self.magnitude);
-                        bounds.unwrap_or(Aabb::EMPTY)
-                    })
-                }))
-            }
+                false
+            }),
             Node::Oblique { normal, offset, .. } => {
                 let mut cutter = Cutter::new((normal, offset), self.magnitude, little);
-                while let Some(object) = next()? {
-                    let parts = cutter.parts(self.corners(&object), &object.bounds);
-                    sides.push(object, parts);
-                }
-                Ok(sides.share_out(|_, parts| parts))
+                objects.retain_mut(|object| {
+                    let parts = cutter.parts(self.corners(object), &object.bounds);
+                    let above = sides.take(*object, parts);
+                    above.is_some_and(|above| {
+                        *object = above;
+                        true
+                    })
+                });
             }
             Node::Leaf { .. } => unreachable!("leaves have no plane"),
         }
+        sides.apart[1] = objects;
+        Ok(sides)
     }
 
     fn corners(&self, object: &Object) -> [[f32; 3]; 3] {

@@ -57,18 +57,23 @@ impl BoxTree<8> {
 
 /// The node with its children in other places: the child that is farthest in any corner goes there, then the next one.
 fn by_corners(node: &Wide<8>) -> Wide<8> {
-    let centre =
-        |k: usize, lane: usize| 0.5 * node.bounds[k][lane] + 0.5 * node.bounds[3 + k][lane];
-    let lanes: Vec<_> = (0..CHILDREN)
-        .filter(|&lane| node.count[lane] != 0)
-        .collect();
-    let middle = map([0, 1, 2], |k| {
-        lanes.iter().map(|&lane| centre(k, lane)).sum::<f32>() / lanes.len() as f32
-    });
-    let mut pairs = Vec::with_capacity(CHILDREN * CHILDREN);
-    for &lane in &lanes {
-        let from = map([0, 1, 2], |k| centre(k, lane) - middle[k]);
-        for corner in 0..CHILDREN {
+    let (mut open, mut middle) = (0_u32, [0.0; 3]);
+    let mut centre = [[0.0; 3]; CHILDREN];
+    for (lane, centre) in centre.iter_mut().enumerate() {
+        if node.count[lane] == 0 {
+            continue;
+        }
+        open |= 1 << lane;
+        for k in 0..3 {
+            centre[k] = 0.5 * node.bounds[k][lane] + 0.5 * node.bounds[3 + k][lane];
+            middle[k] += centre[k];
+        }
+    }
+    let count = open.count_ones() as f32;
+    let mut far = [[0.0; CHILDREN]; CHILDREN];
+    for lane in 0..CHILDREN {
+        let from = map([0, 1, 2], |k| centre[lane][k] - middle[k] / count);
+        for (corner, far) in far[lane].iter_mut().enumerate() {
             let towards = |k: usize| {
                 if corner >> k & 1 == 1 {
                     from[k]
@@ -76,16 +81,35 @@ fn by_corners(node: &Wide<8>) -> Wide<8> {
                     -from[k]
                 }
             };
-            pairs.push((towards(0) + towards(1) + towards(2), lane, corner));
+            *far = towards(0) + towards(1) + towards(2);
         }
     }
-    pairs.sort_by(|a, b| b.0.total_cmp(&a.0));
-    let (mut out, mut placed, mut taken) = (BoxTree::<8>::BLANK, 0_u32, 0_u32);
-    for (_, lane, corner) in pairs {
-        if placed >> lane & 1 == 1 || taken >> corner & 1 == 1 {
+    let (mut out, mut free) = (BoxTree::<8>::BLANK, (1_u32 << CHILDREN) - 1);
+    // The corner of those that were free when it was last looked for, in which each child is the farthest.
+    let farthest = |lane: usize, free: u32| {
+        let corners = (0..CHILDREN).filter(|corner| free >> corner & 1 == 1);
+        let farther = |a: usize, b: usize| if far[lane][b] > far[lane][a] { b } else { a };
+        corners
+            .reduce(farther)
+            .expect("no more children than corners")
+    };
+    let mut best = std::array::from_fn::<_, CHILDREN, _>(|lane| farthest(lane, free));
+    while open != 0 {
+        let lanes = (0..CHILDREN).filter(|lane| open >> lane & 1 == 1);
+        let farther = |a: usize, b: usize| {
+            if far[b][best[b]] > far[a][best[a]] {
+                b
+            } else {
+                a
+            }
+        };
+        let lane = lanes.reduce(farther).expect("some are open");
+        let corner = best[lane];
+        if free >> corner & 1 == 0 {
+            best[lane] = farthest(lane, free);
             continue;
         }
-        (placed, taken) = (placed | 1 << lane, taken | 1 << corner);
+        (open, free) = (open & !(1 << lane), free & !(1 << corner));
         for (to, from) in out.bounds.iter_mut().zip(&node.bounds) {
             to[corner] = from[lane];
         }

@@ -44,10 +44,11 @@ impl PlaneBoxes {
         let tree = BoxTree::new(&binary, &mut leaves)?;
         monitor.take(tree.bytes() + leaves.bytes())?;
         monitor.check()?;
-        Ok(Self {
-            tree: tree.by_corners(),
-            blocks: leaves.write(scene, frame, &binary.ids),
-        })
+        let tree = tree.by_corners();
+        monitor.check()?;
+        let blocks = leaves.write(scene, frame, &binary.ids);
+        monitor.advance(1.0 - plane_objects::SHARE);
+        Ok(Self { tree, blocks })
     }
 
     /// Size in bytes.

@@ -149,7 +149,7 @@ fn what_reaches_little_over_a_plane_stays_whole_and_what_reaches_far_is_cut() {
             cut: Vec::new(),
         };
         let (whole, parts) = cut_at(10.0, [[reach[0], 0.4, 0.4], [reach[1], 0.6, 0.6]]);
-        sides.push(whole, parts);
+        assert!(sides.take(whole, parts).is_none());
         sides.share_out(|_, parts| parts).map(|side| {
             let own = side
                 .iter()
@@ -197,9 +197,20 @@ fn trees_are_no_deeper_than_any_may_be() {
     for (depth, parted) in [(0, true), (MAX_DEPTH - 12, true), (MAX_DEPTH - 2, false)] {
         let objects = object::gather(structure.scene(), &own.frame);
         let mut tree = ObjectTree::default();
-        builder.objects(objects, depth, &mut tree).unwrap();
+        builder.objects(objects, (depth, 1.0), &mut tree).unwrap();
         assert!(depth + height(&tree) <= MAX_DEPTH, "{depth}");
         assert_eq!(height(&tree) > 0, parted);
+    }
+}
+
+#[test]
+fn all_of_the_work_is_told_once() {
+    for (spec, count) in [("kd", 900), ("bsp-wn-plus-kd", 45_000), ("kd", 40), ("kd", 0)] {
+        let structure = Structure::of(&soup(random_points(4, 3 * count)), spec);
+        let monitor = Monitor::new();
+        built(&structure, &monitor).unwrap();
+        let done = monitor.progress();
+        assert!((done - SHARE).abs() < 1e-6, "{spec}, {count}: {done}");
     }
 }
 
