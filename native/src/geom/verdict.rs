@@ -18,9 +18,9 @@ use super::vec3::{Vec3, cross, dot, map, sub, widen};
 /// second order and for the bound itself.
 pub(crate) const DETERMINANT_ERROR: f64 = 6.0 * 5.0 * f64::EPSILON;
 
-/// f64 computes `t` and the weights only where their sum is at least this many times the errors of all: to about a
-/// rounding of f32.
-const WELL_CONDITIONED: f64 = 8_388_608.0;
+/// f64 computes `t` and the weights only where their sum is at least this many times the errors of all: to about two
+/// roundings of f32.
+const WELL_CONDITIONED: f64 = 4_194_304.0;
 
 /// Where a ray meets a triangle.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -39,9 +39,9 @@ struct Seen {
     corners: [Vec3; 3],
     /// Opposite to the corners, one after the other around the triangle.
     sides: [Vec3; 3],
-    /// The largest component of the corners.
-    far: f64,
-    /// The largest component of the sides.
+    /// The largest component of the first corner. Those of the others are no larger than that and the size.
+    first: f64,
+    /// The largest component of the sides that begin there. Those of the other one are no larger than twice that.
     size: f64,
 }
 
@@ -54,8 +54,8 @@ impl Seen {
         Self {
             corners,
             sides,
-            far: largest(corners),
-            size: largest(sides),
+            first: largest(corners[0]),
+            size: larger(largest(sides[1]), largest(sides[2])),
         }
     }
 
@@ -76,11 +76,11 @@ impl Seen {
     /// components up to `longest`.
     #[inline(always)]
     fn errors(&self, longest: f64) -> Errors {
-        let (far, size) = (self.far, self.size);
+        let (first, size) = (self.first, self.size);
         Errors {
-            weight: DETERMINANT_ERROR * (longest * (far * size)),
+            weight: DETERMINANT_ERROR * (2.0 * longest * ((first + size) * size)),
             sum: DETERMINANT_ERROR * (longest * (size * size)),
-            distance: DETERMINANT_ERROR * (far * (size * size)),
+            distance: DETERMINANT_ERROR * (first * (size * size)),
         }
     }
 }
@@ -96,11 +96,22 @@ pub struct Errors {
     pub distance: f64,
 }
 
+/// The larger of two numbers: one instruction, where `f64::max` takes four, as it allows for what is not a number.
+#[inline(always)]
+fn larger(a: f64, b: f64) -> f64 {
+    if a > b { a } else { b }
+}
+
+/// The smaller of two numbers.
+#[inline(always)]
+fn smaller(a: f64, b: f64) -> f64 {
+    if a < b { a } else { b }
+}
+
 /// The largest component by absolute value.
 #[inline(always)]
-fn largest(v: [Vec3; 3]) -> f64 {
-    let of = |v: Vec3| v[0].abs().max(v[1].abs()).max(v[2].abs());
-    of(v[0]).max(of(v[1])).max(of(v[2]))
+fn largest(v: Vec3) -> f64 {
+    larger(larger(v[0].abs(), v[1].abs()), v[2].abs())
 }
 
 /// What the verdict knows of a triangle and an origin before it knows the direction, for directions
@@ -150,13 +161,10 @@ pub fn verdict_within(
 ) -> Option<Verdict> {
     let direction = widen(d);
     let seen = Seen::new(widen(o), map(v, widen));
-    let longest = direction[0]
-        .abs()
-        .max(direction[1].abs())
-        .max(direction[2].abs());
-    let errors = seen.errors(longest);
+    let errors = seen.errors(largest(direction));
     let mut w = map(seen.normals(), |normal| dot(direction, normal));
-    let (most, least) = (w[0].max(w[1]).max(w[2]), w[0].min(w[1]).min(w[2]));
+    let most = larger(larger(w[0], w[1]), w[2]);
+    let least = smaller(smaller(w[0], w[1]), w[2]);
     if most > errors.weight && least < -errors.weight {
         return None;
     }

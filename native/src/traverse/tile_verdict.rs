@@ -171,17 +171,16 @@ impl<S: Simd> From<S> {
         let [of_a, of_b, of_c] = [sub(c, b), sub(a, c), sub(b, a)];
         let [a, b, c] = [sub(a, o), sub(b, o), sub(c, o)];
         let normal = cross(of_b, of_c);
-        let far = largest(a).max(largest(b)).max(largest(c));
-        let size = largest(of_a).max(largest(of_b)).max(largest(of_c));
+        let (first, size) = (largest(a), largest(of_b).max(largest(of_c)));
         let error = all(simd, DETERMINANT_ERROR);
-        let twice = all(simd, 2.0);
+        let (twice, four) = (all(simd, 2.0), all(simd, 4.0));
         Self {
             normals: [cross(b, of_a), cross(c, of_b), cross(a, of_c)],
             normal,
             distance: dot(a, normal),
-            weight_error: error * (twice * (far * size)),
+            weight_error: error * (four * ((first + size) * size)),
             sum_error: error * (twice * (size * size)),
-            distance_error: error * (far * (size * size)),
+            distance_error: error * (first * (size * size)),
         }
     }
 }

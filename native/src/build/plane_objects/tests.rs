@@ -205,7 +205,12 @@ fn trees_are_no_deeper_than_any_may_be() {
 
 #[test]
 fn all_of_the_work_is_told_once() {
-    for (spec, count) in [("kd", 900), ("bsp-wn-plus-kd", 45_000), ("kd", 40), ("kd", 0)] {
+    for (spec, count) in [
+        ("kd", 900),
+        ("bsp-wn-plus-kd", 45_000),
+        ("kd", 40),
+        ("kd", 0),
+    ] {
         let structure = Structure::of(&soup(random_points(4, 3 * count)), spec);
         let monitor = Monitor::new();
         built(&structure, &monitor).unwrap();
