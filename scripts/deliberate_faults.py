@@ -148,6 +148,21 @@ FAULTS = (
         INTEGERS,
     ),
     Fault("carries lost in fixed point", "native/src/geom/exact/wide.rs", "all >> LIMB", "0", INTEGERS),
+    Fault(
+        "weights as certain as if the origin were near",
+        _VERDICT,
+        "(first + size) * size",
+        "0.0 * first * (size * size)",
+        VERDICT,
+    ),
+    Fault("distances as certain as if f64 were exact", _VERDICT, "(first * (size * size))", "(0.0 * first)", VERDICT),
+    Fault(
+        "cut triangles lost where many are parted at once",
+        "native/src/build/plane_objects.rs",
+        "joined.cut.extend(part.cut);",
+        "joined.cut.truncate(part.cut.len());",
+        ("lib", "plane_objects::tests::many_objects"),
+    ),
     Fault("distances that f64 cannot round taken as they are", _VERDICT, "low == high", "low <= high", VERDICT),
     Fault("the ends of the interval left out", _VERDICT, "high < span[0]", "high <= span[0]", ENDS),
     Fault(

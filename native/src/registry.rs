@@ -221,9 +221,8 @@ pub mod params {
         name: "traversal",
         label: "Traversal",
         doc: "How rays walk the tree. auto: whatever is quickest for a batch: through boxes, camera rays and \
-              shadow rays in tiles and others several in flight; rays are \
-              counted as dir walks them. dir: one by one, by plane distances in the order of the direction. boxes: one by one, \
-              through boxes around what the planes part, eight to a node, with sides along the axes only and leaves of their own, \
+              shadow rays in tiles and others several in flight; rays are counted as dir walks them. dir: one by one, by \
+              plane distances in the order of the direction. boxes: one by one, through boxes around what the planes part, eight to a node, with sides along the axes only and leaves of their own, \
               which take about as much memory again. ta-b-poly: by the heights of entry and exit points over the plane. wide: three levels at a \
               time, several rays in turn, many in random order sorted by where they start. tile8, tile16: as dir, but camera rays go in tiles of 64 or 256, and shadow \
               rays of one light in tiles of 64 from the light; tiles whose rays drift apart are split into packets. p4, p8, \

@@ -138,14 +138,6 @@ impl Config {
         }
     }
 
-    /// Whether a parameter of this name may have this value.
-    pub fn offers(&self, name: &str, choice: &str) -> bool {
-        let params = self.structure.params.iter();
-        params
-            .filter(|param| param.name == name)
-            .any(|param| matches!(param.kind, Kind::Choice(choices) if choices.contains(&choice)))
-    }
-
     /// Whether walks allow for rounding: all but those that are asked to run as published.
     ///
     /// # Panics

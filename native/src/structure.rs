@@ -122,8 +122,7 @@ impl Structure {
     }
 }
 
-/// The share of the time of a build that boxes take where planes have some, for progress alone: less for trees whose planes
-/// are dear.
+/// What progress takes for the share of boxes in the time of a build. Where planes are dear it is less.
 const BOXES: f64 = 0.35;
 
 /// What a tree of planes is laid out as a second time: nodes of seven planes, or boxes, whatever its planes.
@@ -170,11 +169,19 @@ impl Structure {
         let start = Instant::now();
         let batches = Batches::new(&config);
         let boxed = matches!(batches, Batches::Auto | Batches::Boxes)
-            && config.offers("traversal", "boxes");
-        monitor.scale(if boxed { 1.0 - BOXES } else { 1.0 });
-        let mut built = pool.install(|| (config.structure().build)(&scene, &config, monitor))?;
-        monitor.scale(BOXES);
-        let (wide, boxes) = pool.install(|| second_layout(&scene, &built, batches, monitor))?;
+            && config.structure().traversals().contains(&"boxes");
+        let planes = if boxed { 1.0 - BOXES } else { 1.0 };
+        let mut built = monitor.during(planes, || {
+            pool.install(|| (config.structure().build)(&scene, &config, monitor))
+        })?;
+        let (wide, boxes) = monitor.during(1.0 - planes, || {
+            let made = pool.install(|| second_layout(&scene, &built, batches, monitor))?;
+            if made.1.is_none() {
+                // Trees that rays build have none.
+                monitor.advance(1.0);
+            }
+            Ok::<_, Error>(made)
+        })?;
         let ropes = match &built.layout {
             Layout::Plane(tree, PlaneWalk::Rope | PlaneWalk::Rope1990) => {
                 let kind = match config.choice("traversal") {

@@ -45,7 +45,7 @@ fn traced(structure: &Structure, rays: &[Ray], order: Order) -> Vec<[u32; 4]> {
     hits.iter().map(bits).collect()
 }
 
-const SPECS: [&str; 15] = [
+const SPECS: [&str; 16] = [
     "octree-beam",
     "octree-beam:beam_least=1",
     "octree-beam:beam_least=65",
@@ -60,6 +60,7 @@ const SPECS: [&str; 15] = [
     "bvh-sah:traversal=tile8",
     "bvh-sah:traversal=tile16",
     "bsp-random:traversal=tile8",
+    "bsp-random",
     "bsp-wn-plus-kd:traversal=tile16",
 ];
 

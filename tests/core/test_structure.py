@@ -114,7 +114,7 @@ def test_the_interval_may_differ_from_ray_to_ray() -> None:
     assert hits.triangle.tolist() == [0, 0, -1, -1]
 
 
-@pytest.mark.parametrize("spec", ["kd", "kd:traversal=wide", "bsp-wn-plus-kd:k=3"])
+@pytest.mark.parametrize("spec", ["kd", "kd:traversal=wide", "bsp-wn:k=3", "bsp-wn:k=3,traversal=wide"])
 def test_many_rays_in_random_order_answer_as_few(spec: str) -> None:
     vertices, triangles = leaks.icosphere(6)
     rng = np.random.default_rng(3)
@@ -274,7 +274,7 @@ def test_a_build_can_be_cancelled_from_another_thread() -> None:
     assert monitor.progress < 1
 
 
-@pytest.mark.parametrize("spec", ["kd", "kd:traversal=dir", "bsp-wn:traversal=boxes", "bvh-sah:traversal=auto"])
+@pytest.mark.parametrize("spec", ["kd", "kd:lazy=1", "kd:traversal=dir", "bsp-wn:traversal=boxes", "bvh-sah"])
 def test_progress_ends_at_one(spec: str) -> None:
     monitor = native.Monitor()
     native.build(*soup(1000), spec, monitor=monitor)

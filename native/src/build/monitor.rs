@@ -60,12 +60,21 @@ impl Monitor {
         (self.done.load(Ordering::Relaxed) as f64 / ONE).min(1.0)
     }
 
-    /// Says that the work from now on, until this is called again, is this share of the whole.
-    pub fn scale(&self, share: f64) {
+    /// Does some work, whatever advances there being of this share of the whole.
+    pub fn during<T>(&self, share: f64, work: impl FnOnce() -> T) -> T {
         self.scale.store(share.to_bits(), Ordering::Relaxed);
+        let done = work();
+        self.scale.store(1.0_f64.to_bits(), Ordering::Relaxed);
+        done
     }
 
-    /// Adds a share of the work at hand: of the whole, unless [`Self::scale`] says less.
+    /// What all shares add up to, one or not.
+    #[cfg(test)]
+    pub fn told(&self) -> f64 {
+        self.done.load(Ordering::Relaxed) as f64 / ONE
+    }
+
+    /// Adds a share of the work at hand: of the whole, unless it is done [`Self::during`] a part.
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
@@ -162,5 +171,24 @@ impl Monitor {
              walks through planes alone (traversal=dir) or another structure need less",
             megabytes(self.limit.load(Ordering::Relaxed))
         ))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_advances_during_a_part_is_a_share_of_that() {
+        let monitor = Monitor::new();
+        monitor.during(0.75, || monitor.advance(1.0));
+        assert!((monitor.told() - 0.75).abs() < 1e-9);
+        let refused: Result<()> = monitor.during(0.25, || {
+            monitor.advance(0.5);
+            Err(Error::Cancelled)
+        });
+        assert!(refused.is_err() && (monitor.told() - 0.875).abs() < 1e-9);
+        monitor.advance(1.0);
+        assert!((monitor.told() - 1.875).abs() < 1e-9 && monitor.progress() == 1.0);
     }
 }

@@ -25,7 +25,7 @@ const TASKS: usize = 8;
 const PARALLEL: usize = 1 << 15;
 
 /// A triangle, as the builder moves it about.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Object {
     /// Its box, in the frame of the walk.
     pub bounds: Aabb,

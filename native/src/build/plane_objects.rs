@@ -36,7 +36,7 @@ const PARALLEL: usize = 4096;
 /// The share of the work on boxes that is done here, the rest being their layout.
 pub const SHARE: f64 = 0.75;
 
-/// After so many objects it is asked whether the work is still wanted, and so many are parted at once, by all threads.
+/// Many objects are parted in pieces of so many, on any thread; before each it is asked whether the work is still wanted.
 const PATIENCE: usize = 1 << 14;
 
 /// Builds the tree over the live triangles of `scene`.
@@ -62,7 +62,7 @@ pub fn build(
 }
 
 /// The objects of a node by the sides of its plane.
-#[derive(Default)]
+#[derive(Debug, Default, PartialEq)]
 struct Sides {
     /// Below and above.
     apart: [Vec<Object>; 2],
@@ -110,13 +110,20 @@ impl Sides {
 
     /// Shares out what is cut: to both sides, or whole to one of them, one after another, by the boxes at hand. Of what goes
     /// to both sides `cut` finds the smallest boxes around the parts.
-    fn share_out(mut self, cut: impl Fn(&Object, [Aabb; 2]) -> [Aabb; 2]) -> [Vec<Object>; 2] {
+    fn share_out(
+        mut self,
+        cut: impl Fn(&Object, [Aabb; 2]) -> [Aabb; 2],
+        monitor: &Monitor,
+    ) -> Result<[Vec<Object>; 2]> {
         let mut bounds = [0, 1].map(|side| {
             let parts = self.cut.iter().map(|(_, parts)| parts[side]);
             parts.fold(around(&self.apart[side]), |all, part| all.union(&part))
         });
         let mut count = [0, 1].map(|side| (self.apart[side].len() + self.cut.len()) as f64);
-        for (whole, parts) in std::mem::take(&mut self.cut) {
+        for (seen, (whole, parts)) in std::mem::take(&mut self.cut).into_iter().enumerate() {
+            if seen % PATIENCE == PATIENCE - 1 {
+                monitor.check()?;
+            }
             let grown = bounds.map(|own| own.union(&whole.bounds));
             let cost = |areas: [f64; 2], less: [f64; 2]| {
                 areas[0] * (count[0] - less[0]) + areas[1] * (count[1] - less[1])
@@ -143,7 +150,7 @@ impl Sides {
                 self.apart[side].push(whole);
             }
         }
-        self.apart
+        Ok(self.apart)
     }
 }
 
@@ -257,27 +264,39 @@ impl Builder<'_> {
 
     /// Parts objects by the plane of a node.
     fn part(&self, objects: Vec<Object>, node: &Node) -> Result<[Vec<Object>; 2]> {
-        let sides = if objects.len() >= 2 * PATIENCE {
-            // Near the root there are few nodes and many objects.
-            let _held = (self.monitor).hold(2 * objects.len() * size_of::<Object>())?;
-            let parts = objects.par_chunks(PATIENCE);
-            let parts: Result<Vec<_>> = parts.map(|part| self.sides(part.to_vec(), node)).collect();
-            drop(objects);
-            Sides::joined(parts?)
+        let many = objects.len() >= 2 * PATIENCE;
+        // A copy, and what becomes of it, cut or not.
+        let most = 2 * size_of::<Object>() + size_of::<(Object, [Aabb; 2])>();
+        let _held = (self.monitor).hold(if many { objects.len() * most } else { 0 })?;
+        let sides = if many {
+            self.sides_of_many(objects, node)?
         } else {
             self.sides(objects, node)?
         };
-        Ok(match node {
+        match node {
             // Most of what such a plane cuts stays whole, and need not be cut to learn it.
-            Node::Axis { .. } => sides.share_out(|object, parts| {
-                let corners = self.corners(object);
-                parts.map(|part| {
-                    let bounds = clipped_bounds(corners, &part, self.magnitude);
-                    bounds.unwrap_or(Aabb::EMPTY)
-                })
-            }),
-            _ => sides.share_out(|_, parts| parts),
-        })
+            Node::Axis { .. } => sides.share_out(
+                |object, parts| {
+                    let corners = self.corners(object);
+                    parts.map(|part| {
+                        let bounds = clipped_bounds(corners, &part, self.magnitude);
+                        bounds.unwrap_or(Aabb::EMPTY)
+                    })
+                },
+                self.monitor,
+            ),
+            _ => sides.share_out(|_, parts| parts, self.monitor),
+        }
+    }
+
+    /// As [`Self::sides`], piece by piece: near the root there are few nodes and many objects.
+    fn sides_of_many(&self, objects: Vec<Object>, node: &Node) -> Result<Sides> {
+        let pieces = objects.par_chunks(PATIENCE);
+        let sides: Result<Vec<_>> = pieces
+            .map(|piece| self.sides(piece.to_vec(), node))
+            .collect();
+        drop(objects);
+        Ok(Sides::joined(sides?))
     }
 
     /// On which sides of the plane of a node objects lie. Those above stay where they are.

@@ -23,11 +23,7 @@ impl Structure {
             }
         }
         let built = self.built();
-        let job = self.batch_of(
-            (built, self.leaves_walked(built)),
-            Level::new(),
-            std::slice::from_ref(ray),
-        );
+        let job = self.batch_walked(built, Level::new(), std::slice::from_ref(ray));
         if let Layout::Brute = &self.built.layout {
             let (mut nearest, mut path) = (Hit::MISS, Path::default());
             let counters = std::slice::from_mut(&mut path.counters);
@@ -61,7 +57,7 @@ impl Structure {
         let mut counters = vec![RayCounters::default(); rays.len()];
         let mut record = Record::default();
         let built = self.built();
-        let job = self.batch_of((built, self.leaves_walked(built)), Level::new(), &rays);
+        let job = self.batch_walked(built, Level::new(), &rays);
         if any {
             let recorder = Recorder::<Any>(&job, &mut counters, &mut record, PhantomData);
             self.with_walk(built, recorder);
@@ -90,11 +86,7 @@ impl Structure {
             }
         }
         let built = self.built();
-        let job = self.batch_of(
-            (built, self.leaves_walked(built)),
-            Level::new(),
-            &recording.rays,
-        );
+        let job = self.batch_walked(built, Level::new(), &recording.rays);
         let mut seconds = Vec::new();
         let record = &recording.record;
         let strayed = if recording.any {

@@ -67,6 +67,16 @@ impl Structure {
         self.batch_of((&self.built, &self.built.blocks), level, rays)
     }
 
+    /// Rays for the walk of [`Self::with_walk`], with the leaves that it tests.
+    pub(super) fn batch_walked<'a>(
+        &'a self,
+        built: &'a Built,
+        level: Level,
+        rays: &'a [Ray],
+    ) -> Batch<'a> {
+        self.batch_of((built, self.leaves_walked(built)), level, rays)
+    }
+
     /// Rays for a walk of one of the layouts, with the leaves of that.
     pub(super) fn batch_of<'a>(
         &'a self,
@@ -154,7 +164,8 @@ impl Structure {
         if let (Some(wide), None) = (&self.wide, &counters) {
             return job.stream::<_, Q>(&plane_wide::Walk(wide), write);
         }
-        // Under `Auto` only shadow rays come here that are counted or ask the shadow cache: they go singly, through planes.
+        // Under `Auto` only shadow rays come here that are counted or ask the shadow cache: they go as the layout walks
+        // single rays.
         let streams = self.batches == Batches::Wide || !Q::ANY;
         if let (Some((tree, blocks)), None, true) = (self.flown(), &counters, streams) {
             let job = Batch { blocks, ..job };
@@ -164,7 +175,7 @@ impl Structure {
     }
 
     /// The tree of boxes that rays walk in flight, and in tiles under `Auto`, if that is chosen, and its leaves.
-    pub(super) fn flown(&self) -> Option<(&BoxTree<8>, &Blocks)> {
+    pub(crate) fn flown(&self) -> Option<(&BoxTree<8>, &Blocks)> {
         match (&self.built.layout, self.batches) {
             (Layout::Objects(Objects::Boxes8(tree)), Batches::Auto | Batches::Wide) => {
                 Some((tree, &self.built.blocks))

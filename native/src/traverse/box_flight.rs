@@ -85,7 +85,7 @@ fn by_corners(node: &Wide<8>) -> Wide<8> {
         }
     }
     let (mut out, mut free) = (BoxTree::<8>::BLANK, (1_u32 << CHILDREN) - 1);
-    // The corner of those that were free when it was last looked for, in which each child is the farthest.
+    // Where a child would go, of the corners that are free.
     let farthest = |lane: usize, free: u32| {
         let corners = (0..CHILDREN).filter(|corner| free >> corner & 1 == 1);
         let farther = |a: usize, b: usize| if far[lane][b] > far[lane][a] { b } else { a };

@@ -92,10 +92,29 @@ mod tests {
         }
         assert!(ids.into_iter().eq(structure.scene().live().iter().copied()));
 
+        let monitor = Monitor::new();
+        PlaneBoxes::new(planes, scene, &monitor).unwrap();
+        assert!((monitor.told() - 1.0).abs() < 1e-6);
+
         let limited = Monitor::new();
         limited.limit_memory(boxes.bytes() as u64);
         assert!(PlaneBoxes::new(planes, scene, &limited).is_err());
         limited.limit_memory(4 * boxes.bytes() as u64);
         assert!(PlaneBoxes::new(planes, scene, &limited).is_ok());
+    }
+
+    /// No answer would change without, only the time that rays take.
+    #[test]
+    fn all_rays_of_auto_go_through_boxes_whatever_the_planes_are() {
+        let mut random = Random(13);
+        let corners: Vec<_> = (0..900).map(|_| random.point(-1.0, 1.0)).collect();
+        for id in ["kd", "rbsp", "bsp-random", "bsp-wn", "bsp-ize"] {
+            let structure = Structure::of(&soup(corners.clone()), id);
+            assert!(structure.shape().nodes_oblique > 0 || id == "kd", "{id}");
+            let boxes = structure.boxes().expect(id);
+            let (flown, _) = structure.flown().expect(id);
+            assert!(std::ptr::eq(flown, &boxes.tree), "{id}");
+            assert!(structure.walked().is_none(), "{id}");
+        }
     }
 }

@@ -3,6 +3,7 @@ use super::*;
 use crate::build::object_tree::Kind;
 use crate::oracle::cases::{Random, grid, soup};
 use crate::structure::{Layout, Structure};
+use std::collections::BTreeSet;
 
 /// The tree of objects of a structure that is a tree of planes.
 fn built(structure: &Structure, monitor: &Monitor) -> Result<ObjectTree> {
@@ -11,6 +12,21 @@ fn built(structure: &Structure, monitor: &Monitor) -> Result<ObjectTree> {
         panic!("a tree of planes")
     };
     build(planes, (structure.scene(), &own.frame), monitor)
+}
+
+/// Hands what builds the tree of objects of such a structure to `then`.
+fn with_builder(structure: &Structure, then: impl FnOnce(&Builder<'_>)) {
+    let own = structure.built();
+    let Layout::Plane(planes, _) = &own.layout else {
+        panic!("a tree of planes")
+    };
+    then(&Builder {
+        planes,
+        scene: structure.scene(),
+        frame: &own.frame,
+        monitor: &Monitor::new(),
+        magnitude: 1.0,
+    });
 }
 
 /// The leaves of a tree: a box and the triangles in it.
@@ -38,6 +54,19 @@ fn around_ids(structure: &Structure, ids: &[u32]) -> Aabb {
 fn random_points(seed: u64, count: usize) -> Vec<[f32; 3]> {
     let mut random = Random(seed);
     (0..count).map(|_| random.point(-1.0, 1.0)).collect()
+}
+
+/// Triangles a tenth as large as the scene.
+fn chips(seed: u64, count: usize) -> Vec<[f32; 3]> {
+    let mut random = Random(seed);
+    let mut chip = || {
+        let at = random.point(-1.0, 1.0);
+        [0, 1, 2].map(|_| {
+            let from = random.point(-0.1, 0.1);
+            [0, 1, 2].map(|k| at[k] + from[k])
+        })
+    };
+    (0..count).flat_map(|_| chip()).collect()
 }
 
 /// Slivers on one skew line, lying over each other.
@@ -150,7 +179,8 @@ fn what_reaches_little_over_a_plane_stays_whole_and_what_reaches_far_is_cut() {
         };
         let (whole, parts) = cut_at(10.0, [[reach[0], 0.4, 0.4], [reach[1], 0.6, 0.6]]);
         assert!(sides.take(whole, parts).is_none());
-        sides.share_out(|_, parts| parts).map(|side| {
+        let shared = sides.share_out(|_, parts| parts, &Monitor::new()).unwrap();
+        shared.map(|side| {
             let own = side
                 .iter()
                 .filter(|object| object.id == 7 && object.bounds.min[1] > 0.3);
@@ -166,13 +196,30 @@ fn what_reaches_little_over_a_plane_stays_whole_and_what_reaches_far_is_cut() {
 #[test]
 fn trees_are_the_same_whatever_the_number_of_threads() {
     for spec in ["kd", "bsp-wn-plus-kd"] {
-        let structure = Structure::of(&soup(random_points(5, 45_000)), spec);
+        let structure = Structure::of(&soup(chips(5, 45_000)), spec);
         let made = |threads: usize| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
             (pool.unwrap()).install(|| built(&structure, &Monitor::new()).unwrap())
         };
         let (one, three) = (made(1), made(3));
         assert!(one.items == three.items && one.ids == three.ids, "{spec}");
+        let ids: BTreeSet<_> = one.ids.iter().copied().collect();
+        assert!(ids.into_iter().eq(0..45_000), "{spec}");
+    }
+}
+
+#[test]
+fn many_objects_are_parted_as_few_are() {
+    for (spec, oblique) in [("kd", false), ("bsp-random", true)] {
+        let structure = Structure::of(&soup(chips(8, 40_000)), spec);
+        with_builder(&structure, |builder| {
+            let objects = object::gather(structure.scene(), builder.frame);
+            let node = builder.planes.node(builder.planes.root());
+            assert_eq!(matches!(node, Node::Oblique { .. }), oblique);
+            let whole = builder.sides(objects.clone(), &node).unwrap();
+            assert!(whole.cut.len() > 1000 && whole.apart.iter().all(|side| side.len() > 1000));
+            assert!(whole == builder.sides_of_many(objects, &node).unwrap());
+        });
     }
 }
 
@@ -182,25 +229,15 @@ fn trees_are_no_deeper_than_any_may_be() {
         usize::from(tree.heights()[0])
     }
     let structure = Structure::of(&soup(random_points(23, 900)), "kd");
-    let own = structure.built();
-    let Layout::Plane(planes, _) = &own.layout else {
-        panic!("a tree of planes")
-    };
-    let monitor = Monitor::new();
-    let builder = Builder {
-        planes,
-        scene: structure.scene(),
-        frame: &own.frame,
-        monitor: &monitor,
-        magnitude: 1.0,
-    };
-    for (depth, parted) in [(0, true), (MAX_DEPTH - 12, true), (MAX_DEPTH - 2, false)] {
-        let objects = object::gather(structure.scene(), &own.frame);
-        let mut tree = ObjectTree::default();
-        builder.objects(objects, (depth, 1.0), &mut tree).unwrap();
-        assert!(depth + height(&tree) <= MAX_DEPTH, "{depth}");
-        assert_eq!(height(&tree) > 0, parted);
-    }
+    with_builder(&structure, |builder| {
+        for (depth, parted) in [(0, true), (MAX_DEPTH - 12, true), (MAX_DEPTH - 2, false)] {
+            let objects = object::gather(structure.scene(), builder.frame);
+            let mut tree = ObjectTree::default();
+            builder.objects(objects, (depth, 1.0), &mut tree).unwrap();
+            assert!(depth + height(&tree) <= MAX_DEPTH, "{depth}");
+            assert_eq!(height(&tree) > 0, parted);
+        }
+    });
 }
 
 #[test]
@@ -214,7 +251,7 @@ fn all_of_the_work_is_told_once() {
         let structure = Structure::of(&soup(random_points(4, 3 * count)), spec);
         let monitor = Monitor::new();
         built(&structure, &monitor).unwrap();
-        let done = monitor.progress();
+        let done = monitor.told();
         assert!((done - SHARE).abs() < 1e-6, "{spec}, {count}: {done}");
     }
 }

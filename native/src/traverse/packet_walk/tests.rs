@@ -8,7 +8,7 @@ use crate::oracle::levels;
 use crate::structure::Structure;
 use crate::traverse::{Hit, Order, Ray, RayCounters, Tracer};
 
-const SPECS: [&str; 8] = [
+const SPECS: [&str; 9] = [
     "kd:traversal=p16",
     "kd-sah:traversal=p4",
     "bsp-wn-plus-kd:traversal=p16",
@@ -18,6 +18,7 @@ const SPECS: [&str; 8] = [
     // Through boxes around what the planes part.
     "kd:traversal=auto",
     "bsp-wn-plus-kd:traversal=auto",
+    "bsp-wn:traversal=auto",
 ];
 
 /// Bit patterns of the nearest hits, and which rays meet anything.

@@ -9,9 +9,10 @@ use crate::traverse::frame::Frame;
 use crate::traverse::{Ray, RayCounters, Tracer};
 use fearless_simd::{Level, dispatch};
 
-const SPECS: [&str; 4] = [
+const SPECS: [&str; 5] = [
     "kd",
     "kd-sah:traversal=tile8",
+    "bsp-wn",
     "bsp-wn-plus-kd:traversal=tile16",
     "bvh-sah:traversal=tile8",
 ];
