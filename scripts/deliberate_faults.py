@@ -157,6 +157,13 @@ FAULTS = (
     ),
     Fault("distances as certain as if f64 were exact", _VERDICT, "(first * (size * size))", "(0.0 * first)", VERDICT),
     Fault(
+        "weights of sixteen rays as certain as if f64 were exact",
+        "native/src/traverse/tile_verdict.rs",
+        "error * (four * ((first + size) * size))",
+        "error * (0.0 * four * first)",
+        ("lib", "traverse::late::tests"),
+    ),
+    Fault(
         "cut triangles lost where many are parted at once",
         "native/src/build/plane_objects.rs",
         "joined.cut.extend(part.cut);",
