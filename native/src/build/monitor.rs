@@ -60,7 +60,8 @@ impl Monitor {
         (self.done.load(Ordering::Relaxed) as f64 / ONE).min(1.0)
     }
 
-    /// Does some work, whatever advances there being of this share of the whole.
+    /// Does a part of the work, which is this share of the whole: what advances meanwhile are shares of the part. One part
+    /// at a time.
     pub fn during<T>(&self, share: f64, work: impl FnOnce() -> T) -> T {
         self.scale.store(share.to_bits(), Ordering::Relaxed);
         let done = work();
@@ -177,6 +178,10 @@ impl Monitor {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::oracle::cases::{grid, soup};
+    use crate::registry;
+    use crate::spec::Config;
+    use crate::structure::Structure;
 
     #[test]
     fn what_advances_during_a_part_is_a_share_of_that() {
@@ -190,5 +195,22 @@ mod tests {
         assert!(refused.is_err() && (monitor.told() - 0.875).abs() < 1e-9);
         monitor.advance(1.0);
         assert!((monitor.told() - 1.875).abs() < 1e-9 && monitor.progress() == 1.0);
+    }
+    #[test]
+    fn every_build_tells_of_all_its_work_once() {
+        let scene = soup(grid(8, 0.3));
+        for tree in registry::TREES.iter().filter(|tree| tree.id != "brute") {
+            let walks = tree
+                .traversals()
+                .iter()
+                .map(|walk| format!("{}:traversal={walk}", tree.id));
+            for spec in walks.chain([tree.id.to_owned()]) {
+                let monitor = Monitor::new();
+                let config = Config::parse(&spec).unwrap();
+                Structure::build(scene.clone(), config, 2, &monitor).unwrap();
+                let told = monitor.told();
+                assert!((told - 1.0).abs() < 1e-6, "{spec}: {told}");
+            }
+        }
     }
 }

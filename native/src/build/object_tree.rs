@@ -70,6 +70,11 @@ pub struct ObjectTree {
 }
 
 impl ObjectTree {
+    /// How many items and ids there are.
+    pub fn sizes(&self) -> (usize, usize) {
+        (self.items.len(), self.ids.len())
+    }
+
     /// What the node at `place` is.
     pub fn kind(&self, place: usize) -> Kind {
         let item = &self.items[place];

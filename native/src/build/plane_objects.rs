@@ -57,7 +57,7 @@ pub fn build(
     };
     let objects = object::gather(scene, frame);
     let mut tree = ObjectTree::default();
-    builder.node(objects, (planes.root(), 0, SHARE), &mut tree)?;
+    builder.node(objects, (planes.root(), 0, Some(SHARE)), &mut tree)?;
     Ok(tree)
 }
 
@@ -164,12 +164,13 @@ struct Builder<'a> {
 }
 
 impl Builder<'_> {
-    /// Appends the tree over some objects, whose node in the tree of planes, depth and share of the whole work are given.
-    /// The depth of the recursion is that of the tree.
+    /// Appends the tree over some objects, whose node in the tree of planes, depth and share of the whole work are given:
+    /// none where few objects are left, of which the node above tells at once. Threads that told of every leaf would wait
+    /// for each other. The depth of the recursion is that of the tree.
     fn node(
         &self,
         mut objects: Vec<Object>,
-        (mut place, depth, work): (u32, usize, f64),
+        (mut place, depth, work): (u32, usize, Option<f64>),
         tree: &mut ObjectTree,
     ) -> Result<()> {
         loop {
@@ -199,27 +200,34 @@ impl Builder<'_> {
     fn inner(
         &self,
         [below, above]: [Vec<Object>; 2],
-        (children, depth, work): (u32, usize, f64),
+        (children, depth, work): (u32, usize, Option<f64>),
         tree: &mut ObjectTree,
     ) -> Result<()> {
+        let before = tree.sizes();
         let count = below.len() + above.len();
         let place = tree.items.len();
         // Nobody asks for the axis.
         tree.items.push(Item::inner(0));
         let above_at = if count <= PARALLEL {
-            // Threads that told of every leaf would wait for each other.
-            self.node(below, (children, depth + 1, 0.0), tree)?;
+            self.node(below, (children, depth + 1, None), tree)?;
             let above_at = tree.items.len();
-            self.node(above, (children + 1, depth + 1, 0.0), tree)?;
-            self.monitor.advance(work);
+            self.node(above, (children + 1, depth + 1, None), tree)?;
+            self.tell(work, before, tree)?;
             above_at
         } else {
             let _held = self.monitor.hold(count * size_of::<Object>())?;
             let mut other = ObjectTree::default();
+            let work = work.unwrap_or(0.0);
             let part = work * below.len() as f64 / count as f64;
             let (first, last) = rayon::join(
-                || self.node(below, (children, depth + 1, part), tree),
-                || self.node(above, (children + 1, depth + 1, work - part), &mut other),
+                || self.node(below, (children, depth + 1, Some(part)), tree),
+                || {
+                    self.node(
+                        above,
+                        (children + 1, depth + 1, Some(work - part)),
+                        &mut other,
+                    )
+                },
             );
             first?;
             last?;
@@ -237,17 +245,13 @@ impl Builder<'_> {
     fn objects(
         &self,
         mut objects: Vec<Object>,
-        (depth, work): (usize, f64),
+        (depth, work): (usize, Option<f64>),
         tree: &mut ObjectTree,
     ) -> Result<()> {
-        let before = tree.items.len();
+        let before = tree.sizes();
+        let most = 2 * objects.len() * size_of::<Item>();
         let many = objects.len() > PARALLEL;
-        let most = if many {
-            2 * objects.len() * size_of::<Item>()
-        } else {
-            0
-        };
-        let _held = self.monitor.hold(most)?;
+        let _held = many.then(|| self.monitor.hold(most)).transpose()?;
         let levels = objects.len().next_power_of_two().ilog2() as usize;
         if depth + levels <= MAX_DEPTH {
             let at = ((), depth);
@@ -256,10 +260,25 @@ impl Builder<'_> {
             tree.items.push(object::leaf(&objects));
         }
         tree.ids.extend(objects.iter().map(|object| object.id));
+        self.tell(work, before, tree)
+    }
+
+    /// Tells of a share of the work, if it is for this node to tell, and of what the tree has taken in since it had these
+    /// numbers of items and ids.
+    fn tell(
+        &self,
+        work: Option<f64>,
+        (items, ids): (usize, usize),
+        tree: &ObjectTree,
+    ) -> Result<()> {
+        let Some(work) = work else {
+            return Ok(());
+        };
         self.monitor.advance(work);
-        // The inner nodes above are no more than these.
-        let made = 2 * (tree.items.len() - before) * size_of::<Item>();
-        self.monitor.take(made + objects.len() * size_of::<u32>())
+        // And the node above, which nobody tells of.
+        let made = (tree.items.len() - items + 1) * size_of::<Item>();
+        self.monitor
+            .take(made + (tree.ids.len() - ids) * size_of::<u32>())
     }
 
     /// Parts objects by the plane of a node.
@@ -267,7 +286,8 @@ impl Builder<'_> {
         let many = objects.len() >= 2 * PATIENCE;
         // A copy, and what becomes of it, cut or not.
         let most = 2 * size_of::<Object>() + size_of::<(Object, [Aabb; 2])>();
-        let _held = (self.monitor).hold(if many { objects.len() * most } else { 0 })?;
+        let held = many.then(|| self.monitor.hold(objects.len() * most));
+        let _held = held.transpose()?;
         let sides = if many {
             self.sides_of_many(objects, node)?
         } else {

@@ -47,3 +47,22 @@ pub(super) fn boxes(structure: &Structure, boxes: &PlaneBoxes, broken: &mut Vec<
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::boxes;
+    use crate::oracle::cases::{grid, soup};
+    use crate::structure::Structure;
+
+    #[test]
+    fn boxes_that_lie_elsewhere_are_told_of() {
+        let [structure, other] =
+            [0.3, 0.2].map(|size| Structure::of(&soup(grid(4, size)), "kd:traversal=boxes"));
+        let mut broken = Vec::new();
+        boxes(&structure, structure.boxes().unwrap(), &mut broken);
+        assert!(broken.is_empty(), "{broken:?}");
+        boxes(&structure, other.boxes().unwrap(), &mut broken);
+        let corners = broken.iter().filter(|line| line.contains("a corner of"));
+        assert!(corners.count() > 10, "{broken:?}");
+    }
+}

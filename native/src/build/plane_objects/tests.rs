@@ -233,7 +233,9 @@ fn trees_are_no_deeper_than_any_may_be() {
         for (depth, parted) in [(0, true), (MAX_DEPTH - 12, true), (MAX_DEPTH - 2, false)] {
             let objects = object::gather(structure.scene(), builder.frame);
             let mut tree = ObjectTree::default();
-            builder.objects(objects, (depth, 1.0), &mut tree).unwrap();
+            builder
+                .objects(objects, (depth, Some(1.0)), &mut tree)
+                .unwrap();
             assert!(depth + height(&tree) <= MAX_DEPTH, "{depth}");
             assert_eq!(height(&tree) > 0, parted);
         }
@@ -260,10 +262,18 @@ fn all_of_the_work_is_told_once() {
 fn what_it_takes_counts() {
     let structure = Structure::of(&soup(random_points(9, 900)), "kd");
     let monitor = Monitor::new();
-    monitor.limit_memory(4000);
+    monitor.limit_memory(4_000_000);
+    let before = monitor.room();
+    let tree = built(&structure, &monitor).unwrap();
+    let kept = size_of_val(&tree.items[..]) + size_of_val(&tree.ids[..]);
+    let counted = before - monitor.room();
+    assert!(
+        (kept as u64..2 * kept as u64).contains(&counted),
+        "{kept}: {counted}"
+    );
+    monitor.limit_memory(kept as u64 - 1);
     assert!(built(&structure, &monitor).is_err());
     monitor.limit_memory(4_000_000);
-    assert!(built(&structure, &monitor).is_ok());
     monitor.cancel();
     assert!(built(&structure, &monitor).is_err());
 }
