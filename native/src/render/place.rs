@@ -269,10 +269,12 @@ impl<'a> Place<'a> {
     }
 }
 
-/// Columns of the linear part of the inverse, up to a common factor.
+/// Columns of the linear part of the inverse, up to a common factor above zero.
 fn columns_to_world(to_object: &[[f32; 4]; 3]) -> [Vec3; 3] {
     let [x, y, z] = to_object.map(|r| vec3(r[0], r[1], r[2]));
-    [y.cross(z), z.cross(x), x.cross(y)]
+    // Of a mirrored object the determinant is below zero.
+    let sign = 1.0_f32.copysign(x.dot(y.cross(z)));
+    [y.cross(z), z.cross(x), x.cross(y)].map(|column| column * sign)
 }
 
 /// Bends a mapped normal back until a mirror there sends the viewer's ray off the surface, which
@@ -388,6 +390,25 @@ mod tests {
             place.mapped_normal(0, vec3(1.0, 0.5, 0.5), 0.0),
             place.normal
         );
+    }
+
+    #[test]
+    fn the_normal_of_a_mirrored_object_points_outwards_in_its_own_space() {
+        for scale in [[2.0, 1.0, 1.0], [-2.0, 1.0, 1.0], [-2.0, 1.0, -1.0]] {
+            let mut to_object = [[0.0; 4]; 3];
+            for (k, scale) in scale.into_iter().enumerate() {
+                to_object[k][k] = 1.0 / scale;
+            }
+            let varying = Varying {
+                objects: vec![ObjectFrame {
+                    to_object,
+                    generated: [[0.0; 3], [1.0; 3]],
+                }],
+                ..Default::default()
+            };
+            let [x, y, z, _] = place(&varying).coordinate(Coordinate::ObjectNormal);
+            assert_eq!([x, y, z], [0.0, 0.0, f32::signum(scale[2])], "{scale:?}");
+        }
     }
 
     #[test]
