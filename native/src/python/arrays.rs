@@ -130,6 +130,11 @@ fn first(numbers: &[f32], is: impl Fn(f32) -> bool) -> Option<usize> {
         })
 }
 
+/// Whether all rows are finite.
+pub fn are_finite(points: &[[f32; 3]]) -> bool {
+    first(points.as_flattened(), |x| !x.is_finite()).is_none()
+}
+
 /// Passes when all rows are finite; names the first that is not.
 pub fn check_finite(name: &str, points: &[[f32; 3]]) -> Result<()> {
     match first(points.as_flattened(), |x| !x.is_finite()).map(|i| i / 3) {

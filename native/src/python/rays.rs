@@ -16,7 +16,7 @@ pub struct RayArrays<'py> {
     order: Order,
 }
 
-/// Checked rays of one call.
+/// Rays of one call, of right shapes.
 #[derive(Clone, Copy)]
 pub struct Rays<'a> {
     /// Where they begin.
@@ -30,7 +30,8 @@ pub struct Rays<'a> {
 }
 
 impl<'py> RayArrays<'py> {
-    /// Checks types, shapes and numbers.
+    /// Checks types and shapes, and numbers as far as rays are not theirs: those are checked as they are traced, since
+    /// reading them twice takes longer than that.
     pub fn new(
         origins: &Bound<'py, PyAny>,
         directions: &Bound<'py, PyAny>,
@@ -41,8 +42,6 @@ impl<'py> RayArrays<'py> {
         let origin_points = Points::new("origins", origins)?;
         let direction_points = Points::new("directions", directions)?;
         let (origins, directions) = (origin_points.rows(), direction_points.rows());
-        arrays::check_finite("origins", origins)?;
-        arrays::check_finite("directions", directions)?;
         if origins.len() != directions.len() {
             return Err(Error::Shape(format!(
                 "directions: expected one per origin, {}, got {}",
@@ -94,10 +93,29 @@ impl<'py> RayArrays<'py> {
 
 impl<'a> Rays<'a> {
     /// All of them.
-    pub fn all(&self) -> Vec<Ray> {
+    ///
+    /// # Errors
+    /// [`Error::NonFinite`] naming the first that is not finite.
+    pub fn all(&self) -> Result<Vec<Ray>> {
+        self.check()?;
         let mut rays = vec![BLANK; self.origins.len()];
         self.put(0, &mut rays);
-        rays
+        Ok(rays)
+    }
+
+    /// Passes when all are finite.
+    ///
+    /// # Errors
+    /// [`Error::NonFinite`] naming the first that is not.
+    pub fn check(&self) -> Result<()> {
+        arrays::check_finite("origins", self.origins)?;
+        arrays::check_finite("directions", self.directions)
+    }
+
+    /// Whether those in a range of places are finite.
+    pub fn are_finite(&self, range: Range<usize>) -> bool {
+        arrays::are_finite(&self.origins[range.clone()])
+            && arrays::are_finite(&self.directions[range])
     }
 
     /// Those in a range of places.

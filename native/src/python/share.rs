@@ -7,6 +7,7 @@ use crate::memory::check_room;
 use crate::traverse::{Ray, RayCounters};
 use std::num::NonZero;
 use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::Builder;
 
 /// Rays handed to a worker at once: enough to forget the cost of handing them over, and to learn whether they go
@@ -14,6 +15,9 @@ use std::thread::Builder;
 pub const CHUNK: usize = 4096;
 
 /// Runs `work` on chunks of rays, their answers and their counters, on `threads` threads.
+///
+/// # Errors
+/// [`crate::error::Error::NonFinite`] naming the first ray that is not finite.
 pub fn in_chunks<T: Clone + Send>(
     rays: Rays<'_>,
     threads: usize,
@@ -41,11 +45,21 @@ pub fn in_chunks<T: Clone + Send>(
             (i * CHUNK, answers, counts)
         })
         .collect();
+    let odd = AtomicBool::new(false);
     share_out(chunks, threads, |buffer, (first, answers, counts)| {
+        if !rays.are_finite(first..first + answers.len()) {
+            odd.store(true, Ordering::Relaxed);
+        }
+        if odd.load(Ordering::Relaxed) {
+            return;
+        }
         let buffer = &mut buffer[..answers.len()];
         rays.put(first, buffer);
         work(buffer, answers, counted.then_some(counts));
     })?;
+    if odd.into_inner() {
+        rays.check()?;
+    }
     Ok((answers, counted.then_some(counts)))
 }
 

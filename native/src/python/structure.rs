@@ -129,7 +129,7 @@ impl Structure {
         any_hit: bool,
     ) -> PyResult<Recording> {
         let arguments = RayArrays::new(origins, directions, t_min, t_max, "none")?;
-        let rays = arguments.rays().all();
+        let rays = arguments.rays().all()?;
         let recording = py.detach(|| self.0.record(rays, any_hit))?;
         Ok(Recording {
             structure: self.0.clone(),

@@ -11,6 +11,7 @@ use crate::memory::check_room;
 use crate::traverse::{Hit, Order, Tracer, reorder};
 use numpy::ToPyArray;
 use pyo3::prelude::*;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Nearest hits. `cases`: what the walks told apart.
 pub fn closest(
@@ -88,11 +89,18 @@ fn nearest_reordered(
     check_room("origins", (n * size_of::<Hit>() + in_order) as u64)?;
     let mut hits = vec![Hit::MISS; n];
     let windows = hits.chunks_mut(window).enumerate().collect();
+    let odd = AtomicBool::new(false);
     share_out(
         windows,
         threads,
         |buffer, (i, hits): (usize, &mut [Hit])| {
             let own = rays.part(i * window..i * window + hits.len());
+            if !own.are_finite(0..hits.len()) {
+                odd.store(true, Ordering::Relaxed);
+            }
+            if odd.load(Ordering::Relaxed) {
+                return;
+            }
             let places = reorder::order(own.origins, own.directions, bounds);
             let mut found = vec![Hit::MISS; CHUNK];
             for places in places.chunks(CHUNK) {
@@ -105,5 +113,8 @@ fn nearest_reordered(
             }
         },
     )?;
+    if odd.into_inner() {
+        rays.check()?;
+    }
     Ok(hits)
 }
