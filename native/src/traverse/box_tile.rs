@@ -3,7 +3,7 @@
 //! the whole tile show that no ray meets it. The nearest box comes first, as for single rays.
 
 use super::blocks::Blocks;
-use super::box_tree::{BoxTree, INNER, Pending, Wide};
+use super::box_tree::{BoxTree, INNER, Wide};
 use super::query::Counters;
 use super::ray::Ray;
 use super::tile::{LANES, Tile};
@@ -13,17 +13,32 @@ use crate::build::plane_tree::MAX_DEPTH;
 use crate::scene::Triangles;
 use fearless_simd::Simd;
 
+/// A box still to visit: between which distances rays are inside it, and what is.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Waiting {
+    enter: f32,
+    leave: f32,
+    link: u32,
+    count: u32,
+}
+
 impl<const W: usize> TileTree for BoxTree<W> {
+    type Room = Vec<Waiting>;
+
+    fn room(&self) -> Vec<Waiting> {
+        vec![Waiting::default(); (MAX_DEPTH + 3) * W]
+    }
+
     #[inline(always)]
     fn follow<S: Simd, C: Counters, J: Judge<R>, const R: usize>(
         &self,
         simd: S,
         (_, blocks): (&Triangles, &Blocks),
         (tile, rays, judge): (&mut Tile<R>, &[Ray], &mut J),
+        stack: &mut Vec<Waiting>,
         counters: &mut [C],
     ) -> bool {
-        let mut stack = [Pending::default(); (MAX_DEPTH + 3) * 8];
-        let mut leaves = [0.0; (MAX_DEPTH + 3) * 8];
+        let stack = stack.as_mut_slice();
         let mut waiting = 0;
         let mut budget = J::BUDGET * R * LANES;
         let mut node = &self.nodes[0];
@@ -33,23 +48,25 @@ impl<const W: usize> TileTree for BoxTree<W> {
             let mut leave = [0.0; W];
             look(tile, node, (&mut enter, &mut leave));
             let base = waiting;
+            let mut met = 0_u32;
             for lane in 0..W {
-                // Of rays that may stay for ever the bounds of no box tell nothing.
-                if node.count[lane] == 0 || enter[lane] > leave[lane] {
-                    continue;
-                }
+                let outside = node.count[lane] == 0 || enter[lane] > leave[lane];
+                met |= u32::from(!outside) << lane;
+            }
+            while met != 0 {
+                let lane = met.trailing_zeros() as usize % W;
+                met &= met - 1;
                 let mut at = waiting;
                 while at > base && stack[at - 1].enter < enter[lane] {
                     stack[at] = stack[at - 1];
-                    leaves[at] = leaves[at - 1];
                     at -= 1;
                 }
-                stack[at] = Pending {
+                stack[at] = Waiting {
                     enter: enter[lane],
+                    leave: leave[lane],
                     link: node.link[lane],
                     count: node.count[lane],
                 };
-                leaves[at] = leave[lane];
                 waiting += 1;
             }
             node = loop {
@@ -74,7 +91,7 @@ impl<const W: usize> TileTree for BoxTree<W> {
                     simd,
                     blocks,
                     (next.link, count),
-                    (next.enter, leaves[waiting]),
+                    (next.enter, next.leave),
                     (&mut *tile, rays, &mut *judge),
                     counters,
                 );

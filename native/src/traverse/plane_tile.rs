@@ -29,12 +29,18 @@ impl<T: Sync + 'static> TileTree for T
 where
     for<'a> &'a T: Planes,
 {
+    /// As much as waits is laid out with the walk.
+    type Room = ();
+
+    fn room(&self) {}
+
     #[inline(always)]
     fn follow<S: Simd, C: Counters, J: Judge<R>, const R: usize>(
         &self,
         simd: S,
         triangles: (&Triangles, &Blocks),
         tile: (&mut Tile<R>, &[Ray], &mut J),
+        (): &mut (),
         counters: &mut [C],
     ) -> bool {
         follow(simd, self, triangles, tile, counters)

@@ -6,7 +6,9 @@ use crate::geom::Aabb;
 use crate::scene::Triangles;
 
 /// A ray `o + t d` with `t` in the closed interval `[t_min, t_max]`.
+// Laid out as written: tiles take the first and the last four numbers of a ray as a vector each.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[repr(C)]
 pub struct Ray {
     /// Origin, scene frame.
     pub o: [f32; 3],

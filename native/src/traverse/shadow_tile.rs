@@ -12,7 +12,7 @@ use super::blocks::Blocks;
 use super::frame::Frame;
 use super::query::Counters;
 use super::ray::Ray;
-use super::tile::{Backoff, LANES, ORDINARY, Row, Tile, bits, load, place, seat, splat};
+use super::tile::{Backoff, LANES, Numbers, ORDINARY, Row, Tile, bits, load, place, seat, splat};
 use super::tile_leaf::{Candidate, Judge};
 use super::tile_nearest::count;
 use super::tile_verdict::any;
@@ -66,15 +66,28 @@ impl<const R: usize> Shadows<R> {
             blocked: [0; R],
         };
         let mut there = [0; R];
-        for (i, ray) in rays.iter().enumerate() {
-            let (row, lane) = seat(i);
-            for k in 0..3 {
-                shadows.o[row][k][lane] = ray.o[k];
-                shadows.d[row][k][lane] = ray.d[k];
+        if rays.len() == R * LANES {
+            for (row, there) in there.iter_mut().enumerate() {
+                let own = Numbers::of_row(simd, rays, row);
+                for k in 0..3 {
+                    own.o[k].store_slice(&mut shadows.o[row][k]);
+                    own.d[k].store_slice(&mut shadows.d[row][k]);
+                }
+                own.t_min.store_slice(&mut shadows.t_min[row]);
+                own.t_max.store_slice(&mut shadows.t_max[row]);
+                *there = u16::MAX;
             }
-            shadows.t_min[row][lane] = ray.t_min;
-            shadows.t_max[row][lane] = ray.t_max;
-            there[row] |= 1 << lane;
+        } else {
+            for (i, ray) in rays.iter().enumerate() {
+                let (row, lane) = seat(i);
+                for k in 0..3 {
+                    shadows.o[row][k][lane] = ray.o[k];
+                    shadows.d[row][k][lane] = ray.d[k];
+                }
+                shadows.t_min[row][lane] = ray.t_min;
+                shadows.t_max[row][lane] = ray.t_max;
+                there[row] |= 1 << lane;
+            }
         }
         shadows.scale(simd, unit);
         let light = light(rays);

@@ -19,7 +19,7 @@ mod row;
 pub use backoff::{Backoff, Lately};
 pub use held::Held;
 pub use pyramid::Pyramid;
-pub use row::{LANES, Row, bits, load, splat};
+pub use row::{LANES, Numbers, Row, alike, bits, load, splat};
 
 /// Origins nearer than the upper end, and directions whose longest component is between both, are ordinary: a product or
 /// a quotient of two stays inside 1e-36 to 1e36, with room for a few additions before it overflows.
@@ -96,12 +96,11 @@ pub struct Tile<const R: usize> {
 }
 
 impl<const R: usize> Tile<R> {
-    /// Without rays, for directions of about this size.
+    /// Without rays.
     #[inline(always)]
-    fn blank(o: [f32; 3], longest: f32) -> Self {
-        let unit = f32::from_bits(longest.to_bits() & 0x7f80_0000);
+    pub fn none() -> Self {
         Self {
-            o,
+            o: [0.0; 3],
             d: [[[0.0; LANES]; 3]; R],
             active: [0; R],
             rest: [0; R],
@@ -124,55 +123,76 @@ impl<const R: usize> Tile<R> {
             up: [true; 3],
             inside: (0.0, f32::NEG_INFINITY),
             pyramid: None,
-            to_frame: unit,
-            last_place: last_place(f64::from(unit)),
+            to_frame: 1.0,
+            last_place: 0.0,
         }
     }
 
-    /// Of at least one ray and at most `16 R`. One function for all trees.
+    /// Takes in at least one ray and at most `16 R`, and forgets all others. One function for all trees.
     #[inline(never)]
-    pub fn new<S: Simd>(simd: S, frame: &Frame, rays: &[Ray]) -> Self {
+    pub fn fill<S: Simd>(&mut self, simd: S, frame: &Frame, rays: &[Ray]) {
         simd.vectorize(
             #[inline(always)]
-            || Self::of(simd, frame, rays),
-        )
+            || self.filled(simd, frame, rays),
+        );
+    }
+
+    /// Forgets the rays, for others from this origin whose directions are about this long. Numbers that are of no meaning
+    /// without rays stay.
+    #[inline(always)]
+    fn clear(&mut self, o: [f32; 3], longest: f32) {
+        let unit = f32::from_bits(longest.to_bits() & 0x7f80_0000);
+        self.o = o;
+        self.active = [0; R];
+        self.rest = [0; R];
+        self.reach = [[f32::NEG_INFINITY; LANES]; R];
+        self.row_reach = [f32::NEG_INFINITY; R];
+        self.far = f32::NEG_INFINITY;
+        self.id = [[Hit::NONE; LANES]; R];
+        self.held.clear();
+        self.blur = [0.0; 2];
+        self.inside = (0.0, f32::NEG_INFINITY);
+        self.pyramid = None;
+        self.to_frame = unit;
+        self.last_place = last_place(f64::from(unit));
     }
 
     #[inline(always)]
-    fn of<S: Simd>(simd: S, frame: &Frame, rays: &[Ray]) -> Self {
+    fn filled<S: Simd>(&mut self, simd: S, frame: &Frame, rays: &[Ray]) {
         let first = &rays[0];
-        let mut tile = Self::blank(first.o, largest(first.d));
-        let mut other = 0;
-        for row in 0..R {
-            for lane in 0..LANES {
-                let Some(ray) = rays.get(place(row, lane)) else {
-                    continue;
-                };
+        self.clear(first.o, largest(first.d));
+        if rays.len() == R * LANES {
+            for row in 0..R {
+                let own = Numbers::of_row(simd, rays, row);
+                let same = alike(own.o[0], splat(simd, first.o[0]))
+                    & alike(own.o[1], splat(simd, first.o[1]))
+                    & alike(own.o[2], splat(simd, first.o[2]));
+                self.active[row] = same;
+                self.rest[row] = u16::MAX;
                 for k in 0..3 {
-                    tile.d[row][k][lane] = ray.d[k];
-                    other |= ray.o[k].to_bits() ^ first.o[k].to_bits();
+                    own.d[k].store_slice(&mut self.d[row][k]);
                 }
-                tile.t_min[row][lane] = ray.t_min;
-                tile.t[row][lane] = ray.t_max;
+                own.t_min.store_slice(&mut self.t_min[row]);
+                own.t_max.store_slice(&mut self.t[row]);
             }
-        }
-        if other == 0 && rays.len() == R * LANES {
-            tile.active = [u16::MAX; R];
-            tile.rest = [u16::MAX; R];
         } else {
             for (i, ray) in rays.iter().enumerate() {
                 let (row, lane) = seat(i);
                 let same = (0..3).all(|k| ray.o[k].to_bits() == first.o[k].to_bits());
-                tile.active[row] |= u16::from(same) << lane;
-                tile.rest[row] |= 1 << lane;
+                self.active[row] |= u16::from(same) << lane;
+                self.rest[row] |= 1 << lane;
+                for k in 0..3 {
+                    self.d[row][k][lane] = ray.d[k];
+                }
+                self.t_min[row][lane] = ray.t_min;
+                self.t[row][lane] = ray.t_max;
             }
         }
-        if tile.is_ordinary(frame) && tile.is_worth_it(rays.len()) {
-            tile.begin(simd, frame);
+        if self.is_ordinary(frame) && self.is_worth_it(rays.len()) {
+            self.begin(simd, frame);
         } else {
-            tile.active = [0; R];
+            self.active = [0; R];
         }
-        tile
     }
 
     /// Of directions from a common origin, the longest component of which is given; the `active` of all that are
@@ -184,7 +204,8 @@ impl<const R: usize> Tile<R> {
         d: [[Row; 3]; R],
         (active, there): ([u16; R], [u16; R]),
     ) -> Self {
-        let mut tile = Self::blank(o, longest);
+        let mut tile = Self::none();
+        tile.clear(o, longest);
         tile.d = d;
         tile.active = active;
         tile.rest = there;

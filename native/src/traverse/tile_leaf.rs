@@ -27,7 +27,7 @@ use super::eight::{corner_and_sides, cross, dot, largest, same, sub};
 use super::query::Counters;
 use super::ray::Ray;
 use super::tile::{Tile, bits, load, splat};
-use fearless_simd::{Simd, SimdBase, SimdFloat, SimdMask, f32x4, f32x8, f32x16};
+use fearless_simd::{Select, Simd, SimdBase, SimdFloat, SimdMask, f32x4, f32x8, f32x16, mask32x4};
 
 /// Products at the corners of the pyramid, one number a lane: at the first, and how much more at the ends
 /// of the two sides that begin there.
@@ -408,6 +408,17 @@ fn one<S: Simd, C: Counters, const R: usize>(
             words: (from + lane, n),
         };
         judge.judge(simd, blocks, (&mut *tile, rays), &candidate, counters);
-        tile.row_reach[row] = load(simd, &tile.reach[row]).reduce_max();
+        keep_reach(simd, tile, row);
     }
+}
+
+/// Works out how far the rays of a row still have to look. Four rows are read as one vector soon, and written as one:
+/// a processor that has just written a part of what it reads waits for that.
+#[inline(always)]
+fn keep_reach<S: Simd, const R: usize>(simd: S, tile: &mut Tile<R>, row: usize) {
+    let most = load(simd, &tile.reach[row]).reduce_max();
+    let four = &mut tile.row_reach[row / 4 * 4..][..4];
+    let own = mask32x4::from_bitmask(simd, 1 << (row % 4));
+    let kept: f32x4<S> = own.select(f32x4::splat(simd, most), f32x4::from_slice(simd, four));
+    kept.store_slice(four);
 }

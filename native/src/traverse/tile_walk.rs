@@ -17,14 +17,38 @@ use fearless_simd::Simd;
 
 /// A tree that tiles can be walked through.
 pub trait TileTree: PacketTree {
+    /// Room for what waits.
+    type Room;
+
+    /// As much as may wait.
+    fn room(&self) -> Self::Room;
+
     /// Walks a tile to its end; says whether it came there within its budget.
     fn follow<S: Simd, C: Counters, J: Judge<R>, const R: usize>(
         &self,
         simd: S,
         triangles: (&Triangles, &Blocks),
         tile: (&mut Tile<R>, &[Ray], &mut J),
+        room: &mut Self::Room,
         counters: &mut [C],
     ) -> bool;
+}
+
+/// What tiles share, one after another.
+pub struct Scratch<'a, T: TileTree + 'a> {
+    backoff: Backoff<'a>,
+    room: T::Room,
+    rest: Rest<'a, T>,
+}
+
+impl<'a, T: TileTree> Scratch<'a, T> {
+    fn new(tree: &'a T, worth: u32, lately: Option<&'a Lately>) -> Self {
+        Self {
+            backoff: Backoff::new(worth, lately),
+            room: tree.room(),
+            rest: Rest::new(tree),
+        }
+    }
 }
 
 /// Nearest hits by tiles of `16 R` rays through a tree, with what earlier batches have learned.
@@ -32,13 +56,11 @@ pub struct Tiles<'a, T, const R: usize>(pub &'a T, pub Option<&'a Lately>);
 
 impl<'a, T: TileTree, const R: usize> TileWalk for Tiles<'a, T, R> {
     const RAYS: usize = R * LANES;
-    type Scratch = (Backoff<'a>, Rest<'a, T>);
+    type Scratch = (Scratch<'a, T>, Tile<R>);
 
     fn scratch(&self) -> Self::Scratch {
-        (
-            Backoff::new(<Nearest as Judge<R>>::WORTH, self.1),
-            Rest::new(self.0),
-        )
+        let shared = Scratch::new(self.0, <Nearest as Judge<R>>::WORTH, self.1);
+        (shared, Tile::none())
     }
 
     #[inline(always)]
@@ -47,21 +69,26 @@ impl<'a, T: TileTree, const R: usize> TileWalk for Tiles<'a, T, R> {
         simd: S,
         triangles: (&Triangles, &Blocks),
         (frame, rays): (&Frame, &[Ray]),
-        (backoff, rest): &mut Self::Scratch,
+        (scratch, tile): &mut Self::Scratch,
         write: &mut impl FnMut(usize, Hit),
         counters: &mut [C],
     ) {
+        let Scratch {
+            backoff,
+            room,
+            rest,
+        } = scratch;
         if !backoff.tries() {
             let all = Seats::new(rays.len(), [u16::MAX; R]).map(|(i, _)| (i, Hit::MISS));
             rest.walk::<S, Closest, C>(simd, triangles, (frame, rays), all, (write, counters));
             return;
         }
-        let mut tile = Tile::<R>::new(simd, frame, rays);
+        tile.fill(simd, frame, rays);
         if tile.is_inside() {
             let mut nearest = Nearest::default();
-            let job = (&mut tile, rays, &mut nearest);
-            let finished = TileTree::follow(self.0, simd, triangles, job, counters);
-            tile_nearest::settle(simd, triangles.1, (&mut tile, rays), counters);
+            let job = (&mut *tile, rays, &mut nearest);
+            let finished = TileTree::follow(self.0, simd, triangles, job, room, counters);
+            tile_nearest::settle(simd, triangles.1, (&mut *tile, rays), counters);
             backoff.learn(finished);
             if !finished {
                 tile.give_up();
@@ -127,13 +154,10 @@ pub struct ShadowTiles<'a, T, const R: usize>(pub &'a T, pub Option<&'a Lately>)
 
 impl<'a, T: TileTree, const R: usize> TileWalk for ShadowTiles<'a, T, R> {
     const RAYS: usize = R * LANES;
-    type Scratch = (Backoff<'a>, Rest<'a, T>);
+    type Scratch = Scratch<'a, T>;
 
     fn scratch(&self) -> Self::Scratch {
-        (
-            Backoff::new(<Shadows<R> as Judge<R>>::WORTH, self.1),
-            Rest::new(self.0),
-        )
+        Scratch::new(self.0, <Shadows<R> as Judge<R>>::WORTH, self.1)
     }
 
     #[inline(always)]
@@ -142,7 +166,11 @@ impl<'a, T: TileTree, const R: usize> TileWalk for ShadowTiles<'a, T, R> {
         simd: S,
         triangles: (&Triangles, &Blocks),
         (frame, rays): (&Frame, &[Ray]),
-        (backoff, rest): &mut Self::Scratch,
+        Scratch {
+            backoff,
+            room,
+            rest,
+        }: &mut Self::Scratch,
         write: &mut impl FnMut(usize, Hit),
         counters: &mut [C],
     ) {
@@ -152,7 +180,7 @@ impl<'a, T: TileTree, const R: usize> TileWalk for ShadowTiles<'a, T, R> {
             #[inline(always)]
             |tile, shadows, counters| {
                 let job = (tile, rays, shadows);
-                TileTree::follow(self.0, simd, triangles, job, counters)
+                TileTree::follow(self.0, simd, triangles, job, room, counters)
             },
             counters,
         );

@@ -4,10 +4,11 @@
 use super::super::bound::{keep_max_each, keep_min_each};
 use super::super::frame::{AXIS_PAD, Frame, OBLIQUE_PAD, PRUNE, U, last_places};
 use super::super::ray::{Hit, Ray};
-use super::super::tile::{self, Held, ORDINARY};
+use super::super::tile::{self, Held, Numbers, ORDINARY};
 use super::{MOST, Packet, Sixteen, live, store};
-use crate::geom::vec3::map;
-use fearless_simd::{Select, Simd, SimdBase, SimdFloat, f32x16};
+use fearless_simd::{
+    Bytes, Select, Simd, SimdBase, SimdFloat, SimdMask, f32x16, mask32x16, u32x16,
+};
 
 /// The middle of a box of directions, and half its extent with what rounding may add.
 #[inline(always)]
@@ -18,6 +19,15 @@ fn middle(low: [f32; 3], high: [f32; 3]) -> [[f32; 3]; 2] {
         half[k] = 0.5 * (high[k] - low[k]) + 8.0 * U;
     }
     [middle, half]
+}
+
+/// The least and the most of these lanes.
+#[inline(always)]
+fn ends<S: Simd>(simd: S, lanes: mask32x16<S>, row: f32x16<S>) -> (f32, f32) {
+    let none = f32x16::splat(simd, f32::INFINITY);
+    let below: f32x16<S> = lanes.select(row, none);
+    let above: f32x16<S> = lanes.select(row, -none);
+    (below.reduce_min(), above.reduce_max())
 }
 
 impl Packet {
@@ -47,7 +57,7 @@ impl Packet {
     ) -> u64 {
         self.blocked = 0;
         self.held = Held::none();
-        let mut there = self.take(rays);
+        let mut there = self.take(simd, rays);
         if !frame.is_scene() {
             self.odd |= there;
             there = 0;
@@ -62,47 +72,52 @@ impl Packet {
         self.odd | self.cut(simd, frame) & there
     }
 
-    /// Takes what is ordinary of the rays, a lane each; returns those lanes.
+    /// Takes what is ordinary of the rays, a lane each; returns those lanes. The others hold a ray that meets nothing.
     #[inline(always)]
-    fn take(&mut self, rays: &[Ray]) -> u64 {
-        let nowhere = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
-        let ((mut least, mut most), (mut slowest, mut quickest)) = (nowhere, nowhere);
-        let mut there = 0;
-        self.odd = 0;
-        for i in 0..self.count.min(MOST) {
-            let ray = &rays[self.places[i]];
-            let size = |v: [f32; 3]| v[0].abs().max(v[1].abs()).max(v[2].abs());
-            // A maximum forgets what is not a number, a sum does not.
-            let sums = (ray.o[0] + ray.o[1] + ray.o[2]) + (ray.d[0] + ray.d[1] + ray.d[2]);
-            let longest = size(ray.d);
-            let ordinary = sums.abs() < f32::INFINITY
-                && ORDINARY.contains(&longest)
-                && size(ray.o) < ORDINARY.end
-                && 0.0 <= ray.t_min
-                && ray.t_min <= ray.t_max;
-            if !ordinary {
-                self.odd |= 1 << i;
-                self.id[i] = Hit::NONE;
-                continue;
-            }
-            there |= 1 << i;
-            let unit = f32::from_bits(longest.to_bits() & 0x7f80_0000);
-            let inverse = 1.0 / unit;
-            for k in 0..3 {
-                self.o[k][i] = ray.o[k];
-                self.d[k][i] = ray.d[k] * inverse;
-                least[k] = least[k].min(ray.o[k]);
-                most[k] = most[k].max(ray.o[k]);
-                slowest[k] = slowest[k].min(self.d[k][i]);
-                quickest[k] = quickest[k].max(self.d[k][i]);
-            }
-            let [x, y, z] = map(ray.d, |d| d.to_bits() >> 31);
-            self.signs[i] = 0x0101_0101 * (x | y << 1 | z << 2);
-            self.to_frame[i] = unit;
-            self.t_min[i] = ray.t_min;
-            self.t[i] = ray.t_max;
-            self.id[i] = Hit::NONE;
+    fn take<S: Simd>(&mut self, simd: S, rays: &[Ray]) -> u64 {
+        let splat = |x: f32| f32x16::splat(simd, x);
+        let count = self.count.min(MOST);
+        let filled = (1_u64 << count) - 1;
+        let mut places = [self.places[0]; MOST];
+        places[..count].copy_from_slice(&self.places[..count]);
+        let Numbers { o, d, t_min, t_max } = Numbers::at(simd, rays, &places);
+
+        // A maximum may forget what is not a number, a sum does not.
+        let sums = (o[0] + o[1] + o[2]) + (d[0] + d[1] + d[2]);
+        let longest = d[0].abs().max(d[1].abs()).max(d[2].abs());
+        let ordinary = sums.abs().simd_lt(splat(f32::INFINITY))
+            & longest.simd_ge(splat(ORDINARY.start))
+            & longest.simd_lt(splat(ORDINARY.end))
+            & (o[0].abs().max(o[1].abs()).max(o[2].abs())).simd_lt(splat(ORDINARY.end))
+            & t_min.simd_ge(splat(0.0))
+            & t_min.simd_le(t_max);
+        let there = ordinary.to_bitmask() & filled;
+        self.odd = filled & !there;
+        let lanes = mask32x16::from_bitmask(simd, there);
+
+        let exponent = u32x16::splat(simd, 0x7f80_0000);
+        let unit: f32x16<S> = (longest.bitcast::<u32x16<S>>() & exponent).bitcast();
+        let unit: f32x16<S> = lanes.select(unit, splat(1.0));
+        let inverse = splat(1.0) / unit;
+        let (mut least, mut most) = ([0.0; 3], [0.0; 3]);
+        let (mut slowest, mut quickest) = ([0.0; 3], [0.0; 3]);
+        let mut signs = u32x16::splat(simd, 0);
+        for k in 0..3 {
+            let o: f32x16<S> = lanes.select(o[k], splat(0.0));
+            let d: f32x16<S> = lanes.select(d[k] * inverse, splat(1.0));
+            store::<S, Sixteen>(o, &mut self.o[k]);
+            store::<S, Sixteen>(d, &mut self.d[k]);
+            (least[k], most[k]) = ends(simd, lanes, o);
+            (slowest[k], quickest[k]) = ends(simd, lanes, d);
+            signs |= (d.bitcast::<u32x16<S>>() >> 31) << k as u32;
         }
+        (signs * u32x16::splat(simd, 0x0101_0101)).store_slice(&mut self.signs);
+        store::<S, Sixteen>(unit, &mut self.to_frame);
+        let t_min: f32x16<S> = lanes.select(t_min, splat(0.0));
+        let t_max: f32x16<S> = lanes.select(t_max, splat(f32::NEG_INFINITY));
+        store::<S, Sixteen>(t_min, &mut self.t_min);
+        store::<S, Sixteen>(t_max, &mut self.t);
+        self.id = [Hit::NONE; MOST];
         self.origins = [least, most];
         self.fan = (least == most).then(|| middle(slowest, quickest));
         there

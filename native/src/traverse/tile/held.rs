@@ -35,6 +35,15 @@ impl<const R: usize> Held<R> {
         }
     }
 
+    /// Lets go of all.
+    #[inline(always)]
+    pub fn clear(&mut self) {
+        // Where words begin is of no meaning for rays without a hit.
+        self.lanes = [0; R];
+        self.id = [[Hit::NONE; LANES]; R];
+        self.early = [[f32::INFINITY; LANES]; R];
+    }
+
     /// Where the words of the triangle begin whose hit a ray holds back, and how far apart they are.
     #[inline(always)]
     pub fn words(&self, row: usize, lane: usize) -> (usize, usize) {
