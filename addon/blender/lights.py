@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..core.scene import F64, RGB, Light
-from .nodes import Place, Unsupported, active_tree, color, number, scaled
+from .nodes import Place, Unsupported, active_tree, color, number, output_node, scaled
 
 if TYPE_CHECKING:
     from ..core.notes import Notes
@@ -104,7 +104,7 @@ def _node_strength(data: Any, name: str, notes: Notes) -> RGB:
     def remark(what: str) -> None:
         notes.add(f"{what} is not supported yet in light", name)
 
-    output = tree.get_output_node("ALL")
+    output = output_node(tree)
     if output is None:
         return (0.0, 0.0, 0.0)
     try:

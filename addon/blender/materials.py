@@ -11,7 +11,7 @@ import bpy
 from ..core.notes import Notes
 from ..core.scene import Hidden, Image, Material
 from .images import Gallery
-from .nodes import Place, Unsupported, active_tree
+from .nodes import Place, Unsupported, active_tree, output_node
 from .surfaces import Surface
 from .values import Layers, Values
 
@@ -126,7 +126,7 @@ def _material(material: Any, values: Values) -> Material:
     tree = active_tree(material)
     if tree is None:
         return viewport
-    output = tree.get_output_node("ALL")
+    output = output_node(tree)
     if output is None:
         return _black(name)
     for socket in ("Displacement", "Volume"):

@@ -75,13 +75,15 @@ class Place:
 
         Raises Unsupported when the chain does not end.
         """
-        place = self
+        place = kept = self
         for _ in range(MAX_STEPS):
             before = _before(place)
             if before is None:
-                # A reroute that hangs in the air is as good as no link.
-                return self if place.node.bl_idname == "NodeReroute" else place
+                # A reroute or muted node that hangs in the air, or has nothing to pass on, is as good as no link.
+                return kept if _passes_on(place.node) else place
             place = before
+            if not (place.socket.is_output or _passes_on(place.node)):
+                kept = place
         raise Unsupported(f"A chain of more than {MAX_STEPS} nodes")
 
 
@@ -93,6 +95,16 @@ def active_tree(block: Any) -> Any:
     if bpy.app.version < (5, 0) and not block.use_nodes:
         return None
     return block.node_tree
+
+
+def output_node(tree: Any) -> Any:
+    """The output that a tree renders with, or None: that for all engines, else the one made for Cycles or for EEVEE."""
+    return next(filter(None, map(tree.get_output_node, ("ALL", "CYCLES", "EEVEE"))), None)
+
+
+def _passes_on(node: Any) -> bool:
+    """Whether a node has no values of its own, and only lets through what its inputs are linked to."""
+    return bool(node.mute or node.bl_idname == "NodeReroute")
 
 
 def _before(place: Place) -> Place | None:

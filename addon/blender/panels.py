@@ -11,6 +11,7 @@ import bpy
 from ..core import catalogue, choice, native
 from . import checking, manual, presets, properties, reports, trees
 from .engine import ENGINE
+from .nodes import output_node
 from .passes import PASSES
 
 STATISTICS = (
@@ -298,7 +299,7 @@ def _shape_properties(light: Any) -> tuple[str, ...]:
 def _surface(layout: Any, block: Any, plain: str) -> None:
     """The inputs of the shader that feeds a material's or a world's output, or the plain colour without nodes."""
     layout.use_property_split = True
-    output = block.node_tree.get_output_node("ALL") if block.node_tree is not None else None
+    output = output_node(block.node_tree) if block.node_tree is not None else None
     if output is None:
         layout.prop(block, plain)
     else:

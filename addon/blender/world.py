@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..core.scene import Light, World
 from .images import Gallery
-from .nodes import Place, Unsupported, active_tree
+from .nodes import Place, Unsupported, active_tree, output_node
 from .surfaces import Surface
 from .values import Layers, Values
 
@@ -52,7 +52,7 @@ def _read(
     def remark(what: str) -> None:
         notes.add(f"{what} is not supported yet in world", world.name)
 
-    output = tree.get_output_node("ALL")
+    output = output_node(tree)
     if output is None:
         return World(), *nothing
     if output.inputs["Volume"].is_linked:

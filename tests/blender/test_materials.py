@@ -114,6 +114,29 @@ def test_reroutes_groups_values_and_muted_nodes_are_followed() -> None:
     assert inputs(block, "diffuse")["color"][:3] == pytest.approx((0.1, 0.2, 0.3))
 
 
+@pytest.mark.parametrize("kind", ["ShaderNodeRGB", "ShaderNodeGamma", "ShaderNodeNewGeometry", "ShaderNodeTexImage"])
+def test_a_muted_node_that_passes_nothing_on_is_no_link(kind: str) -> None:
+    """As in Cycles: what it would feed keeps its own value."""
+    block = material("Muted", Base_Color=(0.5, 0.25, 0.125, 1))
+    muted = block.node_tree.nodes.new(kind)
+    block.node_tree.links.new(muted.outputs[0], node(block.node_tree, "ShaderNodeBsdfPrincipled").inputs["Base Color"])
+    muted.mute = True
+    assert inputs(block)["color"][:3] == pytest.approx((0.5, 0.25, 0.125))
+
+
+def test_a_muted_shader_is_black() -> None:
+    block = material("Muted", Base_Color=(0.5, 0.25, 0.125, 1))
+    node(block.node_tree, "ShaderNodeBsdfPrincipled").mute = True
+    assert (understood(block)[0].base_color, understood(block)[0].closures) == ((0, 0, 0), ())
+
+
+@pytest.mark.parametrize("target", ["ALL", "CYCLES", "EEVEE"])
+def test_an_output_for_another_engine_is_better_than_none(target: str) -> None:
+    block = material("Aimed", Base_Color=(0.5, 0.25, 0.125, 1))
+    node(block.node_tree, "ShaderNodeOutputMaterial").target = target
+    assert inputs(block)["color"][:3] == pytest.approx((0.5, 0.25, 0.125))
+
+
 def test_mixed_and_added_shaders_keep_their_shares() -> None:
     block = material("Mixed")
     tree = block.node_tree
