@@ -56,6 +56,9 @@ def read_light(item: Any, matrix: F64, notes: Notes) -> Light | None:
                 notes.add("The spread of area lights is not supported yet, rendered in full", name)
     if not data.normalize:
         light = replace(light, power=scaled(light.power, _extent(light)))
+    if min(light.power) < 0.0:
+        notes.add("Lights that take light away (negative power) are not supported yet, left out", name)
+        return None
     return light if max(light.power) != 0.0 or min(light.power) != 0.0 else None
 
 
@@ -67,15 +70,18 @@ def moved(light: Light, origin: F64) -> Light:
 
 
 def _extent(light: Light) -> float:
-    """What Blender does *not* divide by when a light is not normalised: the area that shines, or the sun's disk."""
+    """What Blender does *not* divide by when a light is not normalised: the area that shines, or the sun's disk.
+
+    As `Light.area` tells it: the disk as it lies on the sphere of directions; points without size count as 4.
+    """
     match light.kind:
         case "sun":
-            return math.pi * math.tan(light.angle / 2) ** 2 if light.angle > 0 else 1.0
+            return math.pi * math.sin(light.angle / 2) ** 2 if light.angle > 0 else 1.0
         case "area":
             round_ = light.shape in ("DISK", "ELLIPSE")
             return light.size * light.size_y * (math.pi / 4 if round_ else 1.0)
         case _:
-            return 4.0 * math.pi * light.radius**2 if light.radius > 0 else 1.0
+            return 4.0 * math.pi * light.radius**2 if light.radius > 0 else 4.0
 
 
 def _without_scale(matrix: F64) -> tuple[F64, F64]:

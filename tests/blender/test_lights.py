@@ -35,7 +35,7 @@ def test_an_error_about_a_light_names_its_object(scene: Any, add: Any) -> None:
     scene.render.engine = "HALFSPACE"
     add("Camera", bpy.data.cameras.new("Camera"))
     scene.camera = bpy.data.objects["Camera"]
-    add("Desk Lamp", bpy.data.lights.new("its data", "POINT")).data.energy = -1.0
+    add("Desk Lamp", bpy.data.lights.new("its data", "POINT")).data.energy = 1e35
     with pytest.raises(RuntimeError, match=r"Desk Lamp: lights\[0\]\['power'\]"):
         bpy.ops.render.render()
 
@@ -91,13 +91,34 @@ def test_areas_scale_with_their_object_and_need_not_be_normalised(add: Any, shap
     assert np.allclose(np.linalg.norm(light.to_world[:3, :3], axis=0), 1)
 
 
-def test_points_and_suns_need_not_be_normalised(add: Any) -> None:
-    """Measured against Cycles: a sphere shines with all its surface, a sun with its disk of directions."""
-    ball = only_light(add, "POINT", energy=2, shadow_soft_size=0.5, normalize=False)
-    assert ball.power[0] == pytest.approx(2 * math.pi)
-    bpy.data.objects.remove(bpy.data.objects["Light"])
-    sun = only_light(add, "SUN", energy=2, angle=0.2, normalize=False)
-    assert sun.power[0] == pytest.approx(2 * math.pi * math.tan(0.1) ** 2)
+@pytest.mark.parametrize(
+    ("kind", "settings"),
+    [
+        ("POINT", {"shadow_soft_size": 0.5}),
+        ("POINT", {"shadow_soft_size": 0.0}),
+        ("SPOT", {"shadow_soft_size": 0.5}),
+        ("SPOT", {"shadow_soft_size": 0.0}),
+        ("SUN", {"angle": 0.2}),
+        ("SUN", {"angle": 2.5}),
+        ("SUN", {"angle": 0.0}),
+    ],
+)
+def test_points_and_suns_need_not_be_normalised(add: Any, kind: str, settings: dict[str, float]) -> None:
+    """A sphere shines with all its surface, a sun with its disk of directions: Blender says how large they are."""
+    light = only_light(add, kind, energy=2, normalize=False, **settings)
+    assert light.power[0] == pytest.approx(2 * bpy.data.lights["Light"].area())
+
+
+@pytest.mark.parametrize("settings", [{"energy": -2}, {"energy": 1, "strength": -2}])
+def test_a_light_that_takes_light_away_is_left_out_and_said(add: Any, settings: dict[str, float]) -> None:
+    data = bpy.data.lights.new("Anti", "POINT")
+    data.energy = settings["energy"]
+    with_nodes(data)
+    node(data.node_tree, "ShaderNodeEmission").inputs["Strength"].default_value = settings.get("strength", 1)
+    add("Anti", data)
+    found, notes = read()
+    assert found.lights == ()
+    assert any("negative" in line and "Anti" in line for line in notes)
 
 
 def test_lights_without_power_are_left_out(add: Any) -> None:
