@@ -25,7 +25,9 @@ def readme() -> str:
 
 
 def line_of(text: str, section: str) -> int:
-    """The line, from 0, of a section's heading. Raises KeyError."""
+    """The line, from 0, of a section's heading; the first where none is named. Raises KeyError."""
+    if not section:
+        return 0
     for number, line in enumerate(text.splitlines()):
         if line.startswith("#") and line.lstrip("#").strip() == section:
             return number

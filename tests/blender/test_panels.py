@@ -148,3 +148,5 @@ def test_every_panel_that_names_a_section_finds_it(scene: Any) -> None:
     assert opened.current_line.body == "## The structures"
     with pytest.raises(RuntimeError, match="no-such"):
         bpy.ops.halfspace.manual(section="no-such")
+    assert bpy.ops.halfspace.manual() == {"FINISHED"}, "as a search for operators calls it"
+    assert opened.current_line.body == "# Halfspace"
