@@ -12,7 +12,7 @@ from typing import Any
 
 import bpy
 
-from ..core import catalogue, native
+from ..core import native
 from ..core.notes import Notes
 from ..core.session import POLL_SECONDS, Building
 from ..core.settings import memory_limit
@@ -32,8 +32,10 @@ class Job:
         group = scene.halfspace
         module = native.load()
         self.spec = properties.spec(group)
-        self.label = catalogue.load()[group.structure].label
+        self.label = properties.structure(group).label
         self.notes = Notes()
+        if not group.structure:
+            self.notes.add(properties.UNKNOWN, self.label)
         self._read = trees.moment(scene)
         geometry = extract.extract(depsgraph, self.notes, sky=extract.NO_WORLD).geometry
         self.scene_uid = scene.original.session_uid

@@ -69,7 +69,7 @@ def draw(scene: Any, width: int, tell: Callable[[str], None] | None = None) -> F
     group, render = scene.halfspace, scene.render
     size = costmap.shaped(width, (render.resolution_x, render.resolution_y))
     specs = [properties.spec(group)]
-    if group.second != "NONE":
+    if catalogue.load().get(group.second) is not None:
         specs.append(group.second)
     bpy.context.view_layer.update()  # first, since it tells what has moved
     tree = next(filter(None, (trees.usable(scene, spec) for spec in specs)), None)

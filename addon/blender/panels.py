@@ -8,7 +8,7 @@ from typing import Any
 
 import bpy
 
-from ..core import catalogue, choice, native
+from ..core import choice, native
 from . import checking, manual, presets, properties, reports, trees
 from .engine import ENGINE
 from .nodes import output_node
@@ -244,9 +244,12 @@ def structure(layout: Any, group: Any, *, width: int = 36) -> None:
     """The choice of a structure, its parameters and no others, and where it comes from."""
     presets.draw(layout)
     layout.prop(group, "structure")
+    chosen = properties.structure(group)
+    if not group.structure:
+        wrapped(layout, f"{properties.UNKNOWN}: {chosen.label}", icon="ERROR", width=width)
     for parameter in properties.structure_parameters(group):
         layout.prop(group, parameter.name)
-    wrapped(layout, catalogue.load()[group.structure].paper, icon="BOOKMARKS", width=width)
+    wrapped(layout, chosen.paper, icon="BOOKMARKS", width=width)
 
 
 def statistics(layout: Any, numbers: Mapping[str, Any], triangles: int) -> None:

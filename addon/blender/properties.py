@@ -13,7 +13,7 @@ from ..core import catalogue, costmap, native, settings
 from .overlay_settings import HalfspaceOverlaySettings
 
 if TYPE_CHECKING:
-    from ..core.catalogue import Catalogue, Parameter
+    from ..core.catalogue import Catalogue, Parameter, Structure
 
 
 TWO_LEVELS = (
@@ -22,17 +22,27 @@ TWO_LEVELS = (
 )
 
 
+UNKNOWN = "The structure is none that this version has, instead there is"
+
+
+def structure(group: Any) -> Structure:
+    """The structure chosen in a `scene.halfspace` group; the default where a file has one of another version.
+
+    Such a choice reads as an empty name.
+    """
+    known = catalogue.load()
+    return known.get(group.structure) or known.default
+
+
 def structure_parameters(group: Any) -> tuple[Parameter, ...]:
     """The parameters of the structure chosen in a `scene.halfspace` group."""
-    return catalogue.load()[group.structure].parameters
+    return structure(group).parameters
 
 
 def spec(group: Any) -> str:
     """The configuration string of a `scene.halfspace` group. Raises native.NativeError."""
-    structure = catalogue.load()[group.structure]
-    return settings.spec(
-        structure, {parameter.name: getattr(group, parameter.name) for parameter in structure.parameters}
-    )
+    chosen = structure(group)
+    return settings.spec(chosen, {parameter.name: getattr(group, parameter.name) for parameter in chosen.parameters})
 
 
 def _follow_structure(group: Any, context: Any) -> None:

@@ -11,8 +11,9 @@ import halfspace_native
 import numpy as np
 import pytest
 from layouts import draw
+from shapes import cube
 
-from addon.blender import panels, properties
+from addon.blender import panels, properties, reports
 from addon.core import catalogue, native
 
 
@@ -70,6 +71,32 @@ def test_settings_survive_saving_and_loading(tmp_path: Path, scene: Any) -> None
     loaded = bpy.context.scene
     assert (loaded.halfspace.structure, loaded.halfspace.samples) == ("kd-sah", 7)
     assert loaded.view_layers[0].halfspace.use_pass_steps
+
+
+def store(scene: Any, name: str, value: int) -> None:
+    """Give a setting a number that it cannot be given, as a file of another version may."""
+    setattr(scene.halfspace, name, scene.halfspace.bl_rna.properties[name].enum_items[0].identifier)
+    stored = scene.bl_system_properties_get() if hasattr(scene, "bl_system_properties_get") else scene
+    stored["halfspace"][name] = value
+
+
+def test_a_structure_of_another_version_is_said_and_replaced(scene: Any, add: Any) -> None:
+    add("Cube", cube())
+    scene.camera = add("Camera", bpy.data.cameras.new("Camera"), location=(0, 0, 9))
+    scene.render.engine, scene.render.resolution_x, scene.render.resolution_y = "HALFSPACE", 8, 8
+    scene.halfspace.samples = 1
+    store(scene, "structure", 9999)
+    store(scene, "second", 9999)
+    assert scene.halfspace.structure == scene.halfspace.second == ""
+    assert properties.spec(scene.halfspace) == "kd"
+    bpy.ops.render.render()
+    report = reports.last(scene)
+    assert report is not None
+    assert f"{properties.UNKNOWN}: kd-tree" in report.warnings
+    assert bpy.ops.halfspace.build_structure() == {"FINISHED"}
+    assert bpy.ops.halfspace.check() == {"FINISHED"}
+    assert bpy.ops.halfspace.cost_map(width=8) == {"FINISHED"}
+    assert "max_depth" in draw(panels.HALFSPACE_PT_structure, scene=scene)
 
 
 def test_the_structure_panel_shows_only_what_the_structure_has(scene: Any) -> None:
