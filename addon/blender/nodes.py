@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import bpy
@@ -14,6 +14,9 @@ if TYPE_CHECKING:
 
 MAX_STEPS = 256
 """Longer chains are not followed. Blender forbids cycles, but a file can be broken."""
+
+LUMINANCE = (0.2126, 0.7152, 0.0722)
+"""What a colour is where a number is wanted."""
 
 Remark = Callable[[str], None]
 """Told the name of each node or setting that is not understood."""
@@ -46,11 +49,15 @@ class Links:
 
 @dataclass(frozen=True)
 class Place:
-    """A socket together with the group nodes that lead to its tree, outermost first, and the links of its trees."""
+    """A socket together with the group nodes that lead to its tree, outermost first, and the links of its trees.
+
+    through: the types of the sockets in walls of groups that its value goes through to an input, see `source`.
+    """
 
     socket: Any
     groups: tuple[Any, ...] = ()
     links: Links = field(default_factory=Links, repr=False, compare=False)
+    through: tuple[str, ...] = ()
 
     @property
     def node(self) -> Any:
@@ -76,14 +83,16 @@ class Place:
         Raises Unsupported when the chain does not end.
         """
         place = kept = self
+        through: tuple[str, ...] = ()
         for _ in range(MAX_STEPS):
             before = _before(place)
             if before is None:
                 # A reroute or muted node that hangs in the air, or has nothing to pass on, is as good as no link.
-                return kept if _passes_on(place.node) else place
+                return replace(kept if _passes_on(place.node) else place, through=through)
             place = before
             if not (place.socket.is_output or _passes_on(place.node)):
                 kept = place
+                through = (place.socket.type, *through)
         raise Unsupported(f"A chain of more than {MAX_STEPS} nodes")
 
 
@@ -157,9 +166,7 @@ def number(place: Place | None, remark: Remark, absent: float = 0.0) -> float:
     try:
         return float(value)
     except TypeError:
-        # A colour plugged into a number: Blender takes its luminance.
-        r, g, b = value[:3]
-        return float(0.2126 * r + 0.7152 * g + 0.0722 * b)
+        return float(sum(share * part for share, part in zip(LUMINANCE, value, strict=False)))
 
 
 def color(place: Place | None, remark: Remark, fallback: RGB | None = None) -> RGB:

@@ -268,7 +268,8 @@ def _mapping(values: Values, node: Place) -> Operand:
         elif place.source().socket.is_output:
             raise Unsupported(f"Mapping with a linked {name}")
         else:
-            parts[name] = Vector(place.source().socket.default_value)
+            value = values.value(place)
+            parts[name] = Vector(value[:3] if isinstance(value, tuple) else (value,) * 3)
     rotation = Euler(parts["Rotation"]).to_matrix().to_4x4()
     scale = Matrix.Diagonal((*parts["Scale"], 1))
     shift = Matrix.Translation(parts["Location"])

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .nodes import Place, Remark, Unsupported
+from .nodes import LUMINANCE, Place, Remark, Unsupported
 from .value_nodes import NODES, UV, constant
 
 if TYPE_CHECKING:
@@ -95,7 +95,7 @@ class Values:
     def vector(self, node: Place, fallback: str) -> Operand:
         """The Vector input of a texture node; unlinked it is a coordinate of the place."""
         place = node.input("Vector")
-        if place is not None and place.source().socket.is_output:
+        if place is not None and place.source() != place:  # what a group gives its textures counts, linked or not
             return self.value(place)
         if self.background:
             return self.coordinate("generated")
@@ -105,9 +105,12 @@ class Values:
         """The value of an input, in the input's own type; `fallback`, or its own value, where its node is unknown."""
         try:
             source = place.source()
-            if not source.socket.is_output:
-                return self._finite(constant(source.socket), place)
-            return self._converted(self._output(source), source.socket.type, place.socket.type)
+            is_constant = not source.socket.is_output
+            operand = self._finite(constant(source.socket), place) if is_constant else self._output(source)
+            have = source.socket.type
+            for want in (*source.through, place.socket.type):
+                operand, have = self._converted(operand, have, want), want
+            return operand
         except Unsupported as unsupported:
             self.remark(f"{unsupported} for {place.socket.name}")
             return constant(place.socket) if fallback is None else fallback
@@ -147,8 +150,11 @@ class Values:
 
     def _converted(self, operand: Operand, have: str, want: str) -> Operand:
         numbers = ("VALUE", "INT", "BOOLEAN")
-        if want not in numbers or have in numbers:
+        if want not in numbers or have in numbers or isinstance(operand, float):
             return operand
+        if isinstance(operand, tuple):
+            shares = LUMINANCE if have == "RGBA" else (1 / 3, 1 / 3, 1 / 3)
+            return sum(share * part for share, part in zip(shares, operand, strict=False))
         return self.step("luminance" if have == "RGBA" else "mean", operand)
 
     def once(self, key: Any, write: Callable[[], int]) -> int:

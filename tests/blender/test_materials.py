@@ -137,6 +137,73 @@ def test_an_output_for_another_engine_is_better_than_none(target: str) -> None:
     assert inputs(block)["color"][:3] == pytest.approx((0.5, 0.25, 0.125))
 
 
+def grouped(block: Any, kinds: tuple[str, str], inside: str = "", socket: str = "") -> Any:
+    """A group before the material's base colour, in it perhaps a node whose socket the group's input feeds."""
+    tree = block.node_tree
+    group = bpy.data.node_groups.new("Group", "ShaderNodeTree")
+    for direction, kind in zip(("INPUT", "OUTPUT"), kinds, strict=True):
+        group.interface.new_socket("Value", in_out=direction, socket_type=f"NodeSocket{kind}")
+    first, last = group.nodes.new("NodeGroupInput"), group.nodes.new("NodeGroupOutput")
+    source = first.outputs[0]
+    if inside:
+        within = group.nodes.new(inside)
+        group.links.new(source, within.inputs[socket])
+        source = within.outputs[0]
+    group.links.new(source, last.inputs[0])
+    user = tree.nodes.new("ShaderNodeGroup")
+    user.node_tree = group
+    tree.links.new(user.outputs[0], node(tree, "ShaderNodeBsdfPrincipled").inputs["Base Color"])
+    return user
+
+
+@pytest.mark.parametrize(
+    ("kinds", "socket", "expected"),
+    [
+        (("Color", "Color"), "Metallic", 0.2126 * 0.9 + 0.7152 * 0.1 + 0.0722 * 0.2),
+        (("Color", "Vector"), "Metallic", 0.4),
+        (("Vector", "Float"), "Metallic", 0.4),
+        (("Color", "Float"), "Base Color", 0.2126 * 0.9 + 0.7152 * 0.1 + 0.0722 * 0.2),
+    ],
+)
+def test_what_goes_through_a_group_takes_the_types_of_its_sockets(
+    kinds: tuple[str, str], socket: str, expected: float
+) -> None:
+    block = material("Typed")
+    user = grouped(block, kinds)
+    user.inputs[0].default_value = (0.9, 0.1, 0.2, 1)[: len(user.inputs[0].default_value)]
+    block.node_tree.links.new(user.outputs[0], node(block.node_tree, "ShaderNodeBsdfPrincipled").inputs[socket])
+    found = inputs(block)
+    assert found[{"Metallic": "metallic", "Base Color": "color"}[socket]] == pytest.approx(expected)
+    colour = block.node_tree.nodes.new("ShaderNodeRGB")
+    block.node_tree.links.new(colour.outputs[0], user.inputs[0])
+    assert understood(block)[1] == []
+
+
+@pytest.mark.parametrize("kind", ["Float", "Int", "Vector", "Color"])
+@pytest.mark.parametrize("socket", ["Location", "Rotation", "Scale"])
+def test_a_mapping_takes_any_value_that_its_group_gives(kind: str, socket: str) -> None:
+    block = material("Mapped")
+    user = grouped(block, (kind, "Color"), "ShaderNodeMapping", socket)
+    value = {"Float": 2.0, "Int": 2, "Vector": (2, 2, 2), "Color": (2, 2, 2, 1)}[kind]
+    user.inputs[0].default_value = value
+    found, notes = understood(block)
+    assert notes == []
+    (matrix,) = [step["matrix"] for step in found.program if step["op"] == "matrix"]
+    if socket == "Scale":
+        assert matrix[0][:3] == pytest.approx((2, 0, 0))
+    elif socket == "Location":
+        assert [row[3] for row in matrix] == pytest.approx((2, 2, 2))
+
+
+def test_a_texture_in_a_group_lies_where_the_group_says() -> None:
+    """As in Cycles: the vector of the group counts even where nothing is linked to it."""
+    block = material("Placed")
+    user = grouped(block, ("Vector", "Color"), "ShaderNodeTexChecker", "Vector")
+    user.inputs[0].default_value = (0.5, 0.25, 0)
+    (checker,) = [step for step in understood(block)[0].program if step["op"] == "checker"]
+    assert checker["args"][0] == (0.5, 0.25, 0)
+
+
 def test_mixed_and_added_shaders_keep_their_shares() -> None:
     block = material("Mixed")
     tree = block.node_tree
