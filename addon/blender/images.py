@@ -58,7 +58,13 @@ def read_image(image: Any, notes: Notes) -> Image:
     encoded = not image.is_float and space not in RAW_SPACES
     if encoded and space != "sRGB":
         notes.add(f"Colour space {space} is not supported yet, taken for sRGB, in image", image.name)
-    return Image(image.name, _pixels(image, notes, straight=encoded and image.alpha_mode == "STRAIGHT"), encoded)
+    straight = not image.is_float and image.alpha_mode == "STRAIGHT" and associated(image)
+    return Image(image.name, _pixels(image, notes, straight=straight), encoded)
+
+
+def associated(image: Any) -> bool:
+    """Whether its colours count times alpha: not those of data, nor where alpha is ignored or a channel like others."""
+    return image.alpha_mode in ("STRAIGHT", "PREMUL") and not image.colorspace_settings.is_data
 
 
 def _pixels(image: Any, notes: Notes, *, straight: bool) -> F32:

@@ -11,6 +11,7 @@ import numpy as np
 from mathutils import Euler, Matrix, Vector
 
 from . import sky
+from .images import associated
 from .nodes import Place, Unsupported
 
 if TYPE_CHECKING:
@@ -37,7 +38,7 @@ def constant(socket: Any) -> Operand:
 def _image(values: Values, node: Place) -> Operand:
     item = node.node
     if item.image is None:
-        rgba: Operand = (0.0, 0.0, 0.0, 0.0)
+        rgba: Operand = (1.0, 0.0, 1.0, 1.0)  # the pink of Cycles, as for an image that is missing
     else:
         panorama = item.bl_idname == "ShaderNodeTexEnvironment"
         if panorama:
@@ -63,7 +64,7 @@ def _image(values: Values, node: Place) -> Operand:
                 image=number,
                 interpolation="closest" if item.interpolation == "Closest" else "linear",
                 extension="repeat" if panorama else item.extension.lower(),
-                unassociate=item.outputs["Alpha"].is_linked if "Alpha" in item.outputs else False,
+                unassociate="Alpha" in item.outputs and item.outputs["Alpha"].is_linked and associated(item.image),
                 panorama=panorama,
             ),
         )

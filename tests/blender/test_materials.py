@@ -10,6 +10,7 @@ import bpy
 import pytest
 from shapes import material, node, with_nodes
 
+from addon.blender.images import read_image
 from addon.blender.materials import Palette
 from addon.core.notes import Notes
 
@@ -204,6 +205,35 @@ def test_a_texture_in_a_group_lies_where_the_group_says() -> None:
     assert checker["args"][0] == (0.5, 0.25, 0)
 
 
+@pytest.mark.parametrize(
+    ("space", "mode", "expected"),
+    [
+        ("sRGB", "STRAIGHT", (True, 0.25)),
+        ("sRGB", "PREMUL", (True, 0.5)),
+        ("sRGB", "CHANNEL_PACKED", (False, 0.5)),
+        ("sRGB", "NONE", (False, 0.5)),
+        ("Linear Rec.709", "STRAIGHT", (True, 0.25)),
+        ("Non-Color", "STRAIGHT", (False, 0.5)),
+    ],
+)
+def test_colours_are_divided_by_alpha_only_where_it_is_in_them(
+    space: str, mode: str, expected: tuple[bool, float]
+) -> None:
+    """As in Cycles. Alpha is one half."""
+    block = material("Cut out")
+    tree, picture = block.node_tree, bpy.data.images.new("Leaf", 2, 2, alpha=True)
+    picture.colorspace_settings.name, picture.alpha_mode = space, mode
+    picture.pixels.foreach_set([0.5] * 16)  # last: another space generates it anew
+    texture = tree.nodes.new("ShaderNodeTexImage")
+    texture.image = picture
+    shader = node(tree, "ShaderNodeBsdfPrincipled")
+    tree.links.new(texture.outputs["Color"], shader.inputs["Base Color"])
+    tree.links.new(texture.outputs["Alpha"], shader.inputs["Alpha"])
+    (step,) = [step for step in understood(block)[0].program if step["op"] == "image"]
+    pixels = read_image(picture, Notes()).pixels
+    assert (step["unassociate"], pixels[0, 0, 0]) == (expected[0], pytest.approx(expected[1], abs=3e-3))
+
+
 def test_mixed_and_added_shaders_keep_their_shares() -> None:
     block = material("Mixed")
     tree = block.node_tree
@@ -295,7 +325,7 @@ def test_bad_nodes_make_remarks_not_exceptions() -> None:
     value.outputs[0].default_value = float("nan")
     tree.links.new(value.outputs[0], shader.inputs["Alpha"])
     found, notes = understood(block)
-    assert found.closures[0].inputs["color"] == (0.0, 0.0, 0.0, 0.0)
+    assert found.closures[0].inputs["color"] == (1.0, 0.0, 1.0, 1.0)
     assert any("Broken" in line for line in notes)
 
 
