@@ -273,16 +273,17 @@ def _mapping(values: Values, node: Place) -> Operand:
             parts[name] = Vector(value[:3] if isinstance(value, tuple) else (value,) * 3)
     rotation = Euler(parts["Rotation"]).to_matrix().to_4x4()
     scale = Matrix.Diagonal((*parts["Scale"], 1))
+    shrink = Matrix.Diagonal((*(1 / factor if factor else 0.0 for factor in parts["Scale"]), 1))
     shift = Matrix.Translation(parts["Location"])
     match kind:
         case "POINT":
             matrix = shift @ rotation @ scale
         case "TEXTURE":
-            matrix = (shift @ rotation @ scale).inverted_safe()
+            matrix = shrink @ (shift @ rotation).inverted()
         case "VECTOR":
             matrix = rotation @ scale
         case _:
-            matrix = rotation @ scale.inverted_safe()
+            matrix = rotation @ shrink
     vector = values.input(node, "Vector")
     mapped = values.step("matrix", vector, matrix=[list(row) for row in matrix[:3]])
     return values.step("unit", mapped) if kind == "NORMAL" else mapped
@@ -330,6 +331,13 @@ def _map_range(values: Values, node: Place) -> Operand:
         raise Unsupported(f"Map Range ({item.data_type.lower()}, {item.interpolation_type.lower()})")
     args = [values.input(node, name) for name in ("Value", "From Min", "From Max", "To Min", "To Max")]
     return values.step("map_range", *args, kind=item.interpolation_type, clamp=item.clamp)
+
+
+def _clamp(values: Values, node: Place) -> Operand:
+    value, *ends = (values.input(node, i) for i in range(3))
+    if node.node.clamp_type == "RANGE":  # in either order
+        ends = [values.step("math", *ends, 0.0, kind=kind) for kind in ("MINIMUM", "MAXIMUM")]
+    return values.step("clamp", value, *ends)
 
 
 def _hue_saturation(values: Values, node: Place) -> Operand:
@@ -394,7 +402,7 @@ NODES: dict[str, Callable[[Values, Place], Operand]] = {
     "ShaderNodeHueSaturation": _hue_saturation,
     "ShaderNodeRGBToBW": _simple("luminance", 0),
     "ShaderNodeMapRange": _map_range,
-    "ShaderNodeClamp": _simple("clamp", 0, 1, 2),
+    "ShaderNodeClamp": _clamp,
     "ShaderNodeFresnel": _simple("fresnel", "IOR"),
     "ShaderNodeLayerWeight": _layer_weight,
     "ShaderNodeNormalMap": _normal_map,

@@ -196,6 +196,27 @@ def test_a_mapping_takes_any_value_that_its_group_gives(kind: str, socket: str) 
         assert [row[3] for row in matrix] == pytest.approx((2, 2, 2))
 
 
+@pytest.mark.parametrize("kind", ["TEXTURE", "NORMAL", "POINT"])
+def test_a_mapping_divides_by_no_zero(kind: str) -> None:
+    block = material("Flat")
+    user = grouped(block, ("Vector", "Color"), "ShaderNodeMapping", "Vector")
+    mapping = node(user.node_tree, "ShaderNodeMapping")
+    mapping.vector_type = kind
+    mapping.inputs["Scale"].default_value = (0, 2, 1)
+    (matrix,) = [step["matrix"] for step in understood(block)[0].program if step["op"] == "matrix"]
+    assert matrix[0][:3] == pytest.approx((0, 0, 0))
+    assert matrix[1][1] == pytest.approx(2 if kind == "POINT" else 0.5)
+
+
+def test_a_clamp_to_a_range_takes_its_ends_in_either_order() -> None:
+    block = material("Clamped")
+    user = grouped(block, ("Float", "Float"), "ShaderNodeClamp", "Value")
+    assert [step["op"] for step in understood(block)[0].program] == ["clamp"]
+    node(user.node_tree, "ShaderNodeClamp").clamp_type = "RANGE"
+    low, high, clamp = understood(block)[0].program
+    assert (low["kind"], high["kind"], clamp["args"][1:]) == ("MINIMUM", "MAXIMUM", (0, 1))
+
+
 def test_a_texture_in_a_group_lies_where_the_group_says() -> None:
     """As in Cycles: the vector of the group counts even where nothing is linked to it."""
     block = material("Placed")
