@@ -30,6 +30,9 @@ WAIT, LATER, NO_WORLD = "wait", "later", "no world"
 """What becomes of a Sky Texture that another Blender must render first."""
 
 HOLDOUT = "Holdout is not supported yet, rendered as usual"
+THIN = 1e-6
+"""How thick a sheet is beside its width."""
+
 RAYS = ("camera", "shadow", "diffuse", "glossy", "transmission")
 """The kinds of rays that an object can be hidden from."""
 
@@ -187,9 +190,11 @@ class _Reader:
         if not np.isfinite(matrix).all():
             self.notes.add("Dropped, the transform is not finite", name)
             return
-        if not _is_regular(matrix):
-            self.notes.add("Dropped, the transform flattens the object (scale 0)", name)
+        sheet = _as_sheet(matrix)
+        if sheet is None:
+            self.notes.add("Dropped, the transform leaves a line or a point of the object (scale 0)", name)
             return
+        matrix = sheet
         mesh_key, mesh, used = self._mesh(item, hidden)
         if mesh is None or not len(mesh.triangles):
             return
@@ -283,6 +288,21 @@ def _hidden(item: Any, parent: Any) -> Hidden:
     """The rays that do not see an object; what an instancer hides is hidden."""
     both = [item] if parent is None else [item, parent]
     return tuple(ray for ray in RAYS if not all(getattr(one, f"visible_{ray}") for one in both))
+
+
+def _as_sheet(matrix: np.ndarray[Any, Any]) -> np.ndarray[Any, Any] | None:
+    """A transform that can be inverted: one that loses an axis leaves a thin sheet instead; None if it loses two."""
+    if _is_regular(matrix):
+        return matrix
+    turned, lengths, axes = np.linalg.svd(matrix[:3, :3])
+    if lengths[1] <= THIN * lengths[0]:
+        return None
+    lengths[2] = THIN * lengths[1]
+    if np.linalg.det(turned) * np.linalg.det(axes) < 0:
+        turned[:, 2] *= -1  # the front of its faces stays in front
+    sheet = matrix.copy()
+    sheet[:3, :3] = turned * lengths @ axes
+    return sheet
 
 
 def _is_regular(matrix: np.ndarray[Any, Any]) -> bool:

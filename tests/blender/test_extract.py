@@ -100,9 +100,29 @@ def test_sharp_edges_give_normals_by_corner(add: Any) -> None:
     assert (outward > 0.5).all()
 
 
-def test_flattened_objects_are_dropped_and_named(add: Any) -> None:
+@pytest.mark.parametrize("smooth", [False, True])
+@pytest.mark.parametrize("by_parent", [False, True])
+def test_flattened_objects_are_thin_and_keep_their_front(add: Any, smooth: bool, by_parent: bool) -> None:
+    """As planes often are: their scale across is 0, or that of what they hang on."""
+    item = add("Plane", grid(2, smooth=smooth), scale=(2, 3, 1 if by_parent else 0))
+    if by_parent:
+        item.parent = add("Parent", None, scale=(0, 1, 1))
+        item.rotation_euler = (0, math.pi / 4, 0)
+    scene, notes = read()
+    assert notes == []
+    corners, front = world_corners(scene.geometry), np.array((1, 0, 0) if by_parent else (0, 0, 1))
+    assert np.abs(corners @ front).max() < 1e-4
+    assert np.ptp(corners[..., 1]) == pytest.approx(6)
+    assert np.allclose(normals(corners), front, atol=1e-4)
+    if smooth:
+        assert scene.geometry.corner_normals is not None
+        assert np.allclose(scene.geometry.corner_normals, front, atol=1e-4)
+
+
+@pytest.mark.parametrize("scale", [(1, 0, 0), (0, 0, 0)])
+def test_what_is_left_without_a_surface_is_dropped_and_named(add: Any, scale: tuple[float, float, float]) -> None:
     add("Kept", cube())
-    add("Flattened", cube(), scale=(1, 0, 1), location=(1e6, 0, 0))
+    add("Flattened", cube(), scale=scale, location=(1e6, 0, 0))
     scene, notes = read()
     assert len(scene.geometry.triangles) == 12
     assert any("scale 0" in line and "Flattened" in line for line in notes)
