@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from types import MethodType, SimpleNamespace
 from typing import Any
 
@@ -140,6 +141,16 @@ def test_a_tile_taken_together_takes_fewer_steps(scene: Any, add: Any) -> None:
     parallel = picking.Ray((0.0, 0.0, 9.0), (0.0, 0.0, -1.0), pixel=0.25, parallel=True).tile((0, 0, 0), 2.0)
     assert np.ptp(parallel[0], axis=0) == pytest.approx([3.5, 3.5, 0.0])
     assert np.ptp(parallel[1], axis=0) == pytest.approx(0.0)
+
+
+@pytest.mark.parametrize(
+    ("origin", "direction"), [((0, 0, 9), (0, 0, 0)), ((0, 0, 9), (math.nan, 0, 1)), ((0, math.nan, 9), (0, 0, -1))]
+)
+def test_a_ray_that_is_none_is_refused(scene: Any, origin: tuple[float, ...], direction: tuple[float, ...]) -> None:
+    """A script may give anything, and each redraw of the view would fail."""
+    with pytest.raises(RuntimeError, match="needs a direction"):
+        bpy.ops.halfspace.pick_ray(origin=origin, direction=direction)
+    assert picking.last(scene) is None
 
 
 def test_the_cursor_picks_a_ray_and_esc_gives_the_last_one_back(scene: Any, add: Any) -> None:
