@@ -6,6 +6,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from mathutils import Color
 
 from ..core.scene import F32, Image
 
@@ -59,7 +60,19 @@ def read_image(image: Any, notes: Notes) -> Image:
     if encoded and space != "sRGB":
         notes.add(f"Colour space {space} is not supported yet, taken for sRGB, in image", image.name)
     straight = not image.is_float and image.alpha_mode == "STRAIGHT" and associated(image)
-    return Image(image.name, _pixels(image, notes, straight=straight), encoded)
+    pixels = _pixels(image, notes, straight=straight)
+    primaries = _primaries()
+    if not encoded or np.allclose(primaries, np.eye(3), atol=1e-4):
+        return Image(image.name, pixels, encoded)
+    coded = pixels[..., :3]
+    linear = np.where(coded <= 0.04045, coded / 12.92, ((coded + 0.055) / 1.055) ** 2.4)
+    pixels[..., :3] = linear @ primaries
+    return Image(image.name, pixels, srgb=False)
+
+
+def _primaries() -> F32:
+    """What the red, green and blue of sRGB are in the space that the file, or the user's configuration, renders in."""
+    return np.array([Color(row).from_srgb_to_scene_linear() for row in np.eye(3)], np.float32)
 
 
 def associated(image: Any) -> bool:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import bpy
 import pytest
+from mathutils import Color
 from shapes import material, node, with_nodes
 
 from addon.blender.images import read_image
@@ -253,6 +254,25 @@ def test_colours_are_divided_by_alpha_only_where_it_is_in_them(
     (step,) = [step for step in understood(block)[0].program if step["op"] == "image"]
     pixels = read_image(picture, Notes()).pixels
     assert (step["unassociate"], pixels[0, 0, 0]) == (expected[0], pytest.approx(expected[1], abs=3e-3))
+
+
+def test_images_are_read_into_the_space_that_the_file_renders_in() -> None:
+    if not hasattr(bpy.data, "colorspace"):
+        pytest.skip("files render in a space of their own since Blender 5.0")
+    assert bpy.data.colorspace.working_space == "Linear Rec.709"
+    colour = (0.5, 0.25, 0.125)
+    found = {}
+    for space in ("Linear Rec.709", "ACEScg"):
+        bpy.ops.wm.set_working_color_space(working_space=space)
+        picture = bpy.data.images.new("Tan", 2, 2)
+        picture.pixels.foreach_set([*colour, 1.0] * 4)
+        found[space] = read_image(picture, Notes())
+        expected = Color(colour).from_srgb_to_scene_linear()
+        bpy.data.images.remove(picture)  # else Blender refuses to change the space
+    assert found["Linear Rec.709"].srgb
+    assert found["Linear Rec.709"].pixels[0, 0, :3] == pytest.approx(colour, abs=3e-3)
+    assert not found["ACEScg"].srgb
+    assert found["ACEScg"].pixels[0, 0, :3] == pytest.approx(tuple(expected), abs=3e-3)
 
 
 def test_mixed_and_added_shaders_keep_their_shares() -> None:
