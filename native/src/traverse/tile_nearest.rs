@@ -107,12 +107,13 @@ fn settled<S: Simd, C: Counters, const R: usize>(
     (tile, rays): (&mut Tile<R>, &[Ray]),
     counters: &mut [C],
 ) {
+    let mut last = None;
     for row in 0..R {
         let held = tile.held.lanes[row];
         if held == 0 {
             continue;
         }
-        let mut doubtful = each(simd, blocks, tile, row);
+        let mut doubtful = each(simd, blocks, (&mut *tile, row), &mut last);
         while doubtful != 0 {
             let lane = doubtful.trailing_zeros() as usize % LANES;
             doubtful &= doubtful - 1;

@@ -39,13 +39,13 @@ pub fn shared<S: Simd, const R: usize>(
 }
 
 /// Puts the rays of a row to the verdict on the triangles whose hits are held back; returns those of which f64
-/// is not certain.
+/// is not certain. `last`: the triangle that a whole row held last, by the place of its words; the next may hold it, too.
 #[inline(always)]
 pub fn each<S: Simd, const R: usize>(
     simd: S,
     blocks: &Blocks,
-    tile: &mut Tile<R>,
-    row: usize,
+    (tile, row): (&mut Tile<R>, usize),
+    last: &mut Option<(usize, FromOrigin)>,
 ) -> u16 {
     let held = tile.held.lanes[row];
     let ids = u32x16::from_slice(simd, &tile.held.id[row]);
@@ -53,7 +53,10 @@ pub fn each<S: Simd, const R: usize>(
     let id = tile.held.id[row][first];
     if held & !tile::bits(ids.simd_eq(u32x16::splat(simd, id))) == 0 {
         let (from, n) = tile.held.words(row, first);
-        let triangle = FromOrigin::new(tile.o, blocks.corners_at(from, n));
+        let known = last.filter(|(place, _)| *place == from);
+        let (_, triangle) =
+            known.unwrap_or_else(|| (from, FromOrigin::new(tile.o, blocks.corners_at(from, n))));
+        *last = Some((from, triangle));
         return shared(simd, tile, (row, held), (id, &triangle));
     }
     let [a, b, c] = gathered(blocks, &tile.held, row);
