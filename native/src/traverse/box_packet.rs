@@ -71,34 +71,42 @@ impl<const W: usize> PacketTree for BoxTree<W> {
         let ends = packet::load::<S, L>(simd, &packet.reach);
         let mut enters = packet.enter(group);
         let mut waiting = 0;
+        // Which rays are inside each box of a node, and where they enter it.
+        let mut lanes_of = [0; W];
+        let mut entries = [[0.0; MOST]; W];
         let mut node = &self.nodes[0];
         loop {
             counters[charged].step_axis();
             let inside = packet::load::<S, L>(simd, &enters);
             let reach = packet::load::<S, L>(simd, &packet.reach);
             let base = waiting;
+            let side = |k: usize, far: u32| {
+                let back = group.signs >> k & 1;
+                &node.bounds[k + 3 * (back ^ far) as usize]
+            };
+            let near = [side(0, 0), side(1, 0), side(2, 0)];
+            let far = [side(0, 1), side(1, 1), side(2, 1)];
+            // All boxes before the first is dealt with: a branch for each would often be guessed wrongly.
+            let mut met = 0_u32;
             for child in 0..W {
-                if node.count[child] == 0 {
-                    continue;
-                }
                 let (mut enter, mut leave) = (inside, reach);
-                for (k, [inv, near, far]) in slabs.into_iter().enumerate() {
-                    let back = group.signs >> k & 1 == 1;
-                    let (low, high) = (node.bounds[k][child], node.bounds[3 + k][child]);
-                    let (soon, late) = if back { (high, low) } else { (low, high) };
+                for (k, [inv, before, behind]) in slabs.into_iter().enumerate() {
+                    let (soon, late) = (near[k][child], far[k][child]);
                     // What is not a number bounds nothing.
-                    enter = keep_max_each(L::Vector::splat(simd, soon).mul_add(inv, near), enter);
-                    leave = keep_min_each(L::Vector::splat(simd, late).mul_add(inv, far), leave);
-                }
-                let lanes = packet::live::<S, L>(enter, leave);
-                if lanes == 0 {
-                    continue;
+                    enter = keep_max_each(L::Vector::splat(simd, soon).mul_add(inv, before), enter);
+                    leave = keep_min_each(L::Vector::splat(simd, late).mul_add(inv, behind), leave);
                 }
                 // Rays that miss this box take no part in what is inside.
                 let outside = L::Vector::splat(simd, f32::INFINITY);
                 let entered = enter.simd_le(leave).select(enter, outside);
-                let mut own = [f32::INFINITY; MOST];
-                packet::store::<S, L>(entered, &mut own);
+                packet::store::<S, L>(entered, &mut entries[child]);
+                lanes_of[child] = packet::live::<S, L>(enter, leave);
+                met |= u32::from(lanes_of[child] != 0 && node.count[child] != 0) << child;
+            }
+            while met != 0 {
+                let child = met.trailing_zeros() as usize % W;
+                met &= met - 1;
+                let (lanes, own) = (lanes_of[child], entries[child]);
                 let first = own[lanes.trailing_zeros() as usize % MOST];
                 let at = make_room(stack, base, &mut waiting, first);
                 stack[at] = Pending {
