@@ -239,7 +239,8 @@ class Structure:
         number or (n,), negative behind the origin; 0 and inf when not given. A hit whose distance
         is beyond all floats is none. order: "tile8" promises that every 64 consecutive
         rays are an 8x8-pixel tile. threads: 0 = one per core.
-        Raises ShapeError, NonFiniteError (NaN or infinite rays, NaN distances), SpecError (order).
+        Raises ShapeError, NonFiniteError (NaN or infinite rays, found as they are traced; NaN distances), SpecError
+        (order).
         """
 
     def occluded(

@@ -285,10 +285,17 @@ FAULTS = (
         ALL,
     ),
     Fault(
+        "hits of the tile before among those of the next",
+        "native/src/traverse/tile.rs",
+        "self.id = [[Hit::NONE; LANES]; R]",
+        "()",
+        ALL,
+    ),
+    Fault(
         "odd rays in packets with others",
         "native/src/traverse/packet/fill.rs",
-        "!ordinary",
-        "false",
+        "ordinary.to_bitmask() & filled",
+        "filled",
         PACKETS,
     ),
     Fault(

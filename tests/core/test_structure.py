@@ -248,6 +248,23 @@ def test_rays_that_are_wrong_are_named(method: str, error: str, message: str, ar
         ask(*arguments)
 
 
+@pytest.mark.parametrize("threads", [1, 2])
+@pytest.mark.parametrize("method", ["closest", "occluded"])
+def test_of_many_rays_the_first_that_is_wrong_is_named(method: str, threads: int) -> None:
+    # More than one thread takes at once, in random order over a tree beyond the caches, where they are sorted.
+    tree = native.build(*soup(40_000))
+    rng = np.random.default_rng(2)
+    origins, directions = rng.uniform(-1, 1, (2, 60_000, 3)).astype(np.float32)
+    ask = getattr(tree, method)
+    ask(origins, directions, threads=threads)
+    directions[20_000, 1] = np.inf
+    with pytest.raises(native.NonFiniteError, match=r"directions\[20000\]: .*inf.* is not finite"):
+        ask(origins, directions, threads=threads)
+    origins[[59_999, 50_000], 2] = np.nan
+    with pytest.raises(native.NonFiniteError, match=r"origins\[50000\]: .*NaN.* is not finite"):
+        ask(origins, directions, threads=threads)
+
+
 def test_tiles_have_64_rays() -> None:
     tree = native.build(VERTICES, TRIANGLES)
     with pytest.raises(native.ShapeError, match="a multiple of 64 rays, got 1"):

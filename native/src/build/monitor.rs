@@ -196,6 +196,7 @@ mod tests {
         monitor.advance(1.0);
         assert!((monitor.told() - 1.875).abs() < 1e-9 && monitor.progress() == 1.0);
     }
+
     #[test]
     fn every_build_tells_of_all_its_work_once() {
         let scene = soup(grid(8, 0.3));

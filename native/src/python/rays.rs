@@ -6,6 +6,7 @@ use crate::error::{Error, Result};
 use crate::traverse::{Order, Ray};
 use pyo3::prelude::*;
 use std::ops::Range;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// The arguments of `closest` and `occluded`, which own or hold on to the arrays.
 pub struct RayArrays<'py> {
@@ -29,9 +30,38 @@ pub struct Rays<'a> {
     pub order: Order,
 }
 
+/// Whether all rays are finite, as far as threads have looked. Each part is looked at right before it is traced, when the
+/// caches are about to hold it anyway: to read all rays twice takes longer than some need for tracing.
+#[derive(Default)]
+pub struct Finite(AtomicBool);
+
+impl Finite {
+    /// Whether those in a range of places are to be traced: not once there is one that is not finite.
+    pub fn allows(&self, rays: &Rays<'_>, range: Range<usize>) -> bool {
+        if !rays.are_finite(range) {
+            self.0.store(true, Ordering::Relaxed);
+        }
+        !self.0.load(Ordering::Relaxed)
+    }
+
+    /// Passes when all rays were traced.
+    ///
+    /// # Errors
+    /// [`Error::NonFinite`] naming the first that is not finite.
+    pub fn end(self, rays: &Rays<'_>) -> Result<()> {
+        if !self.0.into_inner() {
+            return Ok(());
+        }
+        rays.check()?;
+        // Somebody has written into the arrays meanwhile.
+        Err(Error::NonFinite(
+            "origins, directions: some were not finite".into(),
+        ))
+    }
+}
+
 impl<'py> RayArrays<'py> {
-    /// Checks types and shapes, and numbers as far as rays are not theirs: those are checked as they are traced, since
-    /// reading them twice takes longer than that.
+    /// Checks types, shapes and distances. Whether rays are finite is looked at as they are traced, see [`Finite`].
     pub fn new(
         origins: &Bound<'py, PyAny>,
         directions: &Bound<'py, PyAny>,
@@ -113,7 +143,7 @@ impl<'a> Rays<'a> {
     }
 
     /// Whether those in a range of places are finite.
-    pub fn are_finite(&self, range: Range<usize>) -> bool {
+    fn are_finite(&self, range: Range<usize>) -> bool {
         arrays::are_finite(&self.origins[range.clone()])
             && arrays::are_finite(&self.directions[range])
     }

@@ -1,13 +1,12 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Rays shared out among threads.
 
-use super::rays::{BLANK, Rays};
+use super::rays::{BLANK, Finite, Rays};
 use crate::error::{Result, caught};
 use crate::memory::check_room;
 use crate::traverse::{Ray, RayCounters};
 use std::num::NonZero;
 use std::sync::Mutex;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::Builder;
 
 /// Rays handed to a worker at once: enough to forget the cost of handing them over, and to learn whether they go
@@ -17,7 +16,8 @@ pub const CHUNK: usize = 4096;
 /// Runs `work` on chunks of rays, their answers and their counters, on `threads` threads.
 ///
 /// # Errors
-/// [`crate::error::Error::NonFinite`] naming the first ray that is not finite.
+/// [`crate::error::Error::Memory`] where answers find no room, [`crate::error::Error::NonFinite`] naming the first ray that
+/// is not finite.
 pub fn in_chunks<T: Clone + Send>(
     rays: Rays<'_>,
     threads: usize,
@@ -45,21 +45,16 @@ pub fn in_chunks<T: Clone + Send>(
             (i * CHUNK, answers, counts)
         })
         .collect();
-    let odd = AtomicBool::new(false);
+    let finite = Finite::default();
     share_out(chunks, threads, |buffer, (first, answers, counts)| {
-        if !rays.are_finite(first..first + answers.len()) {
-            odd.store(true, Ordering::Relaxed);
-        }
-        if odd.load(Ordering::Relaxed) {
+        if !finite.allows(&rays, first..first + answers.len()) {
             return;
         }
         let buffer = &mut buffer[..answers.len()];
         rays.put(first, buffer);
         work(buffer, answers, counted.then_some(counts));
     })?;
-    if odd.into_inner() {
-        rays.check()?;
-    }
+    finite.end(&rays)?;
     Ok((answers, counted.then_some(counts)))
 }
 

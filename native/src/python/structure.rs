@@ -76,7 +76,8 @@ impl Structure {
     /// number or (n,), negative behind the origin; 0 and inf when not given. A hit whose distance
     /// is beyond all floats is none. order: "tile8" promises that every 64 consecutive
     /// rays are an 8x8-pixel tile. threads: 0 = one per core.
-    /// Raises ShapeError, NonFiniteError (NaN or infinite rays, NaN distances), SpecError (order).
+    /// Raises ShapeError, NonFiniteError (NaN or infinite rays, found as they are traced; NaN distances), SpecError
+    /// (order).
     #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, order="none", threads=Threads::ALL, counters=false), text_signature = "($self, origins, directions, t_min=None, t_max=None, *, order='none', threads=0, counters=False)")]
     #[expect(clippy::too_many_arguments, reason = "Python keywords")]
     fn closest(

@@ -2,7 +2,7 @@
 //! Rays traced for Python: nearest hits, in whichever order of rays is quickest, and any hits.
 
 use super::hits::{Hits, counters};
-use super::rays::{RayArrays, Rays};
+use super::rays::{Finite, RayArrays, Rays};
 use super::share::{CHUNK, in_chunks, share_out, wanted};
 use super::whole::Threads;
 use crate::error::Result;
@@ -11,7 +11,6 @@ use crate::memory::check_room;
 use crate::traverse::{Hit, Order, Tracer, reorder};
 use numpy::ToPyArray;
 use pyo3::prelude::*;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Nearest hits. `cases`: what the walks told apart.
 pub fn closest(
@@ -89,16 +88,13 @@ fn nearest_reordered(
     check_room("origins", (n * size_of::<Hit>() + in_order) as u64)?;
     let mut hits = vec![Hit::MISS; n];
     let windows = hits.chunks_mut(window).enumerate().collect();
-    let odd = AtomicBool::new(false);
+    let finite = Finite::default();
     share_out(
         windows,
         threads,
         |buffer, (i, hits): (usize, &mut [Hit])| {
             let own = rays.part(i * window..i * window + hits.len());
-            if !own.are_finite(0..hits.len()) {
-                odd.store(true, Ordering::Relaxed);
-            }
-            if odd.load(Ordering::Relaxed) {
+            if !finite.allows(&own, 0..hits.len()) {
                 return;
             }
             let places = reorder::order(own.origins, own.directions, bounds);
@@ -113,8 +109,6 @@ fn nearest_reordered(
             }
         },
     )?;
-    if odd.into_inner() {
-        rays.check()?;
-    }
+    finite.end(&rays)?;
     Ok(hits)
 }

@@ -73,7 +73,7 @@ impl<const W: usize> PacketTree for BoxTree<W> {
         let mut waiting = 0;
         // Which rays are inside each box of a node, and where they enter it.
         let mut lanes_of = [0; W];
-        let mut entries = [[0.0; MOST]; W];
+        let mut entries = [[f32::INFINITY; MOST]; W];
         let mut node = &self.nodes[0];
         loop {
             counters[charged].step_axis();

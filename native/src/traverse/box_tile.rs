@@ -50,6 +50,7 @@ impl<const W: usize> TileTree for BoxTree<W> {
             let base = waiting;
             let mut met = 0_u32;
             for lane in 0..W {
+                // Of rays that may stay for ever the bounds of no box tell nothing, so empty places must.
                 let outside = node.count[lane] == 0 || enter[lane] > leave[lane];
                 met |= u32::from(!outside) << lane;
             }

@@ -137,12 +137,18 @@ impl<const R: usize> Tile<R> {
         );
     }
 
-    /// Forgets the rays, for others from this origin whose directions are about this long. Numbers that are of no meaning
-    /// without rays stay.
+    /// For rays from this origin whose directions are about this long.
     #[inline(always)]
-    fn clear(&mut self, o: [f32; 3], longest: f32) {
+    fn aim(&mut self, o: [f32; 3], longest: f32) {
         let unit = f32::from_bits(longest.to_bits() & 0x7f80_0000);
         self.o = o;
+        self.to_frame = unit;
+        self.last_place = last_place(f64::from(unit));
+    }
+
+    /// Forgets the rays. Numbers that are of no meaning without rays stay.
+    #[inline(always)]
+    fn clear(&mut self) {
         self.active = [0; R];
         self.rest = [0; R];
         self.reach = [[f32::NEG_INFINITY; LANES]; R];
@@ -153,14 +159,13 @@ impl<const R: usize> Tile<R> {
         self.blur = [0.0; 2];
         self.inside = (0.0, f32::NEG_INFINITY);
         self.pyramid = None;
-        self.to_frame = unit;
-        self.last_place = last_place(f64::from(unit));
     }
 
     #[inline(always)]
     fn filled<S: Simd>(&mut self, simd: S, frame: &Frame, rays: &[Ray]) {
         let first = &rays[0];
-        self.clear(first.o, largest(first.d));
+        self.clear();
+        self.aim(first.o, largest(first.d));
         if rays.len() == R * LANES {
             for row in 0..R {
                 let own = Numbers::of_row(simd, rays, row);
@@ -205,7 +210,7 @@ impl<const R: usize> Tile<R> {
         (active, there): ([u16; R], [u16; R]),
     ) -> Self {
         let mut tile = Self::none();
-        tile.clear(o, longest);
+        tile.aim(o, longest);
         tile.d = d;
         tile.active = active;
         tile.rest = there;
