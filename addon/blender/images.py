@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+import bpy
 import numpy as np
 from mathutils import Color
 
@@ -13,8 +14,11 @@ from ..core.scene import F32, Image
 if TYPE_CHECKING:
     from ..core.notes import Notes
 
-RAW_SPACES = {"Non-Color", "Raw", "Generic Data", "Linear", "Linear Rec.709", "scene_linear", "data"}
+RAW_SPACES = {"Non-Color", "Raw", "Generic Data", "scene_linear", "data"}
 """Colour spaces whose numbers are taken as they are."""
+
+LINEAR_SPACES = {"Linear", "Linear Rec.709"}
+"""Those with the red, green and blue of sRGB whose numbers are not encoded."""
 
 EMPTY = np.zeros((0, 0, 4), np.float32)
 """A missing image: the native module shows Blender's pink for it."""
@@ -56,18 +60,31 @@ class Gallery:
 def read_image(image: Any, notes: Notes) -> Image:
     """The image with its colours times alpha; no rows when it is missing."""
     space = image.colorspace_settings.name
-    encoded = not image.is_float and space not in RAW_SPACES
+    raw = image.is_float or space in RAW_SPACES or space == _working_space()  # floats are converted when loaded
+    encoded = not raw and space not in LINEAR_SPACES
     if encoded and space != "sRGB":
         notes.add(f"Colour space {space} is not supported yet, taken for sRGB, in image", image.name)
-    straight = not image.is_float and image.alpha_mode == "STRAIGHT" and associated(image)
-    pixels = _pixels(image, notes, straight=straight)
+    pixels = _pixels(image, notes)
+    colours, alpha = pixels[..., :3], pixels[..., 3:]
     primaries = _primaries()
-    if not encoded or np.allclose(primaries, np.eye(3), atol=1e-4):
+    if raw or np.allclose(primaries, np.eye(3), atol=1e-4):
+        if not image.is_float and image.alpha_mode == "STRAIGHT" and associated(image):
+            colours *= alpha
         return Image(image.name, pixels, encoded)
-    coded = pixels[..., :3]
-    linear = np.where(coded <= 0.04045, coded / 12.92, ((coded + 0.055) / 1.055) ** 2.4)
-    pixels[..., :3] = linear @ primaries
+    # As in Cycles, colours are straight while they are converted: what is encoded is not proportional to light.
+    if image.alpha_mode == "PREMUL":
+        np.divide(colours, alpha, out=colours, where=alpha != 0)
+    if encoded:
+        colours[:] = np.where(colours <= 0.04045, colours / 12.92, ((colours + 0.055) / 1.055) ** 2.4)
+    colours[:] = colours @ primaries
+    if associated(image):
+        colours *= alpha
     return Image(image.name, pixels, srgb=False)
+
+
+def _working_space() -> str:
+    """What the space is called that the file renders in; before Blender 5.0 files have none of their own."""
+    return bpy.data.colorspace.working_space if hasattr(bpy.data, "colorspace") else "scene_linear"
 
 
 def _primaries() -> F32:
@@ -80,7 +97,7 @@ def associated(image: Any) -> bool:
     return image.alpha_mode in ("STRAIGHT", "PREMUL") and not image.colorspace_settings.is_data
 
 
-def _pixels(image: Any, notes: Notes, *, straight: bool) -> F32:
+def _pixels(image: Any, notes: Notes) -> F32:
     name = image.name
     if image.source == "TILED":
         notes.add("Image tiles (UDIM) are not supported yet, the first one is used", name)
@@ -109,8 +126,6 @@ def _pixels(image: Any, notes: Notes, *, straight: bool) -> F32:
     if faulty.any():
         notes.add("Image has values that are not finite, replaced by 0", name, int(faulty.any(axis=-1).sum()))
         pixels[faulty] = 0
-    if straight:
-        pixels[..., :3] *= pixels[..., 3:]
     if image.alpha_mode == "NONE":
         pixels[..., 3] = 1
     return pixels
