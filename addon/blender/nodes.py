@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import bpy
+import numpy as np
 
 if TYPE_CHECKING:
     from ..core.scene import RGB
@@ -16,7 +17,10 @@ MAX_STEPS = 256
 """Longer chains are not followed. Blender forbids cycles, but a file can be broken."""
 
 LUMINANCE = (0.2126, 0.7152, 0.0722)
-"""What a colour is where a number is wanted."""
+"""What a colour is where a number is wanted. Rec. 709's whatever space the file renders in."""
+
+NUMBERS = ("VALUE", "INT", "BOOLEAN")
+"""Types of sockets that hold one number."""
 
 Remark = Callable[[str], None]
 """Told the name of each node or setting that is not understood."""
@@ -145,6 +149,23 @@ def _twin(sockets: Any, socket: Any) -> Any:
     return next((other for other in sockets if other.identifier == socket.identifier), None)
 
 
+def converted(value: Any, have: str, want: str) -> Any:
+    """A constant of a socket of type `have` as one of type `want` takes it. Numbers below 0 are false, as in Cycles."""
+    if want not in NUMBERS or have == want:
+        return value
+    if hasattr(value, "__len__"):
+        if want == "BOOLEAN":
+            return float(any(value[:3]))
+        shares = LUMINANCE if have == "RGBA" else (1 / 3, 1 / 3, 1 / 3)
+        value = sum(share * part for share, part in zip(shares, value, strict=False))
+    match want:
+        case "INT":
+            return float(np.trunc(value))
+        case "BOOLEAN":
+            return float(value > 0)
+    return float(value)
+
+
 def constant(place: Place, remark: Remark, fallback: Any = None) -> Any:
     """The value of an input if it is constant, else `fallback` (None: the input's own default) and a remark."""
     try:
@@ -153,7 +174,10 @@ def constant(place: Place, remark: Remark, fallback: Any = None) -> Any:
         remark(str(unsupported))
     else:
         if not source.socket.is_output or source.node.bl_idname in ("ShaderNodeRGB", "ShaderNodeValue"):
-            return source.socket.default_value
+            value, have = source.socket.default_value, source.socket.type
+            for want in (*source.through, place.socket.type):
+                value, have = converted(value, have, want), want
+            return value
         remark(f"{source.node.bl_label} for {place.socket.name}")
     return place.socket.default_value if fallback is None else fallback
 
@@ -162,11 +186,7 @@ def number(place: Place | None, remark: Remark, absent: float = 0.0) -> float:
     """A constant number; `absent` where the input does not exist."""
     if place is None:
         return absent
-    value = constant(place, remark)
-    try:
-        return float(value)
-    except TypeError:
-        return float(sum(share * part for share, part in zip(LUMINANCE, value, strict=False)))
+    return float(converted(constant(place, remark), place.socket.type, "VALUE"))
 
 
 def color(place: Place | None, remark: Remark, fallback: RGB | None = None) -> RGB:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .nodes import LUMINANCE, Place, Remark, Unsupported
+from .nodes import NUMBERS, Place, Remark, Unsupported, converted
 from .value_nodes import NODES, UV, constant
 
 if TYPE_CHECKING:
@@ -149,12 +149,11 @@ class Values:
             raise Unsupported(f"More than {MOST_STEPS} steps")
 
     def _converted(self, operand: Operand, have: str, want: str) -> Operand:
-        numbers = ("VALUE", "INT", "BOOLEAN")
-        if want not in numbers or have in numbers or isinstance(operand, float):
+        if not isinstance(operand, int):
+            return converted(operand, have, want)  # type: ignore[no-any-return]
+        # As in Cycles, what is computed is not made whole.
+        if want not in NUMBERS or have in NUMBERS:
             return operand
-        if isinstance(operand, tuple):
-            shares = LUMINANCE if have == "RGBA" else (1 / 3, 1 / 3, 1 / 3)
-            return sum(share * part for share, part in zip(shares, operand, strict=False))
         return self.step("luminance" if have == "RGBA" else "mean", operand)
 
     def once(self, key: Any, write: Callable[[], int]) -> int:

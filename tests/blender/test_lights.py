@@ -141,6 +141,26 @@ def test_emission_nodes_of_a_light_multiply(add: Any) -> None:
     assert any("Blackbody" in line and "Noded" in line for line in read()[1])
 
 
+@pytest.mark.parametrize(("wall", "expected"), [("Float", 2.126), ("Int", 0), ("Bool", 10), ("Vector", (10, 0, 0))])
+def test_a_light_s_colour_takes_the_type_of_its_group_s_socket(add: Any, wall: str, expected: Any) -> None:
+    data = bpy.data.lights.new("Grouped", "POINT")
+    data.energy = 10
+    with_nodes(data)
+    group = bpy.data.node_groups.new("Group", "ShaderNodeTree")
+    for direction in ("INPUT", "OUTPUT"):
+        group.interface.new_socket("Value", in_out=direction, socket_type=f"NodeSocket{wall}")
+    first, last = group.nodes.new("NodeGroupInput"), group.nodes.new("NodeGroupOutput")
+    group.links.new(first.outputs[0], last.inputs[0])
+    user, red = (data.node_tree.nodes.new(f"ShaderNode{kind}") for kind in ("Group", "RGB"))
+    user.node_tree, red.outputs[0].default_value = group, (1, 0, 0, 1)
+    data.node_tree.links.new(red.outputs[0], user.inputs[0])
+    data.node_tree.links.new(user.outputs[0], node(data.node_tree, "ShaderNodeEmission").inputs["Color"])
+    add("Grouped", data)
+    powers = [light.power for light in read()[0].lights]
+    wanted = expected if isinstance(expected, tuple) else (expected,) * 3
+    assert powers == ([pytest.approx(wanted)] if any(wanted) else [])
+
+
 def test_a_portal_gives_no_light(add: Any) -> None:
     data = bpy.data.lights.new("Portal", "AREA")
     if not hasattr(data, "cycles"):

@@ -180,6 +180,33 @@ def test_what_goes_through_a_group_takes_the_types_of_its_sockets(
     assert understood(block)[1] == []
 
 
+@pytest.mark.parametrize(
+    ("kinds", "value", "expected"),
+    [
+        (("Float", "Int"), 1.7, 1),
+        (("Float", "Int"), -1.7, -1),
+        (("Vector", "Int"), (0, 0, -4.5), -1),
+        (("Color", "Int"), (3, 0.5, 0.5, 1), 1),
+        (("Float", "Bool"), 0.3, 1),
+        (("Float", "Bool"), -0.3, 0),
+        (("Vector", "Bool"), (0, 4, -4), 1),
+        (("Int", "Float"), 2, 2),
+    ],
+)
+def test_constants_are_whole_or_true_where_a_group_wants_such(
+    kinds: tuple[str, str], value: Any, expected: float
+) -> None:
+    """The numbers are those of Cycles, which leaves what is computed as it is."""
+    block = material("Whole")
+    user = grouped(block, kinds)
+    user.inputs[0].default_value = value
+    assert inputs(block)["color"] == expected
+    checker = block.node_tree.nodes.new("ShaderNodeTexChecker")
+    block.node_tree.links.new(checker.outputs["Fac"], user.inputs[0])
+    steps = [step["op"] for step in understood(block)[0].program]
+    assert [op for op in steps if op not in ("mean", "luminance")] == ["coordinate", "checker"]
+
+
 @pytest.mark.parametrize("kind", ["Float", "Int", "Vector", "Color"])
 @pytest.mark.parametrize("socket", ["Location", "Rotation", "Scale"])
 def test_a_mapping_takes_any_value_that_its_group_gives(kind: str, socket: str) -> None:
