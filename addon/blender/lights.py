@@ -59,7 +59,7 @@ def read_light(item: Any, matrix: F64, notes: Notes) -> Light | None:
     if min(light.power) < 0.0:
         notes.add("Lights that take light away (negative power) are not supported yet, left out", name)
         return None
-    return light if max(light.power) != 0.0 or min(light.power) != 0.0 else None
+    return light if any(light.power) else None
 
 
 def moved(light: Light, origin: F64) -> Light:
