@@ -116,8 +116,12 @@ class HALFSPACE_OT_pick_ray(bpy.types.Operator):
 
     def execute(self, context: Any) -> set[str]:
         """Follow the ray of the properties, for scripts."""
-        if not any(self.direction) or not np.isfinite((*self.origin, *self.direction)).all():
-            self.report({"ERROR"}, "A ray needs a direction, and numbers that are finite")
+        for name in ("origin", "direction"):
+            if not np.isfinite(getattr(self, name)).all():
+                self.report({"ERROR"}, f"{name}: is not finite")
+                return {"CANCELLED"}
+        if not any(self.direction):
+            self.report({"ERROR"}, "direction: is zero")
             return {"CANCELLED"}
         keep(context.scene, Ray(tuple(self.origin), tuple(self.direction), pixel=self.pixel))
         return {"FINISHED"}
