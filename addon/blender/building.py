@@ -34,8 +34,7 @@ class Job:
         self.spec = properties.spec(group)
         self.label = properties.structure(group).label
         self.notes = Notes()
-        if not group.structure:
-            self.notes.add(properties.UNKNOWN, self.label)
+        properties.remark_unknown(group, self.notes)
         self._read = trees.moment(scene)
         geometry = extract.extract(depsgraph, self.notes, sky=extract.NO_WORLD).geometry
         self.scene_uid = scene.original.session_uid

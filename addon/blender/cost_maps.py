@@ -12,6 +12,7 @@ import numpy as np
 from bpy.props import IntProperty
 
 from ..core import auto, catalogue, choice, costmap, native, rays
+from ..core.notes import Notes
 from ..core.reference import Reference, affordable
 from ..core.scene import F32
 from ..core.settings import memory_limit
@@ -75,7 +76,9 @@ def draw(scene: Any, width: int, tell: Callable[[str], None] | None = None) -> F
     tree = next(filter(None, (trees.usable(scene, spec) for spec in specs)), None)
     # Both maps over the same triangles, those of the structure that is there already.
     workload = workloads.current(scene.name, size) if tree is None else workloads.of_tree(tree, scene.name, size)
-    for line in workload.notes if tell is not None else ():
+    notes = Notes()
+    properties.remark_unknown(group, notes)
+    for line in (*notes.lines(), *workload.notes) if tell is not None else ():
         tell(line)
     module, limit = native.load(), memory_limit(group.memory_limit)
     maps = []

@@ -183,8 +183,7 @@ class _Picture:
     def _build_set(self, module: Any, scene: Scene, settings: RenderSettings) -> _Built:
         """The structure of the settings."""
         spec, label = properties.spec(self.group), properties.structure(self.group).label
-        if not self.group.structure:
-            self.notes.add(properties.UNKNOWN, label)
+        properties.remark_unknown(self.group, self.notes)
         self._say(f"{label}: building over {scene.geometry.count:,} triangles")
         session = Session.start(
             module,

@@ -14,6 +14,7 @@ from .overlay_settings import HalfspaceOverlaySettings
 
 if TYPE_CHECKING:
     from ..core.catalogue import Catalogue, Parameter, Structure
+    from ..core.notes import Notes
 
 
 TWO_LEVELS = (
@@ -22,7 +23,7 @@ TWO_LEVELS = (
 )
 
 
-UNKNOWN = "The structure is none that this version has, instead there is"
+UNKNOWN = "The file's structure is unknown to this version, replaced by"
 
 
 def structure(group: Any) -> Structure:
@@ -32,6 +33,12 @@ def structure(group: Any) -> Structure:
     """
     known = catalogue.load()
     return known.get(group.structure) or known.default
+
+
+def remark_unknown(group: Any, notes: Notes) -> None:
+    """Note that the structure of a `scene.halfspace` group is not the one of its file, if so."""
+    if not group.structure:
+        notes.add(UNKNOWN, structure(group).label)
 
 
 def structure_parameters(group: Any) -> tuple[Parameter, ...]:

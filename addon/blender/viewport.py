@@ -59,6 +59,7 @@ class Viewport:
         try:
             notes = Notes()
             group = depsgraph.scene.halfspace
+            properties.remark_unknown(group, notes)  # first: the line in the corner has room for one
             # The view's own choice: local view, its collections, the kinds of objects that it hides.
             space = context.space_data if isinstance(context.space_data, bpy.types.SpaceView3D) else None
             found = extract.find(depsgraph, notes, space=space)

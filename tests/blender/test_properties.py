@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import bpy
@@ -13,7 +14,8 @@ import pytest
 from layouts import draw
 from shapes import cube
 
-from addon.blender import panels, properties, reports
+from addon.blender import cost_maps, panels, properties, reports
+from addon.blender.viewport import Viewport
 from addon.core import catalogue, native
 
 
@@ -73,6 +75,10 @@ def test_settings_survive_saving_and_loading(tmp_path: Path, scene: Any) -> None
     assert loaded.view_layers[0].halfspace.use_pass_steps
 
 
+class Engine:
+    """Nothing of an engine is needed until its view is drawn."""
+
+
 def store(scene: Any, name: str, value: int) -> None:
     """Give a setting a number that it cannot be given, as a file of another version may."""
     setattr(scene.halfspace, name, scene.halfspace.bl_rna.properties[name].enum_items[0].identifier)
@@ -96,6 +102,12 @@ def test_a_structure_of_another_version_is_said_and_replaced(scene: Any, add: An
     assert bpy.ops.halfspace.build_structure() == {"FINISHED"}
     assert bpy.ops.halfspace.check() == {"FINISHED"}
     assert bpy.ops.halfspace.cost_map(width=8) == {"FINISHED"}
+    told: list[str] = []
+    cost_maps.draw(scene, 8, told.append)
+    assert told.count(f"{properties.UNKNOWN}: kd-tree") == 1
+    view = Viewport()
+    view.update(Engine(), SimpleNamespace(space_data=None), bpy.context.evaluated_depsgraph_get())
+    assert f"{properties.UNKNOWN}: kd-tree" in view.status()
     assert "max_depth" in draw(panels.HALFSPACE_PT_structure, scene=scene)
 
 
