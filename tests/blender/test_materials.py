@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import bpy
 import pytest
+from mathutils import Euler
 from shapes import material, node, with_nodes
 
 from addon.blender.images import read_image
@@ -158,26 +159,34 @@ def grouped(block: Any, kinds: tuple[str, str], inside: str = "", socket: str = 
 
 
 @pytest.mark.parametrize(
-    ("kinds", "socket", "expected"),
+    ("kinds", "socket", "expected", "step"),
     [
-        (("Color", "Color"), "Metallic", 0.2126 * 0.9 + 0.7152 * 0.1 + 0.0722 * 0.2),
-        (("Color", "Vector"), "Metallic", 0.4),
-        (("Vector", "Float"), "Metallic", 0.4),
-        (("Color", "Float"), "Base Color", 0.2126 * 0.9 + 0.7152 * 0.1 + 0.0722 * 0.2),
+        (("Color", "Color"), "Metallic", 0.2126 * 0.9 + 0.7152 * 0.1 + 0.0722 * 0.2, "luminance"),
+        (("Color", "Vector"), "Metallic", 0.4, "mean"),
+        (("Vector", "Float"), "Metallic", 0.4, "mean"),
+        (("Color", "Float"), "Base Color", 0.2126 * 0.9 + 0.7152 * 0.1 + 0.0722 * 0.2, "luminance"),
     ],
 )
 def test_what_goes_through_a_group_takes_the_types_of_its_sockets(
-    kinds: tuple[str, str], socket: str, expected: float
+    kinds: tuple[str, str], socket: str, expected: float, step: str
 ) -> None:
     block = material("Typed")
     user = grouped(block, kinds)
     user.inputs[0].default_value = (0.9, 0.1, 0.2, 1)[: len(user.inputs[0].default_value)]
     block.node_tree.links.new(user.outputs[0], node(block.node_tree, "ShaderNodeBsdfPrincipled").inputs[socket])
-    found = inputs(block)
-    assert found[{"Metallic": "metallic", "Base Color": "color"}[socket]] == pytest.approx(expected)
+    name = {"Metallic": "metallic", "Base Color": "color"}[socket]
+    assert inputs(block)[name] == pytest.approx(expected)
     colour = block.node_tree.nodes.new("ShaderNodeRGB")
+    colour.outputs[0].default_value = (0.9, 0.1, 0.2, 1)
     block.node_tree.links.new(colour.outputs[0], user.inputs[0])
-    assert understood(block)[1] == []
+    assert inputs(block)[name] == pytest.approx(expected)
+    checker = block.node_tree.nodes.new("ShaderNodeTexChecker")
+    block.node_tree.links.new(checker.outputs["Color"], user.inputs[0])
+    found, notes = understood(block)
+    assert notes == []
+    number = found.closures[0].inputs[name]
+    assert found.program[number]["op"] == step
+    assert found.program[found.program[number]["args"][0]]["op"] == "checker"
 
 
 @pytest.mark.parametrize(
@@ -221,6 +230,9 @@ def test_a_mapping_takes_any_value_that_its_group_gives(kind: str, socket: str) 
         assert matrix[0][:3] == pytest.approx((2, 0, 0))
     elif socket == "Location":
         assert [row[3] for row in matrix] == pytest.approx((2, 2, 2))
+    else:
+        turned = Euler((2, 2, 2)).to_matrix()
+        assert [x for row in matrix for x in row[:3]] == pytest.approx([x for row in turned for x in row])
 
 
 @pytest.mark.parametrize("kind", ["TEXTURE", "NORMAL", "POINT"])
