@@ -285,13 +285,6 @@ FAULTS = (
         ALL,
     ),
     Fault(
-        "hits of the tile before among those of the next",
-        "native/src/traverse/tile.rs",
-        "self.id = [[Hit::NONE; LANES]; R]",
-        "()",
-        ALL,
-    ),
-    Fault(
         "odd rays in packets with others",
         "native/src/traverse/packet/fill.rs",
         "ordinary.to_bitmask() & filled",

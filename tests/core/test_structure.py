@@ -265,6 +265,22 @@ def test_of_many_rays_the_first_that_is_wrong_is_named(method: str, threads: int
         ask(origins, directions, threads=threads)
 
 
+@pytest.mark.parametrize("spec", ["kd", "kd:traversal=tile8", "bvh-sah:traversal=tile16", "bvh-sah:traversal=p16"])
+def test_a_tile_that_looks_away_remembers_nothing_of_the_one_before(spec: str) -> None:
+    tree = native.build(*soup(400), spec)
+    rng = np.random.default_rng(4)
+    towards, away = np.float32([0, 0, 1]), np.float32([0, 0, -1])
+    aims = np.repeat(np.stack([towards, away] * 4), 256, axis=0)
+    directions = (aims + 0.2 * rng.uniform(-1, 1, aims.shape)).astype(np.float32)
+    origins = np.broadcast_to(np.float32([0.5, 0.5, -3]), directions.shape)
+    hits = tree.closest(origins, directions, order="tile8", threads=1)
+    alone = native.build(*soup(400), "brute").closest(origins, directions)
+    assert (hits.triangle >= 0).any()
+    assert (hits.triangle[aims[:, 2] < 0] == -1).all()
+    assert np.array_equal(hits.triangle, alone.triangle)
+    assert np.array_equal(hits.t, alone.t)
+
+
 def test_tiles_have_64_rays() -> None:
     tree = native.build(VERTICES, TRIANGLES)
     with pytest.raises(native.ShapeError, match="a multiple of 64 rays, got 1"):
