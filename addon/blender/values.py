@@ -150,7 +150,8 @@ class Values:
 
     def _converted(self, operand: Operand, have: str, want: str) -> Operand:
         if not isinstance(operand, int):
-            return converted(operand, have, want)  # type: ignore[no-any-return]
+            taken: Operand = converted(operand, have, want)
+            return taken
         # As in Cycles, what is computed is not made whole.
         if want not in NUMBERS or have in NUMBERS:
             return operand
