@@ -357,6 +357,20 @@ FAULTS = (
         "(self.walked()).map_or(&built.blocks, |_| &built.blocks)",
         ALL,
     ),
+    Fault(
+        "lists of children written over the one that is parted",
+        "native/src/traverse/stream.rs",
+        "let mut top = end;",
+        "let mut top = first;",
+        ("lib", "batches_of_any_size_answer_like_brute_force"),
+    ),
+    Fault(
+        "the last group of a list forgotten",
+        "native/src/traverse/stream.rs",
+        "for (group, masks) in masks.iter().enumerate() {",
+        "for (group, masks) in masks.iter().enumerate().take(8) {",
+        ("lib", "rays_that_meet_everything_answer_like_brute_force"),
+    ),
 )
 
 

@@ -8,13 +8,13 @@ use crate::spec::{Config, Value};
 use crate::traverse::batch::{Batch, Walk, WithWalk, Write};
 use crate::traverse::blocks::Blocks;
 use crate::traverse::box_tree::{self, BoxTree};
+use crate::traverse::flight::Alone;
 use crate::traverse::frame::FrameRay;
 use crate::traverse::objects::Objects;
 use crate::traverse::packet::Width;
 use crate::traverse::packet_walk::Packets;
 use crate::traverse::plane_boxes::PlaneBoxes;
 use crate::traverse::query::{Any, Closest, Query};
-use crate::traverse::stream::Alone;
 use crate::traverse::tile_walk::ShadowTiles;
 use crate::traverse::{
     Hit, Ray, RayCounters, box_flight, grid_step, octree_glassner, octree_net, octree_param,
@@ -40,7 +40,7 @@ pub(super) enum Batches {
     Boxes,
     /// Packets of so many, whatever the order of the rays; shadow rays only in packets of 16.
     Packets(u32),
-    /// Camera rays in tiles, shadow rays in tiles from their light, other rays to the nearest hit in flight, through
+    /// Camera rays in tiles, shadow rays in tiles from their light, other rays to the nearest hit in streams, through
     /// boxes; of a tree that rays build only tiles; rays that are counted as the layout walks single rays.
     Auto,
 }
@@ -162,19 +162,22 @@ impl Structure {
             return self.shadow_beams(&job, write, counters);
         }
         if let (Some(wide), None) = (&self.wide, &counters) {
-            return job.stream::<_, Q>(&plane_wide::Walk(wide), write);
+            return job.fly::<_, Q>(&plane_wide::Walk(wide), write);
         }
         // Under `Auto` only shadow rays come here that are counted or ask the shadow cache: they go as the layout walks
         // single rays.
-        let streams = self.batches == Batches::Wide || !Q::ANY;
-        if let (Some((tree, blocks)), None, true) = (self.flown(), &counters, streams) {
+        let together = self.batches == Batches::Wide || !Q::ANY;
+        if let (Some((tree, blocks)), None, true) = (self.flown(), &counters, together) {
             let job = Batch { blocks, ..job };
-            return job.stream::<_, Q>(&box_flight::Walk(tree), write);
+            if self.batches == Batches::Auto {
+                return job.streams(tree, write);
+            }
+            return job.fly::<_, Q>(&box_flight::Walk(tree), write);
         }
         self.walk::<Q>(&job, &mut write, counters);
     }
 
-    /// The tree of boxes that rays walk in flight, and in tiles under `Auto`, if that is chosen, and its leaves.
+    /// The tree of boxes that rays walk in flight, or in streams and tiles under `Auto`, if that is chosen, and its leaves.
     pub(crate) fn flown(&self) -> Option<(&BoxTree<8>, &Blocks)> {
         match (&self.built.layout, self.batches) {
             (Layout::Objects(Objects::Boxes8(tree)), Batches::Auto | Batches::Wide) => {

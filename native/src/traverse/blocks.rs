@@ -8,7 +8,7 @@
 //! What [`super::candidates`] cannot rule out goes to the exact verdict.
 
 use super::bound::{keep_max, keep_min};
-use super::candidates::Candidates;
+use super::candidates::{Candidates, Edges};
 use super::frame::{Frame, FrameRay};
 use super::keep::{Keep, write_lane};
 use super::query::{Best, Counters, Query};
@@ -257,9 +257,11 @@ impl Blocks {
                     .first_chunk()
                     .expect("sealed: no block is the last")
             };
-            let mut open = Candidates::new(simd, block, n, frame, keep_min(leave, best.reach));
+            let reach = keep_min(leave, best.reach);
+            let mut open = Candidates::new(simd, &Edges::new(simd, block, n), frame, reach);
             if open.any() {
-                open.refine::<Q, C>(simd, block, n, frame);
+                // Made anew, they need not be kept meanwhile.
+                open.refine::<Q, C>(simd, &Edges::new(simd, block, n), frame);
                 let triangles = (block, n, scene);
                 if self.settle::<S, Q, C>(simd, open, triangles, (ray, frame), best, counters) {
                     return true;
@@ -274,7 +276,7 @@ impl Blocks {
     /// Puts the candidates of a block of `n` triangles to the verdict, the nearest first; says whether the
     /// walk may end.
     #[inline(always)]
-    fn settle<S: Simd, Q: Query, C: Counters>(
+    pub(super) fn settle<S: Simd, Q: Query, C: Counters>(
         &self,
         simd: S,
         mut open: Candidates<S>,

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Trees of boxes, eight to a node, walked by several rays in flight ([`super::stream`]).
+//! Trees of boxes, eight to a node, walked by several rays in flight ([`super::flight`]).
 //!
 //! No step has a branch: where single rays sort the boxes that they meet by distance, these take them in an order
 //! that their direction alone tells. The children of a node lie in places named by corners of it, so that for
@@ -8,11 +8,11 @@
 
 use super::blocks::Blocks;
 use super::box_tree::{BoxTree, INNER, Slabs, Wide};
+use super::flight::{Next, Steps, topmost};
 use super::frame::FrameRay;
 use super::nested::Nested;
 use super::query::{Best, Counters, Query};
 use super::ray::Ray;
-use super::stream::{Next, Steps, topmost};
 use crate::build::plane_tree::MAX_DEPTH;
 use crate::geom::vec3::map;
 use crate::scene::Triangles;

@@ -150,7 +150,7 @@ impl<const W: usize> PacketTree for BoxTree<W> {
 /// What slab tests need of the rays, per axis what coordinates are taken times, and what is added where rays enter
 /// and where they leave: [`box_tree::Slabs`], a ray to a lane.
 #[inline(always)]
-fn slabs<S: Simd, L: Width>(simd: S, packet: &Packet) -> [[L::Vector<S>; 3]; 3] {
+pub(super) fn slabs<S: Simd, L: Width>(simd: S, packet: &Packet) -> [[L::Vector<S>; 3]; 3] {
     [
         slab::<S, L>(simd, packet, 0),
         slab::<S, L>(simd, packet, 1),

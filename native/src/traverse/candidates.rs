@@ -95,21 +95,45 @@ pub(super) struct Candidates<S: Simd> {
     range: [[f32; LANES]; 2],
 }
 
-/// Corners less the origin and edges of the triangles of a block, a lane each.
-#[inline(always)]
-fn offsets<S: Simd>(simd: S, block: &[f32; SPAN], n: usize, ray: &FrameRay) -> [[f32x8<S>; 3]; 3] {
-    let splat = |x: f32| f32x8::splat(simd, x);
-    let row = |r: usize| f32x8::from_slice(simd, &block[1 + r * n..1 + r * n + LANES]);
-    let v = [row(0), row(1), row(2)];
-    [
+/// The triangles of a block, a lane each: what all rays have in common.
+pub(super) struct Edges<S: Simd> {
+    /// A corner.
+    corner: [f32x8<S>; 3],
+    /// The others less that one.
+    sides: [[f32x8<S>; 3]; 2],
+    /// How many there are.
+    count: usize,
+    /// The largest component of a side.
+    size: f32,
+}
+
+impl<S: Simd> Edges<S> {
+    /// Of the block of `n` triangles.
+    #[inline(always)]
+    pub(super) fn new(simd: S, block: &[f32; SPAN], n: usize) -> Self {
+        let row = |r: usize| f32x8::from_slice(simd, &block[1 + r * n..1 + r * n + LANES]);
+        let v = [row(0), row(1), row(2)];
+        Self {
+            corner: v,
+            sides: [
+                [row(3) - v[0], row(4) - v[1], row(5) - v[2]],
+                [row(6) - v[0], row(7) - v[1], row(8) - v[2]],
+            ],
+            count: n,
+            size: block[0],
+        }
+    }
+
+    /// The ray's origin less the corner.
+    #[inline(always)]
+    fn offset(&self, simd: S, ray: &FrameRay) -> [f32x8<S>; 3] {
+        let splat = |x: f32| f32x8::splat(simd, x);
         [
-            splat(ray.o[0]) - v[0],
-            splat(ray.o[1]) - v[1],
-            splat(ray.o[2]) - v[2],
-        ],
-        [row(3) - v[0], row(4) - v[1], row(5) - v[2]],
-        [row(6) - v[0], row(7) - v[1], row(8) - v[2]],
-    ]
+            splat(ray.o[0]) - self.corner[0],
+            splat(ray.o[1]) - self.corner[1],
+            splat(ray.o[2]) - self.corner[2],
+        ]
+    }
 }
 
 impl<S: Simd> Candidates<S> {
@@ -122,10 +146,11 @@ impl<S: Simd> Candidates<S> {
     /// Rejects every triangle that the ray certainly misses between its start and `reach`, by bounds for
     /// the block's largest.
     #[inline(always)]
-    pub(super) fn new(simd: S, block: &[f32; SPAN], n: usize, ray: &FrameRay, reach: f32) -> Self {
+    pub(super) fn new(simd: S, edges: &Edges<S>, ray: &FrameRay, reach: f32) -> Self {
         let splat = |x: f32| f32x8::splat(simd, x);
         let (dx, dy, dz) = (splat(ray.d[0]), splat(ray.d[1]), splat(ray.d[2]));
-        let [[sx, sy, sz], [ax, ay, az], [bx, by, bz]] = offsets(simd, block, n, ray);
+        let [sx, sy, sz] = edges.offset(simd, ray);
+        let [[ax, ay, az], [bx, by, bz]] = edges.sides;
 
         // p = d x e2, q = s x e1
         let px = dy.mul_sub(bz, dz * by);
@@ -144,11 +169,11 @@ impl<S: Simd> Candidates<S> {
         let (det, u, v, t) = (det * sign, u * sign, v * sign, t * sign);
         let least = u.min(v).min(det - u - v);
 
-        let errors = Errors::new(block[0], ray, reach);
+        let errors = Errors::new(edges.size, ray, reach);
         let limit = det.mul_add(splat(reach), splat(errors.doubt));
         let rejected = least.simd_lt(splat(-errors.uv)) | t.simd_gt(limit);
         Self {
-            lanes: !rejected.to_bitmask() & ((1 << n) - 1),
+            lanes: !rejected.to_bitmask() & ((1 << edges.count) - 1),
             det,
             t,
             least,
@@ -164,12 +189,12 @@ impl<S: Simd> Candidates<S> {
     pub(super) fn refine<Q: Query, C: Counters>(
         &mut self,
         simd: S,
-        block: &[f32; SPAN],
-        n: usize,
+        edges: &Edges<S>,
         ray: &FrameRay,
     ) {
         let splat = |x: f32| f32x8::splat(simd, x);
-        let [s, a, b] = offsets(simd, block, n, ray);
+        let s = edges.offset(simd, ray);
+        let [a, b] = edges.sides;
         let (blur, drift) = (ray.blur, 6.0 * ray.drift);
         let largest = |v: [f32x8<S>; 3]| v[0].abs().max(v[1].abs()).max(v[2].abs());
         let size = largest(a).max(largest(b)) + splat(blur);

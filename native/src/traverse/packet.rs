@@ -8,7 +8,7 @@
 //! ray's answer depends on its company: what its own walk would visit, the packet visits with it.
 
 use super::blocks::Blocks;
-use super::frame::PRUNE;
+use super::frame::{FrameRay, PRUNE};
 use super::query::{Counters, Query};
 use super::ray::{Hit, Ray};
 use super::tile::{Held, LANES, Row, bits};
@@ -173,6 +173,28 @@ impl Packet {
             lanes &= left & !self.odd;
         }
         Group { lanes, lead, signs }
+    }
+
+    /// What a walk of its own needs of a ray of the packet, unless it is odd: all but what only planes need.
+    #[inline(always)]
+    pub(super) fn framed(&self, lane: usize) -> Option<FrameRay<'static>> {
+        let of = |rows: &[Row; 3]| [rows[0][lane], rows[1][lane], rows[2][lane]];
+        let d = of(&self.d);
+        (self.odd >> lane & 1 == 0).then(|| FrameRay {
+            o: of(&self.o),
+            d,
+            inv: of(&self.inv),
+            slack: of(&self.slack),
+            still: d.map(|d| f32::from(u8::from(d != 0.0))),
+            negative: d.map(|d| u32::from(d.is_sign_negative())),
+            signs: self.signs[lane],
+            t_min: self.start[lane],
+            t_max: self.reach[lane],
+            span: self.span[lane],
+            to_frame: f64::from(self.to_frame[lane]),
+            last_place: self.last_place[lane],
+            ..FrameRay::NOTHING
+        })
     }
 
     /// Where each ray of a group enters the scene; the others nowhere.

@@ -10,10 +10,10 @@
 use super::blocks::Blocks;
 use super::bound::{keep_max_each, keep_min, keep_min_each};
 use super::box_tree::Slabs;
+use super::flight::{Next, Steps, topmost};
 use super::frame::FrameRay;
 use super::query::{Best, Counters, Query};
 use super::ray::Ray;
-use super::stream::{Next, Steps, topmost};
 use super::wide_tree::{Info, Line, OVER, PLANES, WideTree};
 use crate::build::plane_tree::MAX_DEPTH;
 use crate::scene::Triangles;

@@ -80,7 +80,7 @@ pub struct RayCounters {
     /// Triangles tested in f32.
     pub tests: u32,
     /// Candidates put to the exact verdict. Walks that do not count put fewer to it: shadow rays none of which
-    /// f32 is sure, rays in flight most often only the nearest.
+    /// f32 is sure, rays in streams or in flight most often only the nearest.
     pub verdicts: u32,
     /// What only some walks tell apart: cases of ray and plane ([`super::cases::NAMES`]), or what beams do
     /// ([`super::plane_beam::NAMES`]).

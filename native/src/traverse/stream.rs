@@ -1,346 +1,499 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Batches of rays that have nothing in common, which tiles cannot help: several are in flight, and those
-//! that need the same kind of step take it one after another.
+//! Streams of rays: thousands of rays that have nothing in common walk a tree of boxes, eight to a node, together. Each
+//! node is visited once for all those that meet it, with a list of them, and parts that list among its children (Tsakok
+//! 2009, Faster incoherent rays: multi-BVH ray stream tracing; Barringer and Akenine-Möller 2014, Dynamic ray stream
+//! traversal, whose streams are ordered by octants as these are).
 //!
-//! A single ray waits for its own arithmetic and fetches, and the processor cannot guess what comes next, a
-//! node or a leaf. Sorted by what they need, rays run through loops without such a question, and one ray's
-//! work fills the time in which another waits. What a ray needs next is asked for as soon as that is known: guessing
-//! wrong, the processor would else wait for memory before it found out, and for nothing of the other rays meanwhile.
+//! A single ray waits for its own arithmetic, and the processor cannot guess whether it goes on with a node or a leaf. Of a
+//! list each ray's step is independent of the next one's, and what is asked is the same for all of it: all boxes of
+//! the node against one ray after another, or all triangles of the leaf. What a visit itself takes is shared, though most
+//! lists are short: with a few thousand rays, three in the middle.
+//!
+//! The rays of one octant of directions make a stream, as they visit the children of any node in one order
+//! ([`super::box_flight`]). The streams take turns visit by visit, so that what one needs next has time to arrive while the
+//! others work.
 
-use super::batch::{self, Batch};
-use super::blocks::Blocks;
+use super::batch::Batch;
+use super::blocks::{Blocks, LANES, SPAN};
+use super::bound::{keep_max, keep_max_each, keep_min_each};
+use super::box_packet::slabs;
+use super::box_tree::{BoxTree, INNER, Slabs, Wide};
+use super::candidates::{Candidates, Edges};
 use super::frame::FrameRay;
 use super::late::Late;
-use super::query::{Best, Counters, NoCount, NoCountLate, Query};
-use super::ray::{Hit, Ray};
-use super::shadow_cache::ShadowCache;
-use crate::scene::Triangles;
-use fearless_simd::{Simd, dispatch};
+use super::packet::{MOST, Packet, Sixteen};
+use super::query::{Best, Closest, NoCountLate};
+use super::ray::Hit;
+use crate::geom::vec3::map;
+use fearless_simd::{
+    Bytes, Simd, SimdBase, SimdFloat, SimdMask, dispatch, f32x8, f32x16, mask32x16, u8x16, u32x16,
+    u64x2,
+};
+use prefetch_index::prefetch_index;
 
-/// Rays in flight. Fewer leave the processor waiting, more push one another out of its closest cache.
-const FLIGHT: usize = 16;
+/// Children of a node.
+const CHILDREN: usize = 8;
 
-/// While no more rays than these wait before leaves, the others go on.
-const LEAVES: usize = 8;
+/// Octants of directions.
+const OCTANTS: usize = 8;
 
-/// Nodes of no more bytes than this are not asked for ahead: they lie in caches from which they come soon enough.
-const CLOSE: usize = 4 << 20;
+/// Rays of a list whose masks are dealt out at once.
+const GROUP: usize = 16;
 
-/// What a ray needs next: the two highest bits of a word that names a node. A number, for rays are queued
-/// by it, which must not take a branch.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Next(usize);
+/// So many rays of a list are asked for ahead.
+const AHEAD: usize = 4;
 
-/// Kinds of [`Next`].
-const KINDS: usize = 4;
+/// For each octant and each mask of children, the same mask with the children in the order in which they wait, the farthest
+/// lowest: child `c` has the bit [`rank`].
+static RANKED: [[u8; 1 << CHILDREN]; OCTANTS] = ranked();
 
-impl Next {
-    /// A step through a plain node.
-    pub const PLAIN: Self = Self(0);
-    /// A step through a node of the other kind, if there is one.
-    pub const GENERAL: Self = Self(1);
-    /// The triangles of a leaf.
-    pub const LEAF: Self = Self(2);
-    /// Nothing: its walk is over.
-    pub const OVER: Self = Self(3);
-
-    /// The bits of a word.
-    pub const fn word(self) -> u32 {
-        (self.0 as u32) << 30
+const fn ranked() -> [[u8; 1 << CHILDREN]; OCTANTS] {
+    let mut table = [[0; 1 << CHILDREN]; OCTANTS];
+    let mut octant = 0;
+    while octant < OCTANTS {
+        let mut mask = 0;
+        while mask < 1 << CHILDREN {
+            let mut child = 0;
+            while child < CHILDREN {
+                table[octant][mask] |= ((mask >> child & 1) << rank(octant, child)) as u8;
+                child += 1;
+            }
+            mask += 1;
+        }
+        octant += 1;
     }
-
-    /// What a word says.
-    #[inline(always)]
-    pub const fn of(word: u32) -> Self {
-        Self((word >> 30) as usize)
-    }
+    table
 }
 
-/// The place on a stack of the last that waits and is entered no farther away than `reach`. The lowest is entered at
-/// once, and ends the walk: there is no question whether any waits.
+/// The place in the order of visits, the last one 0, of the child at a corner of a node; and the other way round.
 #[inline(always)]
-pub(super) fn topmost(enter: &[f32], waiting: usize, reach: f32) -> usize {
-    let mut top = waiting - 1;
-    while enter[top] > reach {
-        top -= 1;
-    }
-    top
+const fn rank(octant: usize, child: usize) -> usize {
+    (CHILDREN - 1) ^ child ^ octant
 }
 
-/// A way of walking a tree that can be interrupted after each step.
-pub trait Steps: Sync {
-    /// How far a ray has come.
-    type Course;
-
-    /// Of no ray.
-    fn course(&self) -> Self::Course;
-
-    /// A ray sets out.
-    fn begin(&self, ray: &FrameRay, course: &mut Self::Course);
-
-    /// What the ray needs next.
-    fn next(&self, course: &Self::Course) -> Next;
-
-    /// A step through a plain node, then to what lies nearer than `reach`.
-    fn plain<S: Simd>(&self, simd: S, course: &mut Self::Course, reach: f32);
-
-    /// A step through a node of the other kind; in trees of one kind there is nothing to do.
-    #[inline(always)]
-    fn general<S: Simd>(&self, simd: S, ray: &FrameRay, course: &mut Self::Course, reach: f32) {
-        let _ = (simd, ray, course, reach);
-    }
-
-    /// Size of the nodes in bytes.
-    fn bytes(&self) -> usize;
-
-    /// Asks for the plain node that the ray needs next.
-    fn fetch_plain(&self, course: &Self::Course);
-
-    /// Asks for the node of the other kind that the ray needs next.
-    #[inline(always)]
-    fn fetch_general(&self, course: &Self::Course) {
-        let _ = course;
-    }
-
-    /// Asks for the leaf that the ray needs next.
-    fn fetch_leaf(&self, blocks: &Blocks, course: &Self::Course);
-
-    /// Tests the triangles of a leaf.
-    fn leaf<S: Simd, Q: Query, C: Counters>(
-        &self,
-        simd: S,
-        triangles: (&Triangles, &Blocks),
-        ray: (&Ray, &FrameRay),
-        course: (&mut Self::Course, &mut Best),
-        counters: &mut C,
-    );
+/// What slab tests need of a ray, as [`Slabs`] says it.
+struct Line {
+    inv: [f32; 3],
+    near: [f32; 3],
+    far: [f32; 3],
+    start: f32,
+    /// That of the ray's best hit: it is asked for with the rest.
+    reach: f32,
 }
 
-/// A walk by steps as one of single rays.
-pub struct Alone<'a, W>(pub &'a W);
-
-impl<W: Steps> batch::Walk for Alone<'_, W> {
-    type Scratch = W::Course;
-
-    fn scratch(&self) -> Self::Scratch {
-        self.0.course()
+impl Line {
+    #[inline(always)]
+    fn new(ray: &FrameRay, inv: [f32; 3], near: [f32; 3], far: [f32; 3]) -> Self {
+        Self {
+            inv,
+            near,
+            far,
+            start: ray.t_min,
+            reach: ray.t_max,
+        }
     }
 
+    /// A bit for each box that the ray may hit something in. `near` and `far` are the sides of entry and of leaving.
     #[inline(always)]
-    fn cast<S: Simd, Q: Query, C: Counters>(
+    fn meets<S: Simd>(&self, simd: S, near: &[f32x8<S>; 3], far: &[f32x8<S>; 3]) -> u64 {
+        let mut enter = f32x8::splat(simd, self.start);
+        let mut leave = f32x8::splat(simd, self.reach);
+        for k in 0..3 {
+            let inv = f32x8::splat(simd, self.inv[k]);
+            let soon = near[k].mul_add(inv, f32x8::splat(simd, self.near[k]));
+            let late = far[k].mul_add(inv, f32x8::splat(simd, self.far[k]));
+            // What is not a number bounds nothing.
+            enter = keep_max_each(soon, enter);
+            leave = keep_min_each(late, leave);
+        }
+        enter.simd_le(leave).to_bitmask()
+    }
+
+    /// Whether the ray enters a box, of which it may hit something, before its best hit. `near` are the sides of entry.
+    #[inline(always)]
+    fn enters(&self, near: [f32; 3]) -> bool {
+        let mut enter = self.start;
+        for k in 0..3 {
+            enter = keep_max(near[k] * self.inv[k] + self.near[k], enter);
+        }
+        enter <= self.reach
+    }
+}
+
+/// A ray on its way, with what its walk needs of a [`FrameRay`], which is larger: thousands of rays are in use at once.
+#[repr(align(64))]
+struct Course {
+    line: Line,
+    /// The ray's place in the batch.
+    place: u32,
+    o: [f32; 3],
+    d: [f32; 3],
+    span: f32,
+    last_place: f32,
+    to_frame: f64,
+    best: Best,
+}
+
+impl Course {
+    /// Of a ray of the scene.
+    #[inline(always)]
+    fn new(place: usize, ray: &FrameRay, line: Line) -> Self {
+        debug_assert!(ray.place.is_none() && ray.shift == 0.0, "of the scene");
+        Self {
+            line,
+            place: small(place),
+            o: ray.o,
+            d: ray.d,
+            span: ray.span,
+            last_place: ray.last_place,
+            to_frame: ray.to_frame,
+            best: Best::new(ray),
+        }
+    }
+
+    /// What leaves need of the ray. `scene`: whether coordinates are the scene's own.
+    #[inline(always)]
+    fn ray(&self, scene: bool) -> FrameRay<'static> {
+        FrameRay {
+            o: self.o,
+            d: self.d,
+            still: map(self.d, |d| f32::from(u8::from(d != 0.0 || !scene))),
+            t_min: self.line.start,
+            t_max: self.line.reach,
+            span: self.span,
+            to_frame: self.to_frame,
+            last_place: self.last_place,
+            ..FrameRay::NOTHING
+        }
+    }
+
+    /// Tests a block of `n` triangles.
+    #[inline(always)]
+    fn test<S: Simd>(
+        &mut self,
+        simd: S,
+        batch: &Batch<'_>,
+        (block, n): (&[f32; SPAN], usize),
+        edges: &Edges<S>,
+    ) {
+        let ray = self.ray(batch.frame.is_scene());
+        let mut open = Candidates::new(simd, edges, &ray, self.line.reach);
+        if open.any() {
+            open.refine::<Closest, NoCountLate>(simd, edges, &ray);
+            batch.blocks.settle::<S, Closest, _>(
+                simd,
+                open,
+                (block, n, batch.scene),
+                (&batch.rays[self.place as usize], &ray),
+                &mut self.best,
+                &mut NoCountLate,
+            );
+            self.line.reach = self.best.reach;
+        }
+    }
+
+    /// Asks for all of it.
+    #[inline(always)]
+    fn fetch_ahead(&self) {
+        prefetch_index(self.line.inv.as_slice(), 0);
+        prefetch_index(self.d.as_slice(), 2);
+        prefetch_index(std::slice::from_ref(&self.best), 0);
+        prefetch_index(std::slice::from_ref(&self.best.reach), 0);
+    }
+}
+
+/// A child of a node, to be visited by those rays that meet it.
+#[derive(Clone, Copy)]
+struct Waiting {
+    link: u32,
+    count: u32,
+    /// Its node and its lane there.
+    node: u32,
+    lane: u32,
+    /// Where its list begins, and how long it is.
+    first: u32,
+    rays: u32,
+}
+
+/// The rays of one octant.
+struct Stream {
+    octant: usize,
+    /// Lists of places in the batch, those of what is visited sooner above; more is read and written than is in them.
+    lists: Vec<u32>,
+    /// What waits, the next one last.
+    waiting: Vec<Waiting>,
+}
+
+impl Stream {
+    /// Before the first ray.
+    fn new(octant: usize) -> Self {
+        Self {
+            octant,
+            lists: Vec::new(),
+            waiting: Vec::new(),
+        }
+    }
+
+    /// All rays set out from the root.
+    fn begin(&mut self) {
+        let rays = small(self.lists.len());
+        self.waiting.push(Waiting {
+            link: 0,
+            count: INNER,
+            node: 0,
+            lane: 0,
+            first: 0,
+            rays,
+        });
+    }
+
+    /// Visits a node: the children that any of its rays meet wait, the nearest one last.
+    #[inline(always)]
+    fn node<S: Simd>(
+        &mut self,
+        simd: S,
+        node: &Wide<CHILDREN>,
+        courses: &[Course],
+        own: Waiting,
+        masks: &mut Vec<u8x16<S>>,
+    ) {
+        let octant = self.octant % OCTANTS;
+        let zero = f32x8::splat(simd, 0.0);
+        let (mut near, mut far) = ([zero; 3], [zero; 3]);
+        for k in 0..3 {
+            let back = octant >> k & 1;
+            near[k] = f32x8::from_slice(simd, &node.bounds[k + 3 * back]);
+            far[k] = f32x8::from_slice(simd, &node.bounds[k + 3 * (1 - back)]);
+        }
+        let (first, end) = (own.first as usize, (own.first + own.rays) as usize);
+        let child = |at: usize, list: (u32, u32)| Waiting {
+            link: node.link[at],
+            count: node.count[at],
+            node: own.link,
+            lane: at as u32,
+            first: list.0,
+            rays: list.1,
+        };
+        if own.rays == 1 {
+            // All its children have the same list.
+            let line = &courses[self.lists[first] as usize].line;
+            let met = line.meets(simd, &near, &far) as usize;
+            let mut left = RANKED[octant][met % (1 << CHILDREN)];
+            while left != 0 {
+                let at = rank(octant, left.trailing_zeros() as usize) % CHILDREN;
+                left &= left - 1;
+                if node.count[at] != 0 {
+                    self.waiting.push(child(at, (own.first, 1)));
+                }
+            }
+            return;
+        }
+        let mut some = 0;
+        masks.clear();
+        for group in self.lists[first..end].chunks(GROUP) {
+            // Eight bits a ray, gathered in registers: bytes would have to reach memory before they are read as vectors.
+            let mut words = [0; 2];
+            for (word, rays) in words.iter_mut().zip(group.chunks(8)) {
+                for (i, &ray) in rays.iter().enumerate() {
+                    *word |= courses[ray as usize].line.meets(simd, &near, &far) << (8 * i);
+                }
+                some |= *word;
+            }
+            masks.push(u64x2::from_slice(simd, &words).bitcast());
+        }
+        some |= some >> 32;
+        some |= some >> 16;
+        some |= some >> 8;
+        // What waits has its lists below.
+        let mut top = end;
+        let mut left = RANKED[octant][some as usize % (1 << CHILDREN)];
+        // Room for all, and for what is written beyond the last.
+        let most = top + left.count_ones() as usize * (end - first) + GROUP;
+        if self.lists.len() < most {
+            self.lists.resize(2 * most, 0);
+        }
+        while left != 0 {
+            let at = rank(octant, left.trailing_zeros() as usize) % CHILDREN;
+            left &= left - 1;
+            // A ray of which no axis decides anything meets places without a box, too.
+            if node.count[at] == 0 {
+                continue;
+            }
+            let bit = u8x16::splat(simd, 1 << at);
+            let begins = top;
+            for (group, masks) in masks.iter().enumerate() {
+                let lanes = (*masks & bit).simd_eq(bit).to_bitmask();
+                let from = first + GROUP * group;
+                let rays: f32x16<S> =
+                    u32x16::from_slice(simd, &self.lists[from..from + GROUP]).bitcast();
+                let rays: u32x16<S> = rays
+                    .compress(mask32x16::from_bitmask(simd, lanes))
+                    .bitcast();
+                rays.store_slice(&mut self.lists[top..top + GROUP]);
+                top += lanes.count_ones() as usize;
+            }
+            let list = (small(begins), small(top - begins));
+            self.waiting.push(child(at, list));
+        }
+    }
+
+    /// Visits a leaf.
+    #[inline(always)]
+    fn leaf<S: Simd>(
         &self,
         simd: S,
-        triangles: (&Triangles, &Blocks),
-        ray: (&Ray, &FrameRay),
-        course: &mut Self::Scratch,
-        counters: &mut C,
-    ) -> Hit {
-        let walk = self.0;
-        let mut best = Best::new(ray.1);
-        walk.begin(ray.1, course);
-        loop {
-            match walk.next(course) {
-                Next::PLAIN => {
-                    counters.step_axis();
-                    walk.plain(simd, course, best.reach);
+        (batch, tree): (&Batch<'_>, &BoxTree<CHILDREN>),
+        courses: &mut [Course],
+        own: Waiting,
+    ) {
+        let bounds = &tree.nodes[own.node as usize].bounds;
+        let side = |k: usize| bounds[k + 3 * (self.octant >> k & 1)][own.lane as usize % CHILDREN];
+        let near = [side(0), side(1), side(2)];
+        let list = &self.lists[own.first as usize..(own.first + own.rays) as usize];
+        let (mut at, mut left) = (own.link, own.count as usize);
+        while left > 0 {
+            let n = left.min(LANES);
+            let (block, next) = batch.blocks.block(at, n);
+            let edges = Edges::new(simd, block, n);
+            for (i, &place) in list.iter().enumerate() {
+                if let Some(&later) = list.get(i + AHEAD) {
+                    courses[later as usize].fetch_ahead();
                 }
-                Next::GENERAL => {
-                    counters.step_oblique();
-                    walk.general(simd, ray.1, course, best.reach);
+                let course = &mut courses[place as usize];
+                if course.line.enters(near) {
+                    course.test(simd, batch, (block, n), &edges);
                 }
-                Next::LEAF => {
-                    walk.leaf::<S, Q, C>(simd, triangles, ray, (course, &mut best), counters);
-                }
-                _ => return best.hit(),
+            }
+            (at, left) = (next, left - n);
+        }
+    }
+
+    /// Asks for what the next visit needs.
+    #[inline(always)]
+    fn fetch_ahead(&self, (tree, blocks): (&BoxTree<CHILDREN>, &Blocks), courses: &[Course]) {
+        let Some(next) = self.waiting.last() else {
+            return;
+        };
+        let first = next.first as usize;
+        let list = &self.lists[first..first + AHEAD.min(next.rays as usize)];
+        tree.fetch_ahead((next.link, next.count), blocks);
+        for &place in list {
+            if next.count == INNER {
+                prefetch_index(courses[place as usize].line.inv.as_slice(), 0);
+            } else {
+                courses[place as usize].fetch_ahead();
             }
         }
     }
 }
 
-/// A ray in flight.
-struct Flight<'a, W: Steps> {
-    /// The ray's place in the batch.
-    place: usize,
-    frame: FrameRay<'a>,
-    best: Best,
-    course: W::Course,
-}
-
-/// Rays in flight by what they need next.
-struct Queues {
-    rays: [u8; KINDS * FLIGHT],
-    count: [usize; KINDS],
-}
-
-impl Queues {
-    /// Queues a ray.
-    #[inline(always)]
-    fn push(&mut self, Next(kind): Next, ray: u8) {
-        let count = &mut self.count[kind % KINDS];
-        self.rays[(kind * FLIGHT + *count) % (KINDS * FLIGHT)] = ray;
-        *count += 1;
-    }
-
-    /// Empties a queue: how many rays it had. They stay readable while no more are queued than were read.
-    #[inline(always)]
-    fn take(&mut self, Next(kind): Next) -> usize {
-        std::mem::take(&mut self.count[kind])
-    }
-
-    /// A ray of a queue that was emptied.
-    #[inline(always)]
-    fn ray(&self, Next(kind): Next, i: usize) -> u8 {
-        self.rays[kind * FLIGHT + i % FLIGHT]
-    }
-
-    #[inline(always)]
-    fn count(&self, Next(kind): Next) -> usize {
-        self.count[kind]
-    }
+/// Lists are no longer than the batch.
+#[inline(always)]
+#[expect(clippy::cast_possible_truncation, reason = "batches are small")]
+fn small(x: usize) -> u32 {
+    x as u32
 }
 
 impl<'a> Batch<'a> {
-    /// Walks the rays, several at a time, and hands each answer to `write` with the ray's place, in no
-    /// particular order.
-    pub fn stream<W: Steps, Q: Query>(&self, walk: &W, mut write: impl FnMut(usize, Hit)) {
-        dispatch!(self.level, simd => self.fly::<_, _, Q>(simd, walk, &mut write));
+    /// Walks the rays in streams to their nearest hits through a tree whose children are [`BoxTree::by_corners`], and
+    /// hands each answer to `write` with the ray's place, in no particular order.
+    pub fn streams(&self, tree: &BoxTree<CHILDREN>, mut write: impl FnMut(usize, Hit)) {
+        dispatch!(self.level, simd => self.streaming(simd, tree, &mut write));
     }
 
     #[inline(always)]
-    fn fly<S: Simd, W: Steps, Q: Query>(
+    fn streaming<S: Simd>(
         &self,
         simd: S,
-        walk: &W,
+        tree: &BoxTree<CHILDREN>,
         write: &mut impl FnMut(usize, Hit),
     ) {
-        let triangles = (self.scene, self.blocks);
-        let mut cache = self.cache::<Q>();
+        let mut courses = Vec::with_capacity(self.rays.len());
+        let mut streams: Vec<_> = (0..OCTANTS).map(Stream::new).collect();
+        self.set_out(simd, |place, ray| match ray {
+            Some((signs, course)) => {
+                streams[signs as usize % OCTANTS]
+                    .lists
+                    .push(small(courses.len()));
+                courses.push(course);
+            }
+            None => write(place, Hit::MISS),
+        });
+        streams.retain(|stream| !stream.lists.is_empty());
+        streams.iter_mut().for_each(Stream::begin);
+        let mut masks = Vec::new();
+        while !streams.is_empty() {
+            let mut over = false;
+            for stream in &mut streams {
+                let Some(next) = stream.waiting.pop() else {
+                    over = true;
+                    continue;
+                };
+                if next.count == INNER {
+                    let node = &tree.nodes[next.link as usize];
+                    stream.node(simd, node, &courses, next, &mut masks);
+                } else {
+                    stream.leaf(simd, (self, tree), &mut courses, next);
+                }
+                stream.fetch_ahead((tree, self.blocks), &courses);
+            }
+            if over {
+                streams.retain(|stream| !stream.waiting.is_empty());
+            }
+        }
         let mut late = Late::new();
-        let far = walk.bytes() > CLOSE;
-        let mut following = 0;
-        let mut flights: Vec<Flight<'a, W>> = Vec::with_capacity(FLIGHT);
-        let mut queues = Queues {
-            rays: [0; KINDS * FLIGHT],
-            count: [0; KINDS],
-        };
-        // At first all places are free.
-        for i in 0..FLIGHT.min(self.rays.len()) {
-            flights.push(Flight {
-                place: usize::MAX,
-                frame: FrameRay::NOTHING,
-                best: Best::blank(),
-                course: walk.course(),
-            });
-            #[expect(clippy::cast_possible_truncation, reason = "a few")]
-            queues.push(Next::OVER, i as u8);
-        }
-        loop {
-            for i in 0..queues.take(Next::OVER) {
-                let ray = queues.ray(Next::OVER, i);
-                let flight = &mut flights[ray as usize];
-                if let Some(own) = self.rays.get(flight.place) {
-                    match flight.best.held() {
-                        Some(held) if self.frame.is_scene() => {
-                            let ray = (flight.place, self.rays);
-                            late.push(simd, ray, &flight.frame, held, write);
-                        }
-                        _ => {
-                            let hit = flight.best.answer((own, &flight.frame));
-                            if Q::ANY
-                                && let Some(cache) = &mut cache
-                            {
-                                cache.remember(cache.entry(own), &hit);
-                            }
-                            write(flight.place, hit);
-                        }
-                    }
+        for course in &mut courses {
+            let place = course.place as usize;
+            let ray = course.ray(self.frame.is_scene());
+            match course.best.held() {
+                Some(held) if self.frame.is_scene() => {
+                    late.push(simd, (place, self.rays), &ray, held, write);
                 }
-                if self.embark::<W, Q>(walk, &mut following, flight, &cache, write) {
-                    queues.push(walk.next(&flight.course), ray);
-                }
-            }
-            let mut fetched = 0;
-            loop {
-                let plain = queues.take(Next::PLAIN);
-                for i in 0..if far { plain } else { 0 } {
-                    let ray = queues.ray(Next::PLAIN, i);
-                    walk.fetch_plain(&flights[ray as usize].course);
-                }
-                for i in 0..plain {
-                    let ray = queues.ray(Next::PLAIN, i);
-                    let flight = &mut flights[ray as usize];
-                    walk.plain(simd, &mut flight.course, flight.best.reach);
-                    queues.push(walk.next(&flight.course), ray);
-                }
-                let general = queues.take(Next::GENERAL);
-                for i in 0..if far { general } else { 0 } {
-                    let ray = queues.ray(Next::GENERAL, i);
-                    walk.fetch_general(&flights[ray as usize].course);
-                }
-                for i in 0..general {
-                    let ray = queues.ray(Next::GENERAL, i);
-                    let flight = &mut flights[ray as usize];
-                    let reach = flight.best.reach;
-                    walk.general(simd, &flight.frame, &mut flight.course, reach);
-                    queues.push(walk.next(&flight.course), ray);
-                }
-                // The sooner leaves are asked for, the more steps of other rays lie between.
-                for i in fetched..queues.count(Next::LEAF) {
-                    let ray = queues.ray(Next::LEAF, i);
-                    walk.fetch_leaf(self.blocks, &flights[ray as usize].course);
-                }
-                fetched = queues.count(Next::LEAF);
-                let inner = queues.count(Next::PLAIN) + queues.count(Next::GENERAL);
-                // Leaves are long in coming.
-                if inner == 0 || queues.count(Next::LEAF) + queues.count(Next::OVER) > LEAVES {
-                    break;
-                }
-            }
-            let leaves = queues.take(Next::LEAF);
-            for i in 0..leaves {
-                let ray = queues.ray(Next::LEAF, i);
-                let flight = &mut flights[ray as usize];
-                let own = (&self.rays[flight.place], &flight.frame);
-                let course = (&mut flight.course, &mut flight.best);
-                walk.leaf::<S, Q, _>(simd, triangles, own, course, &mut NoCountLate);
-                queues.push(walk.next(&flight.course), ray);
-            }
-            if queues.count == [0; KINDS] {
-                late.settle(simd, self.rays, write);
-                return;
+                _ => write(place, course.best.answer((&self.rays[place], &ray))),
             }
         }
+        late.settle(simd, self.rays, write);
     }
 
-    /// Sends the next ray off that has to be walked, if there is one, and answers those before it.
+    /// Brings the rays into the frame, sixteen at once, and hands each to `take` with its place in the batch, the signs
+    /// of its direction and how it sets out; of one that misses the scene only its place.
     #[inline(always)]
-    fn embark<W: Steps, Q: Query>(
-        &self,
-        walk: &W,
-        following: &mut usize,
-        flight: &mut Flight<'a, W>,
-        cache: &Option<ShadowCache>,
-        write: &mut impl FnMut(usize, Hit),
-    ) -> bool {
-        while let Some(ray) = self.rays.get(*following) {
-            let place = *following;
-            *following += 1;
-            let Some(framed) = self.framed(place) else {
-                write(place, Hit::MISS);
-                continue;
-            };
-            if Q::ANY
-                && let Some(hit) = self.cached(cache, (ray, &framed), &mut NoCount)
-            {
-                write(place, hit);
-                continue;
+    fn set_out<S: Simd>(&self, simd: S, mut take: impl FnMut(usize, Option<(u32, Course)>)) {
+        let mut packet = Packet::default();
+        for (chunk, rays) in self.rays.chunks(MOST).enumerate() {
+            let first = MOST * chunk;
+            packet.count = rays.len();
+            for (i, place) in packet.places.iter_mut().enumerate().take(rays.len()) {
+                *place = first + i;
             }
-            flight.place = place;
-            flight.best = Best::new(&framed);
-            walk.begin(&framed, &mut flight.course);
-            flight.frame = framed;
-            return true;
+            let there = packet.fill(simd, self.frame, self.rays, None);
+            let mut rows = [[[0.0; MOST]; 3]; 3];
+            for (rows, slabs) in rows.iter_mut().zip(slabs::<S, Sixteen>(simd, &packet)) {
+                for (row, slab) in rows.iter_mut().zip(slabs) {
+                    slab.store_slice(row);
+                }
+            }
+            for lane in 0..rays.len().min(MOST) {
+                let place = first + lane;
+                let course = match packet.framed(lane) {
+                    Some(ray) if there >> lane & 1 == 1 => {
+                        let row = |of: usize| map([0, 1, 2], |k: usize| rows[k][of][lane]);
+                        let line = Line::new(&ray, row(0), row(1), row(2));
+                        Some((ray.signs, Course::new(place, &ray, line)))
+                    }
+                    Some(_) => None,
+                    // It is odd in some way.
+                    None => self.framed(place).map(|ray| {
+                        let Slabs { inv, near, far, .. } = Slabs::new(&ray);
+                        let line = Line::new(&ray, inv, near, far);
+                        (ray.signs, Course::new(place, &ray, line))
+                    }),
+                };
+                take(place, course);
+            }
         }
-        false
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -7,7 +7,7 @@
 //! more hold normals; to a node worked out at once an oblique plane costs hardly more than another.
 //! Leaves are those of the binary tree.
 
-use super::stream::Next;
+use super::flight::Next;
 use crate::build::plane_tree::{Node, PlaneTree};
 use prefetch_index::prefetch_index;
 

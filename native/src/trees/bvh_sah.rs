@@ -45,7 +45,7 @@ const TRAVERSAL: ParamSpec = ParamSpec {
     label: "Traversal",
     doc: "How rays walk the tree. ordered: one by one, the nearest box first. wide: several rays in flight, boxes in \
           the order of the direction's octant, many in random order sorted by where they start. auto: whatever is quickest \
-          for a batch: tile8 for camera rays and for shadow rays, wide for others. tile8, tile16: camera rays in tiles \
+          for a batch: tile8 for camera rays and for shadow rays, streams of thousands for others. tile8, tile16: camera rays in tiles \
           of 64 or 256, shadow rays of one light in tiles of 64 from the light; tiles whose rays drift apart are \
           split into packets. p4, p8, p16: packets of 4, 8 or 16 rays, one to a lane, \
           shadow rays always in packets of 16. Shadow rays are counted as ordered walks them. All but ordered need eight \

@@ -28,7 +28,11 @@ use std::sync::Arc;
 #[cfg(test)]
 pub use odd::strew;
 pub use random::Random;
+#[cfg(test)]
+pub use rays::everywhere;
 pub use rays::{aimed, lattice_rays, ray};
+#[cfg(test)]
+pub use shapes::cloud;
 pub use shapes::{box_triangles, grid, placed, soup};
 
 /// How large the scenes are and how many rays they get.

@@ -49,8 +49,9 @@ proptest! {
             let block = blocks.block_words(at);
             for &(farthest, reach) in &reaches {
                 let (mask, sure) = dispatch!(Level::new(), simd => {
-                    let mut open = Candidates::new(simd, block, n, &framed, reach);
-                    open.refine::<Closest, NoCountLate>(simd, block, n, &framed);
+                    let edges = Edges::new(simd, block, n);
+                    let mut open = Candidates::new(simd, &edges, &framed, reach);
+                    open.refine::<Closest, NoCountLate>(simd, &edges, &framed);
                     (open.lanes, std::array::from_fn::<_, LANES, _>(|lane| open.sure(lane)))
                 });
                 for (lane, &id) in ids.iter().enumerate() {
