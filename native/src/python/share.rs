@@ -11,7 +11,7 @@ use std::thread::Builder;
 
 /// Rays handed to a worker at once: enough to forget the cost of handing them over, and to learn whether they go
 /// well in tiles; few enough to stay in its cache.
-pub const CHUNK: usize = 4096;
+pub const CHUNK: usize = 8192;
 
 /// Runs `work` on chunks of rays, their answers and their counters, on `threads` threads.
 ///

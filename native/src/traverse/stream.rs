@@ -14,7 +14,7 @@
 //! others work.
 
 use super::batch::Batch;
-use super::blocks::{Blocks, LANES, SPAN};
+use super::blocks::{LANES, SPAN};
 use super::bound::{keep_max, keep_max_each, keep_min_each};
 use super::box_packet::slabs;
 use super::box_tree::{BoxTree, INNER, Slabs, Wide};
@@ -121,27 +121,25 @@ impl Line {
 }
 
 /// A ray on its way, with what its walk needs of a [`FrameRay`], which is larger: thousands of rays are in use at once.
-#[repr(align(64))]
+/// A step through a node reads one line of the caches.
+#[repr(C, align(64))]
 struct Course {
     line: Line,
-    /// The ray's place in the batch.
-    place: u32,
-    o: [f32; 3],
-    d: [f32; 3],
     span: f32,
     last_place: f32,
     to_frame: f64,
+    o: [f32; 3],
+    d: [f32; 3],
     best: Best,
 }
 
 impl Course {
     /// Of a ray of the scene.
     #[inline(always)]
-    fn new(place: usize, ray: &FrameRay, line: Line) -> Self {
+    fn new(ray: &FrameRay, line: Line) -> Self {
         debug_assert!(ray.place.is_none() && ray.shift == 0.0, "of the scene");
         Self {
             line,
-            place: small(place),
             o: ray.o,
             d: ray.d,
             span: ray.span,
@@ -172,7 +170,7 @@ impl Course {
     fn test<S: Simd>(
         &mut self,
         simd: S,
-        batch: &Batch<'_>,
+        (batch, place): (&Batch<'_>, usize),
         (block, n): (&[f32; SPAN], usize),
         edges: &Edges<S>,
     ) {
@@ -184,7 +182,7 @@ impl Course {
                 simd,
                 open,
                 (block, n, batch.scene),
-                (&batch.rays[self.place as usize], &ray),
+                (&batch.rays[place], &ray),
                 &mut self.best,
                 &mut NoCountLate,
             );
@@ -195,10 +193,10 @@ impl Course {
     /// Asks for all of it.
     #[inline(always)]
     fn fetch_ahead(&self) {
-        prefetch_index(self.line.inv.as_slice(), 0);
-        prefetch_index(self.d.as_slice(), 2);
-        prefetch_index(std::slice::from_ref(&self.best), 0);
-        prefetch_index(std::slice::from_ref(&self.best.reach), 0);
+        prefetch_index(std::slice::from_ref(&self.line), 0);
+        prefetch_index(self.o.as_slice(), 0);
+        // The best hit lies behind, and a line of the caches is sixteen numbers long.
+        prefetch_index(self.o.as_slice(), 16);
     }
 }
 
@@ -225,11 +223,11 @@ struct Stream {
 }
 
 impl Stream {
-    /// Before the first ray.
-    fn new(octant: usize) -> Self {
+    /// Before the first ray, with room for so many in its lists.
+    fn new(octant: usize, room: usize) -> Self {
         Self {
             octant,
-            lists: Vec::new(),
+            lists: Vec::with_capacity(room),
             waiting: Vec::new(),
         }
     }
@@ -358,10 +356,11 @@ impl Stream {
             for (i, &place) in list.iter().enumerate() {
                 if let Some(&later) = list.get(i + AHEAD) {
                     courses[later as usize].fetch_ahead();
+                    prefetch_index(batch.rays, later as usize);
                 }
                 let course = &mut courses[place as usize];
                 if course.line.enters(near) {
-                    course.test(simd, batch, (block, n), &edges);
+                    course.test(simd, (batch, place as usize), (block, n), &edges);
                 }
             }
             (at, left) = (next, left - n);
@@ -370,18 +369,19 @@ impl Stream {
 
     /// Asks for what the next visit needs.
     #[inline(always)]
-    fn fetch_ahead(&self, (tree, blocks): (&BoxTree<CHILDREN>, &Blocks), courses: &[Course]) {
+    fn fetch_ahead(&self, (batch, tree): (&Batch<'_>, &BoxTree<CHILDREN>), courses: &[Course]) {
         let Some(next) = self.waiting.last() else {
             return;
         };
         let first = next.first as usize;
         let list = &self.lists[first..first + AHEAD.min(next.rays as usize)];
-        tree.fetch_ahead((next.link, next.count), blocks);
+        tree.fetch_ahead((next.link, next.count), batch.blocks);
         for &place in list {
             if next.count == INNER {
-                prefetch_index(courses[place as usize].line.inv.as_slice(), 0);
+                prefetch_index(std::slice::from_ref(&courses[place as usize].line), 0);
             } else {
                 courses[place as usize].fetch_ahead();
+                prefetch_index(batch.rays, place as usize);
             }
         }
     }
@@ -408,17 +408,9 @@ impl<'a> Batch<'a> {
         tree: &BoxTree<CHILDREN>,
         write: &mut impl FnMut(usize, Hit),
     ) {
-        let mut courses = Vec::with_capacity(self.rays.len());
-        let mut streams: Vec<_> = (0..OCTANTS).map(Stream::new).collect();
-        self.set_out(simd, |place, ray| match ray {
-            Some((signs, course)) => {
-                streams[signs as usize % OCTANTS]
-                    .lists
-                    .push(small(courses.len()));
-                courses.push(course);
-            }
-            None => write(place, Hit::MISS),
-        });
+        let room = 2 * self.rays.len();
+        let mut streams: Vec<_> = (0..OCTANTS).map(|i| Stream::new(i, room)).collect();
+        let mut courses = self.set_out(simd, &mut streams);
         streams.retain(|stream| !stream.lists.is_empty());
         streams.iter_mut().for_each(Stream::begin);
         let mut masks = Vec::new();
@@ -435,15 +427,14 @@ impl<'a> Batch<'a> {
                 } else {
                     stream.leaf(simd, (self, tree), &mut courses, next);
                 }
-                stream.fetch_ahead((tree, self.blocks), &courses);
+                stream.fetch_ahead((self, tree), &courses);
             }
             if over {
                 streams.retain(|stream| !stream.waiting.is_empty());
             }
         }
         let mut late = Late::new();
-        for course in &mut courses {
-            let place = course.place as usize;
+        for (place, course) in courses.iter_mut().enumerate() {
             let ray = course.ray(self.frame.is_scene());
             match course.best.held() {
                 Some(held) if self.frame.is_scene() => {
@@ -455,10 +446,10 @@ impl<'a> Batch<'a> {
         late.settle(simd, self.rays, write);
     }
 
-    /// Brings the rays into the frame, sixteen at once, and hands each to `take` with its place in the batch, the signs
-    /// of its direction and how it sets out; of one that misses the scene only its place.
+    /// Brings the rays into the frame, sixteen at once, and puts those that meet the scene on the list of their octant.
     #[inline(always)]
-    fn set_out<S: Simd>(&self, simd: S, mut take: impl FnMut(usize, Option<(u32, Course)>)) {
+    fn set_out<S: Simd>(&self, simd: S, streams: &mut [Stream]) -> Vec<Course> {
+        let mut courses = Vec::with_capacity(self.rays.len());
         let mut packet = Packet::default();
         for (chunk, rays) in self.rays.chunks(MOST).enumerate() {
             let first = MOST * chunk;
@@ -476,22 +467,31 @@ impl<'a> Batch<'a> {
             for lane in 0..rays.len().min(MOST) {
                 let place = first + lane;
                 let course = match packet.framed(lane) {
-                    Some(ray) if there >> lane & 1 == 1 => {
+                    Some(ray) => (there >> lane & 1 == 1).then(|| {
                         let row = |of: usize| map([0, 1, 2], |k: usize| rows[k][of][lane]);
                         let line = Line::new(&ray, row(0), row(1), row(2));
-                        Some((ray.signs, Course::new(place, &ray, line)))
-                    }
-                    Some(_) => None,
+                        (ray.signs, Course::new(&ray, line))
+                    }),
                     // It is odd in some way.
                     None => self.framed(place).map(|ray| {
                         let Slabs { inv, near, far, .. } = Slabs::new(&ray);
                         let line = Line::new(&ray, inv, near, far);
-                        (ray.signs, Course::new(place, &ray, line))
+                        (ray.signs, Course::new(&ray, line))
                     }),
                 };
-                take(place, course);
+                courses.push(match course {
+                    Some((signs, course)) => {
+                        streams[signs as usize % OCTANTS].lists.push(small(place));
+                        course
+                    }
+                    None => {
+                        let ray = FrameRay::NOTHING;
+                        Course::new(&ray, Line::new(&ray, [0.0; 3], [0.0; 3], [0.0; 3]))
+                    }
+                });
             }
         }
+        courses
     }
 }
 
