@@ -40,6 +40,7 @@ _FRAME = "native/src/traverse/frame.rs"
 _FRAME_RAY = "native/src/traverse/frame_ray.rs"
 _QUERY = "native/src/traverse/query.rs"
 _RAY = "native/src/traverse/ray.rs"
+_STREAM = "native/src/traverse/stream.rs"
 _CANDIDATES = "native/src/traverse/candidates.rs"
 _VERDICT = "native/src/geom/verdict.rs"
 _MONITOR = "native/src/build/monitor.rs"
@@ -359,17 +360,24 @@ FAULTS = (
     ),
     Fault(
         "lists of children written over the one that is parted",
-        "native/src/traverse/stream.rs",
-        "let mut top = end;",
-        "let mut top = first;",
+        _STREAM,
+        "first + rays",
+        "first",
         ("lib", "batches_of_any_size_answer_like_brute_force"),
     ),
     Fault(
-        "the last group of a list forgotten",
-        "native/src/traverse/stream.rs",
-        "for (group, masks) in masks.iter().enumerate() {",
-        "for (group, masks) in masks.iter().enumerate().take(8) {",
+        "groups of a list after the eighth forgotten",
+        _STREAM,
+        "masks.iter().enumerate()",
+        "masks[..masks.len().min(8)].iter().enumerate()",
         ("lib", "rays_that_meet_everything_answer_like_brute_force"),
+    ),
+    Fault(
+        "directions in a wall told by the frame's, which may have been rounded",
+        _STREAM,
+        "map(ray.d, |d| f32::from(u8::from(d != 0.0 || !scene)))",
+        "map(ray.d, |d| f32::from(u8::from(d.abs() > 1e-44 || !scene)))",
+        ("lib", "a_direction_that_rounds_to_zero_in_the_frame_is_not_in_the_wall"),
     ),
 )
 

@@ -186,7 +186,7 @@ pub mod params {
         name: "traversal",
         label: "Traversal",
         doc: "How rays walk the tree. auto: whatever is quickest for a batch: through boxes, camera rays and \
-              shadow rays in tiles and others in streams; rays are counted as dir walks them. \
+              shadow rays in tiles, others in streams, of which each node is visited once for all rays that meet it; rays are counted as dir walks them. \
               boxes: one by one, through boxes around what the planes part, eight to a node, with leaves of their own, \
               which take about as much memory again. dir: one by one, by plane distances \
               in the order of the direction; ta-b: by entry and exit points (Havran et al. 1997); ta-a, sung, arvo: by the side of the \
@@ -221,7 +221,7 @@ pub mod params {
         name: "traversal",
         label: "Traversal",
         doc: "How rays walk the tree. auto: whatever is quickest for a batch: through boxes, camera rays and \
-              shadow rays in tiles and others in streams; rays are counted as dir walks them. dir: one by one, by \
+              shadow rays in tiles, others in streams, of which each node is visited once for all rays that meet it; rays are counted as dir walks them. dir: one by one, by \
               plane distances in the order of the direction. boxes: one by one, through boxes around what the planes part, eight to a node, with sides along the axes only and leaves of their own, \
               which take about as much memory again. ta-b-poly: by the heights of entry and exit points over the plane. wide: three levels at a \
               time, several rays in turn, many in random order sorted by where they start. tile8, tile16: as dir, but camera rays go in tiles of 64 or 256, and shadow \

@@ -4,9 +4,13 @@
 use super::arrays::{self, Limits, PerRay, Points};
 use crate::error::{Error, Result};
 use crate::traverse::{Order, Ray};
+use prefetch_index::prefetch_index;
 use pyo3::prelude::*;
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
+
+/// So many rays ahead, those that lie anywhere are asked for.
+const FAR: usize = 16;
 
 /// The arguments of `closest` and `occluded`, which own or hold on to the arrays.
 pub struct RayArrays<'py> {
@@ -169,7 +173,18 @@ impl<'a> Rays<'a> {
             Limits::Same(t) => t,
             Limits::Each(t) => t[i],
         };
-        for (ray, &place) in rays.iter_mut().zip(places) {
+        for (k, (ray, &place)) in rays.iter_mut().zip(places).enumerate() {
+            // They lie in no order, and the processor does not look that far ahead by itself.
+            if let Some(&later) = places.get(k + FAR) {
+                let i = later as usize;
+                prefetch_index(self.origins, i);
+                prefetch_index(self.directions, i);
+                for limits in [self.t_min, self.t_max] {
+                    if let Limits::Each(t) = limits {
+                        prefetch_index(t, i);
+                    }
+                }
+            }
             let i = place as usize;
             *ray = Ray {
                 o: self.origins[i],

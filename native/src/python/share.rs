@@ -9,8 +9,8 @@ use std::num::NonZero;
 use std::sync::Mutex;
 use std::thread::Builder;
 
-/// Rays handed to a worker at once: enough to forget the cost of handing them over, and to learn whether they go
-/// well in tiles; few enough to stay in its cache.
+/// Rays handed to a worker at once: enough to forget the cost of handing them over, to learn whether they go well in
+/// tiles, and for streams; tiles and shadow rays take 4096 at once as quickly.
 pub const CHUNK: usize = 8192;
 
 /// Runs `work` on chunks of rays, their answers and their counters, on `threads` threads.

@@ -37,13 +37,19 @@ const fn order() -> [[u8; 4 * CHILDREN]; 8] {
     while octant < 8 {
         let mut byte = 0;
         while byte < 4 * CHILDREN {
-            let child = (CHILDREN - 1 - byte / 4) ^ octant;
+            let child = rank(octant, byte / 4);
             table[octant][byte] = (4 * child + byte % 4) as u8;
             byte += 1;
         }
         octant += 1;
     }
     table
+}
+
+/// The child at this place in the order of visits, the last one 0; and the place of a child.
+#[inline(always)]
+pub(super) const fn rank(octant: usize, child: usize) -> usize {
+    (CHILDREN - 1) ^ child ^ octant
 }
 
 impl BoxTree<8> {

@@ -67,6 +67,9 @@ impl Late {
     /// Answers those that wait.
     #[inline(always)]
     pub fn settle<S: Simd>(&mut self, simd: S, rays: &[Ray], write: &mut impl FnMut(usize, Hit)) {
+        if self.waiting == 0 {
+            return;
+        }
         let lines = (&self.o, &self.d, &self.to_scene);
         let (certain, [t, u, v]) = tile_verdict::apart(simd, lines, &self.corners);
         for lane in 0..std::mem::take(&mut self.waiting).min(LANES) {

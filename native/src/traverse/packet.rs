@@ -175,18 +175,13 @@ impl Packet {
         Group { lanes, lead, signs }
     }
 
-    /// What a walk of its own needs of a ray of the packet, unless it is odd: all but what only planes need.
+    /// What [`super::stream`] needs of a ray of the packet, unless it is odd.
     #[inline(always)]
     pub(super) fn framed(&self, lane: usize) -> Option<FrameRay<'static>> {
         let of = |rows: &[Row; 3]| [rows[0][lane], rows[1][lane], rows[2][lane]];
-        let d = of(&self.d);
         (self.odd >> lane & 1 == 0).then(|| FrameRay {
             o: of(&self.o),
-            d,
-            inv: of(&self.inv),
-            slack: of(&self.slack),
-            still: d.map(|d| f32::from(u8::from(d != 0.0))),
-            negative: d.map(|d| u32::from(d.is_sign_negative())),
+            d: of(&self.d),
             signs: self.signs[lane],
             t_min: self.start[lane],
             t_max: self.reach[lane],

@@ -2,7 +2,7 @@
 //! Streams of rays: thousands of rays that have nothing in common walk a tree of boxes, eight to a node, together. Each
 //! node is visited once for all those that meet it, with a list of them, and parts that list among its children (Tsakok
 //! 2009, Faster incoherent rays: multi-BVH ray stream tracing; Barringer and Akenine-Möller 2014, Dynamic ray stream
-//! traversal, whose streams are ordered by octants as these are).
+//! traversal, where each ray keeps an order of its own).
 //!
 //! A single ray waits for its own arithmetic, and the processor cannot guess whether it goes on with a node or a leaf. Of a
 //! list each ray's step is independent of the next one's, and what is asked is the same for all of it: all boxes of
@@ -16,6 +16,7 @@
 use super::batch::Batch;
 use super::blocks::{LANES, SPAN};
 use super::bound::{keep_max, keep_max_each, keep_min_each};
+use super::box_flight::rank;
 use super::box_packet::slabs;
 use super::box_tree::{BoxTree, INNER, Slabs, Wide};
 use super::candidates::{Candidates, Edges};
@@ -43,6 +44,10 @@ const GROUP: usize = 16;
 /// So many rays of a list are asked for ahead.
 const AHEAD: usize = 4;
 
+/// Rays that walk together at most. The more there are, the longer lists are, and the less of what rays have with them
+/// stays in the caches: 4096 take up to 5 % longer, 16,384 about as long.
+const STREAM: usize = 8192;
+
 /// For each octant and each mask of children, the same mask with the children in the order in which they wait, the farthest
 /// lowest: child `c` has the bit [`rank`].
 static RANKED: [[u8; 1 << CHILDREN]; OCTANTS] = ranked();
@@ -63,12 +68,6 @@ const fn ranked() -> [[u8; 1 << CHILDREN]; OCTANTS] {
         octant += 1;
     }
     table
-}
-
-/// The place in the order of visits, the last one 0, of the child at a corner of a node; and the other way round.
-#[inline(always)]
-const fn rank(octant: usize, child: usize) -> usize {
-    (CHILDREN - 1) ^ child ^ octant
 }
 
 /// What slab tests need of a ray, as [`Slabs`] says it.
@@ -130,32 +129,41 @@ struct Course {
     to_frame: f64,
     o: [f32; 3],
     d: [f32; 3],
+    still: [f32; 3],
     best: Best,
 }
 
 impl Course {
-    /// Of a ray of the scene.
+    /// Of a ray of the scene. `still` is that of [`FrameRay`]: what a direction is in the frame may have been rounded to 0.
     #[inline(always)]
-    fn new(ray: &FrameRay, line: Line) -> Self {
-        debug_assert!(ray.place.is_none() && ray.shift == 0.0, "of the scene");
+    fn new(ray: &FrameRay, line: Line, still: [f32; 3]) -> Self {
         Self {
             line,
-            o: ray.o,
-            d: ray.d,
             span: ray.span,
             last_place: ray.last_place,
             to_frame: ray.to_frame,
+            o: ray.o,
+            d: ray.d,
+            still,
             best: Best::new(ray),
         }
     }
 
-    /// What leaves need of the ray. `scene`: whether coordinates are the scene's own.
+    /// Of a ray that meets nothing, and is on no list.
     #[inline(always)]
-    fn ray(&self, scene: bool) -> FrameRay<'static> {
+    fn nothing() -> Self {
+        let ray = FrameRay::NOTHING;
+        let line = Line::new(&ray, [0.0; 3], [0.0; 3], [0.0; 3]);
+        Self::new(&ray, line, ray.still)
+    }
+
+    /// What leaves need of the ray.
+    #[inline(always)]
+    fn ray(&self) -> FrameRay<'static> {
         FrameRay {
             o: self.o,
             d: self.d,
-            still: map(self.d, |d| f32::from(u8::from(d != 0.0 || !scene))),
+            still: self.still,
             t_min: self.line.start,
             t_max: self.line.reach,
             span: self.span,
@@ -174,7 +182,7 @@ impl Course {
         (block, n): (&[f32; SPAN], usize),
         edges: &Edges<S>,
     ) {
-        let ray = self.ray(batch.frame.is_scene());
+        let ray = self.ray();
         let mut open = Candidates::new(simd, edges, &ray, self.line.reach);
         if open.any() {
             open.refine::<Closest, NoCountLate>(simd, edges, &ray);
@@ -205,44 +213,60 @@ impl Course {
 struct Waiting {
     link: u32,
     count: u32,
-    /// Its node and its lane there.
-    node: u32,
-    lane: u32,
     /// Where its list begins, and how long it is.
     first: u32,
     rays: u32,
+    /// The sides of its box through which these rays enter it.
+    near: [f32; 3],
 }
 
 /// The rays of one octant.
 struct Stream {
     octant: usize,
-    /// Lists of places in the batch, those of what is visited sooner above; more is read and written than is in them.
+    /// How many rays set out.
+    rays: usize,
+    /// Lists of places among the rays that walk together, of those first that set out, then of what waits, the next one
+    /// last. More is read and written than is in them.
     lists: Vec<u32>,
     /// What waits, the next one last.
     waiting: Vec<Waiting>,
 }
 
 impl Stream {
-    /// Before the first ray, with room for so many in its lists.
-    fn new(octant: usize, room: usize) -> Self {
+    /// Before the first ray.
+    fn new(octant: usize) -> Self {
         Self {
             octant,
-            lists: Vec::with_capacity(room),
+            rays: 0,
+            lists: Vec::new(),
             waiting: Vec::new(),
         }
     }
 
-    /// All rays set out from the root.
-    fn begin(&mut self) {
-        let rays = small(self.lists.len());
-        self.waiting.push(Waiting {
-            link: 0,
-            count: INNER,
-            node: 0,
-            lane: 0,
-            first: 0,
-            rays,
-        });
+    /// One more ray.
+    #[inline(always)]
+    fn put(&mut self, place: usize) {
+        if self.rays == self.lists.len() {
+            self.lists.resize(2 * self.rays + GROUP, 0);
+        }
+        self.lists[self.rays] = small(place);
+        self.rays += 1;
+    }
+
+    /// The rays set out from the root, if there are any; says whether there are.
+    fn begin(&mut self) -> bool {
+        let rays = small(std::mem::take(&mut self.rays));
+        if rays > 0 {
+            self.waiting.push(Waiting {
+                link: 0,
+                count: INNER,
+                first: 0,
+                rays,
+                // What is not a number bounds nothing.
+                near: [f32::NAN; 3],
+            });
+        }
+        rays > 0
     }
 
     /// Visits a node: the children that any of its rays meet wait, the nearest one last.
@@ -263,90 +287,111 @@ impl Stream {
             near[k] = f32x8::from_slice(simd, &node.bounds[k + 3 * back]);
             far[k] = f32x8::from_slice(simd, &node.bounds[k + 3 * (1 - back)]);
         }
-        let (first, end) = (own.first as usize, (own.first + own.rays) as usize);
-        let child = |at: usize, list: (u32, u32)| Waiting {
-            link: node.link[at],
-            count: node.count[at],
-            node: own.link,
-            lane: at as u32,
-            first: list.0,
-            rays: list.1,
-        };
-        if own.rays == 1 {
-            // All its children have the same list.
+        let (first, rays) = (own.first as usize, own.rays as usize);
+        if rays == 1 {
             let line = &courses[self.lists[first] as usize].line;
-            let met = line.meets(simd, &near, &far) as usize;
-            let mut left = RANKED[octant][met % (1 << CHILDREN)];
-            while left != 0 {
-                let at = rank(octant, left.trailing_zeros() as usize) % CHILDREN;
-                left &= left - 1;
-                if node.count[at] != 0 {
-                    self.waiting.push(child(at, (own.first, 1)));
-                }
+            if !line.enters(own.near) {
+                return;
             }
+            let mut left = self.ranked(line.meets(simd, &near, &far));
+            while let Some(child) = self.take(&mut left) {
+                // All children have the same list.
+                self.wait(node, child, (own.first, 1));
+            }
+        } else if rays <= GROUP {
+            // In registers: what has just been written in parts is long in coming back as a whole.
+            let list = &self.lists[first..][..rays];
+            let (own, some) = met(simd, list, courses, (&near, &far));
+            self.part(
+                simd,
+                node,
+                (first, rays),
+                (std::slice::from_ref(&own), some),
+            );
+        } else {
+            let list = &self.lists[first..][..rays];
+            masks.resize(rays.div_ceil(GROUP), u8x16::splat(simd, 0));
+            let mut some = 0;
+            for (masks, group) in masks.iter_mut().zip(list.chunks(GROUP)) {
+                let (own, met) = met(simd, group, courses, (&near, &far));
+                *masks = own;
+                some |= met;
+            }
+            self.part(simd, node, (first, rays), (masks, some));
+        }
+    }
+
+    /// Children in the order in which they wait, the farthest lowest.
+    #[inline(always)]
+    fn ranked(&self, mask: u64) -> u8 {
+        RANKED[self.octant % OCTANTS][mask as usize % (1 << CHILDREN)]
+    }
+
+    /// Takes the farthest of the children.
+    #[inline(always)]
+    fn take(&self, left: &mut u8) -> Option<usize> {
+        if *left == 0 {
+            return None;
+        }
+        let child = rank(self.octant % OCTANTS, left.trailing_zeros() as usize) % CHILDREN;
+        *left &= *left - 1;
+        Some(child)
+    }
+
+    /// A child waits for the rays of a list.
+    #[inline(always)]
+    fn wait(&mut self, node: &Wide<CHILDREN>, child: usize, (first, rays): (u32, u32)) {
+        // A ray of which no axis decides anything meets places without a box, too.
+        if node.count[child] == 0 {
             return;
         }
-        let mut some = 0;
-        masks.clear();
-        for group in self.lists[first..end].chunks(GROUP) {
-            // Eight bits a ray, gathered in registers: bytes would have to reach memory before they are read as vectors.
-            let mut words = [0; 2];
-            for (word, rays) in words.iter_mut().zip(group.chunks(8)) {
-                for (i, &ray) in rays.iter().enumerate() {
-                    *word |= courses[ray as usize].line.meets(simd, &near, &far) << (8 * i);
-                }
-                some |= *word;
-            }
-            masks.push(u64x2::from_slice(simd, &words).bitcast());
-        }
-        some |= some >> 32;
-        some |= some >> 16;
-        some |= some >> 8;
-        // What waits has its lists below.
-        let mut top = end;
-        let mut left = RANKED[octant][some as usize % (1 << CHILDREN)];
+        let side = |k: usize| node.bounds[k + 3 * (self.octant >> k & 1)][child];
+        self.waiting.push(Waiting {
+            link: node.link[child],
+            count: node.count[child],
+            first,
+            rays,
+            near: [side(0), side(1), side(2)],
+        });
+    }
+
+    /// Parts a list among the children that its rays meet, `masks` for each, `some` of them any.
+    #[inline(always)]
+    fn part<S: Simd>(
+        &mut self,
+        simd: S,
+        node: &Wide<CHILDREN>,
+        (first, rays): (usize, usize),
+        (masks, some): (&[u8x16<S>], u64),
+    ) {
+        let mut left = self.ranked(some);
+        // All that waits has its lists below.
+        let mut top = first + rays;
         // Room for all, and for what is written beyond the last.
-        let most = top + left.count_ones() as usize * (end - first) + GROUP;
+        let most = top + left.count_ones() as usize * rays + GROUP;
         if self.lists.len() < most {
             self.lists.resize(2 * most, 0);
         }
-        while left != 0 {
-            let at = rank(octant, left.trailing_zeros() as usize) % CHILDREN;
-            left &= left - 1;
-            // A ray of which no axis decides anything meets places without a box, too.
-            if node.count[at] == 0 {
-                continue;
-            }
-            let bit = u8x16::splat(simd, 1 << at);
+        while let Some(child) = self.take(&mut left) {
+            let bit = u8x16::splat(simd, 1 << child);
             let begins = top;
             for (group, masks) in masks.iter().enumerate() {
                 let lanes = (*masks & bit).simd_eq(bit).to_bitmask();
+                let live = mask32x16::from_bitmask(simd, lanes);
                 let from = first + GROUP * group;
-                let rays: f32x16<S> =
-                    u32x16::from_slice(simd, &self.lists[from..from + GROUP]).bitcast();
-                let rays: u32x16<S> = rays
-                    .compress(mask32x16::from_bitmask(simd, lanes))
-                    .bitcast();
-                rays.store_slice(&mut self.lists[top..top + GROUP]);
+                let own = u32x16::from_slice(simd, &self.lists[from..from + GROUP]);
+                let own: f32x16<S> = own.bitcast();
+                let own: u32x16<S> = own.compress(live).bitcast();
+                own.store_slice(&mut self.lists[top..top + GROUP]);
                 top += lanes.count_ones() as usize;
             }
-            let list = (small(begins), small(top - begins));
-            self.waiting.push(child(at, list));
+            self.wait(node, child, (small(begins), small(top - begins)));
         }
     }
 
     /// Visits a leaf.
     #[inline(always)]
-    fn leaf<S: Simd>(
-        &self,
-        simd: S,
-        (batch, tree): (&Batch<'_>, &BoxTree<CHILDREN>),
-        courses: &mut [Course],
-        own: Waiting,
-    ) {
-        let bounds = &tree.nodes[own.node as usize].bounds;
-        let side = |k: usize| bounds[k + 3 * (self.octant >> k & 1)][own.lane as usize % CHILDREN];
-        let near = [side(0), side(1), side(2)];
+    fn leaf<S: Simd>(&self, simd: S, batch: &Batch<'_>, courses: &mut [Course], own: Waiting) {
         let list = &self.lists[own.first as usize..(own.first + own.rays) as usize];
         let (mut at, mut left) = (own.link, own.count as usize);
         while left > 0 {
@@ -354,12 +399,12 @@ impl Stream {
             let (block, next) = batch.blocks.block(at, n);
             let edges = Edges::new(simd, block, n);
             for (i, &place) in list.iter().enumerate() {
-                if let Some(&later) = list.get(i + AHEAD) {
+                if let (true, Some(&later)) = (at == own.link, list.get(i + AHEAD)) {
                     courses[later as usize].fetch_ahead();
                     prefetch_index(batch.rays, later as usize);
                 }
                 let course = &mut courses[place as usize];
-                if course.line.enters(near) {
+                if course.line.enters(own.near) {
                     course.test(simd, (batch, place as usize), (block, n), &edges);
                 }
             }
@@ -387,17 +432,43 @@ impl Stream {
     }
 }
 
-/// Lists are no longer than the batch.
+/// Which of eight boxes each of up to sixteen rays meets, a byte for each, and any of them.
 #[inline(always)]
-#[expect(clippy::cast_possible_truncation, reason = "batches are small")]
+fn met<S: Simd>(
+    simd: S,
+    list: &[u32],
+    courses: &[Course],
+    (near, far): (&[f32x8<S>; 3], &[f32x8<S>; 3]),
+) -> (u8x16<S>, u64) {
+    let mut words = [0_u64; 2];
+    for (word, rays) in words.iter_mut().zip(list.chunks(8)) {
+        for (i, &ray) in rays.iter().enumerate() {
+            *word |= courses[ray as usize].line.meets(simd, near, far) << (8 * i);
+        }
+    }
+    let mut some = words[0] | words[1];
+    some |= some >> 32;
+    some |= some >> 16;
+    some |= some >> 8;
+    // The first ray is the lowest byte of the vector, too.
+    let words = words.map(u64::to_le);
+    (u64x2::from_slice(simd, &words).bitcast(), some & 0xff)
+}
+
+/// Places among the rays that walk together, or in their lists: of those each level of a tree has at most eight for each
+/// of 8192 rays.
+#[inline(always)]
+#[expect(clippy::cast_possible_truncation, reason = "see above")]
 fn small(x: usize) -> u32 {
     x as u32
 }
 
-impl<'a> Batch<'a> {
-    /// Walks the rays in streams to their nearest hits through a tree whose children are [`BoxTree::by_corners`], and
-    /// hands each answer to `write` with the ray's place, in no particular order.
+impl Batch<'_> {
+    /// Walks the rays, of the scene and not of an instance, in streams to their nearest hits through a tree whose children
+    /// are [`BoxTree::by_corners`] and whose leaves are blocks, and hands each answer to `write` with the ray's place, in
+    /// no particular order.
     pub fn streams(&self, tree: &BoxTree<CHILDREN>, mut write: impl FnMut(usize, Hit)) {
+        debug_assert!(self.placed.is_none(), "rays of instances go one by one");
         dispatch!(self.level, simd => self.streaming(simd, tree, &mut write));
     }
 
@@ -408,48 +479,57 @@ impl<'a> Batch<'a> {
         tree: &BoxTree<CHILDREN>,
         write: &mut impl FnMut(usize, Hit),
     ) {
-        let room = 2 * self.rays.len();
-        let mut streams: Vec<_> = (0..OCTANTS).map(|i| Stream::new(i, room)).collect();
-        let mut courses = self.set_out(simd, &mut streams);
-        streams.retain(|stream| !stream.lists.is_empty());
-        streams.iter_mut().for_each(Stream::begin);
+        let mut streams: [_; OCTANTS] = std::array::from_fn(Stream::new);
+        let mut courses = Vec::with_capacity(self.rays.len().min(STREAM));
         let mut masks = Vec::new();
-        while !streams.is_empty() {
-            let mut over = false;
-            for stream in &mut streams {
-                let Some(next) = stream.waiting.pop() else {
-                    over = true;
-                    continue;
-                };
-                if next.count == INNER {
-                    let node = &tree.nodes[next.link as usize];
-                    stream.node(simd, node, &courses, next, &mut masks);
-                } else {
-                    stream.leaf(simd, (self, tree), &mut courses, next);
-                }
-                stream.fetch_ahead((self, tree), &courses);
-            }
-            if over {
-                streams.retain(|stream| !stream.waiting.is_empty());
-            }
-        }
         let mut late = Late::new();
-        for (place, course) in courses.iter_mut().enumerate() {
-            let ray = course.ray(self.frame.is_scene());
-            match course.best.held() {
-                Some(held) if self.frame.is_scene() => {
-                    late.push(simd, (place, self.rays), &ray, held, write);
+        for (part, rays) in self.rays.chunks(STREAM).enumerate() {
+            let own = Batch { rays, ..*self };
+            let mut write = |place: usize, hit: Hit| write(STREAM * part + place, hit);
+            own.set_out(simd, &mut streams, &mut courses);
+            let mut open = streams
+                .iter_mut()
+                .map(Stream::begin)
+                .filter(|&any| any)
+                .count();
+            while open > 0 {
+                for stream in &mut streams {
+                    let Some(next) = stream.waiting.pop() else {
+                        continue;
+                    };
+                    if next.count == INNER {
+                        let node = &tree.nodes[next.link as usize];
+                        stream.node(simd, node, &courses, next, &mut masks);
+                    } else {
+                        stream.leaf(simd, &own, &mut courses, next);
+                    }
+                    stream.fetch_ahead((&own, tree), &courses);
+                    open -= usize::from(stream.waiting.is_empty());
                 }
-                _ => write(place, course.best.answer((&self.rays[place], &ray))),
             }
+            for (place, course) in courses.iter_mut().enumerate() {
+                let ray = course.ray();
+                match course.best.held() {
+                    Some(held) if self.frame.is_scene() => {
+                        late.push(simd, (place, rays), &ray, held, &mut write);
+                    }
+                    _ => write(place, course.best.answer((&rays[place], &ray))),
+                }
+            }
+            late.settle(simd, rays, &mut write);
         }
-        late.settle(simd, self.rays, write);
     }
 
     /// Brings the rays into the frame, sixteen at once, and puts those that meet the scene on the list of their octant.
     #[inline(always)]
-    fn set_out<S: Simd>(&self, simd: S, streams: &mut [Stream]) -> Vec<Course> {
-        let mut courses = Vec::with_capacity(self.rays.len());
+    fn set_out<S: Simd>(
+        &self,
+        simd: S,
+        streams: &mut [Stream; OCTANTS],
+        courses: &mut Vec<Course>,
+    ) {
+        courses.clear();
+        let scene = self.frame.is_scene();
         let mut packet = Packet::default();
         for (chunk, rays) in self.rays.chunks(MOST).enumerate() {
             let first = MOST * chunk;
@@ -464,34 +544,31 @@ impl<'a> Batch<'a> {
                     slab.store_slice(row);
                 }
             }
-            for lane in 0..rays.len().min(MOST) {
+            for (lane, ray) in rays.iter().enumerate().take(MOST) {
                 let place = first + lane;
+                let still = map(ray.d, |d| f32::from(u8::from(d != 0.0 || !scene)));
                 let course = match packet.framed(lane) {
                     Some(ray) => (there >> lane & 1 == 1).then(|| {
                         let row = |of: usize| map([0, 1, 2], |k: usize| rows[k][of][lane]);
                         let line = Line::new(&ray, row(0), row(1), row(2));
-                        (ray.signs, Course::new(&ray, line))
+                        (ray.signs, Course::new(&ray, line, still))
                     }),
                     // It is odd in some way.
                     None => self.framed(place).map(|ray| {
                         let Slabs { inv, near, far, .. } = Slabs::new(&ray);
                         let line = Line::new(&ray, inv, near, far);
-                        (ray.signs, Course::new(&ray, line))
+                        (ray.signs, Course::new(&ray, line, still))
                     }),
                 };
                 courses.push(match course {
                     Some((signs, course)) => {
-                        streams[signs as usize % OCTANTS].lists.push(small(place));
+                        streams[signs as usize % OCTANTS].put(place);
                         course
                     }
-                    None => {
-                        let ray = FrameRay::NOTHING;
-                        Course::new(&ray, Line::new(&ray, [0.0; 3], [0.0; 3], [0.0; 3]))
-                    }
+                    None => Course::nothing(),
                 });
             }
         }
-        courses
     }
 }
 

@@ -45,7 +45,7 @@ const TRAVERSAL: ParamSpec = ParamSpec {
     label: "Traversal",
     doc: "How rays walk the tree. ordered: one by one, the nearest box first. wide: several rays in flight, boxes in \
           the order of the direction's octant, many in random order sorted by where they start. auto: whatever is quickest \
-          for a batch: tile8 for camera rays and for shadow rays, streams of thousands for others. tile8, tile16: camera rays in tiles \
+          for a batch: tile8 for camera rays and for shadow rays, for others streams, of which each node is visited once for all rays that meet it. tile8, tile16: camera rays in tiles \
           of 64 or 256, shadow rays of one light in tiles of 64 from the light; tiles whose rays drift apart are \
           split into packets. p4, p8, p16: packets of 4, 8 or 16 rays, one to a lane, \
           shadow rays always in packets of 16. Shadow rays are counted as ordered walks them. All but ordered need eight \
@@ -82,8 +82,8 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built>
         "4" => Objects::Boxes4(BoxTree::new(&binary, &mut leaves)?),
         _ => {
             let tree = BoxTree::new(&binary, &mut leaves)?;
-            let in_flight = matches!(traversal, "wide" | "auto");
-            Objects::Boxes8(if in_flight { tree.by_corners() } else { tree })
+            let by_corners = matches!(traversal, "wide" | "auto");
+            Objects::Boxes8(if by_corners { tree.by_corners() } else { tree })
         }
     };
     let blocks = leaves.write(scene, &frame, &binary.ids);

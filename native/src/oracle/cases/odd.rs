@@ -15,7 +15,8 @@ pub fn strew(rays: &mut [Ray], every: usize) {
             3 => ray.t_max = number,
             4 => ray.d = [0.0; 3],
             5 => (ray.t_min, ray.t_max) = (ray.t_max, ray.t_min),
-            _ => ray.d[k] *= 1e-40,
+            _ if i % 2 == 0 => ray.d[k] *= 1e-40,
+            _ => ray.d[k] = f32::from_bits(1),
         }
     }
 }

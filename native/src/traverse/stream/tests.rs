@@ -11,6 +11,7 @@ use crate::scene::Triangles;
 use crate::spec::Config;
 use crate::structure::Structure;
 use crate::traverse::{Ray, Tracer};
+use fearless_simd::Level;
 use std::sync::Arc;
 
 /// Structures whose nearest hits are found in streams.
@@ -61,7 +62,7 @@ fn batches_of_any_size_answer_like_brute_force() {
     }
 }
 
-/// Each of these rays meets all of these triangles, and lists grow from level to level instead of shrinking.
+/// Each of these rays meets all of these boxes: no list is shorter than the one it comes from.
 #[test]
 fn rays_that_meet_everything_answer_like_brute_force() {
     let mut random = Random(6);
@@ -80,11 +81,15 @@ fn rays_that_meet_everything_answer_like_brute_force() {
     let reference = closest(&build(&scene, "brute"), &rays);
     assert!(reference.iter().all(|hit| hit[1] != Hit::NONE));
     for spec in SPECS {
-        assert_eq!(closest(&build(&scene, spec), &rays), reference, "{spec}");
+        let structure = build(&scene, spec);
+        for (set, level) in levels() {
+            let found = closest(&structure.at_level(level), &rays);
+            assert_eq!(found, reference, "{spec}, {set}");
+        }
     }
 }
 
-/// Scaled frames, in which nothing is put off, and rays through edges and corners.
+/// Scaled frames, all rays of which are odd, and rays through edges and corners.
 #[test]
 fn streams_in_scaled_frames_answer_like_brute_force() {
     let mut random = Random(7);
@@ -95,22 +100,71 @@ fn streams_in_scaled_frames_answer_like_brute_force() {
         rays.extend(lattice_rays(3, &mut random, 200));
         let reference = closest(&build(&scene, "brute"), &rays);
         for spec in SPECS {
-            let found = closest(&build(&scene, spec), &rays);
-            assert_eq!(found, reference, "{spec}, scale {scale}");
+            let structure = build(&scene, spec);
+            for (set, level) in levels() {
+                let found = closest(&structure.at_level(level), &rays);
+                assert_eq!(found, reference, "{spec}, {set}, scale {scale}");
+            }
         }
+    }
+}
+
+/// In the frame's units such a direction lies in the wall; in the scene's it leaves it, and the ray meets it where it starts.
+#[test]
+fn a_direction_that_rounds_to_zero_in_the_frame_is_not_in_the_wall() {
+    let mut random = Random(8);
+    let mut corners = vec![[0.0, -1.0, -1.0], [0.0, 1.0, -1.0], [0.0, 0.0, 1.0]];
+    corners.extend(cloud(500, 0.1, &mut random));
+    let scene = soup(corners);
+    let rays: Vec<_> = (0..200)
+        .map(|i| {
+            let o = [0.0, 0.1 * random.unit(), -0.1 * random.unit()];
+            let along = [2.0, -3.0, 1e30, 5.0][i % 4];
+            ray(o, [f32::from_bits(1), 0.0, along])
+        })
+        .collect();
+    let reference = closest(&build(&scene, "brute"), &rays);
+    assert!(reference.iter().all(|hit| hit[1] == 0), "all start in it");
+    for spec in SPECS {
+        assert_eq!(closest(&build(&scene, spec), &rays), reference, "{spec}");
     }
 }
 
 /// A wrong order would change no answer, only the time that rays take.
 #[test]
 fn the_child_at_the_nearest_corner_is_visited_first() {
-    for octant in 0..OCTANTS {
-        for child in 0..CHILDREN {
-            assert_eq!(RANKED[octant][1 << child], 1 << rank(octant, child));
-            assert_eq!(rank(octant, rank(octant, child)), child);
+    let mut node = BoxTree::<CHILDREN>::BLANK;
+    for child in 0..CHILDREN {
+        for k in 0..3 {
+            (node.bounds[k][child], node.bounds[3 + k][child]) = (-1.0, 1.0);
         }
-        // A ray that goes down along an axis comes from its upper end; the highest bit is pushed last.
-        assert_eq!(rank(octant, octant), CHILDREN - 1);
-        assert_eq!(RANKED[octant][0xff], 0xff);
+        (node.link[child], node.count[child]) = (small(child), 1);
+    }
+    let course = || {
+        let mut course = Course::nothing();
+        (course.line.start, course.line.reach) = (0.0, 1.0);
+        course
+    };
+    let courses = [course(), course()];
+    for octant in 0..OCTANTS {
+        for rays in 1..3 {
+            let mut stream = Stream::new(octant);
+            (0..rays).for_each(|place| stream.put(place));
+            assert!(stream.begin());
+            let root = stream.waiting.pop().expect("it waits");
+            dispatch!(Level::new(), simd => stream.node(simd, &node, &courses, root, &mut Vec::new()));
+            let links: Vec<_> = stream
+                .waiting
+                .iter()
+                .map(|next| next.link as usize)
+                .collect();
+            // A ray that goes down along an axis comes from its upper end.
+            let far_to_near = [7, 6, 5, 4, 3, 2, 1, 0].map(|corner: usize| corner ^ octant);
+            assert_eq!(links, far_to_near, "octant {octant}, {rays} rays");
+            for next in &stream.waiting {
+                let list = &stream.lists[next.first as usize..(next.first + next.rays) as usize];
+                assert!(list.iter().map(|&place| place as usize).eq(0..rays));
+            }
+        }
     }
 }
