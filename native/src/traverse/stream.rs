@@ -14,23 +14,23 @@
 //! others work.
 
 use super::batch::Batch;
-use super::blocks::{LANES, SPAN};
-use super::bound::{keep_max, keep_max_each, keep_min_each};
+use super::blocks::LANES;
 use super::box_flight::rank;
 use super::box_packet::slabs;
 use super::box_tree::{BoxTree, INNER, Slabs, Wide};
-use super::candidates::{Candidates, Edges};
-use super::frame::FrameRay;
+use super::candidates::Edges;
 use super::late::Late;
 use super::packet::{MOST, Packet, Sixteen};
-use super::query::{Best, Closest, NoCountLate};
 use super::ray::Hit;
 use crate::geom::vec3::map;
 use fearless_simd::{
-    Bytes, Simd, SimdBase, SimdFloat, SimdMask, dispatch, f32x8, f32x16, mask32x16, u8x16, u32x16,
-    u64x2,
+    Bytes, Simd, SimdBase, SimdMask, dispatch, f32x8, f32x16, mask32x16, u8x16, u32x16, u64x2,
 };
 use prefetch_index::prefetch_index;
+
+mod course;
+
+use course::{Course, Line};
 
 /// Children of a node.
 const CHILDREN: usize = 8;
@@ -68,144 +68,6 @@ const fn ranked() -> [[u8; 1 << CHILDREN]; OCTANTS] {
         octant += 1;
     }
     table
-}
-
-/// What slab tests need of a ray, as [`Slabs`] says it.
-struct Line {
-    inv: [f32; 3],
-    near: [f32; 3],
-    far: [f32; 3],
-    start: f32,
-    /// That of the ray's best hit: it is asked for with the rest.
-    reach: f32,
-}
-
-impl Line {
-    #[inline(always)]
-    fn new(ray: &FrameRay, inv: [f32; 3], near: [f32; 3], far: [f32; 3]) -> Self {
-        Self {
-            inv,
-            near,
-            far,
-            start: ray.t_min,
-            reach: ray.t_max,
-        }
-    }
-
-    /// A bit for each box that the ray may hit something in. `near` and `far` are the sides of entry and of leaving.
-    #[inline(always)]
-    fn meets<S: Simd>(&self, simd: S, near: &[f32x8<S>; 3], far: &[f32x8<S>; 3]) -> u64 {
-        let mut enter = f32x8::splat(simd, self.start);
-        let mut leave = f32x8::splat(simd, self.reach);
-        for k in 0..3 {
-            let inv = f32x8::splat(simd, self.inv[k]);
-            let soon = near[k].mul_add(inv, f32x8::splat(simd, self.near[k]));
-            let late = far[k].mul_add(inv, f32x8::splat(simd, self.far[k]));
-            // What is not a number bounds nothing.
-            enter = keep_max_each(soon, enter);
-            leave = keep_min_each(late, leave);
-        }
-        enter.simd_le(leave).to_bitmask()
-    }
-
-    /// Whether the ray enters a box, of which it may hit something, before its best hit. `near` are the sides of entry.
-    #[inline(always)]
-    fn enters(&self, near: [f32; 3]) -> bool {
-        let mut enter = self.start;
-        for k in 0..3 {
-            enter = keep_max(near[k] * self.inv[k] + self.near[k], enter);
-        }
-        enter <= self.reach
-    }
-}
-
-/// A ray on its way, with what its walk needs of a [`FrameRay`], which is larger: thousands of rays are in use at once.
-/// A step through a node reads one line of the caches.
-#[repr(C, align(64))]
-struct Course {
-    line: Line,
-    span: f32,
-    last_place: f32,
-    to_frame: f64,
-    o: [f32; 3],
-    d: [f32; 3],
-    still: [f32; 3],
-    best: Best,
-}
-
-impl Course {
-    /// Of a ray of the scene. `still` is that of [`FrameRay`]: what a direction is in the frame may have been rounded to 0.
-    #[inline(always)]
-    fn new(ray: &FrameRay, line: Line, still: [f32; 3]) -> Self {
-        Self {
-            line,
-            span: ray.span,
-            last_place: ray.last_place,
-            to_frame: ray.to_frame,
-            o: ray.o,
-            d: ray.d,
-            still,
-            best: Best::new(ray),
-        }
-    }
-
-    /// Of a ray that meets nothing, and is on no list.
-    #[inline(always)]
-    fn nothing() -> Self {
-        let ray = FrameRay::NOTHING;
-        let line = Line::new(&ray, [0.0; 3], [0.0; 3], [0.0; 3]);
-        Self::new(&ray, line, ray.still)
-    }
-
-    /// What leaves need of the ray.
-    #[inline(always)]
-    fn ray(&self) -> FrameRay<'static> {
-        FrameRay {
-            o: self.o,
-            d: self.d,
-            still: self.still,
-            t_min: self.line.start,
-            t_max: self.line.reach,
-            span: self.span,
-            to_frame: self.to_frame,
-            last_place: self.last_place,
-            ..FrameRay::NOTHING
-        }
-    }
-
-    /// Tests a block of `n` triangles.
-    #[inline(always)]
-    fn test<S: Simd>(
-        &mut self,
-        simd: S,
-        (batch, place): (&Batch<'_>, usize),
-        (block, n): (&[f32; SPAN], usize),
-        edges: &Edges<S>,
-    ) {
-        let ray = self.ray();
-        let mut open = Candidates::new(simd, edges, &ray, self.line.reach);
-        if open.any() {
-            open.refine::<Closest, NoCountLate>(simd, edges, &ray);
-            batch.blocks.settle::<S, Closest, _>(
-                simd,
-                open,
-                (block, n, batch.scene),
-                (&batch.rays[place], &ray),
-                &mut self.best,
-                &mut NoCountLate,
-            );
-            self.line.reach = self.best.reach;
-        }
-    }
-
-    /// Asks for all of it.
-    #[inline(always)]
-    fn fetch_ahead(&self) {
-        prefetch_index(std::slice::from_ref(&self.line), 0);
-        prefetch_index(self.o.as_slice(), 0);
-        // The best hit lies behind, and a line of the caches is sixteen numbers long.
-        prefetch_index(self.o.as_slice(), 16);
-    }
 }
 
 /// A child of a node, to be visited by those rays that meet it.
