@@ -10,7 +10,7 @@ use super::super::query::{Best, Closest, NoCountLate};
 use fearless_simd::{Simd, SimdBase, SimdFloat, SimdMask, f32x8};
 use prefetch_index::prefetch_index;
 
-/// What slab tests need of a ray, as [`Slabs`] says it.
+/// What slab tests need of a ray, as [`super::super::box_tree::Slabs`] says it.
 pub(super) struct Line {
     inv: [f32; 3],
     near: [f32; 3],
@@ -37,10 +37,10 @@ impl Line {
     pub(super) fn meets<S: Simd>(&self, simd: S, near: &[f32x8<S>; 3], far: &[f32x8<S>; 3]) -> u64 {
         let mut enter = f32x8::splat(simd, self.start);
         let mut leave = f32x8::splat(simd, self.reach);
-        for k in 0..3 {
+        for (k, (near, far)) in near.iter().zip(far).enumerate() {
             let inv = f32x8::splat(simd, self.inv[k]);
-            let soon = near[k].mul_add(inv, f32x8::splat(simd, self.near[k]));
-            let late = far[k].mul_add(inv, f32x8::splat(simd, self.far[k]));
+            let soon = near.mul_add(inv, f32x8::splat(simd, self.near[k]));
+            let late = far.mul_add(inv, f32x8::splat(simd, self.far[k]));
             // What is not a number bounds nothing.
             enter = keep_max_each(soon, enter);
             leave = keep_min_each(late, leave);
@@ -52,8 +52,8 @@ impl Line {
     #[inline(always)]
     pub(super) fn enters(&self, near: [f32; 3]) -> bool {
         let mut enter = self.start;
-        for k in 0..3 {
-            enter = keep_max(near[k] * self.inv[k] + self.near[k], enter);
+        for (k, near) in near.into_iter().enumerate() {
+            enter = keep_max(near * self.inv[k] + self.near[k], enter);
         }
         enter <= self.reach
     }
