@@ -4,14 +4,14 @@
 use super::rays::{BLANK, Finite, Rays};
 use crate::error::{Result, caught};
 use crate::memory::check_room;
-use crate::traverse::{Ray, RayCounters};
+use crate::traverse::{Ray, RayCounters, STREAM};
 use std::num::NonZero;
 use std::sync::Mutex;
 use std::thread::Builder;
 
-/// Rays handed to a worker at once: enough to forget the cost of handing them over, to learn whether they go well in
-/// tiles, and for streams; tiles and shadow rays take 4096 at once as quickly.
-pub const CHUNK: usize = 8192;
+/// Rays handed to a worker at once: as many as walk together in a stream. Tiles and shadow rays are as quick with half as
+/// many, enough to forget the cost of handing them over and to learn whether they go well in tiles.
+pub const CHUNK: usize = STREAM;
 
 /// Runs `work` on chunks of rays, their answers and their counters, on `threads` threads.
 ///

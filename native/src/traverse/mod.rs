@@ -85,3 +85,4 @@ pub mod wide_tree;
 
 pub use ray::Order;
 pub use ray::{Hit, Ray, RayCounters, Tracer};
+pub use stream::STREAM;

@@ -46,7 +46,7 @@ const AHEAD: usize = 4;
 
 /// Rays that walk together at most. The more there are, the longer lists are, and the less of what rays have with them
 /// stays in the caches: 4096 take up to 5 % longer, 16,384 about as long.
-const STREAM: usize = 8192;
+pub const STREAM: usize = 8192;
 
 /// For each octant and each mask of children, the same mask with the children in the order in which they wait, the farthest
 /// lowest: child `c` has the bit [`rank`].
