@@ -8,7 +8,7 @@
 //! What [`super::candidates`] cannot rule out goes to the exact verdict.
 
 use super::bound::{keep_max, keep_min};
-use super::candidates::{Candidates, Edges};
+use super::candidates::{Candidates, Edges, Surely};
 use super::frame::{Frame, FrameRay};
 use super::keep::{Keep, write_lane};
 use super::query::{Best, Counters, Query};
@@ -261,9 +261,16 @@ impl Blocks {
             let mut open = Candidates::new(simd, &Edges::new(simd, block, n), frame, reach);
             if open.any() {
                 // Made anew, they need not be kept meanwhile.
-                open.refine::<Q, C>(simd, &Edges::new(simd, block, n), frame);
-                let triangles = (block, n, scene);
-                if self.settle::<S, Q, C>(simd, open, triangles, (ray, frame), best, counters) {
+                let surely = open.refine::<Q, C>(simd, &Edges::new(simd, block, n), frame);
+                let ends = self.settle::<S, Q, C>(
+                    simd,
+                    (open, &surely),
+                    (block, n, scene),
+                    (ray, frame, frame.certain(ray)),
+                    best,
+                    counters,
+                );
+                if ends {
                     return true;
                 }
             }
@@ -279,17 +286,17 @@ impl Blocks {
     pub(super) fn settle<S: Simd, Q: Query, C: Counters>(
         &self,
         simd: S,
-        mut open: Candidates<S>,
+        (mut open, surely): (Candidates<S>, &Surely),
         (block, n, scene): (&[f32; SPAN], usize, &Triangles),
-        (ray, frame): (&Ray, &FrameRay),
+        (ray, frame, certain): (&Ray, &FrameRay, [f32; 2]),
         best: &mut Best,
         counters: &mut C,
     ) -> bool {
-        while let Some(lane) = open.next::<Q>() {
+        while let Some(lane) = open.next::<Q, C>(surely) {
             let id = block[1 + 9 * n + lane].to_bits();
-            let held = match open.sure(lane) {
+            let held = match surely.range(lane) {
                 Some(range) => best.hold::<Q>(
-                    (ray, frame),
+                    (ray, frame, certain),
                     id,
                     range,
                     #[inline(always)]

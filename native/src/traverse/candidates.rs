@@ -40,22 +40,22 @@ struct Errors {
 }
 
 impl Errors {
-    /// For triangles of this size.
+    /// For the triangles of a block.
     #[inline(always)]
-    fn new(size: f32, ray: &FrameRay, reach: f32) -> Self {
+    fn new<S: Simd>(edges: &Edges<S>, ray: &FrameRay, reach: f32) -> Self {
+        let size = edges.size;
         // A corner of a triangle that is hit within reach, or behind the origin where the ray begins there, is
         // no farther than that, and its size.
         let farthest = keep_max(-ray.t_min, reach);
-        // The first branch is the second one without blur and drift, at half its operations.
+        // The first branch is the second one without blur and drift, in few operations: they take as long as those on
+        // all triangles of the block, and what the block alone says is worked out once for all its rays.
         let (det, uv, t, floor) = if ray.place.is_none() {
-            // From the size and the reach as few operations as can be: what follows waits for both.
-            let lever = (keep_min(2.0 * farthest, ray.span) + size) * size;
-            let largest = (ray.span + size) * size;
             // Next to nothing, or NaN where some product may have overflowed: NaN bounds reject nothing.
-            let floor = UNDERFLOW + 0.0 * (64.0 * largest * keep_max(size, 1.0));
-            let det = DET_ERROR * (size * size) + UNDERFLOW;
-            let uv = 2.0 * UV_ERROR * lever + (3.0 * det + floor);
-            (det, uv, T_ERROR * (lever * size) + floor, floor)
+            let overflown = 0.0 * ((ray.span + size) * edges.largest);
+            let lever = keep_min(farthest + farthest, ray.span) + overflown;
+            let uv = lever * edges.uv[0] + edges.uv[1];
+            let t = lever * edges.t[0] + edges.t[1];
+            (edges.det, uv, t, overflown + UNDERFLOW)
         } else {
             // In an instance's space offsets and edges may be off by the blur; what the rows of a determinant
             // are off by adds up, times six for its products and times the size of the other rows.
@@ -70,7 +70,7 @@ impl Errors {
                 + floor;
             (det, uv, t, floor)
         };
-        let doubt = t + 3.0 * reach.abs() * det;
+        let doubt = t + 3.0 * det * reach.abs();
         Self {
             det,
             uv,
@@ -89,10 +89,28 @@ pub(super) struct Candidates<S: Simd> {
     /// The least of the three weights.
     least: f32x8<S>,
     errors: Errors,
-    /// Those that the ray certainly hits.
-    sure: u64,
-    /// Bounds on the distances of those, near and far.
+}
+
+/// Those of them that the ray certainly hits.
+pub(super) struct Surely {
+    lanes: u64,
+    /// Bounds on their distances, near and far.
     range: [[f32; LANES]; 2],
+}
+
+impl Surely {
+    /// None yet.
+    pub(super) const NOTHING: Self = Self {
+        lanes: 0,
+        range: [[0.0; LANES]; 2],
+    };
+
+    /// The distances between which the ray certainly hits the triangle of a lane.
+    #[inline(always)]
+    pub(super) fn range(&self, lane: usize) -> Option<[f32; 2]> {
+        let [low, high] = &self.range;
+        (self.lanes >> lane & 1 == 1).then(|| [low[lane], high[lane]])
+    }
 }
 
 /// The triangles of a block, a lane each: what all rays have in common.
@@ -105,6 +123,16 @@ pub(super) struct Edges<S: Simd> {
     count: usize,
     /// The largest component of a side.
     size: f32,
+    /// What is taken times the distance to a corner to see whether some product may overflow.
+    largest: f32,
+    /// Bound on the error of a determinant.
+    det: f32,
+    /// That of a weight is the first times the way to a point within reach, and the second.
+    uv: [f32; 2],
+    /// The same for `t`.
+    t: [f32; 2],
+    /// The largest component of the sides of each.
+    sizes: f32x8<S>,
 }
 
 impl<S: Simd> Edges<S> {
@@ -113,14 +141,23 @@ impl<S: Simd> Edges<S> {
     pub(super) fn new(simd: S, block: &[f32; SPAN], n: usize) -> Self {
         let row = |r: usize| f32x8::from_slice(simd, &block[1 + r * n..1 + r * n + LANES]);
         let v = [row(0), row(1), row(2)];
+        let sides = [
+            [row(3) - v[0], row(4) - v[1], row(5) - v[2]],
+            [row(6) - v[0], row(7) - v[1], row(8) - v[2]],
+        ];
+        let size = block[0];
+        let det = DET_ERROR * (size * size) + UNDERFLOW;
+        let [uv, t] = [2.0 * UV_ERROR * size, T_ERROR * (size * size)];
         Self {
             corner: v,
-            sides: [
-                [row(3) - v[0], row(4) - v[1], row(5) - v[2]],
-                [row(6) - v[0], row(7) - v[1], row(8) - v[2]],
-            ],
+            sides,
             count: n,
-            size: block[0],
+            size,
+            largest: 64.0 * size * keep_max(size, 1.0),
+            det,
+            uv: [uv, uv * size + (3.0 * det + UNDERFLOW)],
+            t: [t, t * size + UNDERFLOW],
+            sizes: largest(sides[0]).max(largest(sides[1])),
         }
     }
 
@@ -134,6 +171,12 @@ impl<S: Simd> Edges<S> {
             splat(ray.o[2]) - self.corner[2],
         ]
     }
+}
+
+/// The largest component of each.
+#[inline(always)]
+fn largest<S: Simd>(v: [f32x8<S>; 3]) -> f32x8<S> {
+    v[0].abs().max(v[1].abs()).max(v[2].abs())
 }
 
 impl<S: Simd> Candidates<S> {
@@ -169,7 +212,7 @@ impl<S: Simd> Candidates<S> {
         let (det, u, v, t) = (det * sign, u * sign, v * sign, t * sign);
         let least = u.min(v).min(det - u - v);
 
-        let errors = Errors::new(edges.size, ray, reach);
+        let errors = Errors::new(edges, ray, reach);
         let limit = det.mul_add(splat(reach), splat(errors.doubt));
         let rejected = least.simd_lt(splat(-errors.uv)) | t.simd_gt(limit);
         Self {
@@ -178,8 +221,6 @@ impl<S: Simd> Candidates<S> {
             t,
             least,
             errors,
-            sure: 0,
-            range: [[0.0; LANES]; 2],
         }
     }
 
@@ -191,68 +232,73 @@ impl<S: Simd> Candidates<S> {
         simd: S,
         edges: &Edges<S>,
         ray: &FrameRay,
-    ) {
+    ) -> Surely {
         let splat = |x: f32| f32x8::splat(simd, x);
         let s = edges.offset(simd, ray);
-        let [a, b] = edges.sides;
-        let (blur, drift) = (ray.blur, 6.0 * ray.drift);
-        let largest = |v: [f32x8<S>; 3]| v[0].abs().max(v[1].abs()).max(v[2].abs());
-        let size = largest(a).max(largest(b)) + splat(blur);
-        let span = largest(s) + splat(blur);
-        let blurred =
-            (span + size * splat(4.0)).mul_add(splat(24.0 * blur), splat(self.errors.floor));
-        let uv_error = size.mul_add(
-            size * splat(3.0 * (DET_ERROR + drift)),
-            size.mul_add(span * splat(2.0 * (UV_ERROR + drift)), blurred),
-        );
+        let floor = splat(self.errors.floor);
+        let (size, span) = (edges.sizes, largest(s));
+        let uv_error = if ray.place.is_none() {
+            let sides = size * (size * splat(3.0 * DET_ERROR)) + floor;
+            span.mul_add(size * splat(2.0 * UV_ERROR), sides)
+        } else {
+            let (blur, drift) = (ray.blur, 6.0 * ray.drift);
+            let (size, span) = (size + splat(blur), span + splat(blur));
+            let blurred = (span + size * splat(4.0)).mul_add(splat(24.0 * blur), floor);
+            size.mul_add(
+                size * splat(3.0 * (DET_ERROR + drift)),
+                size.mul_add(span * splat(2.0 * (UV_ERROR + drift)), blurred),
+            )
+        };
         let behind = if ray.t_min >= -1e-30 {
             -self.errors.doubt
         } else {
             f32::NEG_INFINITY
         };
+        let outside = self.least.simd_lt(-uv_error);
+        let rejected = outside | self.t.simd_lt(splat(behind));
+        self.lanes &= !rejected.to_bitmask();
         // Rays inside an axis-parallel wall: the verdict would say at length what equality of
         // coordinates says at once, that they miss it. Differences of floats vanish only then.
-        let apart = |k: usize| {
-            let offset = s[k].abs().max(a[k].abs()).max(b[k].abs());
-            offset.max(splat(ray.still[k]))
-        };
-        let nearest = apart(0).min(apart(1)).min(apart(2));
-        let in_wall = nearest.simd_eq(splat(0.0));
-        let outside = self.least.simd_lt(-uv_error);
-        let rejected = outside | self.t.simd_lt(splat(behind)) | in_wall;
-        self.lanes &= !rejected.to_bitmask();
+        if ray.still.contains(&0.0) {
+            let [a, b] = edges.sides;
+            let apart = |k: usize| {
+                let offset = s[k].abs().max(a[k].abs()).max(b[k].abs());
+                offset.max(splat(ray.still[k]))
+            };
+            let nearest = apart(0).min(apart(1)).min(apart(2));
+            self.lanes &= !nearest.simd_eq(splat(0.0)).to_bitmask();
+        }
+        let mut surely = Surely::NOTHING;
         if (C::LATE || C::QUICK && Q::ANY) && ray.place.is_none() {
-            let floor = splat(self.errors.floor);
-            let det_error = size.mul_add(size * splat(DET_ERROR), splat(UNDERFLOW));
-            let t_error = (span * splat(T_ERROR)).mul_add(size * size, floor);
+            let det_error = size * (size * splat(DET_ERROR)) + splat(UNDERFLOW);
+            let t_error = span.mul_add(size * (size * splat(T_ERROR)), floor);
             // All three weights certainly have one sign, and their sum is not near zero.
             let sure = self.least.simd_gt(uv_error) & self.det.simd_gt(det_error * splat(4.0));
-            self.sure = sure.to_bitmask();
+            surely.lanes = sure.to_bitmask();
             let low = (self.t - t_error) / (self.det + det_error) * splat(2.0 - PRUNE);
             let high = (self.t + t_error) / (self.det - det_error) * splat(PRUNE);
-            low.store_slice(&mut self.range[0]);
-            high.store_slice(&mut self.range[1]);
+            low.store_slice(&mut surely.range[0]);
+            high.store_slice(&mut surely.range[1]);
+        } else if C::LATE {
+            // They tell at least which seems nearest.
+            (self.t / self.det).store_slice(&mut surely.range[0]);
         }
-    }
-
-    /// The distances between which the ray certainly hits the triangle of a lane.
-    #[inline(always)]
-    pub(super) fn sure(&self, lane: usize) -> Option<[f32; 2]> {
-        let [low, high] = &self.range;
-        (self.sure >> lane & 1 == 1).then(|| [low[lane], high[lane]])
+        surely
     }
 
     /// Takes out the lane that seems nearest; any lane, when any hit will do.
     #[inline(always)]
-    pub(super) fn next<Q: Query>(&mut self) -> Option<usize> {
+    pub(super) fn next<Q: Query, C: Counters>(&mut self, surely: &Surely) -> Option<usize> {
         if self.lanes == 0 {
             return None;
         }
         let mut lane = self.lanes.trailing_zeros() as usize;
         let mut others = self.lanes & (self.lanes - 1);
         if !Q::ANY && others != 0 {
-            let mut distances = [0.0; LANES];
-            (self.t / self.det).store_slice(&mut distances);
+            let mut distances = surely.range[0];
+            if !C::LATE {
+                (self.t / self.det).store_slice(&mut distances);
+            }
             while others != 0 {
                 let other = others.trailing_zeros() as usize;
                 if distances[other] < distances[lane] {

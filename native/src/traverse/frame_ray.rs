@@ -103,14 +103,21 @@ impl<'a> FrameRay<'a> {
         1.0 / self.to_frame
     }
 
-    /// Whether a hit between these distances in the frame certainly lies in the ray's own interval, and its
-    /// `t` in the range of floats. Of rays in an instance's space nothing is certain.
+    /// The distances in the frame between which a hit certainly lies in the ray's own interval, and its `t` in the
+    /// range of floats: both excluded, and NaN where nothing is certain, as of rays in an instance's space.
     #[inline(always)]
-    pub fn surely_within(&self, ray: &Ray, [low, high]: [f32; 2]) -> bool {
-        let begun = low > self.reach(ray.t_min) && low > 0.0;
-        // Written so that nothing is certain of what is not a number.
-        let within = high < self.lower(ray.t_max) && high < self.lower(f32::MAX);
-        self.place.is_none() && begun && within
+    pub fn certain(&self, ray: &Ray) -> [f32; 2] {
+        if self.place.is_some() {
+            return [f32::NAN; 2];
+        }
+        // Written so that what is not a number stays.
+        let from = self.reach(ray.t_min);
+        let to = self.lower(if ray.t_max > f32::MAX {
+            f32::MAX
+        } else {
+            ray.t_max
+        });
+        [if from < 0.0 { 0.0 } else { from }, to]
     }
 
     /// A distance in the frame that nothing can fall below which is farther than what lies no farther than

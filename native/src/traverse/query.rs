@@ -271,20 +271,21 @@ impl Best {
         Q::ANY
     }
 
-    /// Takes a triangle that the ray certainly hits, between these distances in the frame's units. Says whether
-    /// the walk may end; `None` when only the verdict can tell what comes of it.
+    /// Takes a triangle that the ray certainly hits, between these distances in the frame's units; `certain` is
+    /// [`FrameRay::certain`]. Says whether the walk may end; `None` when only the verdict can tell what comes of it.
     ///
     /// Of two such triangles one may be certainly nearer, however both distances are rounded: the other one is
     /// forgotten, and of most rays only one triangle is ever put to the verdict.
     #[inline(always)]
     pub fn hold<Q: Query>(
         &mut self,
-        (ray, frame): (&Ray, &FrameRay),
+        (ray, frame, [from, to]): (&Ray, &FrameRay, [f32; 2]),
         id: u32,
         [low, high]: [f32; 2],
         corners: impl FnOnce() -> [[f32; 3]; 3],
     ) -> Option<bool> {
-        if !frame.surely_within(ray, [low, high]) {
+        // Written so that nothing is certain of what is not a number.
+        if !(low > from && high < to) {
             return None;
         }
         debug_assert_eq!(frame.first, 0, "not in an instance's space");

@@ -263,7 +263,6 @@ impl Stream {
             for (i, &place) in list.iter().enumerate() {
                 if let (true, Some(&later)) = (at == own.link, list.get(i + AHEAD)) {
                     courses[later as usize].fetch_ahead();
-                    prefetch_index(batch.rays, later as usize);
                 }
                 let course = &mut courses[place as usize];
                 if course.line.enters(own.near) {
@@ -288,7 +287,6 @@ impl Stream {
                 prefetch_index(std::slice::from_ref(&courses[place as usize].line), 0);
             } else {
                 courses[place as usize].fetch_ahead();
-                prefetch_index(batch.rays, place as usize);
             }
         }
     }
@@ -406,20 +404,26 @@ impl Batch<'_> {
                     slab.store_slice(row);
                 }
             }
-            for (lane, ray) in rays.iter().enumerate().take(MOST) {
+            for (lane, own) in rays.iter().enumerate().take(MOST) {
                 let place = first + lane;
-                let still = map(ray.d, |d| f32::from(u8::from(d != 0.0 || !scene)));
+                let still = map(own.d, |d| f32::from(u8::from(d != 0.0 || !scene)));
                 let course = match packet.framed(lane) {
                     Some(ray) => (there >> lane & 1 == 1).then(|| {
                         let row = |of: usize| map([0, 1, 2], |k: usize| rows[k][of][lane]);
                         let line = Line::new(&ray, row(0), row(1), row(2));
-                        (ray.signs, Course::new(&ray, line, still))
+                        (
+                            ray.signs,
+                            Course::new(&ray, line, (ray.certain(own), still)),
+                        )
                     }),
                     // It is odd in some way.
                     None => self.framed(place).map(|ray| {
                         let Slabs { inv, near, far, .. } = Slabs::new(&ray);
                         let line = Line::new(&ray, inv, near, far);
-                        (ray.signs, Course::new(&ray, line, still))
+                        (
+                            ray.signs,
+                            Course::new(&ray, line, (ray.certain(own), still)),
+                        )
                     }),
                 };
                 courses.push(match course {

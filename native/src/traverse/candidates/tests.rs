@@ -51,8 +51,8 @@ proptest! {
                 let (mask, sure) = dispatch!(Level::new(), simd => {
                     let edges = Edges::new(simd, block, n);
                     let mut open = Candidates::new(simd, &edges, &framed, reach);
-                    open.refine::<Closest, NoCountLate>(simd, &edges, &framed);
-                    (open.lanes, std::array::from_fn::<_, LANES, _>(|lane| open.sure(lane)))
+                    let surely = open.refine::<Closest, NoCountLate>(simd, &edges, &framed);
+                    (open.lanes, std::array::from_fn::<_, LANES, _>(|lane| surely.range(lane)))
                 });
                 for (lane, &id) in ids.iter().enumerate() {
                     let lost = mask >> lane & 1 == 0 && hit(id).is_some_and(|t| t <= farthest);
@@ -63,7 +63,8 @@ proptest! {
                     // A distance that f32 is sure of, compared in the frame after the verdict has rounded it.
                     let found = verdict(o, d, scene.corners(id)).map(|v| v.t);
                     prop_assert!(found.is_some(), "triangle {id} is missed for sure");
-                    if framed.surely_within(&ray, [low, high]) {
+                    let [from, to] = framed.certain(&ray);
+                    if low > from && high < to {
                         let t = found.unwrap();
                         prop_assert!(t_min <= t && t.is_finite(), "{t} is outside");
                         let at = f64::from(t) / framed.to_scene();

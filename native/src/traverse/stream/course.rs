@@ -66,6 +66,8 @@ pub(super) struct Course {
     pub(super) line: Line,
     span: f32,
     last_place: f32,
+    /// [`FrameRay::certain`].
+    certain: [f32; 2],
     to_frame: f64,
     o: [f32; 3],
     d: [f32; 3],
@@ -74,10 +76,11 @@ pub(super) struct Course {
 }
 
 impl Course {
-    /// Of a ray of the scene. `still` is that of [`FrameRay`]: what a direction is in the frame may have been rounded to 0.
+    /// Of a ray of the scene, `certain` of it. `still` is that of [`FrameRay`]: what a direction is in the frame may have been rounded to 0.
     #[inline(always)]
-    pub(super) fn new(ray: &FrameRay, line: Line, still: [f32; 3]) -> Self {
+    pub(super) fn new(ray: &FrameRay, line: Line, (certain, still): ([f32; 2], [f32; 3])) -> Self {
         Self {
+            certain,
             line,
             span: ray.span,
             last_place: ray.last_place,
@@ -94,7 +97,7 @@ impl Course {
     pub(super) fn nothing() -> Self {
         let ray = FrameRay::NOTHING;
         let line = Line::new(&ray, [0.0; 3], [0.0; 3], [0.0; 3]);
-        Self::new(&ray, line, ray.still)
+        Self::new(&ray, line, ([f32::NAN; 2], ray.still))
     }
 
     /// What leaves need of the ray.
@@ -125,12 +128,12 @@ impl Course {
         let ray = self.ray();
         let mut open = Candidates::new(simd, edges, &ray, self.line.reach);
         if open.any() {
-            open.refine::<Closest, NoCountLate>(simd, edges, &ray);
+            let surely = open.refine::<Closest, NoCountLate>(simd, edges, &ray);
             batch.blocks.settle::<S, Closest, _>(
                 simd,
-                open,
+                (open, &surely),
                 (block, n, batch.scene),
-                (&batch.rays[place], &ray),
+                (&batch.rays[place], &ray, self.certain),
                 &mut self.best,
                 &mut NoCountLate,
             );
