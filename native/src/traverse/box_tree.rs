@@ -370,8 +370,10 @@ impl<const W: usize> batch::Walk for Walk<'_, W> {
                 if node.count[lane] == 0 {
                     continue;
                 }
+                let waits = child(lane);
+                self.0.fetch_ahead((waits.link, waits.count), blocks);
                 let at = make_room(stack, base, &mut waiting, enters[lane]);
-                stack[at] = child(lane);
+                stack[at] = waits;
             }
 
             // Go on with the nearest box; leaves are tested until an inner node comes up.
