@@ -129,8 +129,15 @@ FAULTS = (
     Fault(
         "the f32 test without a bound on its distance",
         _CANDIDATES,
-        "(T_ERROR * span * size + 6.0 * blur * (size + 2.0 * span)) * size + floor",
-        "0.0 * span",
+        "T_ERROR * (size * size)]",
+        "0.0]",
+        BLOCK,
+    ),
+    Fault(
+        "the f32 test trusted where a product overflowed",
+        _CANDIDATES,
+        "keep_min(2.0 * farthest, ray.span) + zero_or_nan",
+        "keep_min(2.0 * farthest, ray.span)",
         BLOCK,
     ),
     Fault("the f32 test blind behind the origin", _CANDIDATES, "keep_max(-ray.t_min, reach)", "reach", BLOCK),
@@ -336,7 +343,7 @@ FAULTS = (
         BLOCK,
     ),
     Fault("sure distances without a far end", _CANDIDATES, "[low[lane], high[lane]]", "[low[lane], low[lane]]", BLOCK),
-    Fault("sure hits outside the interval", _FRAME_RAY, "begun && within", "true", ENDS),
+    Fault("sure hits outside the interval", _QUERY, "low > from && high < to", "low < high", ENDS),
     Fault(
         "triangles that planes cut end at the plane",
         "native/src/build/plane_objects.rs",
@@ -375,7 +382,7 @@ FAULTS = (
     Fault(
         "directions in a wall told by the frame's, which may have been rounded",
         _STREAM,
-        "map(ray.d, |d| f32::from(u8::from(d != 0.0 || !scene)))",
+        "map(own.d, |d| f32::from(u8::from(d != 0.0 || !scene)))",
         "map(ray.d, |d| f32::from(u8::from(d.abs() > 1e-44 || !scene)))",
         ("lib", "a_direction_that_rounds_to_zero_in_the_frame_is_not_in_the_wall"),
     ),

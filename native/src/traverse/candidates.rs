@@ -24,18 +24,17 @@ pub(super) const DET_ERROR: f32 = 96.0 * U;
 pub(super) const UV_ERROR: f32 = 104.0 * U;
 pub(super) const T_ERROR: f32 = 64.0 * U;
 
-/// Absolute part of every bound, where products lost bits below the normal numbers.
+/// Absolute part of every bound, and of what is taken times an offset, where products lost bits below the normal numbers.
 pub(super) const UNDERFLOW: f32 = 1e-36;
 
 /// Bounds on the errors of the test of a block, and what follows from them for distances up to a reach.
 #[derive(Clone, Copy)]
 struct Errors {
-    det: f32,
+    /// On a weight.
     uv: f32,
-    t: f32,
-    /// On `t` less the reach times the determinant.
+    /// On `t` less the reach, or less, times the determinant.
     doubt: f32,
-    /// Part of each bound: next to nothing, or NaN where some product may have overflowed.
+    /// Part of both: next to nothing, or NaN where some product may have overflowed.
     floor: f32,
 }
 
@@ -48,14 +47,14 @@ impl Errors {
         // no farther than that, and its size.
         let farthest = keep_max(-ray.t_min, reach);
         // The first branch is the second one without blur and drift, in few operations: they take as long as those on
-        // all triangles of the block, and what the block alone says is worked out once for all its rays.
+        // all triangles of the block. In streams what the block alone says is worked out once for all rays of a list.
         let (det, uv, t, floor) = if ray.place.is_none() {
-            // Next to nothing, or NaN where some product may have overflowed: NaN bounds reject nothing.
-            let overflown = 0.0 * ((ray.span + size) * edges.largest);
-            let lever = keep_min(farthest + farthest, ray.span) + overflown;
+            // 0, or NaN where some product may have overflowed: NaN bounds reject nothing.
+            let zero_or_nan = 0.0 * ((ray.span + size) * edges.overflow);
+            let lever = keep_min(2.0 * farthest, ray.span) + zero_or_nan;
             let uv = lever * edges.uv[0] + edges.uv[1];
             let t = lever * edges.t[0] + edges.t[1];
-            (edges.det, uv, t, overflown + UNDERFLOW)
+            (edges.det, uv, t, zero_or_nan + UNDERFLOW)
         } else {
             // In an instance's space offsets and edges may be off by the blur; what the rows of a determinant
             // are off by adds up, times six for its products and times the size of the other rows.
@@ -70,14 +69,9 @@ impl Errors {
                 + floor;
             (det, uv, t, floor)
         };
-        let doubt = t + 3.0 * det * reach.abs();
-        Self {
-            det,
-            uv,
-            t,
-            doubt,
-            floor,
-        }
+        // Where the determinant's sign is wrong, it is the distance of the hit that counts, not the reach.
+        let doubt = t + 3.0 * det * farthest;
+        Self { uv, doubt, floor }
     }
 }
 
@@ -91,10 +85,10 @@ pub(super) struct Candidates<S: Simd> {
     errors: Errors,
 }
 
-/// Those of them that the ray certainly hits.
+/// The triangles of a block that the ray certainly hits.
 pub(super) struct Surely {
     lanes: u64,
-    /// Bounds on their distances, near and far.
+    /// Bounds on their distances, near and far. The near ones of all candidates tell which seems nearest.
     range: [[f32; LANES]; 2],
 }
 
@@ -123,13 +117,13 @@ pub(super) struct Edges<S: Simd> {
     count: usize,
     /// The largest component of a side.
     size: f32,
-    /// What is taken times the distance to a corner to see whether some product may overflow.
-    largest: f32,
+    /// Where this times the distance to a corner overflows, some product may have.
+    overflow: f32,
     /// Bound on the error of a determinant.
     det: f32,
-    /// That of a weight is the first times the way to a point within reach, and the second.
+    /// Bound on the error of a weight: for offsets up to `x` from the size on it is `uv[0] * x + uv[1]`.
     uv: [f32; 2],
-    /// The same for `t`.
+    /// The same of `t`.
     t: [f32; 2],
     /// The largest component of the sides of each.
     sizes: f32x8<S>,
@@ -153,10 +147,11 @@ impl<S: Simd> Edges<S> {
             sides,
             count: n,
             size,
-            largest: 64.0 * size * keep_max(size, 1.0),
+            overflow: 64.0 * size * keep_max(size, 1.0),
             det,
-            uv: [uv, uv * size + (3.0 * det + UNDERFLOW)],
-            t: [t, t * size + UNDERFLOW],
+            // Bits that products of small sides lose are taken times the offset, too.
+            uv: [uv + UNDERFLOW, uv * size + (3.0 * det + UNDERFLOW)],
+            t: [t + UNDERFLOW, t * size + UNDERFLOW],
             sizes: largest(sides[0]).max(largest(sides[1])),
         }
     }
@@ -239,7 +234,7 @@ impl<S: Simd> Candidates<S> {
         let (size, span) = (edges.sizes, largest(s));
         let uv_error = if ray.place.is_none() {
             let sides = size * (size * splat(3.0 * DET_ERROR)) + floor;
-            span.mul_add(size * splat(2.0 * UV_ERROR), sides)
+            span.mul_add(size * splat(2.0 * UV_ERROR) + splat(UNDERFLOW), sides)
         } else {
             let (blur, drift) = (ray.blur, 6.0 * ray.drift);
             let (size, span) = (size + splat(blur), span + splat(blur));
@@ -271,7 +266,8 @@ impl<S: Simd> Candidates<S> {
         let mut surely = Surely::NOTHING;
         if (C::LATE || C::QUICK && Q::ANY) && ray.place.is_none() {
             let det_error = size * (size * splat(DET_ERROR)) + splat(UNDERFLOW);
-            let t_error = span.mul_add(size * (size * splat(T_ERROR)), floor);
+            let sides = size * (size * splat(T_ERROR)) + splat(UNDERFLOW);
+            let t_error = span.mul_add(sides, floor);
             // All three weights certainly have one sign, and their sum is not near zero.
             let sure = self.least.simd_gt(uv_error) & self.det.simd_gt(det_error * splat(4.0));
             surely.lanes = sure.to_bitmask();
@@ -315,7 +311,7 @@ impl<S: Simd> Candidates<S> {
     #[inline(always)]
     pub(super) fn drop_beyond(&mut self, simd: S, reach: f32) {
         if self.lanes != 0 {
-            let doubt = f32x8::splat(simd, self.errors.t + 3.0 * reach.abs() * self.errors.det);
+            let doubt = f32x8::splat(simd, self.errors.doubt);
             let limit = self.det.mul_add(f32x8::splat(simd, reach), doubt);
             self.lanes &= !self.t.simd_gt(limit).to_bitmask();
         }

@@ -76,7 +76,8 @@ pub(super) struct Course {
 }
 
 impl Course {
-    /// Of a ray of the scene, `certain` of it. `still` is that of [`FrameRay`]: what a direction is in the frame may have been rounded to 0.
+    /// Of a ray of the scene. `certain` is [`FrameRay::certain`], `still` that of [`FrameRay`]: what a direction is in the
+    /// frame may have been rounded to 0.
     #[inline(always)]
     pub(super) fn new(ray: &FrameRay, line: Line, (certain, still): ([f32; 2], [f32; 3])) -> Self {
         Self {
