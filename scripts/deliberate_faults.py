@@ -30,6 +30,8 @@ EXACT = ("contract", "brute_force_answers_like_exact_arithmetic")
 
 ENDS = ("contract", "the_ends_of_the_interval_count_and_nothing_beyond")
 PACKETS = ("lib", "packets_lose_nothing_on_hard_scenes")
+AFAR = ("lib", "traverse::candidates::tests::no_tiny_triangle_is_rejected_from_afar")
+AFAR_BEAMS = ("lib", "traverse::lanes::tests::no_tiny_triangle_is_rejected_from_afar")
 BLOCK = ("lib", "traverse::candidates::tests::no_hit_is_ever_rejected")
 VERDICT = ("lib", "geom::verdict::tests")
 INTEGERS = ("lib", "geom::exact")
@@ -139,6 +141,30 @@ FAULTS = (
         "keep_min(2.0 * farthest, ray.span) + zero_or_nan",
         "keep_min(2.0 * farthest, ray.span)",
         BLOCK,
+    ),
+    Fault(
+        "bits that small sides lose not taken times the offset",
+        _CANDIDATES,
+        "uv: [uv + UNDERFLOW,",
+        "uv: [uv,",
+        AFAR,
+    ),
+    Fault(
+        "wrong signs counted up to the reach only", _CANDIDATES, "3.0 * det * farthest", "3.0 * det * reach.abs()", AFAR
+    ),
+    Fault(
+        "bits that small sides lose not taken times the offset, of rays in beams",
+        "native/src/traverse/lanes.rs",
+        "2.0 * UV_ERROR * size + UNDERFLOW,",
+        "2.0 * UV_ERROR * size,",
+        AFAR_BEAMS,
+    ),
+    Fault(
+        "wrong signs not counted, of rays in beams",
+        "native/src/traverse/lanes.rs",
+        "T_ERROR * size * size + det,",
+        "T_ERROR * size * size,",
+        AFAR_BEAMS,
     ),
     Fault("the f32 test blind behind the origin", _CANDIDATES, "keep_max(-ray.t_min, reach)", "reach", BLOCK),
     Fault(
@@ -383,7 +409,7 @@ FAULTS = (
         "directions in a wall told by the frame's, which may have been rounded",
         _STREAM,
         "map(own.d, |d| f32::from(u8::from(d != 0.0 || !scene)))",
-        "map(ray.d, |d| f32::from(u8::from(d.abs() > 1e-44 || !scene)))",
+        "map(own.d, |d| f32::from(u8::from(d.abs() > 1e-44 || !scene)))",
         ("lib", "a_direction_that_rounds_to_zero_in_the_frame_is_not_in_the_wall"),
     ),
 )

@@ -23,3 +23,26 @@ pub fn point() -> impl Strategy<Value = [f32; 3]> {
 pub fn near_triangle([a, b, c]: [[f32; 3]; 3], [s, t]: [f32; 2]) -> [f32; 3] {
     std::array::from_fn(|k| a[k] * (1.0 - s) * (1.0 - t) + b[k] * s + c[k] * t)
 }
+
+/// A triangle of size 2^-20 to 2^-146 around 0, and a line through 0 from 2^20 to 2^39 away, before or behind its origin:
+/// the corners, the origin, the direction, and between which `t` a hit counts.
+pub fn tiny_from_afar() -> impl Strategy<Value = ([[f32; 3]; 3], [[f32; 3]; 2], [f32; 2])> {
+    let corners = prop::array::uniform2(prop::array::uniform3(-1.0f32..1.0));
+    let way = prop::array::uniform3(-1.0f32..1.0);
+    (corners, 20..146_i32, 20..39_i32, way, any::<bool>()).prop_map(
+        |([a, b], small, far, way, behind)| {
+            // Two factors: the power itself may be below what floats hold.
+            let shrunk = |x: f32| x * 2.0_f32.powi(-small / 2) * 2.0_f32.powi(small / 2 - small);
+            // It holds 0, or nearly.
+            let c = std::array::from_fn(|k| -0.75 * (a[k] + b[k]));
+            let distance = 2.0_f32.powi(far) * if behind { 1.0 } else { -1.0 };
+            let limits = if behind {
+                [f32::NEG_INFINITY, 0.0]
+            } else {
+                [0.0, f32::INFINITY]
+            };
+            let tiny = [a, b, c].map(|corner: [f32; 3]| corner.map(shrunk));
+            (tiny, [way.map(|x| x * distance), way], limits)
+        },
+    )
+}

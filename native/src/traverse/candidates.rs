@@ -24,7 +24,8 @@ pub(super) const DET_ERROR: f32 = 96.0 * U;
 pub(super) const UV_ERROR: f32 = 104.0 * U;
 pub(super) const T_ERROR: f32 = 64.0 * U;
 
-/// Absolute part of every bound, and of what is taken times an offset, where products lost bits below the normal numbers.
+/// Absolute part of every bound, where products lost bits below the normal numbers, and of what a bound takes times an
+/// offset: those bits are taken times it, too.
 pub(super) const UNDERFLOW: f32 = 1e-36;
 
 /// Bounds on the errors of the test of a block, and what follows from them for distances up to a reach.
@@ -32,7 +33,7 @@ pub(super) const UNDERFLOW: f32 = 1e-36;
 struct Errors {
     /// On a weight.
     uv: f32,
-    /// On `t` less the reach, or less, times the determinant.
+    /// On how far `t` lies beyond what the determinant makes of the reach, or of any shorter one.
     doubt: f32,
     /// Part of both: next to nothing, or NaN where some product may have overflowed.
     floor: f32,
@@ -69,7 +70,7 @@ impl Errors {
                 + floor;
             (det, uv, t, floor)
         };
-        // Where the determinant's sign is wrong, it is the distance of the hit that counts, not the reach.
+        // Where the determinant's sign is wrong, `t` is as wrong as the hit is far, and that may lie behind the origin.
         let doubt = t + 3.0 * det * farthest;
         Self { uv, doubt, floor }
     }
@@ -123,7 +124,7 @@ pub(super) struct Edges<S: Simd> {
     det: f32,
     /// Bound on the error of a weight: for offsets up to `x` from the size on it is `uv[0] * x + uv[1]`.
     uv: [f32; 2],
-    /// The same of `t`.
+    /// The same of `t`. What small sides lose over long ways is less than what a determinant's sign may.
     t: [f32; 2],
     /// The largest component of the sides of each.
     sizes: f32x8<S>,
@@ -149,9 +150,8 @@ impl<S: Simd> Edges<S> {
             size,
             overflow: 64.0 * size * keep_max(size, 1.0),
             det,
-            // Bits that products of small sides lose are taken times the offset, too.
             uv: [uv + UNDERFLOW, uv * size + (3.0 * det + UNDERFLOW)],
-            t: [t + UNDERFLOW, t * size + UNDERFLOW],
+            t: [t, t * size + UNDERFLOW],
             sizes: largest(sides[0]).max(largest(sides[1])),
         }
     }

@@ -18,9 +18,7 @@ pub struct Seen {
     u: [f32; 3],
     v: [f32; 3],
     t: f32,
-    det_error: f32,
-    uv_error: f32,
-    t_error: f32,
+    errors: [f32; 2],
 }
 
 impl Seen {
@@ -30,18 +28,13 @@ impl Seen {
         let (e1, e2, s) = (sub(b, a), sub(c, a), sub(o, a));
         let size = largest(e1).max(largest(e2));
         let span = largest(s);
-        // Next to nothing, or NaN where some product may have overflowed: NaN bounds reject nothing.
-        let floor = UNDERFLOW + 0.0 * (64.0 * span * size * size.max(1.0));
-        let det_error = DET_ERROR * size * size + UNDERFLOW;
         let q = cross(s, e1);
         Self {
             det: cross(e2, e1),
             u: cross(e2, s),
             v: q,
             t: e2[0] * q[0] + (e2[1] * q[1] + e2[2] * q[2]),
-            det_error,
-            uv_error: 2.0 * UV_ERROR * span * size + 3.0 * det_error + floor,
-            t_error: T_ERROR * span * size * size + floor,
+            errors: errors(span, size),
         }
     }
 
@@ -49,17 +42,14 @@ impl Seen {
     #[inline(always)]
     pub fn candidates<S: Simd>(&self, simd: S, d: [f32x8<S>; 3], reach: f32x8<S>) -> u64 {
         let splat = |x: f32| f32x8::splat(simd, x);
-        let (det, u, v) = (
+        let found = [
             dot(simd, self.det, d),
             dot(simd, self.u, d),
             dot(simd, self.v, d),
-        );
-        let errors = [
-            splat(self.det_error),
-            splat(self.uv_error),
-            splat(self.t_error),
+            splat(self.t),
         ];
-        within(simd, [det, u, v, splat(self.t)], errors, reach)
+        let [uv_error, doubt] = self.errors;
+        within(simd, found, [splat(uv_error), splat(doubt)], reach)
     }
 }
 
@@ -68,13 +58,12 @@ impl Seen {
 fn within<S: Simd>(
     simd: S,
     [det, u, v, t]: [f32x8<S>; 4],
-    [det_error, uv_error, t_error]: [f32x8<S>; 3],
+    [uv_error, doubt]: [f32x8<S>; 2],
     reach: f32x8<S>,
 ) -> u64 {
     let sign = f32x8::splat(simd, 1.0).copysign(det);
     let (det, u, v, t) = (det * sign, u * sign, v * sign, t * sign);
     let least = u.min(v).min(det - u - v);
-    let doubt = reach.abs().mul_add(det_error * 3.0, t_error);
     let rejected = least.simd_lt(-uv_error) | t.simd_gt(det.mul_add(reach, doubt));
     !rejected.to_bitmask() & 0xff
 }
@@ -120,7 +109,7 @@ impl Along {
             dot(simd, self.v, s),
             dot(simd, self.t, s),
         ];
-        within(simd, found, errors(simd, s, self.size), reach)
+        within(simd, found, errors_of(simd, s, self.size), reach)
     }
 }
 
@@ -167,24 +156,54 @@ impl Free {
         let u = s[0].mul_add(p[0], s[1].mul_add(p[1], s[2] * p[2]));
         let v = d[0].mul_add(q[0], d[1].mul_add(q[1], d[2] * q[2]));
         let t = dot(simd, self.e2, q);
-        within(simd, [det, u, v, t], errors(simd, s, self.size), reach)
+        within(simd, [det, u, v, t], errors_of(simd, s, self.size), reach)
     }
 }
 
-/// The errors of the determinants of a triangle of this size, per lane.
+/// Bounds for a triangle of this size, of which a corner is so far from the origin along some axis: on the error of a weight,
+/// and on how far `t` may lie beyond what the determinant makes of the distance of a hit.
+///
+/// A hit is no farther than the corner and the size, on whichever side of the origin: where the determinant's sign is
+/// wrong, `t` may be as wrong as that. What products of small sides lose below the normal numbers is taken times the
+/// offset.
 #[inline(always)]
-fn errors<S: Simd>(simd: S, s: [f32x8<S>; 3], size: f32) -> [f32x8<S>; 3] {
-    let splat = |x: f32| f32x8::splat(simd, x);
-    let span = s[0].abs().max(s[1].abs()).max(s[2].abs());
+fn errors(span: f32, size: f32) -> [f32; 2] {
+    let [by_span, constant] = lines(size);
     // Next to nothing, or NaN where some product may have overflowed: NaN bounds reject nothing.
-    let overflow = (span * splat(64.0 * size * size.max(1.0))) * splat(0.0);
-    let floor = overflow + splat(UNDERFLOW);
-    let det_error = DET_ERROR * size * size + UNDERFLOW;
+    let overflow = (span * overflowing(size)) * 0.0;
+    [0, 1].map(|i: usize| by_span[i] * span + constant[i] + overflow)
+}
+
+/// The same for eight offsets.
+#[inline(always)]
+fn errors_of<S: Simd>(simd: S, s: [f32x8<S>; 3], size: f32) -> [f32x8<S>; 2] {
+    let splat = |x: f32| f32x8::splat(simd, x);
+    let [by_span, constant] = lines(size);
+    let span = s[0].abs().max(s[1].abs()).max(s[2].abs());
+    let overflow = (span * splat(overflowing(size))) * splat(0.0);
     [
-        splat(det_error),
-        span.mul_add(splat(2.0 * UV_ERROR * size), floor + splat(3.0 * det_error)),
-        span.mul_add(splat(T_ERROR * size * size), floor),
+        span.mul_add(splat(by_span[0]), splat(constant[0]) + overflow),
+        span.mul_add(splat(by_span[1]), splat(constant[1]) + overflow),
     ]
+}
+
+/// Both bounds, as what they are times the offset, and what is added to that.
+#[inline(always)]
+fn lines(size: f32) -> [[f32; 2]; 2] {
+    let det = 3.0 * (DET_ERROR * size * size + UNDERFLOW);
+    [
+        [
+            2.0 * UV_ERROR * size + UNDERFLOW,
+            T_ERROR * size * size + det,
+        ],
+        [det + UNDERFLOW, det * size + UNDERFLOW],
+    ]
+}
+
+/// Where this times an offset overflows, some product may have.
+#[inline(always)]
+fn overflowing(size: f32) -> f32 {
+    64.0 * size * size.max(1.0)
 }
 
 /// `v x e` for eight vectors.
@@ -222,8 +241,8 @@ impl Plane {
     }
 
     /// Which of eight points, each off by at most `pad` per axis, certainly lie above it, and which
-    /// below. The height is the `t` of the triangle test with the same bound, and the normal's components
-    /// are at most 2 E^2.
+    /// below. The height is the `t` of the triangle test, its error less than the bound there, and the normal's
+    /// components are at most 2 E^2.
     #[inline(always)]
     pub fn sides<S: Simd>(&self, simd: S, p: [f32x8<S>; 3], pad: f32) -> [u64; 2] {
         let splat = |x: f32| f32x8::splat(simd, x);
@@ -233,8 +252,8 @@ impl Plane {
             p[2] - splat(self.corner[2]),
         ];
         let height = dot(simd, self.normal, s);
-        let [_, _, t_error] = errors(simd, s, self.size);
-        let error = t_error + splat(8.0 * self.size * self.size * pad);
+        let [_, doubt] = errors_of(simd, s, self.size);
+        let error = doubt + splat(8.0 * self.size * self.size * pad);
         let above = height.simd_gt(error).to_bitmask() & 0xff;
         let below = height.simd_lt(-error).to_bitmask() & 0xff;
         [above, below]
@@ -273,7 +292,7 @@ fn largest(a: [f32; 3]) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geom::strategies::{near_triangle, point};
+    use crate::geom::strategies::{near_triangle, point, tiny_from_afar};
     use crate::geom::verdict::verdict;
     use crate::scene::Triangles;
     use crate::traverse::Ray;
@@ -324,6 +343,28 @@ mod tests {
                 prop_assert_eq!(mask, 0xff, "alone");
                 prop_assert_eq!(sides, 0, "beside its plane");
             }
+        }
+
+        #[test]
+        fn no_tiny_triangle_is_rejected_from_afar((tiny, [o, d], [t_min, t_max]) in tiny_from_afar()) {
+            let hit = verdict(o, d, tiny).map(|hit| hit.t).filter(|t| t_min <= *t && *t <= t_max);
+            let Some(t) = hit else {
+                return Ok(());
+            };
+            // In the frame the longest component of a direction lies in [1, 2).
+            let unit = 2.0_f32.powi(d.map(f32::abs).into_iter().fold(0.0, f32::max).log2().floor() as i32);
+            let (d, reach) = (d.map(|x| x / unit), t * unit + t.abs() * unit * 1e-6);
+            let masks = dispatch!(Level::new(), simd => {
+                let splat = |v: [f32; 3]| v.map(|x| f32x8::splat(simd, x));
+                let (o8, d8) = (splat(o), splat(d));
+                let reach = f32x8::splat(simd, reach);
+                [
+                    Seen::new(o, tiny).candidates(simd, d8, reach),
+                    Along::new(d, tiny).candidates(simd, o8, reach),
+                    Free::new(tiny).candidates(simd, o8, d8, reach),
+                ]
+            });
+            prop_assert_eq!(masks, [0xff; 3]);
         }
     }
 }

@@ -6,7 +6,8 @@
 //! bring along comes last: `n = e2 x e1` gives the determinant and the distance, `q = s x d` the weights. With
 //! |d| < 2 per component, |e| <= E, |s| <= S: `n` is off by 8 u E^2 per component, the determinant by
 //! 84 u E^2 and the distance by 48 u S E^2, as in [`super::lanes`]; `q` by 12 u S, and the weights, like those
-//! from `d x e2` there, by 84 u S E.
+//! from `d x e2` there, by 84 u S E. What sides lose below the normal numbers is taken times the offset in the distance
+//! only, and is less there than what the determinant's error makes of it: no hit of a packet lies behind its origin.
 //!
 //! Before that, triangles beside a fan of rays from one origin are told by their products with the box of the directions.
 //! Its middle and half its extent add up to hardly more than 2 per component, so that what both parts are off by is no more

@@ -411,19 +411,13 @@ impl Batch<'_> {
                     Some(ray) => (there >> lane & 1 == 1).then(|| {
                         let row = |of: usize| map([0, 1, 2], |k: usize| rows[k][of][lane]);
                         let line = Line::new(&ray, row(0), row(1), row(2));
-                        (
-                            ray.signs,
-                            Course::new(&ray, line, (ray.certain(own), still)),
-                        )
+                        (ray.signs, Course::new(&ray, line, ray.certain(own), still))
                     }),
                     // It is odd in some way.
                     None => self.framed(place).map(|ray| {
                         let Slabs { inv, near, far, .. } = Slabs::new(&ray);
                         let line = Line::new(&ray, inv, near, far);
-                        (
-                            ray.signs,
-                            Course::new(&ray, line, (ray.certain(own), still)),
-                        )
+                        (ray.signs, Course::new(&ray, line, ray.certain(own), still))
                     }),
                 };
                 courses.push(match course {

@@ -7,7 +7,8 @@
 //! dot product of the direction with a vector that depends on the triangle alone. If such a product is
 //! negative for four directions, it is for all directions between them. Only hits ahead of the
 //! origin count, so the side of the triangle on which the origin lies tells the sign that
-//! all weights of a hit have; only where that is in doubt both signs are tried.
+//! all weights of a hit have; only where that is in doubt both signs are tried. Nothing that sides lose below the normal
+//! numbers is taken times the offset, as a weight is one product of both.
 //!
 //! Errors beyond those of the single test, where products and sums round one by one: the third weight, whose vector is
 //! the sum of the other two and the determinant's, is off by 22 u S E + 12 u E^2 per component, which times a

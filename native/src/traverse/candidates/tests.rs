@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 
 use super::*;
-use crate::geom::strategies::{near_triangle, point};
+use crate::geom::strategies::{near_triangle, point, tiny_from_afar};
 use crate::geom::verdict::verdict;
 use crate::scene::Triangles;
 use crate::traverse::Ray;
@@ -83,34 +83,20 @@ proptest! {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(20_000))]
     #[test]
-    fn no_tiny_triangle_is_rejected_from_afar(
-        [a, b] in prop::array::uniform2(prop::array::uniform3(-1.0f32..1.0)),
-        small in 20..146_i32,
-        far in 20..39_i32,
-        way in prop::array::uniform3(-1.0f32..1.0),
-        behind in any::<bool>(),
-    ) {
-        // Two factors: the power itself may be below what floats hold.
-        let shrunk = |x: f32| x * 2.0_f32.powi(-small / 2) * 2.0_f32.powi(small / 2 - small);
-        // It holds 0, or nearly.
-        let c = std::array::from_fn(|k| -0.75 * (a[k] + b[k]));
-        let tiny = [a, b, c].map(|corner| corner.map(shrunk));
-        // The line goes through 0 exactly. The frame of so large a scene is its own, just so.
-        let distance = 2.0_f32.powi(far) * if behind { 1.0 } else { -1.0 };
-        let o = way.map(|x| x * distance);
+    fn no_tiny_triangle_is_rejected_from_afar((tiny, [o, d], [t_min, t_max]) in tiny_from_afar()) {
+        // The frame of so large a scene is its own, just so.
         let x = 2.0_f32.powi(39);
         let all = vec![tiny[0], tiny[1], tiny[2], [x; 3], [x, x, 0.5 * x], [-x, -x, 0.0]];
         let scene = Triangles::new(all, vec![[0, 1, 2], [3, 4, 5]]).unwrap();
         let frame = Frame::new(scene.bounds());
-        let [t_min, t_max] = if behind { [f32::NEG_INFINITY, 0.0] } else { [0.0, f32::INFINITY] };
-        let hit = verdict(o, way, tiny).filter(|hit| t_min <= hit.t && hit.t <= t_max);
+        let hit = verdict(o, d, tiny).filter(|hit| t_min <= hit.t && hit.t <= t_max);
         let Some(hit) = hit.filter(|_| scene.live().contains(&0)) else {
             return Ok(());
         };
         let mut blocks = Blocks::new();
         let first = blocks.push_leaf(&scene, &frame, &[0]);
         blocks.seal();
-        let framed = frame.ray(&Ray { o, d: way, t_min, t_max }).expect("it meets the scene");
+        let framed = frame.ray(&Ray { o, d, t_min, t_max }).expect("it meets the scene");
         let kept = dispatch!(Level::new(), simd => {
             let edges = Edges::new(simd, blocks.block_words(first as usize), 1);
             [framed.t_max, framed.reach(hit.t)].map(|reach| {

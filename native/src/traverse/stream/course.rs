@@ -79,7 +79,7 @@ impl Course {
     /// Of a ray of the scene. `certain` is [`FrameRay::certain`], `still` that of [`FrameRay`]: what a direction is in the
     /// frame may have been rounded to 0.
     #[inline(always)]
-    pub(super) fn new(ray: &FrameRay, line: Line, (certain, still): ([f32; 2], [f32; 3])) -> Self {
+    pub(super) fn new(ray: &FrameRay, line: Line, certain: [f32; 2], still: [f32; 3]) -> Self {
         Self {
             certain,
             line,
@@ -98,7 +98,7 @@ impl Course {
     pub(super) fn nothing() -> Self {
         let ray = FrameRay::NOTHING;
         let line = Line::new(&ray, [0.0; 3], [0.0; 3], [0.0; 3]);
-        Self::new(&ray, line, ([f32::NAN; 2], ray.still))
+        Self::new(&ray, line, [f32::NAN; 2], ray.still)
     }
 
     /// What leaves need of the ray.
