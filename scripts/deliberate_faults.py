@@ -131,8 +131,8 @@ FAULTS = (
     Fault(
         "the f32 test without a bound on its distance",
         _CANDIDATES,
-        "T_ERROR * (size * size)]",
-        "0.0]",
+        "[2.0 * UV_ERROR * size, T_ERROR * (size * size)]",
+        "[2.0 * UV_ERROR * size, 0.0]",
         BLOCK,
     ),
     Fault(
@@ -145,8 +145,8 @@ FAULTS = (
     Fault(
         "bits that small sides lose not taken times the offset",
         _CANDIDATES,
-        "uv: [uv + UNDERFLOW,",
-        "uv: [uv,",
+        "[uv + UNDERFLOW, uv * size + (3.0 * det + UNDERFLOW)]",
+        "[uv, uv * size + (3.0 * det + UNDERFLOW)]",
         AFAR,
     ),
     Fault(
@@ -155,15 +155,15 @@ FAULTS = (
     Fault(
         "bits that small sides lose not taken times the offset, of rays in beams",
         "native/src/traverse/lanes.rs",
-        "2.0 * UV_ERROR * size + UNDERFLOW,",
-        "2.0 * UV_ERROR * size,",
+        "2.0 * UV_ERROR * size + UNDERFLOW",
+        "2.0 * UV_ERROR * size",
         AFAR_BEAMS,
     ),
     Fault(
         "wrong signs not counted, of rays in beams",
         "native/src/traverse/lanes.rs",
-        "T_ERROR * size * size + det,",
-        "T_ERROR * size * size,",
+        "T_ERROR * size * size + det",
+        "T_ERROR * size * size",
         AFAR_BEAMS,
     ),
     Fault("the f32 test blind behind the origin", _CANDIDATES, "keep_max(-ray.t_min, reach)", "reach", BLOCK),

@@ -46,8 +46,18 @@ class StaleError(ValueError):
     """A fault cannot be put in. The message names it."""
 
 
+def is_whole(text: str) -> bool:
+    """Whether as many brackets open in it as close, and nothing is to follow."""
+    return all(text.count(a) == text.count(b) for a, b in ("()", "[]", "{}")) and not text.rstrip().endswith(",")
+
+
 def seeded(text: str, fault: Fault, number: int) -> str:
-    """The source with the fault in it. Raises StaleError when its place is not found, or several are."""
+    """The source with the fault in it.
+
+    Raises StaleError when its place is not found, or several are, or in Rust when it is no expression.
+    """
+    if fault.is_rust and not (is_whole(fault.old) and is_whole(fault.new)):
+        raise StaleError(f"{fault.what}: {fault.old!r} or {fault.new!r} is a part of an expression, not one to switch")
     places = text.count(fault.old)
     if places != 1:
         raise StaleError(f"{fault.what}: {fault.old!r} stands {places} times in {fault.file}")

@@ -25,6 +25,13 @@ def test_a_fault_without_a_place_is_told() -> None:
     assert mutations.seeded("y = a + b;", fault, 7) == "y = (if crate::fault(7) { a - b } else { a + b });"
 
 
+@pytest.mark.parametrize("part", ["[a + b", "a + b,", "f(a + b))"])
+def test_a_fault_in_a_part_of_an_expression_is_told(part: str) -> None:
+    for old, new in ((part, "a"), ("a", part)):
+        with pytest.raises(mutations.StaleError, match="part of an expression"):
+            mutations.seeded(old, Fault("half", "native/x.rs", old, new, ("lib", "x")), 1)
+
+
 TEST = """
 import sys
 from pathlib import Path
