@@ -20,30 +20,16 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from addon.core import (
-    benchmark,
-    cluster,
-    command,
-    curve,
-    grid,
-    merging,
-    native,
-    offsets,
-    page,
-    preparation,
-    rays,
-    report,
-    results,
-    specs,
-    sweep,
-    thesis,
-    workload,
-    yardstick,
-)
-from addon.core.bench_presets import AS_PUBLISHED, PRESETS
-from addon.core.native import first_line
-from addon.core.rows import agrees_moved
-from addon.core.usage import Parser, UsageError, output
+from addon.core.base import command, native
+from addon.core.base.native import first_line
+from addon.core.measure import benchmark, curve, offsets, preparation, thesis, yardstick
+from addon.core.measure.rows import agrees_moved
+from addon.core.report import page, report, results
+from addon.core.scene import grid, rays, workload
+from addon.core.structures import specs
+from lab.base.usage import Parser, UsageError, output
+from lab.bench import cluster, merging, sweep
+from lab.bench.bench_presets import AS_PUBLISHED, PRESETS
 
 SUFFIXES = (".npz", ".blend", ".obj", ".ply", ".stl", ".glb", ".gltf", ".usd", ".usda", ".usdc", ".usdz")
 
@@ -355,7 +341,7 @@ def loader(scene: str, size: tuple[int, int], published: bool) -> Callable[[], w
         path = found
         return lambda: workload.load_npz(path, memory_limit=native.load().free_memory(), published=published)
     try:
-        from addon.blender import workloads
+        from addon.blender.measure import workloads
     except ImportError as error:
         raise UsageError(f"{scene}: needs Blender: {error}") from error
     if found == "showcase":

@@ -16,10 +16,14 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from addon.core import auto, catalogue, check, choice, command, native, rays, room
-from addon.core.reference import Reference, affordable
-from addon.core.usage import Parser, UsageError
-from addon.core.workload import SCENES, Workload, find, left_out, load_npz
+from addon.core.base import command, native, room
+from addon.core.choose import auto, choice
+from addon.core.measure import check
+from addon.core.measure.reference import Reference, affordable
+from addon.core.scene import rays
+from addon.core.scene.workload import SCENES, Workload, find, left_out, load_npz
+from addon.core.structures import catalogue
+from lab.base.usage import Parser, UsageError
 
 REPEATS = 3
 GOOD = 1.1

@@ -18,8 +18,13 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from addon.core import claims, claims_report, claims_table, command, native, results, workload
-from addon.core.usage import Parser, UsageError, output
+from addon.core.base import command, native
+from addon.core.report import results
+from addon.core.scene import workload
+from lab.base.usage import Parser, UsageError, output
+from lab.claims import claims
+from lab.claims import report as claims_report
+from lab.claims import table as claims_table
 
 
 def parser() -> argparse.ArgumentParser:

@@ -33,9 +33,12 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from addon.core import command, native, results, specs, workload
-from addon.core.native import first_line
-from addon.core.usage import Parser, UsageError, output
+from addon.core.base import command, native
+from addon.core.base.native import first_line
+from addon.core.report import results
+from addon.core.scene import workload
+from addon.core.structures import specs
+from lab.base.usage import Parser, UsageError, output
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -140,7 +143,7 @@ def read(arguments: Sequence[str]) -> argparse.Namespace:
 
 def run(asked: argparse.Namespace) -> None:
     """Render with both engines, write the pictures, print the numbers."""
-    from addon.core import comparison
+    from lab.pictures import comparison
 
     bpy = _start(asked)
     name = _open(bpy, asked.file)
@@ -155,10 +158,10 @@ def run(asked: argparse.Namespace) -> None:
 
 def judge_scenes(asked: argparse.Namespace) -> bool:
     """Build, render and judge the scenes asked for. Returns whether all are the same in both engines."""
-    from addon.core import comparison
+    from lab.pictures import comparison
 
     bpy = _start(asked)
-    from addon.blender import proving
+    from lab.pictures import proving
 
     verdicts = []
     for name in _built(bpy, asked.scene):
@@ -188,10 +191,10 @@ def judge_scenes(asked: argparse.Namespace) -> bool:
 
 def time_whole(asked: argparse.Namespace) -> bool:
     """Time whole renders, with the error of the pictures and of the rays. Returns whether all holds."""
-    from addon.core import comparison
+    from lab.pictures import comparison
 
     bpy = _start(asked)
-    from addon.blender import whole
+    from lab.pictures import whole
 
     name = _open(bpy, asked.file, whole.LIGHTS)
     scene: Any = bpy.context.scene
@@ -215,10 +218,10 @@ def time_whole(asked: argparse.Namespace) -> bool:
 
 def judge_slopes(asked: argparse.Namespace) -> bool:
     """Fit the slopes of RMSE on the scenes asked for. Returns whether those of independent samples are right."""
-    from addon.core import curve
+    from addon.core.measure import curve
 
     bpy = _start(asked)
-    from addon.blender import pictures
+    from addon.blender.measure import pictures
 
     # The largest means, of a quarter of the pictures, are four: of one alone chance would decide.
     counts = [1 << k for k in range(asked.samples.bit_length()) if 4 << k <= asked.samples]
@@ -251,7 +254,7 @@ def judge_slopes(asked: argparse.Namespace) -> bool:
 
 def _built(bpy: Any, asked: str) -> Iterator[str]:
     """Build one scene after the other. Raises UsageError."""
-    from addon.blender import proving
+    from lab.pictures import proving
 
     if asked != "all" and asked not in proving.SCENES:
         raise UsageError(f"--scene: expected all or one of {', '.join(proving.SCENES)}, got {asked!r}")
@@ -303,8 +306,8 @@ def _prepare(scene: Any, asked: argparse.Namespace, name: str) -> None:
 
 def _pictures(scene: Any, asked: argparse.Namespace, name: str) -> tuple[dict[str, Any], dict[str, float]]:
     """The runs of both engines, and the seconds each took. The runs alternate."""
-    from addon.blender import pictures
-    from addon.core import comparison
+    from addon.blender.measure import pictures
+    from lab.pictures import comparison
 
     samples = -(-asked.samples // asked.runs)
     seconds = {"HALFSPACE": 0.0, "CYCLES": 0.0}
@@ -327,7 +330,7 @@ def _pictures(scene: Any, asked: argparse.Namespace, name: str) -> tuple[dict[st
 
 
 def _print_left_out(scene: Any) -> None:
-    from addon.blender import reports
+    from addon.blender.session import reports
 
     report = reports.last(scene)
     print("Left out by Halfspace, because it does not know it:")
@@ -354,7 +357,7 @@ def _size(text: str) -> tuple[int, int]:
 
 def _open(bpy: Any, file: str | None, lights: Sequence[str] | None = None) -> str:
     """Open the scene, always from a .blend of its own. Returns its name. lights: of an .npz, None for all."""
-    from addon.blender import scenes
+    from lab.pictures import scenes
 
     name = scenes.open_file(file, lights)
     if file is not None and file.lower().endswith(".blend"):
@@ -370,7 +373,7 @@ def _open(bpy: Any, file: str | None, lights: Sequence[str] | None = None) -> st
 
 
 def _configure_halfspace(scene: Any, structure: str, samples: int, bounces: int) -> None:
-    from addon.blender import presets
+    from addon.blender.settings import presets
 
     try:
         presets.apply(scene.halfspace, structure)

@@ -36,7 +36,7 @@ BLOCK = ("lib", "traverse::candidates::tests::no_hit_is_ever_rejected")
 VERDICT = ("lib", "geom::verdict::tests")
 INTEGERS = ("lib", "geom::exact")
 BEAMS = ("beams", "pixels_are_those_of_single_rays_at_every_size")
-STABILITY = ("tests/core/test_stability.py", "lie")
+STABILITY = ("tests/core/lab/test_stability.py", "lie")
 
 _FRAME = "native/src/traverse/frame.rs"
 _FRAME_RAY = "native/src/traverse/frame_ray.rs"
@@ -285,31 +285,31 @@ FAULTS = (
     ),
     Fault(
         "wrong triangles not counted",
-        "addon/core/accuracy.py",
+        "addon/core/measure/accuracy.py",
         "wrong_triangle=int(other.sum())",
         "wrong_triangle=0",
         STABILITY,
     ),
     Fault(
         "other u and v taken for equal",
-        "addon/core/trials.py",
+        "lab/stability/trials.py",
         "(a.u, b.u), (a.v, b.v)",
         "(a.u, a.u), (b.v, b.v)",
         STABILITY,
     ),
     Fault(
         "distances not compared",
-        "addon/core/stability.py",
+        "lab/stability/stability.py",
         '(*COUNTS[1:], "t_ulp_max", "exact_wrong", "exact_t_ulp_max")',
         '(*COUNTS[1:], "exact_wrong")',
         STABILITY,
     ),
     Fault(
         "reports written in place",
-        "addon/core/results.py",
+        "addon/core/report/results.py",
         'tempfile.mkstemp(dir=path.parent, prefix=path.name + ".")',
         "(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC), str(path))",
-        ("tests/core/test_faults.py", "full_disk"),
+        ("tests/core/scripts/test_faults.py", "full_disk"),
     ),
     Fault(
         "rays of a packet not parted by their signs",

@@ -33,8 +33,8 @@ def main(arguments: Sequence[str]) -> int:
     """Set up, then run all steps. Returns the exit status of the first that fails, 130 when it was stopped."""
     # Imported here: what starts this script may be a Python that is too old for it.
     sys.path.insert(0, str(ROOT))
-    from addon.core import command
-    from addon.core.usage import Parser
+    from addon.core.base import command
+    from lab.base.usage import Parser
 
     parser = Parser(prog="demo", description="Render the built-in showcase, and measure every structure on it.")
     return command.run("demo", arguments, parser.parse_args, work)

@@ -19,8 +19,8 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from addon.core import command
-from addon.core.usage import Parser
+from addon.core.base import command
+from lab.base.usage import Parser
 
 NATIVE = Path(__file__).resolve().parents[1] / "native"
 REGISTRY = "registry+https://github.com/rust-lang/crates.io-index"

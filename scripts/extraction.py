@@ -21,8 +21,8 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from addon.core import command
-from addon.core.usage import Parser, UsageError
+from addon.core.base import command
+from lab.base.usage import Parser, UsageError
 
 PROMISED_EDIT, PROMISED_WARM = 300e-9, 50e-9
 """Seconds per triangle."""
@@ -158,8 +158,8 @@ def _evaluate() -> None:
 def _read() -> Any:
     import bpy
 
-    from addon.blender import extract
-    from addon.core.notes import Notes
+    from addon.blender.read import extract
+    from addon.core.base.notes import Notes
 
     return extract.extract(bpy.context.evaluated_depsgraph_get(), Notes(), sky=extract.WAIT).geometry
 

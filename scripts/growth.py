@@ -19,8 +19,13 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from addon.core import command, growth, growth_report, native, rays, results, specs
-from addon.core.usage import Parser, UsageError, output
+from addon.core.base import command, native
+from addon.core.report import results
+from addon.core.scene import rays
+from addon.core.structures import specs
+from lab.base.usage import Parser, UsageError, output
+from lab.growth import growth
+from lab.growth import report as growth_report
 
 STRUCTURES = "kd,bsp-wn-plus-kd"
 

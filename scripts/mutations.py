@@ -23,8 +23,8 @@ from deliberate_faults import FAULTS, Fault, table
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from addon.core import command
-from addon.core.usage import Parser
+from addon.core.base import command
+from lab.base.usage import Parser
 
 ROOT = Path(__file__).resolve().parents[1]
 LIST = ROOT / "tests" / "MUTATIONS.md"

@@ -16,8 +16,11 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from addon.core import command, results, specs, workload
-from addon.core.usage import Parser, UsageError, output
+from addon.core.base import command
+from addon.core.report import results
+from addon.core.scene import workload
+from addon.core.structures import specs
+from lab.base.usage import Parser, UsageError, output
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -90,7 +93,10 @@ def run(asked: argparse.Namespace) -> int:
     import numpy as np
 
     import addon
-    from addon.blender import overlay, pictures, presets, scenes, stage
+    from addon.blender.measure import pictures
+    from addon.blender.overlay import drawing as overlay
+    from addon.blender.settings import presets
+    from lab.pictures import scenes, stage
 
     if not hasattr(gpu, "init"):
         raise RuntimeError("this Blender cannot draw without a window; 5.2 and newer can")

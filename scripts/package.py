@@ -23,8 +23,8 @@ import wheel
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from addon.core import command
-from addon.core.usage import Parser, output
+from addon.core.base import command
+from lab.base.usage import Parser, output
 
 ROOT = Path(__file__).resolve().parents[1]
 

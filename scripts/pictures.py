@@ -19,8 +19,9 @@ import overlay_picture
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from addon.core import catalogue, command
-from addon.core.usage import Parser, UsageError, output
+from addon.core.base import command
+from addon.core.structures import catalogue
+from lab.base.usage import Parser, UsageError, output
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -97,7 +98,8 @@ def costs(path: Path, width: int) -> None:
     """The steps of two structures side by side."""
     import bpy
 
-    from addon.blender import cost_maps, pictures, scenes
+    from addon.blender.measure import cost_maps, pictures
+    from lab.pictures import scenes
 
     scenes.open_file(None)
     scene: Any = bpy.context.scene

@@ -20,8 +20,12 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from addon.core import choice, command, native, picture_files, results, specs, workload
-from addon.core.usage import Parser, UsageError, output
+from addon.core.base import command, native, picture_files
+from addon.core.choose import choice
+from addon.core.report import results
+from addon.core.scene import workload
+from addon.core.structures import specs
+from lab.base.usage import Parser, UsageError, output
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -79,7 +83,9 @@ def render(asked: argparse.Namespace) -> int:
 
     if not hasattr(bpy.context.scene, "halfspace"):
         addon.register()
-    from addon.blender import properties, reports, scenes, trees
+    from addon.blender.session import reports, trees
+    from addon.blender.settings import properties
+    from lab.pictures import scenes
 
     scenes.open_file(asked.file)
     scene: Any = bpy.context.scene
@@ -121,7 +127,8 @@ class _Progress:
 
 def _configure(scene: Any, asked: argparse.Namespace) -> None:
     """Tell the scene what is asked. Raises UsageError."""
-    from addon.blender import pictures, presets
+    from addon.blender.measure import pictures
+    from addon.blender.settings import presets
 
     scene.render.engine = "HALFSPACE"
     pictures.as_file(scene.render.image_settings, "PNG")

@@ -19,8 +19,12 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from addon.core import agreement, command, grid, leaks, native, results, specs, stability, trials, workload
-from addon.core.usage import Parser, UsageError, output
+from addon.core.base import command, native
+from addon.core.report import results
+from addon.core.scene import grid, workload
+from addon.core.structures import specs
+from lab.base.usage import Parser, UsageError, output
+from lab.stability import agreement, leaks, stability, trials
 
 BUNNY = Path(__file__).resolve().parents[2] / "shared" / "scenes" / "stanford-bunny.npz"
 """A scanned surface whose few holes are closed by fans."""

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-from addon.core import results
+from addon.core.report import results
 
 # A slow machine is no fault of what is tested. The same is drawn everywhere: left alone, hypothesis does so only where
 # it sees a CI, and what fails there passes anywhere else. `--hypothesis-profile=search` draws anew at each run.

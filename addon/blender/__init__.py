@@ -3,27 +3,14 @@
 
 import bpy
 
-from . import (
-    building,
-    checking,
-    compare_operators,
-    compare_panels,
-    compat,
-    cost_maps,
-    engine,
-    manual,
-    operators,
-    overlay,
-    overlay_panels,
-    overlay_settings,
-    panels,
-    picking,
-    presets,
-    properties,
-    reports,
-    sky,
-    viewport,
-)
+from .measure import checking, compare_operators, cost_maps
+from .overlay import drawing, picking
+from .read import sky
+from .render import engine, viewport
+from .samples import operators
+from .session import building, reports
+from .settings import overlay_settings, presets, properties
+from .ui import compare_panels, compat, manual, overlay_panels, panels
 
 
 def register() -> None:
@@ -41,7 +28,7 @@ def register() -> None:
     panels.register()
     overlay_panels.register()
     compare_panels.register()
-    overlay.register()
+    drawing.register()
     bpy.utils.register_class(engine.HalfspaceEngine)
     compat.register(engine.ENGINE)
 
@@ -52,7 +39,7 @@ def unregister() -> None:
     bpy.utils.unregister_class(engine.HalfspaceEngine)
     viewport.stop()
     sky.stop()
-    overlay.unregister()
+    drawing.unregister()
     compare_panels.unregister()
     overlay_panels.unregister()
     panels.unregister()

@@ -13,8 +13,10 @@ import pytest
 from mathutils import Euler, Matrix, Vector
 from shapes import cube, grid
 
-from addon.blender import overlay, trees
-from addon.core import catalogue, native
+from addon.blender.overlay import drawing as overlay
+from addon.blender.session import trees
+from addon.core.base import native
+from addon.core.structures import catalogue
 
 WIDTH, HEIGHT = 200, 150
 

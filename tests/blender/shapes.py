@@ -9,11 +9,11 @@ import bmesh
 import bpy
 import numpy as np
 
-from addon.blender import extract
-from addon.core.notes import Notes
+from addon.blender.read import extract
+from addon.core.base.notes import Notes
 
 if TYPE_CHECKING:
-    from addon.core.scene import Geometry, Scene
+    from addon.core.scene.scene import Geometry, Scene
 
 
 def triangle(name: str = "Triangle", *, at: float = 0.0, smooth: bool = False) -> Any:

@@ -8,7 +8,7 @@ from typing import Any
 import halfspace_native
 import numpy as np
 
-from addon.core.accuracy import Answers
+from addon.core.measure.accuracy import Answers
 
 LIES = ("false_miss", "false_hit", "wrong_triangle", "wrong_values", "wrong_any_hit", "late")
 

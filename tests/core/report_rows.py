@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from addon.core import costmap
+from addon.core.measure import costmap
 
 RATE = {
     "n": 64,

@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The statistics of the last structure: what it is, how fast it is, and whether a sample of its answers is right.
+
+Panels only read; what must be measured is measured by the operator.
+"""
+
+from __future__ import annotations
+
+import logging
+from typing import Any
+
+import bpy
+
+from ...core.base import native
+from ...core.choose import choice
+from ...core.measure import check
+from ...core.measure.check import Check
+from ..session import building, reports, trees
+from ..settings import properties
+from . import workloads
+
+log = logging.getLogger(__name__)
+
+_checks: dict[int, Check] = {}
+"""By the number of the tree; only the last tree's is kept."""
+
+
+def last(tree: trees.Tree) -> Check | None:
+    """What the last check of this very structure found."""
+    return _checks.get(tree.number)
+
+
+def words(tree: trees.Tree) -> str:
+    """What is known of its answers, in short, to stand beside its speed."""
+    found = last(tree)
+    if found is None:
+        return choice.NOT_COMPARED
+    return f"{found.errors.rays:,} answers {'right' if found.right else 'compared, some WRONG'}"
+
+
+def clear() -> None:
+    """Forget all."""
+    _checks.clear()
+
+
+class HALFSPACE_OT_check(bpy.types.Operator):
+    """Measures the structure."""
+
+    bl_idname = "halfspace.check"
+    bl_label = "Measure a Sample"
+    bl_description = (
+        "Trace the camera's rays and what follows from them through the structure, and compare a sample of the answers "
+        "with brute force, bit for bit. Takes seconds in large scenes"
+    )
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return native.problem() is None and context.scene is not None
+
+    def execute(self, context: Any) -> set[str]:
+        scene = context.scene
+        render = scene.render
+        size = (max(render.resolution_x, 1), max(render.resolution_y, 1))
+        try:
+            depsgraph = context.evaluated_depsgraph_get()  # first, since it tells what has moved
+            tree = _chosen(scene) or trees.usable(scene, properties.spec(scene.halfspace))
+            if tree is None:
+                building.build_now(scene, depsgraph)
+                tree = trees.last(scene)
+                assert tree is not None
+            workload = workloads.of_tree(tree, scene.name, size)
+            found: Check | None = None
+            for found in check.steps(native.load(), tree.structure, workload, threads=0):  # noqa: B007 (the last)
+                pass
+        except native.FAILURES as error:
+            log.error("Halfspace could not measure the structure", exc_info=error)
+            self.report({"ERROR"}, " ".join(str(error).split()))
+            return {"CANCELLED"}
+        for line in workload.notes:
+            self.report({"WARNING"}, line)
+        _checks.clear()
+        if found is not None:
+            _checks[tree.number] = found
+            trees.redraw()
+        return {"FINISHED"}
+
+
+def _chosen(scene: Any) -> trees.Tree | None:
+    """The structure that the last render chose by itself: it is the one to be measured, whatever the settings say."""
+    tree, report = trees.last(scene), reports.last(scene)
+    if not scene.halfspace.automatic or tree is None or report is None or report.tree != tree.number:
+        return None
+    return trees.usable(scene, tree.spec)
+
+
+def register() -> None:
+    """Register the operator."""
+    bpy.utils.register_class(HALFSPACE_OT_check)
+
+
+def unregister() -> None:
+    """The reverse of `register`."""
+    bpy.utils.unregister_class(HALFSPACE_OT_check)
+    clear()

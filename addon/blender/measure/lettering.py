@@ -1,0 +1,48 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Text in pictures, written with Blender's own font; needs neither a window nor a graphics card."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+import blf
+import imbuf
+import numpy as np
+
+from ...core.scene.scene import F32
+from . import pictures
+
+FONT = 0
+
+
+def width(text: str, size: float) -> int:
+    """How many pixels a line of text takes."""
+    blf.size(FONT, size)
+    return int(np.ceil(blf.dimensions(FONT, text)[0]))
+
+
+def write(
+    picture: F32,
+    lines: list[tuple[str, float, float]],
+    size: float,
+    rgb: tuple[float, float, float] = (0.92, 0.93, 0.95),
+) -> None:
+    """Write lines (text, x, y of the baseline's left end, from the bottom) into (h, w, 3) display values, in place."""
+    if not lines:
+        return
+    height, across = picture.shape[:2]
+    buffer = imbuf.new((across, height))
+    blf.size(FONT, size)
+    blf.color(FONT, 1.0, 1.0, 1.0, 1.0)
+    with blf.bind_imbuf(FONT, buffer):
+        for text, x, y in lines:
+            blf.position(FONT, x, y, 0.0)
+            blf.draw_buffer(FONT, text)
+    with tempfile.TemporaryDirectory(prefix="halfspace-text-") as folder:
+        path = Path(folder) / "text.png"
+        imbuf.write(buffer, filepath=str(path))
+        ink = pictures.load(path)
+    buffer.free()
+    share = ink[..., :1] * ink[..., 3:]
+    picture += share * (np.array(rgb, np.float32) - picture)

@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Pictures as arrays: rendered with any engine, shown through the scene's view transform."""
+
+from __future__ import annotations
+
+import contextlib
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ...core.base.native import first_line
+from ...core.base.picture_files import replacing
+from ...core.scene.scene import F32
+
+
+def render(scene: Any) -> F32:
+    """Render the scene with its engine: (height, width, 4) float32, scene linear, rows from the bottom.
+
+    Blender shows the result of a render only in a window, so that the way to it goes through a file. Raises
+    RuntimeError with the engine's words, and OSError where the file could not be written.
+    """
+    image_settings = scene.render.image_settings
+    with tempfile.TemporaryDirectory(prefix="halfspace-picture-") as folder:
+        path = Path(folder) / "picture.exr"
+        as_file(image_settings, "OPEN_EXR")
+        image_settings.color_mode, image_settings.color_depth = "RGBA", "32"
+        scene.render.filepath = str(path)
+        bpy.ops.render.render(write_still=True, scene=scene.name)
+        if not path.is_file():
+            raise RuntimeError("nothing was rendered")
+        return load(path)
+
+
+def load(path: Path) -> F32:
+    """A picture file's values as they are stored, (height, width, 4) float32, rows from the bottom. Raises OSError."""
+    image = bpy.data.images.load(str(path))
+    try:
+        image.colorspace_settings.name = "Non-Color"
+        width, height = image.size
+        if not width * height:  # Blender says so on standard error only
+            raise OSError(f"{path}: cannot be read: it is no picture, or written in part only, as on a full disk")
+        values = np.empty(width * height * 4, np.float32)
+        image.pixels.foreach_get(values)
+    finally:
+        bpy.data.images.remove(image)
+    return values.reshape(height, width, 4)
+
+
+JPEG_QUALITY = 88
+
+
+def save_displayed(path: Path, picture: F32, scene: Any) -> F32:
+    """Write (height, width, 3 or 4) scene linear values as PNG as the scene's view transform shows them.
+
+    Returns the (height, width, 3) values in the file, 0 to 1. Raises OSError, and leaves an older picture then.
+    """
+    image = _image(picture, float_buffer=True)
+    try:
+        as_file(scene.render.image_settings, "PNG")
+        scene.render.image_settings.color_mode = "RGB"
+        with _saving(path) as fresh:
+            image.save_render(str(fresh), scene=scene)
+    finally:
+        bpy.data.images.remove(image)
+    return load(path)[..., :3]
+
+
+def save(path: Path, picture: F32) -> None:
+    """Write (height, width, 3) display values, 0 to 1, as they are: as JPEG if the name ends so, else as PNG.
+
+    Raises OSError, and leaves an older picture then.
+    """
+    image = _image(picture, float_buffer=False)
+    try:
+        image.file_format = "JPEG" if path.suffix in (".jpg", ".jpeg") else "PNG"
+        with _saving(path) as fresh:
+            image.save(filepath=str(fresh), quality=JPEG_QUALITY)
+    finally:
+        bpy.data.images.remove(image)
+
+
+@contextlib.contextmanager
+def _saving(path: Path) -> Iterator[Path]:
+    """As `replacing`, for what Blender's own saving raises too."""
+    with replacing(path) as fresh:
+        try:
+            yield fresh
+        except RuntimeError as error:
+            raise OSError(f"{path}: cannot be written: {first_line(error)}") from error
+
+
+def halved(picture: F32) -> F32:
+    """(2h, 2w, 3) values as the means of squares of four, (h, w, 3)."""
+    height, width = picture.shape[0] // 2, picture.shape[1] // 2
+    return picture[: 2 * height, : 2 * width].reshape(height, 2, width, 2, -1).mean(axis=(1, 3), dtype=np.float32)
+
+
+def _image(picture: F32, *, float_buffer: bool) -> Any:
+    height, width = picture.shape[:2]
+    image = bpy.data.images.new("picture", width, height, alpha=False, float_buffer=float_buffer)
+    values = np.ones((height, width, 4), np.float32)
+    values[..., :3] = picture[..., :3]
+    image.pixels.foreach_set(values.reshape(-1))
+    image.update()
+    return image
+
+
+def as_file(image_settings: Any, file_format: str) -> None:
+    """Choose a file format; since 5.0 the kind of medium comes first."""
+    if hasattr(image_settings, "media_type"):
+        image_settings.media_type = "IMAGE"
+    image_settings.file_format = file_format

@@ -1,0 +1,287 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The last structure drawn in the 3D viewport: its planes, its leaves, the way of a ray. Drawing never builds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import bpy
+import gpu
+from bpy.app.handlers import persistent
+from gpu_extras.batch import batch_for_shader
+
+from ...core.overlay import beams, cells, planes
+from ..measure import comparing
+from ..session import building, trees
+from . import picking
+
+OWN_COLOURS = {
+    "OBLIQUE": (1.0, 0.72, 0.16),
+    "SLABS": (0.86, 0.46, 1.0),
+    "OCTANTS": (0.30, 0.93, 0.82),
+    "BOXES": (0.97, 0.90, 0.78),
+}
+"""Gold, violet, turquoise and ivory: as far from Blender's red, green and blue axes as from each other."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Batches:
+    """One level of the tree on the graphics card. Either part is None when the style does without."""
+
+    width: float
+    lines: Any
+    fill: Any
+
+
+@dataclass(frozen=True, eq=False)
+class _Drawing:
+    """The batches of one part of the picture, for the tree of this number under certain settings.
+
+    chosen: what is shown. passes: what is drawn behind objects, then what before them.
+    """
+
+    tree: int
+    key: tuple[Any, ...]
+    chosen: Any
+    passes: tuple[tuple[str, list[_Batches]], ...]
+
+
+PARTS = ("CELLS", "PLANES", "BEAM", "RAY")
+"""What there is to see, in the order in which it is drawn."""
+
+PICKED = ("BEAM", "RAY")
+"""Those that follow the ray that was picked."""
+
+_drawings: dict[tuple[int, str], _Drawing] = {}
+"""By the scene's number and the part."""
+
+_handle: Any = None
+
+
+def colours() -> dict[str, tuple[float, float, float]]:
+    """The colour of each kind: the theme's axes, and our own."""
+    theme = bpy.context.preferences.themes[0].user_interface
+    axes = {"X": theme.axis_x, "Y": theme.axis_y, "Z": theme.axis_z}
+    return {**{kind: (axis[0], axis[1], axis[2]) for kind, axis in axes.items()}, **OWN_COLOURS}
+
+
+def shown(scene: Any, part: str = "PLANES") -> Any:
+    """What was last drawn of this part for this scene, for the panel's numbers: Planes, Cells, Path, Beam, or None."""
+    drawing = _drawings.get((scene.original.session_uid, part))
+    tree = trees.last(scene)
+    return drawing.chosen if drawing is not None and tree is not None and drawing.tree == tree.number else None
+
+
+def paint(scene: Any, size: tuple[int, int]) -> None:
+    """Draw the scene's structure with the matrices that are set, into a view of `size` pixels."""
+    tree = trees.last(scene)
+    if tree is None or not scene.halfspace.overlay.show:
+        return
+    drawings = [_drawing(scene, tree, part) for part in PARTS if part in scene.halfspace.overlay.parts]
+    with gpu.matrix.push_pop():
+        # The matrix carries the place in the world, so that positions keep their precision far from its origin.
+        gpu.matrix.translate(tree.origin.tolist())
+        gpu.state.blend_set("ALPHA")
+        gpu.state.depth_mask_set(False)
+        try:
+            for drawing in drawings:
+                for test, levels in drawing.passes if drawing is not None else ():
+                    gpu.state.depth_test_set(test)
+                    _paint_levels(levels, size)
+        finally:
+            gpu.state.depth_test_set("NONE")
+            gpu.state.blend_set("NONE")
+
+
+def _paint_levels(levels: list[_Batches], size: tuple[int, int]) -> None:
+    """All surfaces before all lines, which stay crisp."""
+    surface = gpu.shader.from_builtin("SMOOTH_COLOR")
+    for level in levels:
+        if level.fill is not None:
+            level.fill.draw(surface)
+    line = gpu.shader.from_builtin("POLYLINE_FLAT_COLOR")
+    line.bind()
+    line.uniform_float("viewportSize", size)
+    for level in levels:
+        if level.lines is not None:
+            line.uniform_float("lineWidth", level.width)
+            level.lines.draw(line)
+
+
+def _drawing(scene: Any, tree: trees.Tree, part: str) -> _Drawing | None:
+    """The batches of a part, made anew only when the tree, the ray or a setting is another."""
+    uid = scene.original.session_uid
+    settings, tints = scene.halfspace.overlay, colours()
+    chosen_by = _chosen_by(scene, part)
+    look = (settings.style, settings.opacity, settings.line_width, settings.behind, tuple(tints.values()))
+    known = _drawings.get((uid, part))
+    if known is not None and known.tree == tree.number and known.key == (chosen_by, look):
+        return known
+    if known is not None and known.tree == tree.number and known.key[0] == chosen_by:
+        chosen = known.chosen
+    else:
+        chosen = _choose(tree, part, chosen_by)
+    if chosen is None:
+        _drawings.pop((uid, part), None)
+        return None
+    style = "BOTH" if part in PICKED else settings.style
+    passes = tuple(
+        (test, [_batches(level, style) for level in _levels(part, chosen, tints, opacity, settings.line_width)])
+        for test, opacity in _tests(settings, part)
+        if opacity > 0
+    )
+    _drawings[uid, part] = _Drawing(tree.number, (chosen_by, look), chosen, passes)
+    return _drawings[uid, part]
+
+
+def _chosen_by(scene: Any, part: str) -> tuple[Any, ...]:
+    """The settings that decide what is shown of a part."""
+    settings = scene.halfspace.overlay
+    if part == "CELLS":
+        return (settings.least, settings.max_count)
+    if part == "RAY":
+        return (picking.last(scene),)
+    if part == "BEAM":
+        return picking.last(scene), settings.beam_spacing
+    kinds = tuple(kind for kind in planes.KINDS if kind in settings.kinds)
+    return ((settings.depth_min, settings.depth_max), kinds, settings.max_count)
+
+
+def _choose(tree: trees.Tree, part: str, chosen_by: tuple[Any, ...]) -> Any:
+    if part == "CELLS":
+        return cells.choose(tree.structure, *chosen_by)
+    if part == "RAY":
+        (ray,) = chosen_by
+        return None if ray is None else cells.follow(tree.structure, *ray.within(tree.origin))
+    if part == "BEAM":
+        ray, spacing = chosen_by
+        return None if ray is None else beams.follow(tree.structure, *ray.tile(tree.origin, spacing))
+    return planes.choose(tree.structure, *chosen_by)
+
+
+def _levels(part: str, chosen: Any, tints: Any, opacity: float, width: float) -> list[planes.Level]:
+    if part == "CELLS":
+        return cells.levels(chosen, opacity, width)
+    if part == "RAY":
+        return cells.path_levels(chosen, tints, opacity, width)
+    if part == "BEAM":
+        return beams.levels(chosen, opacity, width)
+    return planes.levels(chosen, tints, opacity, width)
+
+
+def _tests(settings: Any, part: str) -> tuple[tuple[str, float], ...]:
+    """How a part stands to the objects' depths, with its opacity for each. A ray is seen on its whole way; the
+    triangles beside it lie in the surfaces of objects, which a comparison of depths would tear to strips.
+    """
+    if part in PICKED:
+        return (("ALWAYS", settings.opacity),)
+    return ("GREATER", settings.opacity * settings.behind), ("LESS_EQUAL", settings.opacity)
+
+
+def _batches(level: planes.Level, style: str) -> _Batches:
+    line, surface = gpu.shader.from_builtin("POLYLINE_FLAT_COLOR"), gpu.shader.from_builtin("SMOOTH_COLOR")
+    lines = fill = None
+    if style != "FILL" and len(level.lines):
+        lines = batch_for_shader(line, "LINES", {"pos": level.lines, "color": level.line_colours})
+    if style != "OUTLINE" and len(level.triangles):
+        fill = batch_for_shader(surface, "TRIS", {"pos": level.triangles, "color": level.fill_colours})
+    return _Batches(level.width, lines, fill)
+
+
+def _draw_view() -> None:
+    """What Blender calls for each 3D view."""
+    context = bpy.context
+    if context.space_data.overlay.show_overlays:
+        paint(context.scene, (context.region.width, context.region.height))
+
+
+@persistent
+def _scene_changed(scene: Any, depsgraph: Any) -> None:
+    """After each evaluation: mark, and build again by and by."""
+    if depsgraph.mode == "VIEWPORT" and trees.note_changes(scene, depsgraph):
+        building.request(scene)
+
+
+@persistent
+def _frame_changed(scene: Any, depsgraph: Any) -> None:
+    """After each evaluation of a frame, which Blender does not count among the others."""
+    if depsgraph.mode == "VIEWPORT" and trees.note_frame(scene, depsgraph):
+        building.request(scene)
+
+
+@persistent
+def follow(*_: Any) -> None:
+    """Attach to Blender's drawing while some scene shows planes, and let go of it otherwise."""
+    global _handle  # noqa: PLW0603 (Blender's own handle for it)
+    wanted = any(scene.halfspace.overlay.show for scene in bpy.data.scenes)
+    if wanted and _handle is None:
+        _handle = bpy.types.SpaceView3D.draw_handler_add(_draw_view, (), "WINDOW", "POST_VIEW")
+    elif not wanted and _handle is not None:
+        _let_go()
+    showing = {scene.session_uid for scene in bpy.data.scenes if scene.halfspace.overlay.show}
+    for key in [key for key in _drawings if key[0] not in showing]:
+        del _drawings[key]
+
+
+@persistent
+def _file_loaded(*_: Any) -> None:
+    """Another file: its scenes have nothing to do with the tree."""
+    building.stop()
+    comparing.stop()
+    comparing.clear()
+    trees.clear()
+    picking.clear()
+    _drawings.clear()
+    _begin()
+
+
+def _begin() -> None:
+    """Show what the open file wishes to see."""
+    follow()
+    for scene in bpy.data.scenes:
+        building.request(scene)
+
+
+def _let_go() -> None:
+    global _handle  # noqa: PLW0603
+    if _handle is not None:
+        bpy.types.SpaceView3D.draw_handler_remove(_handle, "WINDOW")
+        _handle = None
+
+
+def _watched() -> tuple[tuple[Any, Any], ...]:
+    """Blender's lists of handlers, and what stands in them for as long as the add-on is there.
+
+    Files and undo steps change the wish to see planes without a word. That triangles move is of interest even when
+    nothing is shown, since a structure may be kept; it costs a look at each update until one moves triangles.
+    """
+    handlers = bpy.app.handlers
+    return (
+        (handlers.load_post, _file_loaded),
+        (handlers.undo_post, follow),
+        (handlers.redo_post, follow),
+        (handlers.depsgraph_update_post, _scene_changed),
+        (handlers.frame_change_post, _frame_changed),
+    )
+
+
+def register() -> None:
+    """Watch for files, undo steps and changes of the scene."""
+    for handlers, function in _watched():
+        handlers.append(function)
+    # While an add-on is being enabled Blender does not let it look at the file, which may be open already.
+    bpy.app.timers.register(_begin, first_interval=0.0)
+
+
+def unregister() -> None:
+    """The reverse of `register`, and let go of everything."""
+    for handlers, function in _watched():
+        handlers.remove(function)
+    if bpy.app.timers.is_registered(_begin):
+        bpy.app.timers.unregister(_begin)
+    _let_go()
+    building.stop()
+    trees.clear()
+    trees.forget_moments()
+    _drawings.clear()

@@ -1,0 +1,202 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The ray whose way is shown: picked under the cursor in a 3D view."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import bpy
+import numpy as np
+from bpy.props import FloatProperty, FloatVectorProperty
+from bpy_extras import view3d_utils
+
+from ...core.base import native
+from ...core.overlay import beams
+from ..session import trees
+
+
+@dataclass(frozen=True)
+class Ray:
+    """origin, direction: in the world, three numbers each.
+
+    up: of the view in which it was picked. pixel: how far the rays of neighbouring pixels lie apart there, in
+    directions of length one, or in origins where `parallel`.
+    """
+
+    origin: tuple[float, ...]
+    direction: tuple[float, ...]
+    up: tuple[float, ...] = (0.0, 0.0, 1.0)
+    pixel: float = 1e-3
+    parallel: bool = False
+
+    def within(self, origin: Any) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """The same ray in the frame whose origin lies at `origin` in the world."""
+        return tuple(float(a) - float(b) for a, b in zip(self.origin, origin, strict=True)), self.direction
+
+    def tile(self, origin: Any, spacing: float) -> tuple[Any, Any]:
+        """The rays of a tile around it in that frame, `spacing` pixels apart."""
+        place, direction = (np.array(part, np.float64) for part in self.within(origin))
+        return beams.tile(place, direction, np.array(self.up), spacing * self.pixel, parallel=self.parallel)
+
+
+_rays: dict[int, Ray] = {}
+"""By the scene's number."""
+
+
+def last(scene: Any) -> Ray | None:
+    """The ray that was picked in this scene."""
+    return _rays.get(scene.original.session_uid)
+
+
+def keep(scene: Any, ray: Ray | None) -> None:
+    """Show the way of this ray, or of none."""
+    uid = scene.original.session_uid
+    if ray is None:
+        _rays.pop(uid, None)
+    else:
+        _rays[uid] = ray
+    trees.redraw()
+
+
+def clear() -> None:
+    """Forget all."""
+    _rays.clear()
+
+
+def under(event: Any, screen: Any) -> Ray | None:
+    """The ray through the pixel under the mouse, in whichever 3D view it is."""
+    for area in screen.areas:
+        if area.type != "VIEW_3D":
+            continue
+        for region in area.regions:
+            x, y = event.mouse_x - region.x, event.mouse_y - region.y
+            if region.type != "WINDOW" or not (0 <= x < region.width and 0 <= y < region.height):
+                continue
+            view = area.spaces.active.region_3d
+            origin, beside = (view3d_utils.region_2d_to_origin_3d(region, view, at) for at in ((x, y), (x + 1, y)))
+            direction, next_to = (view3d_utils.region_2d_to_vector_3d(region, view, at) for at in ((x, y), (x + 1, y)))
+            parallel = not view.is_perspective
+            pixel = (beside - origin).length if parallel else (next_to - direction).length
+            up = view.view_matrix.inverted().col[1][:3]
+            return Ray(tuple(origin), tuple(direction), tuple(up), pixel, parallel)
+    return None
+
+
+class HALFSPACE_OT_pick_ray(bpy.types.Operator):
+    """Shows the way of the ray under the cursor."""
+
+    bl_idname = "halfspace.pick_ray"
+    bl_label = "Pick a Ray"
+    bl_description = (
+        "Follow the ray under the cursor through the structure: the cells that it visits, the planes that it crosses, "
+        "the triangles that are tested. Click to keep it, Esc to leave"
+    )
+    bl_options = {"REGISTER", "UNDO"}
+
+    origin: FloatVectorProperty(name="Origin", subtype="TRANSLATION", options={"SKIP_SAVE"})  # type: ignore[valid-type]
+    direction: FloatVectorProperty(  # type: ignore[valid-type]
+        name="Direction", subtype="DIRECTION", default=(0.0, 0.0, -1.0), options={"SKIP_SAVE"}
+    )
+
+    pixel: FloatProperty(  # type: ignore[valid-type]
+        name="Pixel",
+        description="How far the directions of two pixels lie apart, for the beam around the ray",
+        default=1e-3,
+        min=1e-6,
+        max=1.0,
+        options={"SKIP_SAVE"},
+    )
+
+    _before: tuple[Ray | None, bool, set[str]] = (None, False, set())
+    """The ray and what was shown."""
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return native.problem() is None and context.scene is not None
+
+    def execute(self, context: Any) -> set[str]:
+        """Follow the ray of the properties, for scripts."""
+        for name in ("origin", "direction"):
+            if not np.isfinite(getattr(self, name)).all():
+                self.report({"ERROR"}, f"{name}: is not finite")
+                return {"CANCELLED"}
+        if not any(self.direction):
+            self.report({"ERROR"}, "direction: is zero")
+            return {"CANCELLED"}
+        keep(context.scene, Ray(tuple(self.origin), tuple(self.direction), pixel=self.pixel))
+        return {"FINISHED"}
+
+    def invoke(self, context: Any, event: Any) -> set[str]:
+        """Let the cursor choose."""
+        if trees.last(context.scene) is None:
+            self.report({"ERROR"}, "There is no structure yet: Build Structure comes first")
+            return {"CANCELLED"}
+        settings = context.scene.halfspace.overlay
+        self._before = last(context.scene), settings.show, set(settings.parts)
+        settings.show = True
+        if not settings.parts & {"RAY", "BEAM"}:
+            settings.parts |= {"RAY"}
+        context.window.cursor_modal_set("EYEDROPPER")
+        context.workspace.status_text_set("Click: keep this ray   Esc: leave")
+        context.window_manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context: Any, event: Any) -> set[str]:
+        """The ray follows the mouse until a click."""
+        if event.type in {"ESC", "RIGHTMOUSE"}:
+            return self._leave(context)
+        if event.type in {"MOUSEMOVE", "LEFTMOUSE"}:
+            ray = under(event, context.screen)
+            if ray is not None:
+                keep(context.scene, ray)
+            if event.type == "LEFTMOUSE" and event.value == "PRESS":
+                if ray is None:
+                    return self._leave(context)
+                # For whoever adjusts the operation afterwards.
+                self.origin, self.direction = ray.origin, ray.direction
+                self.pixel = self.pixel if ray.parallel else ray.pixel
+                self._end(context)
+                return {"FINISHED"}
+            return {"RUNNING_MODAL"}
+        return {"PASS_THROUGH"}
+
+    def _leave(self, context: Any) -> set[str]:
+        """Everything as it was."""
+        settings = context.scene.halfspace.overlay
+        ray, settings.show, settings.parts = self._before
+        keep(context.scene, ray)
+        self._end(context)
+        return {"CANCELLED"}
+
+    def _end(self, context: Any) -> None:
+        context.window.cursor_modal_restore()
+        context.workspace.status_text_set(None)
+
+
+class HALFSPACE_OT_forget_ray(bpy.types.Operator):
+    """Forgets the ray."""
+
+    bl_idname = "halfspace.forget_ray"
+    bl_label = "Forget the Ray"
+    bl_description = "Show no ray"
+
+    def execute(self, context: Any) -> set[str]:
+        keep(context.scene, None)
+        return {"FINISHED"}
+
+
+CLASSES = (HALFSPACE_OT_pick_ray, HALFSPACE_OT_forget_ray)
+
+
+def register() -> None:
+    """Register the operators."""
+    for operator in CLASSES:
+        bpy.utils.register_class(operator)
+
+
+def unregister() -> None:
+    """The reverse of `register`."""
+    for operator in reversed(CLASSES):
+        bpy.utils.unregister_class(operator)
+    clear()

@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Blender's cameras as `core.scene.Camera`."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...core.scene.scene import F64, Camera
+
+if TYPE_CHECKING:
+    from ...core.base.notes import Notes
+
+
+def read_camera(
+    item: Any,
+    depsgraph: Any,
+    matrix_world: Any,
+    origin: F64,
+    notes: Notes,
+    *,
+    size: tuple[int, int],
+    pixel_aspect: tuple[float, float] = (1.0, 1.0),
+) -> Camera:
+    """An evaluated camera object seen in a frame of `size` pixels.
+
+    matrix_world: the camera's place without scale; origin: (3,) float64, where the scene frame lies in the world.
+    Shift, sensor fit and pixel aspect come out of Blender's own projection matrix. Kinds of camera that cannot be
+    rendered go into `notes` and become a perspective one with the same lens.
+    """
+    if item.type != "CAMERA":
+        notes.add("Not a camera, rendered with a default lens", item.name)
+    elif item.data.type not in ("PERSP", "ORTHO"):
+        notes.add("Only perspective and orthographic cameras are supported yet, rendered as perspective", item.name)
+    projection = np.array(
+        item.calc_matrix_camera(depsgraph, x=size[0], y=size[1], scale_x=pixel_aspect[0], scale_y=pixel_aspect[1]),
+        np.float64,
+    )
+    to_world = np.array(matrix_world, np.float64, order="C")
+    to_world[:3, :3] /= np.linalg.norm(to_world[:3, :3], axis=0)
+    to_world[:3, 3] -= origin
+    data = item.data if item.type == "CAMERA" else None
+    parallel = bool(projection[3, 3] == 1.0)
+    return Camera(
+        kind="orthographic" if parallel else "perspective",
+        to_world=to_world,
+        window=window(projection),
+        clip_start=data.clip_start if data else 0.1,
+        clip_end=data.clip_end if data else 1000.0,
+        **lens(item, parallel=parallel),
+    )
+
+
+def lens(item: Any, *, parallel: bool) -> dict[str, Any]:
+    """The fields of `core.scene.Camera` for depth of field; none where everything is sharp.
+
+    Lengths as Blender's own engines take them: the lens is in millimetres of scene units, whatever the scene's units.
+    """
+    data = item.data if item.type == "CAMERA" else None
+    if data is None or not data.dof.use_dof:
+        return {}
+    dof = data.dof
+    stop = 2.0 * max(dof.aperture_fstop, 1e-5)
+    return {
+        "aperture_radius": (1.0 if parallel else data.lens * 1e-3) / stop,
+        "aperture_blades": dof.aperture_blades,
+        "aperture_rotation": dof.aperture_rotation,
+        "aperture_ratio": max(dof.aperture_ratio, 1e-5),
+        "focus_distance": max(_focus(item), 0.0),
+    }
+
+
+def _focus(item: Any) -> float:
+    """How far along the view the sharp plane lies: as deep as the object in focus, if there is one."""
+    dof = item.data.dof
+    if dof.focus_object is None:
+        return float(dof.focus_distance)
+    place = dof.focus_object.matrix_world
+    if dof.focus_subtarget and dof.focus_object.pose is not None:
+        bone = dof.focus_object.pose.bones.get(dof.focus_subtarget)
+        place = place if bone is None else place @ bone.matrix
+    towards = item.matrix_world.normalized().inverted() @ place.translation
+    return abs(float(towards.z))
+
+
+def window(projection: F64) -> tuple[float, float, float, float]:
+    """Left, right, bottom and top of what a projection matrix shows: at distance 1, or parallel in scene units.
+
+    Solves projection · (x, y, -1, 1) = ±w for the edges of the picture, row by row.
+    """
+    w = 1.0 if projection[3, 3] == 0.0 else projection[3, 3]
+    edges = []
+    for row in (0, 1):
+        scale = projection[row, row]
+        shift = projection[row, 3] - projection[row, 2]
+        edges += [(-w - shift) / scale, (w - shift) / scale]
+    return (edges[0], edges[1], edges[2], edges[3])

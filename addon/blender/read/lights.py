@@ -1,0 +1,130 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Blender's lights as `core.scene.Light`."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...core.scene.scene import F64, RGB, Light
+from .nodes import Place, Unsupported, active_tree, color, number, output_node, scaled
+
+if TYPE_CHECKING:
+    from ...core.base.notes import Notes
+
+
+EVEN = 1e-6
+"""Scales that differ by less of their size are the same: what is left of turning an object."""
+
+FLAT = 1e-12
+"""Axes of length one at most that span a smaller volume lie in a plane, or nearly so."""
+
+
+def read_light(item: Any, matrix: F64, notes: Notes) -> Light | None:
+    """A light object at one place in the world; None when it gives no light."""
+    data, name = item.data, item.name_full
+    if data.type == "AREA" and getattr(getattr(data, "cycles", None), "is_portal", False):
+        return None  # it only tells Cycles where the world's light comes in
+    if not np.isfinite(matrix).all():
+        notes.add("Dropped, the transform is not finite", name)
+        return None
+    to_world, scale = _without_scale(matrix)
+    power = scaled(tuple(data.color), data.energy * 2.0**data.exposure)
+    if data.use_temperature:
+        power = _times(power, tuple(data.temperature_color))
+    power = _times(power, _node_strength(data, name, notes))
+    light = Light(data.type.lower(), to_world, power, casts_shadow=data.use_shadow, name=name)
+    match data.type:
+        case "POINT" | "SPOT":
+            light = replace(light, radius=data.shadow_soft_size)
+            if data.shadow_soft_size > 0 and not data.use_soft_falloff:
+                notes.add("Lights without soft falloff are not supported yet, it falls off softly", name)
+            if data.type == "SPOT":
+                light = replace(light, spot_size=data.spot_size, spot_blend=data.spot_blend)
+                if not _is_flat(matrix) and np.ptp(scale) > EVEN * scale.max():
+                    light = replace(light, to_world=matrix.copy())  # as in Cycles, it squeezes the cone
+        case "SUN":
+            light = replace(light, angle=data.angle)
+        case "AREA":
+            size_y = data.size_y if data.shape in ("RECTANGLE", "ELLIPSE") else data.size
+            shape = {"SQUARE": "RECTANGLE", "DISK": "ELLIPSE"}.get(data.shape, data.shape)
+            light = replace(light, shape=shape, size=float(data.size * scale[0]), size_y=float(size_y * scale[1]))
+            if data.spread < math.pi - 1e-3:
+                notes.add("The spread of area lights is not supported yet, rendered in full", name)
+    if not data.normalize:
+        light = replace(light, power=scaled(light.power, _extent(light)))
+    if min(light.power) < 0.0:
+        notes.add("Lights that take light away (negative power) are not supported yet, left out", name)
+        return None
+    return light if any(light.power) else None
+
+
+def moved(light: Light, origin: F64) -> Light:
+    """The light in the frame whose origin lies at `origin`."""
+    to_world = light.to_world.copy()
+    to_world[:3, 3] -= origin
+    return replace(light, to_world=to_world)
+
+
+def _extent(light: Light) -> float:
+    """What Blender does *not* divide by when a light is not normalised: the area that shines, or the sun's disk.
+
+    As `Light.area` tells it: the disk as it lies on the sphere of directions; points without size count as 4.
+    """
+    match light.kind:
+        case "sun":
+            return math.pi * math.sin(light.angle / 2) ** 2 if light.angle > 0 else 1.0
+        case "area":
+            round_ = light.shape in ("DISK", "ELLIPSE")
+            return light.size * light.size_y * (math.pi / 4 if round_ else 1.0)
+        case _:
+            return 4.0 * math.pi * light.radius**2 if light.radius > 0 else 4.0
+
+
+def _without_scale(matrix: F64) -> tuple[F64, F64]:
+    """A transform with columns of unit length, and the lengths taken out. A lost axis is made up."""
+    scale = np.linalg.norm(matrix[:3, :3], axis=0)
+    to_world = matrix.copy()
+    directions = matrix[:3, :3] / np.where(scale > 0, scale, 1.0)
+    # Axes are lost, too, where an object that is turned hangs on one that is scaled to nothing along an axis.
+    to_world[:3, :3] = np.eye(3) if _is_flat(directions) else directions
+    return to_world, scale
+
+
+def _is_flat(matrix: F64) -> bool:
+    """Whether a transform leaves so little of an axis that nothing can be told of directions after it."""
+    axes = matrix[:3, :3] / max(np.abs(matrix[:3, :3]).max(), np.finfo(np.float64).tiny)
+    return bool(abs(np.linalg.det(axes)) < FLAT)
+
+
+def _node_strength(data: Any, name: str, notes: Notes) -> RGB:
+    """What the light's own nodes multiply its power by: an Emission node with constants, or 1."""
+    white = (1.0, 1.0, 1.0)
+    tree = active_tree(data)
+    if tree is None:
+        return white
+
+    def remark(what: str) -> None:
+        notes.add(f"{what} is not supported yet in light", name)
+
+    output = output_node(tree)
+    if output is None:
+        return (0.0, 0.0, 0.0)
+    try:
+        emission = Place(output.inputs["Surface"]).source()
+    except Unsupported as unsupported:
+        remark(str(unsupported))
+        return white
+    if not emission.socket.is_output:
+        return (0.0, 0.0, 0.0)
+    if emission.node.bl_idname != "ShaderNodeEmission":
+        remark(emission.node.bl_label)
+        return white
+    return scaled(color(emission.input("Color"), remark), number(emission.input("Strength"), remark))
+
+
+def _times(a: RGB, b: RGB) -> RGB:
+    return (a[0] * b[0], a[1] * b[1], a[2] * b[2])

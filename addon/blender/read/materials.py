@@ -1,0 +1,147 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The scene's materials: one list, each Blender material in it once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import bpy
+
+from ...core.base.notes import Notes
+from ...core.scene.scene import Hidden, Image, Material
+from .images import Gallery
+from .nodes import Place, Unsupported, active_tree, output_node
+from .surfaces import Surface
+from .values import Layers, Values
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+DEFAULT = Material("(no material)")
+
+UNSUPPORTED = "is not supported yet in material"
+
+BLACK = Material("", base_color=(0.0, 0.0, 0.0), specular=0.0, roughness=1.0)
+"""No surface shader at all: absorbs everything, emits nothing."""
+
+
+@dataclass(frozen=True)
+class _Read:
+    """A material that was read, with what is to be said of it once it is in use."""
+
+    material: Material
+    remarks: tuple[str, ...]
+    images: frozenset[int]
+
+
+class Palette:
+    """Collects materials while objects are visited; number 0 is what objects without a material get.
+
+    layers: what the materials of `blocks`, or of those met since, read at the corners of triangles.
+    """
+
+    def __init__(self, notes: Notes, blocks: Iterable[Any] = (), override: Any = None) -> None:
+        """blocks: data blocks of a depsgraph; the materials among them are read at once, so that `layers` is complete
+        before the first mesh is. override: the only material, in place of all others.
+        """
+        self.layers = Layers()
+        self.gallery = Gallery()
+        self._notes = notes
+        self._materials = [DEFAULT]
+        self._numbers: dict[tuple[int, Hidden], int] = {(0, ()): 0}
+        self._pass_indices = [0.0]
+        self._read: dict[int, _Read] = {}
+        self._images: set[int] = set()
+        self._override = override
+        for block in blocks if override is None else [override]:
+            if isinstance(block, bpy.types.Material):
+                self._of(block)
+
+    def indices(self, item: Any, data: Any, hidden: Hidden = ()) -> tuple[int, ...]:
+        """The scene's material for each slot of an evaluated object; at least one.
+
+        A slot linked to the object wins over the material of the same number on the object's data. hidden: the rays
+        that do not see the object; for the scene a material that is hidden is one of its own.
+        """
+        own = data.materials
+        slots = item.material_slots
+        numbers = []
+        for i in range(max(len(own), len(slots))):
+            linked_to_object = i < len(slots) and (slots[i].link == "OBJECT" or i >= len(own))
+            numbers.append(self._number(slots[i].material if linked_to_object else own[i], hidden))
+        return tuple(numbers) or (self._number(None, hidden),)
+
+    def materials(self) -> tuple[Material, ...]:
+        """All materials met so far, by number."""
+        return tuple(self._materials)
+
+    def readers(self) -> dict[tuple[str, str], list[str]]:
+        """Which of the materials met so far read each of the layers, by name."""
+        found: dict[tuple[str, str], dict[str, None]] = {}
+        for material in self._materials:
+            for step in material.program:
+                if step["op"] == "attribute":
+                    found.setdefault(self.layers.keys[step["layer"]], {})[material.name] = None
+        return {key: list(names) for key, names in found.items()}
+
+    def images(self, more: Iterable[int] = ()) -> tuple[Image, ...]:
+        """All images by number, with the pixels of those that materials met so far use, and `more`."""
+        return self.gallery.read(self._images | set(more), self._notes)
+
+    def pass_indices(self) -> tuple[float, ...]:
+        """The number that the user gave each of these materials."""
+        return tuple(self._pass_indices)
+
+    def _number(self, material: Any, hidden: Hidden) -> int:
+        material = material if self._override is None else self._override
+        key = (0 if material is None else material.original.as_pointer(), hidden)
+        if key not in self._numbers:
+            self._numbers[key] = len(self._materials)
+            self._pass_indices.append(0.0 if material is None else float(material.pass_index))
+            found = _Read(DEFAULT, (), frozenset()) if material is None else self._of(material)
+            self._materials.append(replace(found.material, hidden_from=hidden))
+            self._images |= found.images
+            for remark in found.remarks:
+                self._notes.add(remark, found.material.name)
+        return self._numbers[key]
+
+    def _of(self, material: Any) -> _Read:
+        key = material.original.as_pointer()
+        if key not in self._read:
+            remarks: dict[str, None] = {}
+            values = Values(self.layers, self.gallery, lambda what: remarks.setdefault(f"{what} {UNSUPPORTED}"))
+            self._read[key] = _Read(_material(material, values), tuple(remarks), frozenset(values.images))
+        return self._read[key]
+
+
+def _material(material: Any, values: Values) -> Material:
+    name = material.name
+    viewport = Material(
+        name,
+        base_color=tuple(max(c, 0.0) for c in material.diffuse_color[:3]),  # type: ignore[arg-type]
+        metallic=min(max(material.metallic, 0.0), 1.0),
+        roughness=min(max(material.roughness, 0.0), 1.0),
+    )
+    tree = active_tree(material)
+    if tree is None:
+        return viewport
+    output = output_node(tree)
+    if output is None:
+        return _black(name)
+    for socket in ("Displacement", "Volume"):
+        if output.inputs[socket].is_linked:
+            values.remark(socket)
+    surface = Surface(values, viewport.base_color)
+    try:
+        surface.read(Place(output.inputs["Surface"]))
+    except Unsupported as unsupported:
+        values.remark(str(unsupported))
+        return viewport
+    if not surface.closures:
+        return _black(name)
+    return Material(name, closures=tuple(surface.closures), program=tuple(values.steps))
+
+
+def _black(name: str) -> Material:
+    return Material(name, base_color=BLACK.base_color, specular=BLACK.specular, roughness=BLACK.roughness)

@@ -1,0 +1,395 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""One Blender mesh as arrays, and many placed meshes as one. No Python runs per vertex or triangle.
+
+`foreach_get` copies memory only when the array's type is the stored one (float32; int32 for attributes; uint32 for
+triangle corners) and the property is a plain array; anything else converts item by item, a hundred times slower.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...core.base import native
+from ...core.scene.instances import InstancedGeometry, Mesh
+from ...core.scene.scene import F32, F64, I32, Geometry, SceneError, Source
+from . import layers as texture_layers
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+MOST_TRIANGLES = 1 << 29
+"""What one scene can hold; most trees refuse half of it."""
+
+FEWER = "let materials read fewer different attributes"
+"""The advice where there would be room without what they read."""
+
+BLOCK = 1 << 14
+"""How many vectors are transformed at a time."""
+
+NORMALS_FLAT, NORMALS_VERTEX, NORMALS_CORNER = "FACE", "POINT", "CORNER"
+
+
+@dataclass(frozen=True, eq=False)
+class MeshArrays:
+    """A mesh in its own space.
+
+    positions: (n, 3) float32. triangles: (m, 3) int32 into positions. slots: (m,) int32 material slots, or None when
+    all are 0. normals: (k, 3) float32 as Blender stores them, one per vertex or per corner of a face, None for flat;
+    normal_rows: (m, 3) integers into normals. uvs: (m, 3, 2) float32 or None. layers: what textures read, see
+    `layers.read_layers`. box: its texture space, see `layers.box`.
+    """
+
+    positions: F32
+    triangles: I32
+    slots: I32 | None
+    normals: F32 | None
+    normal_rows: NDArray[Any] | None
+    uvs: F32 | None
+    layers: dict[texture_layers.Key, F32] = field(default_factory=dict)
+    box: tuple[tuple[float, ...], tuple[float, ...]] = ((0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
+
+
+def read_mesh(mesh: Any, *, uvs: bool = False, layers: Sequence[texture_layers.Key] = ()) -> MeshArrays:
+    """Copy what rendering needs out of an evaluated `bpy.types.Mesh`; with `uvs` also the active render UV map."""
+    positions = _positions(mesh)
+    corner_vertices = _attribute(mesh, ".corner_vert", np.int32, len(mesh.loops))
+    corners = _read(mesh.loop_triangles, "loops", np.uint32, len(mesh.loop_triangles) * 3).astype(np.intp)
+    triangles = corner_vertices.take(corners).reshape(-1, 3)
+
+    slots = None
+    if "material_index" in mesh.attributes:
+        face_slots = _attribute(mesh, "material_index", np.int32, len(mesh.polygons))
+        faces = _read(mesh.loop_triangle_polygons, "value", np.int32, len(triangles))
+        slots = face_slots.take(faces) if face_slots.any() else None
+
+    normals, normal_rows = None, None
+    if len(triangles) and mesh.normals_domain == NORMALS_VERTEX:
+        normals = _read(mesh.vertex_normals, "vector", np.float32, len(mesh.vertices) * 3).reshape(-1, 3)
+        normal_rows = triangles
+    elif len(triangles) and mesh.normals_domain == NORMALS_CORNER:
+        normals = _read(mesh.corner_normals, "vector", np.float32, len(mesh.loops) * 3).reshape(-1, 3)
+        normal_rows = corners.reshape(-1, 3)
+
+    uv_map = next((layer for layer in mesh.uv_layers if layer.active_render), None) if uvs else None
+    uv = None
+    if uv_map is not None:
+        by_corner = _read(uv_map.uv, "vector", np.float32, len(mesh.loops) * 2).reshape(-1, 2)
+        uv = by_corner.take(corners, axis=0).reshape(-1, 3, 2)
+    found = texture_layers.read_layers(mesh, layers)
+    box = texture_layers.box(mesh)
+    return MeshArrays(positions.reshape(-1, 3), triangles, slots, normals, normal_rows, uv, found, box)
+
+
+def _positions(mesh: Any) -> NDArray[Any]:
+    if not len(mesh.vertices):  # a mesh that nothing was ever put into has not even this attribute
+        return np.zeros(0, np.float32)
+    return _read(mesh.attributes["position"].data, "vector", np.float32, len(mesh.vertices) * 3)
+
+
+def _attribute(mesh: Any, name: str, dtype: Any, count: int) -> NDArray[Any]:
+    if count == 0:  # a mesh without corners has no corner attributes
+        return np.zeros(0, dtype)
+    return _read(mesh.attributes[name].data, "value", dtype, count)
+
+
+def _read(collection: Any, name: str, dtype: Any, count: int) -> NDArray[Any]:
+    array = np.empty(count, dtype)
+    if count:
+        collection.foreach_get(name, array)
+    return array
+
+
+@dataclass(frozen=True, eq=False)
+class Placement:
+    """A mesh and every place where it stands with the same materials.
+
+    matrices: (k, 4, 4) float64, mesh to world, regular. names: the k objects. materials: (slots,) int32, the scene's
+    material for each slot, at least one; slots beyond the last use the last, as Blender does.
+    """
+
+    mesh: MeshArrays
+    matrices: F64
+    names: tuple[str, ...]
+    materials: I32
+
+
+def assemble(
+    placements: list[Placement],
+    *,
+    uvs: bool = False,
+    layers: Sequence[texture_layers.Key] = (),
+    objects: bool = False,
+) -> Geometry:
+    """All placements as one geometry, moved to the centre of the box around the boxes of the placed meshes.
+
+    layers: what materials read at the corners. objects: whether they ask for their object.
+    """
+    placements = [placement for placement in placements if len(placement.mesh.triangles)]
+    if not placements:
+        return Geometry.empty()
+    origin = _centre(placements)
+    vertex_count = sum(len(p.names) * len(p.mesh.positions) for p in placements)
+    triangle_count = sum(len(p.names) * len(p.mesh.triangles) for p in placements)
+    smooth = any(p.mesh.normals is not None for p in placements)
+    # A layer is as long as the scene, also where a single mesh has it.
+    read = 12 * sum(texture_layers.width(placements, key) for key in layers) * triangle_count
+    plain = 12 * vertex_count + (16 + 36 * smooth + 24 * uvs) * triangle_count
+    _check_room(triangle_count, plain, read, flat=uvs or bool(layers) or objects)
+    vertices = np.empty((vertex_count, 3), np.float32)
+    triangles = np.empty((triangle_count, 3), np.int32)
+    material_index = np.empty(triangle_count, np.int32)
+    corner_normals = np.empty((triangle_count, 3, 3), np.float32) if smooth else None
+    uv = np.full((triangle_count, 3, 2), np.nan, np.float32) if uvs else None
+
+    sources = []
+    v = t = 0
+    for placement in placements:
+        mesh, places = placement.mesh, len(placement.names)
+        n, m = len(mesh.positions), len(mesh.triangles)
+        vertex_rows = slice(v, v + places * n)
+        triangle_rows = slice(t, t + places * m)
+        mirrored = np.linalg.det(placement.matrices[:, :3, :3]) < 0
+
+        placed = vertices[vertex_rows].reshape(places, n, 3)
+        _transform(mesh.positions, placement.matrices, origin, out=placed)
+        corners = triangles[triangle_rows].reshape(places, m, 3)
+        np.add(mesh.triangles, (v + n * np.arange(places, dtype=np.int32))[:, None, None], out=corners)
+        _flip(corners, mirrored)
+        material_index[triangle_rows].reshape(places, m)[:] = _materials(mesh, placement.materials)
+        if corner_normals is not None:
+            placed_normals = corner_normals[triangle_rows].reshape(places, m, 3, 3)
+            if mesh.normals is None:
+                _face_normals(vertices, corners, out=placed_normals)
+            else:
+                _corner_normals(placement, mirrored, out=placed_normals)
+        if uv is not None and mesh.uvs is not None:
+            placed_uv = uv[triangle_rows].reshape(places, m, 3, 2)
+            placed_uv[:] = mesh.uvs
+            _flip(placed_uv, mirrored)
+
+        sources.append(Source(t, m, placement.names))
+        v, t = vertex_rows.stop, triangle_rows.stop
+    frames, object_index = texture_layers.assemble_objects(placements, origin) if objects else ((), None)
+    return Geometry(
+        vertices,
+        triangles,
+        material_index,
+        corner_normals,
+        uv,
+        texture_layers.assemble_layers(placements, layers, triangle_count),
+        frames,
+        object_index,
+        origin,
+        tuple(sources),
+    )
+
+
+def _check_room(triangles: int, plain: int, read: int, *, flat: bool) -> None:
+    """Raise SceneError where the copies would be more than a tree can name or than fits into memory.
+
+    plain, read: bytes without and for what materials read. flat: whether two levels are impossible.
+    """
+    free = native.load().free_memory()
+    if triangles <= MOST_TRIANGLES and plain + read <= free:
+        return
+    if triangles <= MOST_TRIANGLES and plain <= free:
+        advice = FEWER
+    else:
+        advice = "make fewer copies" if flat else "keep the instances in two levels"
+    raise SceneError(
+        f"Every copy of every instance together: {triangles:,} triangles, {(plain + read) / 2**30:.1f} GiB, "
+        f"do not fit; {advice}"
+    )
+
+
+class LayerRoom:
+    """Counts what materials read of the meshes of a scene, each mesh before it is read."""
+
+    def __init__(self) -> None:
+        self._widths: dict[texture_layers.Key, int] = {}
+        self._triangles = 0
+
+    def placed(self, triangles: int) -> None:
+        """So many triangles stand in one more place."""
+        self._triangles += triangles
+
+    def check(self, mesh: Any, keys: Sequence[texture_layers.Key]) -> None:
+        """Raise SceneError where a mesh's layers, and all layers over the scene as far as it is known, do not fit."""
+        found = texture_layers.widths(mesh, keys)
+        for key, numbers in found.items():
+            self._widths[key] = max(numbers, self._widths.get(key, 0))
+        if not found:
+            return
+        own = len(mesh.loop_triangles)
+        triangles = self._triangles + own
+        size = 12 * (sum(found.values()) * own + sum(self._widths.values()) * triangles)
+        if size > native.load().free_memory():
+            raise SceneError(
+                f"What materials read of {triangles:,} triangles or more, {size / 2**30:.1f} GiB, does not fit; {FEWER}"
+            )
+
+
+def keep_instances(placements: list[Placement]) -> InstancedGeometry:
+    """All placements with each mesh once, moved as `assemble` does, the triangles in the same order."""
+    placements = [placement for placement in placements if len(placement.mesh.triangles)]
+    origin = _centre(placements) if placements else np.zeros(3)
+    numbers: dict[int, int] = {}
+    kept: list[Mesh] = []
+    for placement in placements:
+        mesh = placement.mesh
+        if id(mesh) not in numbers:
+            numbers[id(mesh)] = len(kept)
+            normals = None if mesh.normals is None else mesh.normals.take(mesh.normal_rows, axis=0, mode="clip")
+            kept.append(Mesh(mesh.positions, np.ascontiguousarray(mesh.triangles, np.int32), mesh.slots, normals))
+    places = [len(placement.names) for placement in placements]
+    mesh_numbers = np.array([numbers[id(placement.mesh)] for placement in placements], np.int32)
+    slots = np.repeat([len(placement.materials) for placement in placements], places)
+    turns = [_normal_matrices(placement.matrices[:, :3, :3]) for placement in placements]
+    matrices = _stacked([placement.matrices for placement in placements], (4, 4), np.float64)
+    matrices[:, :3, 3] -= origin
+    return InstancedGeometry(
+        meshes=tuple(kept),
+        mesh=np.repeat(mesh_numbers, places),
+        matrices=matrices,
+        names=tuple(name for placement in placements for name in placement.names),
+        materials=_stacked([np.tile(p.materials, n) for p, n in zip(placements, places, strict=True)], (), np.int32),
+        first_material=np.concatenate([[0], np.cumsum(slots)]).astype(np.int32),
+        normal_matrices=_stacked([turn.transpose(0, 2, 1) for turn, _ in turns], (3, 3), np.float32),
+        keeps_length=np.repeat(np.array([keeps for _, keeps in turns], np.bool_), places),
+        origin=origin,
+    )
+
+
+def _stacked(parts: list[Any], shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:
+    """One C-ordered array of all parts, which may be none."""
+    return np.ascontiguousarray(np.concatenate([np.zeros((0, *shape), dtype), *parts]), dtype)
+
+
+def _centre(placements: list[Placement]) -> F64:
+    """The centre of the box around all placed boxes; positions that are not finite do not count."""
+    lows, highs = [], []
+    for placement in placements:
+        box = _box(placement.mesh.positions)
+        if not np.isfinite(box).all():
+            finite = placement.mesh.positions[np.isfinite(placement.mesh.positions).all(axis=1)]
+            if not len(finite):
+                continue
+            box = _box(finite)
+        corners = np.stack(np.meshgrid(*box.T, indexing="ij"), axis=-1).reshape(-1, 3)
+        world = corners @ placement.matrices[:, :3, :3].transpose(0, 2, 1) + placement.matrices[:, None, :3, 3]
+        lows.append(world.min(axis=(0, 1)))
+        highs.append(world.max(axis=(0, 1)))
+    if not lows:
+        return np.zeros(3)
+    return (np.min(lows, axis=0) + np.max(highs, axis=0)) / 2
+
+
+def _box(positions: F32) -> F64:
+    """The lowest and the highest coordinates, (2, 3), not finite if some position is not.
+
+    Numpy reduces rows of three one by one; folded into rows of 64 points they go through vector instructions, ten
+    times faster.
+    """
+    whole = len(positions) // 64 * 64
+    folded = positions[:whole].reshape(-1, 64 * 3)
+    rows = (
+        [positions[whole:], folded.min(axis=0).reshape(-1, 3), folded.max(axis=0).reshape(-1, 3)]
+        if whole
+        else [positions]
+    )
+    extremes = np.concatenate(rows)
+    return np.stack([extremes.min(axis=0), extremes.max(axis=0)]).astype(np.float64)
+
+
+def _transform(positions: F32, matrices: F64, origin: F64, *, out: F32) -> None:
+    """Place (n, 3) positions k times in f64, relative to `origin`, and round once into `out` (k, n, 3)."""
+    offsets = matrices[:, :3, 3] - origin
+    with np.errstate(over="ignore", invalid="ignore"):
+        np.add(
+            _products(positions, matrices[:, :3, :3].transpose(0, 2, 1)), offsets[:, None], out=out, casting="same_kind"
+        )
+
+
+def _products(vectors: F32, matrices: NDArray[Any]) -> NDArray[Any]:
+    """Row vectors (n, 3) times each of (k, 3, 3) matrices, (k, n, 3), in the matrices' type.
+
+    Written out, because `@` hands thin arrays to a threaded BLAS, which takes 1 to 200 ms for half a million rows
+    depending on what else the machine does; and in blocks that stay in the processor's cache.
+    """
+    products = np.empty((len(matrices), len(vectors), 3), matrices.dtype)
+    for start in range(0, len(vectors), BLOCK):
+        x, y, z = np.ascontiguousarray(vectors[start : start + BLOCK].T)
+        for column in range(3):
+            sums = x * matrices[:, 0, column, None]
+            sums += y * matrices[:, 1, column, None]
+            sums += z * matrices[:, 2, column, None]
+            products[:, start : start + BLOCK, column] = sums
+    return products
+
+
+def _flip(corners: NDArray[Any], mirrored: NDArray[np.bool_]) -> None:
+    """Swap the last two corners (axis 2) of the triangles in mirrored places, which keeps their front in front."""
+    if mirrored.any():
+        corners[mirrored, :, 1:] = corners[mirrored, :, :0:-1]
+
+
+def _materials(mesh: MeshArrays, materials: I32) -> NDArray[Any]:
+    if mesh.slots is None:
+        return materials[0]
+    return materials.take(mesh.slots, mode="clip")
+
+
+def _face_normals(vertices: F32, corners: I32, *, out: F32) -> None:
+    """The shading normals of flat triangles with these (k, m, 3) corners: their own, (k, m, 3, 3), unit length."""
+    a, b, c = (vertices[corners[..., i]].astype(np.float64) for i in range(3))
+    with np.errstate(over="ignore", invalid="ignore"):
+        out[:] = _unit(np.cross(b - a, c - a))[:, :, None]
+
+
+def _corner_normals(placement: Placement, mirrored: NDArray[np.bool_], *, out: F32) -> None:
+    """The shading normals of a smooth mesh in all its places, (k, m, 3, 3), unit length.
+
+    Turned as Blender stores them and gathered afterwards: two million corners of faces are less work than the three
+    million of their triangles.
+    """
+    assert placement.mesh.normals is not None
+    assert placement.mesh.normal_rows is not None
+    matrices, keeps_lengths = _normal_matrices(placement.matrices[:, :3, :3])
+    world = _products(placement.mesh.normals, matrices)
+    if not keeps_lengths:
+        world = _unit(world)
+    rows = placement.mesh.normal_rows[None]
+    places, count = world.shape[:2]
+    if places > 1:
+        rows = rows + (count * np.arange(places))[:, None, None]
+    if mirrored.any():
+        rows = rows.copy()
+        _flip(rows, mirrored)
+    world.reshape(-1, 3).take(rows.reshape(-1), axis=0, out=out.reshape(-1, 3), mode="clip")
+
+
+def _normal_matrices(linear: F64) -> tuple[F32, bool]:
+    """What row vectors that are normals are multiplied with in each place, (k, 3, 3), and whether that keeps lengths.
+
+    A normal is a covector: it goes by the inverse transpose, also in mirrored places.
+    """
+    inverse = np.linalg.inv(linear)
+    inverse /= np.linalg.norm(inverse, axis=1).max(axis=1)[:, None, None]
+    # Turned, mirrored and evenly scaled objects, nearly all, keep the lengths.
+    keeps_lengths = np.allclose(inverse @ inverse.transpose(0, 2, 1), np.eye(3), atol=1e-6)
+    return inverse.astype(np.float32), bool(keeps_lengths)
+
+
+def _unit(vectors: NDArray[Any]) -> F32:
+    """Vectors of unit length as float32, computed in their own type; the zero vector stays."""
+    # Written out: the native module does the same for instances, in this order, to the last bit.
+    x, y, z = (vectors[..., axis] for axis in range(3))
+    squares = x * x
+    squares += y * y
+    squares += z * z
+    squares[squares == 0] = 1
+    return (vectors / np.sqrt(squares)[..., None]).astype(np.float32, copy=False)

@@ -1,0 +1,258 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What each surface shader node means as `core.scene.Closure`: a tree of mixes becomes a list of weighted closures."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from ...core.scene.scene import Closure
+from .nodes import Place, Unsupported
+from .values import Values
+
+if TYPE_CHECKING:
+    from ...core.scene.scene import Operand
+
+IGNORED_LAYERS = {
+    "Subsurface Weight": 0.0,
+    "Sheen Weight": 0.0,
+    "Anisotropic": 0.0,
+    "Thin Film Thickness": 0.0,
+    "Diffuse Roughness": 0.0,
+}
+"""Inputs of the Principled BSDF that are not rendered, with the value at which they do nothing."""
+
+MOST_CLOSURES = 8
+MOST_PRINCIPLED = 4
+"""What the native module can hold."""
+
+DEEPEST = 32
+"""Mixes within mixes that are followed."""
+
+MOST_READ = 4096
+"""Inputs of the shader kind that are followed. Each mix whose two sides come from one node doubles them."""
+
+
+@dataclass
+class Surface:
+    """The closures found so far, the values they use, and the colour of the material in the viewport."""
+
+    values: Values
+    viewport: tuple[float, ...]
+    closures: list[Closure] = field(default_factory=list)
+    followed: int = 0
+
+    def remark(self, what: str) -> None:
+        """Something is not rendered as asked."""
+        self.values.remark(what)
+
+    def read(self, place: Place, weight: Operand = 1.0, depth: int = 0) -> None:
+        """Take over what an input of the shader kind receives. Raises Unsupported, naming the node."""
+        self.followed += 1
+        if self.followed > MOST_READ:
+            raise Unsupported(f"More than {MOST_READ} shaders")
+        source = place.source()
+        if not source.socket.is_output or weight == 0.0:
+            return
+        if depth > DEEPEST:
+            raise Unsupported(f"More than {DEEPEST} mixes within each other")
+        match source.node.bl_idname:
+            case "ShaderNodeMixShader":
+                self._mix(source, weight, depth)
+            case "ShaderNodeAddShader":
+                for socket in source.node.inputs[:2]:
+                    self.read(source.beside(socket), weight, depth + 1)
+            case kind if kind in SHADERS:
+                # Before its inputs, which may be long ways to follow for nothing.
+                if self._has_room(principled=kind in PRINCIPLED):
+                    SHADERS[kind](self, source, weight)
+            case _:
+                raise Unsupported(source.node.bl_label)
+
+    def _mix(self, node: Place, weight: Operand, depth: int) -> None:
+        factor_socket, first, second = (node.beside(socket) for socket in node.node.inputs[:3])
+        factor = self.values.value(factor_socket)
+        if isinstance(factor, float):
+            factor = min(max(factor, 0.0), 1.0)
+            rest: Operand = 1.0 - factor
+        else:
+            factor = self.values.step("clamp", factor, 0.0, 1.0)
+            rest = self.values.step("math", 1.0, factor, 0.0, kind="SUBTRACT")
+        self.read(first, self._times(weight, rest), depth + 1)
+        self.read(second, self._times(weight, factor), depth + 1)
+
+    def _times(self, a: Operand, b: Operand) -> Operand:
+        if isinstance(a, float) and isinstance(b, float):
+            return a * b
+        if 1.0 in (a, b):
+            return b if a == 1.0 else a
+        return self.values.step("math", a, b, 0.0, kind="MULTIPLY")
+
+    def color(self, node: Place, name: str = "Color") -> Operand:
+        """A colour; that of the viewport where an unknown node drives it."""
+        place = node.input(name)
+        return 0.0 if place is None else self.values.value(place, self.viewport)
+
+    def emitted(self, color: Operand, strength: Operand) -> Operand:
+        """Colour times strength."""
+        if strength == 1.0:
+            return color
+        if isinstance(color, tuple) and isinstance(strength, float):
+            return tuple(c * strength for c in color[:3])
+        return self.values.step("mix", 1.0, color, strength, kind="MULTIPLY")
+
+    def add(self, kind: str, weight: Operand, node: Place, *, multiscatter: bool = True, **inputs: Operand) -> None:
+        """Add a closure, for which there is room."""
+        self.closures.append(Closure(kind, {"weight": weight, **inputs}, self._normal(node), multiscatter))
+
+    def _has_room(self, *, principled: bool) -> bool:
+        """Whether one more closure fits; remarks where it does not."""
+        taken = sum(closure.kind == "principled" for closure in self.closures)
+        if len(self.closures) < MOST_CLOSURES and (not principled or taken < MOST_PRINCIPLED):
+            return True
+        self.remark(f"More than {MOST_CLOSURES} shaders, {MOST_PRINCIPLED} of them Principled,")
+        return False
+
+    def _normal(self, node: Place) -> Operand | None:
+        normal = node.input("Normal")
+        if normal is None:
+            return None
+        source = normal.source()
+        if not source.socket.is_output:
+            return None
+        operand = self.values.value(normal)
+        return operand if isinstance(operand, int) else None
+
+
+def _principled(surface: Surface, node: Place, weight: Operand) -> None:
+    values = surface.values
+    for name, idle in IGNORED_LAYERS.items():
+        layer = node.input(name)
+        if layer is not None and (layer.socket.is_linked or abs(layer.socket.default_value - idle) > 1e-6):
+            surface.remark(f"Principled BSDF: {name}")
+    coat_normal = node.input("Coat Normal")
+    if coat_normal is not None and coat_normal.socket.is_linked:
+        surface.remark("Principled BSDF: Coat Normal")
+    thin = node.input("Thin Wall")
+    if thin is not None and (thin.socket.is_linked or thin.socket.default_value):
+        surface.remark("Principled BSDF: Thin Wall")
+    strength = values.input(node, "Emission Strength")
+    emission = surface.emitted(values.input(node, "Emission Color"), strength) if strength != 0.0 else 0.0
+    surface.add(
+        "principled",
+        weight,
+        node,
+        multiscatter=node.node.distribution == "MULTI_GGX",
+        color=surface.color(node, "Base Color"),
+        metallic=values.input(node, "Metallic"),
+        roughness=values.input(node, "Roughness"),
+        ior=values.input(node, "IOR"),
+        transmission=values.input(node, "Transmission Weight"),
+        specular=values.input(node, "Specular IOR Level"),
+        specular_tint=values.input(node, "Specular Tint", (1.0, 1.0, 1.0)),
+        emission=emission,
+        alpha=values.input(node, "Alpha", 1.0),
+        coat_weight=values.input(node, "Coat Weight"),
+        coat_roughness=values.input(node, "Coat Roughness"),
+        coat_ior=values.input(node, "Coat IOR", 1.5),
+        coat_tint=values.input(node, "Coat Tint", (1.0, 1.0, 1.0)),
+    )
+
+
+def _diffuse(surface: Surface, node: Place, weight: Operand) -> None:
+    if surface.values.input(node, "Roughness") != 0.0:
+        surface.remark("Diffuse BSDF: Roughness")
+    surface.add("diffuse", weight, node, color=surface.color(node))
+
+
+def _glossy(surface: Surface, node: Place, weight: Operand) -> None:
+    values = surface.values
+    if values.input(node, "Anisotropy") != 0.0:
+        surface.remark("Glossy BSDF: Anisotropy")
+    surface.add(
+        "glossy",
+        weight,
+        node,
+        multiscatter=_multiscatter(surface, node),
+        color=surface.color(node),
+        roughness=values.input(node, "Roughness"),
+    )
+
+
+def _metallic(surface: Surface, node: Place, weight: Operand) -> None:
+    values = surface.values
+    if node.node.fresnel_type != "F82":
+        raise Unsupported("Metallic BSDF (physical conductor)")
+    if values.input(node, "Anisotropy") != 0.0 or values.input(node, "Thin Film Thickness") != 0.0:
+        surface.remark("Metallic BSDF: Anisotropy, Thin Film")
+    surface.add(
+        "principled",
+        weight,
+        node,
+        multiscatter=_multiscatter(surface, node),
+        metallic=1.0,
+        color=surface.color(node, "Base Color"),
+        specular_tint=values.input(node, "Edge Tint"),
+        roughness=values.input(node, "Roughness"),
+    )
+
+
+def _glass(surface: Surface, node: Place, weight: Operand) -> None:
+    values = surface.values
+    surface.add(
+        "glass",
+        weight,
+        node,
+        multiscatter=_multiscatter(surface, node),
+        color=surface.color(node),
+        roughness=values.input(node, "Roughness"),
+        ior=values.input(node, "IOR"),
+    )
+
+
+def _refraction(surface: Surface, node: Place, weight: Operand) -> None:
+    values = surface.values
+    _multiscatter(surface, node)
+    surface.add(
+        "refraction",
+        weight,
+        node,
+        color=surface.color(node),
+        roughness=values.input(node, "Roughness"),
+        ior=values.input(node, "IOR"),
+    )
+
+
+def _emission(surface: Surface, node: Place, weight: Operand) -> None:
+    values = surface.values
+    light = surface.emitted(values.input(node, "Color"), values.input(node, "Strength"))
+    surface.add("emission", weight, node, emission=light)
+
+
+def _transparent(surface: Surface, node: Place, weight: Operand) -> None:
+    surface.add("transparent", weight, node, color=surface.color(node))
+
+
+def _multiscatter(surface: Surface, node: Place) -> bool:
+    distribution = node.node.distribution
+    if distribution not in ("MULTI_GGX", "GGX"):
+        surface.remark(f"{node.node.bl_label}: the distribution {distribution.replace('_', ' ').title()} (GGX is used)")
+    return bool(distribution == "MULTI_GGX")
+
+
+SHADERS: dict[str, Callable[[Surface, Place, Any], None]] = {
+    "ShaderNodeBsdfPrincipled": _principled,
+    "ShaderNodeBsdfDiffuse": _diffuse,
+    "ShaderNodeBsdfAnisotropic": _glossy,
+    "ShaderNodeBsdfGlossy": _glossy,
+    "ShaderNodeBsdfMetallic": _metallic,
+    "ShaderNodeBsdfGlass": _glass,
+    "ShaderNodeBsdfRefraction": _refraction,
+    "ShaderNodeEmission": _emission,
+    "ShaderNodeBackground": _emission,
+    "ShaderNodeBsdfTransparent": _transparent,
+}
+
+PRINCIPLED = frozenset(["ShaderNodeBsdfPrincipled", "ShaderNodeBsdfMetallic"])
+"""Those that become a closure of the kind principled."""

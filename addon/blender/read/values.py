@@ -1,0 +1,164 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Values of a shader tree as the steps of a program, see `core.scene.Step`.
+
+What each node computes is in `value_nodes.NODES`. A node that is not there leaves the input that it drives at its own
+value, and is remarked.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .nodes import NUMBERS, Place, Remark, Unsupported, converted
+from .value_nodes import NODES, UV, constant
+
+if TYPE_CHECKING:
+    from ...core.scene.scene import Light, Operand, Step
+    from .images import Gallery
+
+DEEPEST = 100
+"""Longer chains of nodes are not followed."""
+
+MOST_STEPS = 4096
+"""What the native module takes. Groups within groups that use each other twice double them at each level."""
+
+
+class Layers:
+    """What all materials read at the corners of triangles, numbered."""
+
+    def __init__(self) -> None:
+        self.keys: list[tuple[str, str]] = []
+        self.objects = False
+
+    def number(self, kind: str, name: str) -> int:
+        """The number of a layer."""
+        key = (kind, name)
+        if key not in self.keys:
+            self.keys.append(key)
+        return self.keys.index(key)
+
+
+class Values:
+    """Writes the program of one material or world."""
+
+    def __init__(
+        self,
+        layers: Layers,
+        gallery: Gallery,
+        remark: Remark,
+        *,
+        background: bool = False,
+        wait: bool = True,
+        keep_going: Callable[[], bool] | None = None,
+    ) -> None:
+        """background: for a world. wait: whether what takes seconds is waited for, while `keep_going` says so.
+
+        sun_strength: what the sun of a sky is multiplied by, where it is a light of its own, one of `suns`; else it
+        is part of the program.
+        """
+        self.steps: list[Step] = []
+        self.images: set[int] = set()
+        self.layers, self.gallery, self.remark, self.background = layers, gallery, remark, background
+        self.wait, self.keep_going = wait, keep_going
+        self.sun_strength: float | None = None
+        self.suns: list[Light] = []
+        self._known: dict[Any, Operand] = {}
+        self._open: list[Any] = []
+
+    def step(self, op: str, *args: Operand, **settings: Any) -> int:
+        """Write a step. Returns its number. Raises Unsupported where there are too many."""
+        self._check_room()
+        self.steps.append({"op": op, "args": args, **settings})
+        return len(self.steps) - 1
+
+    def coordinate(self, kind: str) -> int:
+        """A property of the place that is shaded."""
+        if kind in ("object", "generated", "object_normal") and not self.background:
+            self.layers.objects = True
+        return self.once(("coordinate", kind), lambda: self.step("coordinate", kind=kind))
+
+    def layer(self, kind: str, name: str) -> int:
+        """What a layer holds at the place that is shaded."""
+        number = self.layers.number(kind, name)
+        return self.once((kind, name), lambda: self.step("attribute", layer=number))
+
+    def input(self, node: Place, name: str | int, absent: Operand = 0.0) -> Operand:
+        """The value of a node's input; `absent` where this version of Blender has no such input."""
+        if isinstance(name, int):
+            return self.value(node.beside(node.node.inputs[name]))
+        place = node.input(name)
+        return absent if place is None else self.value(place)
+
+    def vector(self, node: Place, fallback: str) -> Operand:
+        """The Vector input of a texture node; unlinked it is a coordinate of the place."""
+        place = node.input("Vector")
+        if place is not None and place.source() != place:  # what a group gives its textures counts, linked or not
+            return self.value(place)
+        if self.background:
+            return self.coordinate("generated")
+        return self.layer(UV, "") if fallback == "uv" else self.coordinate(fallback)
+
+    def value(self, place: Place, fallback: Operand | None = None) -> Operand:
+        """The value of an input, in the input's own type; `fallback`, or its own value, where its node is unknown."""
+        try:
+            source = place.source()
+            is_constant = not source.socket.is_output
+            operand = self._finite(constant(source.socket), place) if is_constant else self._output(source)
+            have = source.socket.type
+            for want in (*source.through, place.socket.type):
+                operand, have = self._converted(operand, have, want), want
+            return operand
+        except Unsupported as unsupported:
+            self.remark(f"{unsupported} for {place.socket.name}")
+            return constant(place.socket) if fallback is None else fallback
+
+    def _finite(self, constant: Operand, place: Place) -> Operand:
+        if isinstance(constant, int) or np.isfinite(constant).all():
+            return constant
+        self.remark(f"A value that is not finite, in {place.socket.name},")
+        return 0.0
+
+    def _output(self, source: Place) -> Operand:
+        node, socket = source.node, source.socket
+        key = (tuple(group.as_pointer() for group in source.groups), node.as_pointer(), socket.identifier)
+        if key in self._known:
+            return self._known[key]
+        # Also before inputs are read: they may be as many again in every group. Without any there may be no step.
+        if len(node.inputs):
+            self._check_room()
+        write = NODES.get(node.bl_idname)
+        if write is None:
+            raise Unsupported(node.bl_label)
+        if key in self._open:
+            raise Unsupported(f"A loop through {node.bl_label}")
+        if len(self._open) >= DEEPEST:
+            raise Unsupported(f"A chain of more than {DEEPEST} nodes")
+        self._open.append(key)
+        try:
+            operand = self._finite(write(self, source), source)
+        finally:
+            self._open.pop()
+        self._known[key] = operand
+        return operand
+
+    def _check_room(self) -> None:
+        if len(self.steps) >= MOST_STEPS:
+            raise Unsupported(f"More than {MOST_STEPS} steps")
+
+    def _converted(self, operand: Operand, have: str, want: str) -> Operand:
+        if not isinstance(operand, int):
+            taken: Operand = converted(operand, have, want)
+            return taken
+        # As in Cycles, what is computed is not made whole.
+        if want not in NUMBERS or have in NUMBERS:
+            return operand
+        return self.step("luminance" if have == "RGBA" else "mean", operand)
+
+    def once(self, key: Any, write: Callable[[], int]) -> int:
+        """The step that `write` writes, written once for this key."""
+        if key not in self._known:
+            self._known[key] = write()
+        return self._known[key]  # type: ignore[return-value]

@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a region of a 3D view shows: its camera and its border."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ...core.scene.scene import F64, Camera
+from ...core.session.preview import View
+from .camera import lens, window
+
+
+def seen(context: Any, origin: F64, pixel: int = 1) -> View:
+    """What the region that is being drawn shows, in the scene frame whose origin is given."""
+    region, space, data = context.region, context.space_data, context.region_data
+    looking = camera_object(context)
+    return View(
+        camera=view_camera(data, origin, space, looking),
+        width=region.width,
+        height=region.height,
+        border=_border(context, looking),
+        pixel=pixel,
+    )
+
+
+def camera_object(context: Any) -> Any:
+    """The camera that the view looks through, or None."""
+    if context.region_data.view_perspective != "CAMERA":
+        return None
+    space = context.space_data
+    item = space.camera if space.use_local_camera else context.scene.camera
+    return item if item is not None and item.type == "CAMERA" else None
+
+
+def view_camera(view: Any, origin: F64, space: Any, looking: Any = None) -> Camera:
+    """What a 3D view shows, as a camera: works alike for perspective, parallel and camera views."""
+    to_world = np.linalg.inv(np.array(view.view_matrix, np.float64))
+    to_world[:3, :3] /= np.linalg.norm(to_world[:3, :3], axis=0)
+    to_world[:3, 3] -= origin
+    projection = np.array(view.window_matrix, np.float64)
+    parallel = bool(projection[3, 3] == 1.0)
+    start, end = space.clip_start, space.clip_end
+    if looking is not None:
+        start, end = looking.data.clip_start, looking.data.clip_end
+    elif parallel:
+        start = -end  # a parallel view also shows what lies behind its plane
+    return Camera(
+        kind="orthographic" if parallel else "perspective",
+        to_world=to_world,
+        window=window(projection),
+        clip_start=start,
+        clip_end=end,
+        **(lens(looking, parallel=parallel) if looking is not None else {}),
+    )
+
+
+def _border(context: Any, looking: Any) -> tuple[int, int, int, int] | None:
+    """The part of the region that is rendered, in its pixels: the view's border, or the camera's in a camera view."""
+    region, render = context.region, context.scene.render
+    if looking is None:
+        source = context.space_data
+        if not source.use_render_border:
+            return None
+        low, high = np.zeros(2), np.array([region.width, region.height], np.float64)
+    else:
+        source = render
+        if not source.use_border:
+            return None
+        low, high = _frame(context, looking)
+    x = np.array(
+        [
+            source.render_border_min_x if looking is None else source.border_min_x,
+            source.render_border_max_x if looking is None else source.border_max_x,
+        ]
+    )
+    y = np.array(
+        [
+            source.render_border_min_y if looking is None else source.border_min_y,
+            source.render_border_max_y if looking is None else source.border_max_y,
+        ]
+    )
+    x0, x1 = np.clip(np.round(low[0] + x * (high[0] - low[0])), 0, region.width).astype(int)
+    y0, y1 = np.clip(np.round(low[1] + y * (high[1] - low[1])), 0, region.height).astype(int)
+    if x0 >= x1 or y0 >= y1:
+        # The border lies outside of the region: one pixel is less work than a case of its own.
+        x0, y0 = min(x0, region.width - 1), min(y0, region.height - 1)
+        x1, y1 = x0 + 1, y0 + 1
+    return int(x0), int(y0), int(x1), int(y1)
+
+
+def _frame(context: Any, looking: Any) -> tuple[F64, F64]:
+    """Where the camera's frame lies in the region: its lower left and upper right corner, in pixels."""
+    region, data = context.region, context.region_data
+    to_region = np.array(data.perspective_matrix, np.float64) @ np.array(looking.matrix_world.normalized(), np.float64)
+    corners = np.array([(*corner, 1.0) for corner in looking.data.view_frame(scene=context.scene)])
+    clip = corners @ to_region.T
+    points = (clip[:, :2] / clip[:, 3:] + 1) / 2 * (region.width, region.height)
+    return points.min(axis=0), points.max(axis=0)

@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Blender's world as `core.scene.World`: a colour, or a program over the direction."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from ...core.scene.scene import Light, World
+from .images import Gallery
+from .nodes import Place, Unsupported, active_tree, output_node
+from .surfaces import Surface
+from .values import Layers, Values
+
+if TYPE_CHECKING:
+    from ...core.base.notes import Notes
+
+
+def read_world(
+    world: Any,
+    notes: Notes,
+    gallery: Gallery | None = None,
+    *,
+    wait: bool = True,
+    keep_going: Callable[[], bool] | None = None,
+) -> tuple[World, set[int], list[Light]]:
+    """The background, the numbers of the images it shows, and the suns in it that are lights.
+
+    wait: whether a Sky Texture is waited for. keep_going: asked meanwhile; where it returns False, Cancelled is raised.
+
+    What is not understood goes into `notes` and is replaced by its default.
+    """
+    found, images, suns = _read(world, notes, gallery, wait, keep_going)
+    # Cycles keeps these with the world, when it is switched on.
+    flags = getattr(world, "cycles_visibility", None)
+    hidden = tuple(ray for ray in ("camera", "diffuse", "glossy", "transmission") if not getattr(flags, ray, True))
+    return replace(found, hidden_from=hidden), images, [replace(sun, hidden_from=hidden) for sun in suns]
+
+
+def _read(
+    world: Any, notes: Notes, gallery: Gallery | None, wait: bool, keep_going: Callable[[], bool] | None
+) -> tuple[World, set[int], list[Light]]:
+    nothing: tuple[set[int], list[Light]] = (set(), [])
+    if world is None:
+        return World(), *nothing
+    plain = World(_positive(world.color))
+    tree = active_tree(world)
+    if tree is None:
+        return plain, *nothing
+
+    def remark(what: str) -> None:
+        notes.add(f"{what} is not supported yet in world", world.name)
+
+    output = output_node(tree)
+    if output is None:
+        return World(), *nothing
+    if output.inputs["Volume"].is_linked:
+        remark("Volume")
+    values = Values(Layers(), gallery or Gallery(), remark, background=True, wait=wait, keep_going=keep_going)
+    surface = Surface(values, plain.color)
+    values.sun_strength = _sky_strength(output)
+    try:
+        surface.read(Place(output.inputs["Surface"]))
+        total = _total(surface)
+    except Unsupported as unsupported:
+        remark(str(unsupported))
+        return plain, *nothing
+    if total is None:
+        return World(), *nothing
+    if isinstance(total, tuple):
+        return World(_positive(total)), *nothing
+    return World((0.0, 0.0, 0.0), tuple(values.steps), total), values.images, values.suns
+
+
+def _total(surface: Surface) -> Any:
+    """What all shaders of a world send together, a colour or a step; None where there are none. Raises Unsupported."""
+    # A background and an emission are the same here; other shaders have no meaning.
+    total: Any = None
+    for closure in surface.closures:
+        if closure.kind != "emission":
+            surface.remark(f"A {closure.kind} shader")
+            continue
+        part = surface.emitted(closure.inputs["emission"], closure.inputs["weight"])
+        if total is None:
+            total = part
+        elif isinstance(total, tuple) and isinstance(part, tuple):
+            total = tuple(a + b for a, b in zip(total, part, strict=False))
+        else:
+            total = surface.values.step("vector_math", total, part, 0.0, kind="ADD")
+    return total
+
+
+def _sky_strength(output: Any) -> float | None:
+    """The strength of a background whose colour is a Sky Texture as it stands; None for any other world."""
+    try:
+        shader = Place(output.inputs["Surface"]).source()
+        if shader.node.bl_idname != "ShaderNodeBackground":
+            return None
+        color, strength = (shader.beside(shader.node.inputs[name]).source() for name in ("Color", "Strength"))
+        if color.node.bl_idname != "ShaderNodeTexSky" or strength.socket.is_output:
+            return None
+        vector = color.input("Vector")
+        turned = vector is not None and vector.source().socket.is_output
+        return None if turned else max(float(strength.socket.default_value), 0.0)
+    except Unsupported:
+        return None
+
+
+def _positive(color: Any) -> tuple[float, float, float]:
+    r, g, b = (max(float(c), 0.0) for c in color[:3])
+    return (r, g, b)

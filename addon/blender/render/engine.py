@@ -1,0 +1,396 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The render engine that Blender calls."""
+
+from __future__ import annotations
+
+import logging
+import math
+import time
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import bpy
+import numpy as np
+
+from ...core.base import native, room
+from ...core.base.background import Background
+from ...core.base.command import INTERRUPTED
+from ...core.base.notes import Notes
+from ...core.choose import auto, choice
+from ...core.session.session import POLL_SECONDS, Cancelled, Session, watch
+from ...core.structures import catalogue
+from ...core.structures.settings import Mist, RenderSettings, memory_limit
+from ..measure import comparing, workloads
+from ..read import camera, extract, passes, remarks, view_layers
+from ..session import reports, trees
+from ..settings import properties
+from .viewport import Viewport
+
+if TYPE_CHECKING:
+    from ...core.scene.instances import Layout
+    from ...core.scene.scene import Camera, Scene
+
+ENGINE = "HALFSPACE"
+UPDATE_MILLISECONDS = 400
+BUILD_SHARE = 0.1
+"""The part of the progress bar that is the build's."""
+
+log = logging.getLogger(__name__)
+
+_kept: list[Any] = []
+"""Structures of the last picture's meshes, where the user lets Blender keep data from one picture to the next."""
+
+
+class HalfspaceEngine(bpy.types.RenderEngine):
+    """What Blender creates for each final render and each 3D view in rendered mode."""
+
+    bl_idname = ENGINE
+    bl_label = "Halfspace"
+    bl_use_preview = False
+    bl_use_postprocess = True
+    bl_use_shading_nodes_custom = False
+    bl_use_eevee_viewport = True
+    bl_use_spherical_stereo = False
+    bl_use_stereo_viewport = False
+    bl_use_custom_freestyle = False
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self._viewport: Viewport | None = None
+        self._noted: dict[tuple[str, str], Notes] = {}
+        self._frame = math.nan
+
+    def noted(self, depsgraph: Any, notes: Notes) -> Notes:
+        """What is said of all layers and views of this frame so far, these included. Blender renders one by one."""
+        key, frame = (depsgraph.view_layer.name, self.active_view_get()), depsgraph.scene.frame_float
+        if self._frame != frame or key in self._noted:  # an engine may live on from picture to picture
+            self._noted, self._frame = {}, frame
+        self._noted[key] = notes
+        found = Notes()
+        for one in self._noted.values():
+            found.join(one)
+        return found
+
+    def update_render_passes(self, scene: Any = None, renderlayer: Any = None) -> None:
+        passes.register_passes(self, scene, renderlayer)
+
+    def render(self, depsgraph: Any) -> None:
+        """One view layer of one frame. Whatever goes wrong is said once, and nothing half-finished is kept."""
+        picture = _Picture(self, depsgraph)
+        try:
+            picture.render()
+        except Cancelled:
+            picture.discard()
+        except KeyboardInterrupt:
+            # Blender would go on as if all were well, and write an empty picture over the last one.
+            picture.discard()
+            self._refuse(INTERRUPTED)
+        except Exception as error:
+            # Where Blender is a module, a program has called it, and tells the failure in its own way.
+            level = logging.DEBUG if bpy.app.module else logging.ERROR
+            log.log(level, "Halfspace could not render", exc_info=error)
+            picture.discard()
+            self._refuse(" ".join(str(error).split()) or type(error).__name__)
+
+    def _refuse(self, message: str) -> None:
+        """Tell Blender that there is no picture, so that none is written."""
+        self.error_set(message)
+        self.report({"ERROR"}, message)
+
+    def view_update(self, context: Any, depsgraph: Any) -> None:
+        if self._viewport is None:
+            self._viewport = Viewport()
+        self._viewport.update(self, context, depsgraph)
+
+    def view_draw(self, context: Any, depsgraph: Any) -> None:
+        if self._viewport is not None:
+            self._viewport.draw(self, context)
+
+
+@dataclass(frozen=True, eq=False)
+class _Read:
+    """What was read of the scene. moment: when, as `trees.moment` tells it. seconds: how long it took."""
+
+    scene: Scene
+    view: Camera
+    layout: Layout
+    moment: int
+    seconds: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Built:
+    """What the picture is rendered with. reasons: of a choice, in lines. answers: how many were compared, in words."""
+
+    session: Session
+    spec: str
+    label: str
+    reasons: list[str] = field(default_factory=list)
+    answers: str = choice.NOT_COMPARED
+
+
+class _Picture:
+    """One call of `render`, with the result that is open in Blender while it runs."""
+
+    def __init__(self, engine: HalfspaceEngine, depsgraph: Any) -> None:
+        self.engine = engine
+        self.depsgraph = depsgraph
+        self.scene = depsgraph.scene_eval
+        self.group = self.scene.halfspace
+        self.notes = Notes()
+        self.result: Any = None
+
+    def render(self) -> None:
+        """Extract, build, render, report."""
+        module = native.load()
+        settings = render_settings(self.engine, self.depsgraph)
+        width, height = settings.size
+        if not self.group.overlay.show:
+            trees.clear()  # so that neither two trees nor a tree and this picture need to fit into memory
+        room.check(module, f"a picture of {width} × {height} pixels", passes.bytes_needed(settings))
+
+        self._say("Reading the scene")
+        read = self._read(settings)
+        built = self._build(module, read, settings)
+        tree = self._keep(read, built)
+
+        job = built.session.render(read.view, settings)
+        self._trace(job, settings, read, built)
+        self._report(job, read, built, tree)
+        self._warn()
+
+    def _read(self, settings: RenderSettings) -> _Read:
+        """The scene and its camera. Raises what extraction raises."""
+        start, moment = time.perf_counter(), trees.moment(self.scene)
+        uvs = "UV" in settings.passes
+        found = extract.find(self.depsgraph, self.notes, uvs=uvs, keep_going=self._reading)
+        # Only triangles in their places carry UVs.
+        layout = found.layout("flatten" if uvs else self.group.instancing, integrator=self.group.integrator)
+        scene = found.instanced() if layout.two_level else found.flattened(uvs=uvs)
+        view = self._camera(scene.geometry.origin)
+        return _Read(scene, view, layout, moment, time.perf_counter() - start)
+
+    def _build(self, module: Any, read: _Read, settings: RenderSettings) -> _Built:
+        """The structure as set, or the one that the scene chooses, ready to render with."""
+        two_level = read.layout.two_level
+        if self.group.automatic and read.scene.geometry.count and not two_level:
+            built = self._build_chosen(module, read, settings)
+        else:
+            built = self._build_set(module, read.scene, settings)
+            if self.group.automatic and two_level:
+                built.reasons.append("as set: Choose for Me needs instances to be flattened, see Instances")
+        session = built.session
+        meshes = session.building.meshes if session.building is not None else []
+        _kept[:] = meshes if self.scene.render.use_persistent_data else []
+        self._note_dropped(read.scene.geometry, session.structure.statistics)
+        return built
+
+    def _build_set(self, module: Any, scene: Scene, settings: RenderSettings) -> _Built:
+        """The structure of the settings."""
+        spec, label = properties.spec(self.group), properties.structure(self.group).label
+        properties.remark_unknown(self.group, self.notes)
+        self._say(f"{label}: building over {scene.geometry.count:,} triangles")
+        session = Session.start(
+            module,
+            scene,
+            spec,
+            threads=settings.threads,
+            memory_limit=memory_limit(self.group.memory_limit),
+            keep_going=self._building,
+        )
+        return _Built(session, spec, label)
+
+    def _build_chosen(self, module: Any, read: _Read, settings: RenderSettings) -> _Built:
+        """The structure that is likely to take the least time, with the reasons and the answers that were compared."""
+        seen = Notes()
+        chosen = self._choose(module, read.scene, read.view, settings, seen)
+        session = Session.over(module, read.scene, chosen.structure)
+        answers = chosen.comparison.lines[0].answers
+        return _Built(session, chosen.spec, comparing.name(chosen.spec), [*chosen.notes, *seen.lines()], answers)
+
+    def _keep(self, read: _Read, built: _Built) -> trees.Tree | None:
+        """Keep the tree for the overlay, which shows one in the scene's own space; None where there is none."""
+        if read.layout.two_level:
+            trees.clear()
+            return None
+        structure, geometry = built.session.structure, read.scene.geometry
+        return trees.keep(self.scene, structure, geometry, spec=built.spec, label=built.label, read=read.moment)
+
+    def _trace(self, job: Any, settings: RenderSettings, read: _Read, built: _Built) -> None:
+        """Fill a result of Blender's with the job's picture, while it grows and at the end."""
+        width, height = settings.size
+        origin = read.scene.geometry.origin
+        buffers = {name: np.empty(width * height * channels, np.float32) for name, channels in job.passes.items()}
+        self.result = self.engine.begin_result(
+            0, 0, width, height, layer=self.depsgraph.view_layer.name, view=self.engine.active_view_get()
+        )
+
+        def show() -> None:
+            if not bpy.app.background:  # else nobody sees it
+                self._fill(job, buffers, origin)
+                self.engine.update_result(self.result)
+            self._say(_summary(built.label, built.session.structure.statistics, job, built.answers))
+
+        watch(job, milliseconds=UPDATE_MILLISECONDS, keep_going=self._tracing, show=show)
+        self._fill(job, buffers, origin)
+        self.engine.end_result(self.result)
+        self.result = None
+
+    def _report(self, job: Any, read: _Read, built: _Built, tree: trees.Tree | None) -> None:
+        """Tell of the finished picture: in the status, as Blender's memory, and in the panel of the last render."""
+        session, count = built.session, read.scene.geometry.count
+        statistics = {**session.structure.statistics, **job.statistics}
+        self._say(_summary(built.label, statistics, job, built.answers))
+        mebibytes = statistics["bytes"] / 2**20
+        self.engine.update_memory_stats(memory_used=mebibytes, memory_peak=mebibytes)
+        left_out = [read.layout.reason, *session.structure.statistics["left_out"], *session.left_out]
+        remarks.remark(self.scene, self.depsgraph.view_layer_eval, count, self.notes)
+        report = reports.Report(
+            built.label,
+            count,
+            read.seconds,
+            statistics,
+            left_out,
+            self.engine.noted(self.depsgraph, self.notes).lines(),
+            built.reasons,
+            built.answers,
+            None if tree is None else tree.number,
+        )
+        reports.keep(self.scene, report)
+
+    def discard(self) -> None:
+        """Close an open result without keeping its pixels."""
+        if self.result is not None:
+            self.engine.end_result(self.result, cancel=True)
+            self.result = None
+
+    def _camera(self, origin: np.ndarray[Any, Any]) -> Camera:
+        item = self.engine.camera_override or self.scene.camera
+        if item is None:
+            raise RuntimeError("Cannot render, no camera")
+        item = item.evaluated_get(self.depsgraph)
+        render = self.scene.render
+        return camera.read_camera(
+            item,
+            self.depsgraph,
+            self.engine.camera_model_matrix(item),
+            origin,
+            self.notes,
+            size=(self.engine.resolution_x, self.engine.resolution_y),
+            pixel_aspect=(render.pixel_aspect_x, render.pixel_aspect_y),
+        )
+
+    def _choose(self, module: Any, scene: Scene, view: Camera, settings: RenderSettings, seen: Notes) -> auto.Choice:
+        """Let the scene and the number of samples choose the structure.
+
+        seen: takes what the view that is measured leaves out.
+        """
+        width, height = settings.size
+        plan = choice.Plan(width * height, settings.samples, settings.max_bounces)
+        workload = workloads.of_scene(self.scene.name, scene, view, seen)
+        limit = memory_limit(self.group.memory_limit)
+        chooser = auto.Chooser(module, workload, plan, auto.candidates(catalogue.load()), settings.threads, limit)
+        work = Background(chooser.steps(), lambda text: self._say(f"Choosing a structure: {text}"))
+        try:
+            while not work.wait(POLL_SECONDS):
+                if not self._building(0.0):
+                    raise Cancelled
+        except BaseException:
+            work.stop()
+            raise
+        assert chooser.result is not None, "the last step decides"
+        return chooser.result
+
+    def _reading(self) -> bool:
+        return not self.engine.test_break()
+
+    def _building(self, progress: float) -> bool:
+        self.engine.update_progress(BUILD_SHARE * progress)
+        return not self.engine.test_break()
+
+    def _tracing(self, progress: float) -> bool:
+        self.engine.update_progress(BUILD_SHARE + (1 - BUILD_SHARE) * progress)
+        return not self.engine.test_break()
+
+    def _fill(self, job: Any, buffers: dict[str, np.ndarray[Any, Any]], origin: np.ndarray[Any, Any]) -> None:
+        """Copy the picture so far into Blender's open result."""
+        names = passes.native_names()
+        for render_pass in self.result.layers[0].passes:
+            name = names.get(render_pass.name, "")
+            buffer = buffers.get(name)
+            if buffer is None:
+                continue
+            job.copy_into(name, buffer)
+            if name == "Position":
+                to_world(buffer, origin)
+            if len(render_pass.rect) * render_pass.channels != len(buffer):
+                raise RuntimeError(f"Pass {render_pass.name}: Blender expects another size of picture")
+            render_pass.rect.foreach_set(buffer)
+
+    def _note_dropped(self, geometry: Any, statistics: dict[str, Any]) -> None:
+        for index in statistics.get("dropped_instances", ()):
+            self.notes.add("Dropped, the transform is out of range", geometry.names[index])
+        if statistics["dropped_triangles"]:
+            for name, count in geometry.faulty_triangles().items():
+                self.notes.add("Dropped triangles without area or with coordinates that are not finite", name, count)
+
+    def _say(self, text: str) -> None:
+        self.engine.update_stats("", text)
+
+    def _warn(self) -> None:
+        for line in self.notes.lines():
+            log.warning(line)
+            self.engine.report({"WARNING"}, line)
+
+
+def to_world(positions: np.ndarray[Any, Any], origin: np.ndarray[Any, Any]) -> None:
+    """Move flat (n * 3,) positions from the scene frame to the world, in place; the background (0, 0, 0) stays."""
+    points = positions.reshape(-1, 3)
+    points[points.any(axis=1)] += origin.astype(np.float32)
+
+
+def render_settings(engine: Any, depsgraph: Any) -> RenderSettings:
+    """The picture that Blender asks for."""
+    scene = depsgraph.scene_eval
+    render, group = scene.render, scene.halfspace
+    width, height = engine.resolution_x, engine.resolution_y
+    return RenderSettings(
+        width=width,
+        height=height,
+        border=border_pixels(render, width, height) if render.use_border else None,
+        samples=group.samples,
+        max_bounces=group.max_bounces,
+        integrator=group.integrator,
+        ambient_distance=group.ambient_distance or math.inf,
+        clamp_indirect=group.clamp_indirect,
+        seed=group.render_seed,
+        film_transparent=render.film_transparent,
+        passes=tuple(render_pass.name for render_pass in passes.wanted_passes(depsgraph.view_layer_eval)),
+        noise_threshold=group.noise_threshold if group.use_adaptive else 0.0,
+        time_limit=group.time_limit,
+        mist=_mist(view_layers.world(depsgraph)),
+        threads=render.threads if render.threads_mode == "FIXED" else 0,
+    )
+
+
+def _mist(world: Any) -> Mist:
+    """How the mist pass grows, which is the world's to say."""
+    if world is None:
+        return Mist()
+    found = world.mist_settings
+    return Mist(found.start, found.depth, found.falloff)
+
+
+def border_pixels(render: Any, width: int, height: int) -> tuple[int, int, int, int]:
+    """The render border in pixels, rounded as Blender rounds: the product in f32, then towards zero."""
+    size = np.array([width, height, width, height], np.float32)
+    edges = np.array([render.border_min_x, render.border_min_y, render.border_max_x, render.border_max_y], np.float32)
+    x0, y0, x1, y1 = (int(edge) for edge in edges * size)
+    return x0, y0, x1, y1
+
+
+def _summary(label: str, statistics: dict[str, Any], job: Any, answers: str) -> str:
+    return (
+        f"{label} | Build {statistics['build_seconds']:.2f} s | {job.statistics['mrays_s']:.2f} Mray/s | {answers} | "
+        f"Tree {statistics['bytes'] / 2**20:.1f} MiB | Sample {job.samples_done}"
+    )

@@ -1,0 +1,201 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The rendered viewport: what a 3D view shows goes to `core.preview`, its pictures come back and are drawn."""
+
+from __future__ import annotations
+
+import logging
+import math
+import time
+import weakref
+from typing import Any
+
+import bpy
+import gpu
+import numpy as np
+from gpu_extras.presets import draw_texture_2d
+
+from ...core.base import native
+from ...core.base.notes import Notes
+from ...core.session.preview import Picture, Preview
+from ...core.session.stock import STOCK
+from ...core.structures import catalogue, specs
+from ...core.structures.settings import RenderSettings, memory_limit
+from ..read import extract, views
+from ..settings import properties
+
+TICK_SECONDS = 0.01
+"""How often a view that works is looked at; Blender itself comes by about as often."""
+
+FIRST_SECONDS = 0.2
+"""The first picture is waited for so long, since drawing the window without it would take as long again."""
+
+PAUSE_SECONDS = 1.0
+"""But not by several views one after the other."""
+
+log = logging.getLogger(__name__)
+
+_waited = -PAUSE_SECONDS
+"""When a first picture was last waited for."""
+
+_working: weakref.WeakSet[Viewport] = weakref.WeakSet()
+"""The views that still work."""
+
+
+class Viewport:
+    """One 3D view in rendered mode.
+
+    Holds no engine, so that it goes, and stops its work, as soon as Blender lets the engine go.
+    """
+
+    def __init__(self) -> None:
+        self._preview: Preview | None = None
+        self._engine: weakref.ref[Any] | None = None
+        self._origin = np.zeros(3)
+        self._problem = ""
+        self._skipped: list[str] = []
+        self._texture: Any = None
+        self._drawn: Picture | None = None
+
+    def update(self, engine: Any, context: Any, depsgraph: Any) -> None:
+        """Take over the scene after an edit."""
+        try:
+            notes = Notes()
+            group = depsgraph.scene.halfspace
+            properties.remark_unknown(group, notes)  # first: the line in the corner has room for one
+            # The view's own choice: local view, its collections, the kinds of objects that it hides.
+            space = context.space_data if isinstance(context.space_data, bpy.types.SpaceView3D) else None
+            found = extract.find(depsgraph, notes, space=space)
+            two_level = found.layout(group.instancing, integrator=group.integrator, interactive=True).two_level
+            scene = found.instanced() if two_level else found.flattened()
+            if self._preview is None:
+                self._preview = Preview(native.load(), STOCK)
+            spec, limit = properties.spec(group), memory_limit(group.memory_limit)
+            self._origin = scene.geometry.origin
+            self._preview.edit(scene, spec, limit, preview_settings(depsgraph.scene))
+            self._problem, self._skipped = "", notes.lines()
+        except Exception as error:
+            log.exception("Halfspace could not read the scene for the viewport")
+            self._preview = None
+            self._problem = " ".join(str(error).split()) or type(error).__name__
+        self._work(engine)
+
+    def draw(self, engine: Any, context: Any) -> None:
+        """Show the newest picture."""
+        preview = self._preview
+        if preview is not None:
+            pixel = max(int(engine.get_preview_pixel_size(context.scene)), 1)
+            preview.look(views.seen(context, self._origin, pixel))
+            preview.advance()
+            if preview.picture is None:
+                self._wait(preview)
+            start = time.perf_counter()
+            if preview.picture is not self._drawn:
+                self._upload(preview.picture)
+                preview.showing_seconds = time.perf_counter() - start
+            self._show(engine, context)
+        engine.update_stats("Halfspace", self.status())
+        self._work(engine)
+
+    def status(self) -> str:
+        """The line in the corner of the view."""
+        preview = self._preview
+        problem = self._problem or (preview.problem if preview is not None else "")
+        if preview is None or problem:
+            return problem
+        done, wanted = preview.samples
+        parts = [f"Sample {done} of {wanted}"]
+        if preview.preparing is not None:
+            spec, progress = preview.preparing
+            label = catalogue.load()[specs.structure_of(spec)].label
+            parts.insert(0, f"{label}: {progress:.0%}")
+        if self._skipped:
+            more = f" (and {len(self._skipped) - 1} more)" if len(self._skipped) > 1 else ""
+            parts.append(self._skipped[0] + more)
+        return " | ".join(parts)
+
+    def tick(self) -> bool:
+        """Go on working; ask Blender to draw if there is something new. Returns whether there is more to do."""
+        preview = self._preview
+        engine = self._engine() if self._engine is not None else None
+        if preview is None or engine is None:
+            return False
+        if preview.advance() or not preview.busy:
+            engine.tag_redraw()
+        return preview.busy
+
+    def _wait(self, preview: Preview) -> None:
+        """Give the very first picture a moment."""
+        global _waited  # noqa: PLW0603 (one main thread, which must not be held up)
+        if time.perf_counter() < _waited + PAUSE_SECONDS:
+            return
+        _waited = time.perf_counter()
+        end = _waited + FIRST_SECONDS
+        while preview.picture is None and preview.busy and time.perf_counter() < end:
+            time.sleep(TICK_SECONDS / 4)
+            preview.advance()
+
+    def _work(self, engine: Any) -> None:
+        """See to it that `tick` is called while there is work."""
+        if self._preview is None or not self._preview.busy:
+            return
+        self._engine = weakref.ref(engine)
+        _working.add(self)
+        if not bpy.app.timers.is_registered(_tick):
+            bpy.app.timers.register(_tick, first_interval=TICK_SECONDS)
+
+    def _upload(self, picture: Picture | None) -> None:
+        self._drawn = picture
+        if picture is None:
+            return
+        x0, y0, x1, y1 = picture.part
+        self._texture = gpu.types.GPUTexture(
+            (x1 - x0, y1 - y0), format="RGBA16F", data=gpu.types.Buffer("FLOAT", len(picture.pixels), picture.pixels)
+        )
+
+    def _show(self, engine: Any, context: Any) -> None:
+        picture, region = self._drawn, context.region
+        if picture is None:
+            return
+        across, up = region.width / picture.width, region.height / picture.height
+        x0, y0, x1, y1 = picture.part
+        gpu.state.blend_set("ALPHA_PREMULT")
+        engine.bind_display_space_shader(context.scene)
+        draw_texture_2d(self._texture, (x0 * across, y0 * up), (x1 - x0) * across, (y1 - y0) * up)
+        engine.unbind_display_space_shader()
+        gpu.state.blend_set("NONE")
+
+
+def _tick() -> float | None:
+    """What the timer calls: all views that work, until none does."""
+    for view in tuple(_working):
+        try:
+            more = view.tick()
+        except ReferenceError:  # Blender has freed the engine
+            more = False
+        if not more:
+            _working.discard(view)
+    return TICK_SECONDS if _working else None
+
+
+def stop() -> None:
+    """End the timer."""
+    _working.clear()
+    if bpy.app.timers.is_registered(_tick):
+        bpy.app.timers.unregister(_tick)
+
+
+def preview_settings(scene: Any) -> RenderSettings:
+    """How the viewport renders this scene; the size is each view's."""
+    group = scene.halfspace
+    return RenderSettings(
+        width=1,
+        height=1,
+        samples=group.preview_samples,
+        max_bounces=group.max_bounces,
+        integrator=group.integrator,
+        ambient_distance=group.ambient_distance or math.inf,
+        clamp_indirect=group.clamp_indirect,
+        seed=group.render_seed,
+        film_transparent=scene.render.film_transparent,
+        threads=scene.render.threads if scene.render.threads_mode == "FIXED" else 0,
+    )

@@ -1,0 +1,257 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Building the chosen structure over the open scene without a render: on demand, or whenever the scene changes.
+
+Extraction runs on Blender's main thread, as it must; the build on a thread of its own, watched by a timer.
+"""
+
+from __future__ import annotations
+
+import logging
+import time
+from typing import Any
+
+import bpy
+
+from ...core.base import native
+from ...core.base.notes import Notes
+from ...core.session.session import POLL_SECONDS, Building
+from ...core.structures.settings import memory_limit
+from ..read import extract
+from ..settings import properties
+from . import trees
+
+REST_SECONDS = 0.4
+"""How long a scene must rest before it is built again by itself."""
+
+log = logging.getLogger(__name__)
+
+
+class Job:
+    """One build for one scene, from its triangles to the kept tree."""
+
+    def __init__(self, scene: Any, depsgraph: Any) -> None:
+        """Read the scene and begin to build. Raises what extraction raises, and native.NativeError."""
+        group = scene.halfspace
+        module = native.load()
+        self.spec = properties.spec(group)
+        self.label = properties.structure(group).label
+        self.notes = Notes()
+        properties.remark_unknown(group, self.notes)
+        self._read = trees.moment(scene)
+        geometry = extract.extract(depsgraph, self.notes, sky=extract.NO_WORLD).geometry
+        self.scene_uid = scene.original.session_uid
+        self.triangles = len(geometry.triangles)
+        self._building = Building(module, geometry, self.spec, memory_limit=memory_limit(group.memory_limit))
+
+    @property
+    def progress(self) -> float:
+        """0 to 1."""
+        return self._building.progress
+
+    def step(self, seconds: float = 0.0) -> bool:
+        """Wait at most so long. True when the work has ended; then the tree is kept. Raises what the build raised."""
+        if not self._building.wait(seconds):
+            return False
+        structure = self._building.result()
+        scene = trees.scene_of(self.scene_uid)
+        if scene is not None:  # else it was deleted meanwhile
+            geometry = self._building.geometry
+            trees.keep(scene, structure, geometry, spec=self.spec, label=self.label, read=self._read)
+        return True
+
+    def cancel(self) -> None:
+        """Stop and forget."""
+        self._building.cancel()
+
+
+def build_now(scene: Any, depsgraph: Any) -> Job:
+    """Build the chosen structure and wait for it. Raises what extraction and the build raise."""
+    job = Job(scene, depsgraph)
+    while not job.step(POLL_SECONDS):
+        pass
+    return job
+
+
+class _Background:
+    """The build that runs by itself, at most one, and the wish for the next."""
+
+    job: Job | None = None
+    wish: int | None = None
+    wished_at = 0.0
+    problem = ""
+
+
+def request(scene: Any) -> None:
+    """Build this scene's structure again, if it wishes that, once the scene has rested; a running build is stopped."""
+    group = scene.halfspace
+    if native.problem() is not None or not (group.overlay.show and group.overlay.auto_update):
+        return
+    if trees.usable(scene, properties.spec(group)) is not None:
+        return
+    _Background.wish = scene.original.session_uid
+    _Background.wished_at = time.monotonic()
+    if not bpy.app.background and not bpy.app.timers.is_registered(_tick):
+        bpy.app.timers.register(_tick, first_interval=REST_SECONDS)
+
+
+def stop() -> None:
+    """End what runs by itself, and the timer."""
+    if bpy.app.timers.is_registered(_tick):
+        bpy.app.timers.unregister(_tick)
+    if _Background.job is not None:
+        _Background.job.cancel()
+    _Background.job = _Background.wish = None
+    _Background.problem = ""
+
+
+def progress() -> float | None:
+    """How far the build that runs by itself is, 0 to 1; None when there is none."""
+    return None if _Background.job is None else _Background.job.progress
+
+
+def problem() -> str:
+    """Why the last build that ran by itself failed, or nothing."""
+    return _Background.problem
+
+
+def _tick() -> float | None:
+    """What the timer calls. Returns the seconds until the next call, or None for no more."""
+    try:
+        return _advance()
+    except Exception as error:
+        # A timer has no one to report to: the panel shows the line.
+        log.exception("Halfspace could not build the structure")
+        _Background.job = None
+        _Background.problem = " ".join(str(error).split()) or type(error).__name__
+        trees.redraw()
+        return None
+
+
+def _advance() -> float | None:
+    job, wish = _Background.job, _Background.wish
+    if job is not None and wish is not None:
+        job.cancel()
+        job = _Background.job = None
+    if job is not None:
+        if job.step():
+            _Background.job = None
+        trees.redraw()
+    elif wish is not None:
+        rest = _Background.wished_at + REST_SECONDS - time.monotonic()
+        if rest > 0:
+            return rest
+        _Background.wish, _Background.problem = None, ""
+        scene, view_layer = trees.scene_of(wish), bpy.context.view_layer
+        if scene is not None and scene == bpy.context.scene and view_layer is not None:
+            _Background.job = Job(scene, bpy.context.evaluated_depsgraph_get())
+    return POLL_SECONDS if _Background.job is not None or _Background.wish is not None else None
+
+
+class HALFSPACE_OT_build_structure(bpy.types.Operator):
+    """Builds the chosen structure over the scene as the viewport shows it."""
+
+    bl_idname = "halfspace.build_structure"
+    bl_label = "Build Structure"
+    bl_description = "Build the chosen structure over the scene as the viewport shows it, to look at it. Esc stops"
+
+    _job: Job | None = None
+    _timer: Any = None
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return native.problem() is None and context.scene is not None
+
+    def execute(self, context: Any) -> set[str]:
+        """Build and wait, for scripts."""
+        try:
+            job = build_now(context.scene, context.evaluated_depsgraph_get())
+        except Exception as error:
+            return _failed(self, error)
+        return _told(self, job)
+
+    def invoke(self, context: Any, event: Any) -> set[str]:
+        """Build while Blender goes on."""
+        stop()
+        try:
+            self._job = Job(context.scene, context.evaluated_depsgraph_get())
+        except Exception as error:
+            return _failed(self, error)
+        manager = context.window_manager
+        manager.progress_begin(0, 100)
+        self._timer = manager.event_timer_add(POLL_SECONDS, window=context.window)
+        manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context: Any, event: Any) -> set[str]:
+        """Look at the build on each tick of a timer; Esc stops it; all else passes through."""
+        assert self._job is not None
+        if event.type == "ESC":
+            self._job.cancel()
+            self._end(context)
+            self.report({"INFO"}, "Building was stopped")
+            return {"CANCELLED"}
+        if event.type != "TIMER":
+            return {"PASS_THROUGH"}
+        try:
+            done = self._job.step()
+        except Exception as error:
+            self._end(context)
+            return _failed(self, error)
+        if done:
+            self._end(context)
+            return _told(self, self._job)
+        context.window_manager.progress_update(100 * self._job.progress)
+        context.workspace.status_text_set(f"{self._job.label}: {self._job.progress:.0%}   Esc: stop")
+        return {"PASS_THROUGH"}  # an event does not tell whose timer it is of
+
+    def cancel(self, context: Any) -> None:
+        """Blender closes the window or the file."""
+        if self._job is not None:
+            self._job.cancel()
+
+    def _end(self, context: Any) -> None:
+        manager = context.window_manager
+        manager.event_timer_remove(self._timer)
+        manager.progress_end()
+        context.workspace.status_text_set(None)
+
+
+def _told(operator: Any, job: Job) -> set[str]:
+    for line in job.notes.lines():
+        operator.report({"WARNING"}, line)
+    operator.report({"INFO"}, f"{job.label} over {job.triangles:,} triangles")
+    return {"FINISHED"}
+
+
+def _failed(operator: Any, error: Exception) -> set[str]:
+    log.error("Halfspace could not build the structure", exc_info=error)
+    operator.report({"ERROR"}, " ".join(str(error).split()) or type(error).__name__)
+    return {"CANCELLED"}
+
+
+class HALFSPACE_OT_free_structure(bpy.types.Operator):
+    """Frees the memory of the last structure."""
+
+    bl_idname = "halfspace.free_structure"
+    bl_label = "Free Structure"
+    bl_description = "Forget the last structure and free its memory"
+
+    def execute(self, context: Any) -> set[str]:
+        trees.clear()
+        return {"FINISHED"}
+
+
+CLASSES = (HALFSPACE_OT_build_structure, HALFSPACE_OT_free_structure)
+
+
+def register() -> None:
+    """Register the operators."""
+    for operator in CLASSES:
+        bpy.utils.register_class(operator)
+
+
+def unregister() -> None:
+    """Stop what runs, and the reverse of `register`."""
+    stop()
+    for operator in reversed(CLASSES):
+        bpy.utils.unregister_class(operator)

@@ -1,0 +1,181 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""`scene.halfspace.overlay`: what of the structure the 3D viewport shows, and how."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty
+
+from ...core.overlay.planes import KINDS
+
+DEEPEST = 60
+
+KIND_ITEMS = (
+    ("X", "X", "Planes across the X axis, in its colour"),
+    ("Y", "Y", "Planes across the Y axis, in its colour"),
+    ("Z", "Z", "Planes across the Z axis, in its colour"),
+    ("OBLIQUE", "Oblique", "Planes that follow no axis"),
+    ("SLABS", "Slabs", "Pairs of planes between which the triangles of a child lie"),
+    ("OCTANTS", "Octants", "The three planes of a node with eight children"),
+    ("BOXES", "Boxes", "The faces of a box around the triangles of a node"),
+)
+assert tuple(item[0] for item in KIND_ITEMS) == KINDS
+
+
+def _redraw(_group: Any, _context: Any) -> None:
+    from ..session import trees
+
+    trees.redraw()
+
+
+def _follow(group: Any, context: Any) -> None:
+    """Let the handlers come and go with the wish to see anything, and build what is missing."""
+    from ..overlay import drawing
+    from ..session import building
+
+    drawing.follow()
+    if group.show:
+        building.request(group.id_data)
+    _redraw(group, context)
+
+
+def _build_if_wished(group: Any, _context: Any) -> None:
+    from ..session import building
+
+    if group.show and group.auto_update:
+        building.request(group.id_data)
+
+
+class HalfspaceOverlaySettings(bpy.types.PropertyGroup):
+    """What the viewport shows of the structure."""
+
+    show: BoolProperty(  # type: ignore[valid-type]
+        name="Structure",
+        description="Show the structure over the scene: its planes, its leaves, the way of a ray",
+        default=False,
+        update=_follow,
+    )
+    parts: EnumProperty(  # type: ignore[valid-type]
+        name="Show",
+        description="What of the structure is shown. Shift-click for several",
+        items=[
+            ("PLANES", "Planes", "The planes that split space, each cut to its cell", 1),
+            ("CELLS", "Leaves", "The cells of leaves, the brighter the more triangles they hold", 2),
+            ("RAY", "Ray", "The way of the ray that was picked: its cells in order, planes and triangles", 4),
+            ("BEAM", "Beam", "The tile of 64 rays around it: the leaves they visit, the brighter the more rays do", 8),
+        ],
+        options={"ENUM_FLAG"},
+        default={"PLANES", "RAY"},
+        update=_redraw,
+    )
+    least: IntProperty(  # type: ignore[valid-type]
+        name="From Triangles",
+        description="Leaves with fewer triangles are not shown. Higher values show only where the structure "
+        "divides too little",
+        default=1,
+        min=0,
+        soft_max=64,
+        update=_redraw,
+    )
+    auto_update: BoolProperty(  # type: ignore[valid-type]
+        name="Auto Update",
+        description="Build again, in the background, a moment after the scene or the structure's settings changed. "
+        "Large scenes keep all cores busy meanwhile",
+        default=True,
+        update=_build_if_wished,
+    )
+    depth_min: IntProperty(  # type: ignore[valid-type]
+        name="Depth Start",
+        description="Planes of nodes above this depth are not shown; the first plane has depth 0",
+        default=0,
+        min=0,
+        max=DEEPEST,
+        update=_redraw,
+    )
+    depth_max: IntProperty(  # type: ignore[valid-type]
+        name="End",
+        description="Planes of nodes below this depth are not shown. Each level has up to twice as many as the last",
+        default=6,
+        min=0,
+        max=DEEPEST,
+        update=_redraw,
+    )
+    kinds: EnumProperty(  # type: ignore[valid-type]
+        name="Kinds",
+        description="Which planes are shown. Shift-click for several",
+        items=[(*item, 1 << number) for number, item in enumerate(KIND_ITEMS)],
+        options={"ENUM_FLAG"},
+        default=set(KINDS),
+        update=_redraw,
+    )
+    style: EnumProperty(  # type: ignore[valid-type]
+        name="Style",
+        description="How planes are drawn",
+        items=[
+            ("OUTLINE", "Outline", "Lines along the edges of planes", 0),
+            ("FILL", "Fill", "Translucent surfaces", 1),
+            ("BOTH", "Both", "Translucent surfaces with lines along their edges", 2),
+        ],
+        default="BOTH",
+        update=_redraw,
+    )
+    opacity: FloatProperty(  # type: ignore[valid-type]
+        name="Opacity",
+        description="Of the shallowest planes; deeper ones are fainter",
+        default=0.9,
+        min=0.0,
+        max=1.0,
+        subtype="FACTOR",
+        update=_redraw,
+    )
+    line_width: FloatProperty(  # type: ignore[valid-type]
+        name="Line Width",
+        description="Of the shallowest planes; deeper ones are thinner",
+        default=2.5,
+        min=1.0,
+        max=10.0,
+        subtype="PIXEL",
+        update=_redraw,
+    )
+    beam_spacing: FloatProperty(  # type: ignore[valid-type]
+        name="Beam Spacing",
+        description="Distance between two rays of the tile, in pixels of the view in which the ray was picked. More "
+        "gives a wider beam, whose rays share less of their way",
+        default=4.0,
+        min=0.1,
+        soft_max=32.0,
+        max=1000.0,
+        subtype="PIXEL",
+        update=_redraw,
+    )
+    behind: FloatProperty(  # type: ignore[valid-type]
+        name="Behind",
+        description="How much of the opacity remains where objects are in front of a plane",
+        default=0.15,
+        min=0.0,
+        max=1.0,
+        subtype="FACTOR",
+        update=_redraw,
+    )
+    max_count: IntProperty(  # type: ignore[valid-type]
+        name="Limit",
+        description="Most polygons of planes and of leaves shown, the shallowest and the fullest first; more take "
+        "longer to draw",
+        default=20_000,
+        min=1,
+        soft_max=100_000,
+        max=400_000,
+        update=_redraw,
+    )
+
+
+def register() -> None:
+    """Register the group; `properties` makes it part of `scene.halfspace`."""
+    bpy.utils.register_class(HalfspaceOverlaySettings)
+
+
+def unregister() -> None:
+    """The reverse of `register`."""
+    bpy.utils.unregister_class(HalfspaceOverlaySettings)

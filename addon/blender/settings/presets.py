@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Configurations by name: those of the sources, and the user's own in Blender's preset system."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+from bl_operators.presets import AddPresetBase
+from bpy.props import StringProperty
+
+from ...core.base import native
+from ...core.structures import catalogue, presets, specs
+from . import properties
+
+
+def apply(group: Any, spec: str) -> None:
+    """Give a `scene.halfspace` group the structure and all parameters of a configuration. Raises specs.SpecError."""
+    structure, values = presets.settings(catalogue.load(), spec)
+    group.structure = structure
+    for name, value in values.items():
+        setattr(group, name, value)
+
+
+class HALFSPACE_OT_use_spec(bpy.types.Operator):
+    """Takes over a configuration."""
+
+    bl_idname = "halfspace.use_spec"
+    bl_label = "Use This One"
+    bl_description = "Choose this structure with these parameters"
+    bl_options = {"REGISTER", "UNDO"}
+
+    spec: StringProperty(name="Configuration", options={"SKIP_SAVE"})  # type: ignore[valid-type]
+
+    @classmethod
+    def description(cls, context: Any, properties: Any) -> str:
+        """The structure's own words."""
+        structure = catalogue.load().get(specs.structure_of(properties.spec))
+        return f"{structure.summary} {structure.paper}" if structure is not None else cls.bl_description
+
+    def execute(self, context: Any) -> set[str]:
+        try:
+            apply(context.scene.halfspace, self.spec)
+        except specs.SpecError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        return {"FINISHED"}
+
+
+class HALFSPACE_MT_presets(bpy.types.Menu):
+    """The names of the sources, then the user's presets."""
+
+    bl_label = "Structure Presets"
+    preset_subdir = "halfspace/structure"
+    preset_operator = "script.execute_preset"
+
+    def draw(self, context: Any) -> None:
+        layout = self.layout
+        for preset in presets.offered(catalogue.load()):
+            layout.operator(HALFSPACE_OT_use_spec.bl_idname, text=preset.name).spec = preset.spec
+        layout.separator()
+        self.draw_preset(context)
+
+
+class HALFSPACE_OT_preset_add(AddPresetBase, bpy.types.Operator):
+    """Saves or removes a preset."""
+
+    bl_idname = "halfspace.preset_add"
+    bl_label = "Save Structure Preset"
+    bl_description = "Save the structure and its parameters under a name, or forget the chosen preset"
+    preset_menu = "HALFSPACE_MT_presets"
+    preset_subdir = "halfspace/structure"
+    preset_defines = ("group = bpy.context.scene.halfspace",)
+
+    @property
+    def preset_values(self) -> list[str]:
+        """What is saved: the structure first, because it resets the others."""
+        names = [parameter.name for parameter in properties.structure_parameters(bpy.context.scene.halfspace)]
+        return [f"group.{name}" for name in ("structure", *names)]
+
+
+CLASSES = (HALFSPACE_OT_use_spec, HALFSPACE_MT_presets, HALFSPACE_OT_preset_add)
+
+
+def draw(layout: Any) -> None:
+    """The menu, and the buttons that save and remove."""
+    row = layout.row(align=True)
+    row.menu(HALFSPACE_MT_presets.__name__, text=HALFSPACE_MT_presets.bl_label)
+    row.operator(HALFSPACE_OT_preset_add.bl_idname, text="", icon="ADD")
+    row.operator(HALFSPACE_OT_preset_add.bl_idname, text="", icon="REMOVE").remove_active = True
+
+
+def register() -> None:
+    """Register menu and operators, which need a catalogue."""
+    if native.problem() is None:
+        for kind in CLASSES:
+            bpy.utils.register_class(kind)
+
+
+def unregister() -> None:
+    """The reverse of `register`."""
+    for kind in reversed(CLASSES):
+        if kind.is_registered:
+            bpy.utils.unregister_class(kind)

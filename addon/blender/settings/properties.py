@@ -1,0 +1,295 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""`scene.halfspace` and `view_layer.halfspace`; what concerns structures is generated from the catalogue."""
+
+from __future__ import annotations
+
+import zlib
+from typing import TYPE_CHECKING, Any
+
+import bpy
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty
+
+from ...core.base import native
+from ...core.measure import costmap
+from ...core.structures import catalogue, settings
+from .overlay_settings import HalfspaceOverlaySettings
+
+if TYPE_CHECKING:
+    from ...core.base.notes import Notes
+    from ...core.structures.catalogue import Catalogue, Parameter, Structure
+
+
+TWO_LEVELS = (
+    "A tree for each mesh and one over the places. Flattened all the same where textures read more of a triangle than "
+    "its mesh has, and by Whitted's integrator where something glows"
+)
+
+
+UNKNOWN = "The file's structure is unknown to this version, replaced by"
+
+
+def structure(group: Any) -> Structure:
+    """The structure chosen in a `scene.halfspace` group; the default where a file has one of another version.
+
+    Such a choice reads as an empty name.
+    """
+    known = catalogue.load()
+    return known.get(group.structure) or known.default
+
+
+def remark_unknown(group: Any, notes: Notes) -> None:
+    """Note that the structure of a `scene.halfspace` group is not the one of its file, if so."""
+    if not group.structure:
+        notes.add(UNKNOWN, structure(group).label)
+
+
+def structure_parameters(group: Any) -> tuple[Parameter, ...]:
+    """The parameters of the structure chosen in a `scene.halfspace` group."""
+    return structure(group).parameters
+
+
+def spec(group: Any) -> str:
+    """The configuration string of a `scene.halfspace` group. Raises native.NativeError."""
+    chosen = structure(group)
+    return settings.spec(chosen, {parameter.name: getattr(group, parameter.name) for parameter in chosen.parameters})
+
+
+def _follow_structure(group: Any, context: Any) -> None:
+    """Give the chosen structure its own defaults, except where the user set a value that is nobody's default."""
+    known = catalogue.load()
+    for parameter in known[group.structure].parameters:
+        value = getattr(group, parameter.name)
+        namesakes = (structure.parameter(parameter.name) for structure in known.structures)
+        if any(other is not None and settings.same(value, other.default) for other in namesakes):
+            setattr(group, parameter.name, parameter.default)
+    _rebuild(group, context)
+
+
+def _rebuild(group: Any, _context: Any) -> None:
+    """Let a shown tree follow its settings."""
+    from ..session import building
+
+    building.request(group.id_data)
+
+
+def _structure_properties(known: Catalogue) -> dict[str, Any]:
+    properties: dict[str, Any] = {
+        "structure": EnumProperty(
+            name="Structure",
+            description="How the triangles are organised for finding what a ray hits. The picture is always the same",
+            items=[(s.id, s.label, f"{s.summary} {s.paper}", s.code) for s in known.structures],
+            default=known.default.id,
+            update=_follow_structure,
+        ),
+    }
+    for parameter in known.parameters().values():
+        properties[parameter.name] = _parameter_property(parameter)
+    return properties | _map_properties(known)
+
+
+def _map_properties(known: Catalogue) -> dict[str, Any]:
+    others = [(s.id, s.label, f"{s.summary} {s.paper}", s.code + 1) for s in known.structures]
+    return {
+        "cost": EnumProperty(
+            name="Cost",
+            description="What the colours of the map tell",
+            items=[(q.key, q.label, q.doc, number) for number, q in enumerate(costmap.QUANTITIES)],
+            default="STEPS",
+        ),
+        "second": EnumProperty(
+            name="Beside",
+            description="Another structure, as it is by default, whose map is shown beside on the same scale",
+            items=[("NONE", "Nothing", "One map only", 0), *others],
+            default="NONE",
+        ),
+    }
+
+
+def _parameter_property(parameter: Parameter) -> Any:
+    common = {
+        "name": parameter.label,
+        "description": parameter.doc + (f" ({parameter.unit})" if parameter.unit else ""),
+        "default": parameter.default,
+        "update": _rebuild,
+    }
+    if parameter.kind == "choice":
+        # A number made from the name stays the same in saved files when the list of options changes.
+        items = [(o, o, "", zlib.crc32(o.encode()) & 0x7FFF_FFFF) for o in parameter.options]
+        return EnumProperty(items=items, **common)
+    bounds = {
+        key: value for key, value in (("min", parameter.minimum), ("max", parameter.maximum)) if value is not None
+    }
+    if parameter.kind == "integer":
+        limit = 2**31 - 1
+        return IntProperty(**common, **{key: min(max(int(v), -limit), limit) for key, v in bounds.items()})
+    return FloatProperty(**common, **bounds, precision=3)
+
+
+RENDER_PROPERTIES: dict[str, Any] = {
+    "automatic": BoolProperty(
+        name="Choose for Me",
+        description="Let each final render choose structure and parameters for its scene and number of samples. Takes "
+        "a moment before the render; the statistics say what was chosen and why",
+        default=False,
+    ),
+    "samples": IntProperty(
+        name="Samples",
+        description="Rays per pixel; noise halves with four times as many",
+        default=32,
+        min=1,
+        max=1 << 20,
+    ),
+    "use_adaptive": BoolProperty(
+        name="Adaptive Sampling",
+        description="Give no more rays to parts of the picture whose noise is below the threshold. The picture is then "
+        "no longer unbiased: what seems finished too early stays so",
+        default=False,
+    ),
+    "noise_threshold": FloatProperty(
+        name="Noise Threshold",
+        description="Error of a pixel relative to the square root of its brightness, below which it gets no more "
+        "samples",
+        default=0.01,
+        min=1e-4,
+        soft_max=0.2,
+        max=1.0,
+        precision=4,
+    ),
+    "time_limit": FloatProperty(
+        name="Time Limit",
+        description="Seconds after which a final render ends with the samples that it has, at least one. The picture "
+        "then depends on the machine; 0 is no limit",
+        default=0.0,
+        min=0.0,
+        subtype="TIME_ABSOLUTE",
+        unit="TIME_ABSOLUTE",
+    ),
+    "preview_samples": IntProperty(
+        name="Viewport Samples", description="Rays per pixel in the viewport", default=16, min=1, max=1 << 20
+    ),
+    "integrator": EnumProperty(
+        name="Integrator",
+        description="How light is followed",
+        items=[
+            ("path", "Path Tracing", "All light, exact up to noise", 0),
+            ("whitted", "Whitted", "Direct light, mirrors and clear glass; light from other surfaces is left out", 1),
+            ("ao", "Ambient Occlusion", "How open each point is, without materials and lights", 2),
+        ],
+        default="path",
+    ),
+    "ambient_distance": FloatProperty(
+        name="Distance",
+        description="How far ambient occlusion looks; 0 is as far as the scene goes",
+        default=0.0,
+        min=0.0,
+        subtype="DISTANCE",
+    ),
+    "max_bounces": IntProperty(
+        name="Bounces", description="How often light is followed after the first surface", default=6, min=0, max=64
+    ),
+    "clamp_indirect": FloatProperty(
+        name="Clamp Indirect",
+        description="Most that one sample may add after its first bounce. Less hides fireflies and loses light; "
+        "0 is no limit, and exact",
+        default=10.0,
+        min=0.0,
+        soft_max=100.0,
+    ),
+    "render_seed": IntProperty(
+        name="Noise Seed", description="Another number gives other noise in the same picture", default=0, min=0
+    ),
+    "memory_limit": IntProperty(
+        name="Memory Limit",
+        description="Megabytes that building the structure may take; a build that needs more ends with an error. "
+        "0 is most of what the computer has free",
+        default=0,
+        min=0,
+    ),
+    "instancing": EnumProperty(
+        name="Instances",
+        description="Whether a mesh that stands in many places is kept once, with a tree of its own, or copied to all "
+        "of them. The picture is the same",
+        items=[
+            ("auto", "Automatic", "Keep instances where that saves memory or, in the viewport, time to rebuild", 0),
+            ("flatten", "Flatten", "One tree over all copies: more memory, quicker rays", 1),
+            ("two-level", "Two Levels", TWO_LEVELS, 2),
+        ],
+        default="auto",
+    ),
+    "overlay": PointerProperty(type=HalfspaceOverlaySettings),
+    "settings_version": IntProperty(options={"HIDDEN"}, default=1),
+}
+
+
+class HalfspaceViewLayerSettings(bpy.types.PropertyGroup):
+    """The passes that only this engine has."""
+
+    use_pass_albedo: BoolProperty(  # type: ignore[valid-type]
+        name="Denoising Albedo",
+        description="How much of white light each pixel's first surface sends on: beside Normal, what the compositor's "
+        "Denoise node wants",
+        default=False,
+    )
+    use_pass_samples: BoolProperty(  # type: ignore[valid-type]
+        name="Sample Count", description="How many samples each pixel got", default=False
+    )
+    use_pass_depth: BoolProperty(  # type: ignore[valid-type]
+        name="Leaf Depth",
+        description="Depth of the last leaf that each pixel's camera rays are tested against. Slow; 0 "
+        "where instances are kept",
+        default=False,
+    )
+    use_pass_steps: BoolProperty(  # type: ignore[valid-type]
+        name="Traversal Steps", description="How many nodes each pixel's camera rays visit", default=False
+    )
+    use_pass_tests: BoolProperty(  # type: ignore[valid-type]
+        name="Triangle Tests",
+        description="How many triangles each pixel's camera rays are tested against",
+        default=False,
+    )
+
+
+TICKED = ("bvh-sah", "kd", "octree-net")
+"""What is compared unless the user says otherwise."""
+
+
+def tick(structure_id: str) -> str:
+    """The property of `scene.halfspace.compared` that includes this structure."""
+    return structure_id.replace("-", "_")
+
+
+def _ticks(known: Catalogue) -> dict[str, Any]:
+    return {
+        tick(structure.id): BoolProperty(
+            name=structure.label, description=f"{structure.summary} {structure.paper}", default=structure.id in TICKED
+        )
+        for structure in known.structures
+    }
+
+
+_registered: list[type] = []
+
+
+def register() -> None:
+    """Register the property groups; without a native module the scene keeps only what needs no catalogue."""
+    properties = dict(RENDER_PROPERTIES)
+    if native.problem() is None:  # else said in the panel and by every render; stored values stay in the file
+        ticks = {"__annotations__": _ticks(catalogue.load())}
+        compared = type("HalfspaceCompared", (bpy.types.PropertyGroup,), ticks)
+        bpy.utils.register_class(compared)
+        _registered.append(compared)
+        properties |= _structure_properties(catalogue.load())
+        properties["compared"] = PointerProperty(type=compared)
+    scene_settings = type("HalfspaceSettings", (bpy.types.PropertyGroup,), {"__annotations__": properties})
+    for group, owner in ((scene_settings, bpy.types.Scene), (HalfspaceViewLayerSettings, bpy.types.ViewLayer)):
+        bpy.utils.register_class(group)
+        _registered.append(group)
+        owner.halfspace = PointerProperty(type=group)
+
+
+def unregister() -> None:
+    """The reverse of `register`."""
+    del bpy.types.ViewLayer.halfspace
+    del bpy.types.Scene.halfspace
+    while _registered:
+        bpy.utils.unregister_class(_registered.pop())

@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which structure is best for this scene: the panels that ask and tell, in the sidebar and in the render properties."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+
+from ...core.base import native
+from ...core.choose import choice
+from ...core.choose.choice import Comparison, Line
+from ...core.structures import catalogue
+from ..measure import compare_operators, comparing
+from ..render.engine import ENGINE
+from ..settings import presets, properties
+from . import panels
+from .panels import wrapped
+
+WIDTH = 34
+"""Characters of a line that fit into a sidebar of usual width."""
+
+
+class _ComparePanel:
+    bl_label = "Compare"
+    section = "Which structure is best"
+
+    def draw_header_preset(self, context: Any) -> None:
+        panels.help_button(self.layout, self.section)  # type: ignore[attr-defined]
+
+    def draw(self, context: Any) -> None:
+        layout, scene = self.layout, context.scene  # type: ignore[attr-defined]
+        layout.operator(compare_operators.HALFSPACE_OT_choose.bl_idname, icon="SHADERFX")
+        _ticks(layout, scene.halfspace)
+        layout.operator(compare_operators.HALFSPACE_OT_compare.bl_idname, icon="SORTTIME")
+        now = comparing.progress()
+        if now is not None:
+            layout.progress(factor=now[0], text=now[1])
+        found = comparing.last(scene)
+        if found is None:
+            return
+        if found.stale:
+            layout.label(text="The scene has changed since", icon="ERROR")
+        _table(layout, found.comparison)
+        for line in found.notes:
+            wrapped(layout, line, width=WIDTH)
+        layout.operator(compare_operators.HALFSPACE_OT_write_report.bl_idname, icon="FILE_TICK")
+
+
+def _ticks(layout: Any, group: Any) -> None:
+    """All structures, folded away; the chosen one is compared in any case."""
+    header, body = layout.panel("HALFSPACE_compared", default_closed=True)
+    header.label(text=f"{len(comparing.ticked(group))} structures")
+    if body is not None:
+        flow = body.grid_flow(row_major=True, columns=2, even_columns=True)
+        for structure in catalogue.load().structures:
+            flow.prop(group.compared, properties.tick(structure.id))
+
+
+def _table(layout: Any, found: Comparison) -> None:
+    """Two lines per configuration, the best first: its name, and what its picture takes."""
+    box = layout.box()
+    for line in found.lines:
+        name = comparing.name(line.spec)
+        if line.problem:
+            wrapped(box, f"{name}: {line.problem}", icon="ERROR", width=WIDTH)
+            continue
+        column = box.column(align=True)
+        row = column.row()
+        row.label(text=name, icon=_mark(found, line))
+        row.operator(presets.HALFSPACE_OT_use_spec.bl_idname, text="", icon="CHECKMARK").spec = line.spec
+        row = column.row()
+        for text, seconds in (("Build", line.build), ("Render", line.trace), ("Both", line.total)):
+            row.label(text=f"{text} {_seconds(seconds)}")
+    checked = sum(line.checked for line in found.lines)
+    if checked:
+        wrong = sum(line.wrong for line in found.lines)
+        wrapped(box, f"{checked:,} answers compared with brute force, {wrong:,} wrong", width=WIDTH)
+    if any(not line.checked and not line.problem for line in found.lines):
+        wrapped(box, choice.NOT_COMPARED.capitalize(), width=WIDTH)
+    wrapped(box, "Render: all rays of the picture at the measured speeds, without shading", width=WIDTH)
+
+
+def _mark(found: Comparison, line: Line) -> str:
+    """A filled star for the least build plus render, a clock for the fastest rays."""
+    if line is found.best:
+        return "SOLO_ON"
+    return "SORTTIME" if line is found.fastest else "BLANK1"
+
+
+def _seconds(value: float) -> str:
+    return f"{value:.2f} s" if value < 10 else f"{value:,.0f} s"
+
+
+class HALFSPACE_PT_view_compare(_ComparePanel, bpy.types.Panel):
+    """Comparing, in the sidebar of the 3D viewport."""
+
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "Halfspace"
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return native.problem() is None
+
+
+class HALFSPACE_PT_compare(_ComparePanel, bpy.types.Panel):
+    """Comparing, in the render properties."""
+
+    bl_space_type = "PROPERTIES"
+    bl_region_type = "WINDOW"
+    bl_context = "render"
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return context.engine == ENGINE and native.problem() is None
+
+
+CLASSES = (HALFSPACE_PT_view_compare, HALFSPACE_PT_compare)
+
+
+def register() -> None:
+    """Register the panels."""
+    for panel in CLASSES:
+        bpy.utils.register_class(panel)
+
+
+def unregister() -> None:
+    """The reverse of `register`."""
+    for panel in reversed(CLASSES):
+        bpy.utils.unregister_class(panel)

@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The README beside each panel: shown in Blender's own text editor, since the add-on never goes to the network."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import bpy
+from bpy.props import StringProperty
+
+ADDON = Path(__file__).resolve().parents[2]
+PLACES = (ADDON / "README.md", ADDON.parent / "README.md")
+"""In the installed extension, and in the repository."""
+
+TEXT = "Halfspace README"
+
+
+def readme() -> str:
+    """The text of the README. Raises FileNotFoundError."""
+    place = next((place for place in PLACES if place.is_file()), None)
+    if place is None:
+        raise FileNotFoundError("the README is not part of this installation")
+    return place.read_text(encoding="utf-8")
+
+
+def line_of(text: str, section: str) -> int:
+    """The line, from 0, of a section's heading; the first where none is named. Raises KeyError."""
+    if not section:
+        return 0
+    for number, line in enumerate(text.splitlines()):
+        if line.startswith("#") and line.lstrip("#").strip() == section:
+            return number
+    raise KeyError(section)
+
+
+class HALFSPACE_OT_manual(bpy.types.Operator):
+    """Opens a section of the README."""
+
+    bl_idname = "halfspace.manual"
+    bl_label = "Read About This"
+    bl_description = "Open the README at this subject, in a text editor"
+    bl_options = {"REGISTER", "UNDO"}
+
+    section: StringProperty(name="Section", options={"SKIP_SAVE"})  # type: ignore[valid-type]
+
+    def execute(self, context: Any) -> set[str]:
+        try:
+            content = readme()
+            line = line_of(content, self.section)
+        except (OSError, KeyError) as error:
+            self.report({"ERROR"}, f"Cannot open the README: {error}")
+            return {"CANCELLED"}
+        text = bpy.data.texts.get(TEXT) or bpy.data.texts.new(TEXT)
+        text.use_fake_user = False  # it goes when it is closed, and is not the file's own
+        text.from_string(content)
+        text.cursor_set(line)
+        if context.window is not None:
+            _show(context, text, line)
+        return {"FINISHED"}
+
+
+def _show(context: Any, text: Any, line: int) -> None:
+    """In a text editor of this window, or of a new one."""
+    area = next((area for area in context.window.screen.areas if area.type == "TEXT_EDITOR"), None)
+    if area is None:
+        if not bpy.ops.wm.window_new.poll():
+            return  # no windows at all: the text itself is the answer
+        bpy.ops.wm.window_new()
+        area = context.window_manager.windows[-1].screen.areas[0]
+        area.type = "TEXT_EDITOR"
+    space = area.spaces.active
+    space.text, space.top = text, line
+    space.show_word_wrap, space.show_syntax_highlight = True, False  # it is prose
+
+
+def register() -> None:
+    """Register the operator."""
+    bpy.utils.register_class(HALFSPACE_OT_manual)
+
+
+def unregister() -> None:
+    """The reverse of `register`."""
+    bpy.utils.unregister_class(HALFSPACE_OT_manual)

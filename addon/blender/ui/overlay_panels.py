@@ -1,0 +1,234 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The sidebar of the 3D viewport, tab "Halfspace": the structure, and what is shown of it. Works with any engine."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+
+from ...core.base import native
+from ...core.overlay import planes
+from ..measure import checking, cost_maps
+from ..overlay import drawing, picking
+from ..session import building, trees
+from ..settings import properties
+from . import panels
+from .panels import wrapped
+
+
+class _SidebarPanel:
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "Halfspace"
+
+    section = ""
+
+    def draw_header_preset(self, context: Any) -> None:
+        panels.help_button(self.layout, self.section)  # type: ignore[attr-defined]
+
+
+class HALFSPACE_PT_view_structure(_SidebarPanel, bpy.types.Panel):
+    """The structure that is built over the scene, and the last one that was."""
+
+    bl_label = "Structure"
+    section = "The structures"
+
+    def draw(self, context: Any) -> None:
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        if problem := native.problem():
+            wrapped(layout, problem, icon="ERROR", width=36)
+            return
+        group = context.scene.halfspace
+        panels.structure(layout.column(), group, width=36)
+        layout.operator("halfspace.build_structure", icon="MOD_BUILD")
+        if (done := building.progress()) is not None:
+            layout.progress(factor=done, text="Building")
+        if problem := building.problem():
+            wrapped(layout, problem, icon="ERROR", width=36)
+        _tree(layout, context.scene, group)
+
+
+def _tree(layout: Any, scene: Any, group: Any) -> None:
+    """What the last structure is, and whether it is still that of the scene and its settings."""
+    tree = trees.last(scene)
+    if tree is None:
+        layout.label(text="Nothing built yet", icon="INFO")
+        return
+    numbers = tree.structure.statistics
+    row = layout.row()
+    column = row.column(align=True)
+    column.label(text=f"{tree.label}, {tree.count:,} triangles")
+    column.label(text=f"Built in {numbers['build_seconds']:.2f} s, {checking.words(tree)}")
+    column.label(text=f"{numbers['bytes'] / 2**20:.1f} MiB")
+    nodes = numbers["nodes_axis"] + numbers["nodes_oblique"]
+    column.label(text=f"{nodes:,} nodes, {numbers['leaves']:,} leaves")
+    column.label(text=f"Depth {numbers['depth_max']}")
+    row.operator("halfspace.free_structure", text="", icon="X")
+    if tree.stale:
+        layout.label(text="The scene has changed since", icon="ERROR")
+    elif tree.spec != properties.spec(group):
+        layout.label(text="Built with other settings", icon="ERROR")
+
+
+class HALFSPACE_PT_view_statistics(_SidebarPanel, bpy.types.Panel):
+    """What the last structure costs, and whether its answers are right."""
+
+    bl_label = "Statistics"
+    bl_options = {"DEFAULT_CLOSED"}
+    section = "Why to trust it"
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return native.problem() is None
+
+    def draw(self, context: Any) -> None:
+        tree = trees.last(context.scene)
+        if tree is not None:
+            panels.statistics(self.layout, tree.structure.statistics, tree.count)
+            for line in tree.structure.statistics["left_out"]:
+                wrapped(self.layout, f"Left out: {line}", width=36)
+        panels.answers(self.layout, tree)
+
+
+class HALFSPACE_PT_view_overlay(_SidebarPanel, bpy.types.Panel):
+    """What is shown, and how."""
+
+    bl_label = "Overlay"
+    section = "Seeing why"
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return native.problem() is None
+
+    def draw_header(self, context: Any) -> None:
+        self.layout.prop(context.scene.halfspace.overlay, "show", text="")
+
+    def draw(self, context: Any) -> None:
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        settings = context.scene.halfspace.overlay
+        layout.active = settings.show
+        parts = layout.grid_flow(row_major=True, columns=2, even_columns=True, align=True)
+        parts.use_property_split = False
+        for part in drawing.PARTS:
+            parts.prop_enum(settings, "parts", part)
+        if "PLANES" in settings.parts:
+            column = layout.column(align=True)
+            column.prop(settings, "depth_min")
+            column.prop(settings, "depth_max")
+            flow = layout.grid_flow(row_major=True, columns=3, even_columns=True, align=True)
+            flow.use_property_split = False
+            for kind in planes.KINDS:
+                flow.prop_enum(settings, "kinds", kind)
+        if "CELLS" in settings.parts:
+            layout.prop(settings, "least")
+        if "BEAM" in settings.parts:
+            layout.prop(settings, "beam_spacing")
+        layout.prop(settings, "max_count")
+        if settings.show:
+            if "PLANES" in settings.parts:
+                _planes(layout, drawing.shown(context.scene, "PLANES"))
+            if "CELLS" in settings.parts:
+                _cells(layout, drawing.shown(context.scene, "CELLS"))
+        column = layout.column()
+        column.row().prop(settings, "style", expand=True)
+        column.prop(settings, "opacity")
+        column.prop(settings, "behind")
+        if settings.style != "FILL":
+            column.prop(settings, "line_width")
+        column.prop(settings, "auto_update")
+
+
+def _planes(layout: Any, shown: Any) -> None:
+    """How many planes are in the picture, and how many the limit keeps out of it."""
+    if shown is None:
+        return
+    layout.label(text=f"{len(shown):,} planes shown")
+    if shown.hidden or not shown.complete:
+        least = "" if shown.complete else "at least "
+        layout.label(text=f"{least}{shown.hidden:,} hidden by the limit", icon="HIDE_ON")
+
+
+def _cells(layout: Any, cells: Any) -> None:
+    """The same for leaves, and what their colours mean."""
+    if cells is None:
+        return
+    fullest = f", up to {int(cells.count.max()):,} triangles each" if len(cells) else ""
+    layout.label(text=f"{len(cells):,} leaves shown{fullest}")
+    if cells.hidden:
+        layout.label(text=f"{cells.hidden:,} hidden by the limit", icon="HIDE_ON")
+
+
+class HALFSPACE_PT_view_ray(_SidebarPanel, bpy.types.Panel):
+    """The way of one ray."""
+
+    bl_label = "One Ray"
+    section = "Seeing why"
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return native.problem() is None
+
+    def draw(self, context: Any) -> None:
+        layout = self.layout
+        row = layout.row(align=True)
+        row.operator(picking.HALFSPACE_OT_pick_ray.bl_idname, icon="EYEDROPPER")
+        row.operator(picking.HALFSPACE_OT_forget_ray.bl_idname, text="", icon="X")
+        for part in ("RAY", "BEAM"):
+            found = drawing.shown(context.scene, part) if part in context.scene.halfspace.overlay.parts else None
+            for line in found.lines() if found is not None else ():
+                layout.label(text=line)
+
+
+class HALFSPACE_PT_view_costs(_SidebarPanel, bpy.types.Panel):
+    """What each pixel costs."""
+
+    bl_label = "Cost Maps"
+    bl_options = {"DEFAULT_CLOSED"}
+    section = "Seeing why"
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return native.problem() is None
+
+    def draw(self, context: Any) -> None:
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        layout.prop(context.scene.halfspace, "cost")
+        layout.prop(context.scene.halfspace, "second")
+        layout.operator(cost_maps.HALFSPACE_OT_cost_map.bl_idname, icon="IMAGE_DATA")
+
+
+def _popover(panel: Any, context: Any) -> None:
+    """A line in Blender's own list of overlays."""
+    if native.problem() is None:
+        panel.layout.separator()
+        panel.layout.prop(context.scene.halfspace.overlay, "show", text="Halfspace Structure")
+
+
+CLASSES = (
+    HALFSPACE_PT_view_structure,
+    HALFSPACE_PT_view_statistics,
+    HALFSPACE_PT_view_overlay,
+    HALFSPACE_PT_view_ray,
+    HALFSPACE_PT_view_costs,
+)
+
+
+def register() -> None:
+    """Register the panels, and the line in the overlays popover."""
+    for panel in CLASSES:
+        bpy.utils.register_class(panel)
+    bpy.types.VIEW3D_PT_overlay.append(_popover)
+
+
+def unregister() -> None:
+    """The reverse of `register`."""
+    bpy.types.VIEW3D_PT_overlay.remove(_popover)
+    for panel in reversed(CLASSES):
+        bpy.utils.unregister_class(panel)

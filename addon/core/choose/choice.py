@@ -1,0 +1,154 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which structure is best for a picture: its build, and all of its rays at the speeds that were measured."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..measure import benchmark
+from ..measure.curve import Curve
+from ..measure.rows import building
+from ..scene.workload import Workload
+
+SETS = ("primary", "shadow", "diffuse")
+"""The ray sets whose speeds stand for camera rays, shadow rays, and all others."""
+
+NOT_COMPARED = "answers not compared"
+"""What is said beside a speed when nobody has asked whether the answers are right."""
+
+MIX_SAMPLES = 2
+"""Samples per pixel of the small picture whose rays are counted."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A picture to be made: how many pixels, how many samples of each, how many bounces."""
+
+    pixels: int
+    samples: int
+    max_bounces: int = 4
+
+
+@dataclass(frozen=True)
+class Mix:
+    """Rays of each kind that a sample of a pixel takes. It is the scene's: all structures make the same picture."""
+
+    primary: float
+    shadow: float
+    secondary: float
+
+    def seconds(self, mrays_s: Mapping[str, float], plan: Plan) -> float:
+        """The time of all rays of a picture at these speeds, by the names of SETS; a missing one counts as primary."""
+        primary = mrays_s["primary"]
+        shadow, diffuse = (mrays_s.get(name, primary) for name in ("shadow", "diffuse"))
+        each = self.primary / primary + self.shadow / shadow + self.secondary / diffuse
+        return plan.pixels * plan.samples * each / 1e6
+
+
+def mix(native: Any, structure: Any, workload: Workload, size: tuple[int, int], max_bounces: int) -> Mix:
+    """Count the rays of a small picture of the scene."""
+    pictures = Curve(native, workload, size, (MIX_SAMPLES,), seed=1, max_bounces=max_bounces)
+    return Mix(**pictures.rays_per_sample(structure, MIX_SAMPLES))
+
+
+@dataclass(frozen=True)
+class Line:
+    """A configuration in a comparison. problem: why it cannot be chosen, or nothing.
+
+    build, trace: seconds for the planned picture. wrong: answers that differ from the reference, of `checked`.
+    """
+
+    spec: str
+    build: float = 0.0
+    trace: float = 0.0
+    wrong: int = 0
+    checked: int = 0
+    problem: str = ""
+
+    @property
+    def total(self) -> float:
+        """Build plus render, in seconds."""
+        return self.build + self.trace
+
+    @property
+    def answers(self) -> str:
+        """How many are wrong, in words."""
+        return f"{self.wrong:,} of {self.checked:,} answers wrong" if self.checked else NOT_COMPARED
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Configurations for one plan, the best first, then those that cannot be chosen."""
+
+    plan: Plan
+    lines: tuple[Line, ...]
+
+    @property
+    def sound(self) -> tuple[Line, ...]:
+        """Those whose answers are right."""
+        return tuple(line for line in self.lines if not line.problem)
+
+    @property
+    def best(self) -> Line | None:
+        """The least build plus render."""
+        return min(self.sound, key=lambda line: line.total, default=None)
+
+    @property
+    def fastest(self) -> Line | None:
+        """The least render, whatever the build."""
+        return min(self.sound, key=lambda line: line.trace, default=None)
+
+    def reason(self) -> str:
+        """Why the best is the best, in a sentence."""
+        best, fastest = self.best, self.fastest
+        if best is None or fastest is None:
+            return "No configuration gives right answers."
+        if len(self.sound) == 1:
+            others = "gave right answers" if len(self.lines) > 1 else "was tried over the whole scene"
+            return f"{best.spec}: nothing else {others}."
+        picture = f"{self.plan.pixels:,} pixels of {self.plan.samples:,} samples"
+        if best.spec == fastest.spec:
+            return f"{best.spec}: for {picture} it traces fastest, and its build of {best.build:.2f} s pays off."
+        least = min(self.sound, key=lambda line: line.build)
+        quick = "the shortest of all" if least.spec == best.spec else f"instead of {fastest.build:.2f} s"
+        return (
+            f"{best.spec}: {fastest.spec} would trace {best.trace - fastest.trace:.2f} s faster, but for {picture} the "
+            f"shorter build ({best.build:.2f} s, {quick}) counts for more."
+        )
+
+
+def compare(rows: Sequence[benchmark.Row], counted: Mix, plan: Plan) -> Comparison:
+    """Order the rows of a benchmark by what a planned picture would take."""
+    lines = []
+    for row in rows:
+        if row["error"] is not None:
+            lines.append(Line(row["spec"], problem=row["error"]))
+            continue
+        speeds = {name: rays["mrays_s"]["med"] for name, rays in row["rays"].items() if rays["mrays_s"] is not None}
+        if "primary" not in speeds:
+            lines.append(Line(row["spec"], problem="no ray meets the scene"))
+            continue
+        errors = row["errors"]
+        wrong = int(errors["wrong"])
+        problem = ""
+        if not benchmark.agrees(row):
+            least = "" if wrong else "at least "  # of wrong pixels a row does not tell how many rays they are
+            wrong = max(wrong, 1)
+            problem = f"{least}{wrong:,} of {errors['rays']:,} answers are wrong"
+        build, trace = building(row), counted.seconds(speeds, plan)
+        lines.append(Line(row["spec"], build, trace, wrong, errors["rays"], problem))
+    lines.sort(key=lambda line: (bool(line.problem), line.total))
+    return Comparison(plan, tuple(lines))
+
+
+def subset(workload: Workload, count: int, seed: int) -> Workload:
+    """The same scene with about `count` of its triangles, chosen at random."""
+    if count >= len(workload.triangles):
+        return workload
+    rng = np.random.default_rng(seed)
+    chosen = np.sort(rng.choice(len(workload.triangles), size=count, replace=False))
+    return Workload(workload.name, workload.vertices, workload.triangles[chosen], workload.view)

@@ -1,0 +1,401 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Measuring structures on a scene: first the proof that the answers are right, then the time.
+
+`events` does it step by step, for whoever shows progress and may want to stop; `measure` gives the rows alone. Repeats
+are interleaved over all structures, so that a machine that slows down hurts all alike. A structure too slow for the
+whole of a ray set is timed on a part of it, and the row tells how many rays that were.
+"""
+
+from __future__ import annotations
+
+import os
+import uuid
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ..base.native import FAILURES, first_line
+from ..scene import rays
+from ..scene.workload import Workload
+from ..structures import specs
+from . import accuracy, costmap, counting, first, peak, picture_times, rows, thesis, timing, yardstick
+from .accuracy import Answers
+from .picture_times import Rounds
+from .preparation import REFERENCES, Options, Prepared, Progress, prepare, prepared
+from .rows import Row, agrees
+from .timing import Candidate
+
+__all__ = [
+    "REFERENCES",
+    "Event",
+    "Finished",
+    "Options",
+    "Prepared",
+    "Progress",
+    "Row",
+    "agrees",
+    "events",
+    "measure",
+    "prepare",
+    "prepared",
+]
+
+BUILDS = 3
+"""A build is timed this often at most; it varies less than tracing, and takes longer."""
+
+BUILD_SECONDS = 0.5
+"""A build that takes longer is timed once."""
+
+ORACLE_SECONDS = 0.5
+"""The same for the reference itself, whose speed interests nobody to three digits."""
+
+LIVE_BYTES = 4 << 30
+"""Structures that are measured interleaved share this much memory at most."""
+
+GROUP = 8
+"""As many configurations are interleaved; their rows are complete together. The anchor is timed in each group."""
+
+SELF_CHECK = 2048
+"""Rays per set on which the reference is compared with itself."""
+
+SCALING_ROUNDS = 3
+
+MAP_SECONDS = 0.5
+"""Tracing the rays of a cost map may take so long."""
+
+
+@dataclass(frozen=True, eq=False)
+class Finished:
+    """A row is complete."""
+
+    row: Row
+
+
+Event = Progress | Finished
+
+
+def measure(
+    native: Any, workload: Workload, chosen: Sequence[str], options: Options, say: Callable[[str], None]
+) -> Iterator[Row]:
+    """One row per configuration, as soon as it is complete; arguments as for `events`. say: told what is done next."""
+    for event in events(native, workload, chosen, options):
+        if isinstance(event, Finished):
+            yield event.row
+        else:
+            say(f"{workload.name}: {event.text}")
+
+
+def events(
+    native: Any,
+    workload: Workload,
+    chosen: Sequence[str],
+    options: Options,
+    shared: Prepared | None = None,
+    anchor: str | None = None,
+) -> Iterator[Event]:
+    """Measure configurations on one scene, a bounded step at a time; yields what comes next, and each finished row.
+
+    chosen: valid configurations; `embree` names the yardstick. A configuration that cannot be built gives a row whose
+    `error` says why. shared: what `prepare` made of the same scene and options, where several calls share it. anchor:
+    which of `chosen` is timed beside all others, where these are but a part of a sweep; else it is found among them.
+
+    Between two items exactly the step that the last Progress announced is done: one build, one comparison, one timed
+    pass, one picture. So a caller can show the text, and then go on, on any thread: Blender's data is never touched,
+    only the arrays of `workload`. To cancel, close the iterator (or stop asking): rows that were yielded stay valid.
+    """
+    if shared is None:
+        shared = yield from prepare(native, workload, options)
+    yield from _Run(native, shared, chosen, anchor).events()
+
+
+def anchor_of(chosen: Sequence[str]) -> str | None:
+    """The configuration that is timed beside all others, so that rows of other hours and machines can be related.
+
+    Embree where it is there, else `kd`; in a sweep over k the kd-tree that its times are related to, which is then
+    measured as often as they are, and with caches as cold.
+    """
+    ks: dict[str, set[str]] = {}
+    for spec in chosen:
+        ks.setdefault(specs.structure_of(spec), set()).update(value for key, value in specs.pairs(spec) if key == "k")
+    swept = any(len(values) > 1 for values in ks.values())
+    order = (*(thesis.BASES if swept else ()), yardstick.SPEC, "kd")
+    return next((spec for spec in order if spec in chosen), None)
+
+
+class _Run:
+    """One call of `events`: its configurations, and how much of the work is done."""
+
+    def __init__(self, native: Any, shared: Prepared, chosen: Sequence[str], anchor: str | None = None) -> None:
+        self._native = native
+        self._prepared = shared
+        self._workload = shared.workload
+        self._options = options = shared.options
+        # A part of a sweep over k may hold one k alone: it does not look like a sweep any more.
+        self._anchor_spec = anchor_of(chosen) if anchor is None else anchor
+        self._specs = [spec for spec in chosen if spec != self._anchor_spec]
+        passes = len(shared.ray_sets) * (options.repeats + 1) + len(shared.views) * SCALING_ROUNDS
+        # Builds, one comparison, timed passes, the peak, the moved grids, pictures.
+        self._steps_each = (
+            min(BUILDS, options.repeats) + 1 + passes + options.peak + bool(options.offsets) + options.maps
+        )
+        self._steps_each += len(options.curve) + (options.repeats + 1 if options.curve else 0)
+        if any(rows.is_lazy(spec) for spec in chosen):
+            self._steps_each += options.repeats
+        self._total = max(len(chosen), 1) * self._steps_each
+        self._count = 0
+
+    def events(self) -> Iterator[Event]:
+        """Everything, in groups of configurations; the anchor is in each, and has its row with the first."""
+        anchor = None
+        if self._anchor_spec is not None:
+            yield self._step(f"{self._anchor_spec}: building")
+            try:
+                anchor = self._candidate(self._anchor_spec)
+            except FAILURES as error:
+                yield self._failed(self._anchor_spec, error)
+        waiting = [] if anchor is None else [anchor]
+        size = 0
+        for spec in self._specs:
+            yield self._step(f"{spec}: building")
+            try:
+                candidate = self._candidate(spec)
+            except FAILURES as error:
+                yield self._failed(spec, error)
+                continue
+            waiting.append(candidate)
+            # Embree does not tell.
+            size += candidate.structure.statistics.get("bytes", 0)
+            if len(waiting) >= GROUP or size > LIVE_BYTES:
+                yield from self._measure(waiting, anchor)
+                waiting, size = [], 0
+        if waiting:
+            yield from self._measure(waiting, anchor)
+
+    def _step(self, text: str) -> Progress:
+        done = self._done()
+        self._count += 1
+        return Progress(done, text)
+
+    def _done(self) -> float:
+        return min(self._count / self._total, 1.0)
+
+    def _failed(self, spec: str, error: BaseException) -> Finished:
+        self._total = max(self._total - self._steps_each, 1)
+        return Finished(rows.failed(self._native, self._workload, spec, self._options.threads, error))
+
+    def _candidate(self, spec: str) -> Candidate:
+        structure, seconds = self._build(spec)
+        return Candidate(spec, structure, [seconds])
+
+    def _build(self, spec: str) -> tuple[Any, float]:
+        """A structure, and the seconds that its build took: on one thread the processor's, else by the clock."""
+        vertices, triangles = self._workload.vertices, self._workload.triangles
+        if spec == yardstick.SPEC:
+            # It builds on as many threads as it likes.
+            found = yardstick.EmbreeStructure(vertices, triangles)
+            return found, float(found.statistics["build_seconds"])
+        clock = timing.clock(self._options.threads)
+        start = clock()
+        structure = self._native.build(
+            vertices, triangles, spec, threads=self._options.threads, memory_limit=self._options.memory_limit
+        )
+        return structure, clock() - start
+
+    def _measure(self, group: list[Candidate], anchor: Candidate | None) -> Iterator[Event]:
+        """Everything about the built configurations of one group, then their rows."""
+        yield from self._time_builds(group)
+        sound: list[Candidate] = []
+        for candidate in group:
+            yield self._step(f"{candidate.spec}: comparing answers with those of {self._options.reference}")
+            try:
+                self._prove(candidate)
+                sound.append(candidate)
+            except FAILURES as error:
+                yield self._failed(candidate.spec, error)
+        # In later groups the anchor only keeps time.
+        beside = None if anchor is None or not anchor.timed else anchor if anchor in sound else anchor.again()
+        timed = sound if beside is None or beside in sound else [beside, *sound]
+        for rays_of_set in self._prepared.ray_sets:
+            steps = timing.rounds(timed, rays_of_set.name, self._options.repeats, self._options.threads)
+            yield from map(self._step, steps)
+        yield from map(self._step, timing.scaling(sound, self._prepared.views, SCALING_ROUNDS, self._options))
+        yield from self._first_pictures(sound)
+        ours = [candidate for candidate in sound if candidate.spec != yardstick.SPEC]
+        yield from self._extras(ours)
+        yield from self._draw(ours)
+        pictures = Rounds()
+        if self._prepared.pictures is not None:
+            steps = picture_times.time(pictures, self._prepared.pictures, self._prepared.beside, ours, self._options)
+            yield from map(self._step, steps)
+        round_id = uuid.uuid4().hex[:12]
+        for candidate in sound:
+            yield Finished(self._row(candidate, beside, timed, pictures, round_id))
+
+    def _time_builds(self, group: list[Candidate]) -> Iterator[Event]:
+        for _ in range(min(self._options.repeats, BUILDS) - 1):
+            for candidate in group:
+                yield self._step(f"{candidate.spec}: building again")
+                if candidate.build_seconds[0] <= BUILD_SECONDS:
+                    candidate.build_seconds.append(self._build(candidate.spec)[1])
+
+    def _first_pictures(self, group: Sequence[Candidate]) -> Iterator[Event]:
+        for view in (one for one in self._prepared.ray_sets if one.name == "primary"):
+            yield from map(
+                self._step, first.rounds(self._build, group, view, self._options.repeats, self._options.threads)
+            )
+
+    def _prove(self, candidate: Candidate) -> None:
+        """Compare closest and any hits with the reference, count steps, and choose how many rays can be timed."""
+        options, structure = self._options, candidate.structure
+        for whole in self._prepared.ray_sets:
+            some, right = self._prepared.checked[whole.name], self._prepared.expected[whole.name]
+            if candidate.spec == options.reference:
+                # It is compared with itself: enough to see that the numbers of threads agree.
+                own = rays.blocks(len(some), SELF_CHECK, options.seed)
+                some, right = some.take(own), right.take(own)
+            arguments: dict[str, Any] = {"t_max": some.t_max, "order": some.order, "threads": options.threads}
+            if rows.is_lazy(candidate.spec):
+                # The tree that these rays have built stays.
+                structure.closest(some.origins, some.directions, **arguments)
+            # By the clock that times the passes: on a busy machine another one would call a quick structure slow.
+            now = timing.clock(options.threads)
+            start = now()
+            answers = Answers.of(structure.closest(some.origins, some.directions, **arguments))
+            seconds = now() - start
+            occluded = structure.occluded(some.origins, some.directions, **arguments)
+            candidate.errors[whole.name] = accuracy.compare(
+                right, answers, occluded, self._native.ulp_distance, bitwise=options.reference == "brute"
+            )
+            limit = options.pass_seconds
+            if candidate.spec == options.reference:
+                limit = min(limit, ORACLE_SECONDS)
+            candidate.checked[whole.name] = len(some) / max(seconds, 1e-9) / 1e6
+            candidate.timed[whole.name] = timing.affordable(whole, candidate.checked[whole.name], limit, options.seed)
+            hits = float(answers.hit.mean()) if len(some) else 0.0
+            candidate.counted[whole.name] = {"hits": hits, **timing.count(candidate, some, arguments)}
+        # Now, for of a tree that rays have built there is more after each pass.
+        candidate.statistics = dict(structure.statistics)
+
+    def _extras(self, candidates: Sequence[Candidate]) -> Iterator[Event]:
+        """Peak memory, and wrong answers far from the origin. Failing in these takes no row away."""
+        if self._options.peak and candidates:
+            try:
+                scene = peak.save_scene(self._workload.vertices, self._workload.triangles)
+            except OSError as error:
+                for candidate in candidates:
+                    candidate.left_out.append(f"peak memory: {first_line(error)}")
+            else:
+                try:
+                    yield from self._peaks(candidates, scene)
+                finally:
+                    scene.unlink(missing_ok=True)
+        if self._prepared.map_view is not None:
+            yield from self._maps(candidates)
+        if self._prepared.moved is not None:
+            for candidate in candidates:
+                yield self._step(f"{candidate.spec}: far from the origin")
+                try:
+                    candidate.offsets = self._prepared.moved.errors(candidate.spec)
+                except FAILURES as error:
+                    candidate.left_out.append(f"answers far from the origin: {first_line(error)}")
+
+    def _maps(self, candidates: Sequence[Candidate]) -> Iterator[Event]:
+        """What each pixel costs, for those that answer so many rays in reasonable time."""
+        view, size = self._prepared.map_view, self._prepared.map_size
+        assert view is not None
+        for candidate in candidates:
+            yield self._step(f"{candidate.spec}: what each pixel costs")
+            if len(view) <= candidate.checked.get("primary", 1.0) * 1e6 * MAP_SECONDS:
+                candidate.cost_map = costmap.packed(costmap.work(candidate.structure, view, size))
+
+    def _peaks(self, candidates: Sequence[Candidate], scene: Path) -> Iterator[Event]:
+        """One process per core: nothing else is timed meanwhile."""
+        at_once = max(1, (os.cpu_count() or 1) // self._options.threads)
+        running: dict[str, peak.Measurement] = {}
+        waiting = list(candidates)
+        try:
+            while waiting or running:
+                while waiting and len(running) < at_once:
+                    spec = waiting.pop(0).spec
+                    running[spec] = peak.Measurement(
+                        self._native, scene, spec, self._options.threads, self._options.memory_limit
+                    )
+                    yield self._step(f"{spec}: building in a process of its own, for the memory")
+                ended = [spec for spec, one in running.items() if one.wait(0.05)]
+                if not ended:
+                    yield Progress(self._done(), f"{', '.join(running)}: building, for the memory")
+                for candidate in (c for c in candidates if c.spec in ended):
+                    try:
+                        candidate.peak_bytes = running.pop(candidate.spec).result()
+                    except peak.PeakError as error:
+                        candidate.left_out.append(f"peak memory: {first_line(error)}")
+        except peak.PeakError as error:
+            for candidate in candidates:
+                if candidate.peak_bytes is None:
+                    candidate.left_out.append(f"peak memory: {first_line(error)}")
+        finally:
+            for one in running.values():
+                one.stop()
+
+    def _draw(self, candidates: Sequence[Candidate]) -> Iterator[Event]:
+        """Render pictures with growing numbers of samples, interleaved over the configurations."""
+        pictures = self._prepared.pictures
+        if pictures is None:
+            return
+        for samples in self._options.curve:
+            for candidate in candidates:
+                yield self._step(f"{candidate.spec}: rendering with {samples} samples per pixel")
+                # A set is empty where it begins at hits and nothing is hit.
+                traced = [name for name in candidate.seconds if len(candidate.timed[name])]
+                slowest = min((float(candidate.mrays(name).min()) for name in traced), default=1.0)
+                if samples in pictures.affordable(slowest):
+                    point, differing = pictures.point(candidate.structure, samples, self._options.threads)
+                    candidate.curve.append(point)
+                    candidate.differing_pixels += differing
+
+    def _row(
+        self,
+        candidate: Candidate,
+        anchor: Candidate | None,
+        group: Sequence[Candidate],
+        pictures: Rounds,
+        round_id: str,
+    ) -> Row:
+        options = self._options
+        statistics = dict(candidate.statistics)
+        row = rows.empty(self._native, self._workload, candidate.spec, options.threads)
+        row["round_id"] = round_id
+        row["anchor"] = None if anchor is None else anchor.spec
+        row["build_s"] = rows.spread(candidate.build_seconds)
+        row["first_s"] = rows.spread(candidate.first_seconds) if candidate.first_seconds else None
+        row["bytes"] = statistics.get("bytes")
+        row["peak_bytes"] = candidate.peak_bytes
+        row["left_out"] = [*statistics.pop("left_out", []), *candidate.left_out]
+        row["statistics"] = statistics
+        row["rays"] = {
+            one.name: timing.speeds(candidate, one.name, anchor, timing.noise(group, one.name))
+            for one in self._prepared.ray_sets
+        }
+        if candidate.spec != yardstick.SPEC:
+            values = specs.values(candidate.spec, self._native.structures())
+            counting.mark(row["rays"], self._prepared.ray_sets, values)
+        row["errors"] = accuracy.total(candidate.errors.values()).as_row(options.reference)
+        row["errors"]["sets"] = {name: errors.as_row(options.reference) for name, errors in candidate.errors.items()}
+        # Pixels in which a picture is not that of the first structure; 0 where nothing was rendered.
+        row["errors"]["differing_pixels"] = candidate.differing_pixels
+        row["map"] = candidate.cost_map
+        row["scaling"] = candidate.scaling or None
+        row["offsets"] = candidate.offsets or None
+        if candidate.curve:
+            row["curve"] = candidate.curve
+            assert self._prepared.pictures is not None, "it drew the curve"
+            row["independent"] = self._prepared.pictures.independent
+            row["image"] = pictures.of(candidate)
+            row["image_s"] = picture_times.told(self._prepared.pictures, candidate, row["image"])
+            row["render_s"] = candidate.curve[-1]["seconds"]
+        left = [n for n in options.curve if n not in {point["spp"] for point in candidate.curve}]
+        if left and candidate.spec != yardstick.SPEC:
+            samples = ", ".join(map(str, left))
+            row["too_slow"].append(f"pictures with {samples} samples per pixel: they would take too long")
+        return row

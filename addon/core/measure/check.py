@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A short look at one built structure: its speed on a scene's rays, and whether a sample of its answers is right."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..scene import rays
+from ..scene.workload import Workload
+from . import accuracy
+from .accuracy import Answers, Errors
+from .reference import affordable
+
+SIZE = (256, 256)
+"""Pixels of the view whose rays are traced."""
+
+SETS = ("primary", "shadow", "diffuse")
+
+MOST_CHECKED = 4096
+"""More rays per set than this are never compared."""
+
+
+@dataclass(frozen=True)
+class Check:
+    """errors: on a sample, against brute force. mrays_s, steps, tests: per set; the last two are means per ray."""
+
+    errors: Errors
+    mrays_s: dict[str, float]
+    steps: dict[str, float]
+    tests: dict[str, float]
+
+    @property
+    def right(self) -> bool:
+        """Whether every answer is that of brute force, to the last bit."""
+        return self.errors.agrees(bitwise=True)
+
+
+def steps(native: Any, structure: Any, workload: Workload, *, seed: int = 1, threads: int = 0) -> Iterator[Check]:
+    """Check a native structure over the workload's triangles; yields once per set, the last time complete."""
+    sets = rays.make(workload, structure, size=SIZE, seed=seed, names=SETS)
+    sets = [some for some in sets if len(some)]
+    brute = native.build(workload.vertices, workload.triangles, "brute", threads=threads)
+    wanted = max(min(affordable(workload, len(sets)), MOST_CHECKED), 64)
+    found: list[Errors] = []
+    speed: dict[str, float] = {}
+    step_means: dict[str, float] = {}
+    test_means: dict[str, float] = {}
+    for whole in sets:
+        some = whole.take(rays.blocks(len(whole), wanted, seed))
+        right = Answers.of(brute.closest(some.origins, some.directions, t_max=some.t_max, threads=threads))
+        asked: dict[str, Any] = {"t_max": some.t_max, "order": some.order, "threads": threads}
+        answers = Answers.of(structure.closest(some.origins, some.directions, **asked))
+        occluded = structure.occluded(some.origins, some.directions, **asked)
+        found.append(accuracy.compare(right, answers, occluded, native.ulp_distance, bitwise=True))
+        speed[whole.name] = rate(structure, whole, threads)
+        ask = structure.occluded if whole.any_hit else structure.closest
+        counted = ask(some.origins, some.directions, counters=True, **asked)
+        counters = counted[1] if whole.any_hit else counted.counters
+        step_means[whole.name], test_means[whole.name] = (float(np.mean(counters[key])) for key in ("steps", "tests"))
+        yield Check(accuracy.total(found), dict(speed), dict(step_means), dict(test_means))
+
+
+def rate(structure: Any, whole: rays.RaySet, threads: int, repeats: int = 1) -> float:
+    """Million rays of a set per second in the best of some repeats, once the rays have been traced to warm up.
+
+    On one thread the processor's own clock counts what the work costs, however busy the machine is.
+    """
+    ask = structure.occluded if whole.any_hit else structure.closest
+    asked: dict[str, Any] = {"t_max": whole.t_max, "order": whole.order, "threads": threads}
+    clock = time.thread_time if threads == 1 else time.perf_counter
+    best = float("inf")
+    for repeat in range(repeats + 1):
+        start = clock()
+        ask(whole.origins, whole.directions, **asked)
+        if repeat:
+            best = min(best, clock() - start)
+    return len(whole) / max(best, 1e-9) / 1e6
+
+
+def timed_build(
+    native: Any, workload: Workload, spec: str, threads: int, memory_limit: int | None = None
+) -> tuple[Any, float]:
+    """A structure and the seconds of its build, on one thread by the processor's own clock.
+
+    memory_limit: bytes that the build may take, None for what the native module allows. Raises what it raises.
+    """
+    start = time.process_time()
+    structure = native.build(workload.vertices, workload.triangles, spec, threads=threads, memory_limit=memory_limit)
+    worked = time.process_time() - start
+    return structure, worked if threads == 1 else float(structure.statistics["build_seconds"])

@@ -1,0 +1,176 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What each pixel of a view costs in a structure: steps, tests or time, as numbers and as false colours."""
+
+from __future__ import annotations
+
+import base64
+import math
+import time
+import zlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..scene import colours, rays
+from ..scene.scene import F32
+from ..scene.workload import Workload
+
+TIMINGS = 3
+"""Each tile is timed this often, and the shortest time counts."""
+
+CALLS = 64
+"""So many tiles without any work are timed beside, for the cost of asking, which is taken off."""
+
+HIGHEST = 4
+"""Views that are more times as high as wide are made narrower."""
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """key: in settings. label: on pictures. unit: of the numbers. doc: for tooltips."""
+
+    key: str
+    label: str
+    unit: str
+    doc: str
+
+
+QUANTITIES = (
+    Quantity("STEPS", "Traversal steps", "per ray", "Inner nodes that the ray of each pixel visits"),
+    Quantity("TESTS", "Triangle tests", "per ray", "Triangles that the ray of each pixel is tested against"),
+    Quantity(
+        "TIME", "Time", "ns per ray", "Nanoseconds that a ray takes, the mean of each 8 × 8 pixels, on one thread"
+    ),
+)
+
+
+def quantity(key: str) -> Quantity:
+    """The quantity of this key."""
+    return next(found for found in QUANTITIES if found.key == key)
+
+
+def rounded(size: tuple[float, float]) -> tuple[int, int]:
+    """The nearest size in whole tiles, at least one."""
+    width, height = (max(round(side / rays.TILE), 1) * rays.TILE for side in size)
+    return width, height
+
+
+def shaped(width: int, picture: tuple[int, int]) -> tuple[int, int]:
+    """A view of this width in whole tiles and of the shape of a picture, width by height in pixels.
+
+    It has at most HIGHEST * width * width pixels, or is one tile: narrower where it would be more than HIGHEST times as
+    high as wide, and less high where it cannot be as narrow. Pictures may be 4 pixels wide and 65,536 high.
+    """
+    height = width * picture[1] / max(picture[0], 1)
+    share = min(math.sqrt(HIGHEST * width / max(height, 1.0)), 1.0)
+    wide, high = rounded((width * share, height * share))
+    # Rounded up, a side may be several times what was asked for.
+    most = HIGHEST * width * width // wide // rays.TILE * rays.TILE
+    return wide, max(min(high, most), rays.TILE)
+
+
+def measure(structure: Any, workload: Workload, size: tuple[int, int], key: str) -> F32:
+    """(height, width) float32 of a quantity at each pixel of the workload's view, rows from the bottom.
+
+    structure: native, over the workload's triangles. size: width and height, multiples of 8.
+    """
+    width, height = size
+    (primary,) = rays.make(workload, structure, size=size, seed=0, names=("primary",))[:1]
+    tiles = rays.tile_order(width, height)
+    if key == "TIME":
+        per_tile = _nanoseconds(structure, primary)
+        values = np.repeat(per_tile, rays.TILE**2)
+    else:
+        found = structure.closest(primary.origins, primary.directions, order=primary.order, counters=True)
+        values = found.counters[key.lower()]
+    picture = np.empty(width * height, np.float32)
+    picture[tiles] = values
+    return picture.reshape(height, width)[::-1].copy()
+
+
+def work(structure: Any, view: rays.RaySet, size: tuple[int, int]) -> F32:
+    """(height, width) float32, nodes visited and triangles tested by the ray of each pixel, rows from the bottom.
+
+    view: the primary rays of `size` pixels in tiles. Where a tile is walked together, its rays share the sum evenly.
+    """
+    width, height = size
+    walked, alone = (
+        sum(
+            found.counters[key].astype(np.float32)
+            for found in (structure.closest(view.origins, view.directions, order=order, counters=True),)
+            for key in ("steps", "tests")
+        )
+        for order in (view.order, "none")
+    )
+    if not np.array_equal(walked, alone):
+        side = rays.TILE**2
+        walked = np.repeat(walked.reshape(-1, side).mean(axis=1), side)
+    picture = np.empty(width * height, np.float32)
+    picture[rays.tile_order(width, height)] = walked
+    return picture.reshape(height, width)[::-1].copy()
+
+
+def packed(values: F32) -> dict[str, Any]:
+    """A map for JSON: whole numbers below 65,536, rows from the bottom."""
+    whole = np.minimum(np.rint(values), 65535).astype("<u2")
+    height, width = values.shape
+    return {"width": width, "height": height, "data": base64.b64encode(zlib.compress(whole.tobytes(), 9)).decode()}
+
+
+def unpacked(stored: Mapping[str, Any]) -> F32:
+    """The reverse of `packed`."""
+    whole = np.frombuffer(zlib.decompress(base64.b64decode(stored["data"])), "<u2")
+    return whole.reshape(stored["height"], stored["width"]).astype(np.float32)
+
+
+def _nanoseconds(structure: Any, primary: rays.RaySet) -> F32:
+    """(tiles,) the mean time of a ray in each tile."""
+    side = rays.TILE**2
+    count = len(primary) // side
+    parts = [
+        (primary.origins[i * side : (i + 1) * side], primary.directions[i * side : (i + 1) * side])
+        for i in range(count)
+    ]
+    best = np.full(count, np.inf)
+    call = np.inf  # what asking costs, however little there is to trace: rays without a direction meet nothing
+    for _ in range(TIMINGS):
+        for origins, _ in parts[:CALLS]:
+            start = time.perf_counter_ns()
+            structure.closest(origins, np.zeros_like(origins), order=primary.order, threads=1)
+            call = min(call, time.perf_counter_ns() - start)
+        for i, (origins, directions) in enumerate(parts):
+            start = time.perf_counter_ns()
+            structure.closest(origins, directions, order=primary.order, threads=1)
+            best[i] = min(best[i], time.perf_counter_ns() - start)
+    return (np.maximum(best - call, 0) / side).astype(np.float32)
+
+
+def scale_end(maps: Sequence[F32]) -> float:
+    """One end of the scale for several maps: a round number that only the very brightest pixels exceed."""
+    most = max((float(np.percentile(values, 99.9)) for values in maps if values.size), default=0.0)
+    if most <= 0:
+        return 1.0
+    step = 10.0 ** math.floor(math.log10(most))
+    return next(m * step for m in (1, 1.5, 2, 3, 4, 5, 6, 8, 10) if m * step >= most * (1 - 1e-9))
+
+
+def ticks(end: float) -> list[float]:
+    """Round numbers along a scale from 0 to `end`, both included."""
+    return [end * i / 4 for i in range(5)]
+
+
+def number(value: float) -> str:
+    """A number of a scale, short."""
+    return f"{value:,.0f}" if value >= 10 or value == int(value) else f"{value:.3g}"
+
+
+def coloured(values: F32, end: float) -> F32:
+    """(h, w, 3) false colours of (h, w) numbers on a scale from 0 to `end`."""
+    return colours.false_colour(values / end)
+
+
+def summary(values: F32) -> str:
+    """Mean and largest value in words."""
+    return f"mean {number(float(values.mean()))}, most {number(float(values.max()))}"

@@ -1,0 +1,269 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Error against run time: pictures with growing numbers of samples, compared with a converged one.
+
+For one sampler and seed every structure must give the same picture, so the error belongs to the samples and only the
+time to the structure; that the pictures are the same is checked.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..base import rotation
+from ..scene.rays import TILE
+from ..scene.workload import View, Workload
+from ..session.session import render_scene
+from . import flip, timing
+
+SIZE = 96
+"""Pixels along the shorter side of the pictures."""
+
+CONVERGED = 16
+"""The reference has this many times the largest number of samples, and another seed."""
+
+MOST_SAMPLES = (1 << 24) // CONVERGED
+"""The reference of a curve with more would have more samples than can be rendered."""
+
+RELATIVE_FLOOR = 1e-2
+"""Added to the squared reference in relMSE, so that black pixels do not decide it (Rousselle et al. 2011)."""
+
+TRIMMED = 0.001
+"""The share of the largest relative errors that relMSE leaves out: fireflies."""
+
+IMAGE_PIXELS, IMAGE_SAMPLES = 1024 * 1024, 16
+"""The picture whose time, build included, is told of each structure."""
+
+INDEPENDENT = 64
+"""Up to so many samples per pixel the error of independent samples is measured too."""
+
+SLOPE, SLOPE_WITHIN = -0.5, 0.05
+"""Of RMSE over samples: what theory says of independent ones, and how far a fit over few pictures may be from it."""
+
+POINT_SECONDS = 10.0
+"""A picture that would take longer than about this is left out."""
+
+RAYS_PER_SAMPLE = 8
+"""For the estimate of that time; measured: 4 to 9 on the test scenes."""
+
+Image = NDArray[np.float32]
+
+
+class Curve:
+    """The pictures of one scene. size: width and height of its view."""
+
+    def __init__(
+        self,
+        native: Any,
+        workload: Workload,
+        size: tuple[int, int],
+        samples: tuple[int, ...],
+        seed: int,
+        max_bounces: int = 4,
+    ):
+        self._native = native
+        self._workload = workload
+        self.samples = samples
+        scale = SIZE / min(size)
+        self._width, self._height = (max(TILE, round(side * scale)) for side in size)
+        self._size = self._width, self._height
+        self._camera = workload.render_camera or _camera(workload.view, self._width / self._height, workload.diagonal())
+        self._seed = seed
+        self._max_bounces = max_bounces
+        self._converged: Image | None = None
+        self._pictures: dict[tuple[tuple[int, int], int], Image] = {}
+        self.independent: list[dict[str, float]] = []
+
+    def converge(self, structure: Any) -> None:
+        """Render the picture that all are compared with, on all cores; then the errors of independent samples."""
+        job = self._render(structure, self.samples[-1] * CONVERGED, self._seed + 1, 0)
+        self._converged = self._image(job)
+        self.independent = list(self._independent(structure))
+
+    def _independent(self, structure: Any) -> Iterator[dict[str, float]]:
+        """The errors of means of pictures with one sample each and a seed of its own.
+
+        The samples of one picture are spread evenly, so its error falls faster than that of independent ones; these
+        show by how much, and that nothing but the spreading is behind it.
+        """
+        assert self._converged is not None, "the reference comes first"
+        most = min(self.samples[-1], INDEPENDENT)
+        seeds = range(self._seed + 2, self._seed + 2 + most)
+        pictures = [self._image(self._render(structure, 1, seed, 0)) for seed in seeds]
+        yield from of_independent(pictures, self._converged, [count for count in self.samples if count <= most])
+
+    def finer(self, samples: int) -> tuple[int, int, int]:
+        """Width, height and samples per pixel of about as many rays as so many samples take here, in more pixels.
+
+        Rays of neighbouring pixels lie closer in them, though seldom as close as in a picture of IMAGE_PIXELS: how well
+        rays go together decides the time of some walks, twice and more, and which structure is the quickest.
+        """
+        more = max(1, min(samples, IMAGE_PIXELS // (self._width * self._height)))
+        width, height = (round(side * math.sqrt(more)) for side in (self._width, self._height))
+        return width, height, max(1, samples // more)
+
+    def whole(self, seconds: float, samples: int) -> float:
+        """What a picture of IMAGE_PIXELS with IMAGE_SAMPLES takes when one here takes so long with so many samples."""
+        return seconds / (self._width * self._height * samples) * IMAGE_PIXELS * IMAGE_SAMPLES
+
+    def affordable(self, mrays_s: float) -> list[int]:
+        """The numbers of samples that a structure of this speed renders in reasonable time."""
+        return [n for n in self.samples if self.rays(n) / (mrays_s * 1e6) <= POINT_SECONDS]
+
+    def rays(self, samples: int) -> int:
+        """About how many rays a picture takes."""
+        return self._width * self._height * samples * RAYS_PER_SAMPLE
+
+    def point(self, structure: Any, samples: int, threads: int) -> tuple[dict[str, float | None], int]:
+        """The error and the seconds of one picture, and how many pixels differ from other structures' pictures."""
+        assert self._converged is not None, "the reference comes first"
+        picture, seconds, differing = self._made(structure, samples, threads)
+        found = {"spp": samples, "seconds": seconds, **errors(picture, self._converged)}
+        shape = self._height, self._width, 3
+        return {**found, "flip": flip.mean(picture.reshape(shape), self._converged.reshape(shape))}, differing
+
+    def timed(self, structure: Any, samples: int, threads: int) -> tuple[float, int]:
+        """The seconds of the picture that is told of, by `finer`, and how many pixels differ from others'."""
+        width, height, fewer = self.finer(samples)
+        _, seconds, differing = self._made(structure, fewer, threads, (width, height))
+        return seconds / (width * height * fewer) * IMAGE_PIXELS * IMAGE_SAMPLES, differing
+
+    def _made(
+        self, structure: Any, samples: int, threads: int, size: tuple[int, int] | None = None
+    ) -> tuple[Image, float, int]:
+        """A picture, its seconds, and how many pixels differ from the first structure's."""
+        scene = self._scene(structure)
+        now = timing.clock(threads)
+        start = now()
+        job = self._job(scene, samples, self._seed, threads, size)
+        # On one thread the processor's seconds, as for all other times; else the native module's, without any waiting.
+        seconds = now() - start if threads == 1 else float(job.statistics["seconds"])
+        picture = self._image(job, size)
+        first = self._pictures.setdefault((size or self._size, samples), picture)
+        differing = int((picture.view(np.uint32) != first.view(np.uint32)).any(axis=1).sum())
+        return picture, max(seconds, 1e-9), differing
+
+    def rays_per_sample(self, structure: Any, samples: int) -> dict[str, float]:
+        """How many primary, shadow and secondary rays a sample of a pixel takes, the mean of a small picture."""
+        counted = self._render(structure, samples, self._seed, 0).statistics
+        pixels = self._width * self._height * samples
+        return {kind: counted[f"rays_{kind}"] / pixels for kind in ("primary", "shadow", "secondary")}
+
+    def _render(self, structure: Any, samples: int, seed: int, threads: int) -> Any:
+        return self._job(self._scene(structure), samples, seed, threads)
+
+    def _scene(self, structure: Any) -> Any:
+        """The scene to render, with this structure. Its textures are handed over here, which is no part of any time."""
+        scene = self._workload.render_scene
+        if scene is None:
+            return self._native.RenderScene(structure, **_plain_scene())
+        return render_scene(self._native, structure, scene)
+
+    def _job(
+        self, render_scene: Any, samples: int, seed: int, threads: int, size: tuple[int, int] | None = None
+    ) -> Any:
+        width, height = size or self._size
+        settings = {
+            "width": width,
+            "height": height,
+            "samples": samples,
+            "max_bounces": self._max_bounces,
+            "seed": seed,
+        }
+        camera = self._camera if isinstance(self._camera, dict) else asdict(self._camera)
+        job = self._native.render(render_scene, camera, settings, threads=threads)
+        while not job.wait(100):
+            pass
+        if job.error is not None:
+            raise RuntimeError(job.error)
+        return job
+
+    def _image(self, job: Any, size: tuple[int, int] | None = None) -> Image:
+        """(pixels, 3) linear RGB."""
+        width, height = size or self._size
+        out = np.zeros(width * height * job.passes["Combined"], np.float32)
+        job.copy_into("Combined", out)
+        return np.ascontiguousarray(out.reshape(width * height, -1)[:, :3])
+
+
+def errors(picture: Image, reference: Image) -> dict[str, float]:
+    """RMSE and trimmed relMSE of linear RGB, and the number of pixels that are not finite, which count nowhere else."""
+    finite = np.isfinite(picture).all(axis=1)
+    difference = (picture[finite].astype(np.float64) - reference[finite]) ** 2
+    relative = np.sort((difference / (reference[finite].astype(np.float64) ** 2 + RELATIVE_FLOOR)).ravel())
+    kept = relative[: max(1, int(len(relative) * (1 - TRIMMED)))]
+    return {
+        "rmse": float(np.sqrt(difference.mean())) if difference.size else 0.0,
+        "relmse": float(kept.mean()) if kept.size else 0.0,
+        "not_finite": int((~finite).sum()),
+    }
+
+
+def slope(points: Sequence[Mapping[str, float]], error: str = "rmse") -> float:
+    """The slope of log error over log samples by least squares; of RMSE −0.5 for independent samples."""
+    x, y = (np.log([max(point[key], 1e-30) for point in points]) for key in ("spp", error))
+    return float(np.polyfit(x, y, 1)[0])
+
+
+def is_right(fitted: float) -> bool:
+    """Whether the slope of independent samples is what theory says."""
+    return abs(fitted - SLOPE) <= SLOPE_WITHIN
+
+
+def judged(fitted: float) -> str:
+    """The same in words."""
+    return f"{SLOPE:.2f} ± {SLOPE_WITHIN:g} {'holds' if is_right(fitted) else 'does not hold'}".replace("-", "−")
+
+
+def of_independent(pictures: Sequence[Image], reference: Image, counts: Iterable[int]) -> Iterator[dict[str, float]]:
+    """The errors of means of so many pictures; every picture has a part in each, in as many means as there are.
+
+    So the few pixels that are far off weigh alike at every count, and do not tilt the line.
+    pictures: (pixels, 3) linear RGB, each with one sample per pixel and a seed of its own.
+    """
+    for count in counts:
+        starts = range(0, len(pictures) - count + 1, count)
+        means = (np.mean(pictures[start : start + count], axis=0, dtype=np.float64) for start in starts)
+        found = [errors(mean.astype(np.float32), reference) for mean in means]
+        yield {
+            "spp": count,
+            "rmse": float(np.sqrt(np.mean([one["rmse"] ** 2 for one in found]))),
+            "relmse": float(np.mean([one["relmse"] for one in found])),
+            "not_finite": max(one["not_finite"] for one in found),
+        }
+
+
+def _camera(view: View, aspect: float, diagonal: float) -> dict[str, Any]:
+    right, up, forward = view.axes()
+    to_world = np.eye(4)
+    to_world[:3, :4] = np.stack([right, up, -forward, view.eye], axis=1)
+    # A scene may be a single point, or small and far away.
+    reach = max(diagonal, float(np.linalg.norm(view.target - view.eye)))
+    return {
+        "kind": "perspective",
+        "to_world": to_world,
+        "window": view.window(aspect),
+        "clip_start": 1e-6 * diagonal,
+        "clip_end": 1e3 * reach,
+    }
+
+
+def _plain_scene() -> dict[str, Any]:
+    """Light grey, matt, under a bright sky: for files that hold no materials."""
+    return {
+        "materials": [{"name": "Matt", "base_color": (0.7, 0.7, 0.7), "specular": 0.0}],
+        "lights": [{"kind": "sun", "to_world": _tilted(), "power": (2.0, 2.0, 2.0), "angle": 0.1}],
+        "world": {"color": (0.6, 0.7, 0.8)},
+    }
+
+
+def _tilted() -> NDArray[np.float64]:
+    """A sun that shines down and aside."""
+    matrix = np.eye(4)
+    matrix[:3, :3] = rotation.tilt(np.radians(35.0), np.radians(25.0))
+    return matrix

@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Wrong answers against the distance from the origin: the grid of touching boxes, moved away, with its rays.
+
+Every structure is asked as it is, and, where it can be walked without its error bounds (`robust=none`), so too: the
+difference shows what the bounds are for, and that the check can fail.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ..scene import grid
+from ..structures import specs
+from . import accuracy
+from .accuracy import Answers
+
+OFFSETS = (0.0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6)
+"""Distances along each axis, in sides of a box; at the last one floats are a sixteenth apart."""
+
+BOXES = 4
+RAYS = 8192
+
+UNGUARDED = "robust=none"
+
+
+class Moved:
+    """The moved grids and what brute force says on them, made once and used for every structure."""
+
+    def __init__(self, native: Any, offsets: Sequence[float], seed: int) -> None:
+        self._native = native
+        self._places = []
+        boxes = grid.workload(BOXES, RAYS, seed)
+        (walls,) = boxes.extra
+        for offset in offsets:
+            # Not along a diagonal, and with a part that binary numbers cannot hold exactly.
+            shift = (offset + (0.1 if offset else 0.0)) * np.array([1.0, -1.0, 0.5])
+            vertices = (boxes.vertices + shift).astype(np.float32)
+            origins = (walls.origins + shift).astype(np.float32)
+            brute = native.build(vertices, boxes.triangles, "brute")
+            expected = Answers.of(brute.closest(origins, walls.directions))
+            self._places.append((offset, vertices, boxes.triangles, origins, walls.directions, expected))
+
+    def errors(self, spec: str) -> list[dict[str, float]]:
+        """One entry per offset: the rays, and what went wrong with and without the bounds; null where there are none.
+
+        Raises what a build raises.
+        """
+        walks = {"": spec, "_unguarded": unguarded(spec, self._native.structures())}
+        found = []
+        for offset, vertices, triangles, origins, directions, expected in self._places:
+            entry: dict[str, Any] = {"offset": offset, "rays": len(origins)}
+            for suffix, walked in walks.items():
+                if walked is None:
+                    entry |= {f"false_miss{suffix}": None, f"wrong{suffix}": None}
+                    continue
+                structure = self._native.build(vertices, triangles, walked)
+                answers = Answers.of(structure.closest(origins, directions))
+                errors = accuracy.compare(expected, answers, None, self._native.ulp_distance, bitwise=True)
+                entry |= {f"false_miss{suffix}": errors.false_miss, f"wrong{suffix}": errors.wrong}
+            found.append(entry)
+        return found
+
+
+def is_unguarded(spec: str) -> bool:
+    """Whether the configuration itself asks to be walked without its error bounds."""
+    return UNGUARDED.partition("=")[::2] in specs.pairs(spec)
+
+
+def unguarded(spec: str, structures: Sequence[Any]) -> str | None:
+    """The same configuration without its error bounds, or None where it has none or says itself what it wants."""
+    if "robust" not in specs.values(spec, structures) or "robust=" in spec:
+        return None
+    return spec + ("," if ":" in spec else ":") + UNGUARDED

@@ -1,0 +1,180 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A row of `bench.json`: what was measured for one configuration on one scene, and which of it depends on the clock."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..base.native import first_line
+from ..scene.workload import Workload
+from ..structures import specs
+from . import yardstick
+
+Row = dict[str, Any]
+
+OF_THE_CLOCK = {
+    *("build_s", "peak_bytes", "build_seconds", "n", "mrays_s", "times_embree", "rounds", "anchor_rounds", "noise"),
+    *(
+        "seconds",
+        "seconds_with_build",
+        "first_s",
+        "render_s",
+        "image_s",
+        "image",
+        "map",
+        "machine",
+        "round_id",
+        "anchor",
+        "scaling",
+        "too_slow",
+    ),
+}
+"""Keys whose values differ from run to run. All others are the same on every machine."""
+
+
+LAZY = ("lazy", "1")
+"""In the configuration of a tree that rays have built."""
+
+
+OF_RAYS = (
+    *("n", "mrays_s", "times_embree", "rounds", "anchor_rounds", "noise"),
+    *("steps", "steps_axis", "steps_oblique", "tests", "hits"),
+)
+"""What a row tells of each set of rays."""
+
+OF_ERRORS = (
+    *("reference", "rays", "false_miss", "false_hit", "wrong_triangle", "wrong_values", "wrong_any_hit", "wrong"),
+    *("t_ulp_max", "t_ulp_p999", "on_boundary", "sets", "differing_pixels"),
+)
+"""What it tells of its errors."""
+
+
+def blank() -> Row:
+    """A row with every key, of which nothing is known."""
+    return {
+        "scene": "",
+        "triangles": 0,
+        "spec": "",
+        "structure": "",
+        "k": None,
+        "alpha": None,
+        "seed": None,
+        "threads": 0,
+        "machine": platform.node(),
+        "round_id": None,
+        "anchor": None,
+        "build_s": None,
+        "first_s": None,
+        "bytes": None,
+        "peak_bytes": None,
+        "statistics": None,
+        "rays": None,
+        "errors": None,
+        "image_s": None,
+        "image": None,
+        "map": None,
+        "curve": None,
+        "independent": None,
+        "scaling": None,
+        "offsets": None,
+        "render_s": None,
+        "left_out": [],
+        "too_slow": [],
+        "error": None,
+    }
+
+
+def empty(native: Any, workload: Workload, spec: str, threads: int) -> Row:
+    """A row with every key; what is not known is null."""
+    known = {} if spec == yardstick.SPEC else specs.values(spec, native.structures())
+    return blank() | {
+        "scene": workload.name,
+        "triangles": len(workload.triangles),
+        "spec": spec,
+        "structure": specs.structure_of(spec),
+        "k": known.get("k"),
+        "alpha": known.get("alpha"),
+        "seed": known.get("seed"),
+        "threads": 1 if spec == yardstick.SPEC else threads,
+    }
+
+
+def lacks(row: Row) -> str | None:
+    """A column that this row of a journal has not, so that no report can be made of it; None where it has all.
+
+    Rows of another version of the program may lack some.
+    """
+    for name in ("errors", "rays"):
+        if not isinstance(row.get(name) or {}, dict):
+            return name
+    inner: list[tuple[str, Row | None, tuple[str, ...]]] = [("errors", row.get("errors"), OF_ERRORS)]
+    inner += [(f"rays, {name}", one, OF_RAYS) for name, one in (row.get("rays") or {}).items()]
+    missing = [name for name in blank() if name not in row]
+    missing += [f"{where}, {name}" for where, found, names in inner if found for name in names if name not in found]
+    return missing[0] if missing else None
+
+
+def failed(native: Any, workload: Workload, spec: str, threads: int, error: BaseException) -> Row:
+    """The row of a configuration that could not be measured."""
+    row = empty(native, workload, spec, threads)
+    row["error"] = first_line(error)
+    return row
+
+
+def failed_scene(name: str, error: BaseException) -> Row:
+    """The row of a scene that could not be read: no configuration, only why."""
+    return blank() | {"scene": name, "error": first_line(error)}
+
+
+def spread(numbers: Sequence[float] | NDArray[np.float64]) -> dict[str, float]:
+    """Smallest, median and largest."""
+    return {"min": float(min(numbers)), "med": float(np.median(numbers)), "max": float(max(numbers))}
+
+
+def is_lazy(spec: str) -> bool:
+    """Whether rays build part of this configuration's tree."""
+    return LAZY in specs.pairs(spec)
+
+
+def eager(spec: str) -> str:
+    """The same configuration, built at once."""
+    kept = (f"{key}={value}" for key, value in specs.pairs(spec) if (key, value) != LAZY)
+    return specs.joined(specs.structure_of(spec), *kept)
+
+
+def building(row: Row, which: str = "med") -> float:
+    """Seconds of a row's build; where rays do part of it, with their first pass over the camera rays.
+
+    which: min, med or max of its repeats.
+    """
+    first = row.get("first_s")
+    return float((first if first and is_lazy(row["spec"]) else row["build_s"])[which])
+
+
+def agrees(row: Row) -> bool:
+    """Whether a row's answers are those of its reference. Brute force must be met to the last bit."""
+    errors = row["errors"]
+    if errors is None:
+        return False
+    wrong = ("false_miss", "false_hit", "wrong_triangle", "wrong_any_hit", "differing_pixels")
+    bits = ("wrong_values", "t_ulp_max") if errors["reference"] == "brute" else ()
+    return not any(errors[key] for key in wrong + bits)
+
+
+def agrees_moved(row: Row) -> bool:
+    """Whether its answers on the moved grids, where they were compared, are those of brute force."""
+    return not any(point["wrong"] for point in row["offsets"] or ())
+
+
+def without_times(value: Any) -> Any:
+    """A row, or a part of one, without what depends on the clock and the machine: the rest must come out again."""
+    if isinstance(value, Mapping):
+        return {key: without_times(inner) for key, inner in value.items() if key not in OF_THE_CLOCK}
+    if isinstance(value, list):
+        return [without_times(inner) for inner in value]
+    return value

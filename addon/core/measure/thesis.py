@@ -1,0 +1,237 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The tables of Hoobergs 2019, measured again: times in percent of the kd-tree's, beside the published numbers.
+
+The published ones come from a file that is no part of the project; without it the tables hold only ours.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from ..structures import specs
+from . import ranking, yardstick
+from .rows import Row, agrees
+
+BASES = ("kd-sah:traversal=dir", "kd-sah", "kd:traversal=dir", "kd")
+"""What times are related to, the first that was measured: the kd-tree built as in the thesis, walked as the others."""
+
+SCENES = {"killeroo-feet": "killeroo_leg", "sponza-dabrovic": "sponza", "conference": "conference"}
+"""Our scenes, and what the thesis calls its own that they come nearest to."""
+
+TABLES = {
+    "bsp-random": "5.1",
+    "bsp-random-plus": "5.2",
+    "bsp-random-plus-kd": "5.3",
+    "bsp-wn": "5.4",
+    "bsp-wn-plus": "5.5",
+    "bsp-wn-plus-kd": "5.6",
+    "bsp-cn": "5.7",
+    "bsp-cn-plus": "5.8",
+    "bsp-cn-plus-kd": "5.9",
+}
+"""Structures whose times by k the thesis tabulates, and the number of the table."""
+
+COMPARED = ("render", "build", "tests")
+"""Columns of its comparison of all structures, percent of the kd-tree's: time, build time, tests for closest hits."""
+
+Numbers = tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Published:
+    """by_k: scene to structure to k to percent of the kd-tree's render time.
+
+    spreads: (structure, scene, k) to smallest, median and largest of that. comparison: (structure, scene) to k, null
+    where it has none, and to what COMPARED names. Scenes under the names of the thesis, structures under ours.
+    """
+
+    by_k: dict[str, dict[str, dict[int, float]]] = field(default_factory=dict)
+    spreads: dict[tuple[str, str, int], Numbers] = field(default_factory=dict)
+    comparison: dict[tuple[str, str], tuple[int | None, Numbers]] = field(default_factory=dict)
+
+    def medians(self, scene: str, structure: str) -> dict[int, float]:
+        """K to percent, empty where nothing was published for this scene of ours and structure."""
+        return self.by_k.get(SCENES.get(scene, ""), {}).get(structure, {})
+
+
+def read(path: Path) -> Published:
+    """The published numbers in a file. Raises OSError, ValueError."""
+    content = json.loads(path.read_text(encoding="utf-8"))
+    if not isinstance(content, Mapping) or not isinstance(content.get("final_by_K"), list):
+        raise ValueError("expected a list under 'final_by_K'")
+    found = Published()
+    name = "final_by_K"
+    try:
+        for entry in content[name]:
+            by_k = found.by_k.setdefault(entry["scene"], {}).setdefault(our_id(entry["structure"]), {})
+            by_k[int(entry["K"])] = float(entry["render_pct_of_kd"])
+        name = "draft_render_time"
+        for entry in content.get(name, []):
+            place = our_id(entry["structure"]), entry["scene"], int(entry["K"])
+            found.spreads[place] = tuple(float(entry[key]) for key in ("min", "med", "max"))
+        name = "final_comparison"
+        for entry in content.get(name, []):
+            keys = ("render_pct_of_kd", "build_pct_of_kd", "tri_tests_nearest_pct_of_kd")
+            numbers = tuple(float(entry[key]) for key in keys)
+            found.comparison[our_id(entry["structure"]), entry["scene"]] = entry["K"], numbers
+    except (KeyError, TypeError) as error:
+        raise ValueError(f"an entry of {name!r} lacks {error}") from error
+    return found
+
+
+def our_id(name: str) -> str:
+    """The id of what the thesis calls, for example, wn+^kd: bsp-wn-plus-kd."""
+    text = name.lower().replace("+", "-plus").replace("^kd", "-kd")
+    return text if text.startswith(("kd", "rbsp")) else f"bsp-{text}"
+
+
+def time_of(row: Row) -> float | None:
+    """Time of one ray of each set together, relative to the anchor where there is one; None where not measured."""
+    total = 0.0
+    for one in (row["rays"] or {}).values():
+        if not one["rounds"]:
+            continue
+        rates = np.array(one["rounds"])
+        total += float(np.median(np.array(one["anchor_rounds"]) / rates if one["anchor_rounds"] else 1.0 / rates))
+    return total or None
+
+
+def percent(row: Row, base: Row) -> float | None:
+    """Its time in percent of the base's; None where they cannot be related, or an answer is wrong.
+
+    Of a row that was timed beside the base it is the mean over the ray sets, otherwise that of the sums of `time_of`:
+    of rows with the same anchor, or timed together. Others may come from different machines.
+    """
+    time, unit = time_of(row), time_of(base)
+    if time is None or unit is None or not agrees(row):
+        return None
+    if row["anchor"] == base["spec"]:
+        sets = sum(bool(one["rounds"]) for one in row["rays"].values())
+        return 100 * time / sets
+    same = row["anchor"] == base["anchor"] if row["anchor"] is not None else ranking.together(row, base)
+    return 100 * time / unit if same and row["threads"] == base["threads"] else None
+
+
+def base_of(rows: Iterable[Row]) -> Row | None:
+    """The row of a scene that its times are related to: the first of BASES whose answers are right."""
+    known = {row["spec"]: row for row in rows if agrees(row) and time_of(row)}
+    return next((known[spec] for spec in BASES if spec in known), None)
+
+
+SWEPT = ("k", "seed")
+"""Parameters that sweeps go over; medians are over seeds."""
+
+
+def configuration(row: Row) -> str:
+    """A row's configuration without what sweeps go over."""
+    return _without_swept(row["spec"])
+
+
+@lru_cache(1 << 17)
+def _without_swept(spec: str) -> str:
+    kept = (f"{key}={value}" for key, value in specs.pairs(spec) if key not in SWEPT)
+    return specs.joined(specs.structure_of(spec), *kept)
+
+
+def labels(rows: Iterable[Row]) -> dict[str, str]:
+    """By configuration what it is called: the structure, and what other configurations of it have otherwise."""
+    alike: dict[str, list[str]] = {}
+    for one in dict.fromkeys(map(configuration, rows)):
+        alike.setdefault(specs.structure_of(one), []).append(one)
+    found = {}
+    for name, some in alike.items():
+        shared = set.intersection(*(set(specs.pairs(one)) for one in some))
+        for one in some:
+            own = (f"{key}={value}" for key, value in specs.pairs(one) if (key, value) not in shared)
+            found[one] = specs.joined(name, *own)
+    return found
+
+
+def spread(values: Sequence[float]) -> Numbers:
+    """Smallest, median and largest; nothing of nothing."""
+    return (min(values), float(np.median(values)), max(values)) if values else ()
+
+
+@dataclass(frozen=True)
+class Table:
+    """One table. lines: what stands at the left, and per scene what was measured and what was published."""
+
+    title: str
+    scenes: tuple[str, ...]
+    columns: tuple[str, ...]
+    lines: tuple[tuple[str, tuple[tuple[Numbers, Numbers], ...]], ...]
+
+
+def tables(scenes: Mapping[str, Sequence[Row]], published: Published | None) -> list[Table]:
+    """The tables of times by k, and the comparison, as far as their rows are there and right. scenes: all rows."""
+    named = {scene: [r for r in rows if r["spec"] != yardstick.SPEC and agrees(r)] for scene, rows in scenes.items()}
+    named = {scene: rows for scene, rows in named.items() if base_of(rows) is not None}
+    known = published or Published()
+    called = labels(row for rows in named.values() for row in rows)
+    found = []
+    for structure, number in TABLES.items():
+        for one in (one for one in called if specs.structure_of(one) == structure):
+            ks = sorted({row["k"] for rows in named.values() for row in rows if configuration(row) == one})
+            if len(ks) > 1:
+                lines = tuple((f"K = {k}", tuple(_by_k(named, known, one, k))) for k in ks)
+                title = f"Table {number}: time of {called[one]} by K"
+                found.append(Table(title, tuple(named), ("min", "median", "max"), lines))
+    if found:
+        found.append(_comparison(named, known, called))
+    return found
+
+
+def _by_k(scenes: Mapping[str, Sequence[Row]], known: Published, one: str, k: int) -> Iterable[tuple[Numbers, Numbers]]:
+    structure = specs.structure_of(one)
+    for scene, rows in scenes.items():
+        own = [row for row in rows if (configuration(row), row["k"]) == (one, k)]
+        yield spread(_percent(rows, own, "render")), known.spreads.get((structure, SCENES.get(scene, ""), k), ())
+
+
+def _comparison(scenes: Mapping[str, Sequence[Row]], known: Published, called: Mapping[str, str]) -> Table:
+    """Each configuration with the k that the thesis compares it with, or else that which is the fastest."""
+    lines = []
+    for one, label in called.items():
+        cells = []
+        for scene, rows in scenes.items():
+            k, theirs = known.comparison.get((specs.structure_of(one), SCENES.get(scene, "")), (None, ()))
+            base = base_of(rows)
+            times = [(percent(row, base), row) for row in rows if configuration(row) == one and base is not None]
+            own = [(time, row) for time, row in times if time is not None]
+            if k is None or all(row["k"] != k for _, row in own):
+                _, fastest = min(own, key=lambda item: item[0], default=(0.0, None))
+                k = None if fastest is None else fastest["k"]
+            kept = [row for _, row in own if row["k"] == k]
+            medians = [(*spread(_percent(rows, kept, column))[1:2], math.nan)[0] for column in COMPARED]
+            cells.append((tuple(medians) if kept else (), theirs))
+        if any(ours for ours, _ in cells):
+            lines.append((label, tuple(cells)))
+    title = "The comparison of all structures, each at the K of the thesis or, where that is not here, at its best"
+    return Table(title, tuple(scenes), COMPARED, tuple(lines))
+
+
+def _percent(rows: Sequence[Row], own: Sequence[Row], column: str) -> list[float]:
+    """A number of each row in percent of the base's; of builds, beside which nothing is timed, on its machine only."""
+    base = base_of(rows)
+    if base is not None and column == "render":
+        return [value for value in (percent(row, base) for row in own) if value is not None]
+    unit = None if base is None else _number(base, column)
+    if base is None or not unit:
+        return []
+    if column == "build":
+        own = [row for row in own if row["machine"] == base["machine"]]
+    return [100 * value / unit for value in (_number(row, column) for row in own) if value is not None]
+
+
+def _number(row: Row, column: str) -> float | None:
+    if column == "build":
+        return row["build_s"] and float(row["build_s"]["med"])
+    primary = (row["rays"] or {}).get("primary") or {}
+    return primary.get("tests")

@@ -1,0 +1,197 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Timed passes over ray sets, interleaved so that a machine that drifts hurts every configuration alike.
+
+In each round every configuration traces the same rays once, and the quickest one twice: how far its two times lie apart
+is the noise of the machine, measured where it matters.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..scene import rays
+from ..scene.rays import RaySet
+from . import yardstick
+from .accuracy import Errors
+
+STEP = 4
+"""A structure too slow for a whole set is timed on a quarter of it, a sixteenth, ...: so that most share their rays."""
+
+VIEW_SECONDS = 0.1
+"""A pass over one of the smaller views may take as long as this in any case."""
+
+WARM_SECONDS = 0.02
+"""A pass shorter than this comes after one that is not timed: else most of it would be what the structure before left
+in the caches, and of two that are the same the one behind a large one would be called slower, in every round."""
+
+LEAST_RAYS = 64
+"""One tile. No pass has fewer, however slow the structure."""
+
+
+@dataclass(eq=False)
+class Candidate:
+    """A configuration while it is measured.
+
+    first_seconds: of builds with their first pass over the camera rays, one per round. statistics: of its structure,
+    once its answers were compared.
+    checked: million rays per second of each set, once, while its answers were compared. timed: the rays of each set
+    that it can be timed on. seconds: of each set, one per round. control: the same again, where it served as control.
+    """
+
+    spec: str
+    structure: Any
+    build_seconds: list[float] = field(default_factory=list)
+    first_seconds: list[float] = field(default_factory=list)
+    statistics: dict[str, Any] = field(default_factory=dict)
+    peak_bytes: int | None = None
+    errors: dict[str, Errors] = field(default_factory=dict)
+    checked: dict[str, float] = field(default_factory=dict)
+    counted: dict[str, dict[str, float]] = field(default_factory=dict)
+    timed: dict[str, RaySet] = field(default_factory=dict)
+    seconds: dict[str, list[float]] = field(default_factory=dict)
+    control: dict[str, list[float]] = field(default_factory=dict)
+    curve: list[dict[str, float | None]] = field(default_factory=list)
+    scaling: list[dict[str, float]] = field(default_factory=list)
+    offsets: list[dict[str, float]] = field(default_factory=list)
+    differing_pixels: int = 0
+    cost_map: dict[str, Any] | None = None
+    left_out: list[str] = field(default_factory=list)
+
+    def again(self) -> Candidate:
+        """The same structure and rays, with no times yet."""
+        return Candidate(self.spec, self.structure, checked=self.checked, counted=self.counted, timed=self.timed)
+
+    def mrays(self, name: str) -> NDArray[np.float64]:
+        """Million rays per second of a set, one per round."""
+        found: NDArray[np.float64] = len(self.timed[name]) / np.maximum(self.seconds[name], 1e-9) / 1e6
+        return found
+
+
+def affordable(whole: RaySet, mrays_s: float, seconds: float, seed: int) -> RaySet:
+    """The rays of a set that this speed traces in about `seconds`: all, or a quarter, or a sixteenth, ..."""
+    count = len(whole)
+    while count > LEAST_RAYS and count > mrays_s * 1e6 * seconds:
+        count //= STEP
+    return whole.take(rays.blocks(len(whole), max(count, min(LEAST_RAYS, len(whole))), seed))
+
+
+def clock(threads: int) -> Callable[[], float]:
+    """On one thread the processor's own clock: it counts what the work costs, however busy the machine is."""
+    return time.process_time if threads == 1 else time.perf_counter
+
+
+def one_pass(candidate: Candidate, some: RaySet, threads: int) -> float:
+    """Seconds that one pass over these rays takes."""
+    now = clock(threads)
+    arguments: dict[str, Any] = {"t_max": some.t_max, "order": some.order, "threads": threads}
+    ask = candidate.structure.occluded if some.any_hit else candidate.structure.closest
+    if candidate.spec == yardstick.SPEC and not some.any_hit:
+        ask, arguments = candidate.structure.closest_ids, {"t_max": some.t_max}
+    start = now()
+    ask(some.origins, some.directions, **arguments)
+    return now() - start
+
+
+def warmed_pass(candidate: Candidate, some: RaySet, threads: int) -> float:
+    """Seconds of a pass that does not depend on what was asked before it."""
+    if len(some) < candidate.checked[some.name] * 1e6 * WARM_SECONDS:
+        one_pass(candidate, some, threads)
+    return one_pass(candidate, some, threads)
+
+
+def rounds(candidates: Sequence[Candidate], name: str, repeats: int, threads: int) -> Iterator[str]:
+    """Time every configuration on one set, a pass between two items: what comes next. The first round warms up."""
+    ours = [c for c in candidates if c.spec != yardstick.SPEC and len(c.timed[name])]
+    control = max(ours, key=lambda c: c.checked[name], default=None)
+    for number in range(repeats + 1):
+        for candidate in candidates:
+            yield f"{candidate.spec}: {name}, " + (f"round {number} of {repeats}" if number else "warming up")
+            seconds = warmed_pass(candidate, candidate.timed[name], threads)
+            if number:
+                candidate.seconds.setdefault(name, []).append(seconds)
+        if control is not None and number:
+            control.control.setdefault(name, []).append(warmed_pass(control, control.timed[name], threads))
+
+
+def scaling(candidates: Sequence[Candidate], views: Sequence[RaySet], repeats: int, options: Any) -> Iterator[str]:
+    """Time views of growing size, a pass between two items; fills `scaling` with the medians.
+
+    The full view's time comes from its own rounds. A structure too slow for a view, or for the next larger, has none.
+    """
+    limit = max(options.pass_seconds, VIEW_SECONDS)
+    for view in views:
+        able = [c for c in candidates if len(view) <= c.checked["primary"] * 1e6 * limit]
+        seconds: dict[str, list[float]] = {}
+        for number in range(repeats):
+            for candidate in able:
+                yield f"{candidate.spec}: {len(view):,} rays, round {number + 1} of {repeats}"
+                seconds.setdefault(candidate.spec, []).append(warmed_pass(candidate, view, options.threads))
+        for candidate in able:
+            candidate.scaling.append({"rays": len(view), "seconds": float(np.median(seconds[candidate.spec]))})
+    whole = options.size[0] * options.size[1]
+    for candidate in candidates:
+        if candidate.scaling and len(candidate.timed["primary"]) == whole > candidate.scaling[-1]["rays"]:
+            candidate.scaling.append({"rays": whole, "seconds": float(np.median(candidate.seconds["primary"]))})
+
+
+def count(candidate: Candidate, some: RaySet, arguments: dict[str, Any]) -> dict[str, float]:
+    """Mean steps and triangle tests per ray."""
+    if candidate.spec == yardstick.SPEC or not len(some):
+        return {}
+    if some.any_hit:
+        _, counters = candidate.structure.occluded(some.origins, some.directions, counters=True, **arguments)
+    else:
+        counters = candidate.structure.closest(some.origins, some.directions, counters=True, **arguments).counters
+    names = [name for name in counters if name in COUNTERS or name.startswith(CASE)]
+    return {name: float(np.mean(counters[name])) for name in names}
+
+
+def noise(candidates: Sequence[Candidate], name: str) -> float | None:
+    """The typical relative difference between two times of the same thing in the same round."""
+    for candidate in candidates:
+        again = candidate.control.get(name)
+        if again:
+            first = np.maximum(candidate.seconds[name], 1e-9)
+            return float(np.expm1(np.median(np.abs(np.log(np.maximum(again, 1e-9) / first)))))
+    return None
+
+
+def speeds(candidate: Candidate, name: str, anchor: Candidate | None, machine_noise: float | None) -> dict[str, Any]:
+    """What a row tells of one ray set. anchor: timed in the same rounds."""
+    some = candidate.timed[name]
+    counted = candidate.counted[name]
+    found: dict[str, Any] = {
+        "n": len(some),
+        "mrays_s": None,
+        "times_embree": None,
+        "rounds": [],
+        "anchor_rounds": [],
+        "noise": machine_noise,
+        **{key: counted.get(key) for key in COUNTERS},
+        "hits": counted["hits"],
+    }
+    cases = {name.removeprefix(CASE): mean for name, mean in counted.items() if name.startswith(CASE)}
+    if cases:
+        found["cases"] = cases
+    if len(some):
+        rates = candidate.mrays(name)
+        found["mrays_s"] = {"min": float(rates.min()), "med": float(np.median(rates)), "max": float(rates.max())}
+        found["rounds"] = [float(rate) for rate in rates]
+        if anchor is not None:
+            found["anchor_rounds"] = [float(rate) for rate in anchor.mrays(name)]
+            if anchor.spec == yardstick.SPEC:
+                found["times_embree"] = float(np.median(rates / anchor.mrays(name)))
+    return found
+
+
+CASE = "case_"
+"""Counters of the cases of ray and split plane begin with this."""
+
+COUNTERS = ("steps", "steps_axis", "steps_oblique", "tests")
+"""Means per ray that a row tells: nodes visited, those with an axis plane and an oblique one, triangles tested."""

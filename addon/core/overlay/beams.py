@@ -1,0 +1,161 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The 64 rays of one tile and the cells that they visit: what a beam traversal does once for all of them.
+
+Each ray is followed alone, so that it is known which cells it visits; the tile is walked together by the structure's
+own traversal, and the steps of both are told. A cell is the brighter the more rays visit it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..scene import colours
+from ..scene.scene import F32, F64
+from . import cells, planes
+from .cells import Cells
+from .planes import Level, Shape
+
+SIDE = 8
+"""A tile has so many rays along each side, as those that the traversals take together."""
+
+CORNERS = (0, SIDE - 1, SIDE * SIDE - 1, SIDE * SIDE - SIDE)
+
+SIDE_FILL = (0.10, 0.16)
+"""How much of the opacity the sides of the beam have at their centre and at their rim."""
+
+
+def tile(origin: F64, direction: F64, up: F64, spacing: float, *, parallel: bool) -> tuple[F64, F64]:
+    """Origins and directions, (64, 3) each, of the tile around a ray, row by row.
+
+    spacing: between neighbours, of directions of length one from one origin, or of origins where `parallel`.
+    """
+    forward = direction / np.linalg.norm(direction)
+    right = np.cross(forward, up)
+    if np.linalg.norm(right) < 1e-6:
+        right = np.cross(forward, np.eye(3)[int(np.argmin(np.abs(forward)))])
+    right /= np.linalg.norm(right)
+    steps = spacing * (np.arange(SIDE) - (SIDE - 1) / 2)
+    across = steps[None, :, None] * right + steps[:, None, None] * np.cross(right, forward)
+    across = across.reshape(-1, 3)
+    if parallel:
+        return origin + across, np.tile(forward, (len(across), 1))
+    return np.tile(origin, (len(across), 1)), forward + across
+
+
+@dataclass(frozen=True, eq=False)
+class Beam:
+    """origins, directions: (64, 3) float64, scene frame. t: (64,), inf for none. cells: each leaf that some ray tests,
+    its count the number of rays that do. hits: (h, 3, 3), the triangles that are met, each once. visits: of leaves by
+    single rays. alone, together: steps and tests of the rays one by one, and of the tile by the structure's traversal.
+    """
+
+    origins: F64
+    directions: F64
+    t: F64
+    cells: Cells
+    hits: F32
+    visits: int
+    alone: tuple[int, int]
+    together: tuple[int, int]
+
+    def lines(self) -> list[str]:
+        """The numbers in words."""
+        said = [
+            f"{len(self.t)} rays visit {len(self.cells):,} leaves, {self.visits:,} times",
+            f"One by one: {self.alone[0]:,} steps, {self.alone[1]:,} tests",
+        ]
+        if self.together == self.alone:
+            return [*said, "This traversal takes each ray by itself"]
+        return [*said, f"Together: {self.together[0]:,} steps, {self.together[1]:,} tests"]
+
+
+def follow(structure: Any, origins: F64, directions: F64) -> Beam:
+    """Follow the rays of a tile through a native structure."""
+    known: dict[bytes, list[Any]] = {}
+    hits: dict[int, F32] = {}
+    distances, visits, steps, tests = [], 0, 0, 0
+    for origin, direction in zip(origins, directions, strict=True):
+        path = cells.follow(structure, origin.tolist(), direction.tolist())
+        distances.append(path.t)
+        steps, tests = steps + path.steps, tests + path.tests
+        visits += int(path.tested.sum())
+        for number in np.flatnonzero(path.tested):
+            faces = _faces(path.cells, int(number))
+            known.setdefault(faces[0].tobytes(), [faces, 0])[1] += 1
+        if path.triangle >= 0:
+            hits[path.triangle] = path.corners[path.ids == path.triangle][0]
+    counters = structure.closest(
+        origins.astype(np.float32), directions.astype(np.float32), order="tile8", counters=True, threads=1
+    ).counters
+    return Beam(
+        origins,
+        directions,
+        np.array(distances, np.float64),
+        _gathered(list(known.values())),
+        np.array(list(hits.values()), np.float32).reshape(-1, 3, 3),
+        visits,
+        (steps, tests),
+        (int(counters["steps"].sum()), int(counters["tests"].sum())),
+    )
+
+
+def _faces(found: Cells, number: int) -> tuple[F32, Any]:
+    """The corners of one cell's faces, and how many each has."""
+    starts = found.offsets[found.cells[number] : found.cells[number + 1] + 1]
+    return found.vertices[starts[0] : starts[-1]], np.diff(starts)
+
+
+def _gathered(found: list[list[Any]]) -> Cells:
+    """Cells with their numbers of visitors, the most visited first."""
+    found = sorted(found, key=lambda one: -one[1])
+    sizes = [sizes for (_, sizes), _ in found]
+    return Cells(
+        np.concatenate([np.zeros((0, 3), np.float32), *(corners for (corners, _), _ in found)]),
+        np.concatenate([[0], np.cumsum(np.concatenate([[], *sizes]))]).astype(np.int32),
+        np.concatenate([[0], np.cumsum([len(one) for one in sizes])]).astype(np.int32),
+        np.array([count for _, count in found], np.int32),
+        hidden=0,
+    )
+
+
+def levels(beam: Beam, opacity: float, width: float) -> list[Level]:
+    """The cells, faintest where a single ray visits; then the triangles that are met, and the beam itself."""
+    made: list[Level] = []
+    found = beam.cells
+    if len(found):
+        share = found.count / len(beam.t)
+        rgb = colours.false_colour(colours.CELLS_FROM + (1 - colours.CELLS_FROM) * share)
+        strength = (opacity * (0.35 + 0.55 * share)).astype(np.float32)
+        faces = np.diff(found.cells)
+        shape = Shape(found.vertices, found.offsets, np.repeat(rgb, faces, axis=0), np.repeat(strength, faces))
+        made.append(planes.level(shape, np.arange(found.cells[-1]), 0, max(0.6 * width, 1.0), (0.05, 0.1)))
+    if len(beam.hits):
+        made.append(cells.triangles(beam.hits, cells.HIT_RGB, opacity, 1.0, 0.8))
+    made.append(_sides(beam, opacity, width))
+    return made
+
+
+def ends(beam: Beam) -> F64:
+    """(4, 3) where the corners of the beam end: at their hits, and with the farthest hit where there is none."""
+    met = beam.t[np.isfinite(beam.t)]
+    far = float(met.max()) if len(met) else 1.0
+    corners = list(CORNERS)
+    t = np.where(np.isfinite(beam.t[corners]), beam.t[corners], far)
+    end: F64 = beam.origins[corners] + t[:, None] * beam.directions[corners]
+    return end
+
+
+def _sides(beam: Beam, opacity: float, width: float) -> Level:
+    """The four sides between the corner rays."""
+    near, far = beam.origins[list(CORNERS)], ends(beam)
+    quads = [(near[i], far[i], far[j], near[j]) for i, j in zip(range(4), (1, 2, 3, 0), strict=True)]
+    shape = Shape(
+        np.array(quads, np.float32).reshape(-1, 3),
+        np.arange(0, 17, 4, dtype=np.int32),
+        np.tile(np.array(cells.RAY_RGB, np.float32), (4, 1)),
+        np.full(4, opacity, np.float32),
+    )
+    return planes.level(shape, np.arange(4), 0, max(0.8 * width, 1.0), SIDE_FILL)

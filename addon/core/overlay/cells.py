@@ -1,0 +1,220 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Leaves, and the way of one ray, as lines and surfaces with colours: what a viewport can draw."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..scene import colours
+from ..scene.scene import F32, F64, I32
+from . import planes
+from .planes import Level, Shape
+
+FACES = 6
+"""Polygons of a cell, for the limit."""
+
+FAINTEST = 0.25
+"""The strength of the emptiest cells beside the fullest."""
+
+CELL_FILL = (0.22, 0.30)
+"""How much of a line's opacity a cell's faces have at their centre and at their rim."""
+
+BUNDLES = 8
+"""Cells are drawn in so many groups of equal colours' order, the emptiest first, the fullest over them."""
+
+
+@dataclass(frozen=True, eq=False)
+class Cells:
+    """Leaf cells, the fullest first.
+
+    vertices: (v, 3) float32, scene frame. offsets: (f + 1,) int32, where each face begins. cells: (c + 1,) int32, where
+    each cell begins among the faces. count: (c,) triangles in each. hidden: cells of the choice that are not here.
+    """
+
+    vertices: F32
+    offsets: I32
+    cells: I32
+    count: I32
+    hidden: int
+
+    def __len__(self) -> int:
+        return len(self.count)
+
+
+def choose(structure: Any, least: int, most: int) -> Cells:
+    """The leaves of a native structure with at least `least` triangles, of at most `most` polygons together."""
+    found = structure.leaf_cells(least, max(most // FACES, 1))
+    return Cells(
+        np.ascontiguousarray(found["vertices"], np.float32),
+        found["offsets"].astype(np.int32),
+        found["cells"].astype(np.int32),
+        found["count"].astype(np.int32),
+        found["hidden"],
+    )
+
+
+def levels(cells: Cells, opacity: float, width: float) -> list[Level]:
+    """The cells in bundles, those with few triangles first and faint, those with many last and strong."""
+    if not len(cells):
+        return []
+    rgb = colours.of_counts(cells.count)
+    share = colours.shares(cells.count)
+    crowd = min(1.0, planes.CROWD / len(cells)) ** (planes.CROWD_FADE / 2)
+    strength = (opacity * crowd * (FAINTEST + (1 - FAINTEST) * share)).astype(np.float32)
+    faces = np.diff(cells.cells)
+    shape = Shape(cells.vertices, cells.offsets, np.repeat(rgb, faces, axis=0), np.repeat(strength, faces))
+    made = []
+    for part in reversed(np.array_split(np.arange(len(cells)), min(BUNDLES, len(cells)))):
+        polygons = np.arange(cells.cells[part[0]], cells.cells[part[-1] + 1])
+        made.append(planes.level(shape, polygons, 0, max(width * float(share[part[0]]), 1.0), CELL_FILL))
+    return made
+
+
+@dataclass(frozen=True, eq=False)
+class Path:
+    """The way of one ray, as the native module tells it.
+
+    origin, direction: (3,) float64, scene frame. t, triangle: of the nearest hit, -1 for none. steps, tests: counted by
+    the walk itself. cells: leaves on the way; count tells their triangles. enter, leave: (c,) in units of the
+    direction. tested: (c,) bool. corners: (t, 3, 3), the triangles of all tested leaves, each once; ids: (t,).
+    crossings: the planes on the way; kinds as in planes.KINDS.
+    """
+
+    origin: F64
+    direction: F64
+    t: float
+    triangle: int
+    steps: int
+    tests: int
+    cells: Cells
+    enter: F64
+    leave: F64
+    tested: Any
+    corners: F32
+    ids: I32
+    crossings: planes.Planes
+
+    def lines(self) -> list[str]:
+        """The numbers in words."""
+        full, empty = int(self.tested.sum()), int((~self.tested).sum())
+        met = f"triangle {self.triangle:,} at {self.t:.4g}" if self.triangle >= 0 else "nothing"
+        return [
+            f"{self.steps:,} steps, {len(self.crossings):,} planes crossed",
+            f"{full:,} {'leaf' if full == 1 else 'leaves'} tested, {empty:,} others passed",
+            f"{self.tests:,} triangles tested, {len(self.ids):,} different",
+            f"Meets {met}",
+        ]
+
+
+def follow(structure: Any, origin: Sequence[float], direction: Sequence[float], t_max: float = np.inf) -> Path:
+    """Follow a ray through a native structure."""
+    found = structure.trace_path(list(origin), list(direction), 0.0, t_max)
+    visits, crossed = found["visits"], found["crossings"]
+    ends = visits["triangle_offsets"].astype(np.int64)
+    tested = np.asarray(visits["tested"], bool)
+    mine = np.repeat(tested, np.diff(ends))
+    ids, first = np.unique(visits["triangles"].astype(np.int32)[mine], return_index=True)
+    corners = visits["corners"].reshape(-1, 3, 3)[mine][first]
+    cells = Cells(
+        visits["vertices"],
+        visits["offsets"].astype(np.int32),
+        visits["cells"].astype(np.int32),
+        np.diff(ends).astype(np.int32),
+        hidden=0,
+    )
+    crossings = planes.Planes(
+        crossed["vertices"],
+        crossed["offsets"].astype(np.int32),
+        crossed["depth"].astype(np.int32),
+        crossed["kind"].astype(np.int32),
+        hidden=0,
+        complete=True,
+    )
+    counters = found["counters"]
+    return Path(
+        np.array(origin, np.float64),
+        np.array(direction, np.float64),
+        found["t"],
+        found["triangle"],
+        counters["steps"],
+        counters["tests"],
+        cells,
+        visits["enter"],
+        visits["leave"],
+        tested,
+        corners,
+        ids,
+        crossings,
+    )
+
+
+PASSED_RGB = (0.55, 0.60, 0.66)
+TESTED_RGB = (1.0, 0.62, 0.25)
+HIT_RGB = (1.0, 0.2, 0.45)
+RAY_RGB = (1.0, 1.0, 1.0)
+"""Cells that are only passed, triangles tested, the triangle hit, the ray."""
+
+
+def path_levels(path: Path, tints: Mapping[str, Sequence[float]], opacity: float, width: float) -> list[Level]:
+    """The way of a ray: planes faintest, then cells in the colours of their order, triangles, the hit, the ray."""
+    made: list[Level] = []
+    crossings = path.crossings
+    if len(crossings):
+        table = np.array([tints[kind] for kind in planes.KINDS], np.float32)
+        shape = Shape(
+            crossings.vertices,
+            crossings.offsets,
+            table[crossings.kind],
+            np.full(len(crossings), 0.35 * opacity, np.float32),
+        )
+        made.append(planes.level(shape, np.arange(len(crossings)), 0, 1.0, (0.0, 0.1)))
+    cells = path.cells
+    if len(cells):
+        order = np.cumsum(path.tested) / max(int(path.tested.sum()), 1)
+        rgb = np.where(
+            path.tested[:, None],
+            colours.false_colour(colours.CELLS_FROM + (1 - colours.CELLS_FROM) * order),
+            np.array(PASSED_RGB, np.float32),
+        ).astype(np.float32)
+        strength = np.where(path.tested, 0.9 * opacity, 0.3 * opacity).astype(np.float32)
+        faces = np.diff(cells.cells)
+        shape = Shape(cells.vertices, cells.offsets, np.repeat(rgb, faces, axis=0), np.repeat(strength, faces))
+        made.append(planes.level(shape, np.arange(cells.cells[-1]), 0, max(0.6 * width, 1.0), (0.05, 0.1)))
+    if len(path.ids):
+        made.append(triangles(path.corners, TESTED_RGB, 0.8 * opacity, 1.0, 0.35))
+        hit = path.corners[path.ids == path.triangle]
+        if len(hit):
+            made.append(triangles(hit, HIT_RGB, opacity, width, 0.9))
+    made.append(_ray(path, opacity, width))
+    return made
+
+
+def triangles(corners: F32, rgb: Sequence[float], strength: float, width: float, fill: float) -> Level:
+    """Triangles, (n, 3, 3), in one colour."""
+    count = len(corners)
+    shape = Shape(
+        np.ascontiguousarray(corners.reshape(-1, 3)),
+        np.arange(0, 3 * count + 1, 3, dtype=np.int32),
+        np.tile(np.array(rgb, np.float32), (count, 1)),
+        np.full(count, strength, np.float32),
+    )
+    return planes.level(shape, np.arange(count), 0, width, (fill, fill))
+
+
+def ends(path: Path) -> tuple[float, float]:
+    """From where to where, in units of the direction, the ray is drawn: to its hit, or out of the last cell."""
+    known = path.leave[np.isfinite(path.leave)]
+    last = float(known.max()) if len(known) else 0.0
+    return 0.0, path.t if np.isfinite(path.t) else last * 1.05
+
+
+def _ray(path: Path, opacity: float, width: float) -> Level:
+    start, end = ends(path)
+    line = np.array([path.origin + t * path.direction for t in (start, end)], np.float32)
+    nothing = np.zeros((0, 3), np.float32)
+    colour = np.tile(np.array([*RAY_RGB, opacity], np.float32), (2, 1))
+    return Level(0, 1.2 * width, line, colour, nothing, np.zeros((0, 4), np.float32))

@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a step and a triangle test cost on this machine, fitted to the measured times of all structures of a scene."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..measure import counting
+from ..measure.rows import Row
+from ..measure.timing import COUNTERS
+
+PARTS = {"steps_axis": "axis steps", "steps_oblique": "oblique steps", "tests": "triangle tests"}
+"""What a ray does that costs time, and what it is called."""
+
+LEAST_ROWS = 4
+"""Fewer structures than this say nothing about what all have in common."""
+
+
+@dataclass(frozen=True)
+class Fit:
+    """nanoseconds: of one of each of PARTS. measured: (rows,) ns per ray, over all ray sets. parts: (rows, parts) ns.
+
+    explained: the share of the variance of the measured times that the fit explains.
+    """
+
+    specs: tuple[str, ...]
+    nanoseconds: dict[str, float]
+    measured: NDArray[np.float64]
+    parts: NDArray[np.float64]
+    explained: float
+
+
+def fit(rows: Sequence[Row]) -> Fit | None:
+    """The fit over one scene's rows without those that are silent, or None when there are too few of them."""
+    assert set(PARTS) <= set(COUNTERS)
+    found = [(row["spec"], *_per_ray(row)) for row in rows if row["rays"] and not is_silent(row)]
+    kept = [(spec, counts, time) for spec, counts, time in found if counts is not None and time > 0]
+    if len(kept) < LEAST_ROWS:
+        return None
+    counts = np.array([one for _, one, _ in kept], np.float64)
+    times = np.array([time for _, _, time in kept])
+    # Relative to each time, so that the slowest structure does not decide everything.
+    each = least_squares(counts / times[:, None], np.ones(len(times)))
+    parts = counts * each
+    spread = float(((times - times.mean()) ** 2).sum())
+    explained = 1.0 - float(((parts.sum(axis=1) - times) ** 2).sum()) / spread if spread else 0.0
+    return Fit(tuple(spec for spec, _, _ in kept), dict(zip(PARTS, each, strict=True)), times, parts, explained)
+
+
+def is_silent(row: Row) -> bool:
+    """Whether some of its rays were timed in another walk than they were counted in: that fits nothing."""
+    return not all(counting.tells(row, name) for name, one in row["rays"].items() if one["mrays_s"])
+
+
+def _per_ray(row: Row) -> tuple[NDArray[np.float64] | None, float]:
+    """Counts and nanoseconds per ray, each the mean over the ray sets."""
+    sets = [one for one in row["rays"].values() if one["mrays_s"] and one.get("steps_axis") is not None]
+    if not sets:
+        return None, 0.0
+    counts = np.array([[one[key] for key in PARTS] for one in sets], np.float64)
+    return counts.mean(axis=0), float(np.mean([1e3 / one["mrays_s"]["med"] for one in sets]))
+
+
+def least_squares(matrix: NDArray[np.float64], right: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The x >= 0 with the least |matrix x - right|, by trying which of its few components are zero."""
+    columns = range(matrix.shape[1])
+    best, best_error = np.zeros(matrix.shape[1]), float((right**2).sum())
+    for size in range(1, matrix.shape[1] + 1):
+        for chosen in itertools.combinations(columns, size):
+            x = np.zeros(matrix.shape[1])
+            x[list(chosen)] = np.linalg.lstsq(matrix[:, chosen], right, rcond=None)[0]
+            error = float(((matrix @ x - right) ** 2).sum())
+            if (x >= 0).all() and error < best_error:
+                best, best_error = x, error
+    return best

@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Sweeps over k: times relative to the kd-tree's, medians over seeds."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from ..measure.rows import Row
+from ..measure.thesis import base_of, configuration, labels, percent, spread
+from ..structures.specs import structure_of
+
+
+@dataclass(frozen=True)
+class Line:
+    """Per k the smallest, median and largest time over the seeds, in percent of the base. label: what it is called."""
+
+    structure: str
+    k: tuple[int, ...]
+    low: tuple[float, ...]
+    median: tuple[float, ...]
+    high: tuple[float, ...]
+    label: str
+
+
+def lines(rows: Sequence[Row]) -> tuple[str, list[Line]]:
+    """The base, and a line for each configuration of one scene that was measured with two or more k.
+
+    Times are in units of the anchor's, so that rows of different hours and machines can be put in one line.
+    """
+    base = base_of(rows)
+    if base is None:
+        return "", []
+    found: dict[str, dict[int, list[float]]] = {}
+    for row in rows:
+        time = percent(row, base)
+        if row["k"] is not None and time is not None:
+            found.setdefault(configuration(row), {}).setdefault(row["k"], []).append(time)
+    called = labels(rows)
+    made = []
+    for one, by_k in found.items():
+        if len(by_k) > 1:
+            ks = sorted(by_k)
+            low, median, high = zip(*(spread(by_k[k]) for k in ks), strict=True)
+            made.append(Line(structure_of(one), tuple(ks), low, median, high, called[one]))
+    return base["spec"], made

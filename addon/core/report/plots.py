@@ -1,0 +1,156 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The plots of the report as SVG. They need matplotlib, which Blender lacks; without it there are none."""
+
+from __future__ import annotations
+
+import importlib.util
+import io
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+from ..base.notes import some
+from ..measure import counting, yardstick
+from ..measure.rows import Row, agrees
+from ..measure.thesis import Published
+from . import charts, costs, ksweep
+
+STYLE: Any = {
+    "svg.fonttype": "none",
+    "svg.hashsalt": "halfspace",
+    "font.family": "sans-serif",
+    "font.size": 9,
+    "axes.titlesize": 10,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.edgecolor": "#8a93a3",
+    "axes.labelcolor": "#3c4453",
+    "xtick.color": "#3c4453",
+    "ytick.color": "#3c4453",
+    "grid.color": "#dfe3ea",
+    "legend.frameon": False,
+    "legend.fontsize": 8,
+}
+
+
+MOST_DRAWN = 48
+"""With more configurations only the fastest of each structure is drawn."""
+
+FAR = 30.0
+"""A structure this many times slower than the fastest would press all others together."""
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A figure of the page. svg: the element; caption: what it shows and how to read it."""
+
+    title: str
+    svg: str
+    caption: str
+
+
+def problem() -> str | None:
+    """Why there are no plots, or None."""
+    return None if importlib.util.find_spec("matplotlib") else "matplotlib is not installed in this Python"
+
+
+def scene_figures(rows: Sequence[Row], published: Published | None = None) -> list[Picture]:
+    """The figures for one scene's rows; those without data are left out."""
+    everything = [row for row in rows if row["rays"]]
+    if problem() or not everything:
+        return []
+    measured = _fastest_of_each(everything) if len(everything) > MOST_DRAWN else everything
+    styles = charts.styles(measured)
+    ours = [row for row in measured if row["spec"] != yardstick.SPEC]
+    close, far = _without_outliers(measured)
+    remark = f" Too slow to be drawn in scale: {', '.join(far)}." if far else ""
+    if len(measured) < len(everything):
+        remark += " Of each structure its fastest configuration is drawn."
+    # Only *Speed* marks what answers wrongly; elsewhere its times would pass for those of the others.
+    ours_close = [row for row in close if row["spec"] != yardstick.SPEC and agrees(row)]
+    curves = [row for row in ours if row["curve"] and agrees(row)]
+    views = [row for row in close if row["scaling"] and len(row["scaling"]) > 1 and _counts(row)]
+    mapped = [row for row in ours if row.get("map")]
+    moved = [row for row in ours if row["offsets"]]
+    base, lines = ksweep.lines([row for row in everything if row["spec"] != yardstick.SPEC])
+    fitted = costs.fit(ours_close)
+    found = []
+
+    below = charts.room_for_legend([row["spec"] for row in measured])
+
+    def add(title: str, caption: str, height: float, draw: Callable[[Any], None]) -> None:
+        found.append(Picture(title, svg(draw, height), caption))
+
+    if curves:
+        add("Error against run time", charts.ERROR, 4.4 + below, lambda f: charts.error_against_time(f, curves, styles))
+    add("Speed", charts.SPEEDS + remark, 1.1 + 0.22 * len(close), lambda f: charts.speeds(f, close))
+    if len(ours_close) > 1:
+        draw = partial(charts.build_against_tracing, rows=ours_close, styles=styles)
+        add("Build against tracing", charts.BUILD + remark, 4.8 + below, draw)
+    if lines:
+        draw = partial(charts.k_sweep, scene=rows[0]["scene"], base=base, lines=lines, published=published)
+        room = charts.room_for_legend([line.label for line in lines])
+        add("How many directions", charts.K_SWEEP, 4.4 + room, draw)
+    if views:
+        draw = partial(charts.time_against_rays, rows=views, styles=styles)
+        add("Time against the number of rays", charts.SCALING, 4.4 + below, draw)
+    if mapped:
+        add(
+            "What each pixel costs", charts.MAPS, charts.cost_map_height(mapped), partial(charts.cost_maps, rows=mapped)
+        )
+    if moved:
+        draw = partial(charts.wrong_against_offset, rows=moved, styles=styles)
+        add("Wrong answers far from the origin", charts.OFFSETS, 3.8 + below, draw)
+    if fitted is not None:
+        height = 1.6 + 0.2 * len(fitted.specs)
+        silent = [row["spec"] for row in ours_close if costs.is_silent(row)]
+        told = f" Left out, as their rays are {counting.ONE_BY_ONE}: {some(silent)}." if silent else ""
+        add("Fitted costs", charts.COSTS + told + remark, height, partial(charts.fitted_costs, fit=fitted))
+    return found
+
+
+def _fastest_of_each(rows: Sequence[Row]) -> list[Row]:
+    """One configuration of each structure; one with wrong answers only where there is no other."""
+    best: dict[str, Row] = {}
+    for row in rows:
+        known = best.setdefault(row["structure"], row)
+        if (not _counts(row), charts.tracing_seconds(row)) < (not _counts(known), charts.tracing_seconds(known)):
+            best[row["structure"]] = row
+    return list(best.values())
+
+
+def _counts(row: Row) -> bool:
+    """Whether a row's times can be compared with others': the yardstick's, or those of right answers."""
+    return row["spec"] == yardstick.SPEC or agrees(row)
+
+
+def _without_outliers(rows: Sequence[Row]) -> tuple[list[Row], list[str]]:
+    """The rows whose tracing takes no more than FAR times the fastest, and the names of the others."""
+    times = [charts.tracing_seconds(row) for row in rows]
+    right = [time for row, time in zip(rows, times, strict=True) if time and _counts(row)]
+    limit = FAR * min(right or [time for time in times if time], default=0.0)
+    close = [row for row, time in zip(rows, times, strict=True) if 0 < time <= limit]
+    return close, [row["spec"] for row in rows if row not in close]
+
+
+def figure(draw: Callable[[Any], None], height: float) -> str:
+    """One plot as an SVG element. draw: told the axes. height: inches, at a width of nine."""
+    return svg(lambda page: draw(page.add_subplot()), height)
+
+
+def svg(draw: Callable[[Any], None], height: float) -> str:
+    """A figure as an SVG element. draw: told the figure. height: inches, at a width of nine."""
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
+
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(9.6, height), layout="constrained")
+        draw(figure)
+        text = io.StringIO()
+        figure.savefig(text, format="svg", metadata={"Date": None})
+    found = text.getvalue()
+    # Inside a page, the element alone; the prologue belongs to files.
+    return found[found.index("<svg") :]

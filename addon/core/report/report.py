@@ -1,0 +1,400 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Benchmark rows as text for a terminal, as CSV, and in sentences.
+
+No time is shown without the error measured for the same configuration.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import statistics
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from ..measure import counting, curve, ranking, yardstick
+from ..measure.rows import Row, agrees, building, eager, is_lazy
+
+ERRORS = {
+    "false_miss": "false miss",
+    "false_hit": "false hit",
+    "wrong_triangle": "wrong triangle",
+    "wrong_values": "wrong u, v",
+    "t_ulp_max": "t ulp max",
+}
+"""Error columns of the tables, and their titles."""
+
+
+def table(rows: Sequence[Row]) -> str:
+    """The rows as aligned columns, one block per scene."""
+    blocks = []
+    for scene, own in by_scene(rows).items():
+        titles, lines = cells(own)
+        widths = [max(len(line[i]) for line in [titles, *lines]) for i in range(len(titles))]
+        aligned = [
+            "  ".join([line[0].ljust(widths[0]), *(c.rjust(w) for c, w in zip(line[1:], widths[1:], strict=True))])
+            for line in [titles, *lines]
+        ]
+        failed = [f"{row['spec'] or scene}: {row['error']}" for row in own if row["error"]]
+        blocks.append("\n".join([heading(scene, own), aligned[0], "-" * len(aligned[0]), *aligned[1:], *failed]))
+    return "\n\n".join(blocks)
+
+
+def heading(scene: str, rows: Sequence[Row]) -> str:
+    """What a scene's table is about, in one line."""
+    checked = max((row["errors"]["rays"] for row in rows if row["errors"]), default=0)
+    reference = next((row["errors"]["reference"] for row in rows if row["errors"]), "nothing")
+    ours = {row["threads"] for row in rows if row["spec"] != yardstick.SPEC and row["threads"]}
+    threads = " and ".join(map(str, sorted(ours or {max(row["threads"] for row in rows)})))
+    if ours - {1} and any(row["spec"] == yardstick.SPEC and row["rays"] for row in rows):
+        threads += " (Embree: 1)"
+    return (
+        f"{scene}: {rows[0]['triangles']:,} triangles; speeds in million rays per second (median) and times Embree, "
+        f"threads: {threads}; errors against {reference} on {checked:,} rays"
+    )
+
+
+def by_scene(rows: Iterable[Row]) -> dict[str, list[Row]]:
+    """The rows of each scene, in order of appearance."""
+    found: dict[str, list[Row]] = {}
+    for row in rows:
+        found.setdefault(row["scene"], []).append(row)
+    return found
+
+
+def set_names(rows: Iterable[Row]) -> list[str]:
+    """The ray sets that occur, in order."""
+    return list(dict.fromkeys(name for row in rows for name in row["rays"] or {}))
+
+
+def cells(rows: Sequence[Row]) -> tuple[list[str], list[list[str]]]:
+    """The titles and the lines of one scene's table."""
+    sets = set_names(rows)
+    first = ["first s"] if any(row.get("first_s") for row in rows) else []
+    titles = [
+        "structure",
+        "build s",
+        *first,
+        "MB",
+        "peak MB",
+        "image s",
+        *(t for name in sets for t in (name, "×Emb")),
+        *ERRORS.values(),
+        "checked",
+    ]
+    lines = []
+    for row in rows:
+        line = [row["spec"], _number(row["build_s"] and row["build_s"]["med"], 3)]
+        line += [_number(row["first_s"] and row["first_s"]["med"], 3)] if first else []
+        line.append(_number(row["bytes"] and row["bytes"] / 1e6, 1))
+        line.append(_number(row["peak_bytes"] and row["peak_bytes"] / 1e6, 1))
+        line.append(_number(image_total(row), 2))
+        for name in sets:
+            one = (row["rays"] or {}).get(name) or {}
+            line.append(_number(one.get("mrays_s") and one["mrays_s"]["med"], 3))
+            line.append(_number(one.get("times_embree"), 2))
+        line += ["-" if row["errors"] is None else str(row["errors"][key]) for key in ERRORS]
+        line.append("-" if row["errors"] is None else str(row["errors"]["rays"]))
+        lines.append(line)
+    return titles, lines
+
+
+def _number(value: float | None, digits: int) -> str:
+    return "-" if value is None else f"{value:.{digits}f}"
+
+
+def as_csv(rows: Sequence[Row]) -> str:
+    """The rows with one column per number; nested keys are joined by dots. Pictures are only in `bench.json`."""
+    flat = [dict(_flatten("", {key: row[key] for key in row if key != "map"})) for row in rows]
+    columns = list(dict.fromkeys(name for row in flat for name in row))
+    text = io.StringIO()
+    writer = csv.DictWriter(text, columns, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(flat)
+    return text.getvalue()
+
+
+def _flatten(prefix: str, value: Any) -> Iterable[tuple[str, Any]]:
+    if isinstance(value, dict):
+        for name, inner in value.items():
+            yield from _flatten(f"{prefix}.{name}" if prefix else name, inner)
+    elif isinstance(value, list):
+        yield prefix, "; ".join(map(str, value))
+    else:
+        yield prefix, value
+
+
+def findings(rows: Sequence[Row]) -> list[str]:
+    """What one scene's rows say, in sentences."""
+    measured = [row for row in rows if row["errors"] and row["spec"] != yardstick.SPEC]
+    sentences = [*_about_errors(measured), *_about_moved(measured)]
+    right = [row for row in measured if agrees(row)]
+    for name in set_names(rows):
+        found = ranking.rank(right, name)
+        if found is not None:
+            sentences.append(f"{name.capitalize()} rays: {_about_ranking(found, name)}")
+            if found.apart:
+                specs = ", ".join(row["spec"] for row in found.apart)
+                sentences[-1] += f" Nothing relates the times of {specs} to theirs."
+    sentences += [
+        *_about_first_pictures(right),
+        *_about_totals(right),
+        *_about_pictures(right),
+        *_about_yardstick(rows),
+    ]
+    failed = [row["spec"] or "the scene" for row in rows if row["error"]]
+    if failed:
+        sentences.append(f"Failed, with the reason below: {', '.join(failed)}.")
+    return sentences
+
+
+def _about_errors(measured: Sequence[Row]) -> Iterator[str]:
+    wrong = [row["spec"] for row in measured if not agrees(row)]
+    if wrong:
+        yield f"Answers that differ from the reference, which is why they are ranked nowhere: {', '.join(wrong)}."
+    elif measured:
+        reference = measured[0]["errors"]["reference"]
+        # The reference is compared with itself on a few rays only.
+        others = [row for row in measured if row["spec"] != reference] or measured
+        checked = min(row["errors"]["rays"] for row in others)
+        # Of no events in n trials the rate is below 3/n with 95 % confidence.
+        yield (
+            f"All {len(others)} structures agree with {reference} on every ray compared, at least {checked:,} each: "
+            f"fewer than one ray in {checked // 3:,} is answered wrongly, with 95 % confidence."
+        )
+
+
+def _about_moved(measured: Sequence[Row]) -> Iterator[str]:
+    """Wrong answers on the moved grids, which are none of the scene's."""
+    worst = {row["spec"]: max(row["offsets"], key=lambda point: point["wrong"]) for row in measured if row["offsets"]}
+    wrong = [f"{spec} {p['wrong']:,} of {p['rays']:,}" for spec, p in worst.items() if p["wrong"]]
+    if wrong:
+        yield (
+            "On the grid of touching boxes, moved away from the origin, other answers than brute force's, where they "
+            f"are most: {', '.join(wrong)}."
+        )
+
+
+def _about_first_pictures(measured: Sequence[Row]) -> Iterator[str]:
+    """How soon the camera rays are answered when rays build the tree, and when it is built before."""
+    timed = {row["spec"]: row for row in measured if row.get("first_s")}
+    for spec, row in timed.items():
+        at_once = timed.get(eager(spec))
+        if is_lazy(spec) and at_once is not None and row["machine"] == at_once["machine"]:
+            took, other = row["first_s"]["med"], at_once["first_s"]["med"]
+            differing = row["errors"]["differing_pixels"] + at_once["errors"]["differing_pixels"]
+            yield (
+                f"Build and camera rays together take {_seconds(took)} with {spec}, {took / other:.2f} of the "
+                f"{_seconds(other)} with {at_once['spec']}; {differing} rays differ."
+            )
+
+
+def _about_totals(measured: Sequence[Row]) -> Iterator[str]:
+    """Build and tracing together, for who builds once and traces little."""
+    found = ranking.rank(measured, ranking.TRACING)
+    if found is None:
+        return
+    text = f"The build and one million rays of each set together take {_total(found.best)}"
+    if not found.ranked:
+        text += (
+            f", the best median, but {found.rounds} rounds are too few for a ranking: it takes {ranking.LEAST_ROUNDS} "
+            "(--repeats)"
+        )
+    elif found.equal:
+        specs = ", ".join(row["spec"] for row in found.equal)
+        text += f", which cannot be told from those with {specs} (the noise is {100 * found.noise:.1f} %)"
+    if found.ranked and found.second is not None:
+        # Seconds of other rounds, on a machine that drifts, may say the opposite of the ratio by the anchor.
+        is_beside = ranking.together(found.best, found.second)
+        other = _total(found.second) if is_beside else f"{found.times:.2f} times as long with {found.second['spec']}"
+        text += f"{',' if found.equal else ''} and {other}, the next"
+    yield text + "."
+
+
+def _total(row: Row) -> str:
+    """Seconds of the build and of one million rays of each set, whose they are, and those of the build."""
+    built = building(row)
+    total = built + sum(1.0 / one["mrays_s"]["med"] for one in row["rays"].values() if one["mrays_s"])
+    return f"{_seconds(total)} with {row['spec']} (build {_seconds(built)})"
+
+
+def _about_pictures(measured: Sequence[Row]) -> Iterator[str]:
+    """Equal pictures, and how long they take."""
+    drawn = [row for row in measured if row["curve"]]
+    if len(drawn) < 2:
+        return
+    # With so many samples that half of them had the time.
+    samples = sorted(row["curve"][-1]["spp"] for row in drawn)[len(drawn) // 2]
+    times = sorted((p["seconds"], row["spec"]) for row in drawn for p in row["curve"] if p["spp"] == samples)
+    (quickest, _), (slowest, _) = times[0], times[-1]
+    yield (
+        f"The pictures of {len(drawn)} structures are the same, to the last bit; with {samples} "
+        f"{'sample' if samples == 1 else 'samples'} per pixel that took {_seconds(quickest)} to "
+        f"{_seconds(slowest)}."
+    )
+    yield from about_sweeps(drawn)
+    points = max((row["curve"] for row in drawn), key=len)
+    alone = drawn[0].get("independent") or []
+    yield from about_slopes(points, alone)
+
+
+def about_slopes(points: Sequence[Mapping[str, Any]], alone: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    """How the error falls with the samples: of pictures, and of means of independent samples, each with `rmse`."""
+    if len(points) < 3:
+        return
+    own = curve.slope(points)
+    text = f"Their error (RMSE) falls with the samples to the power {_signed(own)}"
+    if own >= 0.0:
+        text = f"Their error (RMSE) does not fall with so few samples (power {_signed(own)}): bright pixels decide it"
+    if len(alone) > 2:
+        apart = curve.slope(alone)
+        text += (
+            f"; that of independent samples falls to the power {_signed(apart)}, where theory says −0.50 "
+            f"({curve.judged(apart)})"
+        )
+        if own < apart:
+            text += ": the difference is what spreading the samples gains"
+    yield text + "."
+
+
+def about_sweeps(rows: Sequence[Row]) -> Iterator[str]:
+    """Whether a tree that sweeps along more directions than the axes is worth its build for one picture."""
+    found = worth(rows)
+    if found is None:
+        return
+    took = _seconds(image_total(found.best) or 0.0)
+    text = (
+        f"The build and one picture of {IMAGE}, reckoned from smaller ones, take {took} with {found.best['spec']}, "
+        f"the best of {found.among} {'tree' if found.among == 1 else 'trees'} with oblique planes{_beside_kd(found)}"
+    )
+    whole = ranking.rank([row for row in rows if image_total(row) is not None], ranking.PICTURE)
+    if whole is not None and whole.ranked and not whole.equal:
+        seconds = f" with {_seconds(image_total(whole.best) or 0.0)}" * ranking.together(whole.best, found.best)
+        text += f"; {whole.best['spec']} is the best of all{seconds}"
+    yield text + "."
+
+
+def _beside_kd(found: Worth) -> str:
+    """How that compares with kd: by seconds of the same rounds, else by the ratio, which they could contradict."""
+    is_beside = ranking.together(found.best, found.plain)
+    if found.verdict and not is_beside:
+        times = statistics.median(ranking.against(found.best, found.plain, ranking.PICTURE))
+        return f", {found.verdict} than with kd, which takes {times:.2f} times as long"
+    plain = f"the {_seconds(image_total(found.plain) or 0.0)} with kd" if is_beside else "kd"
+    return f", {found.verdict} than {plain}" if found.verdict else f"; too close to tell from {plain}"
+
+
+IMAGE = "1024 × 1024 pixels with 16 samples"
+
+
+def image_total(row: Row) -> float | None:
+    """Seconds of a row's build and one picture together, medians; None where no picture was made."""
+    seconds = row.get("image_s")
+    if seconds is None or not row["build_s"]:
+        return None
+    # A single number in reports of earlier versions.
+    return building(row) + float(seconds["med"] if isinstance(seconds, dict) else seconds)
+
+
+@dataclass(frozen=True)
+class Worth:
+    """The best of `among` trees with oblique planes beside `kd`. verdict: faster, slower, or nothing beyond noise."""
+
+    best: Row
+    plain: Row
+    among: int
+    verdict: str
+
+
+def _oblique(row: Row) -> bool:
+    """Whether the tree holds oblique planes: where all normals are along the axes it is a kd-tree."""
+    return bool((row["statistics"] or {}).get("nodes_oblique"))
+
+
+def worth(rows: Sequence[Row]) -> Worth | None:
+    """How build and picture with the best tree with oblique planes compare with those with kd; None without either."""
+    totals = [(whole, row) for row in rows if agrees(row) and (whole := image_total(row)) is not None]
+    plain = next((row for _, row in totals if row["spec"] == "kd"), None)
+    sweeps = [(whole, row) for whole, row in totals if _oblique(row)]
+    if plain is None or not sweeps:
+        return None
+    _, best = min(sweeps, key=lambda item: item[0])
+    verdict = ""
+    if ranking.faster(best, plain, ranking.PICTURE, among=len(sweeps)):
+        verdict = "faster"
+    elif ranking.faster(plain, best, ranking.PICTURE):
+        verdict = "slower"
+    return Worth(best, plain, len(sweeps), verdict)
+
+
+def worth_it(rows: Sequence[Row], verdict: str = "faster") -> list[str]:
+    """The scenes on which build and picture are faster with some tree with oblique planes than with kd, beyond noise.
+
+    verdict: or those of another verdict of `Worth`.
+    """
+    found = {scene: worth(own) for scene, own in by_scene(rows).items()}
+    return [scene for scene, one in found.items() if one is not None and one.verdict == verdict]
+
+
+def _about_yardstick(rows: Sequence[Row]) -> Iterator[str]:
+    for row in rows:
+        errors = row["errors"]
+        if row["spec"] == yardstick.SPEC and errors:
+            yield (
+                f"Embree, the yardstick, misses {errors['false_miss']:,} and invents {errors['false_hit']:,} hits on "
+                f"{errors['rays']:,} rays."
+            )
+
+
+def _about_ranking(found: ranking.Ranking, name: str) -> str:
+    best = found.best["spec"]
+    if not found.ranked:
+        return (
+            f"{best} has the best median, but {found.rounds} rounds are too few for a ranking; "
+            f"it takes {ranking.LEAST_ROUNDS} (--repeats)."
+        )
+    noise = f"the noise is {100 * found.noise:.1f} %"
+    if found.equal:
+        specs = ", ".join(row["spec"] for row in found.equal)
+        text = f"{best} and {specs} cannot be told apart ({noise})"
+        if found.second is not None:
+            text += f"; the next, {found.second['spec']}, is {found.times:.2f} times slower than {best}"
+    else:
+        assert found.second is not None
+        text = (
+            f"{best} is the fastest, {found.times:.2f} times {found.second['spec']} "
+            f"({found.low:.2f} to {found.high:.2f} over the rounds; {noise})"
+        )
+    return f"{text}{_because(found, name)}."
+
+
+def _because(found: ranking.Ranking, name: str) -> str:
+    """What of the counters goes the way of the time: fewer steps, fewer tests, or neither; nothing without steps."""
+    if found.second is None:
+        return ""
+    best, other = (row["rays"][name] for row in (found.best, found.second))
+    if best["steps"] is None or other["steps"] is None:
+        return ""
+    silent = [row["spec"] for row in (found.best, found.second) if not counting.tells(row, name)]
+    if silent:
+        return f"; counters do not tell why: rays of {' and '.join(silent)} are {counting.ONE_BY_ONE}"
+    words = {"steps": "steps", "tests": "triangle tests"}
+    fewer = [key for key in words if best[key] < 0.95 * other[key]]
+    told = " and ".join(f"{best[key]:.1f} {words[key]} per ray against {other[key]:.1f}" for key in fewer)
+    if told:
+        return f", because {found.best['spec']} makes {told}"
+    if not best["steps"]:
+        return ""
+    return (
+        f", because its steps are cheaper: it makes about as many of them, or more ({best['steps']:.1f} against "
+        f"{other['steps']:.1f}), and about as many tests, or more ({best['tests']:.1f} against {other['tests']:.1f})"
+    )
+
+
+def _signed(value: float) -> str:
+    return f"{value:.2f}".replace("-", "−")
+
+
+def _seconds(value: float) -> str:
+    return f"{1e3 * value:.0f} ms" if value < 1 else f"{value:.1f} s"

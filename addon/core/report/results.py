@@ -1,0 +1,376 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The folder of a benchmark: finished rows that survive an interruption, and files that are whole or not there."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import os
+import platform
+import sys
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ..measure.rows import Row, lacks, without_times
+from .asked import Asked
+
+SCHEMA = 1
+JOURNAL = "rows.jsonl"
+
+
+class FolderError(OSError):
+    """The folder cannot be written, or a file in it not be read. The message names it."""
+
+
+def write(path: Path, text: str) -> None:
+    """Write one file, as `write_all` does."""
+    write_all({path: text})
+
+
+def write_all(files: Mapping[Path, str]) -> None:
+    """Write files so that none is ever seen half-written, and afterwards all are new, or after an error all are old.
+
+    Raises FolderError, which names the file that cannot be written, and old ones that could not be put back.
+    """
+    complete: list[tuple[Path, Path]] = []
+    try:
+        for path in files:
+            with _naming(path):
+                _check_target(path)
+        for path, text in files.items():
+            with _naming(path):
+                handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=path.name + ".")
+                complete.append((Path(temporary), path))
+                with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as file:
+                    file.write(text)
+                    file.flush()
+                    os.fsync(file.fileno())
+                # mkstemp makes files that only their owner can read; a report is for whom the user's others are for.
+                Path(temporary).chmod(0o666 & ~_umask())
+        _put_in_place(complete)
+    except BaseException:
+        for one, _ in complete:
+            _remove(one)
+        raise
+
+
+def _put_in_place(complete: Sequence[tuple[Path, Path]]) -> None:
+    """Give new files (temporary name, name) their names, all of them or none. Raises FolderError.
+
+    What fails here is what nobody could know before, such as a file that another program keeps to itself. Old files
+    have a second name until all is done.
+    """
+    old: list[tuple[Path, Path | None]] = []
+    try:
+        for new, path in complete:
+            kept = new.with_name(new.name + ".old") if os.path.lexists(path) else None
+            old.append((path, kept))
+            with _naming(path):
+                if kept is not None:
+                    _put_aside(path, kept)
+                new.replace(path)
+    except BaseException as error:
+        failed = [line for path, kept in old if (line := _put_back(path, kept))]
+        if failed and isinstance(error, Exception):
+            raise FolderError("; ".join(filter(None, [str(error), *failed]))) from error
+        raise
+    for _, kept in old:
+        if kept is not None:
+            _remove(kept)
+
+
+def _put_aside(path: Path, kept: Path) -> None:
+    """Give an old file a second name."""
+    if not path.is_symlink():  # systems differ in what a link to a link is
+        with contextlib.suppress(OSError):
+            kept.hardlink_to(path)
+            return
+    # No links here, or not to a file of another user: for a moment it has only the second name.
+    path.replace(kept)
+
+
+def _put_back(path: Path, kept: Path | None) -> str:
+    """Let an old file have its name again, or remove the new one if there was none. Returns what failed, or nothing."""
+    try:
+        if kept is None:
+            path.unlink(missing_ok=True)
+        elif not os.path.lexists(kept):
+            pass  # it did not come to that
+        elif path.exists() and path.samefile(kept):
+            _remove(kept)  # it was not replaced, and a rename between two names of one file does nothing
+        else:
+            kept.replace(path)
+    except OSError:
+        return f"{path} cannot be removed" if kept is None else f"{path} cannot be put back: the old one is {kept}"
+    return ""
+
+
+def _remove(path: Path) -> None:
+    """Remove a temporary name. Where that fails, what led here is to be told, and not this."""
+    with contextlib.suppress(OSError):
+        path.unlink(missing_ok=True)
+
+
+def _check_target(path: Path) -> None:
+    """Raise FolderError where a new file cannot take this name."""
+    if path.is_dir():
+        raise FolderError(f"{path}: cannot be written: it is a folder")
+
+
+@contextlib.contextmanager
+def _naming(path: Path) -> Iterator[None]:
+    """What keeps a file from being written becomes a FolderError with its name, not that of what stands in for it."""
+    try:
+        yield
+    except FolderError:
+        raise
+    except OSError as error:
+        raise _unwritten(path, error) from error
+
+
+def _umask() -> int:
+    """What the user keeps others from doing with new files. Python tells it only while it sets another one."""
+    kept = os.umask(0o077)
+    os.umask(kept)
+    return kept
+
+
+def prepare_folder(folder: Path) -> None:
+    """Make the folder and prove that it can be written. Raises FolderError."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise _unwritten(folder, error) from error
+
+
+@contextlib.contextmanager
+def writing(folder: Path | None) -> Iterator[None]:
+    """What cannot be written here, a full disk above all, becomes a FolderError with the folder's name."""
+    try:
+        yield
+    except FolderError:
+        raise
+    except OSError as error:
+        raise _unwritten(folder, error) from error
+
+
+def _unwritten(path: Path | None, error: OSError) -> FolderError:
+    return FolderError(f"{path}: cannot be written: {error.strerror or error}")
+
+
+def machine(native: Any) -> dict[str, Any]:
+    """What the numbers depend on besides the program. `name` is what rows call it."""
+    return {
+        "name": platform.node(),
+        "system": platform.platform(),
+        "processor": _processor(),
+        "cores": os.cpu_count(),
+        "python": platform.python_version(),
+        "level": native.level(),
+    }
+
+
+def native_fingerprint(native: Any) -> str:
+    """A hash of the compiled module: rows measured with another build of it are not taken over."""
+    folder = Path(native.__file__).parent
+    own = sorted(p for p in folder.glob("halfspace_native*") if p.suffix in {".so", ".pyd"})
+    digest = hashlib.sha256(native.__version__.encode())
+    for path in own:
+        digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
+def key(*parts: Any) -> str:
+    """A short name for everything that a row depends on."""
+    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:24]
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A finished row. order: its place among all rows that the same command line asks for. run: of which `Asked`."""
+
+    key: str
+    order: tuple[int, int]
+    row: Row
+    run: str = ""
+
+    @property
+    def is_benchmark(self) -> bool:
+        """Whether it is a row of a benchmark: other commands may share the folder, and keep rows of their own."""
+        return "scene" in self.row
+
+
+class Journal:
+    """Finished rows, one JSON line each, appended as they come.
+
+    shard: the name of this process's part of a sweep; parts that share a folder write files of their own, and each
+    knows the rows of all. machines: by name, those on which the rows were measured. options: of the last run. asked:
+    what all runs were asked for; empty in journals of earlier versions. Raises FolderError.
+    """
+
+    def __init__(self, folder: Path, shard: str = "") -> None:
+        self._path = folder / (f"rows-{shard}.jsonl" if shard else JOURNAL)
+        self.entries: dict[str, Entry] = {}
+        self.machines: dict[str, dict[str, Any]] = {}
+        self.options: dict[str, Any] = {}
+        self.asked = Asked()
+        self.disagreements: list[str] = []
+        # Whether the last line is unfinished. It is ended by the next one: who only reads leaves the file as it is.
+        self._torn = False
+        for path in sorted(folder.glob("rows*.jsonl")):
+            self._read(path)
+
+    def add(self, entry: Entry, machine: dict[str, Any]) -> None:
+        """Keep a finished row, on disk before this returns. Raises FolderError."""
+        if self.machines.get(machine["name"]) != machine:
+            self._append({"machine": machine})
+            self.machines[machine["name"]] = machine
+        self._append({"key": entry.key, "order": entry.order, "row": entry.row, "run": entry.run})
+        self.entries[entry.key] = entry
+
+    def begin(self, options: dict[str, Any]) -> None:
+        """Tell which options the rows to come have."""
+        if self.options != options:
+            self._append({"options": options})
+            self.options = options
+
+    def ask(self, run: str, scenes: Sequence[str], specs: Sequence[str]) -> None:
+        """Tell which rows a run is asked for: these configurations of all these scenes, with the options told."""
+        self._tell(self.asked.begun(run, scenes, specs, self.options))
+
+    def reach(self, run: str, scene: str, name: str) -> None:
+        """Tell that a scene of a run could be read, and what its rows call it."""
+        self._tell(self.asked.reached(run, scene, name))
+
+    def fail(self, run: str, scene: str, order: tuple[int, int], row: Row) -> None:
+        """Tell of a row, or with no configuration of a scene, that failed; it is no finished one."""
+        self._tell(self.asked.failed(run, scene, order, row))
+
+    def _tell(self, line: dict[str, Any]) -> None:
+        self.asked.take(line)
+        self._append(line)
+
+    def missing(self) -> list[str]:
+        """What was asked and is neither finished nor failed, a line for each scene."""
+        return list(self.asked.missing(self._there()))
+
+    def rows(self) -> list[Row]:
+        """The finished rows and those of failures that nobody mended, in order."""
+        found = [(entry.order, entry.row) for entry in self.entries.values() if entry.is_benchmark]
+        found += self.asked.failures_left(self._there())
+        return [row for _, row in sorted(found, key=lambda item: item[0])]
+
+    def _there(self) -> set[tuple[str, str, str]]:
+        own = (entry for entry in self.entries.values() if entry.is_benchmark)
+        return {(entry.run, entry.row["scene"], entry.row["spec"]) for entry in own}
+
+    def lacking(self) -> dict[str, str]:
+        """By key, what rows of a benchmark have not that a report needs: those of another version of the program."""
+        found = {}
+        for key, entry in self.entries.items():
+            column = lacks(entry.row) if entry.is_benchmark else None
+            if column is not None:
+                place = f"{entry.row.get('scene')}, {entry.row.get('spec')}"
+                found[key] = f"the row of {place} has no {column!r}, as those of another version: measure it again"
+        return found
+
+    def merge(self, other: Journal) -> None:
+        """Take over the rows of another journal, in memory only."""
+        self.machines |= other.machines
+        self.asked.merge(other.asked)
+        self.disagreements += other.disagreements
+        self.options = self.options or other.options
+        for entry in other.entries.values():
+            self._take(entry)
+
+    def _take(self, entry: Entry) -> None:
+        known = self.entries.setdefault(entry.key, entry)
+        if not entry.is_benchmark:
+            return
+        if (lacks(known.row) is None) != (lacks(entry.row) is None):
+            # Measured again, because a report needs more than one of them tells.
+            self.entries[entry.key] = known if lacks(known.row) is None else entry
+            return
+        if without_times(known.row) != without_times(entry.row):
+            where = " and ".join(sorted({str(row.get("machine")) for row in (known.row, entry.row)}))
+            self.disagreements.append(f"{entry.row['scene']}, {entry.row.get('spec')}: measured twice, on {where}")
+
+    def _read(self, path: Path) -> None:
+        try:
+            text = path.read_text(encoding="utf-8", errors="replace")
+        except OSError as error:
+            raise FolderError(f"{path}: cannot be read: {error.strerror or error}") from error
+        for line in text.splitlines():
+            try:
+                found = json.loads(line)
+                if "machine" in found:
+                    self.machines[found["machine"]["name"]] = found["machine"]
+                elif "options" in found:
+                    self.options = found["options"]
+                elif not self.asked.take(found):
+                    scene, spec = found["order"]
+                    entry = Entry(found["key"], (int(scene), int(spec)), found["row"], found.get("run", ""))
+                    if not entry.is_benchmark:
+                        self.entries[entry.key] = entry  # the last: it was measured again where one lacked something
+                    self._take(entry)
+            except (ValueError, KeyError, TypeError):
+                # The line that was being written when the process ended; its row is measured again.
+                continue
+        if path == self._path:
+            self._torn = bool(text) and not text.endswith("\n")
+
+    def _append(self, line: dict[str, Any]) -> None:
+        text = "\n" * self._torn + json.dumps(line, allow_nan=False) + "\n"
+        self._torn = True
+        try:
+            with self._path.open("a", encoding="utf-8", newline="\n") as file:
+                file.write(text)
+                file.flush()
+                os.fsync(file.fileno())
+        except OSError as error:
+            raise _unwritten(self._path, error) from error
+        self._torn = False
+
+
+def document(
+    native: Any,
+    rows: list[Row],
+    options: dict[str, Any],
+    machines: Mapping[str, dict[str, Any]] | None = None,
+    missing: Sequence[str] = (),
+) -> dict[str, Any]:
+    """The content of bench.json. machine: where it was written; machines: where the rows were measured, by name.
+
+    native: a hash of the compiled module that the writer had; rows of a run were measured with the same build, those of
+    a merge with the builds of their machines.
+
+    machines: all that are known; where rows name theirs, the others are left out. missing: what was asked and is not
+    among the rows; without such the key is not there.
+    """
+    here = machine(native)
+    named = {row["machine"] for row in rows if "machine" in row}
+    used = {name: facts for name, facts in (machines or {}).items() if name in named or not named}
+    return {
+        "schema": SCHEMA,
+        "project_version": native.__version__,
+        "native": native_fingerprint(native),
+        "machine": here,
+        "machines": used or {here["name"]: here},
+        "options": options,
+        **({"missing": list(missing)} if missing else {}),
+        "rows": rows,
+    }
+
+
+def _processor() -> str:
+    if sys.platform.startswith("linux"):
+        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    return platform.processor() or platform.machine()

@@ -1,0 +1,305 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a benchmark runs on: triangles and a view of them, from a file or built in."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..base.native import first_line
+from .rays import RaySet
+
+F32 = NDArray[np.float32]
+F64 = NDArray[np.float64]
+I32 = NDArray[np.int32]
+
+
+SCENES = Path(__file__).resolve().parents[4] / "shared" / "scenes"
+"""Scenes that are not part of the project lie here, beside it, and are called by their names where they are there."""
+
+RENDERED = (".blend", ".npz")
+"""What can be rendered: a scene of Blender, or a bare geometry."""
+
+
+class WorkloadError(ValueError):
+    """A scene cannot be used. The message names the file and what is wrong, in one line."""
+
+
+FARTHEST = 1e37
+"""Coordinates of a view, which rays must be able to begin at and to cross in f32."""
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """A pinhole view. eye, target, up: (3,) float64, scene frame; vertical_fov: degrees, 0 to 180 exclusive.
+
+    crop: the part of a square film that is seen, as left, right, top, bottom from 0 to 1, from its top left corner; the
+    angle is that of the whole film. None: all of a film of the picture's own shape.
+    """
+
+    eye: F64
+    target: F64
+    up: F64
+    vertical_fov: float
+    crop: tuple[float, float, float, float] | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("eye", "target", "up"):
+            value = getattr(self, name)
+            if value.shape != (3,) or not (np.abs(value) <= FARTHEST).all():
+                raise WorkloadError(
+                    f"camera_{name}: expected three finite numbers of at most {FARTHEST:g}, got {value.tolist()}"
+                )
+        if not 0 < self.vertical_fov < 180:
+            raise WorkloadError(f"camera_vfov_deg: expected an angle between 0 and 180, got {self.vertical_fov}")
+        if not np.cross(self.target - self.eye, self.up).any():
+            raise WorkloadError("camera: it looks along its own up direction, or at its own place")
+        if self.crop is not None:
+            left, right, top, bottom = self.crop
+            if not (0 <= left < right <= 1 and 0 <= top < bottom <= 1):
+                raise WorkloadError(f"camera_crop: expected parts of the film from 0 to 1, got {self.crop}")
+
+    def axes(self) -> tuple[F64, F64, F64]:
+        """Unit vectors to the right, upwards and forwards: three (3,) float64."""
+        forward = (self.target - self.eye) / np.linalg.norm(self.target - self.eye)
+        right = np.cross(forward, self.up)
+        right /= np.linalg.norm(right)
+        return right, np.cross(right, forward), forward
+
+    def window(self, aspect: float) -> tuple[float, float, float, float]:
+        """Left, right, bottom, top of what is seen, at distance 1 ahead. aspect: width by height of the picture."""
+        tangent = float(np.tan(np.radians(self.vertical_fov) / 2))
+        if self.crop is None:
+            return -tangent * aspect, tangent * aspect, -tangent, tangent
+        left, right, top, bottom = self.crop
+        return tangent * (2 * left - 1), tangent * (2 * right - 1), tangent * (1 - 2 * bottom), tangent * (1 - 2 * top)
+
+
+@dataclass(frozen=True, eq=False)
+class Workload:
+    """A scene for measuring.
+
+    vertices: (n, 3) float32. triangles: (m, 3) int32. extra: ray sets of the scene's own, beside those of the view.
+    render_scene: the scene with materials and lights (`core.scene.Scene`) and its camera, where the file has them.
+    """
+
+    name: str
+    vertices: F32
+    triangles: I32
+    view: View
+    extra: tuple[RaySet, ...] = ()
+    render_scene: Any = None
+    render_camera: Any = None
+    notes: tuple[str, ...] = field(default=())
+
+    def __post_init__(self) -> None:
+        vertices, triangles = self.vertices, self.triangles
+        if vertices.ndim != 2 or vertices.shape[1] != 3:
+            raise WorkloadError(f"{self.name}: vertices: expected shape (n, 3), got {vertices.shape}")
+        if triangles.ndim != 2 or triangles.shape[1] != 3:
+            raise WorkloadError(f"{self.name}: triangles: expected shape (m, 3), got {triangles.shape}")
+        if not len(triangles):
+            raise WorkloadError(f"{self.name}: the scene has no triangles")
+        if not 0 <= int(triangles.min()) <= int(triangles.max()) < len(vertices):
+            raise WorkloadError(f"{self.name}: triangles: an index is out of range for {len(vertices)} vertices")
+        if not np.isfinite(vertices[triangles.ravel()]).all(axis=1).any():
+            raise WorkloadError(f"{self.name}: vertices: none is finite")
+
+    def fingerprint(self) -> str:
+        """A hash of everything that is measured: equal for equal triangles, view and extra rays."""
+        digest = hashlib.sha256()
+        view = self.view
+        arrays = [self.vertices, self.triangles, view.eye, view.target, view.up, np.float64(view.vertical_fov)]
+        if view.crop is not None:
+            arrays.append(np.array(view.crop))
+        for rays in self.extra:
+            arrays += [rays.origins, rays.directions]
+        for array in arrays:
+            digest.update(np.ascontiguousarray(array).tobytes())
+            digest.update(b"|")
+        return digest.hexdigest()
+
+    def diagonal(self) -> float:
+        """The length of the box around all finite vertices that a triangle uses."""
+        low, high = bounds(self.vertices, self.triangles)
+        return float(np.linalg.norm(high - low))
+
+
+def bounds(vertices: F32, triangles: I32) -> tuple[F64, F64]:
+    """The box around all finite vertices that a triangle uses: two (3,) float64."""
+    used = vertices[triangles.ravel()].astype(np.float64)
+    used = used[np.isfinite(used).all(axis=1)]
+    return used.min(axis=0), used.max(axis=0)
+
+
+def left_out(workload: Workload, dropped: int) -> list[str]:
+    """In a line or none, how many triangles a structure leaves out and why. dropped: as its statistics count them."""
+    if not dropped:
+        return []
+    finite = np.isfinite(workload.vertices).all(axis=1)
+    outside = int(np.count_nonzero(~finite[workload.triangles].all(axis=1)))
+    reasons = {"with coordinates that are not finite": outside, "without area": dropped - outside}
+    told = " and ".join(f"{count:,} {reason}" for reason, count in reasons.items() if count)
+    return [f"{dropped:,} of {len(workload.triangles):,} triangles are left out: {told}"]
+
+
+def framing_view(vertices: F32, triangles: I32) -> View:
+    """A view of the whole scene from the front, the right and above, for files without a camera."""
+    low, high = bounds(vertices, triangles)
+    centre, radius = (low + high) / 2, max(float(np.linalg.norm(high - low)) / 2, 1e-6)
+    direction = np.array([0.6, -1.0, 0.5])
+    distance = radius / np.sin(np.radians(40.0) / 2)
+    eye = centre + direction / np.linalg.norm(direction) * distance
+    return View(eye, centre, np.array([0.0, 0.0, 1.0]), 40.0)
+
+
+def find(name: str, suffixes: Sequence[str] = (".npz",), built_in: Sequence[str] = ()) -> str | Path:
+    """What a command line calls a scene: one of `built_in`, a file that can be opened, or a name in SCENES.
+
+    Returns the first as it is, else the path. Raises WorkloadError, which tells all choices.
+    """
+    if name in built_in:
+        return name
+    path, problem = Path(name), "there is no such scene"
+    if path.suffix.lower() in suffixes:
+        try:
+            with path.open("rb"):
+                return path
+        except OSError as error:
+            problem = f"cannot be read: {error.strerror or error}"
+    shared = SCENES / f"{name.removesuffix('.npz')}.npz"
+    if path.name == name and shared.is_file():
+        return shared
+    names = ", ".join(sorted(one.stem for one in SCENES.glob("*.npz")))
+    choices = " or ".join(filter(None, [", ".join(built_in), f"a file ending in {' '.join(suffixes)}"]))
+    raise WorkloadError(f"{name}: {problem}; expected {choices}{f', or one of {SCENES}: {names}' if names else ''}")
+
+
+def distinct(found: Mapping[str, str | Path]) -> list[str]:
+    """What the command line calls the scenes, each once. Raises WorkloadError where two have one name: reports would
+    take their rows for those of one.
+
+    found: what `find` returned, by what the command line calls it.
+    """
+    known: dict[str, tuple[str, str | Path]] = {}
+    for scene, one in found.items():
+        name, place = (one, one) if isinstance(one, str) else (one.stem, one.resolve())
+        other, taken = known.setdefault(name, (scene, place))
+        if taken != place:
+            raise WorkloadError(
+                f"{scene}: has the name of {other}; expected different ones, by which reports tell them"
+            )
+    return [scene for scene, _ in known.values()]
+
+
+def load_npz(path: Path, *, memory_limit: int | None = None, published: bool = False) -> Workload:
+    """A scene from numpy's format, keys as in the README. Raises WorkloadError.
+
+    memory_limit: bytes that its arrays may take; they are packed, and may be a thousand times larger than the file.
+    published: as it was measured in a publication, where the file says what that was: without the triangles that stand
+    for quadrics, and only the part of the film that was rendered.
+    """
+    arrays = _arrays(path, (*_KEYS, *_PUBLISHED) if published else _KEYS, memory_limit)
+    with _naming(path):
+        whole = _whole(path.stem, arrays)
+        return _as_published(whole, arrays) if published else whole
+
+
+def load_both(path: Path) -> tuple[Workload, Workload]:
+    """A scene and what of it was published, of one reading, as `load_npz` gives them. Raises WorkloadError."""
+    arrays = _arrays(path, (*_KEYS, *_PUBLISHED), None)
+    with _naming(path):
+        whole = _whole(path.stem, arrays)
+        return whole, _as_published(whole, arrays)
+
+
+def _arrays(path: Path, wanted: Sequence[str], memory_limit: int | None) -> dict[str, Any]:
+    """The wanted arrays, as far as the file has them. Raises WorkloadError."""
+    try:
+        # Opened here, because numpy leaves a broken file open.
+        with path.open("rb") as raw, np.load(raw, allow_pickle=False) as file:
+            unpacked = sum(member.file_size for member in file.zip.infolist())
+            if memory_limit is not None and unpacked > memory_limit:
+                raise WorkloadError(f"{path}: needs {unpacked:,} bytes of memory, of {memory_limit:,} that are free")
+            missing = [key for key in _KEYS if key not in file.files]
+            if missing:
+                raise WorkloadError(f"{path}: the key {missing[0]!r} is missing")
+            return {key: file[key] for key in wanted if key in file.files}
+    except WorkloadError:
+        raise
+    except Exception as error:
+        # A damaged archive makes its readers raise anything, from struct.error to NotImplementedError.
+        raise WorkloadError(f"{path}: cannot be read as .npz: {first_line(error)}") from error
+
+
+@contextlib.contextmanager
+def _naming(path: Path) -> Iterator[None]:
+    """What is wrong with a file's arrays is told with its name."""
+    try:
+        yield
+    except ValueError as error:
+        raise WorkloadError(f"{path}: {first_line(error)}") from error
+
+
+def _whole(name: str, arrays: Mapping[str, Any]) -> Workload:
+    """The scene that these arrays make up. Raises ValueError."""
+    camera = {key: _real(arrays[key], key).astype(np.float64) for key in _KEYS if key.startswith("camera_")}
+    eye, target, up = (camera[f"camera_{k}"].reshape(-1) for k in ("eye", "target", "up"))
+    view = View(eye, target, up, float(camera["camera_vfov_deg"].reshape(())))
+    with np.errstate(over="ignore"):  # what is beyond float32 becomes infinite, and is dropped
+        vertices = np.ascontiguousarray(_real(arrays["vertices"], "vertices"), np.float32)
+    if arrays["triangles"].dtype.kind not in "iu":
+        raise WorkloadError(f"triangles: expected whole numbers, got {arrays['triangles'].dtype}")
+    if arrays["triangles"].size:  # before they become int32, in which others may look as if they were in range
+        least, most = int(arrays["triangles"].min()), int(arrays["triangles"].max())
+        if not 0 <= least <= most < len(vertices):
+            raise WorkloadError(f"triangles: an index is out of range for {len(vertices)} vertices")
+    return Workload(name, vertices, np.ascontiguousarray(arrays["triangles"], np.int32), view)
+
+
+def _as_published(whole: Workload, arrays: Mapping[str, Any]) -> Workload:
+    """What of a scene was measured in a publication, as far as its file says."""
+    triangles, view, notes = whole.triangles, whole.view, []
+    if "triangle_from_quadric" in arrays:
+        stand_in = arrays["triangle_from_quadric"]
+        if stand_in.shape != (len(triangles),) or stand_in.dtype.kind not in "bui":
+            raise WorkloadError(
+                f"triangle_from_quadric: expected {len(triangles)} whole numbers, got {stand_in.dtype} {stand_in.shape}"
+            )
+        triangles = np.ascontiguousarray(triangles[stand_in == 0])
+        notes.append(f"triangles that stand for quadrics are left out: {len(whole.triangles) - len(triangles):,}")
+    if "camera_crop" in arrays:
+        left, right, top, bottom = map(float, _numbers(arrays["camera_crop"], "camera_crop", 4))
+        if "camera_right" in arrays and _numbers(arrays["camera_right"], "camera_right", 3) @ view.axes()[0] < 0:
+            # Of the mirror image: the same rays lie on the other side.
+            left, right = 1 - right, 1 - left
+        view = replace(view, crop=(left, right, top, bottom))
+        notes.append(f"of the film only {right - left:.0%} by {bottom - top:.0%} is seen, as published")
+    return replace(whole, triangles=triangles, view=view, notes=tuple(notes))
+
+
+_KEYS = ("vertices", "triangles", "camera_eye", "camera_target", "camera_up", "camera_vfov_deg")
+_PUBLISHED = ("triangle_from_quadric", "camera_crop", "camera_right")
+
+
+def _real(array: Any, key: str) -> Any:
+    """The array, if it holds real numbers. Raises WorkloadError."""
+    if array.dtype.kind not in "fiu":
+        raise WorkloadError(f"{key}: expected numbers, got {array.dtype}")
+    return array
+
+
+def _numbers(array: Any, key: str, count: int) -> F64:
+    """The array as so many finite numbers. Raises WorkloadError."""
+    numbers = _real(array, key).astype(np.float64)
+    if numbers.shape != (count,) or not np.isfinite(numbers).all():
+        raise WorkloadError(f"{key}: expected {count} finite numbers, got {numbers.tolist()}")
+    found: F64 = numbers
+    return found

@@ -1,0 +1,141 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The native registry of structures as dataclasses. Every list of structures or parameters is made from this."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+from ..base import native
+
+Value = int | float | str
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One key of a configuration string, with what a user interface needs to offer it.
+
+    kind: "integer", "float" or "choice". `minimum` and `maximum` bound a number; `options` names the values of a
+    choice.
+    """
+
+    name: str
+    label: str
+    doc: str
+    unit: str
+    kind: str
+    default: Value
+    minimum: float | None
+    maximum: float | None
+    options: tuple[str, ...] = ()
+
+    def clamp(self, value: Value) -> Value:
+        """The nearest value that this parameter accepts."""
+        if self.kind == "choice":
+            return value if value in self.options else self.default
+        number = float(value)
+        if self.minimum is not None:
+            number = max(number, self.minimum)
+        if self.maximum is not None:
+            number = min(number, self.maximum)
+        return int(number) if self.kind == "integer" else number
+
+
+@dataclass(frozen=True)
+class Structure:
+    """One acceleration structure: `id` for configuration strings, `code` for saved files (never reused).
+
+    aliases: other names of the id, those that other authors gave it.
+    """
+
+    id: str
+    code: int
+    label: str
+    family: str
+    summary: str
+    paper: str
+    parameters: tuple[Parameter, ...]
+    aliases: tuple[str, ...] = ()
+
+    def parameter(self, name: str) -> Parameter | None:
+        """The parameter of this name, or None when this structure has none."""
+        return next((p for p in self.parameters if p.name == name), None)
+
+
+class Catalogue:
+    """All structures, in the registry's order."""
+
+    def __init__(self, structures: Iterable[Structure]) -> None:
+        self.structures = tuple(structures)
+        self._by_id = {structure.id: structure for structure in self.structures}
+        self._by_alias = {alias: structure for structure in self.structures for alias in structure.aliases}
+
+    def __getitem__(self, structure_id: str) -> Structure:
+        return self._by_id[structure_id]
+
+    def get(self, structure_id: str) -> Structure | None:
+        """The structure of this id or other name, if there is one."""
+        return self._by_id.get(structure_id) or self._by_alias.get(structure_id)
+
+    @property
+    def default(self) -> Structure:
+        """What a new scene starts with: the kd-tree, the structure that all others are compared with."""
+        return self._by_id.get("kd", self.structures[0])
+
+    def parameters(self) -> dict[str, Parameter]:
+        """One parameter per name, wide enough for every structure that has a parameter of this name."""
+        merged: dict[str, Parameter] = {}
+        for structure in self.structures:
+            for parameter in structure.parameters:
+                known = merged.get(parameter.name)
+                merged[parameter.name] = parameter if known is None else _widen(known, parameter)
+        return merged
+
+
+@cache
+def load() -> Catalogue:
+    """The catalogue of the compiled module. Raises native.NativeError when there is none."""
+    return Catalogue(_structure(row) for row in native.load().structures())
+
+
+def _structure(row: Mapping[str, Any]) -> Structure:
+    return Structure(
+        id=row["id"],
+        code=int(row["code"]),
+        label=row["label"],
+        family=row["family"],
+        summary=row["summary"],
+        paper=row["paper"],
+        parameters=tuple(_parameter(parameter) for parameter in row["parameters"]),
+        aliases=tuple(row["aliases"]),
+    )
+
+
+def _parameter(row: Mapping[str, Any]) -> Parameter:
+    return Parameter(
+        name=row["name"],
+        label=row["label"],
+        doc=row["doc"],
+        unit=row["unit"],
+        kind=row["kind"],
+        default=row["default"],
+        minimum=row["min"],
+        maximum=row["max"],
+        options=tuple(row["options"] or ()),
+    )
+
+
+def _widen(a: Parameter, b: Parameter) -> Parameter:
+    return Parameter(
+        name=a.name,
+        label=a.label,
+        doc=a.doc,
+        unit=a.unit,
+        kind=a.kind,
+        default=a.default,
+        minimum=None if a.minimum is None or b.minimum is None else min(a.minimum, b.minimum),
+        maximum=None if a.maximum is None or b.maximum is None else max(a.maximum, b.maximum),
+        options=tuple(dict.fromkeys(a.options + b.options)),
+    )

@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The presets of `scripts/bench.py`: the scenes, structures and rays that a name stands for."""
+
+from __future__ import annotations
+
+from addon.core.structures import specs
+
+DIRECTIONS = [f"bsp-{kind}{plus}" for kind in ("random", "wn", "cn") for plus in ("", "-plus", "-plus-kd")]
+"""The structures that the thesis sweeps over k."""
+
+FAITHFUL = "costs=thesis,ties=pbrt,slab=0,clip=0,traversal=dir"
+"""Its prices, stopping rule, ties, and triangles that are not cut; the rule of its program where there is one. Rays go
+singly, as those of the kd-tree that they are compared with."""
+
+OF_THE_THESIS = {
+    "scenes": "killeroo-feet,sponza-dabrovic,conference",
+    "rays": "primary,shadow,diffuse",
+    "k": "2-10",
+    "seeds": "1-7",
+}
+
+
+def faithful() -> str:
+    """All structures of the thesis with its own prices and rules."""
+    swept = [*DIRECTIONS, "bsp-ize", "bsp-ize-kd", "rbsp:k=13", "rbsp-kd:k=13"]
+    made = [specs.joined(spec, FAITHFUL) for spec in swept]
+    return ",".join(specs.joined(spec, "rule=code") if "-kd:" in spec else spec for spec in made)
+
+
+PRESETS: dict[str, dict[str, str]] = {
+    "yardstick": {
+        "scenes": "sponza-dabrovic,conference,country-kitchen,stanford-dragon,stanford-bunny",
+        "structures": "kd:traversal=auto|boxes|dir,bsp-wn-plus-kd:traversal=auto|boxes|dir,"
+        "bvh-sah:traversal=auto|ordered",
+        "rays": "primary,shadow,diffuse,shuffled",
+    },
+    "thesis": {**OF_THE_THESIS, "structures": f"kd-sah:traversal=dir,{faithful()}"},
+    "directions": {
+        **OF_THE_THESIS,
+        "structures": ",".join(
+            f"{spec}:traversal=dir" for spec in ("kd", *DIRECTIONS, "bsp-ize", "bsp-ize-kd", "rbsp", "rbsp-kd")
+        ),
+    },
+    "beams": {"scenes": "sponza-dabrovic,conference", "structures": "kd", "rays": "primary,shadow"},
+}
+"""What a preset chooses unless the command line says otherwise."""
+
+AS_PUBLISHED = ("thesis", "directions")
+"""Presets that measure scenes as the thesis did, where their files say how that was."""

@@ -1,0 +1,220 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Sweeps on a Dask cluster: one timed row per worker at a time.
+
+The workers need numpy and the native module; the scene and this package are sent to them. A row that is lost with its
+worker goes to another one.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib.util
+import logging
+import tempfile
+import time
+import zipfile
+from collections import Counter, deque
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import CancelledError
+from pathlib import Path
+from typing import Any
+
+from addon.core.base import native
+from addon.core.base.native import first_line
+from addon.core.measure import benchmark, rows
+from addon.core.measure.benchmark import Finished, Options, Prepared
+from addon.core.report import results
+from addon.core.scene.workload import Workload
+from addon.core.structures import specs
+
+from . import sweep
+from .sweep import Measured, Measurer
+
+ATTEMPTS = 3
+"""A row whose worker died so often is given up: it may be what kills them."""
+
+POLL_SECONDS = 1.0
+
+START_SECONDS = 60.0
+"""How long the first worker may take to appear."""
+
+HANDING_SECONDS = 60.0
+"""How long a finished row may take to come; it is a few kilobytes."""
+
+
+class ClusterError(RuntimeError):
+    """The cluster cannot be used. The message says why, in one line."""
+
+
+def problem() -> str | None:
+    """Why there are no clusters here, or None."""
+    return None if importlib.util.find_spec("distributed") else "the package distributed is not installed"
+
+
+MOST_WORKERS = 1024
+"""Processes that are started here: as many as there may be threads."""
+
+
+def check(address: str) -> None:
+    """Whether this can be a cluster's address, and whether there is Dask at all. Raises ClusterError."""
+    count = local_workers(address)
+    if count is not None and not 1 <= count <= MOST_WORKERS:
+        raise ClusterError(f"--cluster: expected local:N with N workers, 1 to {MOST_WORKERS}, got {address!r}")
+    reason = problem()
+    if reason:
+        raise ClusterError(f"--cluster: {reason}")
+
+
+def local_workers(address: str) -> int | None:
+    """The N of "local:N", 0 where it is none, and None where the address is that of a cluster elsewhere."""
+    kind, _, number = address.partition(":")
+    if kind != "local":
+        return None
+    return int(number) if specs.is_whole(number) else 0
+
+
+@contextlib.contextmanager
+def measurer(address: str, options: Options, say: Callable[[str], None]) -> Iterator[Measurer]:
+    """Measures on the cluster at `address`; "local:N" starts N workers here. Raises ClusterError."""
+    check(address)
+    import distributed
+
+    with contextlib.ExitStack() as stack:
+        target: Any = address
+        count = local_workers(address)
+        if count is not None:
+            target = stack.enter_context(
+                distributed.LocalCluster(
+                    n_workers=count,
+                    threads_per_worker=1,
+                    processes=True,
+                    dashboard_address=None,
+                    # Also without a dashboard it listens: for this machine alone, and where nobody else does.
+                    scheduler_kwargs={"dashboard_address": "127.0.0.1:0"},
+                    silence_logs=logging.ERROR,
+                )
+            )
+        try:
+            client = stack.enter_context(distributed.Client(target, timeout=START_SECONDS))
+            client.wait_for_workers(1, timeout=START_SECONDS)
+        except (OSError, ValueError, TimeoutError) as error:
+            raise ClusterError(f"--cluster {address}: no workers: {error}") from error
+        client.upload_file(str(_package(Path(stack.enter_context(tempfile.TemporaryDirectory())))))
+        say(f"{len(_workers(client))} workers at {client.scheduler_info()['address']}")
+        yield lambda workload, wanted, anchor: _measure(client, workload, wanted, anchor, options, say)
+
+
+def _package(folder: Path) -> Path:
+    """Write `addon.core` and `lab` into an archive that workers import, and return its path."""
+    root = Path(__file__).resolve().parents[2]
+    path = folder / "halfspace-core.zip"
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("addon/__init__.py", "")
+        for package in (root / "addon" / "core", root / "lab"):
+            for file in sorted(package.rglob("*.py")):
+                archive.write(file, file.relative_to(root).as_posix())
+    return path
+
+
+def _workers(client: Any) -> list[str]:
+    return list(client.scheduler_info(n_workers=-1)["workers"])
+
+
+def _measure(
+    client: Any,
+    workload: Workload,
+    wanted: Sequence[str],
+    anchor: str | None,
+    options: Options,
+    say: Callable[[str], None],
+) -> Iterator[Measured]:
+    """Measure on a cluster that may end at any time. Raises ClusterError."""
+    try:
+        yield from _hand_out(client, workload, wanted, anchor, options, say)
+    except OSError as error:
+        raise ClusterError(f"the cluster is gone, rows of {workload.name} are missing: {first_line(error)}") from error
+
+
+def _hand_out(
+    client: Any,
+    workload: Workload,
+    wanted: Sequence[str],
+    anchor: str | None,
+    options: Options,
+    say: Callable[[str], None],
+) -> Iterator[Measured]:
+    """Hand out rows, one at a time to each worker, and yield them as they come. Raises ClusterError and OSError."""
+    import distributed
+
+    waiting = deque(wanted)
+    attempts: Counter[str] = Counter()
+    running: dict[str, tuple[str, Any]] = {}
+    scene = None
+    seen = time.monotonic()
+    while waiting or running:
+        alive = _workers(client)
+        if alive:
+            seen = time.monotonic()
+        elif time.monotonic() - seen > START_SECONDS:
+            raise ClusterError(
+                f"all workers are gone; {len(waiting) + len(running)} rows of {workload.name} are missing"
+            )
+        if alive and scene is None:
+            # To all, so that no worker takes the scene of the others with it when it dies.
+            scene = client.scatter(workload, hash=False, broadcast=True)
+        for address in alive:
+            if address not in running and waiting:
+                spec = waiting.popleft()
+                attempts[spec] += 1
+                say(f"{workload.name}: {spec} on {address}")
+                task = client.submit(
+                    _row, scene, spec, anchor, options, pure=False, workers=[address], allow_other_workers=False
+                )
+                running[address] = spec, task
+        # Rows that are lost together with the scene are cancelled, and waiting for them is an error.
+        with contextlib.suppress(TimeoutError, CancelledError):
+            tasks = [task for _, task in running.values()]
+            distributed.wait(tasks, timeout=POLL_SECONDS, return_when="FIRST_COMPLETED")
+        for address, (spec, task) in list(running.items()):
+            lost = address not in alive or task.status in ("lost", "cancelled")
+            if not (lost or task.done()):
+                continue
+            del running[address]
+            measured, failure = (None, None) if lost else _ended(task)
+            if measured is not None:
+                yield measured
+            elif (failure is None or isinstance(failure, distributed.KilledWorker)) and attempts[spec] < ATTEMPTS:
+                task.cancel()
+                waiting.append(spec)
+                scene = None  # it may have gone with the worker
+            else:
+                reason = failure or RuntimeError(f"{ATTEMPTS} workers died on it")
+                yield rows.failed(native.load(), workload, spec, options.threads, reason), {"name": address}
+
+
+def _ended(task: Any) -> tuple[Measured | None, BaseException | None]:
+    """The row of a task that has ended, or its failure; neither where it was lost at the last moment."""
+    try:
+        failure = task.exception(timeout=HANDING_SECONDS)
+        return (task.result(timeout=HANDING_SECONDS), None) if failure is None else (None, failure)
+    except (CancelledError, TimeoutError):
+        # A row that went with its worker waits for ever for that very worker.
+        return None, None
+
+
+_scenes: dict[tuple[str, Options], Prepared] = {}
+"""On a worker: the scene that it measured last, with its rays and the reference's answers."""
+
+
+def _row(workload: Workload, spec: str, anchor: str | None, options: Options) -> Measured:
+    """One row, measured by a worker."""
+    module = native.load()
+    place = workload.fingerprint(), options
+    if place not in _scenes:
+        _scenes.clear()
+        _scenes[place] = benchmark.prepared(module, workload, options)
+    chosen = sweep.beside([spec], anchor)
+    for event in benchmark.events(module, workload, chosen, options, _scenes[place], anchor):
+        if isinstance(event, Finished) and event.row["spec"] == spec:
+            return event.row, results.machine(module)
+    raise RuntimeError(f"{spec} gave no row")

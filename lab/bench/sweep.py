@@ -1,0 +1,144 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Sweeps: many configurations on many scenes, resumable, in one process, in several, or on a cluster.
+
+A sweep is a list of scenes times a list of configurations. What is finished is in a journal; whatever else is asked is
+measured, here or by workers, and journalled as it comes. One report is made of the journal.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from addon.core.measure import benchmark, rows
+from addon.core.measure.benchmark import Finished, Options, Row
+from addon.core.report import results
+from addon.core.scene.workload import Workload
+
+QUIET_SECONDS = 2.0
+"""What is being done is told about this often."""
+
+Measured = tuple[Row, dict[str, Any]]
+"""A row, and the machine that measured it."""
+
+Measurer = Callable[[Workload, Sequence[str], str | None], Iterator[Measured]]
+"""Measures configurations of a scene, the anchor beside them: workload, configurations, anchor."""
+
+
+@dataclass(frozen=True)
+class Shard:
+    """The part `number` of `count`, from 1: every count-th row."""
+
+    number: int = 1
+    count: int = 1
+
+    @property
+    def name(self) -> str:
+        """For the name of its journal; empty for the whole."""
+        return f"{self.number}-of-{self.count}" if self.count > 1 else ""
+
+    def has(self, index: int) -> bool:
+        """Whether this part measures the row of this index."""
+        return index % self.count == self.number - 1
+
+
+@dataclass
+class Sweep:
+    """What is asked and what there is. identity: everything else that a row depends on, for its key.
+
+    scenes: all of them, as the command line calls them.
+    """
+
+    chosen: list[str]
+    options: Options
+    identity: list[Any]
+    journal: results.Journal | None = None
+    shard: Shard = field(default_factory=Shard)
+    scenes: Sequence[str] = ()
+    entries: dict[tuple[int, int], results.Entry] = field(default_factory=dict)
+
+    @property
+    def run_id(self) -> str:
+        """The same for all parts of a sweep on all machines, and for another try with more memory."""
+        own = self.options.identity()
+        return results.key({name: own[name] for name in own if name not in ("threads", "memory_limit")})
+
+    def begin(self) -> None:
+        """Tell the journal what is asked."""
+        if self.journal is not None:
+            self.journal.begin(self.options.as_dict())
+            self.journal.ask(self.run_id, self.scenes, self.chosen)
+
+    def run(self, number: int, workload: Workload, measurer: Measurer, say: Callable[[str], None]) -> list[Row]:
+        """Measure what is missing of one scene, the `number`-th. Returns its rows in the order of `chosen`."""
+        scene = workload.fingerprint()
+        if self.journal is not None:
+            self.journal.reach(self.run_id, self.scenes[number], workload.name)
+        known = {} if self.journal is None else self.journal.entries
+        keys = [results.key(workload.name, scene, spec, *self.identity) for spec in self.chosen]
+        mine = [i for i in range(len(self.chosen)) if self.shard.has(number * len(self.chosen) + i)]
+        missing = [i for i in mine if keys[i] not in known or rows.lacks(known[keys[i]].row) is not None]
+        lost = set(missing)
+        for index in mine:
+            if index not in lost:
+                # A row that another command line asked for has another place there.
+                self.entries[number, index] = dataclasses.replace(known[keys[index]], order=(number, index))
+        if missing and len(missing) < len(mine):
+            say(f"{workload.name}: {len(mine) - len(missing)} of {len(mine)} rows are there already")
+        if missing:
+            wanted = [self.chosen[i] for i in missing]
+            for row, machine in measurer(workload, wanted, benchmark.anchor_of(self.chosen)):
+                self._keep(number, missing, keys, row, machine)
+        return self.rows(number)
+
+    def fail(self, number: int, name: str, error: BaseException) -> None:
+        """A scene that cannot be used is a row too, behind what there is of it, but one that is tried again."""
+        place = number, len(self.chosen)
+        self.entries[place] = results.Entry("", place, rows.failed_scene(name, error))
+        if self.journal is not None:
+            self.journal.fail(self.run_id, self.scenes[number], place, self.entries[place].row)
+
+    def rows(self, number: int | None = None) -> list[Row]:
+        """The rows of the `number`-th scene, or of all, in order."""
+        places = sorted(place for place in self.entries if number in (None, place[0]))
+        return [self.entries[place].row for place in places]
+
+    def _keep(
+        self, number: int, missing: Sequence[int], keys: Sequence[str], row: Row, machine: dict[str, Any]
+    ) -> None:
+        index = self.chosen.index(row["spec"])
+        if index not in missing:
+            # The anchor, measured beside others although its row is there.
+            return
+        entry = results.Entry(keys[index], (number, index), row, self.run_id)
+        self.entries[number, index] = entry
+        if self.journal is None:
+            return
+        if row["error"] is None:
+            self.journal.add(entry, machine)
+        else:
+            self.journal.fail(self.run_id, self.scenes[number], entry.order, row)
+
+
+def beside(wanted: Sequence[str], anchor: str | None) -> list[str]:
+    """What to measure so that `wanted` has its anchor."""
+    return [*([anchor] if anchor is not None and anchor not in wanted else []), *wanted]
+
+
+def here(native: Any, options: Options, say: Callable[[str], None]) -> Measurer:
+    """Measures in this process, interleaved."""
+    machine = results.machine(native)
+
+    def measurer(workload: Workload, wanted: Sequence[str], anchor: str | None) -> Iterator[Measured]:
+        told = 0.0
+        for event in benchmark.events(native, workload, beside(wanted, anchor), options, None, anchor):
+            if isinstance(event, Finished):
+                yield event.row, machine
+            elif time.monotonic() - told >= QUIET_SECONDS:
+                told = time.monotonic()
+                say(f"{workload.name}: {100 * event.done:3.0f} % {event.text}")
+
+    return measurer

@@ -1,0 +1,360 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the papers claim, measured again: a table of claims, one file per paper, and the lab that they measure in.
+
+A paper is a module with a constant `CLAIMS`; add it to `table.PAPERS`. A claim names what was published and a
+function that measures it in one or two configurations, *faithful* (the paper's constants) and *best* (ours). Every
+outcome holds, does not hold, or cannot be tested here, and says which counters explain it. No time stands without the
+answers checked beside it.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, fields, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from addon.core.measure import accuracy
+from addon.core.measure.accuracy import Answers, Errors
+from addon.core.measure.check import timed_build
+from addon.core.scene.rays import RaySet, blocks
+from addon.core.scene.workload import Workload, load_both
+from addon.core.structures.specs import structure_of
+
+from ..stability.stability import allowed_to_fail
+
+HOLDS = "holds"
+FAILS = "does not hold"
+UNTESTED = "cannot be tested here"
+VERDICTS = (HOLDS, FAILS, UNTESTED)
+
+VERSION = 1
+"""Grows whenever a claim measures or counts something else: what an earlier run found is then not taken over."""
+
+CHECKED = 20_000
+"""Rays per configuration and scene whose answers are compared with brute force."""
+
+
+REPEATS = {True: 3, False: 7}
+"""Timed passes, after one that warms up, and builds: in a quick run, and else."""
+
+BUILD_SECONDS = 60
+"""No further round of builds begins after so long: the slowest build takes minutes."""
+
+
+@dataclass(frozen=True)
+class Chart:
+    """What a plot shows: lines of (x, y) points by name. level: a dashed line at this height, with its label."""
+
+    title: str
+    x: str
+    y: str
+    lines: Mapping[str, Sequence[tuple[float, float]]]
+    bars: bool = False
+    level: tuple[float, str] | None = None
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What one configuration gave.
+
+    configuration: "faithful" or "best". verdict: one of VERDICTS. measured: the number in words. why: the counters
+    that explain it. values: the numbers, for JSON. error: what was checked, and what differed.
+    """
+
+    configuration: str
+    verdict: str
+    measured: str
+    why: str = ""
+    error: str = ""
+    values: Mapping[str, float] = field(default_factory=dict)
+    charts: tuple[Chart, ...] = ()
+
+
+@dataclass(frozen=True)
+class Claim:
+    """A sentence of a paper that can be measured. scenes: the shared scenes that it is measured on, where they are."""
+
+    id: str
+    paper: str
+    says: str
+    measure: Callable[[Lab], Iterable[Outcome]]
+    scenes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Result:
+    """A claim and what came out.
+
+    wrong: how many of the checked answers were not brute force's, see `Lab.wrong`. machine: the name of where it was
+    measured; empty when that is here.
+    """
+
+    claim: Claim
+    outcomes: tuple[Outcome, ...]
+    wrong: int = 0
+    machine: str = ""
+
+    @property
+    def measured(self) -> bool:
+        """Whether anything was: not where all that it needs is missing."""
+        return any(outcome.verdict != UNTESTED or outcome.values for outcome in self.outcomes)
+
+    def as_rows(self) -> Iterator[dict[str, Any]]:
+        """One row per configuration, as JSON has it."""
+        for outcome in self.outcomes:
+            row = asdict(outcome)
+            charts = [{**chart, "lines": {k: list(v) for k, v in chart["lines"].items()}} for chart in row["charts"]]
+            about = {"claim": self.claim.id, "paper": self.claim.paper, "says": self.claim.says}
+            yield {**about, "machine": self.machine, **row, "charts": charts}
+
+
+def outcome(row: Mapping[str, Any]) -> Outcome:
+    """The outcome in a row of `Result.as_rows`, after JSON too."""
+    names = [one.name for one in fields(Outcome)]
+    drawn = [
+        {**chart, "lines": {name: [tuple(point) for point in line] for name, line in chart["lines"].items()}}
+        for chart in row["charts"]
+    ]
+    return Outcome(**{**{name: row[name] for name in names}, "charts": tuple(Chart(**chart) for chart in drawn)})
+
+
+@dataclass(frozen=True)
+class Timing:
+    """Median seconds of one structure on one set of rays, and the mean counters of a ray."""
+
+    rays: int
+    seconds: float
+    counters: Mapping[str, float]
+
+    @property
+    def nanoseconds(self) -> float:
+        """Per ray."""
+        return self.seconds / max(self.rays, 1) * 1e9
+
+
+@dataclass(frozen=True)
+class Builds:
+    """Median seconds of each structure's build, by configuration, and of how many builds."""
+
+    seconds: Mapping[str, float]
+    count: int
+
+    @property
+    def told(self) -> str:
+        """What the seconds are, in words."""
+        return "one build each" if self.count == 1 else f"medians of {self.count} builds"
+
+
+ROOM = 1 << 30
+"""Structures of so many bytes are kept for the next claim; of those beyond, the oldest are built again when needed."""
+
+
+class Lab:
+    """Builds, checks and times structures on one thread; what was measured once is not measured again."""
+
+    def __init__(self, native: Any, *, quick: bool, say: Callable[[str], None], scenes: Path | None = None) -> None:
+        self.native = native
+        self.scenes = scenes
+        self.quick = quick
+        self.say = say
+        self.repeats = REPEATS[quick]
+        self._ids = {row["id"] for row in native.structures()}
+        self._structures: dict[tuple[str, str], Any] = {}
+        self._timings: dict[tuple[str, str, str], Timing] = {}
+        self._right: dict[tuple[str, str], Answers] = {}
+        self._rays: dict[tuple[str, str], RaySet] = {}
+        self._errors: dict[tuple[str, str, str], Errors] = {}
+        self._used: set[tuple[str, str, str]] = set()
+        self._scenes: dict[str, tuple[Workload, Workload]] = {}
+        self._fingerprints: dict[str, str] = {}
+        self._builds: dict[tuple[str, tuple[str, ...]], Builds] = {}
+
+    def begin(self) -> None:
+        """A claim begins: `wrong` tells of its answers."""
+        self._used.clear()
+
+    def lacks(self, *specs: str) -> str:
+        """Which of the structures do not exist in this build, as a sentence; empty when all do."""
+        missing = [spec for spec in specs if structure_of(spec) not in self._ids]
+        return f"this build has no {', '.join(missing)}" if missing else ""
+
+    def shared(self, name: str, *, published: bool = False) -> Workload | None:
+        """A scene from the shared folder, or what of it was published; None where it is not there."""
+        both = self._loaded(name)
+        if both is None:
+            self.say(f"{name} is left out: there is no such file")
+            return None
+        found = both[published]
+        # Under another name, for what was measured of the whole scene is known by its name.
+        return replace(found, name=f"{name} as published") if found.notes else found
+
+    def fingerprints(self, names: Iterable[str]) -> dict[str, str]:
+        """What the shared scenes of these names hold, of those that are there. Raises WorkloadError."""
+        names = list(names)
+        # What the claims before took is let go: a claim names all that it takes.
+        self._scenes = {name: both for name, both in self._scenes.items() if name in names}
+        there = {name: both for name in names if (both := self._loaded(name)) is not None}
+        for name in there.keys() - self._fingerprints.keys():
+            self._fingerprints[name] = " ".join(sorted({one.fingerprint() for one in there[name]}))
+        return {name: self._fingerprints[name] for name in there}
+
+    def _loaded(self, name: str) -> tuple[Workload, Workload] | None:
+        """A scene from the shared folder, whole and as published, read once; None where it is not there."""
+        if name not in self._scenes:
+            path = None if self.scenes is None else self.scenes / f"{name}.npz"
+            if path is None or not path.is_file():
+                return None
+            self._scenes[name] = load_both(path)
+        return self._scenes[name]
+
+    def build(self, workload: Workload, spec: str) -> Any:
+        """The structure, built once, or again after others that needed its room."""
+        key = (workload.name, spec)
+        if key not in self._structures:
+            held = sum(known.statistics["bytes"] for known in self._structures.values())
+            while self._structures and held > ROOM:
+                oldest = next(iter(self._structures))
+                held -= self._structures.pop(oldest).statistics["bytes"]
+            self._structures[key] = self.native.build(workload.vertices, workload.triangles, spec, threads=1)
+        return self._structures[key]
+
+    def statistics(self, workload: Workload, spec: str) -> Mapping[str, Any]:
+        """What the build made."""
+        statistics: Mapping[str, Any] = self.build(workload, spec).statistics
+        return statistics
+
+    def rays(self, workload: Workload, name: str, make: Callable[[], RaySet]) -> RaySet:
+        """The scene's rays of this name, made once."""
+        key = (workload.name, name)
+        if key not in self._rays:
+            self._rays[key] = make()
+        return self._rays[key]
+
+    def seconds(self, workload: Workload, specs: Sequence[str], rays: RaySet) -> dict[str, Timing]:
+        """Median seconds of each structure on the rays, taken in turns; answers are checked first.
+
+        The clock is that of the processor: on one thread it counts the work, however busy the machine is.
+        """
+        wanted = [spec for spec in specs if (workload.name, spec, rays.name) not in self._timings]
+        if wanted:
+            self.say(f"{workload.name}: {rays.name}: {', '.join(wanted)}")
+        for spec in wanted:
+            self._check(workload, spec, rays)
+        self._used.update((workload.name, spec, rays.name) for spec in specs)
+        taken: dict[str, list[float]] = {spec: [] for spec in wanted}
+        for repeat in range(self.repeats + 1):
+            for spec in wanted:
+                seconds = self._ask(self.build(workload, spec), rays)
+                if repeat:
+                    taken[spec].append(seconds)
+        for spec in wanted:
+            counters = self._count(self.build(workload, spec), rays)
+            key = (workload.name, spec, rays.name)
+            self._timings[key] = Timing(len(rays), float(np.median(taken[spec])), counters)
+        return {spec: self._timings[workload.name, spec, rays.name] for spec in specs}
+
+    def walks(self, workload: Workload, specs: Sequence[str], rays: RaySet) -> dict[str, Timing]:
+        """Seconds of each structure's walks alone: recorded, and walked again without a triangle test.
+
+        Walks are timed in chunks of rays, in turns; of each chunk the quickest counts, since others were interrupted.
+        """
+        kind = f"{rays.name}, walks"
+        wanted = [spec for spec in specs if (workload.name, spec, kind) not in self._timings]
+        if wanted:
+            self.say(f"{workload.name}: {kind}: {', '.join(wanted)}")
+        recordings, best = {}, {}
+        for spec in wanted:
+            self._check(workload, spec, rays)
+            structure = self.build(workload, spec)
+            recordings[spec] = structure.record(rays.origins, rays.directions, t_max=rays.t_max, any_hit=rays.any_hit)
+            best[spec] = recordings[spec].replay()
+        for _ in range(self.repeats):
+            for spec in wanted:
+                best[spec] = np.minimum(best[spec], recordings[spec].replay())
+        self._used.update((workload.name, spec, rays.name) for spec in specs)
+        for spec in wanted:
+            counters = {name: float(np.mean(column)) for name, column in recordings[spec].counters.items()}
+            self._timings[workload.name, spec, kind] = Timing(len(rays), float(best[spec].sum()), counters)
+        return {spec: self._timings[workload.name, spec, kind] for spec in specs}
+
+    def build_seconds(self, workload: Workload, specs: Sequence[str]) -> Builds:
+        """Median processor seconds of each build, on one thread, in turns."""
+        key = (workload.name, tuple(specs))
+        if key not in self._builds:
+            self.say(f"{workload.name}: builds: {', '.join(specs)}")
+            taken: dict[str, list[float]] = {spec: [] for spec in specs}
+            begun, rounds = time.process_time(), 0
+            while not rounds or (rounds < self.repeats and time.process_time() - begun < BUILD_SECONDS):
+                for spec in specs:
+                    taken[spec].append(timed_build(self.native, workload, spec, 1)[1])
+                rounds += 1
+            self._builds[key] = Builds({spec: float(np.median(own)) for spec, own in taken.items()}, rounds)
+        return self._builds[key]
+
+    def error(self, workload: Workload, specs: Iterable[str]) -> str:
+        """How many of the checked rays of these structures on this scene were not brute force's, in words."""
+        own = [v for (scene, spec, _), v in self._errors.items() if scene == workload.name and spec in set(specs)]
+        wrong, of = sum(errors.wrong for errors in own), sum(errors.rays for errors in own)
+        return f"{wrong:,} of {of:,} answers differ from brute force"
+
+    def compared(self, where: str, spec: str, rays: str, errors: Errors) -> None:
+        """Take note of answers that were compared with brute force's. where: the name of a scene or a case."""
+        self._errors[where, spec, rays] = errors
+        self._used.add((where, spec, rays))
+
+    def wrong(self) -> int:
+        """How many of the answers behind this claim are not brute force's, without those of walks known to fail."""
+        return sum(self._errors[key].wrong for key in self._used if not allowed_to_fail(key[1]))
+
+    def _ask(self, structure: Any, rays: RaySet) -> float:
+        ask = structure.occluded if rays.any_hit else structure.closest
+        start = time.process_time()
+        ask(rays.origins, rays.directions, t_max=rays.t_max, order=rays.order, threads=1)
+        return time.process_time() - start
+
+    def _count(self, structure: Any, rays: RaySet) -> dict[str, float]:
+        arguments = {"t_max": rays.t_max, "order": rays.order, "threads": 1, "counters": True}
+        if rays.any_hit:
+            counters = structure.occluded(rays.origins, rays.directions, **arguments)[1]
+        else:
+            counters = structure.closest(rays.origins, rays.directions, **arguments).counters
+        return {name: float(np.mean(column)) for name, column in counters.items()} if len(rays) else {}
+
+    def _check(self, workload: Workload, spec: str, rays: RaySet) -> None:
+        """Compare with brute force, bit for bit."""
+        some = rays.take(blocks(len(rays), CHECKED, seed=1))
+        arguments = {"t_max": some.t_max, "threads": 1}
+        structure = self.build(workload, spec)
+        key = (workload.name, rays.name)
+        if key not in self._right:
+            brute = self.build(workload, "brute")
+            self._right[key] = Answers.of(brute.closest(some.origins, some.directions, t_max=some.t_max, threads=0))
+        right = self._right[key]
+        blocked = structure.occluded(some.origins, some.directions, order=some.order, **arguments)
+        found = Answers.of(structure.closest(some.origins, some.directions, order=some.order, **arguments))
+        errors = accuracy.compare(right, found, blocked, self.native.ulp_distance, bitwise=True)
+        self.compared(workload.name, spec, rays.name, errors)
+
+
+def measure(lab: Lab, claims: Iterable[Claim]) -> Iterator[Result]:
+    """Measure claim by claim."""
+    for claim in claims:
+        lab.say(f"{claim.paper}: {claim.id}")
+        lab.begin()
+        outcomes = tuple(claim.measure(lab))
+        yield Result(claim, outcomes, lab.wrong())
+
+
+def verdict(*, holds: bool) -> str:
+    """A measured claim holds or does not."""
+    return HOLDS if holds else FAILS
+
+
+def slope(points: Iterable[tuple[float, float]]) -> float:
+    """The slope of the line through (x, y) points, by least squares."""
+    x, y = np.array(list(points), np.float64).T
+    return float(np.polyfit(x, y, 1)[0])

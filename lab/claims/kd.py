@@ -1,0 +1,199 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Havran, Kopal, Bittner and Žára: a walk of kd-trees by the coordinates of entry and exit, against two by distances.
+
+Walks are timed alone, without triangle tests, as the paper compares them, and whole queries beside. The faithful
+configuration is scalar, as published and without bounds on its rounding, so some of its answers are wrong.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+
+from addon.core.scene import rays
+from addon.core.scene.workload import Workload
+
+from ..stability import stability
+from . import paper_scenes
+from .claims import UNTESTED, Chart, Claim, Lab, Outcome, Timing, verdict
+
+PAPER = "Havran, Kopal, Bittner and Žára, Fast robust BSP tree traversal algorithm for ray tracing (1997)"
+
+WALKS = ("ta-b", "ta-a", "sung", "arvo")
+"""The walk in question, and those that it is compared with."""
+
+AGAINST = ("sung", "arvo")
+SAVED = 0.7
+"""'Saves 30 to 50 %' in numbers: at most so much of the others' time."""
+
+TREES = {"faithful": "kd-sah:robust=none,traversal=", "best": "kd:traversal="}
+"""Whole triangles in leaves and walks as published; and triangles cut to their cells, walks with bounds."""
+
+SIZE = (384, 384)
+"""Pixels of the view whose rays are walked."""
+
+SETS = ("primary", "diffuse", "shadow")
+SINGULAR = ("touching boxes", "signs of zero", "coplanar", "corners of boxes", "octants", "view on the lattice")
+"""Extreme cases whose rays run in planes."""
+
+SCENES = ("sponza-dabrovic", "conference", "killeroo-feet")
+CASES = tuple(f"case_{kind}" for kind in ("n1", "n2", "n3", "n4", "n5", "p1", "p2", "p3", "p4", "p5", "z1", "z2", "z3"))
+
+
+def scenes(lab: Lab) -> Iterator[Workload]:
+    """Three shared scenes, and one that is always there."""
+    yield paper_scenes.scattered()
+    yield from (workload for name in SCENES if (workload := lab.shared(name)) is not None)
+
+
+def ray_sets(lab: Lab, workload: Workload) -> list[rays.RaySet]:
+    """What the view's rays, their bounces and their shadows are; those sets that are not empty."""
+    made: list[rays.RaySet] = []
+
+    def all_sets() -> list[rays.RaySet]:
+        if not made:
+            made.extend(rays.make(workload, lab.build(workload, "kd"), size=SIZE, seed=1, names=SETS))
+        return made
+
+    def one(name: str) -> rays.RaySet:
+        own = next(some for some in all_sets() if some.name == name)
+        return replace(own, name=f"{name} of {SIZE[0]}x{SIZE[1]}")
+
+    found = [lab.rays(workload, f"{name} of {SIZE[0]}x{SIZE[1]}", partial(one, name)) for name in SETS]
+    return [some for some in found if len(some)]
+
+
+def times(lab: Lab, workload: Workload, specs: Sequence[str], *, alone: bool) -> dict[str, Timing]:
+    """Each walk's time over all sets of rays, alone or with the triangle tests, and its mean counters."""
+    found: dict[str, list[Timing]] = {spec: [] for spec in specs}
+    for some in ray_sets(lab, workload):
+        measured = (lab.walks if alone else lab.seconds)(workload, specs, some)
+        for spec in specs:
+            found[spec].append(measured[spec])
+    return {spec: _together(parts) for spec, parts in found.items()}
+
+
+def _together(parts: Sequence[Timing]) -> Timing:
+    count = sum(part.rays for part in parts)
+    counters = {name: sum(part.rays * part.counters[name] for part in parts) / count for name in parts[0].counters}
+    return Timing(count, sum(part.seconds for part in parts), counters)
+
+
+def saves(lab: Lab, *, alone: bool, most: float) -> Iterator[Outcome]:
+    """The time of TA-B as a share of each other walk's, scene by scene."""
+    lines: dict[str, dict[str, list[tuple[float, float]]]] = {name: {walk: [] for walk in WALKS} for name in TREES}
+    chosen = list(scenes(lab))
+    for workload in chosen:
+        if not ray_sets(lab, workload):
+            yield Outcome("best", UNTESTED, f"{workload.name}: nothing is seen")
+            continue
+        for configuration, tree in TREES.items():
+            specs = {walk: tree + walk for walk in WALKS}
+            measured = times(lab, workload, list(specs.values()), alone=alone)
+            own = measured[specs["ta-b"]]
+            for walk, spec in specs.items():
+                lines[configuration][walk].append((len(lines[configuration][walk]), measured[spec].nanoseconds))
+            ratios = {walk: own.seconds / measured[specs[walk]].seconds for walk in WALKS[1:]}
+            told = ", ".join(f"{ratio:.2f} of {walk}" for walk, ratio in ratios.items())
+            nanoseconds = ", ".join(f"{walk} {measured[spec].nanoseconds:.0f}" for walk, spec in specs.items())
+            yield Outcome(
+                configuration,
+                verdict(holds=all(ratios[walk] <= most for walk in AGAINST)),
+                f"{workload.name}: TA-B takes {told} (asked: {most:g}); ns a ray: {nanoseconds}",
+                why(own.counters, {walk: measured[spec].counters for walk, spec in specs.items()}),
+                lab.error(workload, list(specs.values())),
+                ratios,
+                (chart(configuration, chosen, lines[configuration]),) if workload is chosen[-1] else (),
+            )
+
+
+def why(own: Mapping[str, float], all_walks: Mapping[str, Mapping[str, float]]) -> str:
+    """Steps a ray by walk, and of TA-B's steps the share that goes to both children: only there it computes."""
+    steps = ", ".join(f"{walk} {counters['steps']:.1f}" for walk, counters in all_walks.items())
+    both = own["case_n4"] + own["case_p4"]
+    whole = max(sum(own[name] for name in CASES), 1e-9)
+    histogram = ", ".join(f"{name[5:].upper()} {own[name] / whole * 100:.1f}" for name in CASES if own[name] > 0)
+    return (
+        f"inner nodes a ray: {steps}; leaves {own['leaves'] + own['leaves_empty']:.1f}, tests {own['tests']:.1f}. "
+        f"{both / whole * 100:.0f} % of TA-B's nodes lead to both children, where it computes a distance and two "
+        f"coordinates; the others are two comparisons. Sung and Arvo compute one distance, by one product, at every "
+        f"node. Cases in %: {histogram}"
+    )
+
+
+def chart(configuration: str, chosen: Sequence[Workload], lines: Mapping[str, list[tuple[float, float]]]) -> Chart:
+    """Bars of nanoseconds a ray, scene by scene, one colour per walk."""
+    named = ", ".join(f"{place} {workload.name}" for place, workload in enumerate(chosen))
+    return Chart(f"{configuration}: {named}", "scene", "ns a ray", lines, bars=True)
+
+
+def singular(lab: Lab) -> Iterator[Outcome]:
+    """Rays in walls, along edges and through corners: how many answers each walk gets wrong."""
+    cases = [case for case in lab.native.cases() if case["name"] in SINGULAR]
+    rays_asked = sum(len(case["origins"]) for case in cases)
+    for configuration, tree in TREES.items():
+        wrong = dict.fromkeys(WALKS, 0)
+        for case in cases:
+            specs = [tree + walk for walk in WALKS]
+            for spec, errors, _ in stability.case_errors(lab.native, case, specs, exact_pairs=0):
+                wrong[spec.removeprefix(tree)] += errors.wrong
+                lab.compared(case["name"], spec, "singular", errors)
+        yield Outcome(
+            configuration,
+            verdict(holds=wrong["ta-b"] == 0),
+            f"of {rays_asked:,} rays in walls, along edges and through corners, wrong: "
+            + ", ".join(f"{walk} {number:,}" for walk, number in wrong.items()),
+            "its cases are told apart without rounding, but the points of crossing that it compares are rounded: a ray "
+            "that leaves a cell through an edge enters the wrong neighbour unless the comparison has a bound",
+            f"{sum(wrong.values()):,} of {len(WALKS) * rays_asked:,} answers differ from brute force",
+            {walk: float(number) for walk, number in wrong.items()},
+        )
+
+
+def comparisons(lab: Lab) -> Iterator[Outcome]:
+    """What TA-B computes at an inner node, by its counters: the cases are all of its nodes, and few of them compute."""
+    for workload in scenes(lab):
+        if not ray_sets(lab, workload):
+            yield Outcome("best", UNTESTED, f"{workload.name}: nothing is seen")
+            continue
+        for configuration, tree in TREES.items():
+            spec = f"{tree}ta-b"
+            own = times(lab, workload, [spec], alone=True)[spec].counters
+            both, whole = own["case_n4"] + own["case_p4"], sum(own[name] for name in CASES)
+            yield Outcome(
+                configuration,
+                verdict(holds=abs(whole / max(own["steps"], 1e-9) - 1) < 1e-6 and both < whole),
+                f"{workload.name}: {own['steps']:.1f} inner nodes a ray, each of one of the {len(CASES)} cases; "
+                f"{both / max(whole, 1e-9) * 100:.0f} % of them lead to both children and compute a distance, the "
+                "others two comparisons and nothing else",
+                why(own, {"ta-b": own}),
+                lab.error(workload, [spec]),
+                {"computing": both / max(whole, 1e-9)},
+            )
+
+
+CLAIMS = (
+    Claim(
+        "ta-b-comparisons",
+        PAPER,
+        "Two comparisons at an inner node; the distance of its plane only when both children are visited.",
+        comparisons,
+        SCENES,
+    ),
+    Claim(
+        "ta-b-walks",
+        PAPER,
+        "TA-B saves 30 to 50 % of the time of traversal against the algorithms of Sung and of Arvo.",
+        lambda lab: saves(lab, alone=True, most=SAVED),
+        SCENES,
+    ),
+    Claim(
+        "ta-b-rays",
+        PAPER,
+        "Ray tracing with TA-B is about twice as fast.",
+        lambda lab: saves(lab, alone=False, most=0.5),
+        SCENES,
+    ),
+    Claim("ta-b-singularities", PAPER, "TA-B handles all singularities correctly.", singular),
+)

@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The scenes and rays of the papers' workloads, made from one seed.
+
+The octree paper's pictures show many objects scattered at random, and few concentrated in the middle of a large scene;
+it states the number of objects and of octree nodes. Objects here are triangles, sized so that the numbers of nodes
+come out as published.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from addon.core.scene.rays import F32, F64, RaySet, pinhole, tile_order
+from addon.core.scene.workload import View, Workload
+
+RESOLUTIONS = ((320, 200), (640, 400), (800, 600), (1024, 768), (1280, 1024))
+"""From the paper's smallest picture to its largest."""
+
+WINDOW = 4.0 / 3.0
+"""Width by height of the picture, whatever its resolution: that of the screens of the time."""
+
+
+def scattered() -> Workload:
+    """400 objects at random places of a cube."""
+    rng = np.random.default_rng(1)
+    return _objects("400 scattered objects", rng.uniform(-1.0, 1.0, (400, 3)), 0.03, rng)
+
+
+def concentrated() -> Workload:
+    """60 small objects: 56 in the middle of the scene, 4 in its corners."""
+    rng = np.random.default_rng(2)
+    middle = rng.normal(0.0, 0.1, (56, 3))
+    corners = 0.95 * np.array([[-1, -1, -1], [1, 1, -1], [1, -1, 1], [-1, 1, 1]], np.float64)
+    return _objects("60 concentrated objects", np.concatenate([middle, corners]), 0.0245, rng)
+
+
+def camera_rays(workload: Workload, size: tuple[int, int]) -> RaySet:
+    """Rays through all pixel centres in tiles of 8×8; the window is the same at every resolution."""
+    view = workload.view
+    directions = pinhole(view, size, WINDOW)[tile_order(*size)].astype(np.float32)
+    origins: F32 = np.ascontiguousarray(np.broadcast_to(view.eye.astype(np.float32), directions.shape))
+    endless = np.full(len(directions), np.inf, np.float32)
+    return RaySet(f"{size[0]}x{size[1]}", origins, directions, endless, order="tile8")
+
+
+def _objects(name: str, centres: F64, size: float, rng: np.random.Generator) -> Workload:
+    corners = centres[:, None] + size * rng.normal(size=(len(centres), 3, 3))
+    vertices = corners.reshape(-1, 3).astype(np.float32)
+    triangles = np.arange(len(vertices), dtype=np.int32).reshape(-1, 3)
+    view = View(np.array([0.9, -3.4, 1.3]), np.zeros(3), np.array([0.0, 0.0, 1.0]), 40.0)
+    return Workload(name, vertices, triangles, view)
+
+
+def _unit(vectors: F64) -> F64:
+    unit: F64 = vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return unit

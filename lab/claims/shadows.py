@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Shadow beams, which the octree paper announces, and the shadow cache of OORT (Wilt 1994), which it uses."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+from typing import Any
+
+from addon.core.scene import rays
+from addon.core.scene.workload import Workload
+
+from . import paper_scenes
+from .beams import NET, PAPER, octree
+from .claims import FAILS, HOLDS, UNTESTED, Claim, Lab, Outcome
+
+SHADOW_SIZE = (512, 512)
+"""Pixels of the view whose points ask for the light."""
+
+SCENES = ("sponza-dabrovic", "conference", "stanford-bunny", "utah-teapot-plane")
+
+
+def scenes(lab: Lab) -> Iterator[Workload]:
+    """The paper's two, and those shared scenes that are there."""
+    yield paper_scenes.scattered()
+    yield paper_scenes.concentrated()
+    yield from (workload for name in SCENES if (workload := lab.shared(name)) is not None)
+
+
+def _shadow_rays(workload: Workload, tracer: Any) -> rays.RaySet:
+    return rays.make(workload, tracer, size=SHADOW_SIZE, seed=1, names=("shadow",))[0]
+
+
+def shadows(lab: Lab, way: str) -> Iterator[Outcome]:
+    """What one way of shadow rays saves, scene by scene, in both configurations."""
+    for workload in scenes(lab):
+        tracer = lab.build(workload, "kd")
+        make = partial(_shadow_rays, workload, tracer)
+        some = lab.rays(workload, "shadow", make)
+        if not len(some):
+            yield Outcome("best", UNTESTED, f"{workload.name}: nothing is seen that could lie in a shadow")
+            continue
+        specs = {"faithful": octree(NET, "faithful"), "best": octree(NET, "best")}
+        if way == "cache":
+            specs["best"] = "kd"
+        for configuration, spec in specs.items():
+            asked = f"{spec}{',' if ':' in spec else ':'}shadow={way}"
+            times = lab.seconds(workload, [spec, asked], some)
+            plain, quick = times[spec], times[asked]
+            spared = quick.counters["spared"]
+            steps = [t.counters["steps"] + t.counters["leaves"] + t.counters["leaves_empty"] for t in (plain, quick)]
+            ratio = quick.seconds / plain.seconds
+            yield Outcome(
+                configuration,
+                HOLDS if ratio < 1 else FAILS,
+                f"{workload.name}, {spec}: {ratio:.2f} times the time ({plain.nanoseconds:.0f} to "
+                f"{quick.nanoseconds:.0f} ns a ray); {spared * 100:.0f} % of {quick.rays:,} rays need no walk",
+                f"nodes per ray {steps[0]:.2f} to {steps[1]:.2f}, tests {plain.counters['tests']:.2f} to "
+                f"{quick.counters['tests']:.2f}",
+                lab.error(workload, [spec, asked]),
+                {"ratio": ratio, "spared": spared},
+            )
+
+
+CLAIMS = (
+    Claim(
+        "shadow-beams",
+        PAPER,
+        "The process extends to shadow rays, which have the light as their common origin (announced, not measured).",
+        lambda lab: shadows(lab, "beam"),
+        SCENES,
+    ),
+    Claim(
+        "shadow-cache",
+        "Wilt, Object-Oriented Ray Tracing in C++ (OORT)",
+        "Testing the last opaque object that hid a light first saves shadow rays their walk.",
+        lambda lab: shadows(lab, "cache"),
+        SCENES,
+    ),
+)

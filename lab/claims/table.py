@@ -1,0 +1,12 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""All claims, paper by paper. To add a paper: write `lab/claims/NAME.py` with a constant `CLAIMS`, and name it here."""
+
+from __future__ import annotations
+
+from . import beams, intervals, kd, shadows, thesis
+from .claims import Claim
+
+PAPERS = (kd, intervals, beams, shadows, thesis)
+"""The modules, in the order in which they are reported."""
+
+CLAIMS: tuple[Claim, ...] = tuple(claim for paper in PAPERS for claim in paper.CLAIMS)

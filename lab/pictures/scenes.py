@@ -1,0 +1,33 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Opening what the command lines are given: a .blend, a bare geometry, or nothing, which is the showcase."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import bpy
+
+from addon.blender.samples import showcase
+from addon.core.base import native
+from addon.core.scene.workload import RENDERED, find, load_npz
+
+from . import stage
+
+
+def open_file(file: str | None, lights: Sequence[str] | None = None) -> str:
+    """Make the file's scene the current one. Returns its name. Raises WorkloadError, and Blender's RuntimeError.
+
+    file: as `core.workload.find` takes it. lights: which of `stage.LIGHTS` a bare geometry gets, None for all.
+    """
+    path = None if file is None else Path(find(file, RENDERED))
+    if path is not None and path.suffix.lower() == ".blend":
+        bpy.ops.wm.open_mainfile(filepath=str(path))
+        return path.stem
+    workload = None if path is None else load_npz(path, memory_limit=native.load().free_memory())
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    if workload is None:
+        showcase.build(bpy.context.scene)
+        return "showcase"
+    stage.build(bpy.context.scene, workload, stage.LIGHTS if lights is None else lights)
+    return workload.name

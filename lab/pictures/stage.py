@@ -1,0 +1,119 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A bare geometry as a Blender scene that can be rendered: one grey surface, a camera, sun, lamp and sky."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import bpy
+import numpy as np
+from mathutils import Matrix, Vector
+
+from addon.core.scene.workload import bounds
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from addon.core.scene.scene import F64
+    from addon.core.scene.workload import View, Workload
+
+SUN, SKY = 4.0, (0.35, 0.5, 0.8)
+LAMP = 0.35
+"""How bright the lamp is at a distance of a tenth of the scene's diagonal, beside the sun's 4 W/m²."""
+
+LIGHTS = ("sun", "lamp", "sky")
+"""What lights a geometry unless told otherwise. Instead of the lamp there may be a "point", the same without size."""
+
+
+def build(scene: Any, workload: Workload, lights: Sequence[str] = LIGHTS) -> None:
+    """Fill an empty scene with a workload's triangles, seen by its view, in its own coordinates and up direction."""
+    item = bpy.data.objects.new(workload.name, _mesh(workload))
+    scene.collection.objects.link(item)
+    see(scene, workload.view)
+    low, high = bounds(workload.vertices, workload.triangles)
+    _lights(scene, workload.view, float(np.linalg.norm(high - low)), lights)
+
+
+def _mesh(workload: Workload) -> Any:
+    """All triangles, flat, with one matte material."""
+    mesh = bpy.data.meshes.new(workload.name)
+    count = len(workload.triangles)
+    mesh.vertices.add(len(workload.vertices))
+    mesh.loops.add(3 * count)
+    mesh.polygons.add(count)
+    mesh.attributes["position"].data.foreach_set("vector", workload.vertices.reshape(-1))
+    mesh.polygons.foreach_set("loop_start", np.arange(0, 3 * count, 3, dtype=np.int32))
+    mesh.attributes[".corner_vert"].data.foreach_set("value", workload.triangles.reshape(-1))
+    mesh.polygons.foreach_set("use_smooth", np.zeros(count, bool))
+    mesh.update()
+    material = bpy.data.materials.new("Plaster")
+    if material.node_tree is None:
+        material.use_nodes = True
+    shader = next(node for node in material.node_tree.nodes if node.bl_idname == "ShaderNodeBsdfPrincipled")
+    shader.inputs["Base Color"].default_value = (0.62, 0.58, 0.52, 1.0)
+    shader.inputs["Roughness"].default_value = 0.9
+    shader.inputs["Specular IOR Level"].default_value = 0.2
+    mesh.materials.append(material)
+    return mesh
+
+
+def see(scene: Any, view: View) -> None:
+    """Give the scene a new camera with this view."""
+    data = bpy.data.cameras.new("Camera")
+    data.sensor_fit = "VERTICAL"
+    data.angle = np.radians(view.vertical_fov)
+    distance = float(np.linalg.norm(view.target - view.eye))
+    data.clip_start, data.clip_end = 1e-3 * distance, 1e4 * distance
+    scene.camera = bpy.data.objects.new("Camera", data)
+    scene.camera.matrix_world = _looking(view.eye, view.target, view.up)
+    scene.collection.objects.link(scene.camera)
+
+
+def _lights(scene: Any, view: View, diagonal: float, chosen: Sequence[str]) -> None:
+    """A sun high behind the left shoulder, a lamp ahead, above the line of sight, and a blue sky, as far as chosen."""
+    up = np.array(view.up) / np.linalg.norm(view.up)
+    forward = np.array(view.target) - view.eye
+    forward -= up * (forward @ up)
+    forward /= np.linalg.norm(forward) or 1.0
+    left = np.cross(up, forward)
+
+    if "sun" in chosen:
+        sun = bpy.data.lights.new("Sun", "SUN")
+        sun.energy, sun.angle, sun.color = SUN, np.radians(0.53), (1.0, 0.93, 0.82)
+        _add(scene, sun, _looking(np.zeros(3), -up - 0.25 * left + 0.2 * forward, up + 1e-3 * forward))
+    if "lamp" in chosen or "point" in chosen:
+        distance = 0.1 * diagonal
+        lamp = bpy.data.lights.new("Lamp", "POINT")
+        lamp.energy, lamp.color = LAMP * SUN * 4 * np.pi**2 * distance**2, (1.0, 0.62, 0.3)
+        lamp.shadow_soft_size = 0.03 * distance if "lamp" in chosen else 0.0
+        place = np.array(view.eye) + 2.5 * distance * forward + 0.3 * distance * up - 0.2 * distance * left
+        _add(scene, lamp, Matrix.Translation(Vector(place)))
+    if "sky" in chosen:
+        _sky(scene)
+
+
+def _sky(scene: Any) -> None:
+    world = bpy.data.worlds.new("Sky")
+    if world.node_tree is None:
+        world.use_nodes = True
+    background = next(node for node in world.node_tree.nodes if node.bl_idname == "ShaderNodeBackground")
+    background.inputs["Color"].default_value = (*SKY, 1.0)
+    background.inputs["Strength"].default_value = 1.0
+    scene.world = world
+
+
+def _add(scene: Any, light: Any, matrix: Any) -> None:
+    item = bpy.data.objects.new(light.name, light)
+    item.matrix_world = matrix
+    scene.collection.objects.link(item)
+
+
+def _looking(eye: F64, target: F64, up: F64) -> Any:
+    """The place of a camera or light at `eye` whose -Z points to `target` and whose +Y leans towards `up`."""
+    back = np.array(eye, np.float64) - target
+    back /= np.linalg.norm(back)
+    right = np.cross(up, back)
+    right /= np.linalg.norm(right)
+    matrix = np.eye(4)
+    matrix[:3, :] = np.stack([right, np.cross(back, right), back, eye], axis=1)
+    return Matrix(matrix.tolist())

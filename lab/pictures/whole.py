@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""How long a whole render takes, from the call behind F12 to the picture, with Halfspace and with Cycles."""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections import deque
+from dataclasses import dataclass, field
+from typing import Any
+
+import bpy
+
+from addon.blender.measure import workloads
+from addon.blender.session import reports, trees
+from addon.core.base import native
+from addon.core.measure import check
+from addon.core.measure.check import Check
+
+LIGHTS = ("point",)
+"""Of a bare geometry: each point that is seen takes one shadow ray, and no ray can meet the light by chance."""
+
+ENGINES = ("HALFSPACE", "CYCLES")
+
+PARTS = {"extract": "reading the scene", "build": "building", "trace": "tracing and shading"}
+
+
+@dataclass(frozen=True)
+class Times:
+    """clock, processor: seconds of each run, by engine. parts: of Halfspace's runs, by the clock."""
+
+    clock: dict[str, list[float]] = field(default_factory=lambda: {engine: [] for engine in ENGINES})
+    processor: dict[str, list[float]] = field(default_factory=lambda: {engine: [] for engine in ENGINES})
+    parts: dict[str, list[float]] = field(default_factory=lambda: {part: [] for part in PARTS})
+
+    def ratio(self, of: str) -> float:
+        """Halfspace over Cycles, of the medians. of: clock or processor."""
+        seconds: dict[str, list[float]] = getattr(self, of)
+        return statistics.median(seconds["HALFSPACE"]) / statistics.median(seconds["CYCLES"])
+
+    def lines(self) -> list[str]:
+        """The numbers in words."""
+        found = []
+        for engine in ENGINES:
+            clock, worked = self.clock[engine], self.processor[engine]
+            found.append(
+                f"{engine}: {statistics.median(clock):.3f} s by the clock ({min(clock):.3f} to {max(clock):.3f}), "
+                f"{statistics.median(worked):.3f} s of the processor, {len(clock)} runs"
+            )
+        parts = ", ".join(f"{words} {statistics.median(self.parts[part]):.3f} s" for part, words in PARTS.items())
+        return [*found, f"of HALFSPACE: {parts}"]
+
+
+def measure(scene: Any, runs: int) -> Times:
+    """Render the scene with both engines in turn, each once more than `runs` times: the first round warms up.
+
+    Nothing is written: the time ends when Blender has the picture. Raises RuntimeError with the engine's words.
+    """
+    times = Times()
+    for seed in range(runs + 1):
+        for engine in ENGINES:
+            scene.render.engine = engine
+            scene.halfspace.render_seed = scene.cycles.seed = seed
+            worked, begun = time.process_time(), time.perf_counter()
+            bpy.ops.render.render(scene=scene.name)
+            taken, work = time.perf_counter() - begun, time.process_time() - worked
+            if seed == 0:
+                continue
+            times.clock[engine].append(taken)
+            times.processor[engine].append(work)
+            if engine == "HALFSPACE":
+                report = reports.last(scene)
+                if report is None:
+                    raise RuntimeError("nothing was rendered")
+                times.parts["extract"].append(report.extract_seconds)
+                times.parts["build"].append(report.statistics["build_seconds"])
+                times.parts["trace"].append(report.statistics["seconds"])
+    return times
+
+
+def check_rays(scene: Any) -> Check:
+    """Compare a sample of the answers of the last render's structure with brute force, bit for bit."""
+    tree = trees.last(scene)
+    if tree is None:
+        raise RuntimeError("no structure was kept")
+    render = scene.render
+    workload = workloads.of_tree(tree, scene.name, (render.resolution_x, render.resolution_y))
+    last = deque(check.steps(native.load(), tree.structure, workload), maxlen=1)
+    if not last:
+        raise RuntimeError("the camera sees nothing")
+    return last[0]

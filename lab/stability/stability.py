@@ -1,0 +1,284 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""How often structures answer wrongly on extreme cases: against brute force on every ray, exact arithmetic on some.
+
+A structure without allowance for rounding (`robust=none`) is measured beside the others: that it fails proves that
+the comparison can fail.
+"""
+
+from __future__ import annotations
+
+import csv
+import html
+import io
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from addon.core.measure import accuracy
+from addon.core.measure.accuracy import Answers, Errors
+from addon.core.structures import specs
+
+Row = dict[str, Any]
+
+COUNTS = ("rays", "false_miss", "false_hit", "wrong_triangle", "wrong_values", "wrong_any_hit")
+TITLES = {
+    "rays": "rays",
+    "false_miss": "false misses",
+    "false_hit": "false hits",
+    "wrong_triangle": "wrong triangles",
+    "wrong_values": "wrong u, v",
+    "wrong_any_hit": "wrong any hit",
+    "t_ulp_max": "|Δt| ulps",
+    "exact_rays": "exact rays",
+    "exact_wrong": "exact wrong",
+    "exact_t_ulp_max": "exact |Δt| ulps",
+    "on_boundary": "on a boundary",
+}
+"""Columns of the tables, and their titles."""
+
+BOUNDARY = (
+    "A ray is on a declared boundary when exact arithmetic finds that it passes exactly through an edge or a corner of "
+    "the triangle that it hits; a ray in a triangle's plane meets nothing. Others excuse such rays, since rounding "
+    "decides them. Here nothing is excused: the column only tells how many of the exact rays were of that kind."
+)
+"""What the last column means."""
+
+NEUTRAL = ("rays", "exact_rays", "on_boundary")
+"""Columns that count no mistakes."""
+
+EXACT_PAIRS = {"small": 200_000, "large": 4_000_000}
+"""Pairs of a ray and a triangle that exact arithmetic decides per case."""
+
+
+MOST_RAYS = {
+    "small": {"needles": 100, "mixed exponents": 400, "camera far away": 150, "chain": 200, "random bits": 50},
+}
+"""By size: cases of which only so many rays are asked, evenly chosen. Nearly all their pairs of a ray and a triangle
+are too close to call in f64 and go to exact arithmetic; with all rays they would take as long as all others."""
+
+
+RAYS = ("origins", "directions", "t_min", "t_max")
+"""The arrays of a case that its rays are, in the order in which structures take them."""
+
+
+def fewer_rays(case: Mapping[str, Any], most: int | None) -> dict[str, Any]:
+    """A case of `native.cases()` with at most so many of its rays; None for all."""
+    count = len(case["origins"])
+    if most is None or count <= most:
+        return dict(case)
+    chosen = np.linspace(0, count - 1, most).astype(np.int64)
+    return {**case, **{name: case[name][chosen] for name in RAYS}}
+
+
+def configurations(structures: Sequence[Mapping[str, Any]], chosen: Sequence[str]) -> list[str]:
+    """Each chosen configuration with every traversal, every way of shadow rays, and without allowance for rounding.
+
+    structures: the native registry. A configuration that sets one of these keys keeps what it sets; one whose row
+    lacks a key goes without.
+    """
+    rows = {row["id"]: row for row in structures}
+    made: list[str] = []
+    for spec in chosen:
+        row = rows[specs.structure_of(spec)]
+        keys = {parameter["name"]: parameter for parameter in row["parameters"]}
+        walks = [spec]
+        if "traversal" in keys and "traversal=" not in spec:
+            walks += [specs.joined(spec, f"traversal={name}") for name in row["traversals"][1:]]
+        made += walks
+        if "shadow" in keys and "shadow=" not in spec:
+            made += [specs.joined(spec, f"shadow={name}") for name in keys["shadow"]["options"][1:]]
+        if "robust" in keys and "robust=" not in spec and "none" in (keys["robust"]["options"] or ()):
+            made += [specs.joined(walk, "robust=none") for walk in walks]
+    return list(dict.fromkeys(made))
+
+
+VERSION = 3
+"""Grows whenever a row tells something else, so that those of an earlier run are not taken over."""
+
+
+def only_shadows(spec: str) -> bool:
+    """Whether the configuration is another way of shadow rays, which the closest hit does not know."""
+    return dict(specs.pairs(spec)).get("shadow", "none") != "none"
+
+
+def different(*arrays: Any) -> int:
+    """How many different rays there are, to the last bit, in arrays of n rows (a row is a ray) or n numbers."""
+    columns = np.concatenate([np.asarray(one, np.float32).reshape(len(one), -1) for one in arrays], axis=1)
+    rows = np.ascontiguousarray(columns).view(np.dtype((np.void, columns.shape[1] * 4)))
+    return len(np.unique(rows))
+
+
+def allowed_to_fail(spec: str) -> bool:
+    """Whether the configuration is there to show failures."""
+    return "robust=none" in spec
+
+
+TILE = 64
+"""Rays that walks of tiles and beams take together when they are told that rays come in tiles."""
+
+
+def nearest(structure: Any, rays: Sequence[Any], *, threads: int = 0) -> Answers:
+    """The nearest hits, asked in tiles where that can be: (origins, directions, t_min, t_max) as arrays.
+
+    Walks that know no tiles take the rays singly, and so do all with the rays beyond the last whole tile.
+    """
+    whole = len(rays[0]) // TILE * TILE
+    tiles = Answers.of(structure.closest(*(part[:whole] for part in rays), order="tile8", threads=threads))
+    if whole == len(rays[0]):
+        return tiles
+    rest = Answers.of(structure.closest(*(part[whole:] for part in rays), threads=threads))
+    return Answers(
+        np.concatenate([tiles.t, rest.t]),
+        np.concatenate([tiles.triangle, rest.triangle]),
+        np.concatenate([tiles.u, rest.u]),
+        np.concatenate([tiles.v, rest.v]),
+    )
+
+
+def measure_case(
+    native: Any, case: Mapping[str, Any], specs: Iterable[str], *, exact_pairs: int, threads: int = 0
+) -> Iterator[Row]:
+    """One row per configuration on one case of `native.cases()`, as `case_errors` finds them."""
+    apart = different(*(case[name] for name in RAYS))
+    for spec, errors, beside in case_errors(native, case, specs, exact_pairs=exact_pairs, threads=threads):
+        about = {"case": case["name"], "spec": spec, "triangles": len(case["triangles"]), "different_rays": apart}
+        yield {**about, **columns(errors, beside)}
+
+
+def case_errors(
+    native: Any, case: Mapping[str, Any], specs: Iterable[str], *, exact_pairs: int, threads: int = 0
+) -> Iterator[tuple[str, Errors, Errors]]:
+    """Each configuration with its errors against brute force, and against exact arithmetic, on one case.
+
+    Closest and any hits are compared with both references. exact_pairs: about how many pairs of ray and triangle are
+    decided by exact arithmetic; 0 for none.
+    """
+    scene = case["vertices"], case["triangles"]
+    rays = tuple(case[name] for name in RAYS)
+    count = len(rays[0])
+    brute = Answers.of(native.build(*scene, "brute", threads=threads).closest(*rays, threads=threads))
+    wanted = min(count, exact_pairs // max(1, len(scene[1])))
+    sample = np.unique(np.linspace(0, count - 1, wanted).astype(np.int64))
+    exact = Answers.of(native.exact_closest(*scene, *(part[sample] for part in rays), threads=threads))
+    for spec in specs:
+        structure = native.build(*scene, spec, threads=threads)
+        answers = nearest(structure, rays, threads=threads)
+        occluded = structure.occluded(*rays, threads=threads)
+        errors = accuracy.compare(brute, answers, occluded, native.ulp_distance, bitwise=True)
+        beside = accuracy.compare(exact, answers.take(sample), occluded[sample], native.ulp_distance, bitwise=True)
+        yield spec, errors, beside
+
+
+def columns(errors: Errors, exact: Errors) -> Row:
+    """The numbers of a row: errors against brute force, and against exact arithmetic."""
+    row = errors.as_row("brute")
+    columns = {name: row[name] for name in (*COUNTS, "t_ulp_max")}
+    columns["exact_rays"] = exact.rays
+    columns["on_boundary"] = exact.on_boundary
+    columns["exact_wrong"] = exact.false_miss + exact.false_hit + exact.wrong_triangle
+    columns["exact_t_ulp_max"] = int(exact.ulps.max()) if len(exact.ulps) else 0
+    return columns
+
+
+def is_whole(row: Row, *more: str) -> bool:
+    """Whether a row of a journal has every column, and `more`: one of another version of the program may lack some."""
+    return {"case", "spec", "triangles", "different_rays", *TITLES, *more} <= row.keys()
+
+
+def differs(row: Row) -> bool:
+    """Whether any answer of the row is another than brute force's, to the last bit, or than the exact one."""
+    return any(row[name] for name in (*COUNTS[1:], "t_ulp_max", "exact_wrong", "exact_t_ulp_max"))
+
+
+def add(total: Row | None, row: Row) -> Row:
+    """The sum of two rows of one configuration; distances keep the larger."""
+    if total is None:
+        return {**row, "case": "all"}
+    summed = (*COUNTS, "different_rays", "exact_rays", "exact_wrong", "on_boundary")
+    largest = ("t_ulp_max", "exact_t_ulp_max", "triangles")
+    return {
+        **total,
+        **{name: total[name] + row[name] for name in summed},
+        **{name: max(total[name], row[name]) for name in largest},
+    }
+
+
+def sums(rows: Iterable[Row]) -> list[Row]:
+    """One row per configuration over all cases."""
+    found: dict[str, Row] = {}
+    for row in rows:
+        found[row["spec"]] = add(found.get(row["spec"]), row)
+    return list(found.values())
+
+
+def limit(rows: Iterable[Row], reference: str = "brute force") -> str:
+    """What the absence of differences proves, in one sentence.
+
+    Answers of several configurations to one ray depend on each other, and so do those to a ray that is asked twice: N
+    is the number of different rays. reference: whom all rays were answered by.
+    """
+    ours = [row for row in rows if not allowed_to_fail(row["spec"])]
+    answers = sum(row["rays"] for row in ours)
+    wrong = sum(differs(row) for row in ours)
+    if wrong or not answers:
+        return f"{wrong} of {len(ours)} rows differ, {answers:,} answers compared"
+    # All configurations are asked the same rays.
+    each = sums(ours)
+    apart, exact = (min(row[name] for row in each) for name in ("different_rays", "exact_rays"))
+    beside = f" and in {sum(row['exact_rays'] for row in each):,} to {exact:,} rays against exact arithmetic"
+    return (
+        f"no difference in {answers:,} answers of {len(each):,} configurations to {apart:,} different rays against "
+        f"{reference}{beside if exact else ''}: fewer than {3 / apart:.1e} of such rays are answered wrongly by any of "
+        "them, with 95 % confidence (3/N of N different rays)"
+    )
+
+
+def table(rows: Sequence[Row]) -> str:
+    """The rows as aligned columns; zeros are dots, so that what is wrong stands out."""
+    lines = [["case", "structure", *TITLES.values()]]
+    lines += [[row["case"], row["spec"], *(str(row[name] or "·") for name in TITLES)] for row in rows]
+    widths = [max(len(line[i]) for line in lines) for i in range(len(lines[0]))]
+    aligned = [
+        "  ".join(
+            cell.ljust(w) if i < 2 else cell.rjust(w) for i, (cell, w) in enumerate(zip(line, widths, strict=True))
+        )
+        for line in lines
+    ]
+    return "\n".join([aligned[0], "-" * len(aligned[0]), *aligned[1:]])
+
+
+def as_csv(rows: Sequence[Row]) -> str:
+    """The rows with one column per number."""
+    text = io.StringIO()
+    writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue()
+
+
+def as_html(document: Mapping[str, Any]) -> str:
+    """One page that opens offline: what each configuration got wrong over all cases, and case by case."""
+    rows: list[Row] = document["rows"]
+    return (
+        '<!doctype html><html lang="en"><meta charset="utf-8"><title>Stability</title>'
+        "<style>body{font:15px/1.4 sans-serif;margin:2em auto;max-width:75em}table{border-collapse:collapse}"
+        "td,th{padding:.15em .6em;text-align:right;border-bottom:1px solid #8884}td:nth-child(-n+2),th:nth-child(-n+2)"
+        "{text-align:left}.wrong{font-weight:bold}.none{color:#777}</style>"
+        f"<h1>Stability</h1><p>{html.escape(document['verdict'])}.</p>"
+        "<p>Rows with <code>robust=none</code> are textbook traversals without allowance for rounding; they are never "
+        f"used for pictures.</p><p>{html.escape(BOUNDARY)}</p>"
+        f"<h2>All cases</h2>{_html_table(sums(rows))}<h2>Case by case</h2>{_html_table(rows)}</html>\n"
+    )
+
+
+def _html_table(rows: Sequence[Row]) -> str:
+    head = "".join(f"<th>{html.escape(title)}</th>" for title in ("case", "structure", *TITLES.values()))
+    body = []
+    for row in rows:
+        cells = [f"<td>{html.escape(row[name])}</td>" for name in ("case", "spec")]
+        for name in TITLES:
+            wrong = row[name] and name not in NEUTRAL
+            cells.append(f'<td class="wrong">{row[name]:,}</td>' if wrong else f"<td>{row[name]:,}</td>")
+        body.append(f"<tr{' class=none' if allowed_to_fail(row['spec']) else ''}>{''.join(cells)}</tr>")
+    return f"<table><tr>{head}</tr>{''.join(body)}</table>"

@@ -1,0 +1,306 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Comparing and choosing structures in Blender: results, panel, report, stopping."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import time
+from pathlib import Path
+from types import MethodType, SimpleNamespace
+from typing import Any
+
+import bpy
+import pytest
+from layouts import draw_all
+from shapes import cube, grid
+
+from addon.blender.measure import compare_files, compare_operators, comparing
+from addon.blender.render import engine
+from addon.blender.session import reports, trees
+from addon.blender.settings import presets, properties
+from addon.blender.ui import compare_panels, panels
+from addon.core.choose import auto, choice
+from addon.core.structures import catalogue
+
+
+@pytest.fixture
+def seen(scene: Any, add: Any) -> Any:
+    """Boxes before a camera."""
+    for i in range(5):
+        add(f"Box {i}", cube(size=0.8), location=(1.1 * i - 2.5, 0.3 * i, 0))
+    scene.camera = add("Camera", bpy.data.cameras.new("Camera"), location=(0, 0, 12))
+    scene.render.resolution_x, scene.render.resolution_y = 64, 64
+    return scene
+
+
+@pytest.fixture(autouse=True)
+def quick(monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Small measurements, and nothing left over."""
+    monkeypatch.setattr(comparing, "VIEW_WIDTH", 32)
+    monkeypatch.setattr(comparing, "REPEATS", 1)
+    yield
+    comparing.stop(10.0)
+    comparing.clear()
+
+
+def test_ticked_structures_and_the_chosen_one_are_compared(
+    seen: Any, tmp_path: Path, disk_full_at_the_last: Any
+) -> None:
+    group = seen.halfspace
+    group.structure = "kd"
+    group.traversal = "dir"
+    for structure in catalogue.load().structures:
+        setattr(group.compared, properties.tick(structure.id), structure.id in ("kd", "bvh-sah"))
+    assert comparing.ticked(group) == ["kd:traversal=dir", "bvh-sah"]
+    assert not bpy.ops.halfspace.write_report.poll()
+    assert bpy.ops.halfspace.compare() == {"FINISHED"}
+    found = comparing.last(seen)
+    assert found is not None
+    assert {line.spec for line in found.comparison.sound} == {"kd:traversal=dir", "bvh-sah"}
+    assert found.comparison.plan.pixels == 64 * 64
+    for panel in compare_panels.CLASSES:
+        drawn = draw_all(panel, scene=seen)
+        uses = [button.spec for button in drawn.operators if button.id == presets.HALFSPACE_OT_use_spec.bl_idname]
+        assert uses == [line.spec for line in found.comparison.lines]
+        assert "compared with brute force, 0 wrong" in " ".join(drawn.log)
+    assert bpy.ops.halfspace.write_report(directory=str(tmp_path / "report")) == {"FINISHED"}
+    document = json.loads((tmp_path / "report" / "bench.json").read_text(encoding="utf-8"))
+    assert {row["spec"] for row in document["rows"]} == {"kd:traversal=dir", "bvh-sah"}
+    assert (tmp_path / "report" / "report.html").stat().st_size > 1000
+    found.rows.pop()
+    with disk_full_at_the_last(tmp_path / "report"), pytest.raises(RuntimeError, match="No space left"):
+        bpy.ops.halfspace.write_report(directory=str(tmp_path / "report"))
+
+
+def test_a_result_is_kept_in_the_file_as_a_text(seen: Any, tmp_path: Path) -> None:
+    seen.name = "Still life"
+    assert bpy.ops.halfspace.compare() == {"FINISHED"}
+    found = comparing.last(seen)
+    assert found is not None
+    assert found.comparison.best is not None
+    file = tmp_path / "kept.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(file), copy=True)
+    with bpy.data.libraries.load(str(file)) as (inside, _):
+        assert "Halfspace comparison, Still life" in inside.texts
+    content = bpy.data.texts["Halfspace comparison, Still life"].as_string()
+    assert f"{found.comparison.best.spec}: build" in content
+    assert "(best)" in content
+    assert "false miss" in content
+    # The next result takes its place.
+    assert bpy.ops.halfspace.choose() == {"FINISHED"}
+    assert "Choosing took" in bpy.data.texts["Halfspace comparison, Still life"].as_string()
+    assert len([text for text in bpy.data.texts if text.name.startswith(compare_files.TEXT)]) == 1
+
+
+def test_choosing_sets_structure_and_parameters(seen: Any) -> None:
+    seen.halfspace.structure = "brute"
+    assert bpy.ops.halfspace.choose() == {"FINISHED"}
+    found = comparing.last(seen)
+    assert found is not None
+    assert found.comparison.best is not None
+    assert found.comparison.best.spec in auto.candidates(catalogue.load())
+    assert seen.halfspace.structure == found.comparison.best.spec.partition(":")[0]
+    assert any("Choosing took" in line for line in found.notes)
+    assert all(line.checked >= 64 and not line.wrong for line in found.comparison.sound)
+    told = list(compare_files.words(found))
+    assert sum("answers wrong" in line for line in told) == len(found.comparison.lines)
+    assert not any("0 of 0" in line for line in told)
+    for panel in compare_panels.CLASSES:
+        assert "compared with brute force, 0 wrong" in " ".join(draw_all(panel, scene=seen).log)
+
+
+@pytest.mark.parametrize("operator", ["compare", "choose"])
+def test_what_is_measured_instead_of_the_picture_is_said(seen: Any, operator: str) -> None:
+    seen.camera.data.type = "ORTHO"
+    assert getattr(bpy.ops.halfspace, operator)() == {"FINISHED"}
+    said = "want of a perspective camera"
+    assert said in bpy.data.texts["Halfspace comparison, Scene"].as_string()
+    for panel in compare_panels.CLASSES:
+        assert said in " ".join(draw_all(panel, scene=seen).log)
+
+
+def test_a_choice_that_was_measured_on_another_view_says_so(seen: Any) -> None:
+    seen.render.engine, seen.halfspace.samples, seen.halfspace.automatic = "HALFSPACE", 1, True
+    seen.render.resolution_x = seen.render.resolution_y = 16
+    seen.camera.data.type = "ORTHO"
+    bpy.ops.render.render()
+    report = reports.last(seen)
+    assert report is not None
+    assert [line for line in report.reasons if "want of a perspective camera" in line]
+
+
+def test_a_result_is_old_once_the_scene_has_changed(seen: Any) -> None:
+    seen.objects["Box 1"].location.z += 0.5  # an edit that nobody has seen when measuring begins
+    assert bpy.ops.halfspace.compare() == {"FINISHED"}
+    found = comparing.last(seen)
+    assert found is not None
+    panel = compare_panels.HALFSPACE_PT_view_compare
+    assert not found.stale
+    assert "The scene has changed since" not in draw_all(panel, scene=seen).log
+    seen.camera.location.z += 1
+    bpy.context.view_layer.update()
+    assert not found.stale
+    seen.objects["Box 1"].location.z += 1
+    bpy.context.view_layer.update()
+    assert "The scene has changed since" in draw_all(panel, scene=seen).log
+    assert bpy.ops.halfspace.compare() == {"FINISHED"}
+    assert "The scene has changed since" not in draw_all(panel, scene=seen).log
+
+
+def test_what_was_not_compared_is_said_to_be_so(seen: Any) -> None:
+    line = choice.Line("kd", 1.0, 2.0)
+    found = comparing.Found(choice.Comparison(comparing.plan_of(seen), (line,)), [])
+    assert any("3.00 s; answers not compared" in told for told in compare_files.words(found))
+    comparing._found[seen.session_uid] = found
+    for panel in compare_panels.CLASSES:
+        assert "Answers not compared" in draw_all(panel, scene=seen).log
+
+
+def test_a_render_can_choose_by_itself_and_says_why(seen: Any) -> None:
+    seen.render.engine = "HALFSPACE"
+    seen.render.resolution_x = seen.render.resolution_y = 16
+    seen.halfspace.samples = 1
+    seen.halfspace.structure = "brute"
+    seen.halfspace.automatic = True
+    bpy.ops.render.render()
+    report = reports.last(seen)
+    assert report is not None
+    tree = trees.last(seen)
+    assert tree is not None
+    assert tree.spec in auto.candidates(catalogue.load())
+    assert report.label == comparing.name(tree.spec)
+    assert any("Choosing took" in line for line in report.reasons)
+    assert seen.halfspace.structure == "brute"  # the setting stays the user's
+    assert "answers wrong" in report.answers
+    assert not report.answers.startswith("0 of 0")
+    drawn = draw_all(panels.HALFSPACE_PT_statistics, scene=seen).log
+    assert "Why this structure" in drawn
+    assert report.answers in drawn
+    # What was chosen is measured, not what is set.
+    assert bpy.ops.halfspace.check() == {"FINISHED"}
+    assert trees.last(seen) is tree
+    assert tree.spec != "brute"
+
+
+def test_of_a_structure_that_was_chosen_the_errors_that_were_counted_are_told(
+    seen: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen.render.engine, seen.halfspace.samples, seen.halfspace.automatic = "HALFSPACE", 1, True
+    seen.render.resolution_x = seen.render.resolution_y = 16
+    choose = engine._Picture._choose
+    said: list[str] = []
+
+    def err(*arguments: Any) -> Any:
+        chosen = choose(*arguments)
+        first, *others = chosen.comparison.lines
+        lines = (dataclasses.replace(first, wrong=3, checked=1024), *others)
+        return dataclasses.replace(chosen, comparison=dataclasses.replace(chosen.comparison, lines=lines))
+
+    monkeypatch.setattr(engine._Picture, "_choose", err)
+    monkeypatch.setattr(engine._Picture, "_say", lambda _self, text: said.append(text))
+    bpy.ops.render.render()
+    report = reports.last(seen)
+    assert report is not None
+    assert report.answers == "3 of 1,024 answers wrong"
+    assert report.answers in said[-1]
+
+
+class Operator:
+    """The operator's own part, which Blender makes only in a window."""
+
+    _work: Any = None
+    _timer: Any = None
+    _told = ""
+    _begin: Any = compare_operators.HALFSPACE_OT_compare._begin
+    _use: Any = compare_operators._Modal._use
+    _done = compare_operators._Modal._done
+    _end = compare_operators._Modal._end
+    _failed = compare_operators._Modal._failed
+
+    def __init__(self) -> None:
+        self.said: list[str] = []
+
+    def report(self, _kind: Any, text: str) -> None:
+        self.said.append(text)
+
+
+class Window:
+    """What an operator finds in a window with this scene."""
+
+    def __init__(self, scene: Any) -> None:
+        self.calls: list[Any] = []
+        self.texts: list[Any] = []
+        manager = SimpleNamespace(
+            progress_begin=lambda *_: self.calls.append("begin"),
+            progress_update=lambda share: None,
+            progress_end=lambda: self.calls.append("end"),
+            event_timer_add=lambda *_args, **_kwargs: "timer",
+            event_timer_remove=self.calls.append,
+            modal_handler_add=lambda _operator: self.calls.append("modal"),
+        )
+        workspace = SimpleNamespace(status_text_set=self.texts.append)
+        self.context = SimpleNamespace(scene=scene, window=None, window_manager=manager, workspace=workspace)
+
+
+def until_it_ends(operator: Any, kind: Any, context: Any) -> set[str]:
+    """What the operator returns at last; until then timers of others go on to them."""
+    for _ in range(2000):
+        result: set[str] = kind.modal(operator, context, SimpleNamespace(type="TIMER"))
+        if result != {"PASS_THROUGH"}:
+            return result
+        time.sleep(0.02)
+    pytest.fail("it never ends")
+
+
+def test_a_result_goes_to_the_scene_that_was_measured(seen: Any) -> None:
+    other = bpy.data.scenes.new("Other")
+    other.halfspace.structure = seen.halfspace.structure = "brute"
+    window, operator, kind = Window(seen), Operator(), compare_operators.HALFSPACE_OT_choose
+    operator._begin, operator._use = (MethodType(found, operator) for found in (kind._begin, kind._use))
+    assert kind.invoke(operator, window.context, None) == {"RUNNING_MODAL"}
+    window.context.scene = other  # the user goes on elsewhere
+    assert until_it_ends(operator, kind, window.context) == {"FINISHED"}
+    assert other.halfspace.structure == "brute"
+    assert seen.halfspace.structure != "brute"
+    assert comparing.last(seen) is not None
+    assert [text.name for text in bpy.data.texts] == [f"{compare_files.TEXT}, {seen.name}"]
+
+
+def test_a_result_of_a_scene_that_is_gone_is_said(seen: Any) -> None:
+    window, operator, kind = Window(seen), Operator(), compare_operators.HALFSPACE_OT_compare
+    assert kind.invoke(operator, window.context, None) == {"RUNNING_MODAL"}
+    window.context.scene = bpy.data.scenes.new("Other")
+    bpy.data.scenes.remove(seen)
+    assert until_it_ends(operator, kind, window.context) == {"CANCELLED"}
+    assert operator.said == ["The scene that was measured is gone"]
+    assert not comparing._found
+    assert not bpy.data.texts
+
+
+@pytest.mark.parametrize("stopped", [True, False])
+def test_comparing_goes_on_beside_blender_and_esc_stops_it(seen: Any, add: Any, stopped: bool) -> None:
+    add("Sea", grid(60), location=(0, 0, -1))
+    window = Window(seen)
+    context, calls, texts = window.context, window.calls, window.texts
+    operator, kind = Operator(), compare_operators.HALFSPACE_OT_compare
+    assert kind.invoke(operator, context, None) == {"RUNNING_MODAL"}
+    assert comparing.progress() is not None
+    assert kind.modal(operator, context, SimpleNamespace(type="MOUSEMOVE")) == {"PASS_THROUGH"}
+    if stopped:
+        result = kind.modal(operator, context, SimpleNamespace(type="ESC"))
+    else:
+        result = until_it_ends(operator, kind, context)
+    assert result == ({"CANCELLED"} if stopped else {"FINISHED"})
+    assert calls == ["begin", "modal", "timer", "end"]
+    assert texts[-1] is None
+    assert (comparing.last(seen) is None) == stopped
+    assert comparing.progress() is None
+    assert operator.said == (["Measuring was stopped"] if stopped else [])
+
+
+def test_a_scene_without_triangles_is_said(scene: Any) -> None:
+    for operator in (bpy.ops.halfspace.compare, bpy.ops.halfspace.choose):
+        with pytest.raises(RuntimeError, match="no triangles"):
+            operator()
+    assert comparing.progress() is None

@@ -1,0 +1,174 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Cost maps against the counters of the native module, and the picture that they become."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import bpy
+import numpy as np
+import pytest
+from shapes import cube
+
+from addon.blender.measure import checking, comparing, cost_maps, lettering, workloads
+from addon.blender.session import building
+from addon.core.base import native
+from addon.core.measure import costmap
+from addon.core.structures import catalogue
+
+
+@pytest.fixture
+def seen(scene: Any, add: Any) -> Any:
+    """Boxes before a camera, in a wide frame."""
+    for i in range(5):
+        add(f"Box {i}", cube(size=0.8), location=(1.1 * i - 2.5, 0.3 * i, 0))
+    scene.camera = add("Camera", bpy.data.cameras.new("Camera"), location=(0, 0, 12))
+    scene.render.resolution_x, scene.render.resolution_y = 320, 160
+    return scene
+
+
+def test_maps_are_the_counters_of_each_pixel(seen: Any) -> None:
+    workload = workloads.current("boxes", (64, 32))
+    tree = native.load().build(workload.vertices, workload.triangles, "kd")
+    steps = costmap.measure(tree, workload, (64, 32), "STEPS")
+    tests = costmap.measure(tree, workload, (64, 32), "TESTS")
+    assert steps.shape == tests.shape == (32, 64)
+    # Straight down the pixel's own ray, worked out here: 39.6 degrees across, square pixels.
+    tangent = np.tan(seen.camera.data.angle / 2)
+    for row, column in ((3, 5), (16, 10), (17, 40), (16, 60)):
+        x, y = ((column + 0.5) / 64 * 2 - 1) * tangent, ((row + 0.5) / 32 * 2 - 1) * tangent / 2
+        origin = np.array(seen.camera.location) - workloads_origin()
+        hits = tree.closest(origin[None].astype(np.float32), np.array([[x, y, -1.0]], np.float32), counters=True)
+        assert tests[row, column] == hits.counters["tests"][0]
+        assert abs(int(steps[row, column]) - int(hits.counters["steps"][0])) <= 1
+    assert steps.max() > steps.min() == 0  # rays that pass the scene's box cost nothing
+    nanoseconds = costmap.measure(tree, workload, (64, 32), "TIME")
+    assert np.isfinite(nanoseconds).all()
+    assert (nanoseconds[:8, :8] == nanoseconds[0, 0]).all()
+
+
+def workloads_origin() -> np.ndarray[Any, Any]:
+    from shapes import read
+
+    return read()[0].geometry.origin
+
+
+def test_two_maps_share_one_scale_and_the_bar_tells_it(seen: Any) -> None:
+    seen.halfspace.structure = "kd"
+    seen.halfspace.second = "brute"
+    seen.halfspace.cost = "TESTS"
+    assert bpy.ops.halfspace.cost_map(width=64) == {"FINISHED"}
+    image = bpy.data.images[cost_maps.IMAGE]
+    width, height = image.size
+    picture = np.empty(width * height * 4, np.float32)
+    image.pixels.foreach_get(picture)
+    picture = picture.reshape(height, width, 4)[..., :3]
+    foot = 2 * cost_maps.MARGIN + cost_maps.BAR + int(cost_maps.TEXT * 1.4)
+    first = picture[foot : foot + 32, cost_maps.MARGIN : cost_maps.MARGIN + 64]
+    second = picture[foot : foot + 32, 2 * cost_maps.MARGIN + 64 : 2 * cost_maps.MARGIN + 128]
+    workload = workloads.current("boxes", (64, 32))
+    maps = [
+        costmap.measure(native.load().build(workload.vertices, workload.triangles, spec), workload, (64, 32), "TESTS")
+        for spec in ("kd", "brute")
+    ]
+    end = costmap.scale_end(maps)
+    assert end == 60  # brute force tests all 60 triangles
+    for drawn, values in zip((first, second), maps, strict=True):
+        assert np.abs(drawn - costmap.coloured(values, end)).max() < 0.01
+    bar = picture[foot - cost_maps.MARGIN - 5, cost_maps.MARGIN : width - cost_maps.MARGIN]
+    assert np.abs(bar - costmap.coloured(np.linspace(0, end, len(bar)), end)).max() < 0.02
+    titles = picture[foot + 32 :]
+    assert (np.abs(titles - cost_maps.BACK).max(axis=2) > 0.3).mean() > 0.01
+    assert bpy.ops.halfspace.cost_map(width=64) == {"FINISHED"}
+    assert [image.name for image in bpy.data.images].count(cost_maps.IMAGE) == 1
+
+
+def test_a_map_of_times_says_how_many_answers_are_wrong(seen: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    from addon.core.measure.reference import Reference
+
+    titles: list[str] = []
+    monkeypatch.setattr(cost_maps, "compose", lambda maps, _what: titles.extend(title for title, _ in maps))
+    group = seen.halfspace
+    group.structure, group.second, group.cost = "kd", "bvh-sah", "TIME"
+    cost_maps.draw(seen, 64)
+    labels = [catalogue.load()[spec].label for spec in ("kd", "bvh-sah")]
+    assert titles == [f"{label}, 0 of 1,024 answers wrong" for label in labels]
+    titles.clear()
+    monkeypatch.setattr(Reference, "wrong", lambda _self, structure: 3 if structure.spec == "kd" else 0)
+    cost_maps.draw(seen, 64)
+    assert titles[0] == f"{labels[0]}, 3 of 1,024 answers wrong"
+    titles.clear()
+    group.cost = "STEPS"
+    cost_maps.draw(seen, 64)
+    assert titles == labels
+
+
+def test_letters_are_written_where_they_belong() -> None:
+    picture = np.zeros((40, 120, 3), np.float32)
+    lettering.write(picture, [("Hello", 20.0, 12.0)], 16.0, (1.0, 0.5, 0.0))
+    ys, xs = np.nonzero(picture[..., 0] > 0.5)
+    assert len(xs) > 30
+    assert 19 <= xs.min() <= 24
+    assert abs(xs.max() - 20 - lettering.width("Hello", 16.0)) <= 3
+    assert 10 <= ys.min() <= 14
+    assert picture[..., 2].max() == 0
+
+
+def test_a_scene_without_triangles_is_said(scene: Any) -> None:
+    with pytest.raises(RuntimeError, match="no triangles"):
+        bpy.ops.halfspace.cost_map()
+
+
+@pytest.mark.parametrize("name", ["cost_map", "check"])
+def test_a_build_without_room_is_said(seen: Any, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    def crowded(*_: Any, **__: Any) -> None:
+        raise MemoryError("memory_limit: no room")
+
+    monkeypatch.setattr(cost_maps, "draw", crowded)
+    monkeypatch.setattr(building, "build_now", crowded)
+    with pytest.raises(RuntimeError) as caught:
+        getattr(bpy.ops.halfspace, name)()
+    assert str(caught.value).strip() == "Error: memory_limit: no room"
+
+
+def test_scales_end_at_round_numbers() -> None:
+    assert costmap.scale_end([np.full((4, 4), 37.0), np.full((4, 4), 3.0)]) == 40
+    assert costmap.scale_end([np.zeros((2, 2), np.float32)]) == 1
+    assert costmap.scale_end([np.full((2, 2), 0.31)]) == pytest.approx(0.4)
+    assert [costmap.number(x) for x in costmap.ticks(40)] == ["0", "10", "20", "30", "40"]
+    assert costmap.rounded((100, 3)) == (96, 8)
+    assert catalogue.load()["kd"].label
+
+
+def test_a_picture_that_is_very_high_is_measured_with_few_rays(seen: Any) -> None:
+    seen.render.resolution_x, seen.render.resolution_y = 4, 65536
+    width, height = comparing._view(seen)
+    assert width * height < 1 << 20
+    # Some hundred million rays, if it were 64 pixels wide.
+    picture = cost_maps.draw(seen, 64)
+    assert picture.shape[0] * picture.shape[1] < 1 << 24
+    assert costmap.shaped(384, (1920, 1080)) == (384, 216)
+    assert costmap.shaped(384, (1080, 4320)) == (384, 1536)
+    assert costmap.shaped(384, (65536, 4)) == (384, 8)
+    assert costmap.shaped(64, (4, 65536)) == (8, 2048)
+
+
+@pytest.mark.parametrize("width", [8, 12, 64, 100, 384, 1000])
+@pytest.mark.parametrize("picture", [(4, 65536), (5, 5000), (1080, 4320), (1080, 4300), (1000, 3980), (65536, 4)])
+def test_a_view_has_no_more_rays_than_promised(width: int, picture: tuple[int, int]) -> None:
+    wide, high = costmap.shaped(width, picture)
+    assert wide % 8 == high % 8 == 0
+    assert 0 < wide * high <= costmap.HIGHEST * width * width
+
+
+@pytest.mark.parametrize("built", [False, True])
+@pytest.mark.parametrize("operator", [cost_maps.HALFSPACE_OT_cost_map, checking.HALFSPACE_OT_check])
+def test_a_view_that_is_not_the_camera_s_is_said(seen: Any, operator: Any, built: bool) -> None:
+    seen.camera.data.type = "ORTHO"
+    if built:
+        building.build_now(seen, bpy.context.evaluated_depsgraph_get())
+    said: list[str] = []
+    itself = SimpleNamespace(width=64, report=lambda _kind, line: said.append(line))
+    assert operator.execute(itself, bpy.context) == {"FINISHED"}
+    assert [line for line in said if "want of a perspective camera" in line]

@@ -1,0 +1,155 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The tree that the overlay shows: where it comes from, when it is stale, and how it follows the scene."""
+
+from __future__ import annotations
+
+import gc
+import weakref
+from types import SimpleNamespace
+from typing import Any
+
+import bpy
+import pytest
+from drawn import build
+from shapes import cube, grid
+
+from addon.blender.session import building, trees
+from addon.core.structures import catalogue
+
+
+def test_an_edit_makes_the_tree_stale_but_a_camera_does_not(scene: Any, add: Any) -> None:
+    box = add("Box", cube())
+    lens = add("Camera", bpy.data.cameras.new("Camera"))
+    tree = build(scene, "kd")
+    lens.location.x = 3
+    bpy.context.view_layer.update()
+    assert not tree.stale
+    box.location.x = 3
+    bpy.context.view_layer.update()
+    assert tree.stale
+    tree = build(scene, "kd")
+    assert not tree.stale
+    bpy.data.objects.remove(box)
+    bpy.context.view_layer.update()
+    assert tree.stale
+
+
+def test_a_render_leaves_its_tree_and_a_new_one_takes_its_place(scene: Any, add: Any) -> None:
+    add("Box", cube())
+    scene.camera = add("Camera", bpy.data.cameras.new("Camera"), location=(0, 0, 9))
+    scene.render.engine = "HALFSPACE"
+    scene.render.resolution_x = scene.render.resolution_y = 8
+    scene.halfspace.samples = 1
+    bpy.ops.render.render()
+    tree = trees.last(scene)
+    assert tree is not None
+    assert tree.count == 12
+    gone = weakref.ref(tree)
+    del tree
+    assert build(scene, "brute").spec == "brute"
+    gc.collect()
+    assert gone() is None
+    assert bpy.ops.halfspace.free_structure() == {"FINISHED"}
+    assert trees.last(scene) is None
+
+
+def run_ticks() -> int:
+    for count in range(100):
+        if building._tick() is None:
+            return count
+        if building._Background.job is not None:
+            building._Background.job._building.wait(60)
+    pytest.fail("the build never ends")
+
+
+def test_a_shown_tree_follows_the_scene_by_itself(scene: Any, add: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(building, "REST_SECONDS", 0.0)
+    box = add("Box", cube())
+    scene.halfspace.overlay.show = True
+    run_ticks()
+    first = trees.last(scene)
+    assert first is not None
+    box.location.x = 5
+    bpy.context.view_layer.update()
+    assert first.stale
+    run_ticks()
+    second = trees.last(scene)
+    assert second is not None
+    assert second.number > first.number
+    assert second.origin[0] == pytest.approx(5)
+    scene.halfspace.structure = "brute"
+    run_ticks()
+    assert trees.last(scene).spec == "brute"
+    scene.halfspace.overlay.auto_update = False
+    box.location.x = 6
+    bpy.context.view_layer.update()
+    assert trees.last(scene).stale
+    assert run_ticks() == 0
+
+
+def test_a_build_that_fails_by_itself_is_told(scene: Any, add: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_args: Any, **_kwargs: Any) -> None:
+        raise ValueError("the scene\nis odd")
+
+    monkeypatch.setattr(building, "REST_SECONDS", 0.0)
+    monkeypatch.setattr(building.extract, "extract", fail)
+    scene.halfspace.overlay.show = True
+    run_ticks()
+    assert building.problem() == "the scene is odd"
+    with pytest.raises(RuntimeError, match="the scene is odd"):
+        bpy.ops.halfspace.build_structure()
+    building.stop()
+    assert building.problem() == ""
+
+
+class Operator:
+    """The operator's own part, which Blender makes only in a window."""
+
+    _job: Any = None
+    _timer: Any = None
+    _end = building.HALFSPACE_OT_build_structure._end
+
+    def __init__(self) -> None:
+        self.said: list[str] = []
+
+    def report(self, _kind: Any, text: str) -> None:
+        self.said.append(text)
+
+
+@pytest.mark.parametrize("stopped", [True, False])
+def test_the_operator_builds_while_blender_goes_on_and_esc_stops_it(scene: Any, add: Any, stopped: bool) -> None:
+    add("Sea", grid(300))
+    texts: list[str | None] = []
+    calls: list[str] = []
+    manager = SimpleNamespace(
+        progress_begin=lambda *_: calls.append("begin"),
+        progress_update=lambda *_: None,
+        progress_end=lambda: calls.append("end"),
+        event_timer_add=lambda *_args, **_kwargs: "timer",
+        event_timer_remove=calls.append,
+        modal_handler_add=lambda _operator: calls.append("modal"),
+    )
+    context = SimpleNamespace(
+        scene=scene,
+        window=None,
+        window_manager=manager,
+        workspace=SimpleNamespace(status_text_set=texts.append),
+        evaluated_depsgraph_get=bpy.context.evaluated_depsgraph_get,
+    )
+    operator, kind = Operator(), building.HALFSPACE_OT_build_structure
+    assert kind.invoke(operator, context, None) == {"RUNNING_MODAL"}
+    assert kind.modal(operator, context, SimpleNamespace(type="MOUSEMOVE")) == {"PASS_THROUGH"}
+    result: set[str] = {"PASS_THROUGH"}  # timers of others go on to them
+    if stopped:
+        result = kind.modal(operator, context, SimpleNamespace(type="ESC"))
+    for _ in range(100_000):
+        if result != {"PASS_THROUGH"}:
+            break
+        result = kind.modal(operator, context, SimpleNamespace(type="TIMER"))
+    assert result == ({"CANCELLED"} if stopped else {"FINISHED"})
+    assert calls == ["begin", "modal", "timer", "end"]
+    assert texts[-1] is None
+    assert (trees.last(scene) is None) == stopped
+    assert operator.said == (
+        ["Building was stopped"] if stopped else [f"{catalogue.load()['kd'].label} over 180,000 triangles"]
+    )

@@ -1,0 +1,172 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Materials read attributes of every kind that a mesh stores, and what they cannot read is said."""
+
+from __future__ import annotations
+
+import tracemalloc
+from typing import Any
+
+import bpy
+import halfspace_native
+import numpy as np
+import pytest
+from shapes import cube, material, node, read
+
+from addon.blender.read import layers, meshes
+from addon.core.scene.scene import SceneError
+
+KEY = ("tangent", "UVMap")
+
+
+@pytest.fixture
+def box(add: Any) -> Any:
+    """The mesh of a cube whose paint is the attribute "wear"."""
+    paint = material("Paint")
+    tree = paint.node_tree
+    source = tree.nodes.new("ShaderNodeAttribute")
+    source.attribute_name = "wear"
+    tree.links.new(source.outputs["Color"], node(tree, "ShaderNodeBsdfPrincipled").inputs["Base Color"])
+    mesh = cube()
+    mesh.materials.append(paint)
+    add("Box", mesh)
+    return mesh
+
+
+@pytest.mark.parametrize("kind", ["FLOAT", "INT", "INT8", "BOOLEAN"])
+@pytest.mark.parametrize("domain", ["POINT", "FACE", "CORNER"])
+def test_numbers_of_every_type_are_read(box: Any, kind: str, domain: str) -> None:
+    wear = box.attributes.new("wear", kind, domain)
+    for i, item in enumerate(wear.data):
+        item.value = i % 2 if kind == "BOOLEAN" else 100 - 7 * i  # negative numbers too
+    found, notes = read()
+    assert notes == []
+    (layer,) = found.geometry.layers
+    assert layer is not None
+    stored = [float(item.value) for item in wear.data]
+    if domain == "FACE":
+        assert layer.reshape(6, -1).tolist() == [[value] * 18 for value in stored], "two triangles to a face"
+    else:
+        assert set(np.unique(layer)) == set(stored)
+    assert (layer == layer[..., :1]).all(), "grey"
+
+
+@pytest.mark.parametrize(
+    ("kind", "domain", "reason"), [("QUATERNION", "POINT", "type quaternion"), ("FLOAT", "EDGE", "domain edge")]
+)
+def test_what_cannot_be_read_is_said(box: Any, kind: str, domain: str, reason: str) -> None:
+    box.attributes.new("wear", kind, domain)
+    assert read()[1] == [f"The attribute 'wear' is black, its {reason} is not supported yet: Box"]
+
+
+def test_what_no_mesh_has_is_said(box: Any, add: Any) -> None:
+    assert read()[1] == ["No mesh has the attribute 'wear', it is 0 everywhere, in material: Paint"]
+    other = cube("Other")
+    other.attributes.new("wear", "FLOAT", "POINT")
+    add("Other", other, location=(5, 0, 0))
+    assert read()[1] == []
+
+
+def test_what_an_unused_material_reads_is_not_missed(scene: Any, add: Any) -> None:
+    paint = material("Unused")
+    source = paint.node_tree.nodes.new("ShaderNodeUVMap")
+    source.uv_map = "nowhere"
+    add("Bare", cube())
+    assert read()[1] == []
+    image = paint.node_tree.nodes.new("ShaderNodeTexChecker")
+    paint.node_tree.links.new(source.outputs[0], image.inputs["Vector"])
+    shader = node(paint.node_tree, "ShaderNodeBsdfPrincipled")
+    paint.node_tree.links.new(image.outputs[0], shader.inputs["Base Color"])
+    bpy.data.meshes["Cube"].materials.append(paint)
+    assert read()[1] == ["No mesh has the UV map 'nowhere', it is 0 everywhere, in material: Unused"]
+
+
+def test_more_attributes_than_fit_over_the_whole_scene_are_refused_before_any_is_copied(
+    box: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    box.attributes.new("wear", "FLOAT_COLOR", "CORNER")
+    monkeypatch.setattr(layers, "read_layers", lambda *_: pytest.fail("they were copied"))
+    # The triangles and their corners alone would have room: 12 triangles of 8 vertices, flat.
+    monkeypatch.setattr(halfspace_native, "free_memory", lambda: 12 * 8 + 16 * 12)
+    with pytest.raises(
+        SceneError, match=r"12 triangles .* does not fit; let materials read fewer different attributes"
+    ):
+        read()
+
+
+def test_attributes_are_counted_over_all_places_before_the_next_mesh_is_read(
+    box: Any, add: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    box.attributes.new("wear", "FLOAT_COLOR", "CORNER")
+    for i in range(9):
+        add(f"Box {i}", box)
+    other = cube("Other")
+    other.attributes.new("wear", "FLOAT_COLOR", "CORNER")
+    add("Other", other)
+    taken: list[Any] = []
+    copied = layers.read_layers
+    monkeypatch.setattr(layers, "read_layers", lambda *args: taken.append(args) or copied(*args))
+    # Room for a mesh's own layer beside that of five cubes, each of 12 triangles.
+    monkeypatch.setattr(halfspace_native, "free_memory", lambda: 12 * 4 * 12 * (1 + 5))
+    with pytest.raises(SceneError, match=r"132 triangles or more"):
+        read()
+    assert len(taken) == 1
+
+
+@pytest.mark.parametrize("kind", ["FLOAT", "FLOAT2", "FLOAT_VECTOR", "FLOAT_COLOR", "BYTE_COLOR", "INT"])
+def test_layers_are_counted_as_they_are_read(box: Any, kind: str) -> None:
+    box.attributes.new("wear", kind, "CORNER")
+    keys = [("color", "wear"), ("color", "none"), ("uv", ""), ("uv", "none"), ("tangent", "UVMap")]
+    found = layers.read_layers(box, keys)
+    assert layers.widths(box, keys) == {key: layer.shape[2] for key, layer in found.items()}
+    assert len(found) == 3
+
+
+@pytest.mark.parametrize(
+    ("most", "free", "advice"),
+    [
+        (1 << 29, 12 * 8 + 16 * 12, "let materials read fewer different attributes"),
+        (1 << 29, 12 * 8 + 16 * 12 - 1, "make fewer copies"),
+        (11, 1 << 40, "make fewer copies"),
+    ],
+)
+def test_the_advice_is_about_what_does_not_fit(
+    box: Any, monkeypatch: pytest.MonkeyPatch, most: int, free: int, advice: str
+) -> None:
+    keys = [("uv", "")]
+    placement = meshes.Placement(meshes.read_mesh(box, layers=keys), np.eye(4)[None], ("Box",), np.zeros(1, np.int32))
+    monkeypatch.setattr(meshes, "MOST_TRIANGLES", most)
+    monkeypatch.setattr(halfspace_native, "free_memory", lambda: free)
+    with pytest.raises(SceneError, match=f"12 triangles, .* do not fit; {advice}$"):
+        meshes.assemble([placement], layers=keys)
+    if advice == "make fewer copies":
+        with pytest.raises(SceneError, match=r"; keep the instances in two levels$"):
+            meshes.assemble([placement])
+
+
+@pytest.mark.parametrize(("triangles", "places"), [(2 * layers.BLOCK + 5, 3), (100, 1000), (1, 3 * layers.BLOCK)])
+def test_tangents_are_turned_within_the_memory_that_is_counted(triangles: int, places: int) -> None:
+    random = np.random.default_rng(4)
+    tangents = random.standard_normal((triangles, 3, 4)).astype(np.float32)
+    tangents[0] = 0
+    mesh = meshes.MeshArrays(
+        np.zeros((3, 3), np.float32), np.zeros((triangles, 3), np.int32), None, None, None, None, {KEY: tangents}
+    )
+    matrices = np.tile(np.eye(4), (places, 1, 1))
+    matrices[:, :3, :3] = random.standard_normal((places, 3, 3))
+    matrices[:, :3, 0] *= np.sign(np.linalg.det(matrices))[:, None]  # none is mirrored
+    placement = meshes.Placement(mesh, matrices, ("Mesh",) * places, np.zeros(1, np.int32))
+    tracemalloc.start()
+    try:
+        (layer,) = layers.assemble_layers([placement], [KEY], triangles * places)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert layer is not None
+    block = 9 * 8 * (layers.BLOCK + triangles)
+    assert peak < layer.nbytes + 8 * block
+    turned = np.einsum("kij,mcj->kmci", matrices[:, :3, :3], tangents[..., :3].astype(np.float64))
+    length = np.linalg.norm(turned, axis=-1, keepdims=True)
+    expected = turned / np.where(length > 0, length, 1)
+    found = layer.reshape(places, triangles, 3, 4)
+    assert np.allclose(found[..., :3], expected, rtol=1e-6, atol=1e-7)
+    assert (found[..., 3] == tangents[..., 3]).all()

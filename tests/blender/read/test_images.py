@@ -1,0 +1,44 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Images are read as Cycles takes them."""
+
+from __future__ import annotations
+
+import bpy
+import pytest
+
+from addon.blender.read.images import read_image
+from addon.core.base.notes import Notes
+
+
+@pytest.mark.parametrize(
+    ("space", "mode", "colour", "expected"),
+    [
+        ("sRGB", "STRAIGHT", (0.5, 0.5, 0.25), (0.1044, 0.1072, 0.0365)),
+        ("sRGB", "PREMUL", (0.25, 0.25, 0.125), (0.1036, 0.1063, 0.0362)),
+        ("sRGB", "CHANNEL_PACKED", (0.5, 0.5, 0.25), (0.208, 0.2136, 0.0727)),
+        ("Linear Rec.709", "STRAIGHT", (0.25, 0.25, 0.125), (0.123, 0.125, 0.071)),
+        ("ACEScg", "STRAIGHT", (0.5, 0.5, 0.25), (0.251, 0.251, 0.1255)),
+        ("Non-Color", "STRAIGHT", (0.5, 0.5, 0.25), (0.502, 0.502, 0.251)),
+    ],
+)
+def test_images_are_read_into_the_space_that_the_file_renders_in(
+    space: str, mode: str, colour: tuple[float, ...], expected: tuple[float, ...]
+) -> None:
+    """The numbers are those of Cycles. Alpha is one half."""
+    if not hasattr(bpy.data, "colorspace"):
+        pytest.skip("files render in a space of their own since Blender 5.0")
+    assert bpy.data.colorspace.working_space == "Linear Rec.709"
+    found, notes = {}, Notes()
+    for working in ("Linear Rec.709", "ACEScg"):
+        bpy.ops.wm.set_working_color_space(working_space=working)
+        picture = bpy.data.images.new("Tan", 2, 2, alpha=True)
+        picture.colorspace_settings.name, picture.alpha_mode = space, mode
+        picture.pixels.foreach_set([*colour, 0.5] * 4)  # last: another space generates it anew
+        found[working] = read_image(picture, notes)
+        bpy.data.images.remove(picture)  # else Blender refuses to change the space
+    share = 0.5 if mode == "STRAIGHT" and space != "Non-Color" else 1.0
+    assert found["Linear Rec.709"].srgb == (space in ("sRGB", "ACEScg"))
+    assert found["Linear Rec.709"].pixels[0, 0] == pytest.approx((*(share * c for c in colour), 0.5), abs=3e-3)
+    assert not found["ACEScg"].srgb
+    assert found["ACEScg"].pixels[0, 0] == pytest.approx((*expected, 0.5), abs=2e-3)
+    assert bool(notes) == (space == "ACEScg"), "as the space of an image it is known where the file renders in it"

@@ -1,0 +1,442 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Shader nodes become closures and programs; what cannot is listed by material, never raised."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
+
+import bpy
+import pytest
+from mathutils import Euler
+from shapes import material, node, with_nodes
+
+from addon.blender.read.images import read_image
+from addon.blender.read.materials import Palette
+from addon.core.base.notes import Notes
+
+if TYPE_CHECKING:
+    from addon.core.scene.scene import Material
+
+
+def understood(block: Any) -> tuple[Material, list[str]]:
+    """The material as a scene gets it, on an object with it alone."""
+    notes = Notes()
+    palette = Palette(notes)
+    item, data = SimpleNamespace(material_slots=[]), SimpleNamespace(materials=[block])
+    (number,) = palette.indices(item, data)
+    return palette.materials()[number], notes.lines()
+
+
+def inputs(block: Any, kind: str = "principled") -> Any:
+    """The inputs of the material's one closure, which has this kind and needs no remark."""
+    found, notes = understood(block)
+    assert notes == []
+    (closure,) = found.closures
+    assert closure.kind == kind
+    return closure.inputs
+
+
+def plug(block: Any, kind: str, socket: int = 0) -> Any:
+    """Put a new shader node in front of the material's output."""
+    tree = block.node_tree
+    new = tree.nodes.new(kind)
+    tree.links.new(new.outputs[socket], node(tree, "ShaderNodeOutputMaterial").inputs["Surface"])
+    return new
+
+
+def test_principled_constants() -> None:
+    block = material(
+        "All",
+        Base_Color=(0.1, 0.2, 0.3, 1),
+        Metallic=0.25,
+        Roughness=0.75,
+        IOR=1.33,
+        Transmission_Weight=0.5,
+        Specular_IOR_Level=0.2,
+        Emission_Color=(1, 0.5, 0.25, 1),
+        Emission_Strength=4.0,
+        Alpha=0.9,
+    )
+    found = inputs(block)
+    assert found["color"][:3] == pytest.approx((0.1, 0.2, 0.3))
+    assert (found["metallic"], found["transmission"], found["weight"]) == (0.25, 0.5, 1)
+    names = ("roughness", "ior", "specular", "alpha")
+    assert [found[name] for name in names] == pytest.approx([0.75, 1.33, 0.2, 0.9])
+    assert found["emission"] == pytest.approx((4, 2, 1))
+    assert understood(block)[0].name == "All"
+
+
+@pytest.mark.parametrize(
+    ("node_type", "kind", "values", "expected"),
+    [
+        ("ShaderNodeBsdfDiffuse", "diffuse", {"Color": (0.1, 0.2, 0.3, 1)}, {"color": (0.1, 0.2, 0.3, 1)}),
+        ("ShaderNodeBsdfAnisotropic", "glossy", {"Roughness": 0.125}, {"roughness": 0.125}),
+        ("ShaderNodeBsdfGlass", "glass", {"IOR": 1.25, "Roughness": 0}, {"ior": 1.25, "roughness": 0}),
+        ("ShaderNodeBsdfRefraction", "refraction", {"IOR": 1.25}, {"ior": 1.25}),
+        ("ShaderNodeEmission", "emission", {"Color": (1, 0.5, 0, 1), "Strength": 2}, {"emission": (2, 1, 0)}),
+        ("ShaderNodeBsdfTransparent", "transparent", {"Color": (1, 0.5, 0, 1)}, {"color": (1, 0.5, 0, 1)}),
+    ],
+)
+def test_simple_shaders(node_type: str, kind: str, values: dict[str, Any], expected: dict[str, Any]) -> None:
+    block = material("Simple")
+    shader = plug(block, node_type)
+    if hasattr(shader, "distribution"):
+        shader.distribution = "GGX"
+    for name, value in values.items():
+        shader.inputs[name].default_value = value
+    found = inputs(block, kind)
+    for name, value in expected.items():
+        assert found[name] == pytest.approx(value), name
+
+
+def test_reroutes_groups_values_and_muted_nodes_are_followed() -> None:
+    block = material("Routed")
+    tree = block.node_tree
+    group = bpy.data.node_groups.new("Group", "ShaderNodeTree")
+    group.interface.new_socket("Tint", in_out="INPUT", socket_type="NodeSocketColor")
+    group.interface.new_socket("Shader", in_out="OUTPUT", socket_type="NodeSocketShader")
+    inside, outside = group.nodes.new("NodeGroupInput"), group.nodes.new("NodeGroupOutput")
+    diffuse = group.nodes.new("ShaderNodeBsdfDiffuse")
+    group.links.new(inside.outputs["Tint"], diffuse.inputs["Color"])
+    group.links.new(diffuse.outputs[0], outside.inputs["Shader"])
+    user = tree.nodes.new("ShaderNodeGroup")
+    user.node_tree = group
+    colour, gamma = tree.nodes.new("ShaderNodeRGB"), tree.nodes.new("ShaderNodeGamma")
+    colour.outputs[0].default_value = (0.5, 0.25, 0.125, 1)
+    gamma.mute = True
+    tree.links.new(colour.outputs[0], gamma.inputs["Color"])
+    tree.links.new(gamma.outputs[0], user.inputs["Tint"])
+    bend = tree.nodes.new("NodeReroute")
+    tree.links.new(user.outputs["Shader"], bend.inputs[0])
+    tree.links.new(bend.outputs[0], node(tree, "ShaderNodeOutputMaterial").inputs["Surface"])
+    assert inputs(block, "diffuse")["color"][:3] == pytest.approx((0.5, 0.25, 0.125))
+    tree.links.remove(next(link for link in tree.links if link.to_node == user))
+    user.inputs["Tint"].default_value = (0.1, 0.2, 0.3, 1)
+    assert inputs(block, "diffuse")["color"][:3] == pytest.approx((0.1, 0.2, 0.3))
+
+
+@pytest.mark.parametrize("kind", ["ShaderNodeRGB", "ShaderNodeGamma", "ShaderNodeNewGeometry", "ShaderNodeTexImage"])
+def test_a_muted_node_that_passes_nothing_on_is_no_link(kind: str) -> None:
+    """As in Cycles: what it would feed keeps its own value."""
+    block = material("Muted", Base_Color=(0.5, 0.25, 0.125, 1))
+    muted = block.node_tree.nodes.new(kind)
+    block.node_tree.links.new(muted.outputs[0], node(block.node_tree, "ShaderNodeBsdfPrincipled").inputs["Base Color"])
+    muted.mute = True
+    assert inputs(block)["color"][:3] == pytest.approx((0.5, 0.25, 0.125))
+
+
+def test_a_muted_shader_is_black() -> None:
+    block = material("Muted", Base_Color=(0.5, 0.25, 0.125, 1))
+    node(block.node_tree, "ShaderNodeBsdfPrincipled").mute = True
+    assert (understood(block)[0].base_color, understood(block)[0].closures) == ((0, 0, 0), ())
+
+
+@pytest.mark.parametrize("target", ["ALL", "CYCLES", "EEVEE"])
+def test_an_output_for_another_engine_is_better_than_none(target: str) -> None:
+    block = material("Aimed", Base_Color=(0.5, 0.25, 0.125, 1))
+    node(block.node_tree, "ShaderNodeOutputMaterial").target = target
+    assert inputs(block)["color"][:3] == pytest.approx((0.5, 0.25, 0.125))
+
+
+def grouped(block: Any, kinds: tuple[str, str], inside: str = "", socket: str = "") -> Any:
+    """A group before the material's base colour, in it perhaps a node whose socket the group's input feeds."""
+    tree = block.node_tree
+    group = bpy.data.node_groups.new("Group", "ShaderNodeTree")
+    for direction, kind in zip(("INPUT", "OUTPUT"), kinds, strict=True):
+        group.interface.new_socket("Value", in_out=direction, socket_type=f"NodeSocket{kind}")
+    first, last = group.nodes.new("NodeGroupInput"), group.nodes.new("NodeGroupOutput")
+    source = first.outputs[0]
+    if inside:
+        within = group.nodes.new(inside)
+        group.links.new(source, within.inputs[socket])
+        source = within.outputs[0]
+    group.links.new(source, last.inputs[0])
+    user = tree.nodes.new("ShaderNodeGroup")
+    user.node_tree = group
+    tree.links.new(user.outputs[0], node(tree, "ShaderNodeBsdfPrincipled").inputs["Base Color"])
+    return user
+
+
+@pytest.mark.parametrize(
+    ("kinds", "socket", "expected", "step"),
+    [
+        (("Color", "Color"), "Metallic", 0.2126 * 0.9 + 0.7152 * 0.1 + 0.0722 * 0.2, "luminance"),
+        (("Color", "Vector"), "Metallic", 0.4, "mean"),
+        (("Vector", "Float"), "Metallic", 0.4, "mean"),
+        (("Color", "Float"), "Base Color", 0.2126 * 0.9 + 0.7152 * 0.1 + 0.0722 * 0.2, "luminance"),
+    ],
+)
+def test_what_goes_through_a_group_takes_the_types_of_its_sockets(
+    kinds: tuple[str, str], socket: str, expected: float, step: str
+) -> None:
+    block = material("Typed")
+    user = grouped(block, kinds)
+    user.inputs[0].default_value = (0.9, 0.1, 0.2, 1)[: len(user.inputs[0].default_value)]
+    block.node_tree.links.new(user.outputs[0], node(block.node_tree, "ShaderNodeBsdfPrincipled").inputs[socket])
+    name = {"Metallic": "metallic", "Base Color": "color"}[socket]
+    assert inputs(block)[name] == pytest.approx(expected)
+    colour = block.node_tree.nodes.new("ShaderNodeRGB")
+    colour.outputs[0].default_value = (0.9, 0.1, 0.2, 1)
+    block.node_tree.links.new(colour.outputs[0], user.inputs[0])
+    assert inputs(block)[name] == pytest.approx(expected)
+    checker = block.node_tree.nodes.new("ShaderNodeTexChecker")
+    block.node_tree.links.new(checker.outputs["Color"], user.inputs[0])
+    found, notes = understood(block)
+    assert notes == []
+    number = found.closures[0].inputs[name]
+    assert found.program[number]["op"] == step
+    assert found.program[found.program[number]["args"][0]]["op"] == "checker"
+
+
+@pytest.mark.parametrize(
+    ("kinds", "value", "expected"),
+    [
+        (("Float", "Int"), 1.7, 1),
+        (("Float", "Int"), -1.7, -1),
+        (("Vector", "Int"), (0, 0, -4.5), -1),
+        (("Color", "Int"), (3, 0.5, 0.5, 1), 1),
+        (("Float", "Bool"), 0.3, 1),
+        (("Float", "Bool"), -0.3, 0),
+        (("Vector", "Bool"), (0, 4, -4), 1),
+        (("Int", "Float"), 2, 2),
+    ],
+)
+def test_constants_are_whole_or_true_where_a_group_wants_such(
+    kinds: tuple[str, str], value: Any, expected: float
+) -> None:
+    """The numbers are those of Cycles, which leaves what is computed as it is."""
+    block = material("Whole")
+    user = grouped(block, kinds)
+    user.inputs[0].default_value = value
+    assert inputs(block)["color"] == expected
+    checker = block.node_tree.nodes.new("ShaderNodeTexChecker")
+    block.node_tree.links.new(checker.outputs["Fac"], user.inputs[0])
+    steps = [step["op"] for step in understood(block)[0].program]
+    assert [op for op in steps if op not in ("mean", "luminance")] == ["coordinate", "checker"]
+
+
+@pytest.mark.parametrize("kind", ["Float", "Int", "Vector", "Color"])
+@pytest.mark.parametrize("socket", ["Location", "Rotation", "Scale"])
+def test_a_mapping_takes_any_value_that_its_group_gives(kind: str, socket: str) -> None:
+    block = material("Mapped")
+    user = grouped(block, (kind, "Color"), "ShaderNodeMapping", socket)
+    value = {"Float": 2.0, "Int": 2, "Vector": (2, 2, 2), "Color": (2, 2, 2, 1)}[kind]
+    user.inputs[0].default_value = value
+    found, notes = understood(block)
+    assert notes == []
+    (matrix,) = [step["matrix"] for step in found.program if step["op"] == "matrix"]
+    if socket == "Scale":
+        assert matrix[0][:3] == pytest.approx((2, 0, 0))
+    elif socket == "Location":
+        assert [row[3] for row in matrix] == pytest.approx((2, 2, 2))
+    else:
+        turned = Euler((2, 2, 2)).to_matrix()
+        assert [x for row in matrix for x in row[:3]] == pytest.approx([x for row in turned for x in row])
+
+
+@pytest.mark.parametrize("kind", ["TEXTURE", "NORMAL", "POINT"])
+def test_a_mapping_divides_by_no_zero(kind: str) -> None:
+    block = material("Flat")
+    user = grouped(block, ("Vector", "Color"), "ShaderNodeMapping", "Vector")
+    mapping = node(user.node_tree, "ShaderNodeMapping")
+    mapping.vector_type = kind
+    mapping.inputs["Scale"].default_value = (0, 2, 1)
+    (matrix,) = [step["matrix"] for step in understood(block)[0].program if step["op"] == "matrix"]
+    assert matrix[0][:3] == pytest.approx((0, 0, 0))
+    assert matrix[1][1] == pytest.approx(2 if kind == "POINT" else 0.5)
+
+
+def test_a_clamp_to_a_range_takes_its_ends_in_either_order() -> None:
+    block = material("Clamped")
+    user = grouped(block, ("Float", "Float"), "ShaderNodeClamp", "Value")
+    assert [step["op"] for step in understood(block)[0].program] == ["clamp"]
+    node(user.node_tree, "ShaderNodeClamp").clamp_type = "RANGE"
+    low, high, clamp = understood(block)[0].program
+    assert (low["kind"], high["kind"], clamp["args"][1:]) == ("MINIMUM", "MAXIMUM", (0, 1))
+
+
+def test_a_texture_in_a_group_lies_where_the_group_says() -> None:
+    """As in Cycles: the vector of the group counts even where nothing is linked to it."""
+    block = material("Placed")
+    user = grouped(block, ("Vector", "Color"), "ShaderNodeTexChecker", "Vector")
+    user.inputs[0].default_value = (0.5, 0.25, 0)
+    (checker,) = [step for step in understood(block)[0].program if step["op"] == "checker"]
+    assert checker["args"][0] == (0.5, 0.25, 0)
+
+
+@pytest.mark.parametrize(
+    ("space", "mode", "expected"),
+    [
+        ("sRGB", "STRAIGHT", (True, 0.25)),
+        ("sRGB", "PREMUL", (True, 0.5)),
+        ("sRGB", "CHANNEL_PACKED", (False, 0.5)),
+        ("sRGB", "NONE", (False, 0.5)),
+        ("Linear Rec.709", "STRAIGHT", (True, 0.25)),
+        ("Non-Color", "STRAIGHT", (False, 0.5)),
+    ],
+)
+def test_colours_are_divided_by_alpha_only_where_it_is_in_them(
+    space: str, mode: str, expected: tuple[bool, float]
+) -> None:
+    """As in Cycles. Alpha is one half."""
+    block = material("Cut out")
+    tree, picture = block.node_tree, bpy.data.images.new("Leaf", 2, 2, alpha=True)
+    picture.colorspace_settings.name, picture.alpha_mode = space, mode
+    picture.pixels.foreach_set([0.5] * 16)  # last: another space generates it anew
+    texture = tree.nodes.new("ShaderNodeTexImage")
+    texture.image = picture
+    shader = node(tree, "ShaderNodeBsdfPrincipled")
+    tree.links.new(texture.outputs["Color"], shader.inputs["Base Color"])
+    tree.links.new(texture.outputs["Alpha"], shader.inputs["Alpha"])
+    (step,) = [step for step in understood(block)[0].program if step["op"] == "image"]
+    pixels = read_image(picture, Notes()).pixels
+    assert (step["unassociate"], pixels[0, 0, 0]) == (expected[0], pytest.approx(expected[1], abs=3e-3))
+
+
+def test_mixed_and_added_shaders_keep_their_shares() -> None:
+    block = material("Mixed")
+    tree = block.node_tree
+    add = plug(block, "ShaderNodeAddShader")
+    mix = tree.nodes.new("ShaderNodeMixShader")
+    diffuse, clear, glow = (
+        tree.nodes.new(f"ShaderNode{kind}") for kind in ("BsdfDiffuse", "BsdfTransparent", "Emission")
+    )
+    tree.links.new(mix.outputs[0], add.inputs[0])
+    tree.links.new(glow.outputs[0], add.inputs[1])
+    tree.links.new(diffuse.outputs[0], mix.inputs[1])
+    tree.links.new(clear.outputs[0], mix.inputs[2])
+    mix.inputs[0].default_value = 0.25
+    found, notes = understood(block)
+    assert [(c.kind, c.inputs["weight"]) for c in found.closures] == [
+        ("diffuse", 0.75),
+        ("transparent", 0.25),
+        ("emission", 1.0),
+    ]
+    assert (found.program, notes) == ((), [])
+    tree.links.new(tree.nodes.new("ShaderNodeTexChecker").outputs["Fac"], mix.inputs[0])
+    found, notes = understood(block)
+    assert notes == []
+    assert [step["op"] for step in found.program] == ["coordinate", "checker", "clamp", "math"]
+    assert [c.inputs["weight"] for c in found.closures] == [3, 2, 1.0]
+
+
+def test_an_unknown_node_leaves_the_input_at_its_value_and_is_listed() -> None:
+    block = material("Textured")
+    block.diffuse_color = (0.25, 0.5, 0.75, 1)
+    tree = block.node_tree
+    shader = node(tree, "ShaderNodeBsdfPrincipled")
+    tree.links.new(tree.nodes.new("ShaderNodeTexVoronoi").outputs["Color"], shader.inputs["Base Color"])
+    tree.links.new(tree.nodes.new("ShaderNodeTexMagic").outputs["Fac"], shader.inputs["Roughness"])
+    shader.inputs["Sheen Weight"].default_value = 1
+    found, notes = understood(block)
+    values = found.closures[0].inputs
+    assert values["color"] == (0.25, 0.5, 0.75)
+    assert values["roughness"] == pytest.approx(shader.inputs["Roughness"].default_value)
+    assert all("Textured" in line for line in notes)
+    words = ("Voronoi Texture", "Magic Texture", "Sheen Weight")
+    assert [word for word in words if not any(word in n for n in notes)] == []
+
+
+def test_a_coat_over_what_glows_is_understood() -> None:
+    block = material("Sign", Emission_Strength=2.0)
+    shader = node(block.node_tree, "ShaderNodeBsdfPrincipled")
+    shader.inputs["Coat Weight"].default_value = 0.5
+    found, notes = understood(block)
+    assert notes == []
+    assert found.closures[0].inputs["coat_weight"] == pytest.approx(0.5)
+
+
+def test_a_picture_goes_through_mapping_ramp_and_mix() -> None:
+    block = material("Pictured")
+    tree = block.node_tree
+    shader = node(tree, "ShaderNodeBsdfPrincipled")
+    image, ramp, mix = (tree.nodes.new(f"ShaderNode{kind}") for kind in ("TexImage", "ValToRGB", "Mix"))
+    where, mapping = tree.nodes.new("ShaderNodeUVMap"), tree.nodes.new("ShaderNodeMapping")
+    image.image, image.extension, image.interpolation = bpy.data.images.new("Picture", 4, 2), "EXTEND", "Closest"
+    where.uv_map, mix.data_type, mix.blend_type = "Second", "RGBA", "MULTIPLY"
+    mapping.inputs["Scale"].default_value = (2, 3, 1)
+    tree.links.new(where.outputs[0], mapping.inputs["Vector"])
+    tree.links.new(mapping.outputs[0], image.inputs["Vector"])
+    tree.links.new(image.outputs["Color"], ramp.inputs[0])
+    tree.links.new(ramp.outputs["Color"], mix.inputs["A"] if "A" not in mix.inputs else mix.inputs[6])
+    tree.links.new(mix.outputs[2], shader.inputs["Base Color"])
+    tree.links.new(image.outputs["Alpha"], shader.inputs["Alpha"])
+    palette = Palette(Notes(), [block])
+    assert palette.layers.keys == [("uv", "Second")]
+    found, notes = understood(block)
+    assert notes == []
+    ops = [step["op"] for step in found.program]
+    assert ops == ["attribute", "matrix", "image", "luminance", "ramp", "mix", "alpha"]
+    settings = found.program[2]
+    assert (settings["extension"], settings["interpolation"], settings["unassociate"]) == ("extend", "closest", True)
+
+
+def test_bad_nodes_make_remarks_not_exceptions() -> None:
+    block = material("Broken")
+    tree = block.node_tree
+    shader = node(tree, "ShaderNodeBsdfPrincipled")
+    tree.links.new(tree.nodes.new("ShaderNodeTexImage").outputs[0], shader.inputs["Base Color"])
+    a, b = tree.nodes.new("ShaderNodeMath"), tree.nodes.new("ShaderNodeMath")
+    tree.links.new(a.outputs[0], b.inputs[0])
+    tree.links.new(b.outputs[0], a.inputs[0])
+    tree.links.new(a.outputs[0], shader.inputs["Metallic"])
+    value = tree.nodes.new("ShaderNodeValue")
+    value.outputs[0].default_value = float("nan")
+    tree.links.new(value.outputs[0], shader.inputs["Alpha"])
+    found, notes = understood(block)
+    assert found.closures[0].inputs["color"] == (1.0, 0.0, 1.0, 1.0)
+    assert any("Broken" in line for line in notes)
+
+
+def test_an_unknown_shader_falls_back_to_the_viewport_look() -> None:
+    block = material("Hairy")
+    block.diffuse_color = (0.25, 0.5, 0.75, 1)
+    plug(block, "ShaderNodeBsdfHair")
+    found, notes = understood(block)
+    assert found.base_color == (0.25, 0.5, 0.75)
+    assert len(notes) == 1
+    assert "Hair" in notes[0]
+
+
+def test_materials_without_output_or_shader_are_black() -> None:
+    block = material("Cut")
+    block.node_tree.links.clear()
+    assert understood(block)[0].base_color == (0, 0, 0)
+    block.node_tree.nodes.clear()
+    found, notes = understood(block)
+    assert (found.base_color, found.name, notes) == ((0, 0, 0), "Cut", [])
+
+
+def test_a_world_is_a_colour(scene: Any) -> None:
+    from addon.blender.read.world import read_world
+
+    world = bpy.data.worlds.new("World")
+    with_nodes(world)
+    background = node(world.node_tree, "ShaderNodeBackground")
+    background.inputs["Color"].default_value = (0.5, 0.25, 0.125, 1)
+    background.inputs["Strength"].default_value = 2
+    notes = Notes()
+    assert read_world(world, notes)[0].color == pytest.approx((1, 0.5, 0.25))
+    assert not notes
+    unknown = world.node_tree.nodes.new("ShaderNodeTexMagic")
+    world.node_tree.links.new(unknown.outputs[0], background.inputs["Color"])
+    assert read_world(world, notes)[0].color == pytest.approx((1, 0.5, 0.25))
+    assert any("Magic Texture" in line and "World" in line for line in notes.lines())
+    assert read_world(None, notes)[0].color == (0, 0, 0)
+
+
+def test_a_panorama_is_a_program_over_the_direction(scene: Any) -> None:
+    from addon.blender.read.images import Gallery
+    from addon.blender.read.world import read_world
+
+    world = bpy.data.worlds.new("World")
+    with_nodes(world)
+    background = node(world.node_tree, "ShaderNodeBackground")
+    texture = world.node_tree.nodes.new("ShaderNodeTexEnvironment")
+    texture.image = bpy.data.images.new("Sky", 8, 4, float_buffer=True)
+    world.node_tree.links.new(texture.outputs[0], background.inputs["Color"])
+    notes = Notes()
+    found, images, _ = read_world(world, notes, Gallery())
+    assert [step["op"] for step in found.program] == ["coordinate", "image"]
+    assert (found.program[1]["panorama"], found.radiance, images, notes.lines()) == (True, 1, {0}, [])

@@ -1,0 +1,148 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Scenes kept as meshes in places: the same triangles, normals and pictures as when every copy is written out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import bpy
+import halfspace_native as native
+import numpy as np
+import pytest
+from shapes import cube, grid, material, node, with_nodes
+from test_engine import render
+
+from addon.blender.read import extract
+from addon.blender.render import engine
+from addon.blender.session import reports
+from addon.core.base.notes import Notes
+from addon.core.structures.trees import Trees
+
+
+@pytest.fixture
+def forest(add: Any, scene: Any) -> Any:
+    """Three meshes in many places: turned, mirrored, unevenly scaled, far away, with materials of their own."""
+    scene.render.engine = engine.ENGINE
+    scene.render.resolution_x, scene.render.resolution_y = 48, 32
+    scene.render.resolution_percentage = 100
+    scene.halfspace.samples = 2
+    shapes = [cube("Block", smooth=False), grid(6, "Leaf", smooth=True), cube("Ball", smooth=True)]
+    colours = [material(f"Colour {i}", Base_Color=(0.2 + 0.3 * i, 0.5, 0.3, 1)) for i in range(3)]
+    for mesh in shapes:
+        mesh.materials.append(colours[0])
+    rng = np.random.default_rng(3)
+    for i in range(20):
+        item = add(f"Item {i}", shapes[i % 3], location=rng.uniform(-3, 3, 3) + np.array((1000, 0, 0)))
+        item.rotation_euler = rng.uniform(-3, 3, 3)
+        item.scale = ((1, 1, 1), (-0.6, 0.6, 0.6), (0.3, 1.0, 0.5), (0.2, 0.2, 0.2))[i % 4]
+        if i % 5 == 0:
+            item.material_slots[0].link = "OBJECT"
+            item.material_slots[0].material = colours[1 + i % 2]
+    add("Sun", bpy.data.lights.new("Sun", "SUN"), rotation_euler=(0.5, 0.3, 0))
+    scene.camera = add(
+        "Camera", bpy.data.cameras.new("Camera"), location=(1000, -9, 0), rotation_euler=(np.pi / 2, 0, 0)
+    )
+    scene.world = bpy.data.worlds.new("World")
+    with_nodes(scene.world)
+    node(scene.world.node_tree, "ShaderNodeBackground").inputs["Color"].default_value = (0.3, 0.4, 0.5, 1)
+    return scene
+
+
+def find() -> extract.Found:
+    return extract.find(bpy.context.evaluated_depsgraph_get(), Notes())
+
+
+def test_places_flatten_to_the_same_bits(forest: Any) -> None:
+    found = find()
+    flat, kept = found.flattened().geometry, found.instanced().geometry
+    assert len(kept.meshes) == 3
+    assert kept.count == flat.count
+    structures = [native.build(mesh.vertices, mesh.triangles) for mesh in kept.meshes]
+    placed = native.build_instances(structures, kept.mesh, kept.matrices)
+    vertices, triangles = placed.flattened()
+    assert np.array_equal(vertices.view(np.uint32), flat.vertices.view(np.uint32))
+    assert np.array_equal(triangles, flat.triangles)
+    assert np.array_equal(kept.origin, flat.origin)
+
+
+def test_the_picture_is_the_same_in_two_levels(forest: Any, tmp_path: Path) -> None:
+    forest.view_layers[0].use_pass_normal = True
+    pictures = {}
+    for mode in ("flatten", "two-level", "auto"):
+        forest.halfspace.instancing = mode
+        pictures[mode] = render(forest, tmp_path)
+        report = reports.last(forest)
+        assert report is not None
+        expected = "two levels" if mode == "two-level" else "instances: flattened"
+        assert any(line.startswith(expected) for line in report.left_out)
+    flat = pictures["flatten"]
+    assert flat["Combined.R"].std() > 0.01
+    for mode in ("two-level", "auto"):
+        for name, channel in flat.items():
+            assert np.array_equal(channel, pictures[mode][name]), (mode, name)
+
+
+def test_an_object_that_the_tree_over_places_drops_is_named(forest: Any, add: Any, tmp_path: Path) -> None:
+    add("Speck", forest.objects["Item 0"].data, scale=(1e-30, 1e-30, 1e-30))
+    forest.halfspace.instancing = "two-level"
+    render(forest, tmp_path)
+    report = reports.last(forest)
+    assert report is not None
+    assert "Dropped, the transform is out of range: Speck" in report.warnings
+
+
+def test_glowing_meshes_light_whitted_s_pictures_in_any_mode(forest: Any, tmp_path: Path) -> None:
+    shaders = [
+        shader
+        for block in bpy.data.materials
+        for shader in block.node_tree.nodes
+        if "Emission Strength" in shader.inputs
+    ]
+    assert shaders
+    for shader in shaders:
+        shader.inputs["Emission Strength"].default_value = 3.0
+    forest.halfspace.integrator = "whitted"
+    pictures = {}
+    for mode in ("flatten", "two-level"):
+        forest.halfspace.instancing = mode
+        pictures[mode] = render(forest, tmp_path)["Combined.R"]
+        report = reports.last(forest)
+        assert report is not None
+        assert any(line.startswith("instances: flattened") for line in report.left_out)
+    assert np.array_equal(pictures["flatten"], pictures["two-level"])
+
+
+def test_frames_build_only_what_changed(forest: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    built = []
+
+    def of(self: Trees, *parts: Any) -> Any:
+        found, count = known(self, *parts)
+        built.append(count)
+        return found, count
+
+    known = Trees.of
+    monkeypatch.setattr(Trees, "of", of)
+    forest.halfspace.instancing = "two-level"
+    forest.render.use_persistent_data = True
+    render(forest, tmp_path)
+    forest.objects["Item 4"].location.x += 1
+    moved = render(forest, tmp_path)
+    bpy.data.meshes["Leaf"].vertices[3].co.z += 0.5
+    bpy.data.meshes["Leaf"].update()
+    edited = render(forest, tmp_path)
+    assert built == [2, 0, 1]  # both cubes have one shape
+    forest.render.use_persistent_data = False
+    fresh = render(forest, tmp_path)
+    assert not engine._kept
+    for name, channel in fresh.items():
+        assert np.array_equal(channel, edited[name]), name
+    assert any(not np.array_equal(channel, moved[name]) for name, channel in fresh.items())
+
+
+def test_a_scene_without_objects_renders_its_background(forest: Any, tmp_path: Path) -> None:
+    for item in list(forest.objects):
+        if item.type == "MESH":
+            bpy.data.objects.remove(item)
+    forest.halfspace.instancing = "two-level"
+    assert np.ptp(render(forest, tmp_path)["Combined.R"]) == 0

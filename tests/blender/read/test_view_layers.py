@@ -1,0 +1,165 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a view layer says is obeyed, and what is not obeyed is said."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import bpy
+import pytest
+from exr_files import exr
+from shapes import cube, material, node, read, with_nodes
+
+from addon.blender.read import view_layers
+from addon.blender.session import reports
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+def world(name: str, *color: float) -> Any:
+    made = bpy.data.worlds.new(name)
+    with_nodes(made)
+    node(made.node_tree, "ShaderNodeBackground").inputs["Color"].default_value = (*color, 1)
+    return made
+
+
+@pytest.fixture
+def layer(scene: Any, add: Any) -> Any:
+    """The view layer of a scene with a red cube in a collection of its own, a bare one, and a green world."""
+    apart = bpy.data.collections.new("Apart")
+    scene.collection.children.link(apart)
+    mesh = cube()
+    mesh.materials.append(material("Red"))
+    apart.objects.link(bpy.data.objects.new("Cube", mesh))
+    add("Bare", cube("Bare"), location=(4, 0, 0))
+    scene.world = world("Green", 0, 1, 0)
+    bpy.context.view_layer.update()
+    return bpy.context.view_layer
+
+
+def apart(layer: Any) -> Any:
+    return layer.layer_collection.children["Apart"]
+
+
+def test_a_material_override_is_all_that_is_seen(layer: Any) -> None:
+    layer.material_override = material("Clay")
+    found, notes = read()
+    assert {found.materials[i].name for i in found.geometry.material_index} == {"Clay"}
+    assert notes == []
+
+
+def test_a_world_override_is_the_world(layer: Any, scene: Any) -> None:
+    if not hasattr(layer, "world_override"):
+        pytest.skip("this Blender has no worlds of view layers")
+    layer.world_override = world("Blue", 0, 0, 1)
+    assert read()[0].world.color == (0, 0, 1)
+    layer.world_override = None
+    assert read()[0].world.color == (0, 1, 0)
+
+
+def test_without_sky_the_background_is_black_and_without_solids_there_are_no_surfaces(layer: Any) -> None:
+    layer.use_sky = False
+    assert read()[0].world.color == (0, 0, 0)
+    layer.use_sky, layer.use_solid = True, False
+    found, _ = read()
+    assert len(found.geometry.triangles) == 0
+    assert found.world.color == (0, 1, 0)
+
+
+def test_what_only_light_sees_is_hidden_from_the_camera(layer: Any) -> None:
+    apart(layer).indirect_only = True
+    found, notes = read()
+    assert {(m.name, m.hidden_from) for m in found.materials[1:]} == {("Red", ("camera",))}
+    assert notes == []
+
+
+def test_a_collection_that_is_a_holdout_is_said(layer: Any) -> None:
+    apart(layer).holdout = True
+    assert [line for line in read()[1] if "Holdout" in line and line.endswith(": Cube")]
+
+
+def test_an_instance_follows_the_collection_of_its_instancer(layer: Any, scene: Any) -> None:
+    inside = bpy.data.collections.new("Inside")
+    inside.objects.link(bpy.data.objects.new("Part", cube("Part")))
+    holder = bpy.data.objects.new("Holder", None)
+    holder.instance_type, holder.instance_collection = "COLLECTION", inside
+    apart_collection = bpy.data.collections["Apart"]
+    apart_collection.objects.link(holder)
+    bpy.data.objects.remove(bpy.data.objects["Cube"])
+    bpy.data.objects.remove(bpy.data.objects["Bare"])
+    apart(layer).indirect_only = True
+    assert [m.hidden_from for m in read()[0].materials[1:]] == [("camera",)]
+
+
+def test_catchers_and_links_of_light_are_said(layer: Any, add: Any) -> None:
+    bpy.data.objects["Bare"].is_shadow_catcher = True
+    lamp = add("Lamp", bpy.data.lights.new("Lamp", "SUN"))
+    lamp.light_linking.receiver_collection = lamp.light_linking.blocker_collection = bpy.data.collections["Apart"]
+    notes = read()[1]
+    assert [line for line in notes if line.startswith("Shadow catchers") and line.endswith(": Bare")]
+    assert [line for line in notes if line.startswith("Light linking") and line.endswith(": Lamp")]
+    assert [line for line in notes if line.startswith("Shadow linking") and line.endswith(": Lamp")]
+
+
+def test_passes_that_are_not_rendered_are_said(layer: Any, scene: Any, tmp_path: Path) -> None:
+    scene.camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    scene.collection.objects.link(scene.camera)
+    scene.render.engine, scene.halfspace.samples = "HALFSPACE", 1
+    scene.render.resolution_x = scene.render.resolution_y = 8
+    layer.use_pass_z = layer.use_pass_vector = layer.use_pass_cryptomatte_object = True
+    layer.aovs.add().name = "Wear"
+    exr(scene, tmp_path / "picture.exr")
+    report = reports.last(scene)
+    assert report is not None
+    said = [line for line in report.warnings if line.startswith("The pass ")]
+    assert [line.split(" is not")[0] for line in said] == [
+        "The pass Cryptomatte Object",
+        "The pass Vector",
+        "The pass AOV Wear",
+    ]
+    assert all(line.endswith(f": {layer.name}") for line in said)
+
+
+def test_objects_of_equal_name_from_two_files_keep_their_numbers(scene: Any, add: Any, tmp_path: Path) -> None:
+    library = tmp_path / "parts.blend"
+    away = bpy.data.objects.new("Same", cube("Away"))
+    away.pass_index = 3
+    bpy.data.libraries.write(str(library), {away})
+    bpy.data.objects.remove(away)
+    with bpy.data.libraries.load(str(library), link=True) as (_, wanted):
+        wanted.objects = ["Same"]
+    scene.collection.objects.link(wanted.objects[0])
+    here = add("Same", cube("Here"), location=(4, 0, 0), pass_index=7)
+    assert here.name == wanted.objects[0].name
+    here.is_holdout = True
+    found, notes = read()
+    arrays = found.numbers.arrays(found.geometry.runs())
+    assert sorted(arrays["object"]) == [3, 7]
+    assert len(notes) == 1
+    assert notes[0].endswith(": Same")
+
+
+def test_collections_come_in_their_order(scene: Any) -> None:
+    for name in "AB":
+        outer = bpy.data.collections.new(name)
+        scene.collection.children.link(outer)
+        for i in range(2):
+            outer.children.link(bpy.data.collections.new(f"{name}{i}"))
+    first = bpy.context.view_layer.layer_collection
+    first.children["B"].children["B0"].exclude = True
+    assert [one.name for one in view_layers._collections(first)][1:] == ["A", "A0", "A1", "B", "B1"]
+
+
+def test_collections_may_lie_within_each_other_more_deeply_than_calls(scene: Any) -> None:
+    inner = scene.collection
+    for _ in range(1100):
+        new = bpy.data.collections.new("Within")
+        inner.children.link(new)
+        inner = new
+    assert not view_layers.Marks(bpy.context.view_layer)._any
+    last = bpy.context.view_layer.layer_collection
+    while last.children:
+        (last,) = last.children
+    last.holdout = True
+    assert view_layers.Marks(bpy.context.view_layer)._any

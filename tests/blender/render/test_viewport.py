@@ -1,0 +1,197 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The rendered viewport, drawn into an offscreen buffer: a coarse picture at once, then the full one."""
+
+from __future__ import annotations
+
+import gc
+import time
+import weakref
+from types import SimpleNamespace
+from typing import Any
+
+import bpy
+import gpu
+import numpy as np
+import pytest
+from mathutils import Matrix
+from shapes import cube, node, with_nodes
+
+from addon.blender.read import views
+from addon.blender.render import viewport
+from addon.blender.render.viewport import Viewport
+
+WIDTH, HEIGHT = 64, 48
+MOST_REDRAWS = 5000
+"""Far more than a picture of this size takes; each redraw waits a moment for the render."""
+
+
+class Engine:
+    """What the viewport needs of `bpy.types.RenderEngine`, which cannot be made outside a window."""
+
+    def __init__(self) -> None:
+        self.redraws = 0
+        self.said = ""
+
+    def get_preview_pixel_size(self, scene: Any) -> int:
+        return 1
+
+    def update_stats(self, _left: str, right: str) -> None:
+        self.said = right
+
+    def tag_redraw(self) -> None:
+        self.redraws += 1
+
+    def bind_display_space_shader(self, scene: Any) -> None:
+        pass
+
+    def unbind_display_space_shader(self) -> None:
+        pass
+
+
+@pytest.fixture
+def context(add: Any, scene: Any) -> Any:
+    """A view of a dark cube before a white background, through the scene's camera."""
+    cube_mesh = cube()
+    add("Cube", cube_mesh)
+    scene.camera = add("Camera", bpy.data.cameras.new("Camera"), location=(0, -8, 0), rotation_euler=(np.pi / 2, 0, 0))
+    scene.world = bpy.data.worlds.new("World")
+    with_nodes(scene.world)
+    node(scene.world.node_tree, "ShaderNodeBackground").inputs["Color"].default_value = (1, 1, 1, 1)
+    scene.halfspace.preview_samples = 4
+    bpy.context.view_layer.update()
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    window_matrix = scene.camera.calc_matrix_camera(depsgraph, x=WIDTH, y=HEIGHT)
+    view_matrix = scene.camera.matrix_world.inverted()
+    return SimpleNamespace(
+        scene=scene,
+        region=SimpleNamespace(width=WIDTH, height=HEIGHT),
+        region_data=SimpleNamespace(
+            view_matrix=view_matrix,
+            window_matrix=window_matrix,
+            perspective_matrix=window_matrix @ view_matrix,
+            view_perspective="PERSP",
+        ),
+        space_data=SimpleNamespace(
+            clip_start=0.1, clip_end=100.0, use_local_camera=False, camera=None, use_render_border=False
+        ),
+    )
+
+
+def draw_until_done(view: Viewport, engine: Engine, context: Any, canvas: Any) -> np.ndarray[Any, Any]:
+    with canvas.bind():
+        gpu.matrix.load_matrix(Matrix.Identity(4))
+        gpu.matrix.load_projection_matrix(
+            Matrix(((2 / WIDTH, 0, 0, -1), (0, 2 / HEIGHT, 0, -1), (0, 0, 1, 0), (0, 0, 0, 1)))
+        )
+        view.draw(engine, context)
+        for _ in range(MOST_REDRAWS):  # in place of the timer, which needs a window
+            before = engine.redraws
+            more = view.tick()
+            if engine.redraws > before:
+                view.draw(engine, context)
+            if not more:
+                break
+            time.sleep(0.001)
+        else:
+            pytest.fail("the picture never converges")
+        pixels = gpu.state.active_framebuffer_get().read_color(0, 0, WIDTH, HEIGHT, 4, 0, "FLOAT")
+    return np.array(pixels.to_list(), np.float32).reshape(HEIGHT, WIDTH, 4)
+
+
+def test_the_picture_converges_and_follows_the_view(context: Any, canvas: Any) -> None:
+    engine, view = Engine(), Viewport()
+    view.update(engine, context, bpy.context.evaluated_depsgraph_get())
+    picture = draw_until_done(view, engine, context, canvas)
+    assert engine.said == "Sample 4 of 4"
+    assert np.allclose(picture[0, 0, :3], 1, atol=1e-2)
+    assert picture[HEIGHT // 2, WIDTH // 2, 0] < 0.95
+    context.region_data.view_matrix = Matrix.Translation((50, 0, 0)) @ context.region_data.view_matrix
+    context.region_data.perspective_matrix = context.region_data.window_matrix @ context.region_data.view_matrix
+    assert np.allclose(draw_until_done(view, engine, context, canvas)[..., :3], 1, atol=1e-2)
+
+
+def test_a_scene_that_cannot_be_read_is_said_and_drawing_goes_on(context: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_args: Any, **_kwargs: Any) -> None:
+        raise ValueError("the scene is odd")
+
+    monkeypatch.setattr(viewport.extract, "find", fail)
+    engine, view = Engine(), Viewport()
+    view.update(engine, context, bpy.context.evaluated_depsgraph_get())
+    view.draw(engine, context)
+    assert engine.said == "the scene is odd"
+
+
+def test_a_viewport_that_goes_stops_its_work(context: Any) -> None:
+    view, engine = Viewport(), Engine()
+    context.scene.halfspace.preview_samples = 1 << 16
+    view.update(engine, context, bpy.context.evaluated_depsgraph_get())
+    assert view._preview is not None
+    view._preview.look(views.seen(context, view._origin))
+    for _ in range(MOST_REDRAWS):
+        view.tick()
+        if view._preview._job is not None and view._preview._job.settings.samples > 1:
+            break
+        time.sleep(0.001)
+    job, gone = view._preview._job.native, weakref.ref(view)
+    del view
+    gc.collect()
+    assert gone() is None
+    assert job.wait(1000)
+    assert job.cancelled
+
+
+def test_a_border_is_rendered_and_nothing_else(context: Any) -> None:
+    space = context.space_data
+    space.use_render_border = True
+    space.render_border_min_x, space.render_border_max_x = 0.25, 0.5
+    space.render_border_min_y, space.render_border_max_y = 0.5, 2.0
+    assert views.seen(context, np.zeros(3)).border == (16, 24, 32, 48)
+
+
+def test_the_border_of_a_camera_view_lies_in_the_camera_s_frame(context: Any) -> None:
+    """Here the frame is the region, since the view is the camera's own."""
+    context.region_data.view_perspective = "CAMERA"
+    render = context.scene.render
+    render.resolution_x, render.resolution_y = WIDTH, HEIGHT
+    render.use_border = True
+    render.border_min_x, render.border_max_x, render.border_min_y, render.border_max_y = 0.5, 0.75, 0.25, 1.0
+    assert views.seen(context, np.zeros(3)).border == (32, 12, 48, 48)
+
+
+def test_the_view_of_a_camera_is_the_camera(context: Any) -> None:
+    seen = views.view_camera(context.region_data, np.zeros(3), context.space_data)
+    assert seen.kind == "perspective"
+    assert np.allclose(seen.to_world, np.array(context.scene.camera.matrix_world), atol=1e-6)
+    left, right, bottom, top = seen.window
+    assert (left, bottom) == pytest.approx((-right, -top))
+    assert right / top == pytest.approx(WIDTH / HEIGHT)
+
+
+def test_a_view_shows_no_more_than_its_own_objects(context: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    window = bpy.context.window_manager.windows[0]
+    area = next(area for area in window.screen.areas if area.type == "VIEW_3D")
+    region = next(region for region in area.regions if region.type == "WINDOW")
+    context.scene, context.space_data = bpy.context.scene, area.spaces.active
+    for name in ("In", "Out"):
+        item = bpy.data.objects.new(name, cube(name))
+        context.scene.collection.objects.link(item)
+        item.select_set(name == "In")
+    found: list[Any] = []
+    find = viewport.extract.find
+
+    def see(*args: Any, **settings: Any) -> Any:
+        found.append(find(*args, **settings))
+        return found[-1]
+
+    def shown() -> set[str]:
+        Viewport().update(Engine(), context, bpy.context.evaluated_depsgraph_get())
+        return {name for placement in found[-1].placements for name in placement.names}
+
+    monkeypatch.setattr(viewport.extract, "find", see)
+    assert shown() == {"In", "Out"}
+    with bpy.context.temp_override(window=window, area=area, region=region, space_data=context.space_data):
+        bpy.ops.view3d.localview(frame_selected=False)
+    assert shown() == {"In"}
+    context.space_data.show_object_viewport_mesh = False
+    assert shown() == set()

@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The benchmark of the scene open in Blender: the same rows as of its file from outside, but for times."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import bpy
+import pytest
+
+ROOT = Path(__file__).resolve().parents[3]
+QUICK = ["--structures", "kd,octree-net", "--size", "32x32", "--repeats", "2", "--check-rays", "512"]
+QUICK += ["--curve", "1,2", "--seconds", "2", "--only-rays"]
+
+
+@pytest.fixture
+def bench(monkeypatch: pytest.MonkeyPatch) -> Any:
+    monkeypatch.syspath_prepend(str(ROOT / "scripts"))
+    import bench
+
+    from addon.core.measure import curve
+    from addon.core.report import plots
+
+    monkeypatch.setattr(curve, "SIZE", 16)
+    monkeypatch.setattr(plots, "problem", lambda: "left out here, to be quick")
+    return bench
+
+
+def table(folder: Path) -> list[dict[str, Any]]:
+    from addon.core.measure import rows
+
+    found = json.loads((folder / "bench.json").read_text(encoding="utf-8"))["rows"]
+    return [rows.without_times({**row, "scene": ""}) for row in found]
+
+
+def test_the_open_scene_gives_the_same_rows_as_its_file(scene: Any, tmp_path: Path, bench: Any) -> None:
+    bpy.ops.mesh.primitive_monkey_add()
+    bpy.ops.object.light_add(type="POINT", location=(2.0, -2.0, 3.0))
+    bpy.ops.object.camera_add(location=(0.0, -4.0, 0.5), rotation=(1.5, 0.0, 0.0))
+    bpy.context.scene.camera = bpy.context.object
+    file = tmp_path / "monkey.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(file))
+    assert bench.main([*QUICK, "--out", str(tmp_path / "open")]) == 0
+    assert bench.main([str(file), *QUICK, "--out", str(tmp_path / "file")]) == 0
+    opened, read = table(tmp_path / "open"), table(tmp_path / "file")
+    assert [row["spec"] for row in opened if row["spec"] != "embree"] == ["kd", "octree-net"]
+    assert opened == read
+    ours = [row for row in opened if row["spec"] != "embree"]
+    # Same pictures: at equal samples equal errors, for every structure.
+    assert all(row["curve"] == ours[0]["curve"] for row in ours)
+    assert [point["spp"] for point in ours[0]["curve"]] == [1, 2]
+    assert (tmp_path / "open" / "report.html").is_file()

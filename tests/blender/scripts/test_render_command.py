@@ -1,0 +1,155 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Rendering from the command line: what is rendered, with which structure, and one line for whatever is wrong."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+import pytest
+import render
+from one_line import told
+from shapes import cube
+
+from addon.blender.measure import pictures
+from addon.blender.render import engine
+from lab.pictures import scenes
+
+QUICK = ["--samples", "1"]
+
+
+@pytest.fixture
+def file(scene: Any, add: Any, tmp_path: Path) -> Path:
+    """A cube and a camera in a .blend with a structure and a size of its own."""
+    add("Cube", cube())
+    scene.camera = add("Camera", bpy.data.cameras.new("Camera"), location=(0, 0, 6))
+    scene.render.resolution_x, scene.render.resolution_y = 32, 16
+    scene.halfspace.structure = "bvh-sah"
+    scene.halfspace.automatic = True
+    path = tmp_path / "cube.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(path))
+    return path
+
+
+def test_the_structure_is_what_the_file_says_unless_one_is_asked_for(
+    file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bpy.ops.wm.open_mainfile(filepath=str(file))
+    bpy.context.scene.halfspace.automatic = False
+    bpy.ops.wm.save_mainfile()
+    out = tmp_path / "out.png"
+    assert render.main([str(file), *QUICK, "--out", str(out)]) == 0
+    told = capsys.readouterr().out.strip()
+    assert told.endswith(f"{out}: 32 × 16 pixels with bvh-sah, answers not compared"), "no time without the errors"
+    assert pictures.load(out).shape == (16, 32, 4)
+
+
+def test_a_time_is_told_beside_the_errors(file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The file's structure is chosen, and so compared."""
+    out = tmp_path / "out.png"
+    assert render.main([str(file), *QUICK, "--out", str(out)]) == 0
+    told = capsys.readouterr().out.strip().splitlines()[-1]
+    assert re.search(r": 32 × 16 pixels in [0-9.]+ s with [a-z].*, 0 of [0-9,]+ answers wrong$", told), told
+    # The time of two view layers is known, but only of the last what its answers are.
+    bpy.context.scene.view_layers.new("Another")
+    bpy.ops.wm.save_mainfile()
+    assert render.main([str(file), *QUICK, "--out", str(out)]) == 0
+    told = capsys.readouterr().out.strip().splitlines()[-1]
+    assert re.search(r": 32 × 16 pixels with [a-z].*, 0 of [0-9,]+ answers wrong$", told), told
+
+
+def test_a_configuration_is_taken_whatever_the_file_would_choose(
+    file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    asked = [str(file), *QUICK, "--out", str(tmp_path / "out.png"), "--percentage", "50"]
+    assert render.main([*asked, "--structure", "kd:max_depth=9,traversal=dir"]) == 0
+    told = capsys.readouterr().out.strip()
+    assert "16 × 8 pixels" in told
+    assert told.endswith(" with kd:traversal=dir,max_depth=9, answers not compared")
+
+
+def test_stereo_becomes_one_picture_and_the_size_is_the_file_s(
+    file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bpy.ops.wm.open_mainfile(filepath=str(file))
+    settings = bpy.context.scene.render
+    settings.use_multiview = settings.use_border = settings.use_crop_to_border = True
+    settings.border_min_x, settings.border_max_x, settings.border_min_y, settings.border_max_y = 0.25, 0.75, 0, 0.5
+    bpy.ops.wm.save_mainfile()
+    out = tmp_path / "out.png"
+    assert render.main([str(file), *QUICK, "--out", str(out)]) == 0
+    told = capsys.readouterr()
+    assert told.err.startswith("render: stereo is not supported")
+    assert f"{out}: 16 × 8 pixels in " in told.out
+    assert pictures.load(out).shape == (8, 16, 4)
+
+
+def test_a_bare_geometry_is_rendered(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "tent.npz"
+    view = {"camera_eye": [0, -5, 1], "camera_target": [0, 0, 0], "camera_up": [0, 0, 1], "camera_vfov_deg": 45.0}
+    corners = np.array([[-1, 0, -1], [1, 0, -1], [0, 1, 1]], np.float32)
+    np.savez(path, vertices=corners, triangles=np.array([[0, 1, 2]]), **view)
+    out = tmp_path / "tent.png"
+    assert render.main([str(path), *QUICK, "--percentage", "2", "--out", str(out)]) == 0
+    picture = pictures.load(out)[..., :3]
+    assert picture.std() > 0.05, "a triangle before the sky"
+    assert capsys.readouterr().out.strip().endswith(" with kd, answers not compared")
+
+
+def test_whatever_goes_wrong_is_one_line(
+    file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "broken.blend").write_text("no scene")
+    out = ["--out", str(tmp_path / "out.png"), *QUICK]
+    for arguments, words in (
+        ([str(tmp_path / "broken.blend"), *out], "broken.blend"),
+        ([str(file), *out, "--structure", "oak"], "--structure: unknown structure 'oak'; there are kd, "),
+        ([str(file), *out, "--structure", "kd:max_depth=999"], "--structure: max_depth: 999 is out of range"),
+    ):
+        assert render.main(arguments) == 2
+        said = capsys.readouterr().err
+        assert words in said
+        assert said.startswith("render: ")
+        assert said.count("\n") == 1
+
+    def full(*_: Any) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "replace", full)
+    assert render.main([str(file), *out]) == 2
+    assert capsys.readouterr().err == f"render: {tmp_path / 'out.png'}: cannot be written: No space left on device\n"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["broken.blend", "cube.blend"]
+
+
+@pytest.mark.parametrize("where", ["find", "Session"])
+def test_what_goes_wrong_while_rendering_is_one_line(
+    file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], where: str
+) -> None:
+    def fail(*_: Any, **__: Any) -> Any:
+        raise ValueError("the scene\nis odd")
+
+    if where == "find":
+        monkeypatch.setattr(engine.extract, "find", fail)
+    else:
+        monkeypatch.setattr(engine.Session, "render", fail)
+    asked = [str(file), *QUICK, "--structure", "kd", "--out", str(tmp_path / "out.png")]
+    assert told(render, asked, capsys) == "render: the scene is odd\n"
+
+
+def test_an_interrupted_render_is_no_success(
+    file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupt(*_: Any, **__: Any) -> Any:
+        raise KeyboardInterrupt
+
+    out = tmp_path / "out.png"
+    out.write_bytes(b"old")
+    monkeypatch.setattr(engine._Picture, "_tracing", interrupt)
+    assert render.main([str(file), "--samples", str(1 << 16), "--out", str(out)]) == 130
+    monkeypatch.setattr(scenes, "open_file", interrupt)
+    assert render.main([str(file), "--out", str(out)]) == 130
+    assert capsys.readouterr().err == "render: stopped\n" * 2
+    assert out.read_bytes() == b"old"

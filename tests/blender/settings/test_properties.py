@@ -1,0 +1,159 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Scene settings come from the registry and follow the chosen structure."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import bpy
+import halfspace_native
+import numpy as np
+import pytest
+from layouts import draw
+from shapes import cube
+
+from addon.blender.measure import cost_maps
+from addon.blender.render.viewport import Viewport
+from addon.blender.session import reports
+from addon.blender.settings import properties
+from addon.blender.ui import panels
+from addon.core.base import native
+from addon.core.structures import catalogue
+
+
+def test_enum_numbers_are_the_registrys_codes(scene: Any) -> None:
+    items = scene.halfspace.bl_rna.properties["structure"].enum_items
+    assert {item.identifier: item.value for item in items} == {
+        row["id"]: row["code"] for row in halfspace_native.structures()
+    }
+    assert scene.halfspace.structure == "kd"
+
+
+def test_what_is_compared_unless_the_user_says_otherwise_exists(scene: Any) -> None:
+    items = scene.halfspace.bl_rna.properties["structure"].enum_items
+    assert set(properties.TICKED) <= {item.identifier for item in items}
+
+
+def test_every_structure_has_a_property_for_each_parameter_with_its_default(scene: Any) -> None:
+    for row in halfspace_native.structures():
+        scene.halfspace.structure = row["id"]
+        for parameter in row["parameters"]:
+            value = getattr(scene.halfspace, parameter["name"])
+            assert value == (
+                pytest.approx(parameter["default"]) if parameter["kind"] == "float" else parameter["default"]
+            )
+        assert properties.spec(scene.halfspace) == row["id"]
+        names = [parameter.name for parameter in properties.structure_parameters(scene.halfspace)]
+        assert names == [parameter["name"] for parameter in row["parameters"]]
+
+
+def test_a_value_that_the_user_set_survives_a_change_of_structure(scene: Any) -> None:
+    scene.halfspace.traversal = "sung"
+    scene.halfspace.structure = "kd-sah"
+    assert properties.spec(scene.halfspace) == "kd-sah:traversal=sung"
+    scene.halfspace.structure = "brute"
+    scene.halfspace.structure = "kd"
+    assert properties.spec(scene.halfspace) == "kd:traversal=sung"
+
+
+def test_the_native_module_understands_what_the_properties_say(scene: Any) -> None:
+    scene.halfspace.max_depth = 20
+    scene.halfspace.step_cost = 0.7
+    text = properties.spec(scene.halfspace)
+    nothing = np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32)
+    assert halfspace_native.build(*nothing, text).spec == text
+
+
+def test_settings_survive_saving_and_loading(tmp_path: Path, scene: Any) -> None:
+    scene.halfspace.structure = "kd-sah"
+    scene.halfspace.samples = 7
+    scene.view_layers[0].halfspace.use_pass_steps = True
+    file = str(tmp_path / "settings.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=file)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    bpy.ops.wm.open_mainfile(filepath=file)
+    loaded = bpy.context.scene
+    assert (loaded.halfspace.structure, loaded.halfspace.samples) == ("kd-sah", 7)
+    assert loaded.view_layers[0].halfspace.use_pass_steps
+
+
+class Engine:
+    """Nothing of an engine is needed until its view is drawn."""
+
+
+def store(scene: Any, name: str, value: int) -> None:
+    """Give a setting a number that it cannot be given, as a file of another version may."""
+    setattr(scene.halfspace, name, scene.halfspace.bl_rna.properties[name].enum_items[0].identifier)
+    stored = scene.bl_system_properties_get() if hasattr(scene, "bl_system_properties_get") else scene
+    stored["halfspace"][name] = value
+
+
+def test_a_structure_of_another_version_is_said_and_replaced(scene: Any, add: Any) -> None:
+    add("Cube", cube())
+    scene.camera = add("Camera", bpy.data.cameras.new("Camera"), location=(0, 0, 9))
+    scene.render.engine, scene.render.resolution_x, scene.render.resolution_y = "HALFSPACE", 8, 8
+    scene.halfspace.samples = 1
+    store(scene, "structure", 9999)
+    store(scene, "second", 9999)
+    assert scene.halfspace.structure == scene.halfspace.second == ""
+    assert properties.spec(scene.halfspace) == "kd"
+    bpy.ops.render.render()
+    report = reports.last(scene)
+    assert report is not None
+    assert f"{properties.UNKNOWN}: kd-tree" in report.warnings
+    assert bpy.ops.halfspace.build_structure() == {"FINISHED"}
+    assert bpy.ops.halfspace.check() == {"FINISHED"}
+    assert bpy.ops.halfspace.cost_map(width=8) == {"FINISHED"}
+    told: list[str] = []
+    cost_maps.draw(scene, 8, told.append)
+    assert told.count(f"{properties.UNKNOWN}: kd-tree") == 1
+    view = Viewport()
+    view.update(Engine(), SimpleNamespace(space_data=None), bpy.context.evaluated_depsgraph_get())
+    assert f"{properties.UNKNOWN}: kd-tree" in view.status()
+    assert "max_depth" in draw(panels.HALFSPACE_PT_structure, scene=scene)
+
+
+def test_the_structure_panel_shows_only_what_the_structure_has(scene: Any) -> None:
+    for structure in ("brute", "kd"):
+        scene.halfspace.structure = structure
+        expected = [p.name for p in catalogue.load()[structure].parameters]
+        drawn = draw(panels.HALFSPACE_PT_structure, scene=scene)
+        assert drawn[: 2 + len(expected)] == ["automatic", "structure", *expected]
+        assert " ".join(drawn[2 + len(expected) : -2]) == catalogue.load()[structure].paper
+        assert drawn[-2:] == ["instancing", "memory_limit"]
+
+
+def test_the_structure_panel_says_why_there_is_no_native_module(scene: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(native, "problem", lambda: "The native module of Halfspace cannot be loaded: gone " * 3)
+    lines = draw(panels.HALFSPACE_PT_structure, scene=scene)
+    assert len(lines) > 1
+    assert "cannot be loaded" in " ".join(lines)
+
+
+@pytest.mark.parametrize("kind", ["POINT", "SUN", "SPOT", "AREA"])
+def test_light_panels_draw_properties_that_exist(kind: str) -> None:
+    light = bpy.data.lights.new("Light", kind)
+    assert "energy" in draw(panels.HALFSPACE_PT_light, light=light)
+    if kind == "AREA":
+        light.shape = "ELLIPSE"
+        assert "size_y" in draw(panels.HALFSPACE_PT_light, light=light)
+
+
+def test_the_other_panels_draw(scene: Any) -> None:
+    assert "samples" in draw(panels.HALFSPACE_PT_sampling, scene=scene)
+    assert draw(panels.HALFSPACE_PT_film, scene=scene) == ["film_transparent"]
+    assert draw(panels.HALFSPACE_PT_statistics, scene=scene) == ["Nothing rendered yet"]
+    assert "use_pass_steps" in draw(panels.HALFSPACE_PT_passes, view_layer=scene.view_layers[0])
+
+
+def test_tooltips_are_sentences(scene: Any) -> None:
+    properties_of = scene.halfspace.bl_rna.properties
+    told = [item.description for item in properties_of["structure"].enum_items]
+    told += [item.description for item in properties_of["second"].enum_items]
+    told += [tick.description for tick in scene.halfspace.compared.bl_rna.properties]
+    assert len(told) > 80
+    # Blender itself puts a full stop at the end.
+    assert [text for text in told if ".." in text or text.endswith(".")] == []
+    assert any(". Wald and Havran 2006" in text for text in told)

@@ -1,0 +1,146 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Panels read and never work; presets, help and the check of a structure."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import bpy
+import numpy as np
+import pytest
+from layouts import Layout, draw, draw_all
+from shapes import cube
+
+from addon.blender.measure import checking
+from addon.blender.read import extract
+from addon.blender.session import building, trees
+from addon.blender.settings import presets, properties
+from addon.blender.ui import compare_panels, manual, overlay_panels, panels
+from addon.core.base import native
+from addon.core.structures import catalogue
+from addon.core.structures.presets import PRESETS, offered
+
+PANELS = [*panels.CLASSES, *overlay_panels.CLASSES, *compare_panels.CLASSES]
+
+
+def context(scene: Any) -> dict[str, Any]:
+    light = bpy.data.lights.new("Light", "POINT")
+    world = bpy.data.worlds.new("World")
+    item = bpy.data.objects.new("Item", cube())
+    return {
+        "scene": scene,
+        "view_layer": scene.view_layers[0],
+        "light": light,
+        "world": world,
+        "object": item,
+        "engine": "HALFSPACE",
+    }
+
+
+@pytest.mark.parametrize("panel", PANELS, ids=lambda panel: panel.__name__)
+def test_drawing_a_panel_neither_builds_nor_measures(
+    scene: Any, add: Any, panel: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    add("Box", cube())
+    scene.halfspace.overlay.show = True
+    scene.halfspace.overlay.auto_update = False
+    assert bpy.ops.halfspace.build_structure() == {"FINISHED"}
+    assert bpy.ops.halfspace.check() == {"FINISHED"}
+    tree = trees.last(scene)
+    assert tree is not None
+    catalogue.load()
+
+    def work(*_args: Any, **_kwargs: Any) -> None:
+        pytest.fail("a panel does work")
+
+    only_read = SimpleNamespace(statistics=tree.structure.statistics, spec=tree.spec)
+    monkeypatch.setattr(trees, "_tree", dataclasses.replace(tree, structure=only_read, number=tree.number))
+    for module, name in ((extract, "find"), (building, "Job"), (native, "load")):
+        monkeypatch.setattr(module, name, work)
+    monkeypatch.setattr(native, "problem", lambda: None)
+    draw_all(panel, **context(scene))
+
+
+def test_statistics_show_every_number_and_the_check(scene: Any, add: Any) -> None:
+    add("Box", cube())
+    shown = overlay_panels.HALFSPACE_PT_view_statistics
+    assert "Leaves" not in draw(shown, scene=scene)
+    assert bpy.ops.halfspace.check() == {"FINISHED"}
+    text = draw(shown, scene=scene)
+    for label in ("Build", "Memory", "References per triangle", "Depth, largest", "Expected cost", "primary"):
+        assert label in text
+    (verdict,) = (line for line in text if "brute force" in line)
+    assert int(verdict.split()[0].replace(",", "")) > 100
+    bpy.ops.halfspace.build_structure()
+    assert "primary" not in draw(shown, scene=scene)  # another structure: nothing is known of it yet
+
+
+def test_a_structure_that_errs_is_shown_as_such(scene: Any, add: Any) -> None:
+    add("Box", cube())
+    bpy.ops.halfspace.check()
+    tree = trees.last(scene)
+    assert tree is not None
+    found = checking.last(tree)
+    assert found is not None
+    assert found.right
+    # Five that differ, of which two are right but for the last bit of their distance.
+    wrong = dataclasses.replace(found.errors, false_miss=3, wrong=5)
+    checking._checks[tree.number] = dataclasses.replace(found, errors=wrong)
+    assert checking.words(tree) == f"{found.errors.rays:,} answers compared, some WRONG"
+    (built,) = (line for line in draw(overlay_panels.HALFSPACE_PT_view_structure, scene=scene) if "Built in" in line)
+    assert built.endswith("some WRONG")
+    text = " ".join(draw(overlay_panels.HALFSPACE_PT_view_statistics, scene=scene))
+    assert "5 of" in text
+    assert "3 hits lost" in text
+    assert "the others in t, u or v" in text
+
+
+def test_every_preset_gives_its_configuration(scene: Any) -> None:
+    known = offered(catalogue.load())
+    assert known == PRESETS, "what the catalogue does not know is left out"
+    scene.halfspace.structure = "kd"
+    scene.halfspace.step_cost = 0.3
+    for preset in known:
+        assert bpy.ops.halfspace.use_spec(spec=preset.spec) == {"FINISHED"}
+        nothing = np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32)
+        assert properties.spec(scene.halfspace) == native.load().build(*nothing, preset.spec).spec
+    with pytest.raises(RuntimeError, match="unknown structure"):
+        bpy.ops.halfspace.use_spec(spec="no-such")
+
+
+def test_the_preset_menu_lists_names_of_the_sources_and_saves_the_users_own(
+    scene: Any,
+) -> None:
+    menu = SimpleNamespace(layout=Layout(), draw_preset=lambda _context: None)
+    presets.HALFSPACE_MT_presets.draw(menu, None)
+    assert [button.spec for button in menu.layout.operators] == [p.spec for p in offered(catalogue.load())]
+    scene.halfspace.structure = "kd"
+    scene.halfspace.step_cost = 0.75
+    assert bpy.ops.halfspace.preset_add(name="mine") == {"FINISHED"}
+    path = bpy.utils.preset_find("mine", "halfspace/structure")
+    assert path
+    try:
+        scene.halfspace.structure = "bvh-sah"
+        scene.halfspace.step_cost = 3.0
+        bpy.ops.script.execute_preset(filepath=path, menu_idname="HALFSPACE_MT_presets")
+        assert properties.spec(scene.halfspace) == "kd:step_cost=0.75"
+    finally:
+        Path(path).unlink()
+
+
+def test_every_panel_that_names_a_section_finds_it(scene: Any) -> None:
+    text = manual.readme()
+    sections = {panel.section for panel in PANELS if panel.section}
+    assert {"The structures", "Why to trust it"} <= sections
+    for section in sections:
+        manual.line_of(text, section)
+    assert bpy.ops.halfspace.manual(section="The structures") == {"FINISHED"}
+    opened = bpy.data.texts[manual.TEXT]
+    assert opened.current_line.body == "## The structures"
+    with pytest.raises(RuntimeError, match="no-such"):
+        bpy.ops.halfspace.manual(section="no-such")
+    assert bpy.ops.halfspace.manual() == {"FINISHED"}, "as a search for operators calls it"
+    assert opened.current_line.body == "# Halfspace"

@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Registering adds, unregistering takes away, as often as one likes."""
+
+from __future__ import annotations
+
+import bpy
+import pytest
+
+import addon
+from addon.blender.measure import checking, comparing
+from addon.blender.overlay import drawing as overlay
+from addon.blender.overlay import picking
+from addon.blender.read import sky
+from addon.blender.render import viewport
+from addon.blender.render.engine import ENGINE
+from addon.blender.session import building, reports, trees
+from addon.blender.settings import properties
+from addon.core.base import native
+
+HANDLERS = [h for h in dir(bpy.app.handlers) if isinstance(getattr(bpy.app.handlers, h), list)]
+
+
+def engines_of_panels() -> set[tuple[str, str]]:
+    return {(p.__name__, e) for p in bpy.types.Panel.__subclasses__() for e in getattr(p, "COMPAT_ENGINES", ())}
+
+
+def footprint() -> dict[str, object]:
+    """Everything that a registration could leave behind."""
+    return {
+        "types": {name for name in dir(bpy.types) if "alfspace" in name.lower()},
+        "subclasses": {
+            c.__name__
+            for base in (bpy.types.Panel, bpy.types.Operator, bpy.types.PropertyGroup, bpy.types.RenderEngine)
+            for c in base.__subclasses__()
+            if getattr(c, "is_registered", False) and c.__module__.startswith("addon")
+        },
+        "properties": {
+            owner.__name__
+            for owner in (bpy.types.Scene, bpy.types.ViewLayer, bpy.types.Object)
+            if hasattr(owner, "halfspace")
+        },
+        "engines": engines_of_panels(),
+        "handlers": {h: len(getattr(bpy.app.handlers, h)) for h in HANDLERS},
+        "reports": dict(reports._last),
+        "tree": (trees._tree, dict(trees._moments), dict(trees._frames)),
+        "checks": dict(checking._checks),
+        "rays": dict(picking._rays),
+        "comparisons": (dict(comparing._found), comparing._state.work),
+        "drawing": (overlay._handle, dict(overlay._drawings)),
+        "popover": len(bpy.types.VIEW3D_PT_overlay.draw._draw_funcs)
+        if hasattr(bpy.types.VIEW3D_PT_overlay.draw, "_draw_funcs")
+        else 1,
+        "timers": [bpy.app.timers.is_registered(look) for look in (building._tick, overlay._begin, viewport._tick)],
+        "views": len(viewport._working),
+        "skies": (len(sky._kept), len(sky._looks)),
+    }
+
+
+def begin_a_view_and_a_sky() -> None:
+    """What a 3D view that still works, and a sky that has come, leave to be ended."""
+    view = viewport.Viewport()
+    viewport._working.add(view)
+    bpy.app.timers.register(viewport._tick, first_interval=3600)
+    HELD.append(view)
+    sky._kept["clear"] = sky.SkyError("not rendered")
+
+
+HELD: list[viewport.Viewport] = []
+"""The set of working views does not keep them alive."""
+
+
+def test_three_rounds_leave_nothing_behind() -> None:
+    addon.unregister()
+    try:
+        clean = footprint()
+        assert not clean["types"]
+        assert not clean["subclasses"]
+        assert not clean["properties"]
+        assert not any(engine == ENGINE for _, engine in engines_of_panels())
+        for _ in range(3):
+            addon.register()
+            assert footprint()["properties"] == {"Scene", "ViewLayer"}
+            bpy.context.scene.halfspace.overlay.show = True
+            assert footprint()["drawing"] != clean["drawing"]
+            begin_a_view_and_a_sky()
+            assert all(footprint()[name] != clean[name] for name in ("timers", "views", "skies"))
+            addon.unregister()
+            assert footprint() == clean
+    finally:
+        addon.register()
+
+
+def test_panels_appear_and_unsupported_ones_do_not() -> None:
+    listed = {panel for panel, engine in engines_of_panels() if engine == ENGINE}
+    assert {"RENDER_PT_format", "DATA_PT_lens"} <= listed
+    assert not listed & {"VIEWLAYER_PT_layer_passes", "DATA_PT_camera_dof", "RENDER_PT_freestyle"}
+
+
+def test_without_the_native_module_everything_registers_and_rendering_says_why(
+    monkeypatch: pytest.MonkeyPatch, scene: object
+) -> None:
+    addon.unregister()
+
+    def missing() -> None:
+        raise native.NativeError("The native module of Halfspace cannot be loaded: gone")
+
+    try:
+        with monkeypatch.context() as patch:
+            patch.setattr(native, "load", missing)
+            addon.register()
+            new = bpy.context.scene
+            assert not hasattr(new.halfspace, "structure")
+            assert new.halfspace.samples > 0
+            new.camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+            new.collection.objects.link(new.camera)
+            new.render.engine = ENGINE
+            new.render.resolution_x = new.render.resolution_y = 8
+            with pytest.raises(RuntimeError, match="cannot be loaded: gone"):
+                bpy.ops.render.render()
+            addon.unregister()
+    finally:
+        addon.register()
+    assert properties.spec(bpy.context.scene.halfspace) == "kd"

@@ -1,0 +1,291 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Choosing a structure: the arithmetic of build plus render, and what is tried and what is not."""
+
+from __future__ import annotations
+
+import threading
+from pathlib import Path
+from typing import Any
+
+import choose
+import numpy as np
+import pytest
+from lying_native import LIES, Lying, LyingNative
+
+from addon.core.base.background import Background
+from addon.core.choose import auto, choice
+from addon.core.choose.choice import Comparison, Line, Mix, Plan
+from addon.core.measure import benchmark, check
+from addon.core.scene.workload import View, Workload
+from addon.core.structures import catalogue
+
+native = pytest.importorskip("halfspace_native")
+
+
+@pytest.fixture
+def soup() -> Workload:
+    rng = np.random.default_rng(5)
+    centres = rng.random((600, 1, 3)) * [4, 3, 2]
+    vertices = (centres + 0.2 * rng.standard_normal((600, 3, 3))).astype(np.float32).reshape(-1, 3)
+    view = View(np.array([2.0, -6.0, 3.0]), np.array([2.0, 1.5, 1.0]), np.array([0.0, 0.0, 1.0]), 40.0)
+    return Workload("soup", vertices, np.arange(1800, dtype=np.int32).reshape(-1, 3), view)
+
+
+def test_a_picture_takes_its_rays_at_their_speeds() -> None:
+    counted = Mix(primary=1.0, shadow=2.0, secondary=3.0)
+    plan = Plan(pixels=1_000_000, samples=10)
+    assert counted.seconds({"primary": 10, "shadow": 5, "diffuse": 2}, plan) == pytest.approx(10 * (0.1 + 0.4 + 1.5))
+    assert counted.seconds({"primary": 10}, plan) == pytest.approx(6.0)
+
+
+def test_few_samples_want_a_quick_build_and_many_a_quick_walk() -> None:
+    def compared(samples: int) -> Comparison:
+        lines = (Line("bvh-sah", 0.1, 2.0 * samples), Line("kd", 5.0, 1.0 * samples), Line("x", problem="broken"))
+        return Comparison(Plan(100, samples), tuple(sorted(lines, key=lambda line: (bool(line.problem), line.total))))
+
+    few, many = compared(1), compared(100)
+    assert (few.best.spec, few.fastest.spec) == ("bvh-sah", "kd")
+    assert (many.best.spec, many.fastest.spec) == ("kd", "kd")
+    assert "kd would trace 1.00 s faster" in few.reason()
+    assert "traces fastest" in many.reason()
+    assert [line.spec for line in few.sound] == ["bvh-sah", "kd"]
+
+
+def test_one_alone_is_not_called_the_fastest() -> None:
+    alone, wrong = Line("kd", 1.0, 2.0, 0, 10), Line("grid", 1.0, 1.0, 3, 10, "3 of 10 answers are wrong")
+    assert Comparison(Plan(100, 1), (alone,)).reason() == "kd: nothing else was tried over the whole scene."
+    assert Comparison(Plan(100, 1), (alone, wrong)).reason() == "kd: nothing else gave right answers."
+
+
+def test_rows_become_lines_and_wrong_answers_are_never_best(soup: Workload) -> None:
+    options = benchmark.Options(size=(32, 32), sets=choice.SETS, repeats=2, check_rays=64)
+    rows = list(benchmark.measure(native, soup, ["kd", "bvh-sah"], options, lambda _text: None))
+    tree = native.build(soup.vertices, soup.triangles, "kd")
+    counted = choice.mix(native, tree, soup, (32, 32), 4)
+    assert counted.primary == pytest.approx(1.0)
+    assert counted.shadow > 0
+    found = choice.compare(rows, counted, Plan(1000, 4))
+    assert {line.spec for line in found.sound} == {"kd", "bvh-sah"}
+    assert all(line.build > 0 and line.trace > 0 and line.checked > 0 for line in found.sound)
+    assert found.best is found.lines[0]
+    rows[0]["errors"]["false_miss"] = 1
+    found = choice.compare(rows, counted, Plan(1000, 4))
+    assert len(found.sound) == 1
+    assert "wrong" in found.lines[-1].problem
+
+
+def test_choosing_gives_a_built_structure_and_says_why(soup: Workload) -> None:
+    known = catalogue.load()
+    chosen = auto.choose(native, soup, Plan(1 << 20, 64), known, threads=1)
+    assert chosen.spec in auto.candidates(known)
+    assert chosen.structure.statistics["references"] > 0
+    assert chosen.structure.spec.partition(":")[0] == chosen.spec.partition(":")[0]
+    assert chosen.spec == min(chosen.comparison.lines, key=lambda line: line.total).spec
+    assert 0 < chosen.own <= chosen.seconds
+    assert chosen.spec in chosen.notes[0]
+    assert any("Choosing took" in note for note in chosen.notes)
+    # Every candidate was tried in full, or it is said why not.
+    told = {line.spec for line in chosen.comparison.lines} | {note.split(": ")[0] for note in chosen.notes}
+    assert set(auto.candidates(known)) <= told
+
+
+def test_every_full_trial_is_compared_with_brute_force_which_is_asked_once(soup: Workload) -> None:
+    built: list[str] = []
+
+    class Counting:
+        def __getattr__(self, name: str) -> Any:
+            return getattr(native, name)
+
+        def build(self, vertices: Any, triangles: Any, spec: str, **options: Any) -> Any:
+            built.append(spec)
+            return native.build(vertices, triangles, spec, **options)
+
+    chosen = auto.choose(Counting(), soup, Plan(1 << 20, 64), catalogue.load(), threads=1)
+    assert built.count("brute") == 1
+    assert len(chosen.comparison.lines) > 1
+    for line in chosen.comparison.lines:
+        assert line.wrong == 0
+        assert 1000 <= line.checked < 1300
+        assert line.answers == f"0 of {line.checked:,} answers wrong"
+    assert Line("kd", 1.0, 1.0).answers == "answers not compared"
+
+
+@pytest.mark.parametrize("lie", LIES)
+def test_who_errs_is_not_chosen_however_fast(soup: Workload, monkeypatch: pytest.MonkeyPatch, lie: str) -> None:
+    monkeypatch.setattr(auto.check, "rate", lambda structure, *_: 100.0 if isinstance(structure, Lying) else 1.0)
+    monkeypatch.setattr(auto.choice, "mix", lambda *_: Mix(1.0, 0.0, 0.0))
+    for specs in (["bvh-sah", "kd"], ["kd", "bvh-sah"]):
+        chooser = auto.Chooser(LyingNative(lie), soup, Plan(1 << 20, 64), specs, 1)
+        for _ in chooser.steps():
+            pass
+        assert chooser.result is not None
+        assert chooser.result.spec == "bvh-sah"
+        assert chooser.result.structure.spec == "bvh-sah"
+        worst = chooser.result.comparison.lines[-1]
+        assert (worst.spec, worst.total < chooser.result.comparison.lines[0].total) == ("kd", True)
+        assert 0 < worst.wrong <= worst.checked
+        assert worst.problem == f"{worst.wrong} of {worst.checked:,} answers are wrong"
+        assert any(note == f"kd: left out, {worst.problem}" for note in chooser.result.notes)
+
+
+def test_nothing_is_chosen_when_all_err(soup: Workload, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(auto.choice, "mix", lambda *_: Mix(1.0, 0.0, 0.0))
+    chooser = auto.Chooser(LyingNative("false_miss"), soup, Plan(1 << 20, 64), ["kd"], 1)
+    told = r"No configuration gives right answers\. kd: \d+ of [\d,]+ answers are wrong"
+    with pytest.raises(RuntimeError, match=told):
+        list(chooser.steps())
+
+
+def test_a_tree_that_rays_build_is_charged_all_of_its_build(soup: Workload) -> None:
+    options = benchmark.Options(size=(32, 32), sets=choice.SETS, repeats=1, check_rays=64, threads=1)
+    rows = list(benchmark.measure(native, soup, ["kd:lazy=1", "kd"], options, lambda _text: None))
+    for row in rows:
+        upper, first = (0.25, 3.0) if row["spec"] == "kd:lazy=1" else (2.0, 5.0)
+        row["build_s"], row["first_s"] = ({"min": s, "med": s, "max": s} for s in (upper, first))
+    lines = {line.spec: line for line in choice.compare(rows, Mix(1.0, 0.0, 0.0), Plan(1000, 4)).lines}
+    assert {spec: line.build for spec, line in lines.items()} == {"kd:lazy=1": 3.0, "kd": 2.0}
+
+
+@pytest.mark.parametrize("lie", LIES)
+def test_a_row_that_errs_never_says_that_none_is_wrong(soup: Workload, lie: str) -> None:
+    options = benchmark.Options(size=(32, 32), sets=choice.SETS, repeats=1, check_rays=64, threads=1)
+    rows = list(benchmark.measure(LyingNative(lie), soup, ["kd"], options, lambda _text: None))
+    (line,) = choice.compare(rows, Mix(1.0, 0.0, 0.0), Plan(1000, 4)).lines
+    assert line.problem
+    assert line.wrong > 0
+    assert not line.problem.startswith("0 of")
+
+
+def test_the_command_prints_wrong_answers_beside_times(
+    soup: Workload, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    view = soup.view
+    np.savez(
+        tmp_path / "soup.npz",
+        vertices=soup.vertices,
+        triangles=soup.triangles,
+        camera_eye=view.eye,
+        camera_target=view.target,
+        camera_up=view.up,
+        camera_vfov_deg=np.float64(view.vertical_fov),
+    )
+    assert choose.main([str(tmp_path / "soup.npz"), "--samples", "4", "--pixels", "100000"]) == 0
+    lines = [line for line in capsys.readouterr().out.splitlines() if "trace" in line and "total" in line]
+    assert len(lines) == len(auto.candidates(catalogue.load()))
+    for line in lines:
+        checked = int(line.split(" of ")[1].split()[0].replace(",", ""))
+        assert checked >= 192
+        assert line.endswith(f"0 of {checked:,} answers wrong")
+
+
+def test_rays_are_timed_about_as_close_as_those_of_the_picture(soup: Workload, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Farther apart they do not go together, and another structure seems the best."""
+    assert auto.view_of(1920 * 1080, choose.FINE) == choose.FINE
+    assert auto.view_of(1) == (8, 8)
+    width, height = auto.view_of(100_000)
+    assert 0.9 * 100_000 < width * height <= 100_000
+    asked = []
+
+    def heard(structure: Any, some: Any, *arguments: Any) -> float:
+        asked.append(len(some))
+        return float(rate(structure, some, *arguments))
+
+    rate = check.rate
+    monkeypatch.setattr(check, "rate", heard)
+
+    def most(pixels: int, samples: int) -> int:
+        asked.clear()
+        list(auto.Chooser(native, soup, Plan(pixels, samples), ["kd"], 1).steps())
+        return max(asked)
+
+    assert most(1920 * 1080, 32) == 480 * 320
+    assert most(64 * 64, 1) <= 64 * 64
+    # A picture of few samples is worth fewer of them: timing all would take longer than the picture.
+    assert most(480 * 320, 1) == 192 * 128
+    assert 192 * 128 < most(1920 * 1080, 2) < 480 * 320
+
+
+class Clocked:
+    """A native module whose structures take times that are told beforehand; time goes by only here."""
+
+    def __init__(self, speeds: dict[str, float], builds: dict[str, float]) -> None:
+        self.built: list[tuple[str, int]] = []
+        self.speeds, self.builds = speeds, builds
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(native, name)
+
+    def build(self, vertices: Any, triangles: Any, spec: str, **arguments: Any) -> Any:
+        if spec == "brute":
+            return native.build(vertices, triangles, spec, **arguments)
+        self.built.append((spec, len(triangles)))
+        real = native.build(vertices, triangles, "kd", **arguments)
+        return Slow(real, self.speeds[spec], self.builds[spec] * len(triangles))
+
+
+class Slow:
+    def __init__(self, real: Any, speed: float, build: float) -> None:
+        self.real, self.speed = real, speed
+        self.statistics = {**real.statistics, "build_seconds": build}
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.real, name)
+
+
+def timed_build(module: Any, scene: Workload, spec: str, *_: Any) -> tuple[Any, float]:
+    built = module.build(scene.vertices, scene.triangles, spec, threads=1)
+    return built, built.statistics["build_seconds"]
+
+
+def choose_with(
+    monkeypatch: pytest.MonkeyPatch, soup: Workload, samples: int, speeds: dict[str, float], builds: dict[str, float]
+) -> tuple[Any, Clocked]:
+    module = Clocked(speeds, builds)
+    monkeypatch.setattr(auto.check, "rate", lambda structure, *_: structure.speed)
+    monkeypatch.setattr(auto.check, "timed_build", timed_build)
+    monkeypatch.setattr(auto.choice, "mix", lambda *_: Mix(1.0, 0.0, 0.0))
+    monkeypatch.setattr(auto, "TRIAL_TRIANGLES", 100)
+    chooser = auto.Chooser(module, soup, Plan(1_000_000, samples), list(speeds), 1)
+    for _ in chooser.steps():
+        pass
+    return chooser.result, module
+
+
+def test_long_pictures_try_dear_structures_and_short_ones_do_not(
+    soup: Workload, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    speeds = {"quick": 1.0, "dear": 4.0, "slow": 0.1}
+    builds = {"quick": 1e-4, "dear": 1e-2, "slow": 1e-3}
+    short, module = choose_with(monkeypatch, soup, 1, speeds, builds)
+    assert short.spec == "quick"
+    assert ("dear", 600) not in module.built
+    long, module = choose_with(monkeypatch, soup, 500, speeds, builds)
+    assert long.spec == "dear"
+    assert ("dear", 600) in module.built
+    assert ("slow", 600) not in module.built
+    assert any(note.startswith("slow: left out") for note in long.notes)
+
+
+def test_work_in_the_background_stops_between_steps_and_hands_on_errors() -> None:
+    go, seen = threading.Event(), []
+
+    def steps() -> Any:
+        yield 1
+        go.wait(10)
+        yield 2
+        yield 3
+
+    work = Background(steps(), seen.append)
+    assert not work.wait(0.05)
+    work.stop()
+    go.set()
+    assert work.wait(10)
+    assert seen == [1]
+
+    def broken() -> Any:
+        yield 1
+        raise ValueError("odd")
+
+    work = Background(broken(), seen.append)
+    with pytest.raises(ValueError, match="odd"):
+        work.wait(10)

@@ -1,0 +1,317 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The benchmark proves answers before it times them, and says no to a structure that lies."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, ClassVar
+
+import halfspace_native
+import numpy as np
+import pytest
+from lying_native import LIES, Lying, LyingNative
+
+from addon.core.measure import benchmark, check, costmap, offsets, peak, timing, yardstick
+from addon.core.measure.benchmark import Options, Row
+from addon.core.report import report
+from addon.core.scene import grid, rays, workload
+
+QUICK = Options(size=(64, 64), repeats=2, check_rays=512)
+SCENES = Path(__file__).resolve().parents[4] / "shared" / "scenes"
+
+KEYS = {
+    *(
+        "scene",
+        "triangles",
+        "spec",
+        "structure",
+        "k",
+        "alpha",
+        "seed",
+        "threads",
+        "build_s",
+        "first_s",
+        "bytes",
+        "statistics",
+    ),
+    *("rays", "errors", "curve", "render_s", "left_out"),
+}
+RAY_KEYS = {"n", "mrays_s", "steps", "tests", "hits"}
+ERROR_KEYS = {
+    *("reference", "rays", "false_miss", "false_hit", "wrong_triangle", "t_ulp_max", "t_ulp_p999", "on_boundary"),
+}
+
+
+def measure(chosen: list[str], options: Options = QUICK, native: Any = halfspace_native) -> dict[str, Row]:
+    small = grid.workload(boxes=3, rays=2048)
+    return {row["spec"]: row for row in benchmark.measure(native, small, chosen, options, lambda _: None)}
+
+
+def test_a_row_has_every_key_and_counts_what_it_claims() -> None:
+    row = measure(["kd:traversal=ta-b"])["kd:traversal=ta-b"]
+    assert row.keys() >= KEYS
+    assert list(row["rays"]) == [*rays.NAMES, "walls"]
+    for one in row["rays"].values():
+        assert one.keys() >= RAY_KEYS
+        assert 0 < one["mrays_s"]["min"] <= one["mrays_s"]["med"] <= one["mrays_s"]["max"]
+        assert one["steps"] > 0
+        assert sum(one["cases"].values()) == pytest.approx(one["steps"]), "TA-B's cases"
+    assert row["errors"].keys() >= ERROR_KEYS
+    assert row["rays"]["primary"]["n"] == 64 * 64
+    assert row["errors"]["rays"] == 4 * 512 + 2048, "the scene's own rays are all checked"
+    few = benchmark.prepared(halfspace_native, grid.workload(boxes=3, rays=2048), replace(QUICK, own_rays=512))
+    assert {name: len(some) for name, some in few.checked.items()} == dict.fromkeys((*rays.NAMES, "walls"), 512)
+    assert row["errors"]["sets"]["walls"]["on_boundary"] > 100
+    assert benchmark.agrees(row)
+    assert row["statistics"]["references"] > 0
+
+
+@pytest.mark.parametrize("lie", LIES)
+def test_a_lie_is_seen(lie: str) -> None:
+    row = measure(["kd"], native=LyingNative(lie))["kd"]
+    assert not benchmark.agrees(row)
+    column = "t_ulp_max" if lie == "late" else lie
+    assert row["errors"][column] >= 1
+    # The miss of a closest hit leaves `occluded` right, so that the kinds are told apart.
+    assert (row["errors"]["wrong_any_hit"] > 0) == (lie == "wrong_any_hit")
+
+
+@pytest.mark.skipif(yardstick.problem() is not None, reason=str(yardstick.problem()))
+def test_the_yardstick_is_measured_beside_and_relates_all() -> None:
+    rows = measure(["embree", "kd"])
+    for name in rays.NAMES:
+        ratio = rows["kd"]["rays"][name]["times_embree"]
+        ours, base = (np.array(rows[spec]["rays"][name]["rounds"]) for spec in ("kd", "embree"))
+        assert ratio == pytest.approx(np.median(ours / base)), "round by round, so that drift cancels"
+    assert rows["embree"]["errors"]["sets"]["primary"]["false_miss"] == 0
+
+
+def test_a_sweep_over_k_is_timed_beside_the_tree_that_it_is_related_to() -> None:
+    assert benchmark.anchor_of(["embree", "kd-sah", "bsp-wn:k=3", "rbsp:k=13"]) == "embree"
+    assert benchmark.anchor_of(["embree", "bsp-wn:k=3", "kd-sah", "bsp-wn:k=13"]) == "kd-sah"
+    assert benchmark.anchor_of(["embree", "bsp-wn:k=3", "bsp-wn:k=13"]) == "embree"
+    assert benchmark.anchor_of(["bsp-wn:k=3"]) is None
+
+
+@pytest.mark.skipif(yardstick.problem() is not None, reason=str(yardstick.problem()))
+def test_embree_is_a_row_as_others_where_it_is_not_the_anchor() -> None:
+    rows = measure(["embree", "bsp-wn:k=3", "kd-sah", "bsp-wn:k=4"])
+    assert {row["anchor"] for row in rows.values()} == {"kd-sah"}
+    assert not any(row["error"] for row in rows.values())
+    for name in rays.NAMES:
+        assert len(rows["embree"]["rays"][name]["anchor_rounds"]) == len(rows["embree"]["rays"][name]["rounds"])
+
+
+@pytest.mark.skipif(yardstick.problem() is not None, reason=str(yardstick.problem()))
+def test_embree_hits_the_same_triangles_on_a_scene_without_ties() -> None:
+    rng = np.random.default_rng(5)
+    corners = rng.normal(size=(300, 1, 3)) + 0.3 * rng.normal(size=(300, 3, 3))
+    vertices = corners.reshape(-1, 3).astype(np.float32)
+    triangles = np.arange(900, dtype=np.int32).reshape(-1, 3)
+    view = workload.framing_view(vertices, triangles)
+    soup = workload.Workload("soup", vertices, triangles, view)
+    options = Options(size=(64, 64), repeats=1, check_rays=4096, reference="embree")
+    (row,) = benchmark.measure(halfspace_native, soup, ["kd"], options, lambda _: None)
+    assert row["errors"]["reference"] == "embree"
+    assert (row["errors"]["false_miss"], row["errors"]["false_hit"], row["errors"]["wrong_triangle"]) == (0, 0, 0)
+
+
+def test_exact_arithmetic_agrees() -> None:
+    options = Options(size=(16, 16), sets=("primary", "shadow"), repeats=1, check_rays=64, reference="exact")
+    small = grid.workload(boxes=2, rays=256)
+    (row,) = benchmark.measure(halfspace_native, small, ["kd"], options, lambda _: None)
+    assert (row["errors"]["false_miss"], row["errors"]["false_hit"], row["errors"]["wrong_triangle"]) == (0, 0, 0)
+
+
+def test_builds_with_their_first_picture_are_timed_where_rays_build_and_compared() -> None:
+    rows = measure(["kd", "kd:lazy=1"])
+    assert all(row["first_s"]["min"] > 0.0 for row in rows.values())
+    assert benchmark.agrees(rows["kd:lazy=1"])
+    assert rows["kd:lazy=1"]["statistics"]["parts_built"] > 0
+    (said,) = [text for text in report.findings(list(rows.values())) if text.startswith("Build and camera rays")]
+    assert "with kd:lazy=1" in said
+    assert "with kd; 0 rays differ" in said
+    assert measure(["kd"])["kd"]["first_s"] is None, "no tree of it is built by rays"
+
+    class LateLiar:
+        """As the real module, but what rays build is wrong whenever it is built again."""
+
+        built = 0
+
+        def __getattr__(self, name: str) -> Any:
+            return getattr(halfspace_native, name)
+
+        def build(self, vertices: Any, triangles: Any, spec: str, **options: Any) -> Any:
+            structure = halfspace_native.build(vertices, triangles, spec, **options)
+            self.built += spec == "kd:lazy=1"
+            return Lying(structure, "late") if spec == "kd:lazy=1" and self.built > QUICK.repeats else structure
+
+    wrong = measure(["kd", "kd:lazy=1"], native=LateLiar())["kd:lazy=1"]
+    assert wrong["errors"]["differing_pixels"] > 0
+    assert not benchmark.agrees(wrong)
+
+
+def test_a_configuration_that_cannot_be_built_is_a_row_and_the_others_go_on() -> None:
+    class Failing:
+        def __getattr__(self, name: str) -> Any:
+            return getattr(halfspace_native, name)
+
+        def build(self, vertices: Any, triangles: Any, spec: str, **options: Any) -> Any:
+            if spec == "kd-sah":
+                raise RuntimeError("too many references\nsecond line")
+            return halfspace_native.build(vertices, triangles, spec, **options)
+
+    rows = measure(["kd-sah", "kd"], native=Failing())
+    assert rows["kd-sah"]["error"] == "too many references"
+    assert rows["kd-sah"]["errors"] is None
+    assert not benchmark.agrees(rows["kd-sah"])
+    assert benchmark.agrees(rows["kd"])
+
+
+class Listening:
+    """As the structure, and remembers which question each pass asked."""
+
+    def __init__(self, structure: Any) -> None:
+        self._structure = structure
+        self.asked: list[str] = []
+
+    def closest(self, *arguments: Any, **options: Any) -> Any:
+        self.asked.append("closest")
+        return self._structure.closest(*arguments, **options)
+
+    def occluded(self, *arguments: Any, **options: Any) -> Any:
+        self.asked.append("occluded")
+        return self._structure.occluded(*arguments, **options)
+
+
+def test_shadow_rays_are_timed_by_any_hits_and_all_others_by_closest_ones() -> None:
+    scene = grid.workload(boxes=2, rays=64)
+    heard = Listening(halfspace_native.build(scene.vertices, scene.triangles, "kd"))
+    for some in rays.make(scene, heard._structure, size=(8, 8), seed=1, names=rays.NAMES):
+        expected = "occluded" if some.name == "shadow" else "closest"
+        timing.one_pass(timing.Candidate("kd", heard), some, 1)
+        check.rate(heard, some, 1)
+        assert heard.asked == [expected] * 3, some.name  # one pass, one to warm up, one timed
+        heard.asked.clear()
+
+
+class Cached:
+    """Answers nothing; a pass takes 1 ms by a clock of its own, and 1 ms more behind another structure."""
+
+    last: ClassVar[Any] = None
+    now: ClassVar[float] = 0.0
+
+    def closest(self, *_: Any, **__: Any) -> None:
+        Cached.now += 1e-3 if Cached.last is self else 2e-3
+        Cached.last = self
+
+
+def test_what_the_structure_before_left_in_the_caches_is_in_no_short_pass(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(timing, "clock", lambda _: lambda: Cached.now)
+    some = rays.RaySet("primary", *(np.zeros(shape, np.float32) for shape in ((64, 3), (64, 3), 64)))
+    rate = len(some) / 1e6 / 1e-3
+    equal = [timing.Candidate(name, Cached(), checked={"primary": rate}, timed={"primary": some}) for name in "abc"]
+    list(timing.rounds(equal, "primary", 6, 1))
+    list(timing.scaling(equal, [some], 2, Options(size=(8, 8))))
+    for one in equal:
+        assert one.seconds["primary"] == pytest.approx([1e-3] * 6)
+        assert one.scaling[0]["seconds"] == pytest.approx(1e-3)
+    assert timing.noise(equal, "primary") == pytest.approx(0.0)
+
+
+def test_a_slow_structure_is_timed_on_fewer_rays() -> None:
+    row = measure(["kd"], replace(QUICK, pass_seconds=1e-7))["kd"]
+    assert row["rays"]["primary"]["n"] == 64
+    assert row["errors"]["rays"] == 4 * 512 + 2048
+
+
+def test_structures_too_large_to_live_together_are_measured_in_turn(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(benchmark, "LIVE_BYTES", 1)
+    assert list(measure(["kd", "kd-sah", "kd:traversal=dir"])) == ["kd", "kd-sah", "kd:traversal=dir"]
+
+
+def test_progress_grows_and_a_closed_iterator_stops_at_once() -> None:
+    small = grid.workload(boxes=2, rays=256)
+    events = benchmark.events(halfspace_native, small, ["kd", "kd-sah"], QUICK)
+    seen = list(events)
+    shares = [event.done for event in seen if isinstance(event, benchmark.Progress)]
+    assert shares == sorted(shares)
+    assert 0 <= shares[0] <= 0.1
+    assert 0.9 <= shares[-1] <= 1
+    assert [event.row["spec"] for event in seen if isinstance(event, benchmark.Finished)] == ["kd", "kd-sah"]
+    events = benchmark.events(halfspace_native, small, ["kd"], QUICK)
+    next(events)
+    events.close()
+    assert list(events) == []
+
+
+def test_what_is_asked_beside_the_speed_is_in_the_row() -> None:
+    options = replace(QUICK, repeats=1, scaling=True, peak=True, maps=True, offsets=(0.0, 1e3), pass_seconds=5.0)
+    rows = measure(["kd", "octree-net"], options)
+    assert [point["rays"] for point in rows["kd"]["scaling"]] == [8 * 8, 16 * 16, 32 * 32, 64 * 64]
+    assert {(row["map"]["width"], row["map"]["height"]) for row in rows.values()} == {(96, 96)}
+    # The list of references alone is as large, and no build needs a gigabyte for a few hundred triangles.
+    assert rows["kd"]["statistics"]["references"] < rows["kd"]["peak_bytes"] < 1e9
+    for row in rows.values():
+        assert [point["wrong"] for point in row["offsets"]] == [0, 0]
+    # Without its bounds the same walk is wrong on touching boxes; the octree has no such walk.
+    assert all(point["wrong_unguarded"] > 0 for point in rows["kd"]["offsets"])
+    assert rows["octree-net"]["offsets"][0]["wrong_unguarded"] is None
+
+
+def test_a_cost_map_is_the_work_of_each_pixel_and_of_tiles_where_they_are_walked_together() -> None:
+    scene, size = grid.workload(2, 64), (32, 16)
+    trees = {
+        spec: halfspace_native.build(scene.vertices, scene.triangles, spec) for spec in ("octree-net", "octree-beam")
+    }
+    (view,) = rays.make(scene, trees["octree-net"], size=size, seed=1, names=("primary",))[:1]
+    alone, together = (costmap.work(tree, view, size) for tree in trees.values())
+    counters = trees["octree-net"].closest(view.origins, view.directions, counters=True).counters
+    expected = counters["steps"] + counters["tests"]
+    order = rays.tile_order(*size)
+    assert np.array_equal(alone[::-1].reshape(-1)[order], expected.astype(np.float32))
+    assert together.sum() < alone.sum()
+    for corner in range(0, 32, 8):
+        assert np.ptp(together[:8, corner : corner + 8]) == 0
+    assert np.array_equal(costmap.unpacked(costmap.packed(alone)), alone)
+
+
+def test_a_memory_measurement_that_fails_is_told_and_leaves_the_row(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(peak.sys, "executable", "/bin/false")
+    row = measure(["kd"], replace(QUICK, repeats=1, peak=True))["kd"]
+    assert row["peak_bytes"] is None
+    assert row["error"] is None
+    assert any(reason.startswith("peak memory: the process that measured it ended") for reason in row["left_out"])
+
+
+def test_a_structure_that_fails_while_it_is_asked_is_a_row() -> None:
+    class Broken:
+        statistics: ClassVar[dict[str, Any]] = {"build_seconds": 0.1, "bytes": 1}
+
+        def closest(self, *_: Any, **__: Any) -> Any:
+            raise RuntimeError("the walk went astray")
+
+    class Failing(LyingNative):
+        def build(self, vertices: Any, triangles: Any, spec: str, **_: Any) -> Any:
+            return Broken() if spec == "kd-sah" else halfspace_native.build(vertices, triangles, spec)
+
+    rows = measure(["kd-sah", "kd"], native=Failing(""))
+    assert rows["kd-sah"]["error"] == "the walk went astray"
+    assert benchmark.agrees(rows["kd"])
+
+
+@pytest.mark.parametrize("name", ["killeroo-feet", "sponza-dabrovic"])
+def test_real_scenes_agree(name: str) -> None:
+    path = SCENES / f"{name}.npz"
+    if not path.is_file():
+        pytest.skip(f"the scene {name} is not beside the repository")
+    options = Options(size=(64, 64), repeats=1, check_rays=1024)
+    rows = list(benchmark.measure(halfspace_native, workload.load_npz(path), ["kd"], options, lambda _: None))
+    assert all(benchmark.agrees(row) for row in rows)
+
+
+@pytest.mark.parametrize("lie", [lie for lie in LIES if lie != "wrong_any_hit"])
+def test_a_wrong_answer_far_from_the_origin_is_counted(lie: str) -> None:
+    for native, wrong in ((halfspace_native, 0), (LyingNative(lie, "kd", 0), 1)):
+        assert [entry["wrong"] for entry in offsets.Moved(native, (0.0, 1e3), 1).errors("kd")] == [wrong, wrong]

@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Counters explain a time only where they are those of the walk that took it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import halfspace_native
+import numpy as np
+import pytest
+from report_rows import everything, row
+
+from addon.core.measure import benchmark, counting
+from addon.core.report import costs, plots, report
+from addon.core.scene import grid, rays
+from addon.core.structures import specs
+
+NAMES = [row["id"] for row in halfspace_native.structures() if any(p["name"] == "traversal" for p in row["parameters"])]
+
+
+def marked(*chosen: str) -> dict[str, dict[str, bool]]:
+    options = benchmark.Options(size=(16, 16), repeats=1, check_rays=64)
+    found = benchmark.measure(halfspace_native, grid.workload(2, 64), chosen, options, lambda _: None)
+    return {
+        one["spec"]: {name: told["counts_timed_walk"] for name, told in one["rays"].items() if name != "walls"}
+        for one in found
+    }
+
+
+def test_a_row_tells_whether_its_counters_are_of_the_timed_walk() -> None:
+    alone = dict.fromkeys(rays.NAMES, True)
+    first = "kd", "kd:traversal=dir", "kd:traversal=tile8", "kd:shadow=beam", "bvh-sah", "octree-net"
+    assert marked(*first) == {
+        "kd": dict.fromkeys(rays.NAMES, False),
+        "kd:traversal=dir": alone,
+        "kd:traversal=tile8": {**alone, "shadow": False},
+        "kd:shadow=beam": {**dict.fromkeys(rays.NAMES, False), "shadow": True},
+        "bvh-sah": alone,
+        "octree-net": alone,
+    }
+    together = dict.fromkeys(rays.NAMES, False)
+    # Shadow rays that ask a cache, or whose packets are small, go singly; tiles of a lazy tree are not counted as such.
+    assert marked("kd:shadow=cache", "kd:traversal=p4", "kd:lazy=1,traversal=tile8") == {
+        "kd:shadow=cache": {**together, "shadow": True},
+        "kd:traversal=p4": alone,
+        "kd:lazy=1,traversal=tile8": together,
+    }
+
+
+def test_tiles_of_a_lazy_tree_are_counted_as_single_rays() -> None:
+    scene = grid.workload(3, 64)
+    tile, single = (
+        halfspace_native.build(scene.vertices, scene.triangles, f"kd:lazy=1,traversal={walk}")
+        for walk in ("tile8", "dir")
+    )
+    (some, *_) = rays.make(scene, single, size=(32, 32), seed=1, names=("primary",))
+    assert np.array_equal(_steps(tile, some), _steps(single, some))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_what_is_not_counted_as_timed_is_counted_as_single_rays(name: str) -> None:
+    """In a traversal that is marked so, the counters are those of single rays; else the mark would be wrong."""
+    rows = halfspace_native.structures()
+    walks = next(
+        (p["options"] for r in rows if r["id"] == name for p in r["parameters"] if p["name"] == "traversal"), []
+    )
+    scene = grid.workload(3, 64)
+    trees = {
+        walk: halfspace_native.build(scene.vertices, scene.triangles, f"{name}:traversal={walk}") for walk in walks
+    }
+    single = {"bvh-sah": "ordered"}.get(name, "dir")
+    for some in rays.make(scene, trees[single], size=(32, 32), seed=1, names=("primary", "shadow")) if trees else ():
+        for walk in ("auto", "tile8", "p16"):
+            if walk not in trees or counting.is_of_the_timed_walk(
+                specs.values(f"{name}:traversal={walk}", rows), any_hit=some.any_hit
+            ):
+                continue
+            counts = [_steps(trees[one], some) for one in (walk, single)]
+            assert np.array_equal(*counts), (name, walk, some.name)
+
+
+def _steps(tree: Any, some: rays.RaySet) -> Any:
+    arguments: dict[str, Any] = {"t_max": some.t_max, "order": some.order, "counters": True}
+    if some.any_hit:
+        return tree.occluded(some.origins, some.directions, **arguments)[1]["steps"]
+    return tree.closest(some.origins, some.directions, **arguments).counters["steps"]
+
+
+def said(*rows: dict[str, Any]) -> str:
+    return next(text for text in report.findings(list(rows)) if text.startswith("Primary"))
+
+
+def test_counters_of_another_walk_explain_nothing() -> None:
+    rows = row("a", 4.0), row("b", 2.0)
+    assert "because its steps are cheaper: it makes about as many" in said(*rows)
+    rows[0]["rays"]["primary"]["counts_timed_walk"] = False
+    assert "counters do not tell why: rays of a are counted one by one, though they may go together." in said(*rows)
+    assert "because" not in said(*rows)
+
+
+def test_where_no_steps_are_made_they_explain_nothing() -> None:
+    rows = row("a", 4.0), row("b", 2.0)
+    for one in rows:
+        one["rays"]["primary"] |= {"steps": 0.0, "tests": 0.0}
+    assert said(*rows).endswith("the noise is 1.0 %).")
+
+
+def test_times_of_walks_that_are_not_counted_are_not_fitted() -> None:
+    rows = [everything(f"bsp-wn:k={k}", 1.0 + k / 10, k) for k in range(3, 8)]
+    rows[0]["rays"]["primary"]["counts_timed_walk"] = False
+    found = costs.fit(rows)
+    assert found is not None
+    assert found.specs == tuple(one["spec"] for one in rows[1:])
+    if plots.problem() is None:
+        (picture,) = (one for one in plots.scene_figures(rows) if one.title == "Fitted costs")
+        assert (
+            "Left out, as their rays are counted one by one, though they may go together: bsp-wn:k=3."
+            in picture.caption
+        )
+
+
+def test_claims_say_which_of_their_counters_are_of_another_walk() -> None:
+    structures = halfspace_native.structures()
+    assert counting.remark({"kd": "kd:traversal=dir", "boxes": "bvh-sah"}, structures) == ""
+    told = counting.remark({"a tree": "kd", "boxes": "bvh-sah"}, structures)
+    assert told == " (rays of a tree are counted one by one, though they may go together)"

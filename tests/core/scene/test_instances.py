@@ -1,0 +1,270 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Meshes in places: the same answers and pictures as flattened, and only what changed is built again."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from typing import Any
+
+import halfspace_native as native
+import numpy as np
+import pytest
+
+from addon.core.scene.instances import InstancedGeometry, Mesh, choose
+from addon.core.scene.scene import Camera, Material, Scene, World
+from addon.core.session.session import Session
+from addon.core.structures.settings import RenderSettings
+from addon.core.structures.trees import Trees
+
+
+def ball(rings: int, *, smooth: bool = True, slots: bool = False) -> Mesh:
+    """A bumpy ball."""
+    sectors = 2 * rings
+    theta, phi = np.meshgrid(np.linspace(0, np.pi, rings + 1), np.arange(sectors) * 2 * np.pi / sectors, indexing="ij")
+    normals = np.stack([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)], -1).reshape(-1, 3)
+    vertices = (normals * (1 + 0.1 * np.sin(3 * phi.reshape(-1, 1)))).astype(np.float32)
+    i, j = (x.reshape(-1) for x in np.meshgrid(np.arange(rings), np.arange(sectors), indexing="ij"))
+    at = [
+        i * sectors + j,
+        (i + 1) * sectors + j,
+        (i + 1) * sectors + (j + 1) % sectors,
+        i * sectors + (j + 1) % sectors,
+    ]
+    triangles = np.concatenate([np.stack([at[0], at[k], at[k + 1]], -1) for k in (1, 2)]).astype(np.int32)
+    return Mesh(
+        vertices,
+        triangles,
+        (np.arange(len(triangles)) % 3).astype(np.int32) if slots else None,
+        normals.astype(np.float32)[triangles] if smooth else None,
+    )
+
+
+def turned(rng: Any, scale: Any) -> Any:
+    linear, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+    return linear * scale
+
+
+def places(meshes: tuple[Mesh, ...], count: int, seed: int = 3, spread: float = 4.0) -> InstancedGeometry:
+    """Turned, some mirrored, some unevenly scaled."""
+    rng = np.random.default_rng(seed)
+    matrices = np.tile(np.eye(4), (count, 1, 1))
+    for i, matrix in enumerate(matrices):
+        matrix[:3, :3] = turned(rng, (1.0, 0.3, (-1.0, 1.0, 1.0), (0.5, 1.0, 1.7))[i % 4])
+        matrix[:3, 3] = rng.uniform(-spread, spread, 3)
+    inverse = np.linalg.inv(matrices[:, :3, :3])
+    inverse /= np.linalg.norm(inverse, axis=1).max(axis=1)[:, None, None]
+    return InstancedGeometry(
+        meshes=meshes,
+        mesh=(np.arange(count) % len(meshes)).astype(np.int32),
+        matrices=matrices,
+        names=tuple(f"Ball {i}" for i in range(count)),
+        materials=np.stack([np.arange(count) % 3, (np.arange(count) + 1) % 3], -1).reshape(-1).astype(np.int32),
+        first_material=2 * np.arange(count + 1, dtype=np.int32),
+        normal_matrices=np.ascontiguousarray(inverse.transpose(0, 2, 1), np.float32),
+        keeps_length=(np.arange(count) % 4 != 3).astype(np.bool_),
+    )
+
+
+def scene(geometry: Any) -> Scene:
+    materials = (
+        Material("Matte", (0.8, 0.5, 0.3)),
+        Material("Metal", metallic=1.0, roughness=0.2),
+        Material("Glass", transmission=1.0, roughness=0.0),
+    )
+    return Scene(geometry, materials, (), World((1.0, 1.0, 1.0)))
+
+
+CAMERA = Camera(
+    "perspective",
+    np.array([[1.0, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 14], [0, 0, 0, 1]]),
+    (-0.4, 0.4, -0.3, 0.3),
+    0.1,
+    1e3,
+)
+
+
+def picture(session: Session, size: tuple[int, int] = (48, 36)) -> Any:
+    settings = RenderSettings(*size, samples=2, max_bounces=4, passes=("Combined", "Normal", "Position"))
+    job = session.render(CAMERA, settings)
+    assert job.wait(60_000)
+    assert job.error is None
+    out = {}
+    for name, channels in job.passes.items():
+        out[name] = np.empty(size[0] * size[1] * channels, np.float32)
+        job.copy_into(name, out[name])
+    return out
+
+
+def start(geometry: Any, spec: str = "kd", trees: Trees | None = None) -> Session:
+    return Session.start(native, scene(geometry), spec, trees=trees or Trees(), keep_going=lambda _: True)
+
+
+def same(a: dict[str, Any], b: dict[str, Any]) -> bool:
+    return all(np.array_equal(a[name].view(np.uint32), b[name].view(np.uint32)) for name in a)
+
+
+def expected_surfaces(geometry: InstancedGeometry, vertices: Any, triangles: Any) -> dict[str, Any]:
+    """Material and corner normals of every flattened triangle, the slow and plain way."""
+    material, normals = [], []
+    start = 0
+    for i, number in enumerate(geometry.mesh):
+        mesh, count = geometry.meshes[number], len(geometry.meshes[number].triangles)
+        own = geometry.materials[geometry.first_material[i] : geometry.first_material[i + 1]]
+        slots = np.zeros(count, int) if mesh.slots is None else np.minimum(mesh.slots, len(own) - 1)
+        material.append(own[slots])
+        if mesh.corner_normals is None:
+            a, b, c = (vertices[triangles[start : start + count, k]].astype(np.float64) for k in range(3))
+            turned_normals = np.cross(b - a, c - a)[:, None, :].repeat(3, axis=1)
+            lengths = np.sqrt((turned_normals[..., 0] ** 2 + turned_normals[..., 1] ** 2) + turned_normals[..., 2] ** 2)
+            turned_normals = (turned_normals / lengths[..., None]).astype(np.float32)
+        else:
+            x, y, z = (mesh.corner_normals[..., k, None] for k in range(3))
+            rows = geometry.normal_matrices[i]
+            turned_normals = (x * rows[:, 0] + y * rows[:, 1]) + z * rows[:, 2]
+            if not geometry.keeps_length[i]:
+                u, v, w = (turned_normals[..., k] for k in range(3))
+                turned_normals = turned_normals / np.sqrt((u * u + v * v) + w * w)[..., None]
+            if np.linalg.det(geometry.matrices[i, :3, :3]) < 0:
+                turned_normals = turned_normals[:, [0, 2, 1]]
+        normals.append(turned_normals)
+        start += count
+    return {
+        "material_index": np.concatenate(material).astype(np.int32),
+        "corner_normals": np.ascontiguousarray(np.concatenate(normals), np.float32),
+    }
+
+
+def test_answers_are_those_of_brute_force_over_the_flattened_scene() -> None:
+    geometry = places((ball(5), ball(4)), 12)
+    session = start(geometry)
+    vertices, triangles = session.structure.flattened()
+    brute = native.build(vertices, triangles, "brute")
+    rng = np.random.default_rng(1)
+    targets = vertices[triangles[rng.integers(0, len(triangles), 3000)]]
+    weights = rng.dirichlet((0.2, 0.2, 0.2), 3000).astype(np.float32)
+    origins = rng.uniform(-9, 9, (3000, 3)).astype(np.float32)
+    directions = np.einsum("ij,ijk->ik", weights, targets) - origins
+    found, wanted = (s.closest(origins, directions, counters=True) for s in (session.structure, brute))
+    for name in ("t", "triangle", "u", "v"):
+        assert np.array_equal(getattr(found, name), getattr(wanted, name))
+    assert (found.triangle >= 0).mean() > 0.5
+    assert found.counters is not None
+    assert found.counters["tests"].sum() < wanted.counters["tests"].sum() / 5
+    assert np.array_equal(session.structure.occluded(origins, directions), wanted.triangle >= 0)
+
+
+@pytest.mark.parametrize("spec", ["kd", "bvh-sah", "bsp-wn-plus-kd", "octree-net"])
+def test_pictures_are_those_of_the_flattened_scene(spec: str) -> None:
+    geometry = places((ball(5, slots=True), ball(4, smooth=False), ball(3)), 14)
+    session = start(geometry, spec)
+    vertices, triangles = session.structure.flattened()
+    flat_scene = native.RenderScene(
+        native.build(vertices, triangles, "kd"),
+        **expected_surfaces(geometry, vertices, triangles),
+        materials=[vars(material) for material in scene(geometry).materials],
+        world={"color": (1.0, 1.0, 1.0)},
+    )
+    flat = Session(native, None, flat_scene)
+    one, other = picture(session), picture(flat)
+    assert same(one, other)
+    assert session.left_out == flat.left_out
+    assert one["Normal"].any()
+
+
+def test_only_what_changed_is_built_again() -> None:
+    def built(session: Session) -> int:
+        assert session.building is not None
+        return session.building.meshes_built
+
+    meshes = (ball(5), ball(4), ball(3))
+    trees = Trees()
+    first = start(places(meshes, 9), trees=trees)
+    assert built(first) == 3
+    # Everything moves: no tree is built.
+    moved = start(places(meshes, 9, seed=4), trees=trees)
+    assert built(moved) == 0
+    assert same(picture(moved), picture(start(places(meshes, 9, seed=4))))
+    assert not same(picture(moved), picture(first))
+    # One mesh changes, here by one vertex: one tree is.
+    vertices = meshes[1].vertices.copy()
+    vertices[7] *= 1.5
+    edited = places((meshes[0], Mesh(vertices, meshes[1].triangles, None, meshes[1].corner_normals), meshes[2]), 9)
+    session = start(edited, trees=trees)
+    assert built(session) == 1
+    assert same(picture(session), picture(start(edited)))
+    # Another structure is another tree, and nothing is kept that nobody uses.
+    assert built(start(edited, "bvh-sah", trees=trees)) == 3
+    assert built(start(edited, "bvh-sah", trees=trees)) == 3
+    assert built(start(edited, trees=trees)) == 0
+
+
+def test_bad_places_are_dropped_by_number() -> None:
+    structure = native.build(ball(4).vertices, ball(4).triangles)
+    matrices = np.tile(np.eye(4), (6, 1, 1))
+    matrices[0, 1, 1] = 0
+    matrices[5, :3, :3] = [[1, 2, 3], [4, 5, 6], [5, 7, 9]]
+    matrices[2, 0, 3] = np.nan
+    matrices[3, :3, :3] *= 1e-80
+    placed = native.build_instances([structure], np.zeros(6, np.int32), matrices)
+    assert placed.statistics["dropped_instances"] == [0, 2, 3, 5]
+    hits = placed.closest(np.array([[0.1, 0.2, 5]], np.float32), np.array([[0, 0, -1]], np.float32))
+    assert hits.triangle[0] // len(ball(4).triangles) == 1
+    empty = native.build_instances([], np.zeros(0, np.int32), np.zeros((0, 4, 4)))
+    assert len(empty) == 0
+    assert empty.closest(np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32)).triangle[0] == -1
+    assert picture(start(places((), 0)))["Combined"].any()
+
+
+def test_wrong_arguments_are_named() -> None:
+    structure = native.build(ball(3).vertices, ball(3).triangles)
+    one = np.eye(4)[None]
+    with pytest.raises(native.ShapeError, match=r"mesh\[0\]: 1 is out of range for 1 meshes"):
+        native.build_instances([structure], np.ones(1, np.int32), one)
+    with pytest.raises(native.ShapeError, match="matrices: expected one per instance, 2"):
+        native.build_instances([structure], np.zeros(2, np.int32), one)
+    with pytest.raises(native.ShapeError, match=r"matrices: expected a \(k, 4, 4\)"):
+        native.build_instances([structure], np.zeros(1, np.int32), np.eye(3)[None])
+    count = (1 << 31) // len(ball(40).triangles) + 1
+    many = native.build(ball(40).vertices, ball(40).triangles)
+    with pytest.raises(native.ShapeError, match="at most 2147483646 triangles"):
+        native.build_instances([many], np.zeros(count, np.int32), np.broadcast_to(np.eye(4), (count, 4, 4)))
+    placed = native.build_instances([structure], np.zeros(1, np.int32), one)
+    with pytest.raises(native.ShapeError, match="surfaces"):
+        native.RenderScene(placed, surfaces=places((ball(3),), 2).surfaces(), materials=[{}] * 3)
+
+
+def test_the_choice_follows_memory() -> None:
+    forest, room = [(10_000, 100_000)], [(50_000, 1), (20_000, 1)]
+    assert choose("auto", forest, smooth=True, interactive=False).two_level
+    assert "saves" in choose("auto", forest, smooth=True, interactive=False).reason
+    assert not choose("auto", room, smooth=True, interactive=False).two_level
+    assert not choose("flatten", forest, smooth=True, interactive=True).two_level
+    assert choose("two-level", room, smooth=True, interactive=False).two_level
+    large = [(80_000, 1), (60_000, 1)]
+    assert choose("auto", large, smooth=False, interactive=True).two_level
+    assert not choose("auto", [], smooth=False, interactive=True).two_level
+
+
+MEMORY = """
+import resource, sys
+import numpy as np
+sys.path.insert(0, "tests/core")
+from test_instances import Mesh, ball, picture, places, start
+before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+geometry = places((ball(50),), {count}, spread=400.0)
+session = start(geometry)
+picture(session)
+print(geometry.count, before * 1024, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024)
+"""
+
+
+def test_many_instances_take_little_memory() -> None:
+    pytest.importorskip("resource", reason="this system does not tell how much memory a process held at most")
+    # A hundredth of 10^5 instances of 10^4 triangles; flattened its vertices and indices alone would take 180 MB.
+    script = [sys.executable, "-c", MEMORY.format(count=1000)]
+    done = subprocess.run(script, capture_output=True, text=True, timeout=300, check=False)
+    assert done.returncode == 0, done.stderr
+    count, before, peak = map(int, done.stdout.split())
+    assert count == 1000 * 10_000
+    assert peak - before < 60 << 20, f"{(peak - before) >> 20} MiB"

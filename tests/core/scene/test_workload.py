@@ -1,0 +1,157 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Scene files: what is read, and what is refused in one line."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from addon.core.scene import rays, workload
+from addon.core.scene.workload import WorkloadError
+
+GOOD: dict[str, Any] = {
+    "vertices": np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float64),
+    "triangles": np.array([[0, 1, 2]], np.int64),
+    "camera_eye": np.array([0.0, 0.0, 3.0]),
+    "camera_target": np.zeros(3),
+    "camera_up": np.array([0.0, 1.0, 0.0]),
+    "camera_vfov_deg": np.float64(40.0),
+}
+
+
+def save(folder: Path, **changes: Any) -> Path:
+    path = folder / "scene.npz"
+    np.savez(path, **{key: value for key, value in {**GOOD, **changes}.items() if value is not None})
+    return path
+
+
+def test_a_file_is_read(tmp_path: Path) -> None:
+    found = workload.load_npz(save(tmp_path))
+    assert (found.name, found.vertices.dtype, found.triangles.dtype) == ("scene", np.float32, np.int32)
+    assert found.view.vertical_fov == 40.0
+    assert found.diagonal() == pytest.approx(2**0.5)
+
+
+def test_what_was_published_of_a_scene_is_read_where_it_is_asked_for(tmp_path: Path) -> None:
+    path = save(
+        tmp_path,
+        triangles=np.array([[0, 1, 2], [2, 1, 0], [1, 2, 0]]),
+        triangle_from_quadric=np.array([0, 1, 0], np.uint8),
+        camera_crop=np.array([0.25, 0.5, 0.0, 0.75]),
+    )
+    whole, published = workload.load_npz(path), workload.load_npz(path, published=True)
+    assert (len(whole.triangles), whole.view.crop, whole.notes) == (3, None, ())
+    assert published.triangles.tolist() == [[0, 1, 2], [1, 2, 0]]
+    assert published.notes == (
+        "triangles that stand for quadrics are left out: 1",
+        "of the film only 25% by 75% is seen, as published",
+    )
+    assert len({one.fingerprint() for one in (whole, published, replace(published, view=whole.view))}) == 3
+
+
+def test_a_crop_is_a_part_of_the_rays_of_the_whole_film(tmp_path: Path) -> None:
+    crop = np.array([0.25, 0.5, 0.0, 0.75])
+    whole = rays.pinhole(workload.load_npz(save(tmp_path)).view, (64, 64), 1.0).reshape(64, 64, 3)
+    for right, part in ([1.0, 0.0, 0.0], whole[:48, 16:32]), ([-1.0, 0.0, 0.0], whole[:48, 32:48]):
+        path = save(tmp_path, camera_crop=crop, camera_right=np.array(right))
+        view = workload.load_npz(path, published=True).view
+        # Whatever the shape of its pixels would be, the picture shows the crop.
+        np.testing.assert_allclose(rays.pinhole(view, (16, 48), 5.0), part.reshape(-1, 3), atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"triangle_from_quadric": np.zeros(2, np.uint8)}, "triangle_from_quadric: expected 1 whole numbers"),
+        ({"triangle_from_quadric": np.zeros(1)}, "triangle_from_quadric: expected 1 whole numbers"),
+        ({"triangle_from_quadric": np.ones(1, np.uint8)}, "no triangles"),
+        ({"camera_crop": np.array([0.5, 0.5, 0.0, 1.0])}, "camera_crop: expected parts of the film"),
+        ({"camera_crop": np.array([0.0, 1.0, 0.0])}, "camera_crop: expected 4 finite numbers"),
+        ({"camera_crop": np.array([0.0, 1.0, 0.0, np.nan])}, "camera_crop: expected 4 finite numbers"),
+        (
+            {"camera_crop": np.array([0.0, 0.5, 0.0, 1.0]), "camera_right": np.array(["x"])},
+            "camera_right: expected numbers",
+        ),
+    ],
+)
+def test_what_is_wrong_with_what_was_published_is_told(tmp_path: Path, changes: dict[str, Any], message: str) -> None:
+    workload.load_npz(save(tmp_path, **changes))
+    with pytest.raises(WorkloadError, match=message) as caught:
+        workload.load_npz(save(tmp_path, **changes), published=True)
+    assert "scene" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"triangles": None}, "the key 'triangles' is missing"),
+        ({"camera_up": None}, "the key 'camera_up' is missing"),
+        ({"triangles": np.array([[0, 1, 3]])}, "out of range for 3 vertices"),
+        ({"triangles": np.array([[0, 1, -1]])}, "out of range"),
+        ({"triangles": np.array([[0, 1, -(2**40)]])}, "triangles: an index is out of range for 3 vertices"),
+        ({"triangles": np.array([[0, 1, 2**63]], np.uint64)}, "triangles: an index is out of range for 3 vertices"),
+        ({"triangles": np.array([[0.0, 1.0, 2.0]])}, "whole numbers"),
+        ({"triangles": np.zeros((0, 3), np.int32)}, "no triangles"),
+        ({"triangles": np.array([0, 1, 2])}, r"expected shape \(m, 3\)"),
+        ({"vertices": np.zeros((3, 2))}, r"expected shape \(n, 3\)"),
+        ({"vertices": np.full((3, 3), np.nan)}, "none is finite"),
+        ({"camera_vfov_deg": np.float64(180.0)}, "between 0 and 180"),
+        ({"camera_eye": np.array([0.0, np.nan, 0.0])}, "three finite numbers"),
+        (
+            {"camera_eye": np.array([0.0, 0.0, 1e300])},
+            "camera_eye: expected three finite numbers of at most 1e.37, got",
+        ),
+        ({"camera_target": np.array([0.0, 0.0, -1e38])}, "camera_target: expected three finite numbers of at most"),
+        ({"camera_eye": np.zeros(3)}, "its own place"),
+        ({"camera_up": np.array([0.0, 0.0, 1.0])}, "up direction"),
+    ],
+)
+def test_what_is_wrong_is_told_in_one_line(tmp_path: Path, changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(WorkloadError, match=message) as caught:
+        workload.load_npz(save(tmp_path, **changes))
+    assert "scene.npz" in str(caught.value) or "scene:" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3, 0.9])
+def test_a_truncated_file_is_refused(tmp_path: Path, share: float) -> None:
+    path = save(tmp_path)
+    whole = path.read_bytes()
+    path.write_bytes(whole[: int(len(whole) * share)])
+    with pytest.raises(WorkloadError, match=r"cannot be read as \.npz"):
+        workload.load_npz(path)
+
+
+def test_objects_in_a_file_are_never_loaded(tmp_path: Path) -> None:
+    path = save(tmp_path, vertices=np.array([{"a": 1}], dtype=object))
+    with pytest.raises(WorkloadError, match="cannot be read"):
+        workload.load_npz(path)
+
+
+def test_a_single_array_is_no_scene(tmp_path: Path) -> None:
+    path = tmp_path / "array.npz"
+    with path.open("wb") as file:
+        np.save(file, np.zeros(3))
+    with pytest.raises(WorkloadError, match="cannot be read"):
+        workload.load_npz(path)
+
+
+def test_the_framing_view_sees_everything() -> None:
+    rng = np.random.default_rng(0)
+    vertices = (rng.normal(size=(50, 3)) * [10, 1, 3] + 100).astype(np.float32)
+    view = workload.framing_view(vertices, np.arange(48, dtype=np.int32).reshape(-1, 3))
+    forward = (view.target - view.eye) / np.linalg.norm(view.target - view.eye)
+    to = vertices - view.eye
+    angles = np.degrees(np.arccos((to @ forward) / np.linalg.norm(to, axis=1)))
+    assert angles.max() <= view.vertical_fov / 2
+
+
+def test_the_fingerprint_changes_with_every_array(tmp_path: Path) -> None:
+    base = workload.load_npz(save(tmp_path)).fingerprint()
+    assert workload.load_npz(save(tmp_path)).fingerprint() == base
+    for change in ({"vertices": GOOD["vertices"] + 1}, {"camera_eye": np.array([0.0, 0.0, 4.0])}):
+        assert workload.load_npz(save(tmp_path, **change)).fingerprint() != base

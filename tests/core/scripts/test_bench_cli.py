@@ -1,0 +1,335 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The benchmark's command line: what it writes, how it resumes, and one line for whatever is wrong."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import bench
+import numpy as np
+import pytest
+from lying_native import LyingNative
+from report_rows import everything
+
+from addon.core.base import native
+from addon.core.measure import benchmark, thesis, yardstick
+from addon.core.report import plots, results
+from addon.core.scene import workload
+from addon.core.structures import specs
+from lab.bench import bench_presets
+
+BENCH = Path(bench.__file__)
+FAST = ["--size", "32x32", "--repeats", "1", "--check-rays", "128", "--curve", "none", "--only-rays"]
+QUICK = [*FAST, "--structures", "kd"]
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Path:
+    """A small file: a hundred triangles around the origin, seen from outside."""
+    rng = np.random.default_rng(1)
+    corners = rng.normal(size=(100, 1, 3)) + 0.4 * rng.normal(size=(100, 3, 3))
+    path = tmp_path / "soup.npz"
+    np.savez(
+        path,
+        vertices=corners.reshape(-1, 3).astype(np.float32),
+        triangles=np.arange(300, dtype=np.int32).reshape(-1, 3),
+        camera_eye=np.array([0.0, -5.0, 1.0]),
+        camera_target=np.zeros(3),
+        camera_up=np.array([0.0, 0.0, 1.0]),
+        camera_vfov_deg=np.float64(45.0),
+    )
+    return path
+
+
+@pytest.fixture(autouse=True)
+def _without_plots(monkeypatch: pytest.MonkeyPatch) -> None:
+    """They take longer than all else, and have tests of their own."""
+    monkeypatch.setattr(plots, "problem", lambda: "left out here")
+
+
+@pytest.fixture(autouse=True)
+def _without_an_open_file(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Tests of Blender in the same process may have left one open, which would be a scene too."""
+    monkeypatch.setattr(bench, "_open_file", lambda: False)
+
+
+def document(folder: Path) -> Any:
+    return json.loads((folder / "bench.json").read_text(encoding="utf-8"))
+
+
+def test_it_writes_all_three_files_and_ends_well(scene: Path, tmp_path: Path, capsys: Any) -> None:
+    out = tmp_path / "deep" / "out"
+    assert bench.main([str(scene), *QUICK, "--out", str(out)]) == 0
+    found = document(out)
+    assert found["schema"] == 1
+    assert found["project_version"] == native.VERSION
+    specs = [row["spec"] for row in found["rows"]]
+    assert specs[-1] == "kd"
+    assert len(list(csv.DictReader((out / "bench.csv").read_text(encoding="utf-8").splitlines()))) == len(specs)
+    assert "soup" in (out / "report.html").read_text(encoding="utf-8")
+    assert sorted(p.name for p in out.iterdir()) == ["bench.csv", "bench.json", "report.html", "rows.jsonl"]
+    assert "false miss" in capsys.readouterr().out
+
+
+def test_an_answer_that_differs_is_status_1(scene: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(native, "load", lambda: LyingNative("wrong_triangle"))
+    assert bench.main([str(scene), *QUICK]) == 1
+
+
+def test_an_answer_that_differs_far_from_the_origin_is_status_1_too() -> None:
+    right, wrong = everything("kd", 1.0), everything("kd-sah", 1.0)
+    assert bench.status([right, wrong]) == 0
+    wrong["offsets"][2]["wrong"] = 3
+    assert bench.status([right, wrong]) == 1
+    # A walk that is asked to do without its error bounds errs there, and is measured for that.
+    assert bench.status([right, {**wrong, "spec": "kd-sah:robust=none"}]) == 0
+
+
+def test_a_second_run_measures_nothing_again(scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    out = tmp_path / "out"
+    assert bench.main([str(scene), *QUICK, "--out", str(out)]) == 0
+    before = document(out)["rows"]
+
+    def never(*_: Any) -> Any:
+        raise AssertionError("a finished row was measured again")
+
+    monkeypatch.setattr(benchmark, "events", never)
+    assert bench.main([str(scene), *QUICK, "--out", str(out)]) == 0
+    assert document(out)["rows"] == before
+
+
+def test_a_stopped_run_goes_on_where_it_was(
+    scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    both = [*FAST, "--structures", "kd,kd-sah"]
+    real = benchmark.events
+
+    def stopped(*arguments: Any) -> Any:
+        for event in real(*arguments):
+            yield event
+            if isinstance(event, benchmark.Finished) and event.row["spec"] == "kd":
+                raise KeyboardInterrupt
+
+    monkeypatch.setattr(benchmark, "events", stopped)
+    assert bench.main([str(scene), *both, "--out", str(out)]) == 130
+    assert capsys.readouterr().err == f"bench: stopped; what was finished is kept in {out}\n"
+    asked: list[str] = []
+
+    def counted(module: Any, loaded: Any, chosen: list[str], *rest: Any) -> Any:
+        asked.extend(chosen)
+        return real(module, loaded, chosen, *rest)
+
+    monkeypatch.setattr(benchmark, "events", counted)
+    assert bench.main([str(scene), *both, "--out", str(out)]) == 0
+    # Its anchor is measured again beside it.
+    assert [spec for spec in asked if spec != "embree"][-1] == "kd-sah"
+    assert "kd" not in asked or yardstick.problem() is not None
+    assert [row["spec"] for row in document(out)["rows"] if row["spec"] != "embree"] == ["kd", "kd-sah"]
+
+
+def test_other_options_are_other_rows(scene: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    for seed in ("1", "2"):
+        assert bench.main([str(scene), *QUICK, "--ray-seed", seed, "--out", str(out)]) == 0
+    entries = results.Journal(out).entries.values()
+    assert len([entry for entry in entries if entry.row["spec"] == "kd"]) == 2
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--structures", "octopus"], "unknown structure 'octopus'; there are kd"),
+        (["--structures", "kd:colour=3"], "has no key 'colour'"),
+        (["--structures", "kd:max_depth=999"], "max_depth"),
+        (["--k", "9-2"], "runs backwards"),
+        (["--structures", "kd", "--k", "3"], "parameter 'k'"),
+        (["--rays", "primary,sideways"], "unknown set 'sideways'"),
+        (["--size", "100x100"], "multiples of 8"),
+        (["--size", "0x8"], "multiples of 8"),
+        (["--size", "big"], "WIDTHxHEIGHT"),
+        (["--repeats", "0"], "--repeats: expected 1 to 1000"),
+        (["--threads", "-1"], "--threads: expected 0 to 1024"),
+        (["--check-rays", "many"], "invalid int value"),
+        (["--curve", "0,2"], "numbers of samples"),
+        (["--reference", "hearsay"], "invalid choice"),
+        (["--curve", "lots"], "expected a number"),
+        (["--seconds", "0"], "--seconds: expected more than 0"),
+        (["--shard", "3/2"], "--shard: expected I/N"),
+        (["--structures", "kd:max_depth=9..3"], "runs backwards"),
+        (["--cluster", "local:none"], "local:N"),
+        (["--cluster", "local:1025"], "local:N with N workers, 1 to 1024"),
+        (["--published", "nowhere.json"], "--published: nowhere.json"),
+        (["--wrong"], "unrecognized arguments"),
+        (["missing.npz"], "missing.npz: cannot be read: No such file"),
+        (["scene.xyz"], "expected grid, showcase or a file ending in"),
+    ],
+)
+def test_bad_usage_is_one_line_and_status_2(
+    scene: Path, tmp_path: Path, capsys: Any, arguments: list[str], message: str
+) -> None:
+    out = tmp_path / "out"
+    asked = arguments if not arguments[0].startswith("-") else [str(scene), *arguments]
+    assert bench.main([*asked, "--out", str(out)]) == 2
+    lines = [line for line in capsys.readouterr().err.splitlines() if line]
+    assert len(lines) == 1
+    assert message in lines[0]
+    assert not out.exists(), "nothing is written before everything is known to be right"
+
+
+def test_two_scenes_of_one_name_are_refused(scene: Path, tmp_path: Path, capsys: Any) -> None:
+    """A report tells scenes by their names, and would rank the rows of both among each other."""
+    other = tmp_path / "other" / scene.name
+    other.parent.mkdir()
+    other.write_bytes(scene.read_bytes())
+    assert bench.main([str(scene), str(other), *QUICK]) == 2
+    assert "expected different ones, by which reports tell them" in capsys.readouterr().err
+    # The same file twice is one scene, however it is called.
+    again = str(other.parent / ".." / scene.name)
+    assert bench.main([str(scene), str(scene), again, *QUICK, "--out", str(tmp_path / "out")]) == 0
+    assert [row["spec"] for row in document(tmp_path / "out")["rows"] if row["spec"] != "embree"] == ["kd"]
+
+
+def test_a_truncated_scene_is_one_line(scene: Path, tmp_path: Path, capsys: Any) -> None:
+    scene.write_bytes(scene.read_bytes()[:300])
+    assert bench.main([str(scene), *QUICK, "--out", str(tmp_path / "out")]) == 2
+    error = capsys.readouterr().err.strip()
+    assert "\n" not in error
+    assert "soup.npz: cannot be read as .npz" in error
+    assert not (tmp_path / "out" / "bench.json").exists()
+
+
+def test_of_several_scenes_a_broken_one_does_not_stop_the_others(scene: Path, tmp_path: Path) -> None:
+    broken = tmp_path / "broken.npz"
+    broken.write_bytes(b"PK")
+    out = tmp_path / "out"
+    assert bench.main([str(broken), str(scene), *QUICK, "--out", str(out)]) == 2
+    rows = document(out)["rows"]
+    assert {row["scene"] for row in rows} == {str(broken), "soup"}
+    (failed,) = (row for row in rows if row["scene"] == str(broken))
+    assert failed["error"].startswith(f"{broken}: cannot be read as .npz")
+    assert "cannot be read as .npz" in (out / "report.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("error", [RuntimeError("no picture\nat all"), MemoryError("no room"), ValueError("no sense")])
+def test_of_several_scenes_one_that_cannot_be_measured_does_not_stop_the_others(
+    scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any, error: Exception
+) -> None:
+    first = scene.rename(tmp_path / "first.npz")
+    scene.write_bytes(first.read_bytes())
+    real = benchmark.events
+
+    def failing(module: Any, loaded: Any, *rest: Any) -> Any:
+        for event in real(module, loaded, *rest):
+            yield event
+            if loaded.name == "first" and isinstance(event, benchmark.Finished) and event.row["spec"] == "kd":
+                raise error
+
+    monkeypatch.setattr(benchmark, "events", failing)
+    out = tmp_path / "out"
+    assert bench.main([str(first), str(scene), *FAST, "--structures", "kd,kd-sah", "--out", str(out)]) == 2
+    line = str(error).splitlines()[0]
+    assert capsys.readouterr().err == f"bench: first: {line}\n"
+    rows = [(row["scene"], row["spec"], row["error"]) for row in document(out)["rows"] if row["spec"] != "embree"]
+    assert rows == [("first", "kd", None), ("first", "", line), ("soup", "kd", None), ("soup", "kd-sah", None)]
+    assert line in (out / "report.html").read_text(encoding="utf-8")
+
+
+def test_a_scene_in_one_point_is_measured(tmp_path: Path) -> None:
+    path = tmp_path / "point.npz"
+    view = {"camera_eye": [0, -5, 1], "camera_target": [0, 0, 0], "camera_up": [0, 0, 1], "camera_vfov_deg": 45.0}
+    np.savez(path, vertices=np.full((3, 3), 0.5, np.float32), triangles=np.array([[0, 1, 2], [2, 1, 0]]), **view)
+    out = tmp_path / "out"
+    asked = ["--structures", "kd", "--size", "32x32", "--repeats", "1", "--check-rays", "128", "--curve", "1"]
+    assert bench.main([str(path), *asked, "--out", str(out)]) == 0
+    (row,) = (row for row in document(out)["rows"] if row["spec"] == "kd")
+    assert row["error"] is None
+    assert [point["spp"] for point in row["curve"]] == [1]
+
+
+def test_one_configuration_in_other_words_is_one_row(scene: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    asked = ["--structures", "kd:,kd,kd:traversal=auto,kd:max_depth=9,traversal=dir,kd:traversal=dir,max_depth=9"]
+    assert bench.main([str(scene), *FAST, *asked, "--out", str(out)]) == 0
+    specs = [row["spec"] for row in document(out)["rows"] if row["spec"] != "embree"]
+    assert specs == ["kd", "kd:max_depth=9,traversal=dir"]
+
+
+def test_rays_to_compare_bind_the_scenes_own_sets_where_they_are_named() -> None:
+    named, usual = (bench.read_options(bench.parser().parse_args(words), 1) for words in (["--check-rays", "128"], []))
+    assert (named.check_rays, named.own_rays) == (128, 128)
+    assert (usual.check_rays, usual.own_rays) == (20_000, None)
+
+
+def test_a_scene_of_the_shared_folder_is_called_by_its_name(
+    scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(workload, "SCENES", tmp_path)
+    for name in ("soup", "soup.npz"):
+        out = tmp_path / f"of {name}"
+        assert bench.main([name, *QUICK, "--out", str(out)]) == 0
+        assert document(out)["rows"][-1]["scene"] == "soup"
+
+
+def test_a_folder_that_cannot_be_written_is_one_line(scene: Path, tmp_path: Path, capsys: Any) -> None:
+    assert bench.main([str(scene), *QUICK, "--out", str(scene / "inside")]) == 2
+    assert "cannot be written" in capsys.readouterr().err
+
+
+def test_a_preset_names_scenes_structures_and_rays(
+    scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(workload, "SCENES", tmp_path)
+    scene.rename(tmp_path / "conference.npz")
+    out = tmp_path / "out"
+    assert bench.main(["--preset", "beams", *FAST, "--out", str(out)]) == 0
+    row = document(out)["rows"][-1]
+    assert (row["scene"], row["spec"], list(row["rays"])) == ("conference", "kd", ["primary", "shadow"])
+
+
+def test_the_thesis_is_repeated_on_what_of_a_scene_it_measured(
+    scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
+) -> None:
+    monkeypatch.setattr(workload, "SCENES", tmp_path)
+    with np.load(scene) as file:
+        arrays = dict(file)
+    count = len(arrays["triangles"])
+    np.savez(tmp_path / "conference.npz", **arrays, triangle_from_quadric=np.arange(count) % 2)
+    swept = ["--structures", "bsp-wn-plus-kd", "--k", "3", "--seeds", "1"]
+    for preset, asked, kept in ("directions", swept, (count + 1) // 2), ("beams", [], count):
+        out = tmp_path / preset
+        assert bench.main(["--preset", preset, *FAST, *asked, "--out", str(out)]) == 0
+        assert document(out)["rows"][-1]["triangles"] == kept
+        assert ("that stand for quadrics are left out:" in capsys.readouterr().out) == (kept < count)
+
+
+@pytest.mark.parametrize("name", ["thesis", "directions"])
+def test_trees_of_a_sweep_are_walked_as_the_kd_tree_that_they_are_compared_with(name: str) -> None:
+    chosen = specs.split(bench_presets.PRESETS[name]["structures"])
+    assert chosen[0] in thesis.BASES
+    assert len(chosen) > 10
+    assert all("traversal=dir" in spec for spec in chosen)
+
+
+def test_a_preset_without_its_scenes_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:
+    monkeypatch.setattr(workload, "SCENES", tmp_path)
+    assert bench.main(["--preset", "thesis"]) == 2
+    assert "none of its scenes" in capsys.readouterr().err
+
+
+def test_no_number_of_threads_means_one_per_core(scene: Path, tmp_path: Path) -> None:
+    assert bench.main([str(scene), *QUICK, "--threads", "0", "--out", str(tmp_path / "out")]) == 0
+    assert document(tmp_path / "out")["rows"][-1]["threads"] == os.cpu_count()
+
+
+def test_arguments_follow_two_dashes_as_inside_blender(scene: Path) -> None:
+    command = [sys.executable, str(BENCH), "--background", "--python", "bench.py", "--", str(scene), *QUICK]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "soup: 100 triangles" in done.stdout

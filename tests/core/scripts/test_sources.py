@@ -1,0 +1,34 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What holds for the sources as a whole."""
+
+from __future__ import annotations
+
+import ast
+
+import environment
+import pytest
+
+ROOT = environment.ROOT
+
+
+@pytest.mark.parametrize("folder", ["addon", "lab", "scripts", "tests"])
+def test_nothing_needs_at_its_start_what_windows_has_not(folder: str) -> None:
+    for path in (ROOT / folder).rglob("*.py"):
+        for line in ast.parse(path.read_text(encoding="utf-8")).body:
+            names = [alias.name for alias in line.names] if isinstance(line, ast.Import) else []
+            names += [line.module] if isinstance(line, ast.ImportFrom) else []
+            assert not {"fcntl", "grp", "pwd", "resource", "termios"} & set(names), f"{path}:{line.lineno}"
+
+
+def test_the_versions_in_all_files_are_one() -> None:
+    import tomllib
+
+    from addon.core.base import native
+
+    files = {"pyproject.toml": "project", "native/Cargo.toml": "package"}
+    versions = {
+        name: tomllib.loads((ROOT / name).read_text(encoding="utf-8"))[table]["version"]
+        for name, table in files.items()
+    }
+    versions["manifest"] = tomllib.loads((ROOT / "blender_manifest.toml").read_text(encoding="utf-8"))["version"]
+    assert set(versions.values()) == {native.VERSION}, versions
