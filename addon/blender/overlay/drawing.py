@@ -14,6 +14,7 @@ from gpu_extras.batch import batch_for_shader
 from ...core.overlay import beams, cells, planes
 from ..measure import comparing
 from ..session import building, trees
+from ..settings import signals
 from . import picking
 
 OWN_COLOURS = {
@@ -243,6 +244,15 @@ def _begin() -> None:
         building.request(scene)
 
 
+def _visibility_changed(_scene: Any) -> None:
+    follow()
+    trees.redraw()
+
+
+def _look_changed(_scene: Any) -> None:
+    trees.redraw()
+
+
 def _let_go() -> None:
     global _handle  # noqa: PLW0603
     if _handle is not None:
@@ -267,7 +277,9 @@ def _watched() -> tuple[tuple[Any, Any], ...]:
 
 
 def register() -> None:
-    """Watch for files, undo steps and changes of the scene."""
+    """Watch for files, undo steps, and changes of the scene and of settings."""
+    signals.visibility_changed.connect(_visibility_changed)
+    signals.look_changed.connect(_look_changed)
     for handlers, function in _watched():
         handlers.append(function)
     # While an add-on is being enabled Blender does not let it look at the file, which may be open already.
@@ -276,6 +288,8 @@ def register() -> None:
 
 def unregister() -> None:
     """The reverse of `register`, and let go of everything."""
+    signals.look_changed.disconnect(_look_changed)
+    signals.visibility_changed.disconnect(_visibility_changed)
     for handlers, function in _watched():
         handlers.remove(function)
     if bpy.app.timers.is_registered(_begin):

@@ -17,7 +17,7 @@ from ...core.base.notes import Notes
 from ...core.session.session import POLL_SECONDS, Building
 from ...core.structures.settings import memory_limit
 from ..read import extract
-from ..settings import properties
+from ..settings import properties, signals
 from . import trees
 
 REST_SECONDS = 0.4
@@ -243,15 +243,22 @@ class HALFSPACE_OT_free_structure(bpy.types.Operator):
 
 CLASSES = (HALFSPACE_OT_build_structure, HALFSPACE_OT_free_structure)
 
+FOLLOWED = (signals.structure_changed, signals.visibility_changed)
+"""Signals at which the structure is requested."""
+
 
 def register() -> None:
-    """Register the operators."""
+    """Register the operators, and listen to the settings that decide what is built."""
     for operator in CLASSES:
         bpy.utils.register_class(operator)
+    for signal in FOLLOWED:
+        signal.connect(request)
 
 
 def unregister() -> None:
     """Stop what runs, and the reverse of `register`."""
+    for signal in FOLLOWED:
+        signal.disconnect(request)
     stop()
     for operator in reversed(CLASSES):
         bpy.utils.unregister_class(operator)

@@ -9,6 +9,7 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty
 
 from ...core.overlay.planes import KINDS
+from . import signals
 
 DEEPEST = 60
 
@@ -24,28 +25,16 @@ KIND_ITEMS = (
 assert tuple(item[0] for item in KIND_ITEMS) == KINDS
 
 
-def _redraw(_group: Any, _context: Any) -> None:
-    from ..session import trees
-
-    trees.redraw()
+def _redraw(group: Any, _context: Any) -> None:
+    signals.look_changed.fire(group.id_data)
 
 
-def _follow(group: Any, context: Any) -> None:
-    """Let the handlers come and go with the wish to see anything, and build what is missing."""
-    from ..overlay import drawing
-    from ..session import building
-
-    drawing.follow()
-    if group.show:
-        building.request(group.id_data)
-    _redraw(group, context)
+def _follow(group: Any, _context: Any) -> None:
+    signals.visibility_changed.fire(group.id_data)
 
 
-def _build_if_wished(group: Any, _context: Any) -> None:
-    from ..session import building
-
-    if group.show and group.auto_update:
-        building.request(group.id_data)
+def _rebuild(group: Any, _context: Any) -> None:
+    signals.structure_changed.fire(group.id_data)
 
 
 class HalfspaceOverlaySettings(bpy.types.PropertyGroup):
@@ -84,7 +73,7 @@ class HalfspaceOverlaySettings(bpy.types.PropertyGroup):
         description="Build again, in the background, a moment after the scene or the structure's settings changed. "
         "Large scenes keep all cores busy meanwhile",
         default=True,
-        update=_build_if_wished,
+        update=_rebuild,
     )
     depth_min: IntProperty(  # type: ignore[valid-type]
         name="Depth Start",

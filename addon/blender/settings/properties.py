@@ -12,6 +12,7 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, Po
 from ...core.base import native
 from ...core.measure import costmap
 from ...core.structures import catalogue, settings
+from . import signals
 from .overlay_settings import HalfspaceOverlaySettings
 
 if TYPE_CHECKING:
@@ -67,9 +68,7 @@ def _follow_structure(group: Any, context: Any) -> None:
 
 def _rebuild(group: Any, _context: Any) -> None:
     """Let a shown tree follow its settings."""
-    from ..session import building
-
-    building.request(group.id_data)
+    signals.structure_changed.fire(group.id_data)
 
 
 def _structure_properties(known: Catalogue) -> dict[str, Any]:

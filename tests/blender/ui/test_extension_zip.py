@@ -11,10 +11,11 @@ import zipfile
 from pathlib import Path
 from typing import Any
 
+import imports
 import package
 import pytest
 
-SESSION = Path(__file__).with_name("extension_session.py")
+SESSION = Path(__file__).resolve().parents[1] / "extension_session.py"
 
 
 @pytest.fixture(scope="module")
@@ -51,6 +52,15 @@ def test_the_zip_holds_the_addon_at_its_top_and_nothing_foreign(archive: Path) -
     assert {"__init__.py", "blender_manifest.toml", "LICENSE"} <= names
     assert len([name for name in names if name.startswith("wheels/") and name.endswith(".whl")]) == 1
     assert not [name for name in names if "__pycache__" in name or name.endswith((".pyc", ".so", ".rs"))]
+
+
+def test_the_zip_holds_no_module_that_the_extension_cannot_reach(archive: Path, tmp_path: Path) -> None:
+    zipfile.ZipFile(archive).extractall(tmp_path)
+    left = imports.unreached(imports.modules(tmp_path, "addon"), "addon")
+    assert [
+        name for name in left if name.endswith((".html", ".py")) or name.startswith(("addon.core", "addon.blender."))
+    ] == []
+    assert not (tmp_path / "lab").exists()
 
 
 def test_the_zip_installs_and_enables(found: dict[str, Any]) -> None:

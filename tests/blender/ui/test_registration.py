@@ -14,7 +14,7 @@ from addon.blender.read import sky
 from addon.blender.render import viewport
 from addon.blender.render.engine import ENGINE
 from addon.blender.session import building, reports, trees
-from addon.blender.settings import properties
+from addon.blender.settings import properties, signals
 from addon.core.base import native
 
 HANDLERS = [h for h in dir(bpy.app.handlers) if isinstance(getattr(bpy.app.handlers, h), list)]
@@ -52,6 +52,7 @@ def footprint() -> dict[str, object]:
         else 1,
         "timers": [bpy.app.timers.is_registered(look) for look in (building._tick, overlay._begin, viewport._tick)],
         "views": len(viewport._working),
+        "listeners": [len(one._listeners) for one in (signals.look_changed, *building.FOLLOWED)],
         "skies": (len(sky._kept), len(sky._looks)),
     }
 

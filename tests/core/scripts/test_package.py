@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import environment
+import imports
 import package
 import pytest
 import wheel
@@ -44,6 +45,20 @@ def test_the_wheel_is_built_again_only_for_what_is_in_it(project: Path, name: st
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(content)
     assert (wheel.fingerprint(project) == before) is same
+
+
+def test_everything_that_is_packaged_is_reached_by_the_extension(tmp_path: Path) -> None:
+    package.stage([], tmp_path / "staged")
+    staged = imports.modules(tmp_path / "staged", "addon")
+    beside = ["addon.LICENSE", "addon.README.md", "addon.blender_manifest.toml"]
+    assert imports.unreached(staged, "addon") == beside
+    assert "addon.core.report.page.html" in staged
+    # The check can fail: a module that nobody imports, and one that loses its only importer.
+    (tmp_path / "staged" / "core" / "measure" / "orphan.py").write_text("from . import accuracy\n", encoding="utf-8")
+    sky = tmp_path / "staged" / "blender" / "read" / "sky.py"
+    sky.write_text(sky.read_text(encoding="utf-8").replace("sky_bake.py", "nothing.py"), encoding="utf-8")
+    left = imports.unreached(imports.modules(tmp_path / "staged", "addon"), "addon")
+    assert sorted({*left} - {*beside}) == ["addon.blender.read.sky_bake", "addon.core.measure.orphan"]
 
 
 MANIFEST = 'id = "x"\nversion = "1.2.3"\n\n[permissions]\nfiles = "Because"\n'
