@@ -7,7 +7,7 @@ Long calls release the GIL.
 """
 
 from collections.abc import Mapping, Sequence
-from typing import Any, Literal, TypedDict
+from typing import Any, Literal, TypedDict, overload
 
 import numpy as np
 import numpy.typing as npt
@@ -96,7 +96,7 @@ class SplitPolygons(TypedDict):
 
     vertices: (v, 3) float32, scene frame. offsets: (p + 1,) uint32, where each polygon begins.
     depth: (p,) uint32. kind: (p,) uint8, 0 1 2 the plane of an axis, 3 oblique, 4 slab pair,
-    5 octant. hidden: how many more there are within max_depth.
+    5 octant, 6 the face of a box around the triangles of a node. hidden: how many more there are within max_depth.
     """
 
     vertices: npt.NDArray[np.float32]
@@ -243,6 +243,7 @@ class Structure:
         (order).
         """
 
+    @overload
     def occluded(
         self,
         origins: F32,
@@ -252,12 +253,23 @@ class Structure:
         *,
         order: Literal["none", "tile8"] = "none",
         threads: int = 0,
-        counters: bool = False,
-    ) -> Any:
+        counters: Literal[False] = False,
+    ) -> npt.NDArray[np.bool_]:
         """Whether each ray meets anything at all: (n,) bool; with counters=True a pair of that
         and the counters of Hits. Arguments and errors as for closest().
         """
-
+    @overload
+    def occluded(
+        self,
+        origins: F32,
+        directions: F32,
+        t_min: float | F32 | None = None,
+        t_max: float | F32 | None = None,
+        *,
+        order: Literal["none", "tile8"] = "none",
+        threads: int = 0,
+        counters: Literal[True],
+    ) -> tuple[npt.NDArray[np.bool_], dict[str, npt.NDArray[np.uint32]]]: ...
     def record(
         self,
         origins: F32,
@@ -387,6 +399,7 @@ class Instances:
     ) -> Hits:
         """As Structure.closest(). Steps count those of the tree over the places too."""
 
+    @overload
     def occluded(
         self,
         origins: F32,
@@ -396,10 +409,21 @@ class Instances:
         *,
         order: Literal["none", "tile8"] = "none",
         threads: int = 0,
-        counters: bool = False,
-    ) -> Any:
+        counters: Literal[False] = False,
+    ) -> npt.NDArray[np.bool_]:
         """As Structure.occluded()."""
-
+    @overload
+    def occluded(
+        self,
+        origins: F32,
+        directions: F32,
+        t_min: float | F32 | None = None,
+        t_max: float | F32 | None = None,
+        *,
+        order: Literal["none", "tile8"] = "none",
+        threads: int = 0,
+        counters: Literal[True],
+    ) -> tuple[npt.NDArray[np.bool_], dict[str, npt.NDArray[np.uint32]]]: ...
     def flattened(self) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.int32]]:
         """Vertices (n, 3) and triangles (m, 3) of the scene in which every mesh is copied to its places: a corner is
         x * m[0] + y * m[1] + z * m[2] + m[3] for each row m of its matrix, in float64 and in this order, then rounded

@@ -16,7 +16,7 @@ import os
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
@@ -30,6 +30,9 @@ from addon.core.structures import specs
 from lab.base.usage import Parser, UsageError, output
 from lab.bench import cluster, merging, sweep
 from lab.bench.bench_presets import AS_PUBLISHED, PRESETS
+
+if TYPE_CHECKING:
+    from addon.core.base.interface import Native
 
 SUFFIXES = (".npz", ".blend", ".obj", ".ply", ".stl", ".glb", ".gltf", ".usd", ".usda", ".usdc", ".usdz")
 
@@ -307,7 +310,7 @@ def read_options(asked: argparse.Namespace, configurations: int) -> benchmark.Op
     )
 
 
-def read_structures(asked: argparse.Namespace, module: Any) -> list[str]:
+def read_structures(asked: argparse.Namespace, module: Native) -> list[str]:
     """The configurations, each proved to be valid by a tiny build. Raises SpecError."""
     preset = PRESETS.get(asked.preset or "", {})
     ranges = {

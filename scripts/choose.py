@@ -13,6 +13,7 @@ import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
@@ -24,6 +25,9 @@ from addon.core.scene import rays
 from addon.core.scene.workload import SCENES, Workload, find, left_out, load_npz
 from addon.core.structures import catalogue
 from lab.base.usage import Parser, UsageError
+
+if TYPE_CHECKING:
+    from addon.core.base.interface import Native
 
 REPEATS = 3
 GOOD = 1.1
@@ -46,7 +50,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def full(
-    module: object, workload: Workload, plan: choice.Plan, specs: Sequence[str], threads: int
+    module: Native, workload: Workload, plan: choice.Plan, specs: Sequence[str], threads: int
 ) -> choice.Comparison:
     """Every candidate built, compared with brute force and timed in full, interleaved."""
     built, builds = {}, {}

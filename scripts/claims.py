@@ -14,7 +14,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
@@ -25,6 +25,9 @@ from lab.base.usage import Parser, UsageError, output
 from lab.claims import claims
 from lab.claims import report as claims_report
 from lab.claims import table as claims_table
+
+if TYPE_CHECKING:
+    from addon.core.base.interface import Native
 
 
 def parser() -> argparse.ArgumentParser:
@@ -93,7 +96,7 @@ def kept(claim: claims.Claim, known: Mapping[str, Any]) -> claims.Result | None:
 
 def save(
     folder: Path,
-    module: object,
+    module: Native,
     found: Sequence[claims.Result],
     *,
     quick: bool,

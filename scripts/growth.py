@@ -15,7 +15,7 @@ import sys
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
@@ -26,6 +26,9 @@ from addon.core.structures import specs
 from lab.base.usage import Parser, UsageError, output
 from lab.growth import growth
 from lab.growth import report as growth_report
+
+if TYPE_CHECKING:
+    from addon.core.base.interface import Native
 
 STRUCTURES = "kd,bsp-wn-plus-kd"
 
@@ -85,7 +88,7 @@ def run(asked: argparse.Namespace) -> int:
     return BAD_INPUT if any(point.error for point in points) else 0
 
 
-def save(folder: Path, module: Any, points: Sequence[growth.Point], options: growth.Options) -> None:
+def save(folder: Path, module: Native, points: Sequence[growth.Point], options: growth.Options) -> None:
     """Write both files, each whole or not at all. Raises FolderError."""
     document = results.document(module, [point.as_row() for point in points], asdict(options))
     document["fits"] = growth_report.fits(points)

@@ -15,7 +15,7 @@ import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
@@ -25,6 +25,9 @@ from addon.core.scene import grid, workload
 from addon.core.structures import specs
 from lab.base.usage import Parser, UsageError, output
 from lab.stability import agreement, leaks, stability, trials
+
+if TYPE_CHECKING:
+    from addon.core.base.interface import Native
 
 BUNNY = Path(__file__).resolve().parents[2] / "shared" / "scenes" / "stanford-bunny.npz"
 """A scanned surface whose few holes are closed by fans."""
@@ -149,7 +152,7 @@ def is_brute(spec: str) -> bool:
     return specs.structure_of(spec) == "brute"
 
 
-def measure_cases(module: Any, chosen: list[str], asked: argparse.Namespace) -> list[stability.Row]:
+def measure_cases(module: Native, chosen: list[str], asked: argparse.Namespace) -> list[stability.Row]:
     """The rows of all extreme cases; those of an earlier run with the same folder are taken over, case by case."""
     journal = results.Journal(asked.out) if asked.out is not None else None
     machine = results.machine(module)
@@ -180,7 +183,7 @@ def measure_cases(module: Any, chosen: list[str], asked: argparse.Namespace) -> 
     return rows
 
 
-def run_long(module: Any, chosen: list[str], asked: argparse.Namespace) -> int:
+def run_long(module: Native, chosen: list[str], asked: argparse.Namespace) -> int:
     """Compare answers until there are enough. Returns the exit status."""
     journal = results.Journal(asked.out) if asked.out is not None else None
     fixed = [module.__version__, results.native_fingerprint(module), trials.VERSION, chosen, asked.seed]
@@ -231,7 +234,7 @@ def is_whole_block(kept: dict[str, Any]) -> bool:
     return "seconds" in kept and all(stability.is_whole(row, "wrong_in") for row in rows)
 
 
-def run_scenes(module: Any, chosen: list[str], loaded: list[workload.Workload], asked: argparse.Namespace) -> int:
+def run_scenes(module: Native, chosen: list[str], loaded: list[workload.Workload], asked: argparse.Namespace) -> int:
     """Compare every configuration on whole scenes. Returns the exit status."""
     journal = results.Journal(asked.out) if asked.out is not None else None
     machine = results.machine(module)
@@ -282,7 +285,7 @@ def asked_of_leaks(chosen: list[str], asked: argparse.Namespace) -> list[str]:
     return [spec for spec in chosen if asked.size != "large" or not is_brute(spec)]
 
 
-def find_leaks(module: Any, chosen: list[str], asked: argparse.Namespace) -> bool:
+def find_leaks(module: Native, chosen: list[str], asked: argparse.Namespace) -> bool:
     """Send rays out of closed surfaces; tell what leaks. Whether anything does that should not."""
     large = asked.size == "large"
     count = asked.leak_rays if asked.leak_rays is not None else (1_000_000 if large else 10_000)

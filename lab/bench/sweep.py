@@ -11,12 +11,15 @@ import dataclasses
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from addon.core.measure import benchmark, rows
 from addon.core.measure.benchmark import Finished, Options, Row
 from addon.core.report import results
 from addon.core.scene.workload import Workload
+
+if TYPE_CHECKING:
+    from addon.core.base.interface import Native
 
 QUIET_SECONDS = 2.0
 """What is being done is told about this often."""
@@ -128,7 +131,7 @@ def beside(wanted: Sequence[str], anchor: str | None) -> list[str]:
     return [*([anchor] if anchor is not None and anchor not in wanted else []), *wanted]
 
 
-def here(native: Any, options: Options, say: Callable[[str], None]) -> Measurer:
+def here(native: Native, options: Options, say: Callable[[str], None]) -> Measurer:
     """Measures in this process, interleaved."""
     machine = results.machine(native)
 

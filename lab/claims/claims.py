@@ -13,11 +13,11 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from addon.core.measure import accuracy
+from addon.core.measure import accuracy, counting
 from addon.core.measure.accuracy import Answers, Errors
 from addon.core.measure.check import timed_build
 from addon.core.scene.rays import RaySet, blocks
@@ -25,6 +25,9 @@ from addon.core.scene.workload import Workload, load_both
 from addon.core.structures.specs import structure_of
 
 from ..stability.stability import allowed_to_fail
+
+if TYPE_CHECKING:
+    from addon.core.base.interface import Native, Structure
 
 HOLDS = "holds"
 FAILS = "does not hold"
@@ -156,7 +159,7 @@ ROOM = 1 << 30
 class Lab:
     """Builds, checks and times structures on one thread; what was measured once is not measured again."""
 
-    def __init__(self, native: Any, *, quick: bool, say: Callable[[str], None], scenes: Path | None = None) -> None:
+    def __init__(self, native: Native, *, quick: bool, say: Callable[[str], None], scenes: Path | None = None) -> None:
         self.native = native
         self.scenes = scenes
         self.quick = quick
@@ -310,33 +313,26 @@ class Lab:
         """How many of the answers behind this claim are not brute force's, without those of walks known to fail."""
         return sum(self._errors[key].wrong for key in self._used if not allowed_to_fail(key[1]))
 
-    def _ask(self, structure: Any, rays: RaySet) -> float:
+    def _ask(self, structure: Structure, rays: RaySet) -> float:
         ask = structure.occluded if rays.any_hit else structure.closest
         start = time.process_time()
-        ask(rays.origins, rays.directions, t_max=rays.t_max, order=rays.order, threads=1)
+        ask(rays.origins, rays.directions, **rays.options(1))
         return time.process_time() - start
 
-    def _count(self, structure: Any, rays: RaySet) -> dict[str, float]:
-        arguments = {"t_max": rays.t_max, "order": rays.order, "threads": 1, "counters": True}
-        if rays.any_hit:
-            counters = structure.occluded(rays.origins, rays.directions, **arguments)[1]
-        else:
-            counters = structure.closest(rays.origins, rays.directions, **arguments).counters
+    def _count(self, structure: Structure, rays: RaySet) -> dict[str, float]:
+        counters = counting.counters(structure, rays, 1)
         return {name: float(np.mean(column)) for name, column in counters.items()} if len(rays) else {}
 
     def _check(self, workload: Workload, spec: str, rays: RaySet) -> None:
         """Compare with brute force, bit for bit."""
         some = rays.take(blocks(len(rays), CHECKED, seed=1))
-        arguments = {"t_max": some.t_max, "threads": 1}
         structure = self.build(workload, spec)
         key = (workload.name, rays.name)
         if key not in self._right:
             brute = self.build(workload, "brute")
             self._right[key] = Answers.of(brute.closest(some.origins, some.directions, t_max=some.t_max, threads=0))
         right = self._right[key]
-        blocked = structure.occluded(some.origins, some.directions, order=some.order, **arguments)
-        found = Answers.of(structure.closest(some.origins, some.directions, order=some.order, **arguments))
-        errors = accuracy.compare(right, found, blocked, self.native.ulp_distance, bitwise=True)
+        errors = accuracy.compare(right, *accuracy.traced(structure, some, 1), self.native.ulp_distance, bitwise=True)
         self.compared(workload.name, spec, rays.name, errors)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING
 
 from addon.core.scene import rays
 from addon.core.scene.workload import Workload
@@ -13,6 +13,9 @@ from addon.core.scene.workload import Workload
 from . import paper_scenes
 from .beams import NET, PAPER, octree
 from .claims import FAILS, HOLDS, UNTESTED, Claim, Lab, Outcome
+
+if TYPE_CHECKING:
+    from addon.core.base.interface import Tracer
 
 SHADOW_SIZE = (512, 512)
 """Pixels of the view whose points ask for the light."""
@@ -27,7 +30,7 @@ def scenes(lab: Lab) -> Iterator[Workload]:
     yield from (workload for name in SCENES if (workload := lab.shared(name)) is not None)
 
 
-def _shadow_rays(workload: Workload, tracer: Any) -> rays.RaySet:
+def _shadow_rays(workload: Workload, tracer: Tracer) -> rays.RaySet:
     return rays.make(workload, tracer, size=SHADOW_SIZE, seed=1, names=("shadow",))[0]
 
 

@@ -11,20 +11,23 @@ import gc
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from addon.core.base import rotation
 from addon.core.base.native import FAILURES, first_line
-from addon.core.measure import accuracy, check, peak
+from addon.core.measure import accuracy, check, counting, peak
 from addon.core.measure.accuracy import Answers, Errors
 from addon.core.measure.reference import affordable
 from addon.core.measure.rows import is_lazy
 from addon.core.scene import rays
 from addon.core.scene.rays import RaySet
 from addon.core.scene.workload import View, Workload
+
+if TYPE_CHECKING:
+    from addon.core.base.interface import Native, Structure
 
 SIZES = tuple(round(10 ** (4 + half / 2)) for half in range(7))
 """Triangles: half decades from ten thousand to ten million."""
@@ -155,7 +158,7 @@ def _view() -> View:
     return View(eye, target, TILT @ np.array([0.0, 0.0, 1.0]), 60.0)
 
 
-def fixed_rays(native: Any, options: Options) -> list[RaySet]:
+def fixed_rays(native: Native, options: Options) -> list[RaySet]:
     """The rays that all tessellations are asked."""
     coarse = torus(RAYS_FROM)
     tracer = native.build(coarse.vertices, coarse.triangles, "brute", threads=0)
@@ -170,7 +173,7 @@ def refuse_lazy(specs: Sequence[str]) -> None:
             raise LazyError(f"{spec} is built by rays in part, so the time of its build says nothing of its growth")
 
 
-def measure(native: Any, specs: Sequence[str], options: Options) -> Iterator[Event]:
+def measure(native: Native, specs: Sequence[str], options: Options) -> Iterator[Event]:
     """Measure all structures on all sizes, the smallest first: what comes next, and each point when it is complete.
 
     Raises LazyError.
@@ -193,7 +196,7 @@ def measure(native: Any, specs: Sequence[str], options: Options) -> Iterator[Eve
 
 
 def _reference(
-    native: Any, workload: Workload, ray_sets: Sequence[RaySet], options: Options
+    native: Native, workload: Workload, ray_sets: Sequence[RaySet], options: Options
 ) -> tuple[list[RaySet], list[Answers]]:
     """A part of each set, and what brute force answers."""
     count = min(max(affordable(workload, tests=BRUTE_TESTS), LEAST_CHECKED), options.check_rays)
@@ -203,7 +206,7 @@ def _reference(
 
 
 def _measure(
-    native: Any,
+    native: Native,
     workload: Workload,
     point: Point,
     ray_sets: Sequence[RaySet],
@@ -242,7 +245,9 @@ def _measure(
             point.left_out.append(f"peak memory: {first_line(error)}")
 
 
-def _build(native: Any, workload: Workload, spec: str, threads: int, options: Options) -> tuple[Any, float, float]:
+def _build(
+    native: Native, workload: Workload, spec: str, threads: int, options: Options
+) -> tuple[Structure, float, float]:
     """A structure, and the seconds of its build by the processor's clock, which counts all threads, and the wall's."""
     worked, begun = time.process_time(), time.perf_counter()
     structure = native.build(
@@ -251,26 +256,23 @@ def _build(native: Any, workload: Workload, spec: str, threads: int, options: Op
     return structure, time.process_time() - worked, time.perf_counter() - begun
 
 
-def _errors(native: Any, structure: Any, checked: Sequence[RaySet], expected: Sequence[Answers]) -> Errors:
+def _errors(native: Native, structure: Structure, checked: Sequence[RaySet], expected: Sequence[Answers]) -> Errors:
     """Of closest and any hits of all sets."""
     found = []
     for some, right in zip(checked, expected, strict=True):
-        asked: dict[str, Any] = {"t_max": some.t_max, "order": some.order, "threads": 1}
-        answers = Answers.of(structure.closest(some.origins, some.directions, **asked))
-        occluded = structure.occluded(some.origins, some.directions, **asked)
+        answers, occluded = accuracy.traced(structure, some, 1)
         found.append(accuracy.compare(right, answers, occluded, native.ulp_distance, bitwise=True))
     return accuracy.total(found)
 
 
-def _pace(structure: Any, some: RaySet, repeats: int) -> dict[str, float]:
+def _pace(structure: Structure, some: RaySet, repeats: int) -> dict[str, float]:
     """Nanoseconds per ray on one thread, and what the rays met on the way."""
-    asked: dict[str, Any] = {"t_max": some.t_max, "order": some.order, "threads": 1}
-    counters = structure.closest(some.origins, some.directions, counters=True, **asked).counters
+    counters = counting.counters(structure, some, 1)
     rate = check.rate(structure, some, 1, repeats)
     return {"nanoseconds": 1e3 / rate} | {name: float(np.mean(counters[name])) for name in ("steps", "tests")}
 
 
-def _peak(native: Any, workload: Workload, spec: str, options: Options) -> int:
+def _peak(native: Native, workload: Workload, spec: str, options: Options) -> int:
     """The bytes by which a build's memory rises at most. Raises PeakError and OSError."""
     scene = peak.save_scene(workload.vertices, workload.triangles)
     try:

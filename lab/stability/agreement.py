@@ -7,7 +7,7 @@ Where brute force would take too long it answers a sample, which proves a kd-tre
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,6 +19,9 @@ from addon.core.scene.workload import Workload
 
 from . import stability
 from .stability import Row
+
+if TYPE_CHECKING:
+    from addon.core.base.interface import Native, Structure
 
 BRUTE_PAIRS = 20_000_000_000
 """Pairs of a ray and a triangle that brute force may test per set of rays: half a minute of one core."""
@@ -44,7 +47,7 @@ class Question:
     fresh: int
 
 
-def questions(native: Any, workload: Workload, count: int, seed: int, *, threads: int = 0) -> list[Question]:
+def questions(native: Native, workload: Workload, count: int, seed: int, *, threads: int = 0) -> list[Question]:
     """About `count` rays of each set of a scene, with their answers. Raises ReferenceDiffersError."""
     reference, brute = (
         native.build(workload.vertices, workload.triangles, spec, threads=threads) for spec in (REFERENCE, "brute")
@@ -73,7 +76,7 @@ def _different(sets: list[RaySet]) -> int:
     return stability.different(*map(np.concatenate, parts))
 
 
-def compare(native: Any, structure: Any, asked: list[Question], *, threads: int = 0) -> Errors:
+def compare(native: Native, structure: Structure, asked: list[Question], *, threads: int = 0) -> Errors:
     """The errors of a structure over all sets: nearest hits and any hits of every ray."""
     found = []
     for question in asked:
@@ -85,7 +88,7 @@ def compare(native: Any, structure: Any, asked: list[Question], *, threads: int 
     return accuracy.total(found)
 
 
-def row(native: Any, workload: Workload, spec: str, asked: list[Question], *, threads: int = 0) -> Row:
+def row(native: Native, workload: Workload, spec: str, asked: list[Question], *, threads: int = 0) -> Row:
     """One row of the table of `stability`, with its nodes, links and bytes, and what is broken in it.
 
     Raises MemoryError, which names the scene and the structure, when the build needs more than there is.
@@ -101,6 +104,6 @@ def row(native: Any, workload: Workload, spec: str, asked: list[Question], *, th
         "triangles": len(workload.triangles),
         "different_rays": sum(question.fresh for question in asked),
         **stability.columns(compare(native, structure, asked, threads=threads), Errors()),
-        "statistics": {name: statistics[name] for name in statistics if isinstance(statistics[name], (int, float))},
+        "statistics": {name: value for name, value in statistics.items() if isinstance(value, (int, float))},
         "broken": structure.validate(),
     }

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,9 @@ from numpy.typing import NDArray
 from addon.core.scene import workload
 
 from . import stability
+
+if TYPE_CHECKING:
+    from addon.core.base.interface import Native
 
 F32 = NDArray[np.float32]
 I32 = NDArray[np.int32]
@@ -115,7 +118,7 @@ def rays_from_inside(
 
 
 def count_leaks(
-    native: Any, specs: Sequence[str], chosen: Sequence[Surface], rays: int, seed: int = 1, *, threads: int = 0
+    native: Native, specs: Sequence[str], chosen: Sequence[Surface], rays: int, seed: int = 1, *, threads: int = 0
 ) -> dict[str, Counter[str]]:
     """How many of `rays` rays leave each closed surface through each configuration: spec to name to number, no zeros.
 

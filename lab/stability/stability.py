@@ -11,13 +11,16 @@ import csv
 import html
 import io
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from addon.core.measure import accuracy
 from addon.core.measure.accuracy import Answers, Errors
 from addon.core.structures import specs
+
+if TYPE_CHECKING:
+    from addon.core.base.interface import Native, Structure
 
 Row = dict[str, Any]
 
@@ -118,7 +121,7 @@ TILE = 64
 """Rays that walks of tiles and beams take together when they are told that rays come in tiles."""
 
 
-def nearest(structure: Any, rays: Sequence[Any], *, threads: int = 0) -> Answers:
+def nearest(structure: Structure, rays: Sequence[Any], *, threads: int = 0) -> Answers:
     """The nearest hits, asked in tiles where that can be: (origins, directions, t_min, t_max) as arrays.
 
     Walks that know no tiles take the rays singly, and so do all with the rays beyond the last whole tile.
@@ -137,7 +140,7 @@ def nearest(structure: Any, rays: Sequence[Any], *, threads: int = 0) -> Answers
 
 
 def measure_case(
-    native: Any, case: Mapping[str, Any], specs: Iterable[str], *, exact_pairs: int, threads: int = 0
+    native: Native, case: Mapping[str, Any], specs: Iterable[str], *, exact_pairs: int, threads: int = 0
 ) -> Iterator[Row]:
     """One row per configuration on one case of `native.cases()`, as `case_errors` finds them."""
     apart = different(*(case[name] for name in RAYS))
@@ -147,7 +150,7 @@ def measure_case(
 
 
 def case_errors(
-    native: Any, case: Mapping[str, Any], specs: Iterable[str], *, exact_pairs: int, threads: int = 0
+    native: Native, case: Mapping[str, Any], specs: Iterable[str], *, exact_pairs: int, threads: int = 0
 ) -> Iterator[tuple[str, Errors, Errors]]:
     """Each configuration with its errors against brute force, and against exact arithmetic, on one case.
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,9 @@ from addon.core.measure.accuracy import Answers
 from . import stability
 from .leaks import icosphere
 from .stability import TILE, Row
+
+if TYPE_CHECKING:
+    from addon.core.base.interface import Case, Native
 
 F32 = NDArray[np.float32]
 I32 = NDArray[np.int32]
@@ -45,7 +48,7 @@ BLOCK = 64
 Random = np.random.Generator
 
 
-def trial(native: Any, specs: Sequence[str], seed: int, number: int, *, threads: int = 1) -> list[Row]:
+def trial(native: Native, specs: Sequence[str], seed: int, number: int, *, threads: int = 1) -> list[Row]:
     """One row per configuration, as of `stability.measure_case`; the case is the sort of scene.
 
     Every ray is asked for its closest hit, every fourth tile of them for any hit too; ways of shadow rays, which the
@@ -82,7 +85,7 @@ def trial(native: Any, specs: Sequence[str], seed: int, number: int, *, threads:
     return rows
 
 
-def block(native: Any, specs: Sequence[str], seed: int, number: int, *, threads: int = 1) -> list[Row]:
+def block(native: Native, specs: Sequence[str], seed: int, number: int, *, threads: int = 1) -> list[Row]:
     """The sums of `BLOCK` trials, one row per configuration; `wrong_in` names the trials with a difference."""
     totals: dict[str, Row] = {}
     for n in range(number * BLOCK, (number + 1) * BLOCK):
@@ -102,7 +105,7 @@ def same(a: Answers, b: Answers) -> bool:
     )
 
 
-def _scene(native: Any, seed: int, number: int, random: Random) -> tuple[str, F32, I32, Rays]:
+def _scene(native: Native, seed: int, number: int, random: Random) -> tuple[str, F32, I32, Rays]:
     turn, place = divmod(number, 8)
     if place == 7:
         cases = extreme_cases(native, seed + turn // CASES_PER_SEED)
@@ -121,10 +124,9 @@ def _scene(native: Any, seed: int, number: int, random: Random) -> tuple[str, F3
 
 
 @functools.lru_cache(maxsize=1)
-def extreme_cases(native: Any, seed: int) -> list[dict[str, Any]]:
+def extreme_cases(native: Native, seed: int) -> list[Case]:
     """The extreme cases of a seed, small."""
-    made: list[dict[str, Any]] = native.cases("small", seed=seed)
-    return made
+    return native.cases("small", seed=seed)
 
 
 def _soup(count: int, random: Random) -> NDArray[Any]:

@@ -5,7 +5,10 @@ from __future__ import annotations
 
 import importlib
 from functools import cache
-from typing import Any
+from typing import TYPE_CHECKING, cast
+
+if TYPE_CHECKING:
+    from .interface import Native
 
 VERSION = "0.1.0"
 """The version of this package; the compiled module must have the same."""
@@ -45,7 +48,7 @@ FAILURES = (ValueError, RuntimeError, MemoryError)
 
 
 @cache
-def load() -> Any:
+def load() -> Native:
     """The module `halfspace_native`. Raises NativeError, in one line, when it cannot be used."""
     try:
         module = importlib.import_module("halfspace_native")
@@ -57,7 +60,7 @@ def load() -> Any:
             f"Halfspace {VERSION} found its native module in version {found}: restart Blender, "
             "or install the extension again"
         )
-    return module
+    return cast("Native", module)
 
 
 def problem() -> str | None:

@@ -3,7 +3,10 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from .interface import Native
 
 MB = 1_000_000
 
@@ -11,7 +14,7 @@ SMALL = 64 << 20
 """Less than this is not worth asking the system about."""
 
 
-def check(native: Any, what: str, needed: int) -> None:
+def check(native: Native, what: str, needed: int) -> None:
     """Raise MemoryError, which names what it is about, where so many bytes are more than a build might take now."""
     if needed <= SMALL:
         return

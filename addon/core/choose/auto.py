@@ -10,7 +10,7 @@ import os
 import time
 from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -22,6 +22,9 @@ from ..structures import presets, specs
 from ..structures.catalogue import Catalogue
 from . import choice
 from .choice import Comparison, Line, Mix, Plan
+
+if TYPE_CHECKING:
+    from ..base.interface import Native, Structure
 
 CANDIDATES = (
     "bvh-sah",
@@ -109,7 +112,7 @@ class Choice:
     """
 
     spec: str
-    structure: Any
+    structure: Structure
     comparison: Comparison
     notes: tuple[str, ...]
     seconds: float
@@ -123,7 +126,7 @@ class Chooser:
     memory_limit: bytes that each build over the whole scene may take, None for what the native module allows.
     """
 
-    native: Any
+    native: Native
     workload: Workload
     plan: Plan
     specs: Sequence[str]
@@ -260,7 +263,7 @@ class Chooser:
         self.result = Choice(best.spec, self._built[best.spec], found, tuple(notes), seconds, own)
 
 
-def choose(native: Any, workload: Workload, plan: Plan, catalogue: Catalogue, *, threads: int = 0) -> Choice:
+def choose(native: Native, workload: Workload, plan: Plan, catalogue: Catalogue, *, threads: int = 0) -> Choice:
     """The best structure for a picture, at one go."""
     chooser = Chooser(native, workload, plan, candidates(catalogue), threads)
     for _ in chooser.steps():

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,6 +13,9 @@ from ..measure import benchmark
 from ..measure.curve import Curve
 from ..measure.rows import building
 from ..scene.workload import Workload
+
+if TYPE_CHECKING:
+    from ..base.interface import Native, Structure
 
 SETS = ("primary", "shadow", "diffuse")
 """The ray sets whose speeds stand for camera rays, shadow rays, and all others."""
@@ -49,7 +52,7 @@ class Mix:
         return plan.pixels * plan.samples * each / 1e6
 
 
-def mix(native: Any, structure: Any, workload: Workload, size: tuple[int, int], max_bounces: int) -> Mix:
+def mix(native: Native, structure: Structure, workload: Workload, size: tuple[int, int], max_bounces: int) -> Mix:
     """Count the rays of a small picture of the scene."""
     pictures = Curve(native, workload, size, (MIX_SAMPLES,), seed=1, max_bounces=max_bounces)
     return Mix(**pictures.rays_per_sample(structure, MIX_SAMPLES))

@@ -5,10 +5,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, fields
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from ..base.interface import HitArrays, Structure
+    from ..scene.rays import RaySet
 
 Mask = NDArray[np.bool_]
 
@@ -33,7 +37,7 @@ class Answers:
     on_boundary: Mask | None = None
 
     @classmethod
-    def of(cls, hits: Any) -> Answers:
+    def of(cls, hits: HitArrays) -> Answers:
         """The arrays of native `Hits`, each fetched once."""
         return cls(hits.t, hits.triangle, hits.u, hits.v, getattr(hits, "on_boundary", None))
 
@@ -53,6 +57,13 @@ class Answers:
             return self.on_boundary
         smallest = np.minimum(np.minimum(self.u, self.v), 1.0 - self.u.astype(np.float64) - self.v)
         return self.hit & (smallest <= BOUNDARY)
+
+
+def traced(structure: Structure, some: RaySet, threads: int) -> tuple[Answers, Mask]:
+    """Nearest hits of some rays, and which of them hit anything, (n,) bool. threads: 0 = one per core."""
+    options = some.options(threads)
+    hits = structure.closest(some.origins, some.directions, **options)
+    return Answers.of(hits), structure.occluded(some.origins, some.directions, **options)
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,7 @@ import uuid
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 from ..base.native import FAILURES, first_line
 from ..scene import rays
@@ -25,6 +25,10 @@ from .picture_times import Rounds
 from .preparation import REFERENCES, Options, Prepared, Progress, prepare, prepared
 from .rows import Row, agrees
 from .timing import Candidate
+
+if TYPE_CHECKING:
+    from ..base.interface import Native
+    from .yardstick import Traced
 
 __all__ = [
     "REFERENCES",
@@ -76,7 +80,7 @@ Event = Progress | Finished
 
 
 def measure(
-    native: Any, workload: Workload, chosen: Sequence[str], options: Options, say: Callable[[str], None]
+    native: Native, workload: Workload, chosen: Sequence[str], options: Options, say: Callable[[str], None]
 ) -> Iterator[Row]:
     """One row per configuration, as soon as it is complete; arguments as for `events`. say: told what is done next."""
     for event in events(native, workload, chosen, options):
@@ -87,7 +91,7 @@ def measure(
 
 
 def events(
-    native: Any,
+    native: Native,
     workload: Workload,
     chosen: Sequence[str],
     options: Options,
@@ -126,7 +130,7 @@ def anchor_of(chosen: Sequence[str]) -> str | None:
 class _Run:
     """One call of `events`: its configurations, and how much of the work is done."""
 
-    def __init__(self, native: Any, shared: Prepared, chosen: Sequence[str], anchor: str | None = None) -> None:
+    def __init__(self, native: Native, shared: Prepared, chosen: Sequence[str], anchor: str | None = None) -> None:
         self._native = native
         self._prepared = shared
         self._workload = shared.workload
@@ -188,7 +192,7 @@ class _Run:
         structure, seconds = self._build(spec)
         return Candidate(spec, structure, [seconds])
 
-    def _build(self, spec: str) -> tuple[Any, float]:
+    def _build(self, spec: str) -> tuple[Traced, float]:
         """A structure, and the seconds that its build took: on one thread the processor's, else by the clock."""
         vertices, triangles = self._workload.vertices, self._workload.triangles
         if spec == yardstick.SPEC:
@@ -254,7 +258,7 @@ class _Run:
                 # It is compared with itself: enough to see that the numbers of threads agree.
                 own = rays.blocks(len(some), SELF_CHECK, options.seed)
                 some, right = some.take(own), right.take(own)
-            arguments: dict[str, Any] = {"t_max": some.t_max, "order": some.order, "threads": options.threads}
+            arguments = some.options(options.threads)
             if rows.is_lazy(candidate.spec):
                 # The tree that these rays have built stays.
                 structure.closest(some.origins, some.directions, **arguments)
@@ -273,7 +277,7 @@ class _Run:
             candidate.checked[whole.name] = len(some) / max(seconds, 1e-9) / 1e6
             candidate.timed[whole.name] = timing.affordable(whole, candidate.checked[whole.name], limit, options.seed)
             hits = float(answers.hit.mean()) if len(some) else 0.0
-            candidate.counted[whole.name] = {"hits": hits, **timing.count(candidate, some, arguments)}
+            candidate.counted[whole.name] = {"hits": hits, **timing.count(candidate, some, options.threads)}
         # Now, for of a tree that rays have built there is more after each pass.
         candidate.statistics = dict(structure.statistics)
 
@@ -307,7 +311,7 @@ class _Run:
         for candidate in candidates:
             yield self._step(f"{candidate.spec}: what each pixel costs")
             if len(view) <= candidate.checked.get("primary", 1.0) * 1e6 * MAP_SECONDS:
-                candidate.cost_map = costmap.packed(costmap.work(candidate.structure, view, size))
+                candidate.cost_map = costmap.packed(costmap.work(candidate.native, view, size))
 
     def _peaks(self, candidates: Sequence[Candidate], scene: Path) -> Iterator[Event]:
         """One process per core: nothing else is timed meanwhile."""
@@ -350,7 +354,7 @@ class _Run:
                 traced = [name for name in candidate.seconds if len(candidate.timed[name])]
                 slowest = min((float(candidate.mrays(name).min()) for name in traced), default=1.0)
                 if samples in pictures.affordable(slowest):
-                    point, differing = pictures.point(candidate.structure, samples, self._options.threads)
+                    point, differing = pictures.point(candidate.native, samples, self._options.threads)
                     candidate.curve.append(point)
                     candidate.differing_pixels += differing
 

@@ -6,15 +6,18 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..scene import rays
 from ..scene.workload import Workload
-from . import accuracy
+from . import accuracy, counting
 from .accuracy import Answers, Errors
 from .reference import affordable
+
+if TYPE_CHECKING:
+    from ..base.interface import Native, Structure
 
 SIZE = (256, 256)
 """Pixels of the view whose rays are traced."""
@@ -40,7 +43,9 @@ class Check:
         return self.errors.agrees(bitwise=True)
 
 
-def steps(native: Any, structure: Any, workload: Workload, *, seed: int = 1, threads: int = 0) -> Iterator[Check]:
+def steps(
+    native: Native, structure: Structure, workload: Workload, *, seed: int = 1, threads: int = 0
+) -> Iterator[Check]:
     """Check a native structure over the workload's triangles; yields once per set, the last time complete."""
     sets = rays.make(workload, structure, size=SIZE, seed=seed, names=SETS)
     sets = [some for some in sets if len(some)]
@@ -53,38 +58,34 @@ def steps(native: Any, structure: Any, workload: Workload, *, seed: int = 1, thr
     for whole in sets:
         some = whole.take(rays.blocks(len(whole), wanted, seed))
         right = Answers.of(brute.closest(some.origins, some.directions, t_max=some.t_max, threads=threads))
-        asked: dict[str, Any] = {"t_max": some.t_max, "order": some.order, "threads": threads}
-        answers = Answers.of(structure.closest(some.origins, some.directions, **asked))
-        occluded = structure.occluded(some.origins, some.directions, **asked)
+        answers, occluded = accuracy.traced(structure, some, threads)
         found.append(accuracy.compare(right, answers, occluded, native.ulp_distance, bitwise=True))
         speed[whole.name] = rate(structure, whole, threads)
-        ask = structure.occluded if whole.any_hit else structure.closest
-        counted = ask(some.origins, some.directions, counters=True, **asked)
-        counters = counted[1] if whole.any_hit else counted.counters
+        counters = counting.counters(structure, some, threads)
         step_means[whole.name], test_means[whole.name] = (float(np.mean(counters[key])) for key in ("steps", "tests"))
         yield Check(accuracy.total(found), dict(speed), dict(step_means), dict(test_means))
 
 
-def rate(structure: Any, whole: rays.RaySet, threads: int, repeats: int = 1) -> float:
+def rate(structure: Structure, whole: rays.RaySet, threads: int, repeats: int = 1) -> float:
     """Million rays of a set per second in the best of some repeats, once the rays have been traced to warm up.
 
     On one thread the processor's own clock counts what the work costs, however busy the machine is.
     """
     ask = structure.occluded if whole.any_hit else structure.closest
-    asked: dict[str, Any] = {"t_max": whole.t_max, "order": whole.order, "threads": threads}
+    options = whole.options(threads)
     clock = time.thread_time if threads == 1 else time.perf_counter
     best = float("inf")
     for repeat in range(repeats + 1):
         start = clock()
-        ask(whole.origins, whole.directions, **asked)
+        ask(whole.origins, whole.directions, **options)
         if repeat:
             best = min(best, clock() - start)
     return len(whole) / max(best, 1e-9) / 1e6
 
 
 def timed_build(
-    native: Any, workload: Workload, spec: str, threads: int, memory_limit: int | None = None
-) -> tuple[Any, float]:
+    native: Native, workload: Workload, spec: str, threads: int, memory_limit: int | None = None
+) -> tuple[Structure, float]:
     """A structure and the seconds of its build, on one thread by the processor's own clock.
 
     memory_limit: bytes that the build may take, None for what the native module allows. Raises what it raises.

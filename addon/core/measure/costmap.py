@@ -8,14 +8,18 @@ import math
 import time
 import zlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..scene import colours, rays
 from ..scene.scene import F32
 from ..scene.workload import Workload
+from . import counting
+
+if TYPE_CHECKING:
+    from ..base.interface import Structure
 
 TIMINGS = 3
 """Each tile is timed this often, and the shortest time counts."""
@@ -71,7 +75,7 @@ def shaped(width: int, picture: tuple[int, int]) -> tuple[int, int]:
     return wide, max(min(high, most), rays.TILE)
 
 
-def measure(structure: Any, workload: Workload, size: tuple[int, int], key: str) -> F32:
+def measure(structure: Structure, workload: Workload, size: tuple[int, int], key: str) -> F32:
     """(height, width) float32 of a quantity at each pixel of the workload's view, rows from the bottom.
 
     structure: native, over the workload's triangles. size: width and height, multiples of 8.
@@ -83,33 +87,31 @@ def measure(structure: Any, workload: Workload, size: tuple[int, int], key: str)
         per_tile = _nanoseconds(structure, primary)
         values = np.repeat(per_tile, rays.TILE**2)
     else:
-        found = structure.closest(primary.origins, primary.directions, order=primary.order, counters=True)
-        values = found.counters[key.lower()]
+        values = counting.counters(structure, primary, 0)[key.lower()].astype(np.float32)
     picture = np.empty(width * height, np.float32)
     picture[tiles] = values
     return picture.reshape(height, width)[::-1].copy()
 
 
-def work(structure: Any, view: rays.RaySet, size: tuple[int, int]) -> F32:
+def work(structure: Structure, view: rays.RaySet, size: tuple[int, int]) -> F32:
     """(height, width) float32, nodes visited and triangles tested by the ray of each pixel, rows from the bottom.
 
     view: the primary rays of `size` pixels in tiles. Where a tile is walked together, its rays share the sum evenly.
     """
     width, height = size
-    walked, alone = (
-        sum(
-            found.counters[key].astype(np.float32)
-            for found in (structure.closest(view.origins, view.directions, order=order, counters=True),)
-            for key in ("steps", "tests")
-        )
-        for order in (view.order, "none")
-    )
+    walked, alone = (_steps_and_tests(structure, one) for one in (view, replace(view, order="none")))
     if not np.array_equal(walked, alone):
         side = rays.TILE**2
         walked = np.repeat(walked.reshape(-1, side).mean(axis=1), side)
     picture = np.empty(width * height, np.float32)
     picture[rays.tile_order(width, height)] = walked
     return picture.reshape(height, width)[::-1].copy()
+
+
+def _steps_and_tests(structure: Structure, view: rays.RaySet) -> F32:
+    """(n,) nodes visited and triangles tested by each ray together."""
+    counters = counting.counters(structure, view, 0)
+    return counters["steps"].astype(np.float32) + counters["tests"].astype(np.float32)
 
 
 def packed(values: F32) -> dict[str, Any]:
@@ -125,7 +127,7 @@ def unpacked(stored: Mapping[str, Any]) -> F32:
     return whole.reshape(stored["height"], stored["width"]).astype(np.float32)
 
 
-def _nanoseconds(structure: Any, primary: rays.RaySet) -> F32:
+def _nanoseconds(structure: Structure, primary: rays.RaySet) -> F32:
     """(tiles,) the mean time of a ray in each tile."""
     side = rays.TILE**2
     count = len(primary) // side

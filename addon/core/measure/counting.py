@@ -4,10 +4,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from ..scene.rays import RaySet
 from ..structures import specs
+
+if TYPE_CHECKING:
+    from ..base.interface import Structure
 
 ONE_BY_ONE = "counted one by one, though they may go together"
 """What is said of rays whose counters are not those of the timed walk."""
@@ -28,6 +34,16 @@ def is_of_the_timed_walk(values: Mapping[str, Any], *, any_hit: bool) -> bool:
         return values.get("shadow") in ("cache", "beam") or walk not in SHADOWS_TOGETHER
     # Of a tree that rays build, tiles are counted as single rays.
     return walk != "auto" and not (walk == "tile8" and str(values.get("lazy")) == "1")
+
+
+def counters(structure: Structure, some: RaySet, threads: int) -> dict[str, NDArray[np.uint32]]:
+    """The counters of each ray by name, (n,) each, of any hits or nearest hits as the set says."""
+    options = some.options(threads)
+    if some.any_hit:
+        return structure.occluded(some.origins, some.directions, counters=True, **options)[1]
+    found = structure.closest(some.origins, some.directions, counters=True, **options).counters
+    assert found is not None, "they were requested"
+    return found
 
 
 def mark(told: Mapping[str, dict[str, Any]], sets: Iterable[RaySet], values: Mapping[str, Any]) -> None:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,9 @@ from ..scene.rays import TILE
 from ..scene.workload import View, Workload
 from ..session.session import render_scene
 from . import flip, timing
+
+if TYPE_CHECKING:
+    from ..base.interface import Native, RenderJob, RenderScene, Structure
 
 SIZE = 96
 """Pixels along the shorter side of the pictures."""
@@ -59,7 +62,7 @@ class Curve:
 
     def __init__(
         self,
-        native: Any,
+        native: Native,
         workload: Workload,
         size: tuple[int, int],
         samples: tuple[int, ...],
@@ -79,13 +82,13 @@ class Curve:
         self._pictures: dict[tuple[tuple[int, int], int], Image] = {}
         self.independent: list[dict[str, float]] = []
 
-    def converge(self, structure: Any) -> None:
+    def converge(self, structure: Structure) -> None:
         """Render the picture that all are compared with, on all cores; then the errors of independent samples."""
         job = self._render(structure, self.samples[-1] * CONVERGED, self._seed + 1, 0)
         self._converged = self._image(job)
         self.independent = list(self._independent(structure))
 
-    def _independent(self, structure: Any) -> Iterator[dict[str, float]]:
+    def _independent(self, structure: Structure) -> Iterator[dict[str, float]]:
         """The errors of means of pictures with one sample each and a seed of its own.
 
         The samples of one picture are spread evenly, so its error falls faster than that of independent ones; these
@@ -119,7 +122,7 @@ class Curve:
         """About how many rays a picture takes."""
         return self._width * self._height * samples * RAYS_PER_SAMPLE
 
-    def point(self, structure: Any, samples: int, threads: int) -> tuple[dict[str, float | None], int]:
+    def point(self, structure: Structure, samples: int, threads: int) -> tuple[dict[str, float | None], int]:
         """The error and the seconds of one picture, and how many pixels differ from other structures' pictures."""
         assert self._converged is not None, "the reference comes first"
         picture, seconds, differing = self._made(structure, samples, threads)
@@ -127,14 +130,14 @@ class Curve:
         shape = self._height, self._width, 3
         return {**found, "flip": flip.mean(picture.reshape(shape), self._converged.reshape(shape))}, differing
 
-    def timed(self, structure: Any, samples: int, threads: int) -> tuple[float, int]:
+    def timed(self, structure: Structure, samples: int, threads: int) -> tuple[float, int]:
         """The seconds of the picture that is told of, by `finer`, and how many pixels differ from others'."""
         width, height, fewer = self.finer(samples)
         _, seconds, differing = self._made(structure, fewer, threads, (width, height))
         return seconds / (width * height * fewer) * IMAGE_PIXELS * IMAGE_SAMPLES, differing
 
     def _made(
-        self, structure: Any, samples: int, threads: int, size: tuple[int, int] | None = None
+        self, structure: Structure, samples: int, threads: int, size: tuple[int, int] | None = None
     ) -> tuple[Image, float, int]:
         """A picture, its seconds, and how many pixels differ from the first structure's."""
         scene = self._scene(structure)
@@ -148,16 +151,20 @@ class Curve:
         differing = int((picture.view(np.uint32) != first.view(np.uint32)).any(axis=1).sum())
         return picture, max(seconds, 1e-9), differing
 
-    def rays_per_sample(self, structure: Any, samples: int) -> dict[str, float]:
+    def rays_per_sample(self, structure: Structure, samples: int) -> dict[str, float]:
         """How many primary, shadow and secondary rays a sample of a pixel takes, the mean of a small picture."""
         counted = self._render(structure, samples, self._seed, 0).statistics
         pixels = self._width * self._height * samples
-        return {kind: counted[f"rays_{kind}"] / pixels for kind in ("primary", "shadow", "secondary")}
+        return {
+            "primary": counted["rays_primary"] / pixels,
+            "shadow": counted["rays_shadow"] / pixels,
+            "secondary": counted["rays_secondary"] / pixels,
+        }
 
-    def _render(self, structure: Any, samples: int, seed: int, threads: int) -> Any:
+    def _render(self, structure: Structure, samples: int, seed: int, threads: int) -> RenderJob:
         return self._job(self._scene(structure), samples, seed, threads)
 
-    def _scene(self, structure: Any) -> Any:
+    def _scene(self, structure: Structure) -> RenderScene:
         """The scene to render, with this structure. Its textures are handed over here, which is no part of any time."""
         scene = self._workload.render_scene
         if scene is None:
@@ -165,8 +172,8 @@ class Curve:
         return render_scene(self._native, structure, scene)
 
     def _job(
-        self, render_scene: Any, samples: int, seed: int, threads: int, size: tuple[int, int] | None = None
-    ) -> Any:
+        self, render_scene: RenderScene, samples: int, seed: int, threads: int, size: tuple[int, int] | None = None
+    ) -> RenderJob:
         width, height = size or self._size
         settings = {
             "width": width,
@@ -183,7 +190,7 @@ class Curve:
             raise RuntimeError(job.error)
         return job
 
-    def _image(self, job: Any, size: tuple[int, int] | None = None) -> Image:
+    def _image(self, job: RenderJob, size: tuple[int, int] | None = None) -> Image:
         """(pixels, 3) linear RGB."""
         width, height = size or self._size
         out = np.zeros(width * height * job.passes["Combined"], np.float32)

@@ -8,7 +8,7 @@ they cost. The answers of each pass are compared bit for bit with those of the f
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,12 +18,15 @@ from .accuracy import Answers, differing
 from .rows import is_lazy
 from .timing import Candidate
 
+if TYPE_CHECKING:
+    from .yardstick import Traced
+
 SECONDS = 2.0
 """Structures whose pass would take longer are left out."""
 
 
 def rounds(
-    build: Callable[[str], tuple[Any, float]], group: Sequence[Candidate], view: RaySet, repeats: int, threads: int
+    build: Callable[[str], tuple[Traced, float]], group: Sequence[Candidate], view: RaySet, repeats: int, threads: int
 ) -> Iterator[str]:
     """Time builds with their first pass, one between two items: what comes next. Nothing where no tree is lazy.
 
@@ -34,7 +37,7 @@ def rounds(
     able = [c for c in ours if len(view) <= float(np.median(c.mrays(view.name))) * 1e6 * SECONDS]
     if not any(is_lazy(candidate.spec) for candidate in able):
         return
-    arguments: dict[str, Any] = {"t_max": view.t_max, "order": view.order, "threads": threads}
+    options = view.options(threads)
     right: list[Answers] = []
     now = timing.clock(threads)
     for number in range(repeats):
@@ -42,7 +45,7 @@ def rounds(
             yield f"{candidate.spec}: build and first picture, round {number + 1} of {repeats}"
             structure, seconds = build(candidate.spec)
             start = now()
-            hits = structure.closest(view.origins, view.directions, **arguments)
+            hits = structure.closest(view.origins, view.directions, **options)
             candidate.first_seconds.append(seconds + now() - start)
             answers = Answers.of(hits)
             right = right or [answers]

@@ -8,7 +8,7 @@ difference shows what the bounds are for, and that the check can fail.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,6 +16,9 @@ from ..scene import grid
 from ..structures import specs
 from . import accuracy
 from .accuracy import Answers
+
+if TYPE_CHECKING:
+    from ..base.interface import Native
 
 OFFSETS = (0.0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6)
 """Distances along each axis, in sides of a box; at the last one floats are a sixteenth apart."""
@@ -29,7 +32,7 @@ UNGUARDED = "robust=none"
 class Moved:
     """The moved grids and what brute force says on them, made once and used for every structure."""
 
-    def __init__(self, native: Any, offsets: Sequence[float], seed: int) -> None:
+    def __init__(self, native: Native, offsets: Sequence[float], seed: int) -> None:
         self._native = native
         self._places = []
         boxes = grid.workload(BOXES, RAYS, seed)

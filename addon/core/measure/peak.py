@@ -13,9 +13,12 @@ import sys
 import tempfile
 import time
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from ..base.interface import Native
 
 TIME_LIMIT = 600
 """Seconds after which a build is given up."""
@@ -44,8 +47,8 @@ class Measurement:
     Raises PeakError.
     """
 
-    def __init__(self, native: Any, scene: Path, spec: str, threads: int, memory_limit: int | None = None) -> None:
-        library = str(Path(native.__file__).resolve().parent)
+    def __init__(self, native: Native, scene: Path, spec: str, threads: int, memory_limit: int | None = None) -> None:
+        library = str(Path(native.__file__ or "").resolve().parent)
         environment = {**os.environ, "PYTHONPATH": os.pathsep.join([library, str(Path(np.__file__).parents[1])])}
         # The text, not the file: this module may lie in an archive.
         asked = [str(scene), spec, str(threads), *([] if memory_limit is None else [str(memory_limit)])]

@@ -9,13 +9,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from .curve import Curve
 from .rows import spread
 from .timing import Candidate
+
+if TYPE_CHECKING:
+    from ..base.interface import Structure
 
 PASS_SECONDS = 0.1
 """A timed picture may take about so long in any case, and otherwise as long as a timed pass over rays."""
@@ -63,7 +66,9 @@ class Rounds:
         return float(np.expm1(np.median(np.abs(np.log(np.divide(self.last, self.first))))))
 
 
-def time(found: Rounds, pictures: Curve, anchor: Any, candidates: Sequence[Candidate], options: Any) -> Iterator[str]:
+def time(
+    found: Rounds, pictures: Curve, anchor: Structure | None, candidates: Sequence[Candidate], options: Any
+) -> Iterator[str]:
     """Fill `found`, a picture between two items: what comes next. The first round warms up.
 
     anchor: the tree beside, None where there is none. Pictures that differ from those of other structures count among
@@ -92,7 +97,7 @@ def time(found: Rounds, pictures: Curve, anchor: Any, candidates: Sequence[Candi
             found.first += [seconds] if number else []
         for candidate in able:
             yield f"{candidate.spec}: timing a picture, {where}"
-            seconds, differing = pictures.timed(candidate.structure, samples, options.threads)
+            seconds, differing = pictures.timed(candidate.native, samples, options.threads)
             candidate.differing_pixels += differing
             if number:
                 found.seconds.setdefault(candidate.spec, []).append(seconds)

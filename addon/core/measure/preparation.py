@@ -7,7 +7,7 @@ import contextlib
 from collections.abc import Generator, Iterator
 from dataclasses import asdict, dataclass
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..base import room
 from ..scene import rays
@@ -16,6 +16,10 @@ from ..scene.workload import Workload
 from . import costmap, curve, yardstick
 from .accuracy import Answers
 from .offsets import Moved
+
+if TYPE_CHECKING:
+    from ..base.interface import HitArrays, Native, Structure, Tracer
+    from .yardstick import Traced
 
 PASS_SECONDS = 5.0
 """One timed pass over a ray set takes about this long at most; slower structures get fewer rays."""
@@ -95,16 +99,16 @@ class Prepared:
     moved: Moved | None
     map_view: RaySet | None = None
     map_size: tuple[int, int] = (0, 0)
-    beside: Any = None
+    beside: Structure | None = None
 
 
-def check_room(native: Any, options: Options) -> None:
+def check_room(native: Native, options: Options) -> None:
     """Raise MemoryError where there is no room for the rays of a view of this size."""
     width, height = options.size
     room.check(native, f"the rays of {width}x{height} pixels", rays.bytes_needed(options.size, options.sets))
 
 
-def prepare(native: Any, workload: Workload, options: Options) -> Generator[Progress, None, Prepared]:
+def prepare(native: Native, workload: Workload, options: Options) -> Generator[Progress, None, Prepared]:
     """The part of the work that all configurations of a scene share; a generator that returns it.
 
     Raises MemoryError, before anything is made, where there is no room for it.
@@ -146,7 +150,7 @@ def _scaled(side: int, size: tuple[int, int]) -> int:
     return round(side * MAP_SIDE / max(size))
 
 
-def prepared(native: Any, workload: Workload, options: Options) -> Prepared:
+def prepared(native: Native, workload: Workload, options: Options) -> Prepared:
     """The same at one go, for whoever shows no progress."""
     steps = prepare(native, workload, options)
     while True:
@@ -161,7 +165,7 @@ TRACERS = ("kd", "bvh-sah")
 """What finds the hits from which rays go on, the quickest first; the second needs half the memory."""
 
 
-def _tracer(native: Any, workload: Workload, options: Options) -> Any:
+def _tracer(native: Native, workload: Workload, options: Options) -> Structure:
     """The quickest structure for which there is room. Raises MemoryError when there is none for any."""
     ids = {row["id"] for row in native.structures()}
     *others, last = [spec for spec in TRACERS if spec in ids] or ["brute"]
@@ -172,7 +176,7 @@ def _tracer(native: Any, workload: Workload, options: Options) -> Any:
     return build(last)
 
 
-def _smaller_views(workload: Workload, tracer: Any, options: Options) -> Iterator[RaySet]:
+def _smaller_views(workload: Workload, tracer: Tracer, options: Options) -> Iterator[RaySet]:
     """The primary rays of the same view in fewer pixels, the fewest first."""
     across, down = options.size
     least = rays.TILE
@@ -182,11 +186,12 @@ def _smaller_views(workload: Workload, tracer: Any, options: Options) -> Iterato
         yield view
 
 
-def _reference(native: Any, workload: Workload, checked: dict[str, RaySet], options: Options) -> dict[str, Answers]:
+def _reference(native: Native, workload: Workload, checked: dict[str, RaySet], options: Options) -> dict[str, Answers]:
     """What the reference answers to the checked rays of each set, on all cores."""
     vertices, triangles = workload.vertices, workload.triangles
     found = {}
-    structure: Any = None
+    structure: Traced | None = None
+    hits: HitArrays
     if options.reference == "brute":
         structure = native.build(vertices, triangles, "brute", threads=0)
     elif options.reference == "embree":

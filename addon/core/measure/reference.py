@@ -4,11 +4,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING
 
 from ..scene import rays
 from ..scene.workload import Workload
-from .accuracy import Answers, differing
+from .accuracy import Answers, differing, traced
+
+if TYPE_CHECKING:
+    from ..base.interface import Native, Structure
 
 BRUTE_TESTS = 1_000_000_000
 """So many triangle tests brute force may do before someone who waits: about two seconds on two cores."""
@@ -23,7 +26,14 @@ class Reference:
     """A sample of some ray sets, and what is right."""
 
     def __init__(
-        self, native: Any, workload: Workload, sets: Sequence[rays.RaySet], wanted: int, *, seed: int, threads: int = 0
+        self,
+        native: Native,
+        workload: Workload,
+        sets: Sequence[rays.RaySet],
+        wanted: int,
+        *,
+        seed: int,
+        threads: int = 0,
     ) -> None:
         """Ask brute force. wanted: about how many rays of all sets together; of each at least a block of 64."""
         brute = native.build(workload.vertices, workload.triangles, "brute", threads=threads)
@@ -38,12 +48,9 @@ class Reference:
         """How many rays are compared."""
         return sum(len(some) for some, _ in self._parts)
 
-    def wrong(self, structure: Any) -> int:
+    def wrong(self, structure: Structure) -> int:
         """How many of the rays a structure over the same triangles answers otherwise, be it in the last bit."""
         found = 0
         for some, right in self._parts:
-            asked: dict[str, Any] = {"t_max": some.t_max, "order": some.order, "threads": self._threads}
-            answers = Answers.of(structure.closest(some.origins, some.directions, **asked))
-            any_hit = structure.occluded(some.origins, some.directions, **asked)
-            found += int(differing(right, answers, any_hit).sum())
+            found += int(differing(right, *traced(structure, some, self._threads)).sum())
         return found

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import platform
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,9 @@ from ..base.native import first_line
 from ..scene.workload import Workload
 from ..structures import specs
 from . import yardstick
+
+if TYPE_CHECKING:
+    from ..base.interface import Native
 
 Row = dict[str, Any]
 
@@ -89,7 +92,7 @@ def blank() -> Row:
     }
 
 
-def empty(native: Any, workload: Workload, spec: str, threads: int) -> Row:
+def empty(native: Native, workload: Workload, spec: str, threads: int) -> Row:
     """A row with every key; what is not known is null."""
     known = {} if spec == yardstick.SPEC else specs.values(spec, native.structures())
     return blank() | {
@@ -119,7 +122,7 @@ def lacks(row: Row) -> str | None:
     return missing[0] if missing else None
 
 
-def failed(native: Any, workload: Workload, spec: str, threads: int, error: BaseException) -> Row:
+def failed(native: Native, workload: Workload, spec: str, threads: int, error: BaseException) -> Row:
     """The row of a configuration that could not be measured."""
     row = empty(native, workload, spec, threads)
     row["error"] = first_line(error)

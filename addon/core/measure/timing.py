@@ -10,15 +10,19 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..scene import rays
 from ..scene.rays import RaySet
-from . import yardstick
+from . import counting, yardstick
 from .accuracy import Errors
+
+if TYPE_CHECKING:
+    from ..base.interface import Structure
+    from .yardstick import Traced
 
 STEP = 4
 """A structure too slow for a whole set is timed on a quarter of it, a sixteenth, ...: so that most share their rays."""
@@ -45,7 +49,7 @@ class Candidate:
     """
 
     spec: str
-    structure: Any
+    structure: Traced
     build_seconds: list[float] = field(default_factory=list)
     first_seconds: list[float] = field(default_factory=list)
     statistics: dict[str, Any] = field(default_factory=dict)
@@ -62,6 +66,12 @@ class Candidate:
     differing_pixels: int = 0
     cost_map: dict[str, Any] | None = None
     left_out: list[str] = field(default_factory=list)
+
+    @property
+    def native(self) -> Structure:
+        """The structure of a configuration that is not the yardstick."""
+        assert not isinstance(self.structure, yardstick.EmbreeStructure)
+        return self.structure
 
     def again(self) -> Candidate:
         """The same structure and rays, with no times yet."""
@@ -89,12 +99,14 @@ def clock(threads: int) -> Callable[[], float]:
 def one_pass(candidate: Candidate, some: RaySet, threads: int) -> float:
     """Seconds that one pass over these rays takes."""
     now = clock(threads)
-    arguments: dict[str, Any] = {"t_max": some.t_max, "order": some.order, "threads": threads}
-    ask = candidate.structure.occluded if some.any_hit else candidate.structure.closest
-    if candidate.spec == yardstick.SPEC and not some.any_hit:
-        ask, arguments = candidate.structure.closest_ids, {"t_max": some.t_max}
+    structure, options = candidate.structure, some.options(threads)
+    if isinstance(structure, yardstick.EmbreeStructure) and not some.any_hit:
+        start = now()
+        structure.closest_ids(some.origins, some.directions, t_max=some.t_max)
+        return now() - start
+    ask = structure.occluded if some.any_hit else structure.closest
     start = now()
-    ask(some.origins, some.directions, **arguments)
+    ask(some.origins, some.directions, **options)
     return now() - start
 
 
@@ -140,14 +152,12 @@ def scaling(candidates: Sequence[Candidate], views: Sequence[RaySet], repeats: i
             candidate.scaling.append({"rays": whole, "seconds": float(np.median(candidate.seconds["primary"]))})
 
 
-def count(candidate: Candidate, some: RaySet, arguments: dict[str, Any]) -> dict[str, float]:
-    """Mean steps and triangle tests per ray."""
-    if candidate.spec == yardstick.SPEC or not len(some):
+def count(candidate: Candidate, some: RaySet, threads: int) -> dict[str, float]:
+    """Mean steps and triangle tests per ray; nothing for the yardstick, or where there are no rays."""
+    structure = candidate.structure
+    if isinstance(structure, yardstick.EmbreeStructure) or not len(some):
         return {}
-    if some.any_hit:
-        _, counters = candidate.structure.occluded(some.origins, some.directions, counters=True, **arguments)
-    else:
-        counters = candidate.structure.closest(some.origins, some.directions, counters=True, **arguments).counters
+    counters = counting.counters(structure, some, threads)
     names = [name for name in counters if name in COUNTERS or name.startswith(CASE)]
     return {name: float(np.mean(counters[name])) for name in names}
 

@@ -7,12 +7,15 @@ Its robust mode is used. It runs on the calling thread, whatever `threads` says.
 from __future__ import annotations
 
 import time
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .accuracy import Answers
+
+if TYPE_CHECKING:
+    from ..base.interface import Structure
 
 SPEC = "embree"
 
@@ -65,3 +68,8 @@ class EmbreeStructure:
         # Embree writes into the distances, so they are always a copy.
         ends = np.minimum(np.broadcast_to(np.asarray(t_max, np.float32), len(origins)), FAR)
         return self._scene.run(origins, directions, dists=ends, query=query, **options)
+
+
+if TYPE_CHECKING:
+    Traced = Structure | EmbreeStructure
+    """What is measured: a native structure, or the yardstick."""

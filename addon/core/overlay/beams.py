@@ -8,7 +8,7 @@ own traversal, and the steps of both are told. A cell is the brighter the more r
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,6 +17,9 @@ from ..scene.scene import F32, F64
 from . import cells, planes
 from .cells import Cells
 from .planes import Level, Shape
+
+if TYPE_CHECKING:
+    from ..base.interface import Structure
 
 SIDE = 8
 """A tile has so many rays along each side, as those that the traversals take together."""
@@ -72,7 +75,7 @@ class Beam:
         return [*said, f"Together: {self.together[0]:,} steps, {self.together[1]:,} tests"]
 
 
-def follow(structure: Any, origins: F64, directions: F64) -> Beam:
+def follow(structure: Structure, origins: F64, directions: F64) -> Beam:
     """Follow the rays of a tile through a native structure."""
     known: dict[bytes, list[Any]] = {}
     hits: dict[int, F32] = {}
@@ -90,6 +93,7 @@ def follow(structure: Any, origins: F64, directions: F64) -> Beam:
     counters = structure.closest(
         origins.astype(np.float32), directions.astype(np.float32), order="tile8", counters=True, threads=1
     ).counters
+    assert counters is not None, "they were requested"
     return Beam(
         origins,
         directions,

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,6 +13,9 @@ from ..scene import colours
 from ..scene.scene import F32, F64, I32
 from . import planes
 from .planes import Level, Shape
+
+if TYPE_CHECKING:
+    from ..base.interface import Structure
 
 FACES = 6
 """Polygons of a cell, for the limit."""
@@ -45,7 +48,7 @@ class Cells:
         return len(self.count)
 
 
-def choose(structure: Any, least: int, most: int) -> Cells:
+def choose(structure: Structure, least: int, most: int) -> Cells:
     """The leaves of a native structure with at least `least` triangles, of at most `most` polygons together."""
     found = structure.leaf_cells(least, max(most // FACES, 1))
     return Cells(
@@ -110,7 +113,7 @@ class Path:
         ]
 
 
-def follow(structure: Any, origin: Sequence[float], direction: Sequence[float], t_max: float = np.inf) -> Path:
+def follow(structure: Structure, origin: Sequence[float], direction: Sequence[float], t_max: float = np.inf) -> Path:
     """Follow a ray through a native structure."""
     found = structure.trace_path(list(origin), list(direction), 0.0, t_max)
     visits, crossed = found["visits"], found["crossings"]
@@ -120,14 +123,14 @@ def follow(structure: Any, origin: Sequence[float], direction: Sequence[float], 
     ids, first = np.unique(visits["triangles"].astype(np.int32)[mine], return_index=True)
     corners = visits["corners"].reshape(-1, 3, 3)[mine][first]
     cells = Cells(
-        visits["vertices"],
+        np.asarray(visits["vertices"], np.float32),
         visits["offsets"].astype(np.int32),
         visits["cells"].astype(np.int32),
         np.diff(ends).astype(np.int32),
         hidden=0,
     )
     crossings = planes.Planes(
-        crossed["vertices"],
+        np.asarray(crossed["vertices"], np.float32),
         crossed["offsets"].astype(np.int32),
         crossed["depth"].astype(np.int32),
         crossed["kind"].astype(np.int32),

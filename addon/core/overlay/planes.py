@@ -5,12 +5,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..scene.scene import F32, I32
+
+if TYPE_CHECKING:
+    from ..base.interface import Structure
 
 KINDS = ("X", "Y", "Z", "OBLIQUE", "SLABS", "OCTANTS", "BOXES")
 """What the native module's numbers of kinds mean, in their order."""
@@ -60,7 +63,7 @@ class Planes:
         return range(int(self.depth.min()), int(self.depth.max()) + 1) if len(self) else range(0)
 
 
-def choose(structure: Any, depths: tuple[int, int], kinds: Sequence[str], most: int) -> Planes:
+def choose(structure: Structure, depths: tuple[int, int], kinds: Sequence[str], most: int) -> Planes:
     """The split planes of a native structure between two depths, both inclusive, of these kinds, at most `most`."""
     low, high = depths
     found = structure.split_polygons(max(high, 0), MOST_ASKED)

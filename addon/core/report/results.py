@@ -13,10 +13,13 @@ import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..measure.rows import Row, lacks, without_times
 from .asked import Asked
+
+if TYPE_CHECKING:
+    from ..base.interface import Native
 
 SCHEMA = 1
 JOURNAL = "rows.jsonl"
@@ -164,7 +167,7 @@ def _unwritten(path: Path | None, error: OSError) -> FolderError:
     return FolderError(f"{path}: cannot be written: {error.strerror or error}")
 
 
-def machine(native: Any) -> dict[str, Any]:
+def machine(native: Native) -> dict[str, Any]:
     """What the numbers depend on besides the program. `name` is what rows call it."""
     return {
         "name": platform.node(),
@@ -176,9 +179,9 @@ def machine(native: Any) -> dict[str, Any]:
     }
 
 
-def native_fingerprint(native: Any) -> str:
+def native_fingerprint(native: Native) -> str:
     """A hash of the compiled module: rows measured with another build of it are not taken over."""
-    folder = Path(native.__file__).parent
+    folder = Path(native.__file__ or "").parent
     own = sorted(p for p in folder.glob("halfspace_native*") if p.suffix in {".so", ".pyd"})
     digest = hashlib.sha256(native.__version__.encode())
     for path in own:
@@ -339,7 +342,7 @@ class Journal:
 
 
 def document(
-    native: Any,
+    native: Native,
     rows: list[Row],
     options: dict[str, Any],
     machines: Mapping[str, dict[str, Any]] | None = None,

@@ -10,12 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
+    from ..base.interface import Order, RayOptions, Tracer
     from .workload import View, Workload
 
 F32 = NDArray[np.float32]
@@ -54,10 +55,14 @@ class RaySet:
     directions: F32
     t_max: F32
     any_hit: bool = False
-    order: str = "none"
+    order: Order = "none"
 
     def __len__(self) -> int:
         return len(self.origins)
+
+    def options(self, threads: int) -> RayOptions:
+        """The keyword arguments of `closest` and `occluded` for these rays. threads: 0 = one per core."""
+        return {"t_max": self.t_max, "order": self.order, "threads": threads}
 
     def take(self, indices: NDArray[np.int64]) -> RaySet:
         """These rays only; for tiles the indices must keep every 64 rays together."""
@@ -73,7 +78,7 @@ class RaySet:
 
 def make(
     workload: Workload,
-    tracer: Any,
+    tracer: Tracer,
     *,
     size: tuple[int, int],
     seed: int,
@@ -150,7 +155,7 @@ def pinhole(view: View, size: tuple[int, int], aspect: float) -> F64:
 
 def _secondary(
     workload: Workload,
-    tracer: Any,
+    tracer: Tracer,
     primary: RaySet,
     directions: F64,
     tiles: NDArray[np.int64],
@@ -197,7 +202,7 @@ def _secondary(
     return {"shadow": shadow, "diffuse": diffuse, "shuffled": shuffled}
 
 
-def _light(view: View, tracer: Any, diagonal: float) -> F64:
+def _light(view: View, tracer: Tracer, diagonal: float) -> F64:
     """A place in open space: half way along the free part of the view axis, then upwards by most of the free way."""
 
     def free(origin: F64, direction: F64) -> float:
@@ -221,7 +226,7 @@ def _finish(name: str, origins: F64, directions: F64) -> RaySet:
     )
 
 
-def _ordered(rays: RaySet, indices: NDArray[np.int64], *, name: str = "primary", order: str = "tile8") -> RaySet:
+def _ordered(rays: RaySet, indices: NDArray[np.int64], *, name: str = "primary", order: Order = "tile8") -> RaySet:
     return RaySet(name, rays.origins[indices], rays.directions[indices], rays.t_max[indices], order=order)
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from ..structures.specs import structure_of
 from .session import Building, Session
 
 if TYPE_CHECKING:
+    from ..base.interface import Native, RenderJob
     from ..scene.scene import F32, Camera, Scene
     from .stock import Stock
 
@@ -95,7 +96,9 @@ class _Ready:
 class _Preparing:
     """Building one structure after the other over one scene, each for the renderer as soon as it is there."""
 
-    def __init__(self, native: Any, stock: Stock, scene: Scene, specs: list[str], limit: int | None, edit: int) -> None:
+    def __init__(
+        self, native: Native, stock: Stock, scene: Scene, specs: list[str], limit: int | None, edit: int
+    ) -> None:
         self.ended = False
         self.shown = False
         """Whether the first structure is there."""
@@ -136,7 +139,7 @@ class _Preparing:
 class _Job:
     """A native render of one view. what: of which edit and which move. first: nothing of these was shown before."""
 
-    native: Any
+    native: RenderJob
     view: View
     settings: RenderSettings
     scale: int
@@ -158,7 +161,7 @@ class _Job:
 class Preview:
     """One view of a scene, moved on by `advance`, which must be called often while `busy`."""
 
-    def __init__(self, native: Any, stock: Stock) -> None:
+    def __init__(self, native: Native, stock: Stock) -> None:
         self.picture: Picture | None = None
         self.problem = ""
         """Why there is no picture, or nothing."""

@@ -13,6 +13,7 @@ from ..scene.instances import InstancedGeometry
 from ..structures.trees import TREES, Trees
 
 if TYPE_CHECKING:
+    from ..base.interface import AnyStructure, BuildOptions, Native, RenderJob, RenderScene, Structure
     from ..scene.instances import AnyGeometry, Mesh
     from ..scene.scene import Camera, Geometry, Scene
     from ..structures.settings import RenderSettings
@@ -35,16 +36,16 @@ class RenderError(RuntimeError):
 class _Work:
     """What the thread of a build does, and what it leaves behind. It knows nobody who waits for it."""
 
-    def __init__(self, native: Any, spec: str, threads: int, memory_limit: int | None) -> None:
-        self.structure: Any = None
+    def __init__(self, native: Native, spec: str, threads: int, memory_limit: int | None) -> None:
+        self.structure: AnyStructure | None = None
         self.error: BaseException | None = None
-        self.meshes: list[Any] = []
+        self.meshes: list[Structure] = []
         self.meshes_built = 0
         self.cancelled = False
         self.monitor = native.Monitor()
         self.part = (0.0, 1.0)
         self._native, self._spec = native, spec
-        self._options = {"threads": threads, "memory_limit": memory_limit}
+        self._options: BuildOptions = {"threads": threads, "memory_limit": memory_limit}
 
     def run(self, geometry: AnyGeometry, trees: Trees) -> None:
         try:
@@ -62,7 +63,7 @@ class _Work:
         self.cancelled = True
         self.monitor.cancel()
 
-    def _build(self, triangles: Geometry | Mesh, before: float, share: float) -> Any:
+    def _build(self, triangles: Geometry | Mesh, before: float, share: float) -> Structure:
         if before > 0:
             self.monitor = self._native.Monitor()
         self.part = (before, share)
@@ -82,7 +83,7 @@ class Building:
 
     def __init__(
         self,
-        native: Any,
+        native: Native,
         geometry: AnyGeometry,
         spec: str,
         *,
@@ -113,7 +114,7 @@ class Building:
         return before + share * float(self._work.monitor.progress)
 
     @property
-    def meshes(self) -> list[Any]:
+    def meshes(self) -> list[Structure]:
         """The structures of the meshes, of instances: whoever holds on to them spares the next build theirs."""
         return self._work.meshes
 
@@ -137,16 +138,17 @@ class Building:
         self._work.cancel()
         self._thread.join()
 
-    def result(self) -> Any:
+    def result(self) -> AnyStructure:
         """The structure, after the end. Raises whatever the native module raised."""
         self._thread.join()
         if self._work.error is not None:
             raise self._work.error
+        assert self._work.structure is not None, "the thread has ended without an error"
         return self._work.structure
 
 
 def build(
-    native: Any,
+    native: Native,
     geometry: AnyGeometry,
     spec: str,
     *,
@@ -205,7 +207,7 @@ LIGHT = re.compile(r"lights\[(\d+)\]")
 """How messages of the native module begin that are about a light."""
 
 
-def render_scene(native: Any, structure: Any, scene: Scene) -> Any:
+def render_scene(native: Native, structure: AnyStructure, scene: Scene) -> RenderScene:
     """The native `RenderScene` over this structure. Raises what it raises; an error about a light tells its name."""
     try:
         return native.RenderScene(structure, **arguments(scene))
@@ -221,16 +223,16 @@ def render_scene(native: Any, structure: Any, scene: Scene) -> Any:
 class Session:
     """A structure, and the scene around it in the form that the native renderer walks."""
 
-    native: Any
-    structure: Any
-    render_scene: Any
+    native: Native
+    structure: AnyStructure
+    render_scene: RenderScene
     building: Building | None = None
     """What the structure came from, where the session built it itself."""
 
     @classmethod
     def start(
         cls,
-        native: Any,
+        native: Native,
         scene: Scene,
         spec: str,
         *,
@@ -252,7 +254,7 @@ class Session:
         return replace(cls.over(native, scene, building.result()), building=building)
 
     @classmethod
-    def over(cls, native: Any, scene: Scene, structure: Any) -> Session:
+    def over(cls, native: Native, scene: Scene, structure: AnyStructure) -> Session:
         """The same over a structure of this scene that is built already."""
         return cls(native, structure, render_scene(native, structure, scene))
 
@@ -261,12 +263,12 @@ class Session:
         """What this scene lacks and therefore does not pay for, one reason per line."""
         return list(self.render_scene.left_out)
 
-    def render(self, camera: Camera, settings: RenderSettings) -> Any:
+    def render(self, camera: Camera, settings: RenderSettings) -> RenderJob:
         """The running native job for one picture. Returns at once."""
         return self.native.render(self.render_scene, asdict(camera), settings.as_dict(), threads=settings.threads)
 
 
-def watch(job: Any, *, milliseconds: int, keep_going: KeepGoing, show: Callable[[], None]) -> None:
+def watch(job: RenderJob, *, milliseconds: int, keep_going: KeepGoing, show: Callable[[], None]) -> None:
     """Wait for a job, calling `show` about every `milliseconds` while it works.
 
     `keep_going` is asked more often, so that a cancel never waits for a picture. Raises Cancelled or RenderError.

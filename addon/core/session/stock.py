@@ -7,13 +7,14 @@ That is four quads of a view, a final render beside it, the next frame of an ani
 from __future__ import annotations
 
 import weakref
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ..base.equality import same
 from ..scene.instances import InstancedGeometry
 from .session import Building
 
 if TYPE_CHECKING:
+    from ..base.interface import Native
     from ..scene.instances import AnyGeometry
 
 
@@ -33,7 +34,7 @@ class Stock:
 
     def take(
         self,
-        native: Any,
+        native: Native,
         geometry: AnyGeometry,
         spec: str,
         *,

@@ -6,9 +6,12 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from ..base.interface import Native
 
 
 class SpecError(ValueError):
@@ -174,7 +177,7 @@ def expand(
     return list(dict.fromkeys(made for spec, allowed in taken.items() for made in _with_values(spec, allowed)))
 
 
-def prove(native: Any, chosen: Sequence[str]) -> list[str]:
+def prove(native: Native, chosen: Sequence[str]) -> list[str]:
     """Prove by a tiny build that each configuration is valid. Raises SpecError.
 
     Returns them without those that are another one in other words, such as `kd:traversal=auto` after `kd`.

@@ -5,11 +5,12 @@ from __future__ import annotations
 
 import threading
 import weakref
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from ..base.interface import Structure
     from ..scene.instances import InstancedGeometry, Mesh
 
 
@@ -21,12 +22,12 @@ class Trees:
     """
 
     def __init__(self) -> None:
-        self._known: weakref.WeakValueDictionary[tuple[bytes, str], Any] = weakref.WeakValueDictionary()
+        self._known: weakref.WeakValueDictionary[tuple[bytes, str], Structure] = weakref.WeakValueDictionary()
         self._lock = threading.Lock()
 
     def of(
-        self, geometry: InstancedGeometry, spec: str, build: Callable[[Mesh, float, float], Any]
-    ) -> tuple[list[Any], int]:
+        self, geometry: InstancedGeometry, spec: str, build: Callable[[Mesh, float, float], Structure]
+    ) -> tuple[list[Structure], int]:
         """The structure of each mesh, to be held on to, and how many of them were not known.
 
         build: makes the structure of a mesh; it is also told which share of the work was done before, and which is its
@@ -42,9 +43,10 @@ class Trees:
             count = len(mesh.triangles)
             found[key] = build(mesh, done / total, count / total)
             done += count
+        known = {key: structure for key, structure in found.items() if structure is not None}
         with self._lock:
-            self._known.update(found)
-        return [found[key] for key in keys], len(missing)
+            self._known.update(known)
+        return [known[key] for key in keys], len(missing)
 
 
 TREES = Trees()

@@ -30,8 +30,13 @@ def described() -> Iterator[Described]:
 
 
 def _members(node: ast.ClassDef, owner: Any) -> Iterator[Described]:
+    seen: set[str] = set()
     for one, following in zip(node.body, [*node.body[1:], None], strict=True):
         if isinstance(one, ast.FunctionDef) and not one.name.startswith("__"):
+            # The first overload carries the text and the defaults of all.
+            if any(isinstance(d, ast.Name) and d.id == "overload" for d in one.decorator_list) and one.name in seen:
+                continue
+            seen.add(one.name)
             is_property = any(isinstance(d, ast.Name) and d.id == "property" for d in one.decorator_list)
             function = None if is_property else one
             yield f"{node.name}.{one.name}", getattr(owner, one.name), ast.get_docstring(one) or "", function
