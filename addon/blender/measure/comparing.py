@@ -198,10 +198,11 @@ def comparing(scene: Any) -> Work:
 def choosing(scene: Any) -> Work:
     """Begin to choose."""
     plan, threads, limit = plan_of(scene), _threads(scene), memory_limit(scene.halfspace.memory_limit)
-    candidates = auto.candidates(catalogue.load())
+    known = catalogue.load()
+    candidates, dropped = auto.candidates(known), auto.dropped(known)
 
     def steps(module: Any, workload: Workload, keep: Callable[[Found], None]) -> Iterator[tuple[float, str]]:
-        chooser = auto.Chooser(module, workload, plan, candidates, threads, limit)
+        chooser = auto.Chooser(module, workload, plan, candidates, threads, limit, dropped)
         for number, text in enumerate(chooser.steps()):
             yield min(number / (len(candidates) + 6), 1.0), text
         if chooser.result is not None:

@@ -289,7 +289,9 @@ class _Picture:
         plan = choice.Plan(width * height, settings.samples, settings.max_bounces)
         workload = workloads.of_scene(self.scene.name, scene, view, seen)
         limit = memory_limit(self.group.memory_limit)
-        chooser = auto.Chooser(module, workload, plan, auto.candidates(catalogue.load()), settings.threads, limit)
+        known = catalogue.load()
+        specs, dropped = auto.candidates(known), auto.dropped(known)
+        chooser = auto.Chooser(module, workload, plan, specs, settings.threads, limit, dropped)
         work = Background(chooser.steps(), lambda text: self._say(f"Choosing a structure: {text}"))
         try:
             while not work.wait(POLL_SECONDS):

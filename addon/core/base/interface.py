@@ -72,7 +72,7 @@ class RayOptions(TypedDict):
     threads: int
 
 
-class BuildOptions(TypedDict):
+class BuildOptions(TypedDict, total=False):
     """Options of `build` and `build_instances`. threads: 0 = one per core. memory_limit: bytes, None = the module's."""
 
     threads: int

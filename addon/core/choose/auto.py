@@ -10,7 +10,7 @@ import os
 import time
 from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -84,14 +84,21 @@ def view_of(pixels: int, most: tuple[int, int] = SIZE) -> tuple[int, int]:
 
 def candidates(catalogue: Catalogue) -> list[str]:
     """The configurations of CANDIDATES that this catalogue has."""
-    found = []
-    for spec in CANDIDATES:
-        try:
-            presets.settings(catalogue, spec)
-        except specs.SpecError:
-            continue
-        found.append(spec)
-    return found
+    return [spec for spec in CANDIDATES if _problem(catalogue, spec) is None]
+
+
+def dropped(catalogue: Catalogue) -> list[str]:
+    """One line for each configuration of CANDIDATES that this catalogue lacks, with the reason."""
+    problems = ((spec, _problem(catalogue, spec)) for spec in CANDIDATES)
+    return [f"{spec}: left out, {problem}" for spec, problem in problems if problem is not None]
+
+
+def _problem(catalogue: Catalogue, spec: str) -> str | None:
+    try:
+        presets.settings(catalogue, spec)
+    except specs.SpecError as error:
+        return str(error)
+    return None
 
 
 @dataclass(frozen=True)
@@ -124,6 +131,7 @@ class Chooser:
     """One choice, step by step, for whoever shows progress and may want to stop.
 
     memory_limit: bytes that each build over the whole scene may take, None for what the native module allows.
+    dropped: lines on configurations that are not tried, for the notes of the result.
     """
 
     native: Native
@@ -132,11 +140,12 @@ class Chooser:
     specs: Sequence[str]
     threads: int = 0
     memory_limit: int | None = None
+    dropped: Sequence[str] = ()
     result: Choice | None = None
     _reference: Reference | None = None
     _notes: list[str] = field(default_factory=list)
     _lines: dict[str, Line] = field(default_factory=dict)
-    _built: dict[str, Any] = field(default_factory=dict)
+    _built: dict[str, Structure] = field(default_factory=dict)
 
     def steps(self) -> Iterator[str]:
         """Says what is done next; after the last item `result` is there.
@@ -158,7 +167,7 @@ class Chooser:
         compared = self._affordable(counted)
         self._reference = Reference(self.native, self.workload, sets, compared, seed=1, threads=self.threads)
         yield f"{first}: comparing and timing rays"
-        self._measured(first, (structure, build), sets, counted)
+        self._measured(first, structure, build, sets, counted)
         trials = yield from self._trials(first, others, clock)
         spent = 0.0
         for trial in sorted(trials, key=lambda trial: self._expected(trial, first)):
@@ -176,21 +185,22 @@ class Chooser:
             yield f"{trial.spec}: building"
             start = clock()
             try:
-                built = check.timed_build(self.native, self.workload, trial.spec, self.threads, self.memory_limit)
+                structure, build = check.timed_build(
+                    self.native, self.workload, trial.spec, self.threads, self.memory_limit
+                )
             except MemoryError as error:
                 spent += clock() - start
                 self._notes.append(f"{trial.spec}: left out, {error}")
                 continue
             yield f"{trial.spec}: comparing and timing rays"
-            self._measured(trial.spec, built, sets, counted)
+            self._measured(trial.spec, structure, build, sets, counted)
             spent += clock() - start
         self._decide(clock() - began)
 
-    def _measured(self, spec: str, built: tuple[Any, float], sets: list[rays.RaySet], counted: Mix) -> None:
+    def _measured(self, spec: str, structure: Structure, build: float, sets: list[rays.RaySet], counted: Mix) -> None:
         """Keep what a full trial found, and of the structures only the best. Rays are timed on one thread, whose clock
         no other work disturbs; in a picture they share all threads.
         """
-        structure, build = built
         assert self._reference is not None, "brute force was asked first"
         wrong, checked = self._reference.wrong(structure), len(self._reference)
         problem = f"{wrong:,} of {checked:,} answers are wrong" if wrong else ""
@@ -259,13 +269,13 @@ class Chooser:
             told = "; ".join(f"{line.spec}: {line.problem}" for line in found.lines)
             raise RuntimeError(f"{found.reason()} {told}")
         own = seconds - best.build
-        notes = [found.reason(), f"Choosing took {own:.2f} s beside that build.", *self._notes]
+        notes = [found.reason(), f"Choosing took {own:.2f} s beside that build.", *self.dropped, *self._notes]
         self.result = Choice(best.spec, self._built[best.spec], found, tuple(notes), seconds, own)
 
 
 def choose(native: Native, workload: Workload, plan: Plan, catalogue: Catalogue, *, threads: int = 0) -> Choice:
     """The best structure for a picture, at one go."""
-    chooser = Chooser(native, workload, plan, candidates(catalogue), threads)
+    chooser = Chooser(native, workload, plan, candidates(catalogue), threads, dropped=dropped(catalogue))
     for _ in chooser.steps():
         pass
     assert chooser.result is not None, "the last step decides"

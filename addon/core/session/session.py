@@ -7,15 +7,18 @@ import re
 import threading
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, fields, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 from ..scene.instances import InstancedGeometry
 from ..structures.trees import TREES, Trees
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from ..base.interface import AnyStructure, BuildOptions, Native, RenderJob, RenderScene, Structure
     from ..scene.instances import AnyGeometry, Mesh
-    from ..scene.scene import Camera, Geometry, Scene
+    from ..scene.scene import F32, I32, Camera, Geometry, Scene
     from ..structures.settings import RenderSettings
 
 POLL_SECONDS = 0.05
@@ -152,16 +155,15 @@ def build(
     geometry: AnyGeometry,
     spec: str,
     *,
-    threads: int = 0,
-    memory_limit: int | None = None,
     trees: Trees = TREES,
     keep_going: KeepGoing,
+    **options: Unpack[BuildOptions],
 ) -> Building:
     """The finished build of the native structure `spec` over these triangles; `keep_going` is asked meanwhile.
 
     Raises Cancelled, or whatever the native module raises.
     """
-    building = Building(native, geometry, spec, threads=threads, memory_limit=memory_limit, trees=trees)
+    building = Building(native, geometry, spec, trees=trees, **options)
     try:
         while not building.wait(POLL_SECONDS):
             if not keep_going(building.progress):
@@ -178,10 +180,27 @@ def asdict_shallow(item: Any) -> dict[str, Any]:
     return {entry.name: getattr(item, entry.name) for entry in fields(item)}
 
 
-def arguments(scene: Scene) -> dict[str, Any]:
+class SceneArguments(TypedDict, total=False):
+    """The keyword arguments of the native `RenderScene`, as its text in the stub describes them."""
+
+    material_index: I32 | None
+    materials: list[dict[str, Any]]
+    corner_normals: F32 | None
+    surfaces: dict[str, Any]
+    lights: list[dict[str, Any]]
+    world: dict[str, Any]
+    images: list[dict[str, Any]]
+    layers: list[F32 | None]
+    objects: list[dict[str, Any]]
+    object_index: NDArray[np.uint32] | None
+    origin: tuple[float, float, float]
+    indices: dict[str, Any] | None
+
+
+def arguments(scene: Scene) -> SceneArguments:
     """What the native `RenderScene` takes beside the structure."""
     geometry = scene.geometry
-    carried: dict[str, Any]
+    carried: SceneArguments
     if isinstance(geometry, InstancedGeometry):
         carried = {"surfaces": geometry.surfaces()}
     else:
@@ -192,6 +211,7 @@ def arguments(scene: Scene) -> dict[str, Any]:
             "objects": [asdict(frame) for frame in geometry.objects],
             "object_index": geometry.object_index,
         }
+    x, y, z = geometry.origin
     return {
         **carried,
         "materials": [material.as_dict() for material in scene.materials],
@@ -199,7 +219,7 @@ def arguments(scene: Scene) -> dict[str, Any]:
         "world": asdict_shallow(scene.world),
         "images": [asdict_shallow(image) for image in scene.images],
         "indices": scene.for_passes(),
-        "origin": tuple(geometry.origin),
+        "origin": (float(x), float(y), float(z)),
     }
 
 
@@ -236,21 +256,12 @@ class Session:
         scene: Scene,
         spec: str,
         *,
-        threads: int = 0,
-        memory_limit: int | None = None,
         trees: Trees = TREES,
         keep_going: KeepGoing,
+        **options: Unpack[BuildOptions],
     ) -> Session:
         """Build the structure and hand over materials, lights and world. Raises as `build` does."""
-        building = build(
-            native,
-            scene.geometry,
-            spec,
-            threads=threads,
-            memory_limit=memory_limit,
-            trees=trees,
-            keep_going=keep_going,
-        )
+        building = build(native, scene.geometry, spec, trees=trees, keep_going=keep_going, **options)
         return replace(cls.over(native, scene, building.result()), building=building)
 
     @classmethod

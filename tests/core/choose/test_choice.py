@@ -89,6 +89,17 @@ def test_choosing_gives_a_built_structure_and_says_why(soup: Workload) -> None:
     assert set(auto.candidates(known)) <= told
 
 
+def test_a_candidate_that_the_catalogue_lacks_is_named_with_the_reason(soup: Workload) -> None:
+    whole = catalogue.load()
+    assert auto.dropped(whole) == []
+    known = catalogue.Catalogue(tuple(one for one in whole.structures if one.id in ("bvh-sah", "kd")))
+    assert auto.candidates(known) == ["bvh-sah", "kd"]
+    left = auto.dropped(known)
+    assert len(left) == len(auto.CANDIDATES) - 2
+    assert left[0] == "bih-sah: left out, unknown structure 'bih-sah'; there are kd, bvh-sah"
+    assert set(left) <= set(auto.choose(native, soup, Plan(1 << 20, 64), known, threads=1).notes)
+
+
 def test_every_full_trial_is_compared_with_brute_force_which_is_asked_once(soup: Workload) -> None:
     built: list[str] = []
 
