@@ -34,3 +34,8 @@ def exr(scene: Any, path: Path, *, layers: bool = False) -> dict[str, np.ndarray
         part += 1
     file.close()
     return channels
+
+
+def render(scene: Any, folder: Path) -> dict[str, np.ndarray[Any, Any]]:
+    """The channels of the scene's picture, rendered into this folder."""
+    return exr(scene, folder / "picture.exr")

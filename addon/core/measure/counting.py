@@ -14,6 +14,7 @@ from ..structures import specs
 
 if TYPE_CHECKING:
     from ..base.interface import Structure
+    from .rows import RayColumns
 
 ONE_BY_ONE = "counted one by one, though they may go together"
 """What is said of rays whose counters are not those of the timed walk."""
@@ -46,7 +47,7 @@ def counters(structure: Structure, some: RaySet, threads: int) -> dict[str, NDAr
     return found
 
 
-def mark(told: Mapping[str, dict[str, Any]], sets: Iterable[RaySet], values: Mapping[str, Any]) -> None:
+def mark(told: Mapping[str, RayColumns], sets: Iterable[RaySet], values: Mapping[str, Any]) -> None:
     """Add to what a row tells of these sets whether its counters are those of the timed walk."""
     for some in sets:
         told[some.name]["counts_timed_walk"] = is_of_the_timed_walk(values, any_hit=some.any_hit)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .curve import Curve
-from .rows import spread
+from .rows import ImageColumns, Spread, spread
 from .timing import Candidate
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ class Rounds:
     first: list[float] = field(default_factory=list)
     last: list[float] = field(default_factory=list)
 
-    def of(self, candidate: Candidate) -> dict[str, Any] | None:
+    def of(self, candidate: Candidate) -> ImageColumns | None:
         """What a row tells of these rounds; None for a configuration that was too slow for them."""
         rounds = self.seconds.get(candidate.spec)
         if not rounds:
@@ -106,7 +106,7 @@ def time(
             found.last.append(pictures.timed(anchor, samples, options.threads)[0])
 
 
-def told(pictures: Curve, candidate: Candidate, rounds: dict[str, Any] | None) -> dict[str, float]:
+def told(pictures: Curve, candidate: Candidate, rounds: ImageColumns | None) -> Spread:
     """Smallest, median and largest seconds of the picture that is told of; without rounds those of the one that was."""
     if rounds is not None:
         return spread(rounds["rounds_s"])

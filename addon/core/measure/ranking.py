@@ -13,12 +13,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .rows import Row, agrees, building
+from .rows import Bound, RayColumns, Row, agrees, building
 
 LEAST_ROUNDS = 6
 """With six rounds the chance of an order that is none is three in a hundred."""
@@ -93,7 +93,7 @@ Part = dict[str, Any]
 noise: of the machine, relative, or None. Only ratios of speeds mean anything."""
 
 
-def part(row: Row, name: str, build: str = "med") -> Part | None:
+def part(row: Row, name: str, build: Bound = "med") -> Part | None:
     """What of a row is ranked: a ray set, PICTURE or TRACING; None where it was not timed in rounds.
 
     build: whether the least, the median or the most of its builds counts.
@@ -115,9 +115,10 @@ def part(row: Row, name: str, build: str = "med") -> Part | None:
     return {**one, "anchor": row["anchor"]} if one and one["rounds"] else None
 
 
-def _tracing(row: Row, build: str) -> Part | None:
+def _tracing(row: Row, build: Bound) -> Part | None:
     """One million rays of each set, and the build."""
-    sets = {name: one for name, one in (row["rays"] or {}).items() if one["rounds"]}
+    known: dict[str, RayColumns] = row["rays"] or {}
+    sets = {name: one for name, one in known.items() if one["rounds"]}
     if not sets or not row["build_s"]:
         return None
     seconds = building(row, build) + _one_of_each(sets.values(), "rounds")
@@ -130,12 +131,12 @@ def _tracing(row: Row, build: str) -> Part | None:
     return {"rounds": list(1.0 / seconds), "anchor_rounds": others, "anchor": anchor, "noise": noise}
 
 
-def _one_of_each(sets: Iterable[Part], key: str) -> NDArray[np.float64]:
+def _one_of_each(sets: Iterable[RayColumns], key: Literal["rounds", "anchor_rounds"]) -> NDArray[np.float64]:
     """Seconds of one million rays of each set together, per round."""
     return np.sum([1.0 / np.array(one[key], np.float64) for one in sets], axis=0, dtype=np.float64)
 
 
-def _known(row: Row, name: str, build: str = "med") -> Part:
+def _known(row: Row, name: str, build: Bound = "med") -> Part:
     found = part(row, name, build)
     assert found is not None, "it was timed"
     return found
@@ -157,7 +158,7 @@ def related(a: Row, b: Row, name: str) -> bool:
     return together(a, b) or (unit == _unit(b, name) and unit[0] == "anchor")
 
 
-def speeds(row: Row, name: str, build: str = "med") -> NDArray[np.float64]:
+def speeds(row: Row, name: str, build: Bound = "med") -> NDArray[np.float64]:
     """Per round, in units of the anchor's speed in the same round, so that rows of all rounds can be put in order."""
     one = _known(row, name, build)
     rates = np.array(one["rounds"], np.float64)
@@ -170,7 +171,7 @@ def noise(row: Row, name: str) -> float:
 
 
 def against(
-    a: Row, b: Row, name: str, *, paired: bool = True, builds: tuple[str, str] = ("med", "med")
+    a: Row, b: Row, name: str, *, paired: bool = True, builds: tuple[Bound, Bound] = ("med", "med")
 ) -> NDArray[np.float64]:
     """How many times as fast `a` is as `b`: per round where they share rounds, else of all pairs of rounds.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import platform
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal, NotRequired, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,88 @@ from . import yardstick
 if TYPE_CHECKING:
     from ..base.interface import Native
 
-Row = dict[str, Any]
+
+class Spread(TypedDict):
+    """Smallest, median and largest of several measurements."""
+
+    min: float
+    med: float
+    max: float
+
+
+class RayColumns(TypedDict):
+    """What a row tells of one ray set: `OF_RAYS`, and where they are known the last two.
+
+    n: rays that were timed. mrays_s: million rays per second, None without rays. rounds, anchor_rounds: the same, one
+    per round, of the configuration and of the anchor. noise: relative. steps, steps_axis, steps_oblique, tests: means
+    per ray. hits: share of rays that hit. cases: mean counts of the cases of TA-B.
+    """
+
+    n: int
+    mrays_s: Spread | Any
+    times_embree: float | None
+    rounds: list[float]
+    anchor_rounds: list[float]
+    noise: float | None
+    steps: float | Any
+    steps_axis: float | Any
+    steps_oblique: float | Any
+    tests: float | Any
+    hits: float
+    cases: NotRequired[dict[str, float]]
+    counts_timed_walk: NotRequired[bool]
+
+
+class ImageColumns(TypedDict):
+    """Rounds of the timed picture: samples per pixel, pixels, the anchor, and seconds per round."""
+
+    samples: int
+    pixels: int
+    anchor: str | None
+    rounds_s: list[float]
+    anchor_rounds_s: list[float]
+    noise: float | None
+
+
+class Row(TypedDict):
+    """A row of `bench.json`. Seconds and bytes; what was not measured is None, and then all of it where `error` is set.
+
+    Columns that only the row of a failure lacks are `... | Any`: readers sort such rows out by `error` first.
+    """
+
+    scene: str
+    triangles: int
+    spec: str
+    structure: str
+    k: Any
+    alpha: Any
+    seed: Any
+    threads: int
+    machine: str
+    round_id: str | None
+    anchor: str | None
+    build_s: Spread | Any
+    first_s: Spread | Any
+    bytes: int | Any
+    peak_bytes: int | None
+    statistics: dict[str, Any] | Any
+    rays: dict[str, RayColumns] | Any
+    errors: dict[str, Any] | Any
+    image_s: Spread | Any
+    image: ImageColumns | None
+    map: dict[str, Any] | Any
+    curve: list[dict[str, Any]] | Any
+    independent: list[dict[str, float]] | Any
+    scaling: list[dict[str, float]] | Any
+    offsets: list[dict[str, float]] | Any
+    render_s: float | Any
+    left_out: list[str]
+    too_slow: list[str]
+    error: str | None
+
+
+Bound = Literal["min", "med", "max"]
+"""A key of `Spread`."""
 
 OF_THE_CLOCK = {
     *("build_s", "peak_bytes", "build_seconds", "n", "mrays_s", "times_embree", "rounds", "anchor_rounds", "noise"),
@@ -95,7 +176,8 @@ def blank() -> Row:
 def empty(native: Native, workload: Workload, spec: str, threads: int) -> Row:
     """A row with every key; what is not known is null."""
     known = {} if spec == yardstick.SPEC else specs.values(spec, native.structures())
-    return blank() | {
+    return {
+        **blank(),
         "scene": workload.name,
         "triangles": len(workload.triangles),
         "spec": spec,
@@ -107,7 +189,7 @@ def empty(native: Native, workload: Workload, spec: str, threads: int) -> Row:
     }
 
 
-def lacks(row: Row) -> str | None:
+def lacks(row: Mapping[str, Any]) -> str | None:
     """A column that this row of a journal has not, so that no report can be made of it; None where it has all.
 
     Rows of another version of the program may lack some.
@@ -115,7 +197,7 @@ def lacks(row: Row) -> str | None:
     for name in ("errors", "rays"):
         if not isinstance(row.get(name) or {}, dict):
             return name
-    inner: list[tuple[str, Row | None, tuple[str, ...]]] = [("errors", row.get("errors"), OF_ERRORS)]
+    inner: list[tuple[str, Mapping[str, Any] | None, tuple[str, ...]]] = [("errors", row.get("errors"), OF_ERRORS)]
     inner += [(f"rays, {name}", one, OF_RAYS) for name, one in (row.get("rays") or {}).items()]
     missing = [name for name in blank() if name not in row]
     missing += [f"{where}, {name}" for where, found, names in inner if found for name in names if name not in found]
@@ -134,7 +216,7 @@ def failed_scene(name: str, error: BaseException) -> Row:
     return blank() | {"scene": name, "error": first_line(error)}
 
 
-def spread(numbers: Sequence[float] | NDArray[np.float64]) -> dict[str, float]:
+def spread(numbers: Sequence[float] | NDArray[np.float64]) -> Spread:
     """Smallest, median and largest."""
     return {"min": float(min(numbers)), "med": float(np.median(numbers)), "max": float(max(numbers))}
 
@@ -150,7 +232,7 @@ def eager(spec: str) -> str:
     return specs.joined(specs.structure_of(spec), *kept)
 
 
-def building(row: Row, which: str = "med") -> float:
+def building(row: Row, which: Bound = "med") -> float:
     """Seconds of a row's build; where rays do part of it, with their first pass over the camera rays.
 
     which: min, med or max of its repeats.

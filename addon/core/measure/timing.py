@@ -22,6 +22,7 @@ from .accuracy import Errors
 
 if TYPE_CHECKING:
     from ..base.interface import Structure
+    from .rows import RayColumns
     from .yardstick import Traced
 
 STEP = 4
@@ -172,18 +173,21 @@ def noise(candidates: Sequence[Candidate], name: str) -> float | None:
     return None
 
 
-def speeds(candidate: Candidate, name: str, anchor: Candidate | None, machine_noise: float | None) -> dict[str, Any]:
+def speeds(candidate: Candidate, name: str, anchor: Candidate | None, machine_noise: float | None) -> RayColumns:
     """What a row tells of one ray set. anchor: timed in the same rounds."""
     some = candidate.timed[name]
     counted = candidate.counted[name]
-    found: dict[str, Any] = {
+    found: RayColumns = {
         "n": len(some),
         "mrays_s": None,
         "times_embree": None,
         "rounds": [],
         "anchor_rounds": [],
         "noise": machine_noise,
-        **{key: counted.get(key) for key in COUNTERS},
+        "steps": counted.get("steps"),
+        "steps_axis": counted.get("steps_axis"),
+        "steps_oblique": counted.get("steps_oblique"),
+        "tests": counted.get("tests"),
         "hits": counted["hits"],
     }
     cases = {name.removeprefix(CASE): mean for name, mean in counted.items() if name.startswith(CASE)}

@@ -62,7 +62,7 @@ def _per_ray(row: Row) -> tuple[NDArray[np.float64] | None, float]:
     sets = [one for one in row["rays"].values() if one["mrays_s"] and one.get("steps_axis") is not None]
     if not sets:
         return None, 0.0
-    counts = np.array([[one[key] for key in PARTS] for one in sets], np.float64)
+    counts = np.array([[dict(one)[key] for key in PARTS] for one in sets], np.float64)
     return counts.mean(axis=0), float(np.mean([1e3 / one["mrays_s"]["med"] for one in sets]))
 
 

@@ -293,11 +293,15 @@ def _machines(document: dict[str, Any]) -> str:
     return f"<section><h2>Machines</h2><ul>{items}</ul></section>"
 
 
+def _without_map(row: Row) -> dict[str, Any]:
+    return {key: value for key, value in row.items() if key != "map"}
+
+
 def _appendix(rows: Sequence[Row]) -> str:
     """All rows as in bench.json, each value with an anchor that the tables link to."""
     parts = [
         f"<details><summary>rows[{index}]: {_safe(row['scene'])}, <b>{_safe(row['spec'])}</b></summary>"
-        f"<pre>{''.join(_json({key: row[key] for key in row if key != 'map'}, f'/rows/{index}', 0))}</pre></details>"
+        f"<pre>{''.join(_json(_without_map(row), f'/rows/{index}', 0))}</pre></details>"
         for index, row in enumerate(rows)
     ]
     return f'<section class="appendix"><h2>All rows of bench.json</h2>{"".join(parts)}</section>'

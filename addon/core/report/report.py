@@ -106,7 +106,7 @@ def _number(value: float | None, digits: int) -> str:
 
 def as_csv(rows: Sequence[Row]) -> str:
     """The rows with one column per number; nested keys are joined by dots. Pictures are only in `bench.json`."""
-    flat = [dict(_flatten("", {key: row[key] for key in row if key != "map"})) for row in rows]
+    flat = [dict(_flatten("", {key: value for key, value in row.items() if key != "map"})) for row in rows]
     columns = list(dict.fromkeys(name for row in flat for name in row))
     text = io.StringIO()
     writer = csv.DictWriter(text, columns, lineterminator="\n")
@@ -373,7 +373,7 @@ def _because(found: ranking.Ranking, name: str) -> str:
     """What of the counters goes the way of the time: fewer steps, fewer tests, or neither; nothing without steps."""
     if found.second is None:
         return ""
-    best, other = (row["rays"][name] for row in (found.best, found.second))
+    best, other = (dict(row["rays"][name]) for row in (found.best, found.second))
     if best["steps"] is None or other["steps"] is None:
         return ""
     silent = [row["spec"] for row in (found.best, found.second) if not counting.tells(row, name)]

@@ -15,11 +15,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..measure.rows import Row, lacks, without_times
+from ..measure.rows import lacks, without_times
 from .asked import Asked
 
 if TYPE_CHECKING:
     from ..base.interface import Native
+
+Kept = Any
+"""A row of a journal: `rows.Row` of the benchmark, or the JSON object of another command."""
 
 SCHEMA = 1
 JOURNAL = "rows.jsonl"
@@ -200,7 +203,7 @@ class Entry:
 
     key: str
     order: tuple[int, int]
-    row: Row
+    row: Kept
     run: str = ""
 
     @property
@@ -251,7 +254,7 @@ class Journal:
         """Tell that a scene of a run could be read, and what its rows call it."""
         self._tell(self.asked.reached(run, scene, name))
 
-    def fail(self, run: str, scene: str, order: tuple[int, int], row: Row) -> None:
+    def fail(self, run: str, scene: str, order: tuple[int, int], row: Kept) -> None:
         """Tell of a row, or with no configuration of a scene, that failed; it is no finished one."""
         self._tell(self.asked.failed(run, scene, order, row))
 
@@ -263,7 +266,7 @@ class Journal:
         """What was asked and is neither finished nor failed, a line for each scene."""
         return list(self.asked.missing(self._there()))
 
-    def rows(self) -> list[Row]:
+    def rows(self) -> list[Kept]:
         """The finished rows and those of failures that nobody mended, in order."""
         found = [(entry.order, entry.row) for entry in self.entries.values() if entry.is_benchmark]
         found += self.asked.failures_left(self._there())
@@ -343,7 +346,7 @@ class Journal:
 
 def document(
     native: Native,
-    rows: list[Row],
+    rows: list[Kept],
     options: dict[str, Any],
     machines: Mapping[str, dict[str, Any]] | None = None,
     missing: Sequence[str] = (),

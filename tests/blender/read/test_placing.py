@@ -10,8 +10,8 @@ import bpy
 import halfspace_native as native
 import numpy as np
 import pytest
+from exr_files import render
 from shapes import cube, grid, material, node, with_nodes
-from test_engine import render
 
 from addon.blender.read import extract
 from addon.blender.render import engine

@@ -13,7 +13,7 @@ import halfspace_native
 import numpy as np
 import OpenImageIO
 import pytest
-from exr_files import exr
+from exr_files import exr, render
 from shapes import cube, grid, material, node, with_nodes
 
 from addon.blender.read import extract
@@ -40,11 +40,6 @@ def stage(add: Any, scene: Any) -> Any:
     background = node(scene.world.node_tree, "ShaderNodeBackground")
     background.inputs["Color"].default_value = (0.25, 0.5, 1.0, 1.0)
     return scene
-
-
-def render(scene: Any, folder: Path) -> dict[str, np.ndarray[Any, Any]]:
-    """The channels of the scene's picture."""
-    return exr(scene, folder / "picture.exr")
 
 
 def test_the_picture_shows_cube_and_background(stage: Any, tmp_path: Path) -> None:
