@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from addon.core.scene.rays import F32, F64, RaySet, pinhole, tile_order
+from addon.core.base.arrays import F32, F64
+from addon.core.scene.rays import RaySet, pinhole, tile_order
 from addon.core.scene.workload import View, Workload
 
 RESOLUTIONS = ((320, 200), (640, 400), (800, 600), (1024, 768), (1280, 1024))

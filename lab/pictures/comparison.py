@@ -9,7 +9,7 @@ from statistics import NormalDist
 
 import numpy as np
 
-from addon.core.scene.scene import F32, F64
+from addon.core.base.arrays import F32, F64
 
 BLOCK = 8
 """Pixels along each side of the squares that are compared."""

@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 from mathutils import Vector
 
-from addon.core.scene.scene import F32, F64
+from addon.core.base.arrays import F32, F64
 from addon.core.scene.workload import View
 
 from . import stage

@@ -14,7 +14,7 @@ from addon.core.scene.workload import bounds
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from addon.core.scene.scene import F64
+    from addon.core.base.arrays import F64
     from addon.core.scene.workload import View, Workload
 
 SUN, SKY = 4.0, (0.35, 0.5, 0.8)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from addon.core.base.arrays import F32, I32
 from addon.core.scene import workload
 
 from . import stability
@@ -18,8 +19,6 @@ from . import stability
 if TYPE_CHECKING:
     from addon.core.base.interface import Native
 
-F32 = NDArray[np.float32]
-I32 = NDArray[np.int32]
 
 OFFSETS = (0.0, 1e3, 1e5, 1e7)
 """How far from the origin the spheres lie, per axis. The farthest has floats one unit apart."""

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from addon.core.base.arrays import F32, I32
 from addon.core.measure import accuracy
 from addon.core.measure.accuracy import Answers
 
@@ -25,8 +26,6 @@ from .stability import TILE, Row
 if TYPE_CHECKING:
     from addon.core.base.interface import Case, Native
 
-F32 = NDArray[np.float32]
-I32 = NDArray[np.int32]
 Rays = tuple[F32, F32, F32, F32]
 """origins (n, 3), directions (n, 3), t_min (n,), t_max (n,)."""
 

@@ -12,12 +12,12 @@ import numpy as np
 from bpy.props import IntProperty
 
 from ...core.base import native
+from ...core.base.arrays import F32
 from ...core.base.notes import Notes
 from ...core.choose import auto, choice
 from ...core.measure import costmap
 from ...core.measure.reference import Reference, affordable
 from ...core.scene import rays
-from ...core.scene.scene import F32
 from ...core.scene.workload import Workload
 from ...core.structures import catalogue
 from ...core.structures.settings import memory_limit

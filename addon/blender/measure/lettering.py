@@ -10,7 +10,7 @@ import blf
 import imbuf
 import numpy as np
 
-from ...core.scene.scene import F32
+from ...core.base.arrays import F32
 from . import pictures
 
 FONT = 0

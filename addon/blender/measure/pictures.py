@@ -12,9 +12,9 @@ from typing import Any
 import bpy
 import numpy as np
 
+from ...core.base.arrays import F32
 from ...core.base.native import first_line
 from ...core.base.picture_files import replacing
-from ...core.scene.scene import F32
 
 
 def render(scene: Any) -> F32:

@@ -9,9 +9,10 @@ from typing import Any
 import bpy
 import numpy as np
 
+from ...core.base.arrays import F32, I32
 from ...core.base.native import first_line
 from ...core.base.notes import Notes
-from ...core.scene.scene import F32, I32, Camera, Scene
+from ...core.scene.scene import Camera, Scene
 from ...core.scene.workload import View, Workload, WorkloadError, framing_view
 from ..read.camera import read_camera
 from ..read.extract import WAIT, extract

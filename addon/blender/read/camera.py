@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...core.scene.scene import F64, Camera
+from ...core.base.arrays import F64
+from ...core.scene.scene import Camera
 
 if TYPE_CHECKING:
     from ...core.base.notes import Notes

@@ -9,7 +9,8 @@ import bpy
 import numpy as np
 from mathutils import Color
 
-from ...core.scene.scene import F32, Image
+from ...core.base.arrays import F32
+from ...core.scene.scene import Image
 
 if TYPE_CHECKING:
     from ...core.base.notes import Notes

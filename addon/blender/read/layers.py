@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...core.scene.scene import F32, F64, U32, ObjectFrame
+from ...core.base.arrays import F32, F64, U32
+from ...core.scene.scene import ObjectFrame
 from .value_nodes import COLOR, TANGENT, UV
 
 if TYPE_CHECKING:

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...core.scene.scene import F64, RGB, Light
+from ...core.base.arrays import F64
+from ...core.scene.scene import RGB, Light
 from .nodes import Place, Unsupported, active_tree, color, number, output_node, scaled
 
 if TYPE_CHECKING:

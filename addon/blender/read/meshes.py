@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...core.base import native
+from ...core.base.arrays import F32, F64, I32
 from ...core.scene.instances import InstancedGeometry, Mesh
-from ...core.scene.scene import F32, F64, I32, Geometry, SceneError, Source
+from ...core.scene.scene import Geometry, SceneError, Source
 from . import layers as texture_layers
 
 if TYPE_CHECKING:

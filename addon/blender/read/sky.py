@@ -23,7 +23,8 @@ import bpy
 import numpy as np
 from mathutils import Vector
 
-from ...core.scene.scene import F32, RGB, Light
+from ...core.base.arrays import F32
+from ...core.scene.scene import RGB, Light
 from ...core.session.session import Cancelled
 from .nodes import scaled
 

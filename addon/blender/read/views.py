@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from ...core.scene.scene import F64, Camera
+from ...core.base.arrays import F64
+from ...core.scene.scene import Camera
 from ...core.session.preview import View
 from .camera import lens, window
 

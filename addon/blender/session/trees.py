@@ -12,7 +12,8 @@ from typing import Any
 
 import bpy
 
-from ...core.scene.scene import F32, F64, I32, Geometry
+from ...core.base.arrays import F32, F64, I32
+from ...core.scene.scene import Geometry
 
 IGNORED_TYPES = {"CAMERA", "LIGHT", "LIGHT_PROBE", "SPEAKER"}
 """Objects that can move without any triangle moving."""

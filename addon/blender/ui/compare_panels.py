@@ -118,14 +118,4 @@ class HALFSPACE_PT_compare(_ComparePanel, bpy.types.Panel):
 
 CLASSES = (HALFSPACE_PT_view_compare, HALFSPACE_PT_compare)
 
-
-def register() -> None:
-    """Register the panels."""
-    for panel in CLASSES:
-        bpy.utils.register_class(panel)
-
-
-def unregister() -> None:
-    """The reverse of `register`."""
-    for panel in reversed(CLASSES):
-        bpy.utils.unregister_class(panel)
+register, unregister = bpy.utils.register_classes_factory(CLASSES)

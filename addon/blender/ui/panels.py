@@ -336,14 +336,4 @@ CLASSES = (
     HALFSPACE_PT_light,
 )
 
-
-def register() -> None:
-    """Register the panels."""
-    for panel in CLASSES:
-        bpy.utils.register_class(panel)
-
-
-def unregister() -> None:
-    """The reverse of `register`."""
-    for panel in reversed(CLASSES):
-        bpy.utils.unregister_class(panel)
+register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
+    from ..base.arrays import F32
     from ..base.interface import HitArrays, Structure
     from ..scene.rays import RaySet
 
@@ -137,7 +138,7 @@ def compare(
     reference: Answers,
     answers: Answers | None,
     occluded: Mask | None,
-    ulp_distance: Callable[[Any, Any], NDArray[np.int64]],
+    ulp_distance: Callable[[F32, F32], NDArray[np.int64]],
     *,
     bitwise: bool,
 ) -> Errors:

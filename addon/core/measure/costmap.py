@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..scene import colours, rays
-from ..scene.scene import F32
+from ..base import colours
+from ..base.arrays import F32
+from ..scene import rays
 from ..scene.workload import Workload
 from . import counting
 

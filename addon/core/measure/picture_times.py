@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from .timing import Candidate
 
 if TYPE_CHECKING:
     from ..base.interface import Structure
+    from .preparation import Options
 
 PASS_SECONDS = 0.1
 """A timed picture may take about so long in any case, and otherwise as long as a timed pass over rays."""
@@ -67,7 +68,7 @@ class Rounds:
 
 
 def time(
-    found: Rounds, pictures: Curve, anchor: Structure | None, candidates: Sequence[Candidate], options: Any
+    found: Rounds, pictures: Curve, anchor: Structure | None, candidates: Sequence[Candidate], options: Options
 ) -> Iterator[str]:
     """Fill `found`, a picture between two items: what comes next. The first round warms up.
 

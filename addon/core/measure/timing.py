@@ -22,6 +22,7 @@ from .accuracy import Errors
 
 if TYPE_CHECKING:
     from ..base.interface import Structure
+    from .preparation import Options
     from .rows import RayColumns
     from .yardstick import Traced
 
@@ -132,7 +133,7 @@ def rounds(candidates: Sequence[Candidate], name: str, repeats: int, threads: in
             control.control.setdefault(name, []).append(warmed_pass(control, control.timed[name], threads))
 
 
-def scaling(candidates: Sequence[Candidate], views: Sequence[RaySet], repeats: int, options: Any) -> Iterator[str]:
+def scaling(candidates: Sequence[Candidate], views: Sequence[RaySet], repeats: int, options: Options) -> Iterator[str]:
     """Time views of growing size, a pass between two items; fills `scaling` with the medians.
 
     The full view's time comes from its own rounds. A structure too slow for a view, or for the next larger, has none.

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..scene import colours
-from ..scene.scene import F32, F64
+from ..base import colours
+from ..base.arrays import F32, F64
 from . import cells, planes
 from .cells import Cells
 from .planes import Level, Shape

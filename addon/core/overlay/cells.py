@@ -5,12 +5,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ..scene import colours
-from ..scene.scene import F32, F64, I32
+from ..base import colours
+from ..base.arrays import F32, F64, I32
 from . import planes
 from .planes import Level, Shape
 
@@ -96,7 +97,7 @@ class Path:
     cells: Cells
     enter: F64
     leave: F64
-    tested: Any
+    tested: NDArray[np.bool_]
     corners: F32
     ids: I32
     crossings: planes.Planes

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..scene.scene import F32, I32
+from ..base.arrays import F32, I32
 
 if TYPE_CHECKING:
     from ..base.interface import Structure

@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from .rays import F32, F64, RaySet
-from .workload import I32, View, Workload
+from ..base.arrays import F32, F64, I32
+from .rays import RaySet
+from .workload import View, Workload
 
 BOXES = 6
 """Boxes along each axis."""

@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .scene import F32, F64, I32, Geometry, SceneError, check, faulty
+from ..base.arrays import F32, F64, I32
+from .scene import Geometry, SceneError, check, faulty
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -15,12 +15,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.arrays import F32, F64
+
 if TYPE_CHECKING:
     from ..base.interface import Order, RayOptions, Tracer
     from .workload import View, Workload
 
-F32 = NDArray[np.float32]
-F64 = NDArray[np.float64]
 
 NAMES = ("primary", "shadow", "diffuse", "shuffled")
 """The sets in the order in which they are reported."""

@@ -14,13 +14,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.arrays import F32, F64, I32, U32
+
 if TYPE_CHECKING:
     from .instances import InstancedGeometry
 
-F32 = NDArray[np.float32]
-F64 = NDArray[np.float64]
-I32 = NDArray[np.int32]
-U32 = NDArray[np.uint32]
 
 RGB = tuple[float, float, float]
 

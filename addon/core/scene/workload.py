@@ -8,17 +8,16 @@ import hashlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..base.arrays import F32, F64, I32
 from ..base.native import first_line
 from .rays import RaySet
 
-F32 = NDArray[np.float32]
-F64 = NDArray[np.float64]
-I32 = NDArray[np.int32]
+if TYPE_CHECKING:
+    from .scene import Camera, Scene
 
 
 SCENES = Path(__file__).resolve().parents[4] / "shared" / "scenes"
@@ -95,8 +94,8 @@ class Workload:
     triangles: I32
     view: View
     extra: tuple[RaySet, ...] = ()
-    render_scene: Any = None
-    render_camera: Any = None
+    render_scene: Scene | None = None
+    render_camera: Camera | None = None
     notes: tuple[str, ...] = field(default=())
 
     def __post_init__(self) -> None:

@@ -21,8 +21,9 @@ from ..structures.specs import structure_of
 from .session import Building, Session
 
 if TYPE_CHECKING:
+    from ..base.arrays import F32
     from ..base.interface import Native, RenderJob
-    from ..scene.scene import F32, Camera, Scene
+    from ..scene.scene import Camera, Scene
     from .stock import Stock
 
 QUICK = ((20_000, "bvh-sah"), (300_000, "bih"))

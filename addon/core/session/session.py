@@ -16,9 +16,10 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from ..base.arrays import F32, I32
     from ..base.interface import AnyStructure, BuildOptions, Native, RenderJob, RenderScene, Structure
     from ..scene.instances import AnyGeometry, Mesh
-    from ..scene.scene import F32, I32, Camera, Geometry, Scene
+    from ..scene.scene import Camera, Geometry, Scene
     from ..structures.settings import RenderSettings
 
 POLL_SECONDS = 0.05

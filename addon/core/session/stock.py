@@ -7,14 +7,14 @@ That is four quads of a view, a final render beside it, the next frame of an ani
 from __future__ import annotations
 
 import weakref
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Unpack
 
 from ..base.equality import same
 from ..scene.instances import InstancedGeometry
 from .session import Building
 
 if TYPE_CHECKING:
-    from ..base.interface import Native
+    from ..base.interface import BuildOptions, Native
     from ..scene.instances import AnyGeometry
 
 
@@ -32,19 +32,11 @@ class Stock:
                 return building
         return None
 
-    def take(
-        self,
-        native: Native,
-        geometry: AnyGeometry,
-        spec: str,
-        *,
-        threads: int = 0,
-        memory_limit: int | None = None,
-    ) -> Building:
+    def take(self, native: Native, geometry: AnyGeometry, spec: str, **options: Unpack[BuildOptions]) -> Building:
         """The same, begun now if there is none."""
-        building = self.find(geometry, spec, memory_limit)
+        building = self.find(geometry, spec, options.get("memory_limit"))
         if building is None:
-            building = Building(native, geometry, spec, threads=threads, memory_limit=memory_limit)
+            building = Building(native, geometry, spec, **options)
             self._buildings.add(building)
         return building
 

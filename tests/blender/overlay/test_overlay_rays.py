@@ -30,9 +30,8 @@ from mathutils import Vector
 
 from addon.blender.overlay import drawing as overlay
 from addon.blender.overlay import picking
-from addon.core.base import native
+from addon.core.base import colours, native
 from addon.core.overlay import beams
-from addon.core.scene import colours
 
 
 @everywhere

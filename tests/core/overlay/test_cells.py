@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from addon.core.base import colours
 from addon.core.overlay import cells, planes
-from addon.core.scene import colours
 
 native = pytest.importorskip("halfspace_native")
 

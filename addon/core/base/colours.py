@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .scene import F32, F64
+from .arrays import F32, F64
 
 ANCHORS = np.array(
     [
