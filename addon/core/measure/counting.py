@@ -38,7 +38,7 @@ def is_of_the_timed_walk(values: Mapping[str, Any], *, any_hit: bool) -> bool:
 
 
 def counters(structure: Structure, some: RaySet, threads: int) -> dict[str, NDArray[np.uint32]]:
-    """The counters of each ray by name, (n,) each, of any hits or nearest hits as the set says."""
+    """Counters by name, (n,) each, of the any-hit or nearest-hit traversal of these rays. threads: 0 = one per core."""
     options = some.options(threads)
     if some.any_hit:
         return structure.occluded(some.origins, some.directions, counters=True, **options)[1]

@@ -28,7 +28,7 @@ class Spread(TypedDict):
 
 
 class RayColumns(TypedDict):
-    """What a row tells of one ray set: `OF_RAYS`, and where they are known the last two.
+    """Columns of a row for one ray set: those of `OF_RAYS`, and the last two where they are known.
 
     n: rays that were timed. mrays_s: million rays per second, None without rays. rounds, anchor_rounds: the same, one
     per round, of the configuration and of the anchor. noise: relative. steps, steps_axis, steps_oblique, tests: means
@@ -64,7 +64,7 @@ class ImageColumns(TypedDict):
 class Row(TypedDict):
     """A row of `bench.json`. Seconds and bytes; what was not measured is None, and then all of it where `error` is set.
 
-    Columns that only the row of a failure lacks are `... | Any`: readers sort such rows out by `error` first.
+    Columns that only the row of a failure lacks are `... | Any`: readers filter rows by `error` first.
     """
 
     scene: str
