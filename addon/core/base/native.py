@@ -5,10 +5,9 @@ from __future__ import annotations
 
 import importlib
 from functools import cache
-from typing import TYPE_CHECKING, cast
+from typing import cast
 
-if TYPE_CHECKING:
-    from .interface import Native
+from .interface import Native
 
 VERSION = "0.1.0"
 """The version of this package; the compiled module must have the same."""
@@ -60,7 +59,7 @@ def load() -> Native:
             f"Halfspace {VERSION} found its native module in version {found}: restart Blender, "
             "or install the extension again"
         )
-    return cast("Native", module)
+    return cast(Native, module)
 
 
 def problem() -> str | None:
