@@ -105,7 +105,7 @@ def measurer(address: str, options: Options, say: Callable[[str], None]) -> Iter
 
 
 def _package(folder: Path) -> Path:
-    """Write `addon.core` and `lab` into an archive that workers import, and return its path."""
+    """Zip `addon.core` and `lab`, which need no Blender, for workers to import; returns the path."""
     root = Path(__file__).resolve().parents[2]
     path = folder / "halfspace-core.zip"
     with zipfile.ZipFile(path, "w") as archive:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What the papers claim, measured again: a table of claims, one file per paper, and the lab that they measure in.
 
-A paper is a module with a constant `CLAIMS`; add it to `table.PAPERS`. A claim names what was published and a
+A paper is a module with a constant `CLAIMS`; add it to `table.PAPERS`. A claim is a published statement and a
 function that measures it in one or two configurations, *faithful* (the paper's constants) and *best* (ours). Every
 outcome holds, does not hold, or cannot be tested here, and says which counters explain it. No time stands without the
 answers checked beside it.

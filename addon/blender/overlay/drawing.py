@@ -277,7 +277,7 @@ def _watched() -> tuple[tuple[Any, Any], ...]:
 
 
 def register() -> None:
-    """Watch for files, undo steps, and changes of the scene and of settings."""
+    """Register handlers for loaded files, undo steps and scene changes, and listen to settings."""
     signals.visibility_changed.connect(_visibility_changed)
     signals.look_changed.connect(_look_changed)
     for handlers, function in _watched():

@@ -100,6 +100,7 @@ def work(structure: Structure, view: rays.RaySet, size: tuple[int, int]) -> F32:
     view: the primary rays of `size` pixels in tiles. Where a tile is walked together, its rays share the sum evenly.
     """
     width, height = size
+    # Count once in tiles and once as single rays; different counts mean that tiles are traversed as a whole.
     walked, alone = (_steps_and_tests(structure, one) for one in (view, replace(view, order="none")))
     if not np.array_equal(walked, alone):
         side = rays.TILE**2

@@ -48,6 +48,7 @@ class Measurement:
     """
 
     def __init__(self, native: Native, scene: Path, spec: str, threads: int, memory_limit: int | None = None) -> None:
+        # Let the process import the compiled module and NumPy from their current places.
         library = str(Path(native.__file__ or "").resolve().parent)
         environment = {**os.environ, "PYTHONPATH": os.pathsep.join([library, str(Path(np.__file__).parents[1])])}
         # The text, not the file: this module may lie in an archive.

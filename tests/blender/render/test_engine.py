@@ -367,11 +367,13 @@ def test_many_frames_take_no_more_memory(stage: Any, tmp_path: Path) -> None:
     stage.halfspace.samples = 1
     stage.render.filepath = str(tmp_path / "frame-####")
     used = []
-    for start, end in ((1, 5), (6, 15)):
+    for start, end in ((1, 5), (6, 15), (16, 25)):
         stage.frame_start, stage.frame_end = start, end
         bpy.ops.render.render(animation=True)
         used.append(_resident())
-    assert used[1] - used[0] < 4e6, "one frame's tree and film alone are more than this by three"
+    # What is lost with each frame is lost in each span; the allocator's own growth is not.
+    growth = min(used[1] - used[0], used[2] - used[1])
+    assert growth < 4e6, "one frame's tree and film alone are more than this by three"
 
 
 def _resident() -> int:
