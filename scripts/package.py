@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The extension zip: `python scripts/package.py [--portable] [--wheel WHEEL ...] [--out DIR]`.
 
-Stages the add-on, the manifest with its wheels, the licence and the wheels into build/extension, builds the zip with
+Stages the add-on, the manifest with its wheels, the licence and the wheels in a temporary folder, builds the zip with
 Blender's own tool, and validates it. Without --wheel the wheel for this machine is built, with --portable one for all
 machines of its kind on which Blender runs. Says so when a wheel needs a newer C library than Blender itself.
 """
@@ -14,14 +14,16 @@ import re
 import shutil
 import subprocess
 import sys
+import tempfile
 import zipfile
 from collections.abc import Sequence
 from pathlib import Path
 
+sys.path.insert(0, str(Path(__file__).resolve().parent / "dev"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
 import environment
 import wheel
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from addon.core import command
 from addon.core.usage import Parser, output
@@ -180,16 +182,16 @@ def package(wheels: Sequence[Path], out: Path, *, portable: bool = False) -> Pat
         if warning is not None:
             print(f"package: {warning}", file=sys.stderr)
     manifest = tomllib.loads((ROOT / "blender_manifest.toml").read_text(encoding="utf-8"))
-    staged = ROOT / "build" / "extension"
-    stage(chosen, staged)
     out.mkdir(parents=True, exist_ok=True)
     target = out / f"{manifest['id']}-{manifest['version']}.zip"
-    fresh = target.with_suffix(".new.zip")
-    fresh.unlink(missing_ok=True)
-    run_tool("validate", str(staged))
-    run_tool("build", "--source-dir", str(staged), "--output-filepath", str(fresh))
-    run_tool("validate", str(fresh))
-    return fresh.replace(target)
+    # Each call has a folder of its own: the tests of two Blenders package side by side.
+    with tempfile.TemporaryDirectory(prefix="extension-", dir=out) as folder:
+        staged, fresh = Path(folder) / "extension", Path(folder) / target.name
+        stage(chosen, staged)
+        run_tool("validate", str(staged))
+        run_tool("build", "--source-dir", str(staged), "--output-filepath", str(fresh))
+        run_tool("validate", str(fresh))
+        return fresh.replace(target)
 
 
 def main(arguments: Sequence[str]) -> int:

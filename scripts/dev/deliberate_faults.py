@@ -420,8 +420,8 @@ def table() -> str:
     lines = [
         "# Deliberate faults",
         "",
-        "Made by `python scripts/mutations.py --write`. Each of these faults is put into the sources by",
-        "`python scripts/mutations.py`, and the test beside it must fail.",
+        "Made by `python scripts/dev/mutations.py --write`. Each of these faults is put into the sources by",
+        "`python scripts/dev/mutations.py`, and the test beside it must fail.",
         "",
         "| # | fault | file | what is written | instead of | noticed by |",
         "| ---: | --- | --- | --- | --- | --- |",

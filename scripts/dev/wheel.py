@@ -10,8 +10,8 @@ import shutil
 import subprocess
 from pathlib import Path
 
-NOT_IN_THE_WHEEL = {"target", "tests", "benches", "fuzz", "__pycache__"}
-"""Folders of the crate whose changes do not change the wheel."""
+NOT_IN_THE_WHEEL = {"target", "tests", "benches", "examples", "fuzz", "__pycache__"}
+"""Names of folders, in every crate of the workspace, whose changes do not change the wheel."""
 
 
 class BuildError(RuntimeError):
@@ -36,15 +36,13 @@ def fingerprint(root: Path) -> str:
 
 def sources(root: Path) -> list[Path]:
     """The files that the wheel is made from, sorted."""
-    native = root / "native"
-    inside = [
-        path
-        for top in sorted(native.iterdir())
-        if top.name not in NOT_IN_THE_WHEEL
-        for path in ([top] if top.is_file() else sorted(top.rglob("*")))
-        if path.suffix in {".rs", ".toml", ".lock", ".pyi"}
-    ]
-    return [path for path in (root / ".cargo" / "config.toml", root / "LICENSE", *inside) if path.is_file()]
+    found = [root / ".cargo" / "config.toml", root / "LICENSE"]
+    for folder, inside, files in os.walk(root / "native"):
+        # Removed here, these folders are not entered.
+        inside[:] = sorted(set(inside) - NOT_IN_THE_WHEEL)
+        found += [Path(folder, name) for name in sorted(files)]
+    kinds = {".rs", ".toml", ".lock", ".pyi"}
+    return [path for path in found if path.is_file() and (path.suffix in kinds or path.name == "LICENSE")]
 
 
 def unwinder() -> Path:

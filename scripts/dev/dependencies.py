@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the native module depends on, against `native/deny.toml`, without network: `python scripts/dependencies.py`.
+"""What the native module depends on, against `native/deny.toml`, without network: `python scripts/dev/dependencies.py`.
 
 Checks licences, where packages come from, and that none is wanted in any version. `cargo deny` checks the same and
 more, where it is installed. Exit status: 0 all may be used; 1 some may not; 2 bad usage, or no cargo; 130 stopped.
@@ -17,12 +17,12 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from addon.core import command
 from addon.core.usage import Parser
 
-NATIVE = Path(__file__).resolve().parents[1] / "native"
+NATIVE = Path(__file__).resolve().parents[2] / "native"
 REGISTRY = "registry+https://github.com/rust-lang/crates.io-index"
 """How cargo writes the official registry, whatever mirror it asks."""
 

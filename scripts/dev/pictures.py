@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The pictures of the documentation, each from a real run: `python scripts/pictures.py [--out DIR] [--width PIXELS]`.
+"""The pictures of the documentation, from real runs: `python scripts/dev/pictures.py [--out DIR] [--width PIXELS]`.
 
 planes-ID.png, leaves-ID.png and ray-ID.png of the built-in scene as the viewport shows them, beam-ID.png of a tile of
 rays, costs.png with the steps of two structures on one scale. With --readme only those of the README, as small .jpg.
@@ -17,12 +17,12 @@ from typing import Any
 
 import overlay_picture
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from addon.core import catalogue, command
 from addon.core.usage import Parser, UsageError, output
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 
 STRUCTURES = {"kd": "9-13", "bsp-wn-plus-kd": "9-13", "bvh-sah": "5-8", "octree-net": "1-5"}
 """One for each way of dividing, and the levels at which its planes are as large as the things in the scene."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How long reading a scene out of Blender takes: `python scripts/extraction.py [--triangles N] [--rounds N]`.
+"""How long reading a scene out of Blender takes: `python scripts/dev/extraction.py [--triangles N] [--rounds N]`.
 
 Prints, for grids of a million triangles and for thousands of instances, the time of Blender's own evaluation, of the
 extraction after an edit, and of the extraction when nothing changed: the shortest of some rounds, by the processor,
@@ -19,7 +19,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from addon.core import command
 from addon.core.usage import Parser, UsageError

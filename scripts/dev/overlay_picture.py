@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A picture of the structure in the viewport: `python scripts/overlay_picture.py [FILE] [options]`.
+"""A picture of the structure in the viewport: `python scripts/dev/overlay_picture.py [FILE] [options]`.
 
 FILE: a .blend or .npz (default: the built-in showcase), seen through its camera in Solid shading. Opens
 no window, which needs Blender 5.2 or newer. Exit status: 0 done; 2 bad usage or input, 130 stopped, said in one line.
@@ -14,12 +14,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from addon.core import command, results, specs, workload
 from addon.core.usage import Parser, UsageError, output
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 
 LARGEST, DEEPEST = 1 << 13, 1 << 10
 SUFFIXES = (".png", ".jpg", ".jpeg")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Deliberate faults, one at a time, and whether a test notices: `python scripts/mutations.py [options]`.
+"""Deliberate faults, one at a time, and whether a test notices: `python scripts/dev/mutations.py [options]`.
 
 The faults of `deliberate_faults.py` are put into a copy of the sources, all at once, each behind a switch, so that one
 build serves all. Exit status: 0 every fault was caught; 1 some survived; 2 the list no longer fits the sources, or
@@ -16,17 +16,17 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from deliberate_faults import FAULTS, Fault, table
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from addon.core import command
 from addon.core.usage import Parser
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 LIST = ROOT / "tests" / "MUTATIONS.md"
 SECONDS = 600
 """A test that takes more of a processor than this has noticed something: it does not end."""
@@ -66,15 +66,18 @@ def seeded(text: str, fault: Fault, number: int) -> str:
 
 
 def seed_rust(copy: Path) -> None:
-    """Put all faults of the native module into a copy of the project. Raises StaleError."""
+    """Put all faults of the native crates into a copy of the project. Raises StaleError."""
+    crates = set()
     for number, fault in enumerate(FAULTS, 1):
         if fault.is_rust:
             path = copy / fault.file
             path.write_text(seeded(path.read_text(encoding="utf-8"), fault, number), encoding="utf-8")
-    library = copy / "native/src/lib.rs"
-    # A switched expression stands in parentheses, whether it needs them or not.
-    text = "#![allow(unused_parens)]\n" + library.read_text(encoding="utf-8") + SWITCH
-    library.write_text(text, encoding="utf-8")
+            crates.add(next(folder for folder in path.parents if (folder / "Cargo.toml").is_file()))
+    for crate in crates:
+        library = crate / "src/lib.rs"
+        # A switched expression stands in parentheses, whether it needs them or not.
+        text = "#![allow(unused_parens)]\n" + library.read_text(encoding="utf-8") + SWITCH
+        library.write_text(text, encoding="utf-8")
 
 
 def check() -> None:
@@ -83,31 +86,51 @@ def check() -> None:
         seeded((ROOT / fault.file).read_text(encoding="utf-8"), fault, number)
 
 
-def build(copy: Path) -> dict[str, Path]:
-    """Build the tests of the copy: program name to file. Raises CalledProcessError."""
+def build(copy: Path) -> dict[str, list[Path]]:
+    """Build the tests of the copy: program name to its file. "lib" names the unit tests of all crates.
+
+    Raises CalledProcessError.
+    """
     programs = sorted({fault.test[0] for fault in FAULTS if fault.is_rust})
     chosen = [part for name in programs for part in (["--lib"] if name == "lib" else ["--test", name])]
-    command = ["cargo", "test", "--release", "--no-run", "--message-format=json-render-diagnostics", *chosen]
+    command = [
+        "cargo",
+        "test",
+        "--workspace",
+        "--release",
+        "--no-run",
+        "--message-format=json-render-diagnostics",
+        *chosen,
+    ]
     release = {"LTO": "off", "CODEGEN_UNITS": "16"}
     environment = {"CARGO_TARGET_DIR": str(ROOT / "build" / "mutations")} | dict(os.environ)
     environment |= {f"CARGO_PROFILE_RELEASE_{key}": value for key, value in release.items()}
     made = subprocess.run(command, cwd=copy / "native", env=environment, stdout=subprocess.PIPE, text=True, check=True)
-    found = {}
+    found: dict[str, list[Path]] = {}
     for line in made.stdout.splitlines():
         message = json.loads(line)
         if message.get("executable") and message["profile"]["test"]:
             is_library = "lib" in message["target"]["kind"] or "rlib" in message["target"]["kind"]
-            found["lib" if is_library else message["target"]["name"]] = Path(message["executable"])
+            name = "lib" if is_library else message["target"]["name"]
+            found.setdefault(name, []).append(Path(message["executable"]))
     return found
 
 
-def passes(command: list[str], folder: Path, number: int) -> bool:
-    """Whether a test passes with a fault switched on, in time."""
+def passes(commands: Sequence[list[str]], folder: Path, number: int) -> bool:
+    """Whether all test programs pass in time with a fault switched on."""
     environment = {**os.environ, "HALFSPACE_FAULT": str(number), "RUST_BACKTRACE": "0"}
     # The processor's time, not the clock's: on a busy machine everything takes long.
-    limited = ["sh", "-c", f'ulimit -t {SECONDS}; exec "$@"', "sh", *command]
-    done = subprocess.run(limited, cwd=folder, env=environment, capture_output=True, check=False)
-    return done.returncode == 0
+    limited = ["sh", "-c", f'ulimit -t {SECONDS}; exec "$@"', "sh"]
+    return all(
+        subprocess.run([*limited, *command], cwd=folder, env=environment, capture_output=True, check=False).returncode
+        == 0
+        for command in commands
+    )
+
+
+def rust_tests(programs: Mapping[str, Sequence[Path]], fault: Fault) -> list[list[str]]:
+    """The commands for a test in Rust."""
+    return [[str(program), fault.test[1]] for program in programs[fault.test[0]]]
 
 
 def python_test(folder: Path, fault: Fault) -> list[str]:
@@ -151,26 +174,26 @@ def work(asked: argparse.Namespace) -> int:
 
 def run(copy: Path, chosen: Sequence[tuple[int, Fault]]) -> list[int]:
     """Switch on one fault after the other. Returns the numbers of those that survived, 0 for a test without a fault."""
-    programs = {}
+    programs: dict[str, list[Path]] = {}
     if any(fault.is_rust for _, fault in chosen):
         seed_rust(copy)
         programs = build(copy)
     survived = []
     for test in sorted({fault.test for _, fault in chosen}):
         fault = next(fault for _, fault in chosen if fault.test == test)
-        command = [str(programs[test[0]]), test[1]] if fault.is_rust else python_test(copy, fault)
-        if not passes(command, copy / "native" if fault.is_rust else copy, 0):
+        commands = rust_tests(programs, fault) if fault.is_rust else [python_test(copy, fault)]
+        if not passes(commands, copy / "native" if fault.is_rust else copy, 0):
             print(f"FAILS without any fault: {' '.join(test)}", flush=True)
             survived.append(0)
     for number, fault in chosen:
         start = time.monotonic()
         if fault.is_rust:
-            alive = passes([str(programs[fault.test[0]]), fault.test[1]], copy / "native", number)
+            alive = passes(rust_tests(programs, fault), copy / "native", number)
         else:
             path = copy / fault.file
             sound = path.read_text(encoding="utf-8")
             path.write_text(seeded(sound, fault, number), encoding="utf-8")
-            alive = passes(python_test(copy, fault), copy, number)
+            alive = passes([python_test(copy, fault)], copy, number)
             path.write_text(sound, encoding="utf-8")
         print(
             f"{'SURVIVED' if alive else 'caught':8} {number:2} {fault.what} ({time.monotonic() - start:.0f} s)",
