@@ -282,6 +282,8 @@ PYTHON_CHECKS: dict[str, Callable[[], Counts]] = {
 }
 """Name to check, in order. They run once the wheel is installed."""
 
+NEED_WHEEL = {"core", "blender", "blender-lts"}
+
 TOOLS = {"rustfmt": "rustfmt", "clippy": "cargo-clippy", "deny": "cargo-deny"}
 """The program without which a check is skipped."""
 
@@ -332,7 +334,8 @@ class Session:
             with environment.alone():
                 environments = self._prepare()
                 other.start()
-                environment.install_wheel(*environments)
+                if NEED_WHEEL.intersection(self.names):
+                    environment.install_wheel(*environments)
             self._queue.ready.set()
             self._work(1)
             other.join()

@@ -153,12 +153,8 @@ def available(environment: Environment) -> bool:
 def prepare_packages(environment: Environment) -> None:
     """Make the Python and the packages of the environment ready. Raises SetupError."""
     make(environment)
-    start = time.perf_counter()
-    options = ["--require-hashes", "--no-build", "--requirements", str(environment.lock)]
-    _install(environment, options)
-    seconds = time.perf_counter() - start
-    if seconds > 1.0:
-        say(f"{environment.folder.name}: packages installed in {seconds:.0f} s")
+    say(f"{environment.folder.name}: looking for changed packages (the first time a few hundred MB are downloaded)")
+    _install(environment, ["--require-hashes", "--no-build", "--requirements", str(environment.lock)])
 
 
 def prepare(environment: Environment) -> None:
