@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Deliberate faults, one at a time, and whether a test notices: `python scripts/dev/mutations.py [options]`.
 
-The faults of `deliberate_faults.py` are put into a copy of the sources, all at once, each behind a switch, so that one
-build serves all. Exit status: 0 every fault was caught; 1 some survived; 2 the list no longer fits the sources, or
-nothing could be built; 130 stopped.
+Puts the faults of `deliberate_faults.py` into a copy of the sources, each behind a switch, so that one build serves
+all. Exit status: 0 every fault was caught; 1 some survived; 2 the list no longer fits the sources, or the build failed;
+130 stopped.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from addon.core.usage import Parser
 ROOT = Path(__file__).resolve().parents[2]
 LIST = ROOT / "tests" / "MUTATIONS.md"
 SECONDS = 600
-"""A test that takes more of a processor than this has noticed something: it does not end."""
+"""Processor seconds after which a test counts as failed: the fault made it endless."""
 
 SWITCH = """
 /// Whether the fault of this number is switched on.
@@ -43,21 +43,21 @@ pub(crate) fn fault(number: u32) -> bool {
 
 
 class StaleError(ValueError):
-    """A fault cannot be put in. The message names it."""
+    """A fault does not fit the sources. The message names it."""
 
 
 def is_whole(text: str) -> bool:
-    """Whether as many brackets open in it as close, and nothing is to follow."""
+    """Whether all brackets that open in `text` close in it, and it does not end with a comma."""
     return all(text.count(a) == text.count(b) for a, b in ("()", "[]", "{}")) and not text.rstrip().endswith(",")
 
 
 def seeded(text: str, fault: Fault, number: int) -> str:
-    """The source with the fault in it.
+    """The source `text` with the fault in it.
 
-    Raises StaleError when its place is not found, or several are, or in Rust when it is no expression.
+    Raises StaleError unless its place is found exactly once and, in Rust, is a whole expression.
     """
     if fault.is_rust and not (is_whole(fault.old) and is_whole(fault.new)):
-        raise StaleError(f"{fault.what}: {fault.old!r} or {fault.new!r} is a part of an expression, not one to switch")
+        raise StaleError(f"{fault.what}: {fault.old!r} or {fault.new!r} is a part of an expression, not a whole one")
     places = text.count(fault.old)
     if places != 1:
         raise StaleError(f"{fault.what}: {fault.old!r} stands {places} times in {fault.file}")
@@ -75,13 +75,13 @@ def seed_rust(copy: Path) -> None:
             crates.add(next(folder for folder in path.parents if (folder / "Cargo.toml").is_file()))
     for crate in crates:
         library = crate / "src/lib.rs"
-        # A switched expression stands in parentheses, whether it needs them or not.
+        # Each switched expression stands in parentheses, of which some are not needed.
         text = "#![allow(unused_parens)]\n" + library.read_text(encoding="utf-8") + SWITCH
         library.write_text(text, encoding="utf-8")
 
 
 def check() -> None:
-    """Pass when every fault can be put in. Raises StaleError."""
+    """Check that every fault fits the sources. Raises StaleError."""
     for number, fault in enumerate(FAULTS, 1):
         seeded((ROOT / fault.file).read_text(encoding="utf-8"), fault, number)
 
@@ -119,7 +119,7 @@ def build(copy: Path) -> dict[str, list[Path]]:
 def passes(commands: Sequence[list[str]], folder: Path, number: int) -> bool:
     """Whether all test programs pass in time with a fault switched on."""
     environment = {**os.environ, "HALFSPACE_FAULT": str(number), "RUST_BACKTRACE": "0"}
-    # The processor's time, not the clock's: on a busy machine everything takes long.
+    # Processor time, not the clock: on a busy machine every test takes long.
     limited = ["sh", "-c", f'ulimit -t {SECONDS}; exec "$@"', "sh"]
     return all(
         subprocess.run([*limited, *command], cwd=folder, env=environment, capture_output=True, check=False).returncode
@@ -139,7 +139,7 @@ def python_test(folder: Path, fault: Fault) -> list[str]:
 
 
 def copy_sources(folder: Path) -> Path:
-    """A copy of everything that tests need."""
+    """Copy all files that tests need into `folder`. Returns the copy's root."""
     copy = folder / "halfspace"
     everywhere = shutil.ignore_patterns("target", "__pycache__", ".git", ".venv*", ".hypothesis", ".*_cache")
 
@@ -152,7 +152,7 @@ def copy_sources(folder: Path) -> Path:
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Try all faults, or those chosen. Returns the exit status."""
+    """The command line. Returns the exit status."""
     parser = Parser(prog="mutations", description=(__doc__ or "").splitlines()[0])
     parser.add_argument("numbers", nargs="*", type=int, help="only the faults of these numbers")
     parser.add_argument("--write", action="store_true", help=f"only write {LIST.relative_to(ROOT)}")
@@ -160,7 +160,7 @@ def main(arguments: Sequence[str]) -> int:
 
 
 def work(asked: argparse.Namespace) -> int:
-    """Do what is asked. Returns the exit status. Raises StaleError, and CalledProcessError where nothing is built."""
+    """Write the list or try the faults. Returns the exit status. Raises StaleError, CalledProcessError."""
     if asked.write:
         LIST.write_text(table(), encoding="utf-8")
         return 0
@@ -173,7 +173,7 @@ def work(asked: argparse.Namespace) -> int:
 
 
 def run(copy: Path, chosen: Sequence[tuple[int, Fault]]) -> list[int]:
-    """Switch on one fault after the other. Returns the numbers of those that survived, 0 for a test without a fault."""
+    """Try the faults in turn. Returns the numbers of those that survived, and 0 for each test that fails without one."""
     programs: dict[str, list[Path]] = {}
     if any(fault.is_rust for _, fault in chosen):
         seed_rust(copy)
