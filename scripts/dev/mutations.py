@@ -173,7 +173,7 @@ def work(asked: argparse.Namespace) -> int:
 
 
 def run(copy: Path, chosen: Sequence[tuple[int, Fault]]) -> list[int]:
-    """Try the faults in turn. Returns the numbers of those that survived, and 0 for each test that fails without one."""
+    """Try the faults in turn. Returns the numbers of those that survived, 0 for each test that fails without one."""
     programs: dict[str, list[Path]] = {}
     if any(fault.is_rust for _, fault in chosen):
         seed_rust(copy)
