@@ -22,7 +22,7 @@ from environment import CURRENT, ROOT
 OUT = ROOT / "out"
 
 STRUCTURES = ("kd", "bsp-wn-plus-kd", "rbsp", "bih", "bvh-sah", "octree-net")
-"""One of each family: axis-aligned, oblique and fixed-direction planes, two planes, boxes, and cells without edges."""
+"""Trees of axis-aligned planes, oblique planes, fixed directions, plane pairs and boxes, and an octree with links."""
 
 STEPS = {
     "Rendering the built-in showcase with Halfspace through Blender": ["scripts/render.py"],
