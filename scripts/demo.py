@@ -1,47 +1,53 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Halfspace at work: `python3 scripts/demo.py`. Needs only Python and cargo; sets up the rest.
 
-Renders the built-in showcase through Blender's module, and measures every structure on it: how fast, how wrong.
-Exit status: 0 all went well; 2 bad usage, or the set-up failed; 130 stopped; else that of the step that failed.
+Renders the built-in showcase through Blender's module, then compares six structures on it: how fast, how wrong.
+Exit status: 0 success; 2 bad usage, or the set-up failed; 130 stopped; else that of the step that failed.
 """
 
 from __future__ import annotations
 
 import argparse
-import os
 import subprocess
 import sys
 import time
 from collections.abc import Sequence
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parent / "dev"))
 
 import environment
 from environment import CURRENT, ROOT
 
 OUT = ROOT / "out"
+
+STRUCTURES = ("kd", "bsp-wn-plus-kd", "rbsp", "bih", "bvh-sah", "octree-net")
+"""Trees of axis-aligned planes, oblique planes, fixed directions, plane pairs and boxes, and an octree with links."""
+
 STEPS = {
     "Rendering the built-in showcase with Halfspace through Blender": ["scripts/render.py"],
-    "Measuring every structure on the same scene: speed, and errors against brute force": [
+    f"Measuring {len(STRUCTURES)} structures on the same scene: speed, and errors against brute force": [
         "scripts/bench.py",
-        *("--structures", "all", "--size", "512x512", "--repeats", "6", "--seconds", "20", "--check-rays", "4096"),
-        *("--out", str(OUT / "demo")),
+        *("--structures", ",".join(STRUCTURES), "--size", "512x512", "--repeats", "3", "--seconds", "5"),
+        *("--check-rays", "4096", "--only-rays", "--curve", "none", "--out", str(OUT / "demo")),
     ],
 }
-"""What is said, and the script that does it."""
+"""The line that announces a step, and its script with arguments."""
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Set up, then run all steps. Returns the exit status of the first that fails, 130 when it was stopped."""
-    # Imported here: what starts this script may be a Python that is too old for it.
+    """Set up, then run all steps. Returns the exit status of the first that fails, 130 if stopped."""
+    # Imported here: the Python that starts this script may be too old for it.
     sys.path.insert(0, str(ROOT))
     from addon.core.base import command
     from lab.base.usage import Parser
 
-    parser = Parser(prog="demo", description="Render the built-in showcase, and measure every structure on it.")
+    parser = Parser(prog="demo", description="Render the built-in showcase, and compare six structures on it.")
     return command.run("demo", arguments, parser.parse_args, work)
 
 
 def work(_: argparse.Namespace) -> int:
-    """Do so. Returns the exit status."""
+    """Set up and run the steps. Returns the exit status."""
     start = time.monotonic()
     try:
         with environment.alone():
@@ -51,15 +57,18 @@ def work(_: argparse.Namespace) -> int:
         print(f"The set-up failed: {error}", file=sys.stderr)
         return 2
     for text, step in STEPS.items():
-        print(f"\n==== {text}", flush=True)
-        done = subprocess.run([str(CURRENT.python), *step], cwd=ROOT, env=dict(os.environ), check=False)
+        print(f"\n==== {text} ({time.monotonic() - start:.0f} s)", flush=True)
+        done = subprocess.run([str(CURRENT.python), *step], cwd=ROOT, check=False)
         if done.returncode != 0:
             return done.returncode
+    python = CURRENT.python.relative_to(ROOT)
     print(f"\nDone in {time.monotonic() - start:.0f} s. Look at:")
     print(f"  {OUT / 'showcase.png'}\n  {OUT / 'demo' / 'report.html'}")
+    print("All structures, with memory, pictures and cost maps:")
+    print(f"  {python} scripts/bench.py --structures all --out out/all")
     return 0
 
 
 if __name__ == "__main__":
-    environment.continue_in(CURRENT.version)
+    environment.continue_in(CURRENT)
     sys.exit(main(sys.argv[1:]))

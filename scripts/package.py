@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The extension zip: `python scripts/package.py [--portable] [--wheel WHEEL ...] [--out DIR]`.
 
-Stages the add-on, the manifest with its wheels, the licence and the wheels into build/extension, builds the zip with
+Stages the add-on, the manifest with its wheels, the licence and the wheels in a temporary folder, builds the zip with
 Blender's own tool, and validates it. Without --wheel the wheel for this machine is built, with --portable one for all
-machines of its kind on which Blender runs. Says so when a wheel needs a newer C library than Blender itself.
+machines of its kind on which Blender runs. Warns if a wheel needs a newer C library than Blender itself.
 """
 
 from __future__ import annotations
@@ -14,14 +14,16 @@ import re
 import shutil
 import subprocess
 import sys
+import tempfile
 import zipfile
 from collections.abc import Sequence
 from pathlib import Path
 
+sys.path.insert(0, str(Path(__file__).resolve().parent / "dev"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
 import environment
 import wheel
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from addon.core.base import command
 from lab.base.usage import Parser, output
@@ -29,7 +31,7 @@ from lab.base.usage import Parser, output
 ROOT = Path(__file__).resolve().parents[1]
 
 IGNORED = ("__pycache__", "*.pyc", ".*")
-"""What is never part of the extension."""
+"""Patterns of files that are never part of the extension."""
 
 PLATFORMS = {
     r"(manylinux|linux).*_x86_64": "linux-x64",
@@ -43,7 +45,7 @@ PLATFORMS = {
 
 
 BLENDER_GLIBC = (2, 28)
-"""The oldest C library with which Blender itself runs on Linux, as its requirements say."""
+"""The oldest glibc on which Blender itself runs on Linux, by its published requirements."""
 
 
 class PackageError(RuntimeError):
@@ -51,7 +53,7 @@ class PackageError(RuntimeError):
 
 
 TOLD = (PackageError, wheel.BuildError, environment.SetupError)
-"""What ends the command with one line."""
+"""The errors that end the command with one line."""
 
 
 def platform_of(wheel_name: str) -> str:
@@ -64,9 +66,9 @@ def platform_of(wheel_name: str) -> str:
 
 
 def glibc_of(wheel_file: Path) -> tuple[int, int]:
-    """The version of the C library that the native module of a wheel needs, (0, 0) if it is not for Linux.
+    """The version of glibc that the native module of a wheel needs, (0, 0) if it is not for Linux.
 
-    Out of the versions of symbols in it: a wheel's name need not tell. Raises PackageError.
+    Read from the versions of its symbols, because a wheel's name need not contain it. Raises PackageError.
     """
     needed = [(0, 0)]
     try:
@@ -76,12 +78,12 @@ def glibc_of(wheel_file: Path) -> tuple[int, int]:
                     found = re.findall(rb"\0GLIBC_(\d+)\.(\d+)(?=[.\0])", archive.read(name))
                     needed += [(int(major), int(minor)) for major, minor in found]
     except zipfile.BadZipFile as error:
-        raise PackageError(f"{wheel_file}: it is no wheel: {error}") from error
+        raise PackageError(f"{wheel_file}: not a wheel: {error}") from error
     return max(needed)
 
 
 def too_new(wheel_file: Path) -> str | None:
-    """What to know of a wheel that needs a newer C library than Blender, or None. Raises PackageError."""
+    """A warning if a wheel needs a newer glibc than Blender, else None. Raises PackageError."""
     needed = glibc_of(wheel_file)
     if needed <= BLENDER_GLIBC:
         return None
@@ -93,9 +95,9 @@ def too_new(wheel_file: Path) -> str | None:
 
 
 def filled_manifest(text: str, wheels: Sequence[str]) -> str:
-    """The manifest with the platforms and the paths of these wheels, which stand before its first table.
+    """The manifest with the platforms and the paths of these wheels inserted before its first table.
 
-    Raises PackageError when a wheel's version is not the manifest's: Blender would load a mismatched pair.
+    Raises PackageError if a wheel's version is not the manifest's: Blender would load a mismatched pair.
     """
     import tomllib
 
@@ -116,11 +118,11 @@ def filled_manifest(text: str, wheels: Sequence[str]) -> str:
 
 
 def stage(wheels: Sequence[Path], folder: Path) -> None:
-    """Fill an empty folder with everything that goes into the zip."""
+    """Fill `folder` with everything that goes into the zip; its old content is removed."""
     shutil.rmtree(folder, ignore_errors=True)
     shutil.copytree(ROOT / "addon", folder, ignore=shutil.ignore_patterns(*IGNORED))
     shutil.copy2(ROOT / "LICENSE", folder)
-    shutil.copy2(ROOT / "README.md", folder)  # panels open it
+    shutil.copy2(ROOT / "README.md", folder)  # opened by the panels
     (folder / "wheels").mkdir()
     for path in wheels:
         shutil.copy2(path, folder / "wheels")
@@ -130,7 +132,7 @@ def stage(wheels: Sequence[Path], folder: Path) -> None:
 
 
 def blender_tool() -> Path:
-    """Blender's own packaging program out of the installed bpy. Raises PackageError."""
+    """The path of Blender's own packaging program in the installed bpy. Raises PackageError."""
     found = importlib.util.find_spec("bpy")
     places = list(found.submodule_search_locations or []) if found else []
     programs = [p for place in places for p in Path(place).glob("*/scripts/addons_core/bl_pkg/cli/blender_ext.py")]
@@ -143,7 +145,7 @@ def run_tool(*arguments: str) -> None:
     """Run Blender's packaging program. Raises PackageError with what it printed."""
     command = [sys.executable, str(blender_tool()), *arguments]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
-    # The tool reports some failures in words only.
+    # The tool reports some failures only in its output, with exit status 0.
     if done.returncode != 0 or "error:" in (done.stdout + done.stderr).lower():
         raise PackageError(f"blender_ext {arguments[0]}: {(done.stdout + done.stderr).strip()}")
 
@@ -151,7 +153,7 @@ def run_tool(*arguments: str) -> None:
 def portable_wheel() -> Path:
     """A wheel for all machines of this kind on which Blender runs. Raises wheel.BuildError or environment.SetupError.
 
-    Only on Linux is it another than the usual one, which needs the C library of the machine that built it.
+    On Linux the usual wheel needs the glibc of the machine that built it; elsewhere both are the same.
     """
     if sys.platform != "linux":
         return wheel.build(ROOT, Path(sys.executable))[0]
@@ -164,7 +166,7 @@ def portable_wheel() -> Path:
 def package(wheels: Sequence[Path], out: Path, *, portable: bool = False) -> Path:
     """Build and validate the zip in the folder `out`. Raises PackageError, wheel.BuildError, environment.SetupError.
 
-    portable: bundle the wheel that is built for all machines of this kind, beside those that are given.
+    portable: build the wheel for all machines of this kind and add it to `wheels`.
     """
     import tomllib
 
@@ -180,16 +182,16 @@ def package(wheels: Sequence[Path], out: Path, *, portable: bool = False) -> Pat
         if warning is not None:
             print(f"package: {warning}", file=sys.stderr)
     manifest = tomllib.loads((ROOT / "blender_manifest.toml").read_text(encoding="utf-8"))
-    staged = ROOT / "build" / "extension"
-    stage(chosen, staged)
     out.mkdir(parents=True, exist_ok=True)
     target = out / f"{manifest['id']}-{manifest['version']}.zip"
-    fresh = target.with_suffix(".new.zip")
-    fresh.unlink(missing_ok=True)
-    run_tool("validate", str(staged))
-    run_tool("build", "--source-dir", str(staged), "--output-filepath", str(fresh))
-    run_tool("validate", str(fresh))
-    return fresh.replace(target)
+    # Each call has a folder of its own: the tests of two Blenders package side by side.
+    with tempfile.TemporaryDirectory(prefix="extension-", dir=out) as folder:
+        staged, fresh = Path(folder) / "extension", Path(folder) / target.name
+        stage(chosen, staged)
+        run_tool("validate", str(staged))
+        run_tool("build", "--source-dir", str(staged), "--output-filepath", str(fresh))
+        run_tool("validate", str(fresh))
+        return fresh.replace(target)
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -206,7 +208,7 @@ def main(arguments: Sequence[str]) -> int:
 
 
 def run(asked: argparse.Namespace) -> int:
-    """Do what is asked. Returns the exit status."""
+    """Package as the arguments say. Returns the exit status."""
     target = package(asked.wheel, asked.out, portable=asked.portable)
     print(f"{target} ({target.stat().st_size / 1e6:.1f} MB)")
     return 0

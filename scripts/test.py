@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Every check of the project: `python3 scripts/test.py [CHECK ...]`.
 
-Sets up what it needs, then runs formatters, linters, type checks and all tests. The last line is the count; the exit
-status is 0 only if nothing failed. With arguments only the checks whose names begin so are run: `test.py core`; when
-none begins so, nothing is run, and the exit status is 2. Stopped by Ctrl-C it is 130.
+Sets up what it needs, then runs formatters, linters, type checks and all tests, two side by side. The last line is the
+count; the exit status is 0 only if nothing failed. Arguments choose checks by the beginning of their names:
+`test.py core`; if none begins so, nothing runs, and the exit status is 2. Stopped by Ctrl-C it is 130.
 """
 
 from __future__ import annotations
 
+import collections
 import contextlib
 import json
 import os
@@ -19,21 +20,28 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+sys.path.insert(0, str(Path(__file__).resolve().parent / "dev"))
+
 import environment
 from environment import CURRENT, LTS, ROOT
 
-MANIFEST = ["--manifest-path", "native/Cargo.toml"]
+CRATES = ["--manifest-path", "native/Cargo.toml", "--workspace"]
 ENVIRONMENT = {**os.environ, "PYO3_PYTHON": str(CURRENT.python), "CARGO_TERM_COLOR": "never"}
-TIME_LIMIT = 900
-"""Seconds after which a check is ended and counts as failed."""
+
+SILENT_SECONDS, SILENT_WORK = 900.0, 3600.0
+"""A check hangs if it printed nothing for the first and did not work meanwhile, or worked for the second.
+
+The first is seconds of the clock, the second seconds of processors. A check that works may take any time: a busy
+machine makes it no failure. The longest silence of a check that works is a compilation, of 600 seconds of processors.
+"""
 
 LAST_LINES, LINE_WIDTH = 8, 160
-"""How much of what a failed check printed is printed again beside the summary, which may be all that a log keeps."""
+"""How much of a failed check's output is printed again after the summary, which may be all that a log keeps."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +52,7 @@ class Counts:
     failed: int = 0
     skipped: int = 0
     said: str = field(default="", compare=False, repr=False)
-    """What was printed by what failed."""
+    """The output of the checks that failed."""
 
     def __add__(self, other: Counts) -> Counts:
         """Both together."""
@@ -61,7 +69,7 @@ class Counts:
 
 
 def end(process: subprocess.Popen[Any]) -> None:
-    """End a process that leads a session, with all that it started: cargo's end alone would not end a test's."""
+    """End a process that leads a session, and all that it started: ending cargo alone would not end its tests."""
     if os.name == "posix":
         with contextlib.suppress(ProcessLookupError):
             os.killpg(process.pid, signal.SIGKILL)
@@ -69,45 +77,140 @@ def end(process: subprocess.Popen[Any]) -> None:
         process.kill()
 
 
+class Running:
+    """The processes that run now, so that all can be ended at once. Safe to use from several threads."""
+
+    def __init__(self) -> None:
+        """No process yet."""
+        self._lock = threading.Lock()
+        self._processes: set[subprocess.Popen[str]] = set()
+        self._stopped = False
+
+    @contextlib.contextmanager
+    def started(self, command: list[str]) -> Iterator[subprocess.Popen[str]]:
+        """A process in a session of its own; ended if the block is left before its end. Raises StoppedError."""
+        with self._lock:
+            if self._stopped:
+                raise StoppedError
+            process = subprocess.Popen(
+                command,
+                cwd=ROOT,
+                env=ENVIRONMENT,
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.STDOUT,
+                text=True,
+                errors="replace",
+                start_new_session=True,
+            )
+            self._processes.add(process)
+        try:
+            with process:
+                yield process
+        except BaseException:
+            end(process)
+            raise
+        finally:
+            with self._lock:
+                self._processes.discard(process)
+
+    def stop(self) -> None:
+        """End all processes, and start no more."""
+        with self._lock:
+            self._stopped = True
+            for process in self._processes:
+                end(process)
+
+
+class StoppedError(RuntimeError):
+    """All checks are being ended: none starts any more."""
+
+
+RUNNING = Running()
+NAME = threading.local()
+"""`NAME.check`: the check that this thread runs. Its lines are printed with it, since two checks run side by side."""
+
+
+def show(line: str) -> None:
+    """Print a line of the check that this thread runs, at once."""
+    # In one piece: another thread may print meanwhile.
+    sys.stdout.write(f"{getattr(NAME, 'check', 'test'):>11} | {line.rstrip()}\n")
+    sys.stdout.flush()
+
+
+def processor_seconds(session: int) -> float:
+    """The seconds that processors worked for the processes of a session.
+
+    Linux lists them in /proc; elsewhere returns seconds of the clock, as if one processor worked all the time.
+    """
+    if not Path("/proc/self/stat").is_file():
+        return time.monotonic()
+    ticks = 0
+    for path in Path("/proc").glob("[0-9]*/stat"):
+        with contextlib.suppress(OSError):
+            # The fields after the program's name, which stands in parentheses and may contain spaces (proc(5)).
+            fields = path.read_text(errors="replace").rpartition(")")[2].split()
+            if int(fields[3]) == session:
+                ticks += sum(map(int, fields[11:15]))
+    return ticks / os.sysconf("SC_CLK_TCK")
+
+
+class Watch:
+    """Ends a process that hangs; `why` then says how it hung. See SILENT_SECONDS."""
+
+    def __init__(self, process: subprocess.Popen[str]) -> None:
+        """Watch the process from now on."""
+        self.why = ""
+        self._process = process
+        self._printed = threading.Event()
+        self._over = threading.Event()
+        threading.Thread(target=self._look, daemon=True).start()
+
+    def printed(self) -> None:
+        """Note that the process printed something."""
+        self._printed.set()
+
+    def over(self) -> None:
+        """Stop watching."""
+        self._over.set()
+
+    def _look(self) -> None:
+        heard = worked = processor_seconds(self._process.pid)
+        since = time.monotonic()
+        while not self._over.wait(min(SILENT_SECONDS / 10, 10.0)):
+            work = processor_seconds(self._process.pid)
+            if self._printed.is_set():
+                self._printed.clear()
+                heard = work
+            # A process that only polls uses less than this.
+            if heard == work or work - worked > SILENT_SECONDS / 100:
+                worked, since = work, time.monotonic()
+            if time.monotonic() - since > SILENT_SECONDS:
+                self.why = f"ended: it printed nothing and did not work for {SILENT_SECONDS:.0f} s\n"
+            elif work - heard > SILENT_WORK:
+                self.why = f"ended: it printed nothing in {SILENT_WORK:.0f} s of work\n"
+            if self.why:
+                end(self._process)
+                return
+
+
 def run(command: list[str]) -> tuple[int, str]:
-    """Run a command, showing its output as it comes. Returns its exit status and what it printed."""
-    process = subprocess.Popen(
-        command,
-        cwd=ROOT,
-        env=ENVIRONMENT,
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        errors="replace",
-        start_new_session=True,
-    )
-    assert process.stdout is not None
-    # A timer, because a hanging process prints nothing that could wake a loop over its lines.
-    overdue = threading.Event()
-
-    def stop() -> None:
-        overdue.set()
-        end(process)
-
-    timer = threading.Timer(TIME_LIMIT, stop)
-    timer.start()
+    """Run a command, printing its lines as they come. Returns its exit status and what it printed."""
     lines = []
-    try:
-        with process:
+    with RUNNING.started(command) as process:
+        assert process.stdout is not None
+        watch = Watch(process)
+        try:
             for line in process.stdout:
-                print(line, end="", flush=True)
+                watch.printed()
+                show(line)
                 lines.append(line)
-    except BaseException:
-        end(process)
-        raise
-    finally:
-        timer.cancel()
-    status = process.returncode
-    if overdue.is_set():
-        lines.append(f"ended after {TIME_LIMIT} s\n")
-        print(lines[-1], end="", flush=True)
-    return status, "".join(lines)
+        finally:
+            watch.over()
+    if watch.why:
+        show(watch.why)
+        lines.append(watch.why)
+    return process.returncode, "".join(lines)
 
 
 def gate(*command: str) -> Callable[[], Counts]:
@@ -125,51 +228,15 @@ def python_tool(module: str, *arguments: str) -> Callable[[], Counts]:
     return gate(str(CURRENT.python), "-m", module, *arguments)
 
 
-class RustTests:
-    """`cargo test`, which takes minutes, beside everything else: another profile and another lock than the module's."""
-
-    def __init__(self) -> None:
-        """Begin."""
-        self._folder = tempfile.TemporaryDirectory(prefix="halfspace-rust-")
-        self._output = Path(self._folder.name) / "output"
-        with self._output.open("wb") as output:
-            self._process = subprocess.Popen(
-                ["cargo", "test", *MANIFEST],
-                cwd=ROOT,
-                env=ENVIRONMENT,
-                stdin=subprocess.DEVNULL,
-                stdout=output,
-                stderr=subprocess.STDOUT,
-                start_new_session=True,
-            )
-
-    def counts(self) -> Counts:
-        """Wait for the end, show what was printed, and add up the test programs."""
-        limit = time.monotonic() + TIME_LIMIT
-        with self._output.open(encoding="utf-8", errors="replace") as output:
-            while self._process.poll() is None and time.monotonic() < limit:
-                print(output.read(), end="", flush=True)
-                time.sleep(0.5)
-            if self._process.poll() is None:
-                end(self._process)
-                with self._output.open("a", encoding="utf-8") as more:
-                    more.write(f"ended after {TIME_LIMIT} s\n")
-            status = self._process.wait()
-            print(output.read(), end="", flush=True)
-        said = self._output.read_text(encoding="utf-8", errors="replace")
-        # Not compiling fails no test, and so must count by itself.
-        return judged(cargo_counts(said), status, said)
-
-    def close(self) -> None:
-        """End it, if it goes on, and forget what it printed."""
-        if self._process.poll() is None:
-            end(self._process)
-            self._process.wait()
-        self._folder.cleanup()
+def rust_tests() -> Counts:
+    """The unit, integration and documentation tests of all crates, with checks of overflow."""
+    status, said = run(["cargo", "test", *CRATES])
+    # A failed compilation fails no test, and so counts by itself.
+    return judged(cargo_counts(said), status, said)
 
 
 def judged(counts: Counts, status: int, said: str) -> Counts:
-    """What tests have come to: a program of them that ends badly has failed, whatever it counted."""
+    """The result of tests: a test program with another exit status than 0 has failed, whatever it counted."""
     if status == 0 and not counts.failed:
         return counts
     return counts + Counts(failed=int(not counts.failed), said=said)
@@ -195,14 +262,17 @@ def pytest_tier(where: environment.Environment, folder: str) -> Callable[[], Cou
     return check
 
 
-CHECKS: dict[str, Callable[[], Counts]] = {
-    "rustfmt": gate("cargo", "fmt", *MANIFEST, "--check"),
-    "clippy": gate("cargo", "clippy", *MANIFEST, "--all-targets", "--", "-D", "warnings"),
-    "clippy-python": gate(
-        "cargo", "clippy", *MANIFEST, "--all-targets", "--features", "python", "--", "-D", "warnings"
-    ),
-    "deny": gate("cargo", "deny", *MANIFEST, "--offline", "check", "bans", "licenses", "sources"),
-    "dependencies": gate(str(CURRENT.python), "scripts/dependencies.py"),
+CARGO_CHECKS: dict[str, Callable[[], Counts]] = {
+    "rustfmt": gate("cargo", "fmt", *CRATES[:2], "--all", "--check"),
+    "dependencies": gate(str(CURRENT.python), "scripts/dev/dependencies.py"),
+    "deny": gate("cargo", "deny", *CRATES, "--offline", "check", "bans", "licenses", "sources"),
+    # With the Python module, which is more code; `rust` compiles the crates without it.
+    "clippy": gate("cargo", "clippy", *CRATES, "--all-targets", "--all-features", "--", "-D", "warnings"),
+    "rust": rust_tests,
+}
+"""Name to check, in order. They run while the wheel is built: they need no wheel, and use other files of cargo."""
+
+PYTHON_CHECKS: dict[str, Callable[[], Counts]] = {
     "ruff": python_tool("ruff", "check", "."),
     "ruff-format": python_tool("ruff", "format", "--check", "."),
     "mypy": python_tool("mypy"),
@@ -210,63 +280,114 @@ CHECKS: dict[str, Callable[[], Counts]] = {
     "blender": pytest_tier(CURRENT, "tests/blender"),
     "blender-lts": pytest_tier(LTS, "tests/blender"),
 }
-"""Name to check, in the order in which they run: the quick ones first."""
+"""Name to check, in order. They run once the wheel is installed."""
 
-RUST = "rust"
-"""The check that runs beside the others, and is waited for last."""
+NEED_WHEEL = {"core", "blender", "blender-lts"}
 
-
-def why_not(name: str, lts_problem: str | None) -> str | None:
-    """Why a check cannot be run on this machine, or None."""
-    if name == "blender-lts":
-        return lts_problem
-    tools = {"rustfmt": "rustfmt", "clippy": "cargo-clippy", "clippy-python": "cargo-clippy", "deny": "cargo-deny"}
-    component = tools.get(name)
-    if component and shutil.which(component) is None:
-        return f"{component} is not installed"
-    return None
+TOOLS = {"rustfmt": "rustfmt", "clippy": "cargo-clippy", "deny": "cargo-deny"}
+"""The program without which a check is skipped."""
 
 
-@dataclass(frozen=True)
-class Ready:
-    """What the set-up has come to.
+class Queue:
+    """Two lists of checks for two threads: each thread takes from its own, then from the end of the other's.
 
-    rust: its tests, which run meanwhile, if wanted. lts_missing: why there is no environment for Blender LTS, or None.
-    lts_broken: whether it could not be made, though its Python is there.
+    `ready` is set once the second list may begin.
     """
 
-    rust: RustTests | None = None
-    lts_missing: str | None = None
-    lts_broken: bool = False
+    def __init__(self, first: list[str], second: list[str]) -> None:
+        """Nothing of either list is taken yet."""
+        self.ready = threading.Event()
+        self._lists = (collections.deque(first), collections.deque(second))
+        self._lock = threading.Lock()
+
+    def take(self, own: int) -> str | None:
+        """The next check of the thread whose list has this index (0 or 1), None if no check is left."""
+        with self._lock:
+            if self._lists[own]:
+                return self._lists[own].popleft()
+        if own == 0:
+            self.ready.wait()
+        with self._lock:
+            return self._lists[1 - own].pop() if self._lists[1 - own] else None
 
 
-def set_up(names: list[str], beside: contextlib.ExitStack) -> Ready:
-    """Make the environments ready. `beside` closes the Rust tests. Raises SetupError.
+class Session:
+    """One run of the chosen checks."""
 
-    Where only Blender LTS cannot be set up, its check fails, and the others run.
-    """
-    environment.prepare(CURRENT)
-    rust = RustTests() if RUST in names else None
-    if rust is not None:
-        beside.callback(rust.close)
-    environments, missing, broken = [CURRENT], None, False
-    if "blender-lts" in names:
-        if environment.available(LTS):
-            try:
-                environment.prepare(LTS)
-                environments.append(LTS)
-            except environment.SetupError as error:
-                broken = True
-                print(f"[set-up] blender-lts fails: {error}", flush=True)
-        else:
-            missing = f"Python {LTS.version}, which Blender {LTS.blender} needs, was not found"
-    environment.install_wheel(*environments)
-    return Ready(rust, missing, broken)
+    def __init__(self, names: list[str]) -> None:
+        """Nothing has run yet."""
+        self.names = names
+        self.results: dict[str, tuple[Counts, str]] = {}
+        self.checks = {**CARGO_CHECKS, **PYTHON_CHECKS}
+        self.skipped: dict[str, str] = {}
+        """Check to the reason why this machine cannot run it."""
+        for name, tool in TOOLS.items():
+            if shutil.which(tool) is None:
+                self.skipped[name] = f"{tool} is not installed"
+        self._queue = Queue([n for n in names if n in CARGO_CHECKS], [n for n in names if n not in CARGO_CHECKS])
+        self._faults: list[BaseException] = []
+
+    def run(self) -> None:
+        """Set up and run all checks, two side by side. Raises SetupError, and what a check raised."""
+        other = threading.Thread(target=self._work, args=[0], daemon=True)
+        try:
+            with environment.alone():
+                environments = self._prepare()
+                other.start()
+                if NEED_WHEEL.intersection(self.names):
+                    environment.install_wheel(*environments)
+            self._queue.ready.set()
+            self._work(1)
+            other.join()
+        except BaseException:
+            RUNNING.stop()
+            raise
+        if self._faults:
+            raise self._faults[0]
+
+    def _prepare(self) -> list[environment.Environment]:
+        """Make the environments ready, without the native module. Returns those that are. Raises SetupError.
+
+        If only Blender LTS cannot be set up, its check fails or is skipped, and the others run.
+        """
+        environment.prepare(CURRENT)
+        if "blender-lts" not in self.names:
+            return [CURRENT]
+        try:
+            environment.prepare(LTS)
+        except environment.NoPythonError as error:
+            self.skipped["blender-lts"] = str(error)
+            return [CURRENT]
+        except environment.SetupError as error:
+            said = f"[set-up] blender-lts fails: {error}"
+            print(said, flush=True)
+            self.checks["blender-lts"] = lambda: Counts(failed=1, said=said)
+            return [CURRENT]
+        return [CURRENT, LTS]
+
+    def _work(self, own: int) -> None:
+        """Run checks until none is left, as one of two threads."""
+        try:
+            while (name := self._queue.take(own)) is not None:
+                self._check(name)
+        except BaseException as error:
+            if own == 1:
+                raise
+            self._faults.append(error)
+
+    def _check(self, name: str) -> None:
+        reason = self.skipped.get(name)
+        print(f"==== {name}" + (f": skipped, {reason}" if reason else ""), flush=True)
+        began = time.monotonic()
+        NAME.check = name
+        counts = Counts(skipped=1) if reason else self.checks[name]()
+        self.results[name] = counts, reason or f"{time.monotonic() - began:.0f} s"
+        print(f"==== {name}: {counts}", flush=True)
 
 
 def main(wanted: list[str]) -> int:
     """Run the checks whose names begin with one of `wanted` (all, if none). Returns the exit status."""
-    # Not as other commands end: a fault of this script itself is to be seen whole.
+    # Unlike other commands, shows the whole traceback of a fault of this script itself.
     try:
         return work(wanted)
     except KeyboardInterrupt:
@@ -275,34 +396,21 @@ def main(wanted: list[str]) -> int:
 
 
 def work(wanted: list[str]) -> int:
-    """Do so. Returns the exit status."""
-    known = [*CHECKS, RUST]
-    # Beside known names too: a check that is misspelt would else be taken for one that passed.
+    """Run the checks and print the summary. Returns the exit status."""
+    known = [*CARGO_CHECKS, *PYTHON_CHECKS]
+    # Refused even with known names: a check that is misspelt would else be taken for one that passed.
     unknown = [word for word in wanted if not any(name.startswith(word) for name in known)]
     if unknown:
         print(f"test: no check is called {unknown[0]!r}; there are {', '.join(known)}", file=sys.stderr)
         return 2
-    names = [name for name in known if not wanted or name.startswith(tuple(wanted))]
     start = time.monotonic()
-    results: dict[str, tuple[Counts, str]] = {}
-    with contextlib.ExitStack() as beside:
-        try:
-            with environment.alone():
-                ready = set_up(names, beside)
-        except environment.SetupError as error:
-            print(f"The set-up failed: {error}\n\n{Counts(failed=1)}", flush=True)
-            return 1
-        checks = dict(CHECKS)
-        if ready.rust is not None:
-            checks[RUST] = ready.rust.counts
-        if ready.lts_broken:
-            checks["blender-lts"] = lambda: Counts(failed=1)
-        for name in names:
-            reason = why_not(name, ready.lts_missing)
-            print(f"\n==== {name}" + (f": skipped, {reason}" if reason else ""), flush=True)
-            began = time.monotonic()
-            counts = Counts(skipped=1) if reason else checks[name]()
-            results[name] = counts, reason or f"{time.monotonic() - began:.0f} s"
+    session = Session([name for name in known if not wanted or name.startswith(tuple(wanted))])
+    try:
+        session.run()
+    except environment.SetupError as error:
+        print(f"The set-up failed: {error}\n\n{Counts(failed=1)}", flush=True)
+        return 1
+    results = {name: session.results[name] for name in session.names}
     for name, (counts, _) in results.items():
         if counts.failed:
             last = [line[:LINE_WIDTH] for line in counts.said.splitlines() if line.strip()][-LAST_LINES:]
@@ -316,7 +424,7 @@ def work(wanted: list[str]) -> int:
 
 
 if __name__ == "__main__":
-    # What runs here leads sessions of its own: an end from outside has to reach it.
+    # The checks lead sessions of their own: a signal from outside ends only this process, which then ends them.
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
-    environment.continue_in(CURRENT.version)
+    environment.continue_in(CURRENT)
     sys.exit(main(sys.argv[1:]))

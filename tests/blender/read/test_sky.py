@@ -245,7 +245,7 @@ print(next(iter(sky._processes)).pid, flush=True)
     folder.mkdir()
     environment = {**os.environ, "TMPDIR": str(folder), "TEMP": str(folder), "TMP": str(folder)}
     done = subprocess.run(
-        [sys.executable, str(script)], env=environment, capture_output=True, text=True, timeout=60, check=True
+        [sys.executable, str(script)], env=environment, capture_output=True, text=True, timeout=300, check=True
     )
     assert done.stdout.split()[-1].isdigit()
     assert not list(folder.glob("halfspace-sky-*"))

@@ -38,7 +38,7 @@ def found(archive: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, 
         cwd=user,
         capture_output=True,
         text=True,
-        timeout=240,
+        timeout=300,
         check=False,
     )
     lines = [line for line in done.stdout.splitlines() if line.startswith("FOUND ")]

@@ -330,6 +330,6 @@ def test_no_number_of_threads_means_one_per_core(scene: Path, tmp_path: Path) ->
 
 def test_arguments_follow_two_dashes_as_inside_blender(scene: Path) -> None:
     command = [sys.executable, str(BENCH), "--background", "--python", "bench.py", "--", str(scene), *QUICK]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
     assert done.returncode == 0, done.stderr
     assert "soup: 100 triangles" in done.stdout

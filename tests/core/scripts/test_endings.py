@@ -92,7 +92,7 @@ def test_a_long_run_that_is_interrupted(tmp_path: Path) -> None:
                 break
             time.sleep(0.1)
         run.send_signal(signal.SIGINT)
-        _, said = run.communicate(timeout=120)
+        _, said = run.communicate(timeout=300)
     finally:
         run.kill()
         run.wait()

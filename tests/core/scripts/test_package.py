@@ -240,4 +240,4 @@ def test_a_wheel_that_is_none_is_one_line(tmp_path: Path, capsys: pytest.Capture
     path = tmp_path / "x-1-cp311-abi3-linux_x86_64.whl"
     path.write_bytes(b"no wheel")
     assert package.main(["--wheel", str(path), "--out", str(tmp_path)]) == 2
-    assert capsys.readouterr().err == f"package: {path}: it is no wheel: File is not a zip file\n"
+    assert capsys.readouterr().err == f"package: {path}: not a wheel: File is not a zip file\n"

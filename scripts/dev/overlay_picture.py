@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A picture of the structure in the viewport: `python scripts/overlay_picture.py [FILE] [options]`.
+"""A picture of the structure in the viewport: `python scripts/dev/overlay_picture.py [FILE] [options]`.
 
-FILE: a .blend or .npz (default: the built-in showcase), seen through its camera in Solid shading. Opens
-no window, which needs Blender 5.2 or newer. Exit status: 0 done; 2 bad usage or input, 130 stopped, said in one line.
+FILE: a .blend or .npz (default: the built-in showcase), seen through its camera in Solid shading. Draws without a
+window, which needs Blender 5.2 or newer. Exit status: 0 done; 2 bad usage or input, with one line; 130 stopped.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from addon.core.base import command
 from addon.core.report import results
@@ -22,12 +22,12 @@ from addon.core.scene import workload
 from addon.core.structures import specs
 from lab.base.usage import Parser, UsageError, output
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 
 LARGEST, DEEPEST = 1 << 13, 1 << 10
 SUFFIXES = (".png", ".jpg", ".jpeg")
 SMOOTHING = 2
-"""Drawn so many times as wide and high, and averaged: lines are not smoothed by themselves."""
+"""Factor on width and height while drawing; the picture is averaged down, because the GPU does not smooth lines."""
 
 
 def parser() -> argparse.ArgumentParser:
@@ -39,9 +39,11 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument(
         "--show", default="planes", metavar="PART[,...]", help="planes, cells, ray, beam (default: planes)"
     )
-    made.add_argument("--least", type=int, default=1, metavar="N", help="show cells of at least so many triangles")
-    made.add_argument("--ray", type=float, nargs=6, metavar="N", help="from x y z towards x y z; shows its way")
-    made.add_argument("--traversal", metavar="NAME", help="of the structure, where it has several")
+    made.add_argument(
+        "--least", type=int, default=1, metavar="N", help="least number of triangles of a cell that is shown"
+    )
+    made.add_argument("--ray", type=float, nargs=6, metavar="N", help="from x y z towards x y z; shows its path")
+    made.add_argument("--traversal", metavar="NAME", help="one of the structure's traversals, if it has several")
     made.add_argument("--pixel", type=float, default=1e-3, metavar="N", help="between rays of a beam (default: 0.001)")
     made.add_argument("--opacity", type=float, default=0.9, metavar="SHARE", help="0 to 1 (default: 0.9)")
     made.add_argument("--style", default="BOTH", choices=("OUTLINE", "FILL", "BOTH"), help="default: BOTH")
@@ -52,7 +54,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Draw. Returns the exit status."""
+    """The command line. Returns the exit status."""
     return command.run("overlay_picture", arguments, read, run, told=(TypeError,))
 
 
@@ -105,13 +107,14 @@ def run(asked: argparse.Namespace) -> int:
     if not hasattr(scene, "halfspace"):
         addon.register()
     scenes.open_file(asked.file)
-    scene = bpy.context.scene  # another one: the file brought its own
+    scene = bpy.context.scene  # opening a file replaces the scene
     group = scene.halfspace
     settings = group.overlay
     try:
         presets.apply(group, structure)
     except specs.SpecError as error:
         raise UsageError(f"--structure: {error}") from error
+    # Show the chosen parts of the tree, and build it.
     settings.show, settings.style = True, asked.style
     settings.depth_min, settings.depth_max = int(first), int(last or first)
     settings.line_width *= SMOOTHING
@@ -126,6 +129,7 @@ def run(asked: argparse.Namespace) -> int:
     if asked.view is not None:
         eye, target = np.array(asked.view[:3]), np.array(asked.view[3:])
         stage.see(scene, workload.View(eye, target, np.array([0.0, 0.0, 1.0]), 40.0))
+    # Draw at a multiple of the size, save the average, and print what is in the picture.
     if scene.camera is None:
         raise ValueError("the scene has no camera; give it a --view")
     picture = _drawn(bpy, gpu, overlay, scene, (int(width) * SMOOTHING, int(height) * SMOOTHING))
@@ -151,13 +155,14 @@ def _drawn(bpy: Any, gpu: Any, overlay: Any, scene: Any, size: tuple[int, int]) 
     area = next(area for area in bpy.context.window.screen.areas if area.type == "VIEW_3D")
     space, region = area.spaces.active, next(region for region in area.regions if region.type == "WINDOW")
     space.shading.type, space.shading.color_type = "SOLID", "SINGLE"
-    space.shading.single_color = (0.5, 0.5, 0.5)  # so that all colour in the picture is the structure's
+    space.shading.single_color = (0.5, 0.5, 0.5)  # all colour in the picture belongs to the structure
     space.shading.light, space.shading.show_cavity = "STUDIO", True
     space.shading.background_type, space.shading.background_color = "VIEWPORT", (0.012, 0.013, 0.016)
     space.overlay.show_overlays = False
     depsgraph = bpy.context.evaluated_depsgraph_get()
     view = scene.camera.matrix_world.inverted()
     projection = scene.camera.calc_matrix_camera(depsgraph, x=width, y=height)
+    # Draw the scene, then the planes over it, into a buffer without a window.
     canvas = gpu.types.GPUOffScreen(width, height)
     canvas.draw_view3d(
         scene, bpy.context.view_layer, space, region, view, projection, do_color_management=True, draw_background=True

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The shared libraries that Blender's module takes from the system: which are missing, and how to get them."""
+"""The shared libraries that Blender's module loads from the system: which are missing, and how to get them."""
 
 from __future__ import annotations
 
@@ -30,17 +30,17 @@ DEBIAN_PACKAGES = {
 """Library to Debian package. Names as in Debian 12 and Ubuntu 22.04 and later."""
 
 LOADED_AT_RUN_TIME = ("libEGL.so.1",)
-"""Not linked by the module, but opened by it for drawing without a window."""
+"""Libraries that the module does not link but opens to draw without a window."""
 
 
 class MissingLibrariesError(RuntimeError):
-    """Libraries are missing and could not be installed here. The message says what to install."""
+    """Libraries are missing and could not be installed. The message names the packages."""
 
 
 def missing(folder: Path) -> list[str]:
     """The libraries that the Blender module in `folder` (the installed package `bpy`) needs and the system lacks.
 
-    Only Linux takes libraries from the system; elsewhere the list is empty.
+    Always empty on systems other than Linux, where Blender brings all its libraries.
     """
     if not sys.platform.startswith("linux") or shutil.which("ldd") is None:
         return []
@@ -54,20 +54,20 @@ def parse_ldd(text: str) -> list[str]:
 
 
 def _can_open(name: str) -> bool:
-    # In a process of its own: a library once opened stays, and drivers may print or crash.
+    # In a separate process: an opened library stays loaded, and drivers may print or crash.
     code = f"import ctypes; ctypes.CDLL({name!r})"
     return subprocess.run([sys.executable, "-c", code], capture_output=True, check=False).returncode == 0
 
 
 def packages(libraries: list[str]) -> list[str]:
-    """The Debian packages that bring these libraries; a library that we do not know stands for itself."""
+    """The Debian packages that contain these libraries; a library that is not in the table stands for itself."""
     return sorted({DEBIAN_PACKAGES.get(re.sub(r"\.so.*", ".so", name), name) for name in libraries})
 
 
 def provide(folder: Path) -> list[str]:
-    """Install what the Blender module in `folder` lacks, if we may. Returns the packages that were installed.
+    """Install the libraries that the Blender module in `folder` lacks. Returns the names of the installed packages.
 
-    As root with apt-get the packages are installed. Otherwise raises MissingLibrariesError with the command to run.
+    Needs root and apt-get; otherwise raises MissingLibrariesError with the command to run.
     """
     libraries = missing(folder)
     if not libraries:

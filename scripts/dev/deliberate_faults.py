@@ -26,7 +26,7 @@ ALL = ("contract", "every_structure_answers_like_brute_force")
 """Every structure on every extreme case."""
 
 EXACT = ("contract", "brute_force_answers_like_exact_arithmetic")
-"""What is wrong everywhere alike."""
+"""Brute force against exact arithmetic: faults that all structures share."""
 
 ENDS = ("contract", "the_ends_of_the_interval_count_and_nothing_beyond")
 PACKETS = ("lib", "packets_lose_nothing_on_hard_scenes")
@@ -87,7 +87,7 @@ FAULTS = (
         ALL,
     ),
     Fault(
-        "octree walks leave before the last cell",
+        "octree traversals stop before the last cell",
         "native/src/traverse/octree_step.rs",
         "next[axis] == grid.size",
         "next[axis] + 1 >= grid.size",
@@ -108,7 +108,7 @@ FAULTS = (
         ALL,
     ),
     Fault(
-        "stretches of a sweep left out that hold the cheapest plane",
+        "bins of a sweep skipped that hold the cheapest plane",
         "native/src/build/sweep/bins.rs",
         "(starts[bin] + planar[bin]) as f32",
         "(starts[bin + 1] + planar[bin + 1]) as f32",
@@ -143,7 +143,7 @@ FAULTS = (
         BLOCK,
     ),
     Fault(
-        "bits that small sides lose not taken times the offset",
+        "the rounding of short edges not multiplied by the offset",
         _CANDIDATES,
         "[uv + UNDERFLOW, uv * size + (3.0 * det + UNDERFLOW)]",
         "[uv, uv * size + (3.0 * det + UNDERFLOW)]",
@@ -153,14 +153,14 @@ FAULTS = (
         "wrong signs counted up to the reach only", _CANDIDATES, "3.0 * det * farthest", "3.0 * det * reach.abs()", AFAR
     ),
     Fault(
-        "bits that small sides lose not taken times the offset, of rays in beams",
+        "the rounding of short edges not multiplied by the offset, for rays in beams",
         "native/src/traverse/lanes.rs",
         "2.0 * UV_ERROR * size + UNDERFLOW",
         "2.0 * UV_ERROR * size",
         AFAR_BEAMS,
     ),
     Fault(
-        "wrong signs not counted, of rays in beams",
+        "wrong signs not counted, for rays in beams",
         "native/src/traverse/lanes.rs",
         "T_ERROR * size * size + det",
         "T_ERROR * size * size",
@@ -168,7 +168,7 @@ FAULTS = (
     ),
     Fault("the f32 test blind behind the origin", _CANDIDATES, "keep_max(-ray.t_min, reach)", "reach", BLOCK),
     Fault(
-        "signs that f64 cannot tell taken as they are",
+        "signs that are uncertain in f64 used as they are",
         _VERDICT,
         "!settle_signs(o, d, v, (&mut w, errors.weight))",
         "false",
@@ -198,13 +198,13 @@ FAULTS = (
         ("lib", "traverse::late::tests"),
     ),
     Fault(
-        "cut triangles lost where many are parted at once",
+        "cut triangles lost where many are split at once",
         "native/src/build/plane_objects.rs",
         "joined.cut.extend(part.cut);",
         "joined.cut.truncate(part.cut.len());",
         ("lib", "plane_objects::tests::many_objects"),
     ),
-    Fault("distances that f64 cannot round taken as they are", _VERDICT, "low == high", "low <= high", VERDICT),
+    Fault("distances that are uncertain in f64 used as they are", _VERDICT, "low == high", "low <= high", VERDICT),
     Fault("the ends of the interval left out", _VERDICT, "high < span[0]", "high <= span[0]", ENDS),
     Fault(
         "boxes without their error bound",
@@ -214,7 +214,7 @@ FAULTS = (
         ALL,
     ),
     Fault(
-        "walls of the sorted grid on the wrong side",
+        "cell boundaries of the sorted grid on the wrong side",
         "native/src/build/grid_order.rs",
         "at.ceil() - 1.0",
         "at.floor()",
@@ -256,7 +256,7 @@ FAULTS = (
         ("beams", "shadow_beams_answer_like_single_rays_and_mostly_at_once"),
     ),
     Fault(
-        "cubes that a triangle touches denied",
+        "cubes that a triangle touches rejected",
         "native/src/build/overlap.rs",
         "low > limit",
         "low > 0.99 * limit",
@@ -312,7 +312,7 @@ FAULTS = (
         ("tests/core/scripts/test_faults.py", "full_disk"),
     ),
     Fault(
-        "rays of a packet not parted by their signs",
+        "rays of a packet not split by their signs",
         "native/src/traverse/packet.rs",
         "*own == signs",
         "true",
@@ -326,7 +326,7 @@ FAULTS = (
         PACKETS,
     ),
     Fault(
-        "triangles seen edge-on by some rays of a packet passed by",
+        "triangles skipped that some rays of a packet see edge-on",
         "native/src/traverse/packet_leaf.rs",
         "(one_sided & (outside | beyond))",
         "(outside | beyond)",
@@ -340,7 +340,7 @@ FAULTS = (
         PACKETS,
     ),
     Fault(
-        "steps along ropes that are not certain",
+        "uncertain steps along ropes",
         "native/src/traverse/plane_rope.rs",
         "moments[k].low > next.high",
         "true",
@@ -360,9 +360,9 @@ FAULTS = (
         "true",
         ("grid", "triangles_that_reach_a_corner"),
     ),
-    Fault("hits that wait forgotten for one as near", _QUERY, "far >= self.held.low", "false", ALL),
+    Fault("pending hits forgotten for one at the same distance", _QUERY, "far >= self.held.low", "false", ALL),
     Fault(
-        "no room for the rounding of hits that wait",
+        "no allowance for the rounding of pending hits",
         _FRAME_RAY,
         "high * (PRUNE * PRUNE) + 2.0 * self.last_place",
         "high",
@@ -378,21 +378,21 @@ FAULTS = (
         ("lib", "every_point_of_a_triangle_lies_in_the_box_of_a_leaf_that_holds_it"),
     ),
     Fault(
-        "what oblique planes cut counts for one side only",
+        "triangles cut by oblique planes count for one side only",
         "native/src/build/oblique_part.rs",
         "high.min(-low) <= self.little",
         "high.max(-low) >= self.little",
         ("lib", "every_point_of_the_triangle_is_in_the_part_on_its_side"),
     ),
     Fault(
-        "boxes walked with the leaves of the planes",
+        "box trees traversed with the leaves of plane trees",
         "native/src/structure/tracing.rs",
         "(self.walked()).map_or(&built.blocks, |boxes| &boxes.blocks)",
         "(self.walked()).map_or(&built.blocks, |_| &built.blocks)",
         ALL,
     ),
     Fault(
-        "lists of children written over the one that is parted",
+        "lists of children written over the list that is split",
         _STREAM,
         "first + rays",
         "first",
@@ -406,7 +406,7 @@ FAULTS = (
         ("lib", "rays_that_meet_everything_answer_like_brute_force"),
     ),
     Fault(
-        "directions in a wall told by the frame's, which may have been rounded",
+        "directions within a wall recognised by the frame's rounded direction",
         _STREAM,
         "map(own.d, |d| f32::from(u8::from(d != 0.0 || !scene)))",
         "map(own.d, |d| f32::from(u8::from(d.abs() > 1e-44 || !scene)))",
@@ -420,8 +420,8 @@ def table() -> str:
     lines = [
         "# Deliberate faults",
         "",
-        "Made by `python scripts/mutations.py --write`. Each of these faults is put into the sources by",
-        "`python scripts/mutations.py`, and the test beside it must fail.",
+        "Made by `python scripts/dev/mutations.py --write`. Each of these faults is put into the sources by",
+        "`python scripts/dev/mutations.py`, and the test beside it must fail.",
         "",
         "| # | fault | file | what is written | instead of | noticed by |",
         "| ---: | --- | --- | --- | --- | --- |",

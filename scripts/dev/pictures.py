@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The pictures of the documentation, each from a real run: `python scripts/pictures.py [--out DIR] [--width PIXELS]`.
+"""The pictures of the documentation, from real runs: `python scripts/dev/pictures.py [--out DIR] [--width PIXELS]`.
 
 planes-ID.png, leaves-ID.png and ray-ID.png of the built-in scene as the viewport shows them, beam-ID.png of a tile of
 rays, costs.png with the steps of two structures on one scale. With --readme only those of the README, as small .jpg.
-Opens no window, which needs Blender 5.2 or newer. Exit status: 0 done; 2 something failed, 130 stopped, in one line.
+Draws without a window, which needs Blender 5.2 or newer. Exit status: 0 done; 2 a failure, with one line; 130 stopped.
 """
 
 from __future__ import annotations
@@ -17,41 +17,41 @@ from typing import Any
 
 import overlay_picture
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from addon.core.base import command
 from addon.core.structures import catalogue
 from lab.base.usage import Parser, UsageError, output
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 
 STRUCTURES = {"kd": "9-13", "bsp-wn-plus-kd": "9-13", "bvh-sah": "5-8", "octree-net": "1-5"}
-"""One for each way of dividing, and the levels at which its planes are as large as the things in the scene."""
+"""Structure to the levels at which its planes have the size of the scene's objects; one for each kind of split."""
 
 BEAM = "octree-beam"
 
 README = ROOT / ".pictures"
-"""Where the README looks for its pictures."""
+"""The folder of the README's pictures."""
 
 SHOWN = ("planes-bsp-wn-plus-kd", "planes-octree-net", "leaves-kd", f"beam-{BEAM}")
-"""Those of the README, beside the costs."""
+"""The pictures of the README, without costs.jpg."""
 
 LINES = {"octree-net": ("--style", "OUTLINE")}
-"""Where surfaces would hide everything."""
+"""Extra options for structures whose filled planes would hide everything."""
 
 BESIDE = ("kd", "bsp-wn-plus-kd")
 
 RAY = ("3.5", "-5", "2.4", "0", "0.4", "0.7")
-"""From the right of the camera to the middle of the scene, so that it is seen from the side."""
+"""Origin and target of the ray, from the right of the camera to the middle of the scene: seen from the side."""
 
 ASIDE = ("5.5", "-3", "3.2", "-0.35", "0.75", "1.0")
-"""Another, for the beam."""
+"""Origin and target of the beam."""
 
 VIEW = ("-1.2", "-8.6", "4.4", "0.6", "-0.2", "1.0")
-"""From where the beam is seen."""
+"""Eye and target of the picture of the beam."""
 
 LEAST = 64
-"""Pixels across at least."""
+"""Smallest width in pixels."""
 
 
 def parser() -> argparse.ArgumentParser:
@@ -64,18 +64,19 @@ def parser() -> argparse.ArgumentParser:
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Make them all. Returns the exit status."""
+    """The command line. Returns the exit status."""
     return command.run("pictures", arguments, parser().parse_args, run)
 
 
 def run(asked: argparse.Namespace) -> int:
-    """Check, then make them. Raises one of the errors that `main` turns into a line."""
+    """Make the pictures. Returns the exit status. Raises one of the errors that `main` turns into a line."""
     width = asked.width if asked.width is not None else 720 if asked.readme else 1280
     if not LEAST <= width <= overlay_picture.LARGEST:
         raise UsageError(f"--width: expected {LEAST} to {overlay_picture.LARGEST}, got {width}")
     known = catalogue.load()
     out = asked.out or (README if asked.readme else ROOT / "out" / "pictures")
     size = ["--size", f"{width}x{width * 9 // 16}"]
+    # List the pictures with their options, then draw those that are wanted.
     jobs: dict[str, list[str]] = {}
     for structure, depth in STRUCTURES.items():
         common = ["--structure", structure]
@@ -95,7 +96,7 @@ def run(asked: argparse.Namespace) -> int:
 
 
 def costs(path: Path, width: int) -> None:
-    """The steps of two structures side by side."""
+    """Save the cost maps of two structures side by side; `width`: pixels of each."""
     import bpy
 
     from addon.blender.measure import cost_maps, pictures

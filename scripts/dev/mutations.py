@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Deliberate faults, one at a time, and whether a test notices: `python scripts/mutations.py [options]`.
+"""Deliberate faults, one at a time, and whether a test notices: `python scripts/dev/mutations.py [options]`.
 
-The faults of `deliberate_faults.py` are put into a copy of the sources, all at once, each behind a switch, so that one
-build serves all. Exit status: 0 every fault was caught; 1 some survived; 2 the list no longer fits the sources, or
-nothing could be built; 130 stopped.
+Puts the faults of `deliberate_faults.py` into a copy of the sources, each behind a switch, so that one build serves
+all. Exit status: 0 every fault was caught; 1 some survived; 2 the list no longer fits the sources, or the build failed;
+130 stopped.
 """
 
 from __future__ import annotations
@@ -16,20 +16,20 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from deliberate_faults import FAULTS, Fault, table
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from addon.core.base import command
 from lab.base.usage import Parser
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 LIST = ROOT / "tests" / "MUTATIONS.md"
 SECONDS = 600
-"""A test that takes more of a processor than this has noticed something: it does not end."""
+"""Processor seconds after which a test counts as failed: the fault made it endless."""
 
 SWITCH = """
 /// Whether the fault of this number is switched on.
@@ -43,21 +43,21 @@ pub(crate) fn fault(number: u32) -> bool {
 
 
 class StaleError(ValueError):
-    """A fault cannot be put in. The message names it."""
+    """A fault does not fit the sources. The message names it."""
 
 
 def is_whole(text: str) -> bool:
-    """Whether as many brackets open in it as close, and nothing is to follow."""
+    """Whether all brackets that open in `text` close in it, and it does not end with a comma."""
     return all(text.count(a) == text.count(b) for a, b in ("()", "[]", "{}")) and not text.rstrip().endswith(",")
 
 
 def seeded(text: str, fault: Fault, number: int) -> str:
-    """The source with the fault in it.
+    """The source `text` with the fault in it.
 
-    Raises StaleError when its place is not found, or several are, or in Rust when it is no expression.
+    Raises StaleError unless its place is found exactly once and, in Rust, is a whole expression.
     """
     if fault.is_rust and not (is_whole(fault.old) and is_whole(fault.new)):
-        raise StaleError(f"{fault.what}: {fault.old!r} or {fault.new!r} is a part of an expression, not one to switch")
+        raise StaleError(f"{fault.what}: {fault.old!r} or {fault.new!r} is a part of an expression, not a whole one")
     places = text.count(fault.old)
     if places != 1:
         raise StaleError(f"{fault.what}: {fault.old!r} stands {places} times in {fault.file}")
@@ -66,48 +66,71 @@ def seeded(text: str, fault: Fault, number: int) -> str:
 
 
 def seed_rust(copy: Path) -> None:
-    """Put all faults of the native module into a copy of the project. Raises StaleError."""
+    """Put all faults of the native crates into a copy of the project. Raises StaleError."""
+    crates = set()
     for number, fault in enumerate(FAULTS, 1):
         if fault.is_rust:
             path = copy / fault.file
             path.write_text(seeded(path.read_text(encoding="utf-8"), fault, number), encoding="utf-8")
-    library = copy / "native/src/lib.rs"
-    # A switched expression stands in parentheses, whether it needs them or not.
-    text = "#![allow(unused_parens)]\n" + library.read_text(encoding="utf-8") + SWITCH
-    library.write_text(text, encoding="utf-8")
+            crates.add(next(folder for folder in path.parents if (folder / "Cargo.toml").is_file()))
+    for crate in crates:
+        library = crate / "src/lib.rs"
+        # Each switched expression stands in parentheses, of which some are not needed.
+        text = "#![allow(unused_parens)]\n" + library.read_text(encoding="utf-8") + SWITCH
+        library.write_text(text, encoding="utf-8")
 
 
 def check() -> None:
-    """Pass when every fault can be put in. Raises StaleError."""
+    """Check that every fault fits the sources. Raises StaleError."""
     for number, fault in enumerate(FAULTS, 1):
         seeded((ROOT / fault.file).read_text(encoding="utf-8"), fault, number)
 
 
-def build(copy: Path) -> dict[str, Path]:
-    """Build the tests of the copy: program name to file. Raises CalledProcessError."""
+def build(copy: Path) -> dict[str, list[Path]]:
+    """Build the tests of the copy: program name to its file. "lib" names the unit tests of all crates.
+
+    Raises CalledProcessError.
+    """
     programs = sorted({fault.test[0] for fault in FAULTS if fault.is_rust})
     chosen = [part for name in programs for part in (["--lib"] if name == "lib" else ["--test", name])]
-    command = ["cargo", "test", "--release", "--no-run", "--message-format=json-render-diagnostics", *chosen]
+    command = [
+        "cargo",
+        "test",
+        "--workspace",
+        "--release",
+        "--no-run",
+        "--message-format=json-render-diagnostics",
+        *chosen,
+    ]
     release = {"LTO": "off", "CODEGEN_UNITS": "16"}
     environment = {"CARGO_TARGET_DIR": str(ROOT / "build" / "mutations")} | dict(os.environ)
     environment |= {f"CARGO_PROFILE_RELEASE_{key}": value for key, value in release.items()}
     made = subprocess.run(command, cwd=copy / "native", env=environment, stdout=subprocess.PIPE, text=True, check=True)
-    found = {}
+    found: dict[str, list[Path]] = {}
     for line in made.stdout.splitlines():
         message = json.loads(line)
         if message.get("executable") and message["profile"]["test"]:
             is_library = "lib" in message["target"]["kind"] or "rlib" in message["target"]["kind"]
-            found["lib" if is_library else message["target"]["name"]] = Path(message["executable"])
+            name = "lib" if is_library else message["target"]["name"]
+            found.setdefault(name, []).append(Path(message["executable"]))
     return found
 
 
-def passes(command: list[str], folder: Path, number: int) -> bool:
-    """Whether a test passes with a fault switched on, in time."""
+def passes(commands: Sequence[list[str]], folder: Path, number: int) -> bool:
+    """Whether all test programs pass in time with a fault switched on."""
     environment = {**os.environ, "HALFSPACE_FAULT": str(number), "RUST_BACKTRACE": "0"}
-    # The processor's time, not the clock's: on a busy machine everything takes long.
-    limited = ["sh", "-c", f'ulimit -t {SECONDS}; exec "$@"', "sh", *command]
-    done = subprocess.run(limited, cwd=folder, env=environment, capture_output=True, check=False)
-    return done.returncode == 0
+    # Processor time, not the clock: on a busy machine every test takes long.
+    limited = ["sh", "-c", f'ulimit -t {SECONDS}; exec "$@"', "sh"]
+    return all(
+        subprocess.run([*limited, *command], cwd=folder, env=environment, capture_output=True, check=False).returncode
+        == 0
+        for command in commands
+    )
+
+
+def rust_tests(programs: Mapping[str, Sequence[Path]], fault: Fault) -> list[list[str]]:
+    """The commands for a test in Rust."""
+    return [[str(program), fault.test[1]] for program in programs[fault.test[0]]]
 
 
 def python_test(folder: Path, fault: Fault) -> list[str]:
@@ -116,7 +139,7 @@ def python_test(folder: Path, fault: Fault) -> list[str]:
 
 
 def copy_sources(folder: Path) -> Path:
-    """A copy of everything that tests need."""
+    """Copy all files that tests need into `folder`. Returns the copy's root."""
     copy = folder / "halfspace"
     everywhere = shutil.ignore_patterns("target", "__pycache__", ".git", ".venv*", ".hypothesis", ".*_cache")
 
@@ -129,7 +152,7 @@ def copy_sources(folder: Path) -> Path:
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Try all faults, or those chosen. Returns the exit status."""
+    """The command line. Returns the exit status."""
     parser = Parser(prog="mutations", description=(__doc__ or "").splitlines()[0])
     parser.add_argument("numbers", nargs="*", type=int, help="only the faults of these numbers")
     parser.add_argument("--write", action="store_true", help=f"only write {LIST.relative_to(ROOT)}")
@@ -137,7 +160,7 @@ def main(arguments: Sequence[str]) -> int:
 
 
 def work(asked: argparse.Namespace) -> int:
-    """Do what is asked. Returns the exit status. Raises StaleError, and CalledProcessError where nothing is built."""
+    """Write the list or try the faults. Returns the exit status. Raises StaleError, CalledProcessError."""
     if asked.write:
         LIST.write_text(table(), encoding="utf-8")
         return 0
@@ -150,27 +173,27 @@ def work(asked: argparse.Namespace) -> int:
 
 
 def run(copy: Path, chosen: Sequence[tuple[int, Fault]]) -> list[int]:
-    """Switch on one fault after the other. Returns the numbers of those that survived, 0 for a test without a fault."""
-    programs = {}
+    """Try the faults in turn. Returns the numbers of those that survived, 0 for each test that fails without one."""
+    programs: dict[str, list[Path]] = {}
     if any(fault.is_rust for _, fault in chosen):
         seed_rust(copy)
         programs = build(copy)
     survived = []
     for test in sorted({fault.test for _, fault in chosen}):
         fault = next(fault for _, fault in chosen if fault.test == test)
-        command = [str(programs[test[0]]), test[1]] if fault.is_rust else python_test(copy, fault)
-        if not passes(command, copy / "native" if fault.is_rust else copy, 0):
+        commands = rust_tests(programs, fault) if fault.is_rust else [python_test(copy, fault)]
+        if not passes(commands, copy / "native" if fault.is_rust else copy, 0):
             print(f"FAILS without any fault: {' '.join(test)}", flush=True)
             survived.append(0)
     for number, fault in chosen:
         start = time.monotonic()
         if fault.is_rust:
-            alive = passes([str(programs[fault.test[0]]), fault.test[1]], copy / "native", number)
+            alive = passes(rust_tests(programs, fault), copy / "native", number)
         else:
             path = copy / fault.file
             sound = path.read_text(encoding="utf-8")
             path.write_text(seeded(sound, fault, number), encoding="utf-8")
-            alive = passes(python_test(copy, fault), copy, number)
+            alive = passes([python_test(copy, fault)], copy, number)
             path.write_text(sound, encoding="utf-8")
         print(
             f"{'SURVIVED' if alive else 'caught':8} {number:2} {fault.what} ({time.monotonic() - start:.0f} s)",

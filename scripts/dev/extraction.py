@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How long reading a scene out of Blender takes: `python scripts/extraction.py [--triangles N] [--rounds N]`.
+"""How long reading a scene out of Blender takes: `python scripts/dev/extraction.py [--triangles N] [--rounds N]`.
 
 Prints, for grids of a million triangles and for thousands of instances, the time of Blender's own evaluation, of the
-extraction after an edit, and of the extraction when nothing changed: the shortest of some rounds, by the processor,
-which does not count what else the machine does. The extension promises 300 ms after an edit and 50 ms warm for a
-million triangles; the last column shows what it keeps. Exit status: 0 measured; 2 bad usage; 130 stopped.
+extraction after an edit, and of the extraction without a change: processor time of the shortest of several rounds. The
+extension promises 300 ms after an edit and 50 ms without a change for a million triangles; the last column shows
+whether it keeps both. Exit status: 0 measured; 2 bad usage; 130 stopped.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from addon.core.base import command
 from lab.base.usage import Parser, UsageError
@@ -96,7 +96,7 @@ def _shortest(rounds: int, work: Callable[[], Any], prepare: Callable[[], Any] =
 
 
 def _grid(bpy: Any, segments: int, kind: str) -> Any:
-    """A mesh of segments² quads over 2 × 2 units, with the features that its kind names."""
+    """A mesh of segments² quads over 2 × 2 units, with the shading that `kind` (one of KINDS) names."""
     import bmesh
     import numpy as np
 
@@ -125,7 +125,7 @@ def _place(bpy: Any, name: str, mesh: Any, **properties: Any) -> Any:
 
 
 def _wave(mesh: Any) -> None:
-    """An edit: move all vertices, a little more each time, so that triangulation and normals must be made again."""
+    """Move all vertices, a little more each time, so that Blender must compute triangulation and normals again."""
     import numpy as np
 
     points = np.empty(len(mesh.vertices) * 3, np.float32)
@@ -143,7 +143,7 @@ def _edit(mesh: Any) -> None:
 
 
 def _evaluate() -> None:
-    """What Blender itself does for a mesh: modifiers and copies, then triangles and normals, which it makes late."""
+    """Evaluate the scene as Blender does: modifiers and copies, then triangles and normals on demand."""
     import bpy
 
     item: Any
@@ -168,5 +168,5 @@ if __name__ == "__main__":
     result = main(sys.argv[1:])
     sys.stdout.flush()
     sys.stderr.flush()
-    # Leaves nothing for Blender's own shutdown to trip over.
+    # Skips Blender's own shutdown, which may crash.
     os._exit(result)

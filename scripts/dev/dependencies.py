@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the native module depends on, against `native/deny.toml`, without network: `python scripts/dependencies.py`.
+"""Checks dependencies against `native/deny.toml`, without network: `python scripts/dev/dependencies.py`.
 
-Checks licences, where packages come from, and that none is wanted in any version. `cargo deny` checks the same and
-more, where it is installed. Exit status: 0 all may be used; 1 some may not; 2 bad usage, or no cargo; 130 stopped.
+Checks licences, the origin of packages, and that each requirement limits the version. `cargo deny`, where installed,
+checks the same and more. Exit status: 0 all are allowed; 1 some are not; 2 bad usage, or no cargo; 130 stopped.
 """
 
 from __future__ import annotations
@@ -17,18 +17,18 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from addon.core.base import command
 from lab.base.usage import Parser
 
-NATIVE = Path(__file__).resolve().parents[1] / "native"
+NATIVE = Path(__file__).resolve().parents[2] / "native"
 REGISTRY = "registry+https://github.com/rust-lang/crates.io-index"
-"""How cargo writes the official registry, whatever mirror it asks."""
+"""How cargo writes the official registry, whichever mirror it downloads from."""
 
 
 def may_be_used(licence: str, allowed: Collection[str]) -> bool:
-    """Whether an SPDX expression can be met by allowed licences only; `/` is OR, as it once was in manifests."""
+    """Whether allowed licences satisfy an SPDX expression; `/` is OR, as in old manifests."""
     tokens = re.findall(r"[()]|[^\s()/]+|/", licence)
     place = 0
 
@@ -67,7 +67,7 @@ def may_be_used(licence: str, allowed: Collection[str]) -> bool:
 
 
 def problems(metadata: Mapping[str, Any], rules: Mapping[str, Any]) -> Iterator[str]:
-    """What `cargo metadata` names that the rules do not allow, a sentence each."""
+    """A sentence for each package of `cargo metadata` that the rules do not allow."""
     allowed = frozenset(rules["licenses"]["allow"])
     for package in metadata["packages"]:
         name = f"{package['name']} {package['version']}"
@@ -76,19 +76,19 @@ def problems(metadata: Mapping[str, Any], rules: Mapping[str, Any]) -> Iterator[
         if package["source"] not in (None, REGISTRY):
             yield f"{name}: it comes from {package['source']}"
         if package["source"] is None:
-            # The project's own packages: what they want is written by hand.
+            # The project's own packages, whose requirements are written by hand.
             wanted = (need["name"] for need in package["dependencies"] if need["req"] == "*" and need["source"])
             yield from (f"{name}: wants any version of {need}" for need in wanted)
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Check, and tell. Returns the exit status."""
+    """The command line. Returns the exit status."""
     parser = Parser(prog="dependencies", description=(__doc__ or "").splitlines()[0])
     return command.run("dependencies", arguments, parser.parse_args, work)
 
 
 def work(_: argparse.Namespace) -> int:
-    """Do so. Returns the exit status."""
+    """Check all packages and print what is not allowed. Returns the exit status."""
     cargo = ["cargo", "metadata", "--manifest-path", str(NATIVE / "Cargo.toml"), "--all-features", "--locked"]
     done = subprocess.run([*cargo, "--offline", "--format-version", "1"], capture_output=True, text=True, check=False)
     if done.returncode != 0:
@@ -97,7 +97,7 @@ def work(_: argparse.Namespace) -> int:
     metadata = json.loads(done.stdout)
     rules = tomllib.loads((NATIVE / "deny.toml").read_text(encoding="utf-8"))
     found = list(problems(metadata, rules))
-    print("\n".join(found) or f"{len(metadata['packages'])} packages, all of which may be used")
+    print("\n".join(found) or f"{len(metadata['packages'])} packages, all of them allowed")
     return 1 if found else 0
 
 

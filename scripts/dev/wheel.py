@@ -10,8 +10,8 @@ import shutil
 import subprocess
 from pathlib import Path
 
-NOT_IN_THE_WHEEL = {"target", "tests", "benches", "fuzz", "__pycache__"}
-"""Folders of the crate whose changes do not change the wheel."""
+NOT_IN_THE_WHEEL = {"target", "tests", "benches", "examples", "fuzz", "__pycache__"}
+"""Names of folders, in every crate of the workspace, whose changes do not change the wheel."""
 
 
 class BuildError(RuntimeError):
@@ -27,7 +27,7 @@ def fingerprint(root: Path) -> str:
     parts = [project.get("build-system"), project.get("project"), project.get("tool", {}).get("maturin")]
     digest.update(json.dumps(parts, sort_keys=True).encode())
     for path in sources(root):
-        # The length keeps two files from reading as one.
+        # With the length, two files cannot give the same bytes as one.
         content = path.read_bytes()
         digest.update(f"{path.relative_to(root).as_posix()} {len(content)}\n".encode())
         digest.update(content)
@@ -36,34 +36,32 @@ def fingerprint(root: Path) -> str:
 
 def sources(root: Path) -> list[Path]:
     """The files that the wheel is made from, sorted."""
-    native = root / "native"
-    inside = [
-        path
-        for top in sorted(native.iterdir())
-        if top.name not in NOT_IN_THE_WHEEL
-        for path in ([top] if top.is_file() else sorted(top.rglob("*")))
-        if path.suffix in {".rs", ".toml", ".lock", ".pyi"}
-    ]
-    return [path for path in (root / ".cargo" / "config.toml", root / "LICENSE", *inside) if path.is_file()]
+    found = [root / ".cargo" / "config.toml", root / "LICENSE"]
+    for folder, inside, files in os.walk(root / "native"):
+        # Removed here, these folders are not entered.
+        inside[:] = sorted(set(inside) - NOT_IN_THE_WHEEL)
+        found += [Path(folder, name) for name in sorted(files)]
+    kinds = {".rs", ".toml", ".lock", ".pyi"}
+    return [path for path in found if path.is_file() and (path.suffix in kinds or path.name == "LICENSE")]
 
 
 def unwinder() -> Path:
-    """The library that unwinds stacks on Linux, as the system's compiler finds it. Raises BuildError."""
+    """The path of the library that unwinds stacks on Linux, as the system's compiler finds it. Raises BuildError."""
     name = "libgcc_s.so.1"
     if shutil.which("cc") is None:
         raise BuildError("cc is not on the PATH: install gcc (the system's packages) first")
     done = subprocess.run(["cc", f"-print-file-name={name}"], capture_output=True, text=True, check=False)
     found = Path(done.stdout.strip())
-    if not found.is_absolute():  # the name alone is what it says of a file that it does not find
+    if not found.is_absolute():  # cc prints the bare name if it does not find the file
         raise BuildError(f"cc finds no {name}: install gcc (the system's packages) first")
     return found.resolve()
 
 
 def build(root: Path, python: Path, *, glibc: tuple[int, int] | None = None) -> tuple[Path, bool]:
-    """A wheel in a folder of its own below build, and whether it had to be built. Raises BuildError.
+    """The wheel in its folder below build, and whether it was built now. Raises BuildError.
 
-    python: an interpreter whose environment has maturin. glibc: on Linux, the oldest C library with which the wheel is
-    to run, and then the environment has zig, which links with any version of it; None: that of this machine.
+    python: an interpreter whose environment has maturin, and zig if `glibc` is given. glibc: on Linux, the oldest
+    version of the C library with which the wheel must run; None: that of this machine.
     """
     folder = root / "build" / "wheel"
     options, variables = ["--interpreter", str(python)], {"PYO3_PYTHON": str(python)}
@@ -71,10 +69,10 @@ def build(root: Path, python: Path, *, glibc: tuple[int, int] | None = None) -> 
         name = "manylinux_{}_{}".format(*glibc)
         folder = folder.with_name(f"wheel-{name}")
         options += ["--zig", "--compatibility", name]  # it fails where a symbol is newer
-        # Else zig links an unwinder of its own, which crashes when Python, at its end, ends a thread that waits for it:
-        # the C library does that with this one, and each takes the other's notes for its own.
+        # By default zig links its own unwinder. The C library ends threads with the system's, and the two crash on each
+        # other's records when Python, at exit, ends a thread that waits for it.
         options += ["--", f"-Clink-arg={unwinder()}"]
-        # Looked up on the PATH else, where the environment need not be.
+        # Otherwise looked up on the PATH, which need not contain the environment.
         variables["CARGO_ZIGBUILD_PYTHON_PATH"] = str(python)
     stamp = folder / "fingerprint"
     wanted = fingerprint(root)
@@ -83,7 +81,7 @@ def build(root: Path, python: Path, *, glibc: tuple[int, int] | None = None) -> 
         return found[0], False
     if shutil.which("cargo") is None:
         raise BuildError("cargo is not on the PATH: install Rust (rustup or the system's packages) first")
-    # Into a fresh folder that takes the old one's place only when all went well.
+    # A fresh folder replaces the old one only after success.
     fresh = folder.with_name(folder.name + ".new")
     shutil.rmtree(fresh, ignore_errors=True)
     done = subprocess.run(
