@@ -44,11 +44,11 @@ Row = Mapping[str, Any]
 
 def page(rows: Sequence[Row]) -> str:
     """The text of docs/structures.md for these rows of `halfspace_native.structures()`."""
-    parts = [INTRODUCTION]
-    for family in dict.fromkeys(row["family"] for row in rows):
-        parts.append(_family(family, [row for row in rows if row["family"] == family]))
-    parts += [_traversals(rows), _parameters(rows)]
-    return "\n".join(parts)
+    families: dict[str, list[Row]] = {}
+    for row in rows:
+        families.setdefault(row["family"], []).append(row)
+    tables = [_family(name, members) for name, members in families.items()]
+    return "\n".join([INTRODUCTION, *tables, _traversals(rows), _parameters(rows)])
 
 
 def _family(family: str, rows: Iterable[Row]) -> str:
