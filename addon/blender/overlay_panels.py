@@ -27,7 +27,7 @@ class HALFSPACE_PT_view_structure(_SidebarPanel, bpy.types.Panel):
     """The structure that is built over the scene, and the last one that was."""
 
     bl_label = "Structure"
-    section = "The structures"
+    section = "Structure"
 
     def draw(self, context: Any) -> None:
         layout = self.layout
@@ -73,7 +73,7 @@ class HALFSPACE_PT_view_statistics(_SidebarPanel, bpy.types.Panel):
 
     bl_label = "Statistics"
     bl_options = {"DEFAULT_CLOSED"}
-    section = "Why to trust it"
+    section = "Statistics"
 
     @classmethod
     def poll(cls, context: Any) -> bool:
@@ -92,7 +92,7 @@ class HALFSPACE_PT_view_overlay(_SidebarPanel, bpy.types.Panel):
     """What is shown, and how."""
 
     bl_label = "Overlay"
-    section = "Seeing why"
+    section = "Overlay"
 
     @classmethod
     def poll(cls, context: Any) -> bool:
@@ -162,7 +162,7 @@ class HALFSPACE_PT_view_ray(_SidebarPanel, bpy.types.Panel):
     """The way of one ray."""
 
     bl_label = "One Ray"
-    section = "Seeing why"
+    section = "One Ray"
 
     @classmethod
     def poll(cls, context: Any) -> bool:
@@ -184,7 +184,7 @@ class HALFSPACE_PT_view_costs(_SidebarPanel, bpy.types.Panel):
 
     bl_label = "Cost Maps"
     bl_options = {"DEFAULT_CLOSED"}
-    section = "Seeing why"
+    section = "Cost Maps"
 
     @classmethod
     def poll(cls, context: Any) -> bool:

@@ -32,7 +32,7 @@ INTRODUCTION = """\
 A *configuration* is an id of this page, alone or followed by parameters: `id:key=value,key=value`. The same strings
 serve the panels of Blender, the command line and the Python module. Every structure returns the same answer for every
 ray; only time and memory differ. See [papers](papers.md) for what the sources claim and what was measured, and
-[the manual](manual.md#the-structures) for advice on choosing.
+[the manual](manual.md#structure) for advice on choosing.
 """
 
 TRAVERSALS = """\
