@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Halfspace beside Cycles on one scene: `python scripts/compare.py FILE [options]`.
 
-FILE: a .blend, or an .npz with the keys of the README, which gets a matte surface, a sun, a lamp and a sky; without
+FILE: a .blend, or an .npz with the keys of docs/manual.md, which gets a matte surface, a sun, a lamp and a sky; without
 FILE the built-in showcase. Both engines render the same file several times with different random numbers, so that
 their difference can be judged beside their noise. Writes NAME-halfspace.png, NAME-cycles.png and NAME-compared.png
 (both, and their difference × 8), prints the numbers, and names what each engine left out.

@@ -122,7 +122,7 @@ def stage(wheels: Sequence[Path], folder: Path) -> None:
     shutil.rmtree(folder, ignore_errors=True)
     shutil.copytree(ROOT / "addon", folder, ignore=shutil.ignore_patterns(*IGNORED))
     shutil.copy2(ROOT / "LICENSE", folder)
-    shutil.copy2(ROOT / "README.md", folder)  # opened by the panels
+    shutil.copy2(ROOT / "docs" / "manual.md", folder)  # panels open it
     (folder / "wheels").mkdir()
     for path in wheels:
         shutil.copy2(path, folder / "wheels")

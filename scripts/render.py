@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Render a picture with Halfspace, without a Blender window: `python scripts/render.py [FILE] [options]`.
 
-FILE: a .blend, or an .npz with the keys of the README, which gets a matte surface, a sun, a lamp and a sky. Without it
+FILE: a .blend, or an .npz with the keys of the manual, which gets a matte surface, a sun, a lamp and a sky. Without it
 the built-in showcase is rendered. Exit status: 0 done; 2 bad usage or input, 130 stopped; either said in one line, and
 an older picture of that name stays.
 """

@@ -2,6 +2,26 @@
 //! Halfspace's native core: acceleration structures for ray tracing, the rays that walk them, and
 //! the renderer on top. One scene, many structures, one identical answer.
 //!
+//! ```
+//! use halfspace_native::build::Monitor;
+//! use halfspace_native::scene::Triangles;
+//! use halfspace_native::spec::Config;
+//! use halfspace_native::structure::Structure;
+//! use halfspace_native::traverse::{Hit, Ray, Tracer};
+//! use std::sync::Arc;
+//!
+//! # fn main() -> halfspace_native::error::Result<()> {
+//! let vertices = vec![[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+//! let scene = Arc::new(Triangles::new(vertices, vec![[0, 1, 2]])?);
+//! let kd = Structure::build(scene, Config::parse("kd")?, 1, &Monitor::new())?;
+//! let ray = Ray { o: [0.25, 0.25, 1.0], d: [0.0, 0.0, -1.0], t_min: 0.0, t_max: f32::INFINITY };
+//! let mut hits = [Hit::MISS];
+//! kd.closest(&[ray], &mut hits, None);
+//! assert_eq!((hits[0].t, hits[0].triangle), (1.0, 0));
+//! # Ok(())
+//! # }
+//! ```
+//!
 //! The map, from the ground up. Two pairs know each other: a build fills the layout that its walk reads ([`build`],
 //! [`traverse`]), and a row of the registry holds its build function ([`registry`], [`trees`], [`structure`]):
 //!

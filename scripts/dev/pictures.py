@@ -2,8 +2,9 @@
 """The pictures of the documentation, from real runs: `python scripts/dev/pictures.py [--out DIR] [--width PIXELS]`.
 
 planes-ID.png, leaves-ID.png and ray-ID.png of the built-in scene as the viewport shows them, beam-ID.png of a tile of
-rays, costs.png with the steps of two structures on one scale. With --readme only those of the README, as small .jpg.
-Draws without a window, which needs Blender 5.2 or newer. Exit status: 0 done; 2 a failure, with one line; 130 stopped.
+rays, costs.png with the steps of two structures on one scale, front.png with a render beside its planes. With --readme
+only those of README.md and docs/, as small .jpg.
+Opens no window, which needs Blender 5.2 or newer. Exit status: 0 done; 2 something failed, 130 stopped, in one line.
 """
 
 from __future__ import annotations
@@ -31,15 +32,18 @@ STRUCTURES = {"kd": "9-13", "bsp-wn-plus-kd": "9-13", "bvh-sah": "5-8", "octree-
 BEAM = "octree-beam"
 
 README = ROOT / ".pictures"
-"""The folder of the README's pictures."""
+"""The folder of the pictures of README.md and docs/."""
 
 SHOWN = ("planes-bsp-wn-plus-kd", "planes-octree-net", "leaves-kd", f"beam-{BEAM}")
-"""The pictures of the README, without costs.jpg."""
+"""Those of README.md and docs/, apart from the costs and the front picture."""
 
 LINES = {"octree-net": ("--style", "OUTLINE")}
 """Extra options for structures whose filled planes would hide everything."""
 
 BESIDE = ("kd", "bsp-wn-plus-kd")
+
+FRONT, FRONT_SAMPLES, GAP = "planes-bsp-wn-plus-kd", 192, 8
+"""The picture beside the render, the samples per pixel of that render, and the pixels between the two."""
 
 RAY = ("3.5", "-5", "2.4", "0", "0.4", "0.7")
 """Origin and target of the ray, from the right of the camera to the middle of the scene: seen from the side."""
@@ -59,7 +63,7 @@ def parser() -> argparse.ArgumentParser:
     made = Parser(prog="pictures", description=(__doc__ or "").splitlines()[0])
     made.add_argument("--out", type=output, help="a folder (default: out/pictures, with --readme .pictures)")
     made.add_argument("--width", type=int, help="pixels across (default: 1280, with --readme 720)")
-    made.add_argument("--readme", action="store_true", help="only the pictures of the README")
+    made.add_argument("--readme", action="store_true", help="only the pictures of README.md and docs/")
     return made
 
 
@@ -92,6 +96,7 @@ def run(asked: argparse.Namespace) -> int:
             if status:
                 return status
     costs(out / f"costs.{suffix}", width // 2)
+    front(out / f"front.{suffix}", out / f"{FRONT}.{suffix}")
     return 0
 
 
@@ -106,6 +111,26 @@ def costs(path: Path, width: int) -> None:
     scene: Any = bpy.context.scene
     scene.halfspace.structure, scene.halfspace.second = BESIDE
     pictures.save(path, cost_maps.draw(scene, width))
+    print(path)
+
+
+def front(path: Path, planes: Path) -> None:
+    """Write a render of the showcase beside the picture of its planes, which has the same camera and size."""
+    import bpy
+    import numpy as np
+
+    from addon.blender import pictures, scenes
+
+    right = pictures.load(planes)[..., :3]
+    height, width = right.shape[:2]
+    scenes.open_file(None)
+    scene: Any = bpy.context.scene
+    scene.render.engine, scene.halfspace.samples = "HALFSPACE", FRONT_SAMPLES
+    scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = width, height, 100
+    left = pictures.save_displayed(path.with_suffix(".png"), pictures.render(scene), scene)
+    pictures.save(path, np.concatenate([left, np.ones((height, GAP, 3), np.float32), right], axis=1))
+    if path.suffix != ".png":
+        path.with_suffix(".png").unlink()
     print(path)
 
 

@@ -23,7 +23,7 @@ WIDTH = 34
 
 class _ComparePanel:
     bl_label = "Compare"
-    section = "Which structure is best"
+    section = "Compare"
 
     def draw_header_preset(self, context: Any) -> None:
         panels.help_button(self.layout, self.section)  # type: ignore[attr-defined]

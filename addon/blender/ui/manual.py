@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The README beside each panel: shown in Blender's own text editor, since the add-on never goes to the network."""
+"""The manual behind each panel's question mark, in Blender's text editor: the add-on never uses the network."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ import bpy
 from bpy.props import StringProperty
 
 ADDON = Path(__file__).resolve().parents[2]
-PLACES = (ADDON / "README.md", ADDON.parent / "README.md")
+PLACES = (ADDON / "manual.md", ADDON.parent / "docs" / "manual.md")
 """In the installed extension, and in the repository."""
 
-TEXT = "Halfspace README"
+TEXT = "Halfspace Manual"
 
 
-def readme() -> str:
-    """The text of the README. Raises FileNotFoundError."""
+def manual() -> str:
+    """The text of the manual. Raises FileNotFoundError."""
     place = next((place for place in PLACES if place.is_file()), None)
     if place is None:
-        raise FileNotFoundError("the README is not part of this installation")
+        raise FileNotFoundError("the manual is not part of this installation")
     return place.read_text(encoding="utf-8")
 
 
@@ -35,21 +35,21 @@ def line_of(text: str, section: str) -> int:
 
 
 class HALFSPACE_OT_manual(bpy.types.Operator):
-    """Opens a section of the README."""
+    """Opens a section of the manual."""
 
     bl_idname = "halfspace.manual"
     bl_label = "Read About This"
-    bl_description = "Open the README at this subject, in a text editor"
+    bl_description = "Open the manual at this subject, in a text editor"
     bl_options = {"REGISTER", "UNDO"}
 
     section: StringProperty(name="Section", options={"SKIP_SAVE"})  # type: ignore[valid-type]
 
     def execute(self, context: Any) -> set[str]:
         try:
-            content = readme()
+            content = manual()
             line = line_of(content, self.section)
         except (OSError, KeyError) as error:
-            self.report({"ERROR"}, f"Cannot open the README: {error}")
+            self.report({"ERROR"}, f"Cannot open the manual: {error}")
             return {"CANCELLED"}
         text = bpy.data.texts.get(TEXT) or bpy.data.texts.new(TEXT)
         text.use_fake_user = False  # it goes when it is closed, and is not the file's own

@@ -32,7 +32,7 @@ class HALFSPACE_PT_view_structure(_SidebarPanel, bpy.types.Panel):
     """The structure that is built over the scene, and the last one that was."""
 
     bl_label = "Structure"
-    section = "The structures"
+    section = "Structure"
 
     def draw(self, context: Any) -> None:
         layout = self.layout
@@ -78,7 +78,7 @@ class HALFSPACE_PT_view_statistics(_SidebarPanel, bpy.types.Panel):
 
     bl_label = "Statistics"
     bl_options = {"DEFAULT_CLOSED"}
-    section = "Why to trust it"
+    section = "Statistics"
 
     @classmethod
     def poll(cls, context: Any) -> bool:
@@ -97,7 +97,7 @@ class HALFSPACE_PT_view_overlay(_SidebarPanel, bpy.types.Panel):
     """What is shown, and how."""
 
     bl_label = "Overlay"
-    section = "Seeing why"
+    section = "Overlay"
 
     @classmethod
     def poll(cls, context: Any) -> bool:
@@ -167,7 +167,7 @@ class HALFSPACE_PT_view_ray(_SidebarPanel, bpy.types.Panel):
     """The way of one ray."""
 
     bl_label = "One Ray"
-    section = "Seeing why"
+    section = "One Ray"
 
     @classmethod
     def poll(cls, context: Any) -> bool:
@@ -189,7 +189,7 @@ class HALFSPACE_PT_view_costs(_SidebarPanel, bpy.types.Panel):
 
     bl_label = "Cost Maps"
     bl_options = {"DEFAULT_CLOSED"}
-    section = "Seeing why"
+    section = "Cost Maps"
 
     @classmethod
     def poll(cls, context: Any) -> bool:

@@ -48,7 +48,7 @@ class _Panel:
     bl_context = "render"
 
     section = ""
-    """The heading in the README that explains the panel."""
+    """The heading of docs/manual.md that explains the panel."""
 
     @classmethod
     def poll(cls, context: Any) -> bool:
@@ -68,7 +68,7 @@ class HALFSPACE_PT_structure(_Panel, bpy.types.Panel):
     """The acceleration structure and its parameters, or why there is none."""
 
     bl_label = "Structure"
-    section = "The structures"
+    section = "Structure"
 
     def draw(self, context: Any) -> None:
         column = self._column()
@@ -89,7 +89,7 @@ class HALFSPACE_PT_sampling(_Panel, bpy.types.Panel):
     """How many rays, how long their paths."""
 
     bl_label = "Sampling"
-    section = "Three ways to use it"
+    section = "Sampling"
 
     def draw(self, context: Any) -> None:
         column = self._column()
@@ -113,7 +113,7 @@ class HALFSPACE_PT_film(_Panel, bpy.types.Panel):
     """What the background is."""
 
     bl_label = "Film"
-    section = "Three ways to use it"
+    section = "Film"
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: Any) -> None:
@@ -124,7 +124,7 @@ class HALFSPACE_PT_statistics(_Panel, bpy.types.Panel):
     """What the last picture cost, left out and did not understand."""
 
     bl_label = "Statistics"
-    section = "Why to trust it"
+    section = "Statistics"
 
     def draw(self, context: Any) -> None:
         layout = self.layout
@@ -155,7 +155,7 @@ class HALFSPACE_PT_passes(_Panel, bpy.types.Panel):
     """The passes of a view layer."""
 
     bl_label = "Passes"
-    section = "Seeing why"
+    section = "Passes"
     bl_context = "view_layer"
 
     def draw(self, context: Any) -> None:
@@ -239,7 +239,7 @@ class HALFSPACE_PT_light(_Panel, bpy.types.Panel):
 
 
 def help_button(layout: Any, section: str) -> None:
-    """Opens the README at this heading."""
+    """Opens the manual at this heading."""
     if section:
         layout.operator(manual.HALFSPACE_OT_manual.bl_idname, text="", icon="HELP", emboss=False).section = section
 

@@ -199,7 +199,7 @@ def distinct(found: Mapping[str, str | Path]) -> list[str]:
 
 
 def load_npz(path: Path, *, memory_limit: int | None = None, published: bool = False) -> Workload:
-    """A scene from numpy's format, keys as in the README. Raises WorkloadError.
+    """A scene from numpy's format, keys as in docs/manual.md. Raises WorkloadError.
 
     memory_limit: bytes that its arrays may take; they are packed, and may be a thousand times larger than the file.
     published: as it was measured in a publication, where the file says what that was: without the triangles that stand

@@ -233,7 +233,7 @@ def test_python_leaves_no_other_blender_behind(tmp_path: Path) -> None:
 import sys, time
 sys.path.insert(0, {str(Path(addon.__file__).parents[1])!r})
 import bpy
-from addon.blender import sky
+from addon.blender.read import sky
 sky._command = lambda folder: [sys.executable, "-c", "import time; time.sleep(100)"]
 sky._begin("{{}}")
 while not sky._processes:

@@ -49,7 +49,7 @@ def found(archive: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, 
 
 def test_the_zip_holds_the_addon_at_its_top_and_nothing_foreign(archive: Path) -> None:
     names = set(zipfile.ZipFile(archive).namelist())
-    assert {"__init__.py", "blender_manifest.toml", "LICENSE"} <= names
+    assert {"__init__.py", "blender_manifest.toml", "LICENSE", "manual.md"} <= names
     assert len([name for name in names if name.startswith("wheels/") and name.endswith(".whl")]) == 1
     assert not [name for name in names if "__pycache__" in name or name.endswith((".pyc", ".so", ".rs"))]
 

@@ -132,15 +132,15 @@ def test_the_preset_menu_lists_names_of_the_sources_and_saves_the_users_own(
 
 
 def test_every_panel_that_names_a_section_finds_it(scene: Any) -> None:
-    text = manual.readme()
+    text = manual.manual()
     sections = {panel.section for panel in PANELS if panel.section}
-    assert {"The structures", "Why to trust it"} <= sections
+    assert {"Structure", "Statistics"} <= sections
     for section in sections:
         manual.line_of(text, section)
-    assert bpy.ops.halfspace.manual(section="The structures") == {"FINISHED"}
+    assert bpy.ops.halfspace.manual(section="Structure") == {"FINISHED"}
     opened = bpy.data.texts[manual.TEXT]
-    assert opened.current_line.body == "## The structures"
+    assert opened.current_line.body == "## Structure"
     with pytest.raises(RuntimeError, match="no-such"):
         bpy.ops.halfspace.manual(section="no-such")
     assert bpy.ops.halfspace.manual() == {"FINISHED"}, "as a search for operators calls it"
-    assert opened.current_line.body == "# Halfspace"
+    assert opened.current_line.body == "# Manual"

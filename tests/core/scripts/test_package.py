@@ -50,7 +50,7 @@ def test_the_wheel_is_built_again_only_for_what_is_in_it(project: Path, name: st
 def test_everything_that_is_packaged_is_reached_by_the_extension(tmp_path: Path) -> None:
     package.stage([], tmp_path / "staged")
     staged = imports.modules(tmp_path / "staged", "addon")
-    beside = ["addon.LICENSE", "addon.README.md", "addon.blender_manifest.toml"]
+    beside = ["addon.LICENSE", "addon.blender_manifest.toml", "addon.manual.md"]
     assert imports.unreached(staged, "addon") == beside
     assert "addon.core.report.page.html" in staged
     # The check can fail: a module that nobody imports, and one that loses its only importer.

@@ -19,7 +19,6 @@ from lab.stability import leaks
 
 SCENES = Path(__file__).resolve().parents[4] / "shared" / "scenes"
 SPECS = [row["id"] for row in native.structures()]
-README = Path(__file__).resolve().parents[3] / "README.md"
 VERTICES = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], np.float32)
 TRIANGLES = np.array([[0, 1, 2], [0, 1, 3]], np.int32)
 DOWN = np.array([[0.25, 0.25, 1.0]], np.float32), np.array([[0.0, 0.0, -2.0]], np.float32)
@@ -392,12 +391,3 @@ def test_recorded_walks_are_replayed() -> None:
     np.testing.assert_array_equal(tree.record(*rays, any_hit=True).counters["steps"], shadows["steps"])
     with pytest.raises(native.SpecError, match="brute"):
         native.build(*soup(3), "brute").record(*rays)
-
-
-def test_the_readme_names_every_structure() -> None:
-    text = README.read_text(encoding="utf-8")
-    table = text.partition("## The structures")[2].partition("\n\nIn `-kd` trees")[0]
-    named = set(re.findall(r"`([a-z0-9-]+)`", table))
-    # The three of random directions and of normals stand for their variants.
-    variants = {f"bsp-{kind}{axes}" for kind in ("random", "wn", "cn") for axes in ("-plus", "-plus-kd")}
-    assert {row["id"] for row in native.structures()} - variants <= named

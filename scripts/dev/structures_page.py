@@ -1,0 +1,162 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The page of structures, from the registry of the native module: `python scripts/dev/structures_page.py [--check]`.
+
+Writes docs/structures.md. With --check it writes nothing and compares the file with what it would write. Exit status:
+0 written, or current; 1 not current; 2 bad usage; 130 stopped.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGE = ROOT / "docs" / "structures.md"
+
+FAMILIES = {
+    "space": "Spatial subdivisions",
+    "objects": "Object hierarchies",
+    "octants": "Octrees",
+    "oracle": "Reference",
+}
+"""Headings of the families of the registry. A family that is missing here gets its own name as heading."""
+
+INTRODUCTION = """\
+# Structures
+
+<!-- Generated from the registry of the native module by scripts/dev/structures_page.py. Do not edit. -->
+
+A *configuration* is an id of this page, alone or followed by parameters: `id:key=value,key=value`. The same strings
+serve the panels of Blender, the command line and the Python module. Every structure returns the same answer for every
+ray; only time and memory differ. See [papers](papers.md) for what the sources claim and what was measured, and
+[the manual](manual.md#structure) for advice on choosing.
+"""
+
+TRAVERSALS = """\
+Values of the parameter [traversal](#traversal), the default first. A structure that is missing here has one traversal.
+A `*` stands for all structures whose id begins so."""
+
+Row = Mapping[str, Any]
+
+
+def page(rows: Sequence[Row]) -> str:
+    """The text of docs/structures.md for these rows of `halfspace_native.structures()`."""
+    families: dict[str, list[Row]] = {}
+    for row in rows:
+        families.setdefault(row["family"], []).append(row)
+    tables = [_family(name, members) for name, members in families.items()]
+    return "\n".join([INTRODUCTION, *tables, _traversals(rows), _parameters(rows)])
+
+
+def _family(family: str, rows: Iterable[Row]) -> str:
+    """A heading and a table with one line per structure."""
+    lines = [f"## {FAMILIES.get(family, family.capitalize())}", ""]
+    lines += ["| id | name | what it is | source |", "| --- | --- | --- | --- |"]
+    for row in rows:
+        aliases = f" (also {_ids(row['aliases'])})" if row["aliases"] else ""
+        cells = (f"`{row['id']}`{aliases}", row["label"], row["summary"], row["paper"])
+        lines.append("| " + " | ".join(map(_cell, cells)) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def _traversals(rows: Sequence[Row]) -> str:
+    """Which values of the parameter `traversal` each structure has, the default first."""
+    sets: dict[tuple[str, ...], list[str]] = {}
+    for row in rows:
+        if row["traversals"]:
+            sets.setdefault(tuple(row["traversals"]), []).append(row["id"])
+    every = [row["id"] for row in rows]
+    lines = ["## Traversals", "", TRAVERSALS, "", "| structures | traversals |", "| --- | --- |"]
+    lines += [f"| {_whose(ids, every)} | {_ids(names)} |" for names, ids in sets.items()]
+    return "\n".join(lines) + "\n"
+
+
+def _parameters(rows: Sequence[Row]) -> str:
+    """One section per key: its texts, then its ranges and defaults with the structures that have them."""
+    lines = ["## Parameters", "", "A `*` stands for all structures whose id begins so.", ""]
+    every = [row["id"] for row in rows]
+    names = dict.fromkeys(parameter["name"] for row in rows for parameter in row["parameters"])
+    for name in sorted(names):
+        having = {row["id"]: one for row in rows for one in row["parameters"] if one["name"] == name}
+        texts = _grouped(having, _text)
+        lines += [f"### {name}", ""]
+        if len(texts) == 1:
+            lines += [*texts, ""]
+        else:
+            lines += [f"- {_whose(ids, every)}: {text}" for text, ids in texts.items()]
+        lines += [f"- {_whose(ids, every)}: {text}." for text, ids in _grouped(having, _values).items()]
+        lines.append("")
+    return "\n".join(lines[:-1]) + "\n"
+
+
+def _text(parameter: Row) -> str:
+    """Label, description and unit."""
+    unit = f" Unit: {parameter['unit']}." if parameter["unit"] else ""
+    return f"*{parameter['label']}*: {parameter['doc'].rstrip('.')}.{unit}"
+
+
+def _grouped(having: Mapping[str, Row], key: Any) -> dict[Any, list[str]]:
+    """Structures by what `key` returns for their parameter, in the order of the registry."""
+    found: dict[Any, list[str]] = {}
+    for structure, parameter in having.items():
+        found.setdefault(key(parameter), []).append(structure)
+    return found
+
+
+def _values(parameter: Row) -> str:
+    """Default and range of a parameter."""
+    if parameter["kind"] == "choice":
+        return f"one of {_ids(parameter['options'])}; default `{parameter['default']}`"
+    kind = "an integer" if parameter["kind"] == "integer" else "a number"
+    low, high, default = (f"{parameter[key]:.7g}" for key in ("min", "max", "default"))
+    return f"{kind} from {low} to {high}; default {default}"
+
+
+def _whose(ids: Sequence[str], every: Sequence[str]) -> str:
+    """Some of all structures in few words: exceptions where these are fewer, and one name for all of one stem."""
+    others = [name for name in every if name not in ids]
+    if not others:
+        return "all structures"
+    if len(others) < min(len(ids), 5):
+        return f"all structures but {_ids(others)}"
+    stems: dict[str, list[str]] = {}
+    for name in every:
+        stems.setdefault(name.partition("-")[0].rstrip("0123456789"), []).append(name)
+    shown: list[str] = []
+    for stem, names in stems.items():
+        having = [name for name in names if name in ids]
+        shown += [f"{stem}*"] if len(having) == len(names) > 1 else having
+    return _ids(shown)
+
+
+def _ids(names: Iterable[str]) -> str:
+    return ", ".join(f"`{name}`" for name in names)
+
+
+def _cell(text: str) -> str:
+    return text.replace("|", "\\|").replace("\n", " ")
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Write or check the page. Returns the exit status."""
+    parser = argparse.ArgumentParser(prog="structures_page", description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--check", action="store_true", help="write nothing; exit with 1 where the page is not current")
+    asked = parser.parse_args(arguments)
+    import halfspace_native
+
+    text = page(halfspace_native.structures())
+    if asked.check:
+        current = PAGE.is_file() and PAGE.read_text(encoding="utf-8") == text
+        if not current:
+            print(f"{PAGE}: not current; run python scripts/dev/structures_page.py", file=sys.stderr)
+        return 0 if current else 1
+    PAGE.write_text(text, encoding="utf-8")
+    print(PAGE)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
