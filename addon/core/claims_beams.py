@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""González López and Gisbert Cantó: beams of rays through octrees, against single rays and against box hierarchies.
+"""González López and Gisbert Cantó: beams of rays through octrees, against single rays and box hierarchies.
 
-The paper's results are four figures without numbers; its text states which line lies below which, and that the
+The paper reports its results in four figures without numbers; its text states which line lies below which, and that the
 line of the beams is much flatter.
 """
 
@@ -25,19 +25,19 @@ MODERN = "bvh-sah"
 TEAPOT = "utah-teapot-plane"
 
 CONFIGURATIONS = {"faithful": "leaf_size=2", "best": "leaf_size=8"}
-"""At most two objects in a leaf, as published; and as many as are tested at once here."""
+"""Largest number of objects per leaf: two as published, and eight, the number tested at once here."""
 
 FLAT = 0.5
-"""'Much smaller' in numbers: at most half the slope."""
+"""The paper's 'much smaller' as a number: at most half the slope."""
 
 
 def octree(name: str, configuration: str) -> str:
-    """An octree in one of the two configurations."""
+    """The configuration string of an octree in one of the two configurations."""
     return f"{name}:{CONFIGURATIONS[configuration]}"
 
 
 def sweep(lab: Lab, workload: Workload, specs: Sequence[str]) -> dict[str, list[Timing]]:
-    """Each structure's times from the smallest picture to the largest."""
+    """Each structure's times, from the smallest picture to the largest."""
     found: dict[str, list[Timing]] = {spec: [] for spec in specs}
     for size in claims_scenes.RESOLUTIONS:
         make = partial(claims_scenes.camera_rays, workload, size)
@@ -58,13 +58,13 @@ def chart(workload: Workload, times: dict[str, list[Timing]]) -> Chart:
 
 
 def per_ray(times: dict[str, list[Timing]]) -> str:
-    """Nanoseconds per ray at the largest picture, best first."""
+    """Nanoseconds per ray at the largest picture, fastest first, as text."""
     last = {structure_of(spec): own[-1].nanoseconds for spec, own in times.items()}
     return ", ".join(f"{spec} {value:.0f}" for spec, value in sorted(last.items(), key=lambda item: item[1]))
 
 
 def counters(times: dict[str, list[Timing]], specs: Sequence[str]) -> str:
-    """Steps, leaves and tests per ray at the largest picture."""
+    """Steps, leaves and tests per ray at the largest picture, as text."""
     parts = []
     for spec in specs:
         one = times[spec][-1].counters
@@ -74,7 +74,7 @@ def counters(times: dict[str, list[Timing]], specs: Sequence[str]) -> str:
 
 
 def flat_line(lab: Lab) -> Iterator[Outcome]:
-    """The slope of time over rays, against that of the octree with links."""
+    """Slope of time over rays for beams, relative to that of the octree with links."""
     for workload in (claims_scenes.scattered(), claims_scenes.concentrated()):
         for configuration in CONFIGURATIONS:
             specs = [octree(tree, configuration) for tree in OCTREES]
@@ -94,13 +94,13 @@ def flat_line(lab: Lab) -> Iterator[Outcome]:
 
 
 def nodes(lab: Lab, workload: Workload, spec: str) -> int:
-    """Nodes of an octree, leaves included."""
+    """Number of nodes of an octree, leaves included."""
     statistics = lab.statistics(workload, spec)
     return int(statistics["nodes_axis"] + statistics["leaves"])
 
 
 def fastest(lab: Lab) -> Iterator[Outcome]:
-    """At the largest picture beams are the quickest way through an octree, and quicker than box hierarchies."""
+    """Whether beams are the fastest traversal of an octree at the largest picture, and faster than box hierarchies."""
     for workload in (claims_scenes.scattered(), claims_scenes.concentrated()):
         for configuration in CONFIGURATIONS:
             specs = [octree(tree, configuration) for tree in OCTREES]
@@ -123,7 +123,7 @@ def fastest(lab: Lab) -> Iterator[Outcome]:
 
 
 def against_boxes(lab: Lab, workload: Workload, methods: Sequence[str], *, octrees_win: bool) -> Iterator[Outcome]:
-    """Whether single rays through octrees are quicker than box hierarchies at every resolution, or slower."""
+    """Whether single rays through octrees are faster than a box hierarchy at every resolution, or slower."""
     lacking = lab.lacks(BOX)
     for configuration in CONFIGURATIONS:
         if lacking:
@@ -149,7 +149,7 @@ def against_boxes(lab: Lab, workload: Workload, methods: Sequence[str], *, octre
 
 
 def links_gain(lab: Lab) -> Iterator[Outcome]:
-    """Links are paid for at the build; the time saved grows with the rays."""
+    """The cost of links at build time against the trace time they save, which grows with the number of rays."""
     workload = claims_scenes.scattered()
     for configuration in CONFIGURATIONS:
         specs = [octree(tree, configuration) for tree in (NET, SAMET)]
@@ -173,7 +173,7 @@ def links_gain(lab: Lab) -> Iterator[Outcome]:
 
 
 def neighbours(lab: Lab) -> Iterator[Outcome]:
-    """The share of the time that goes into finding neighbours: what stored links save is the least it can be."""
+    """Share of the time spent on finding neighbours: the time that stored links save is a lower bound."""
     for workload in (claims_scenes.scattered(), claims_scenes.concentrated()):
         for configuration in CONFIGURATIONS:
             specs = [octree(tree, configuration) for tree in (NET, SAMET, GLASSNER)]
@@ -192,7 +192,7 @@ def neighbours(lab: Lab) -> Iterator[Outcome]:
 
 
 def teapot(lab: Lab) -> Iterator[Outcome]:
-    """A small dense object in a large empty scene: single rays through the octree against boxes, and beams."""
+    """A small dense object in a large empty scene: single rays and beams through the octree, against boxes."""
     workload = lab.shared(TEAPOT)
     lacking = lab.lacks(BOX)
     for configuration in CONFIGURATIONS:

@@ -14,24 +14,25 @@ PAPER = "Wächter and Keller, Instant ray tracing: the bounding interval hierarc
 
 INTERVALS = "bih"
 KD = {"faithful": "kd-sah", "best": "kd:traversal=dir"}
-"""What they are compared with: whole triangles in leaves, and triangles cut to their cells; planes alone, as boxes take
-memory and time of their own."""
+"""The kd-trees compared with: unclipped triangles in leaves, and triangles clipped to their cells; planes alone,
+because boxes take memory and time of their own.
+"""
 
 BUILDS, MEMORY = 8.0, 0.5
-"""'A fraction' in numbers: at least so many times quicker, at most so much of the memory."""
+"""The paper's 'a fraction' as numbers: build at least 8 times faster, at most half the memory."""
 
 COMPARABLE = 1.5
-"""'About as long' in numbers."""
+"""The paper's 'about as long' as a number: at most this ratio of times."""
 
 SIZE = (1024, 1024)
-"""Pixels of a picture: a million rays."""
+"""Width and height of a picture in pixels: about a million rays."""
 
 FRAMES = (1, 2, 4, 8, 16, 32)
 SCENE = "stanford-dragon"
 
 
 def measured(lab: Lab, workload: Workload, kd: str) -> tuple[Builds, Mapping[str, float], list[float]]:
-    """Builds of each structure, seconds of a frame, and their bytes: intervals first."""
+    """Build times, seconds per frame by configuration, and bytes: intervals first."""
     specs = (INTERVALS, kd)
     builds = lab.build_seconds(workload, specs)
     view = partial(claims_scenes.camera_rays, workload, SIZE)
@@ -41,7 +42,7 @@ def measured(lab: Lab, workload: Workload, kd: str) -> tuple[Builds, Mapping[str
 
 
 def scene(lab: Lab) -> Workload:
-    """The scanned dragon; where it is not there, scattered triangles."""
+    """The scanned dragon; scattered triangles if its file is missing."""
     return lab.shared(SCENE) or claims_scenes.scattered()
 
 
@@ -70,7 +71,7 @@ def small_and_quick(lab: Lab) -> Iterator[Outcome]:
 
 
 def to_image(lab: Lab) -> Iterator[Outcome]:
-    """Build and pictures together: what an animation that is built anew for each picture takes."""
+    """Build and pictures together: the cost of an animation that rebuilds for each picture."""
     workload = scene(lab)
     for configuration, kd in KD.items():
         made, frames, _ = measured(lab, workload, kd)

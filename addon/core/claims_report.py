@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Measured claims as text, and as one HTML page that opens offline: published beside measured, with plots."""
+"""Measured claims as text and as one self-contained HTML page: published beside measured, with plots."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ def as_text(result: Result) -> str:
 
 
 def summary(results: Iterable[Result]) -> str:
-    """How many outcomes there are of each kind."""
+    """The number of outcomes of each verdict, as text."""
     counts = Counter(outcome.verdict for result in results for outcome in result.outcomes)
     return ", ".join(f"{counts[kind]} {kind}" for kind in VERDICTS)
 
 
 def as_html(results: Sequence[Result], machines: Mapping[str, Mapping[str, Any]], *, quick: bool) -> str:
-    """The page. machines: by name, those on which the claims were measured."""
+    """The HTML page. machines: descriptions of the measuring machines, by name."""
     shown = "; ".join(", ".join(f"{key} {html.escape(str(v))}" for key, v in one.items()) for one in machines.values())
-    if len(machines) < 2:  # what holds for all need not stand beside each
+    if len(machines) < 2:  # a single machine is named once, at the top
         results = [replace(result, machine="") for result in results]
     note = " Quick run." if quick else ""
     return (
@@ -49,7 +49,7 @@ def as_html(results: Sequence[Result], machines: Mapping[str, Mapping[str, Any]]
 
 
 def method(repeats: int) -> str:
-    """What the numbers of a run with so many repeats are."""
+    """One paragraph on how the numbers of a run were measured."""
     return (
         f"Times are of one thread. Rays: the median of {repeats} passes after one that warms up, in processor time. "
         f"Walks alone: of each chunk of rays the shortest of {repeats + 1} walks by the clock, summed. Builds: the "
@@ -95,13 +95,14 @@ def _claim(result: Result) -> str:
 
 
 def draw(chart: Chart) -> str:
-    """The plot as an SVG element; nothing without matplotlib."""
+    """The plot as an SVG element; "" without matplotlib."""
     if plots.problem():
         return ""
     return plots.figure(lambda axes: _lines(axes, chart), 4.0)
 
 
 def _lines(axes: Any, chart: Chart) -> None:
+    """Draw a claim's lines or grouped bars."""
     for number, (name, points) in enumerate(chart.lines.items()):
         colour, marker = charts.COLOURS[number % len(charts.COLOURS)], charts.MARKERS[number % len(charts.MARKERS)]
         x, y = zip(*points, strict=True)

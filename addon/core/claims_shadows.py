@@ -13,13 +13,13 @@ from .claims_beams import NET, PAPER, octree
 from .workload import Workload
 
 SHADOW_SIZE = (512, 512)
-"""Pixels of the view whose points ask for the light."""
+"""Width and height, in pixels, of the view whose visible points are tested for shadow."""
 
 SCENES = ("sponza-dabrovic", "conference", "stanford-bunny", "utah-teapot-plane")
 
 
 def scenes(lab: Lab) -> Iterator[Workload]:
-    """The paper's two, and those shared scenes that are there."""
+    """The paper's two scenes, and those shared scenes that exist."""
     yield claims_scenes.scattered()
     yield claims_scenes.concentrated()
     yield from (workload for name in SCENES if (workload := lab.shared(name)) is not None)
@@ -30,7 +30,7 @@ def _shadow_rays(workload: Workload, tracer: Any) -> rays.RaySet:
 
 
 def shadows(lab: Lab, way: str) -> Iterator[Outcome]:
-    """What one way of shadow rays saves, scene by scene, in both configurations."""
+    """The time that one shadow method saves, scene by scene, in both configurations. way: value of `shadow=`."""
     for workload in scenes(lab):
         tracer = lab.build(workload, "kd")
         make = partial(_shadow_rays, workload, tracer)
