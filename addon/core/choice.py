@@ -140,7 +140,7 @@ def compare(rows: Sequence[benchmark.Row], counted: Mix, plan: Plan) -> Comparis
         wrong = int(errors["wrong"])
         problem = ""
         if not benchmark.agrees(row):
-            least = "" if wrong else "at least "  # A row with only wrong pixels does not record the number of wrong rays.
+            least = "" if wrong else "at least "  # wrong pixels have no number of rays
             wrong = max(wrong, 1)
             problem = f"{least}{wrong:,} of {errors['rays']:,} answers are wrong"
         build, trace = building(row), counted.seconds(speeds, plan)

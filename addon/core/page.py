@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The report as one HTML page that opens offline, sorts and prints. Every number links to its place in `bench.json`."""
+"""The report as one self-contained HTML page that sorts and prints. Every number links to its place in `bench.json`."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from .rows import Row, agrees
 from .thesis import Published
 
 MOST_ROWS_INSIDE = 200
-"""With more rows their whole content stays in `bench.json` and the numbers link to there."""
+"""Largest number of rows whose full content is in the page; beyond it the numbers link to `bench.json`."""
 
 
 MOST_ROWS_SHOWN = 60
-"""A longer table scrolls within the page."""
+"""Largest number of rows before a table scrolls within the page."""
 
 
 @dataclass(frozen=True)
 class Cell:
-    """A number of a table. at: where in its row; value: None where there is none; bold: none is better."""
+    """A number of a table. at: path within its row; value: None if missing; bold: among the best."""
 
     text: str
     value: float | None
@@ -37,7 +37,7 @@ class Cell:
 
 @dataclass(frozen=True)
 class Column:
-    """A column: its title, the group over it, and what it means."""
+    """A column: its title, the group above it, and its meaning."""
 
     title: str
     group: str
@@ -54,12 +54,13 @@ ERRORS = {
 
 
 def as_html(document: dict[str, Any], published: Published | None = None) -> str:
-    """The whole report as one page. published: results of the thesis, set beside ours."""
+    """The whole report as one page. published: results of the thesis, shown beside ours."""
     rows: list[Row] = document["rows"]
     number = {id(row): index for index, row in enumerate(rows)}
     inside = len(rows) <= MOST_ROWS_INSIDE
     parts = [_missing(document.get("missing") or [])]
     parts.append(_overview(rows))
+    # One section per scene: findings, table, omissions and plots.
     for place, (scene, own) in enumerate(by_scene(rows).items(), 1):
         parts.append(f'<section id="scene-{place}"><h2>{_safe(scene)}</h2>')
         parts.append(f"<p>{_safe(heading(scene, own))}.</p>")
@@ -90,7 +91,7 @@ last digits and on shared edges. A column's title sorts by it; a number leads to
 
 
 def filled(title: str, introduction: str, document: dict[str, Any], body: str) -> str:
-    """A page with the looks of all reports. introduction, body: HTML; document: tells version and machine."""
+    """A page in the common layout of all reports. introduction, body: HTML; document: contains version and machine."""
     found = resources.files(__package__ or "").joinpath("page.html").read_text(encoding="utf-8")
     parts = {"TITLE": _safe(title), "FACTS": _safe(_facts(document)), "INTRODUCTION": introduction, "BODY": body}
     for name, text in parts.items():
@@ -99,7 +100,7 @@ def filled(title: str, introduction: str, document: dict[str, Any], body: str) -
 
 
 def _missing(lines: Sequence[str]) -> str:
-    """What was asked and is not here."""
+    """The requested rows that are missing."""
     if not lines:
         return ""
     items = "".join(f"<li>{_safe(line)}</li>" for line in lines)
@@ -107,7 +108,7 @@ def _missing(lines: Sequence[str]) -> str:
 
 
 def _overview(rows: Sequence[Row]) -> str:
-    """What several scenes say together."""
+    """The finding over all scenes; "" for fewer than two."""
     scenes = by_scene(rows)
     both = [scene for scene, own in scenes.items() if worth(own) is not None]
     if len(scenes) < 2 or not both:
@@ -209,7 +210,7 @@ def _table(rows: Sequence[Row], number: dict[int, int], inside: bool) -> str:
 
 
 def _best(rows: Sequence[Row], sets: Sequence[str]) -> set[tuple[int, str]]:
-    """Rows and ray sets that are the fastest, or equal to it as far as noise tells; none with wrong answers."""
+    """Pairs of a row's id and a ray set that are fastest, or equal within noise; none with wrong answers."""
     ours = [row for row in rows if row["spec"] != yardstick.SPEC]
     found = set()
     for name in sets:
@@ -231,7 +232,7 @@ def _target(index: int, at: str, inside: bool) -> str:
 
 
 def _left_out(rows: Sequence[Row]) -> str:
-    """What failed and what was not needed; what several structures share is said once."""
+    """Failures and omissions, each with the structures it applies to."""
     reasons: dict[str, list[str]] = {}
     for row in rows:
         for text in [*([row["error"]] if row["error"] else []), *row["left_out"], *row["too_slow"]]:
@@ -244,7 +245,7 @@ def _left_out(rows: Sequence[Row]) -> str:
 
 
 def _thesis(rows: Sequence[Row], published: Published | None) -> str:
-    """The tables of the thesis, ours beside the published numbers."""
+    """The tables of the thesis, our numbers beside the published ones."""
     found = thesis.tables(by_scene(rows), published)
     if not found:
         return ""
@@ -273,13 +274,13 @@ def _thesis(rows: Sequence[Row], published: Published | None) -> str:
 
 
 def _beside(cell: tuple[thesis.Numbers, thesis.Numbers], count: int) -> str:
-    """Cells of what was measured and of what was published."""
+    """Cells of the measured and of the published numbers."""
     ours, theirs = (["–" if math.isnan(value) else f"{value:,.0f}" for value in part] or ["–"] * count for part in cell)
     return "".join(f"<td>{text}</td>" for text in ours) + "".join(f"<td><em>{text}</em></td>" for text in theirs)
 
 
 def _machines(document: dict[str, Any]) -> str:
-    """Where the rows were measured, if in more than one place."""
+    """The measuring machines, if there are several."""
     machines = document.get("machines") or {}
     if len(machines) < 2:
         return ""
