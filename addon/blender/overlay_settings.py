@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`scene.halfspace.overlay`: what of the structure the 3D viewport shows, and how."""
+"""`scene.halfspace.overlay`: settings of the structure's display in the 3D viewport."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def _redraw(_group: Any, _context: Any) -> None:
 
 
 def _follow(group: Any, context: Any) -> None:
-    """Let the handlers come and go with the wish to see anything, and build what is missing."""
+    """Update the handlers after the overlay is switched, and build a missing structure."""
     from . import building, overlay
 
     overlay.follow()
@@ -48,7 +48,7 @@ def _build_if_wished(group: Any, _context: Any) -> None:
 
 
 class HalfspaceOverlaySettings(bpy.types.PropertyGroup):
-    """What the viewport shows of the structure."""
+    """Settings of the structure's display in the viewport."""
 
     show: BoolProperty(  # type: ignore[valid-type]
         name="Structure",
@@ -176,5 +176,5 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """The reverse of `register`."""
+    """Undo `register`."""
     bpy.utils.unregister_class(HalfspaceOverlaySettings)

@@ -322,7 +322,7 @@ class Journal:
                     scene, spec = found["order"]
                     entry = Entry(found["key"], (int(scene), int(spec)), found["row"], found.get("run", ""))
                     if not entry.is_benchmark:
-                        self.entries[entry.key] = entry  # the last one wins: it was measured again because an earlier one lacked a column
+                        self.entries[entry.key] = entry  # the last measurement wins
                     self._take(entry)
             except (ValueError, KeyError, TypeError):
                 # An incomplete line, left by a process that was interrupted; its row is measured again.

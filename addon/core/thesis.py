@@ -94,7 +94,7 @@ def our_id(name: str) -> str:
 
 
 def time_of(row: Row) -> float | None:
-    """Seconds of one ray of each set together, in microseconds or relative to the anchor; None if not measured."""
+    """Time of one ray of each set together, in microseconds or relative to the anchor; None if not measured."""
     total = 0.0
     for one in (row["rays"] or {}).values():
         if not one["rounds"]:
