@@ -60,7 +60,7 @@ class Gallery:
 def read_image(image: Any, notes: Notes) -> Image:
     """The image with premultiplied colours in the working space; zero rows if it is missing."""
     space = image.colorspace_settings.name
-    raw = image.is_float or space in RAW_SPACES or space == _working_space()  # Blender converts float images when it loads them
+    raw = image.is_float or space in RAW_SPACES or space == _working_space()  # floats are converted when loaded
     encoded = not raw and space not in LINEAR_SPACES
     if encoded and space != "sRGB":
         notes.add(f"Colour space {space} is not supported yet, taken for sRGB, in image", image.name)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`scene.halfspace` and `view_layer.halfspace`; what concerns structures is generated from the catalogue."""
+"""`scene.halfspace` and `view_layer.halfspace`; the properties of structures are generated from the catalogue."""
 
 from __future__ import annotations
 
@@ -27,16 +27,17 @@ UNKNOWN = "The file's structure is unknown to this version, replaced by"
 
 
 def structure(group: Any) -> Structure:
-    """The structure chosen in a `scene.halfspace` group; the default where a file has one of another version.
+    """The structure chosen in a `scene.halfspace` group; the default if the file's structure is unknown to this
+    version.
 
-    Such a choice reads as an empty name.
+    An unknown choice reads as an empty name.
     """
     known = catalogue.load()
     return known.get(group.structure) or known.default
 
 
 def remark_unknown(group: Any, notes: Notes) -> None:
-    """Note that the structure of a `scene.halfspace` group is not the one of its file, if so."""
+    """Note if the structure of a `scene.halfspace` group replaces an unknown one of its file."""
     if not group.structure:
         notes.add(UNKNOWN, structure(group).label)
 
@@ -53,7 +54,7 @@ def spec(group: Any) -> str:
 
 
 def _follow_structure(group: Any, context: Any) -> None:
-    """Give the chosen structure its own defaults, except where the user set a value that is nobody's default."""
+    """Set the chosen structure's own defaults, except for parameters with a value that is no structure's default."""
     known = catalogue.load()
     for parameter in known[group.structure].parameters:
         value = getattr(group, parameter.name)
@@ -64,7 +65,7 @@ def _follow_structure(group: Any, context: Any) -> None:
 
 
 def _rebuild(group: Any, _context: Any) -> None:
-    """Let a shown tree follow its settings."""
+    """Rebuild a shown structure after a change of its settings."""
     from . import building
 
     building.request(group.id_data)
@@ -111,7 +112,7 @@ def _parameter_property(parameter: Parameter) -> Any:
         "update": _rebuild,
     }
     if parameter.kind == "choice":
-        # A number made from the name stays the same in saved files when the list of options changes.
+        # A number derived from the name stays valid in saved files when the list of options changes.
         items = [(o, o, "", zlib.crc32(o.encode()) & 0x7FFF_FFFF) for o in parameter.options]
         return EnumProperty(items=items, **common)
     bounds = {
@@ -248,11 +249,11 @@ class HalfspaceViewLayerSettings(bpy.types.PropertyGroup):
 
 
 TICKED = ("bvh-sah", "kd", "octree-net")
-"""What is compared unless the user says otherwise."""
+"""Structures that are compared by default."""
 
 
 def tick(structure_id: str) -> str:
-    """The property of `scene.halfspace.compared` that includes this structure."""
+    """Name of the property of `scene.halfspace.compared` that includes this structure."""
     return structure_id.replace("-", "_")
 
 
@@ -269,9 +270,11 @@ _registered: list[type] = []
 
 
 def register() -> None:
-    """Register the property groups; without a native module the scene keeps only what needs no catalogue."""
+    """Register the property groups; without a native module the scene has only the properties that need
+    no catalogue.
+    """
     properties = dict(RENDER_PROPERTIES)
-    if native.problem() is None:  # else said in the panel and by every render; stored values stay in the file
+    if native.problem() is None:  # otherwise the panel and every render report it; stored values stay in the file
         ticks = {"__annotations__": _ticks(catalogue.load())}
         compared = type("HalfspaceCompared", (bpy.types.PropertyGroup,), ticks)
         bpy.utils.register_class(compared)
@@ -286,7 +289,7 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """The reverse of `register`."""
+    """Undo `register`."""
     del bpy.types.ViewLayer.halfspace
     del bpy.types.Scene.halfspace
     while _registered:

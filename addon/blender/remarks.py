@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a scene asks for as a whole and is not done: said in words, beside what objects and materials ask for."""
+"""Notes on unsupported settings of the whole scene, in addition to those of objects and materials."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 def remark(scene: Any, view_layer: Any, triangles: int, notes: Notes) -> None:
-    """Note what the user might miss in a picture of this view layer."""
+    """Note what is missing in a picture of this view layer."""
     render = scene.render
     if not triangles:
         notes.add("There is no surface to see, only the background is rendered", scene.name)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How long a whole render takes, from the call behind F12 to the picture, with Halfspace and with Cycles."""
+"""Times of whole renders, from the operator behind F12 to the picture, with Halfspace and with Cycles."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from ..core.check import Check
 from . import reports, trees, workloads
 
 LIGHTS = ("point",)
-"""Of a bare geometry: each point that is seen takes one shadow ray, and no ray can meet the light by chance."""
+"""Lights of a bare geometry: each visible point needs one shadow ray, and no path can hit the light by chance."""
 
 ENGINES = ("HALFSPACE", "CYCLES")
 
@@ -25,19 +25,19 @@ PARTS = {"extract": "reading the scene", "build": "building", "trace": "tracing 
 
 @dataclass(frozen=True)
 class Times:
-    """clock, processor: seconds of each run, by engine. parts: of Halfspace's runs, by the clock."""
+    """clock, processor: seconds of each run, by engine. parts: wall-clock seconds of Halfspace's runs, by part."""
 
     clock: dict[str, list[float]] = field(default_factory=lambda: {engine: [] for engine in ENGINES})
     processor: dict[str, list[float]] = field(default_factory=lambda: {engine: [] for engine in ENGINES})
     parts: dict[str, list[float]] = field(default_factory=lambda: {part: [] for part in PARTS})
 
     def ratio(self, of: str) -> float:
-        """Halfspace over Cycles, of the medians. of: clock or processor."""
+        """Ratio of Halfspace's median to Cycles's. of: "clock" or "processor"."""
         seconds = getattr(self, of)
         return statistics.median(seconds["HALFSPACE"]) / statistics.median(seconds["CYCLES"])
 
     def lines(self) -> list[str]:
-        """The numbers in words."""
+        """The numbers as lines of text."""
         found = []
         for engine in ENGINES:
             clock, worked = self.clock[engine], self.processor[engine]
@@ -50,9 +50,10 @@ class Times:
 
 
 def measure(scene: Any, runs: int) -> Times:
-    """Render the scene with both engines in turn, each once more than `runs` times: the first round warms up.
+    """Render the scene with both engines in turn, `runs` times each after a warm-up round.
 
-    Nothing is written: the time ends when Blender has the picture. Raises RuntimeError with the engine's words.
+    Nothing is written to disk: the time ends when Blender has the picture. Raises RuntimeError with the engine's
+    message.
     """
     times = Times()
     for seed in range(runs + 1):
@@ -77,7 +78,9 @@ def measure(scene: Any, runs: int) -> Times:
 
 
 def check_rays(scene: Any) -> Check:
-    """Compare a sample of the answers of the last render's structure with brute force, bit for bit."""
+    """Compare a sample of the answers of the last render's structure with brute force, bit for bit. Raises
+    RuntimeError.
+    """
     tree = trees.last(scene)
     if tree is None:
         raise RuntimeError("no structure was kept")
