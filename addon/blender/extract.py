@@ -144,6 +144,7 @@ def find(
 
 class _Reader:
     """The state of one pass over the depsgraph's instances."""
+
     def __init__(self, notes: Notes, uvs: bool, blocks: Any, layer: Any) -> None:
         self.notes = notes
         self.uvs = uvs
