@@ -37,6 +37,7 @@ def read_camera(
         item.calc_matrix_camera(depsgraph, x=size[0], y=size[1], scale_x=pixel_aspect[0], scale_y=pixel_aspect[1]),
         np.float64,
     )
+    # Remove the scale, which Blender ignores in cameras.
     to_world = np.array(matrix_world, np.float64, order="C")
     to_world[:3, :3] /= np.linalg.norm(to_world[:3, :3], axis=0)
     to_world[:3, 3] -= origin

@@ -64,6 +64,7 @@ class HALFSPACE_OT_check(bpy.types.Operator):
                 building.build_now(scene, depsgraph)
                 tree = trees.last(scene)
                 assert tree is not None
+            # Run the check to its last result.
             workload = workloads.of_tree(tree, scene.name, size)
             found: Check | None = None
             for found in check.steps(native.load(), tree.structure, workload, threads=0):  # noqa: B007 (the last)

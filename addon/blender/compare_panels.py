@@ -68,6 +68,7 @@ def _table(layout: Any, found: Comparison) -> None:
         row = column.row()
         for text, seconds in (("Build", line.build), ("Render", line.trace), ("Both", line.total)):
             row.label(text=f"{text} {_seconds(seconds)}")
+    # Show errors with the times: every time comes with the check of its answers.
     checked = sum(line.checked for line in found.lines)
     if checked:
         wrong = sum(line.wrong for line in found.lines)

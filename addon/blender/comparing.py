@@ -119,6 +119,7 @@ class Work:
 
     def __init__(self, scene: Any, steps: Callable[[Any, Workload, Any], Iterator[tuple[float, str]]]) -> None:
         """Raises the exceptions of extraction, and native.NativeError."""
+        # Stop earlier work, read the scene on this thread, and start the steps on another.
         stop()
         self.scene_uid = scene.original.session_uid
         module = native.load()

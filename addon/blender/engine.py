@@ -238,10 +238,12 @@ class _Picture:
         render.
         """
         session, count = built.session, read.scene.geometry.count
+        # Update Blender's status and memory display.
         statistics = {**session.structure.statistics, **job.statistics}
         self._say(_summary(built.label, statistics, job, built.answers))
         mebibytes = statistics["bytes"] / 2**20
         self.engine.update_memory_stats(memory_used=mebibytes, memory_peak=mebibytes)
+        # Keep the report for the panels.
         left_out = [read.layout.reason, *session.structure.statistics["left_out"], *session.left_out]
         remarks.remark(self.scene, self.depsgraph.view_layer_eval, count, self.notes)
         report = reports.Report(

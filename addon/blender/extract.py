@@ -122,6 +122,7 @@ def find(
         if instance.show_self and (space is None or instance.object.visible_in_viewport_get(space)):
             reader.visit(instance.object, instance.matrix_world, instance.parent if instance.is_instance else None)
     reader.note_layers()
+    # Read the world after the materials, because both share the gallery of images.
     sky = sky or (WAIT if depsgraph.mode == "RENDER" else LATER)
     background, shown, suns = world.read_world(
         view_layers.world(depsgraph) if layer.use_sky and sky != NO_WORLD else None,

@@ -100,10 +100,12 @@ def associated(image: Any) -> bool:
 def _pixels(image: Any, notes: Notes) -> F32:
     """(h, w, 4) float32 stored values; greyscale is expanded, and non-finite values become 0."""
     name = image.name
+    # Note sources of which only a part is read.
     if image.source == "TILED":
         notes.add("Image tiles (UDIM) are not supported yet, the first one is used", name)
     elif image.source in ("SEQUENCE", "MOVIE"):
         notes.add("Image sequences and movies are not supported yet, one frame is used", name)
+    # Read the stored values; a missing file has no size or raises.
     try:
         width, height = image.size
         count = len(image.pixels)
@@ -116,6 +118,7 @@ def _pixels(image: Any, notes: Notes) -> F32:
     flat = np.empty(count, np.float32)
     image.pixels.foreach_get(flat)
     found = flat.reshape(height, width, channels)
+    # Expand one channel to grey, and two to grey with alpha.
     pixels = np.ones((height, width, 4), np.float32)
     if channels >= 3:
         pixels[..., : min(channels, 4)] = found[..., :4]

@@ -106,12 +106,14 @@ def _color(mesh: Any, name: str, corners: U32) -> F32 | None:
     attribute = _attribute(mesh, name)
     if attribute is None or unreadable(mesh, (COLOR, name)):
         return None
+    # Read the attribute in its stored type.
     width, field, stored = TYPES[attribute.data_type]
     values = np.empty(len(attribute.data) * width, stored)
     attribute.data.foreach_get(field, values)
     rows = values.reshape(-1, width).astype(np.float32, copy=False)
     if width == 1:
         rows = np.repeat(rows, 3, axis=1)
+    # Distribute values from their domain to the corners of triangles.
     if attribute.domain == "CORNER":
         return rows.take(corners, axis=0)
     if attribute.domain == "POINT":
@@ -133,6 +135,7 @@ def _tangents(mesh: Any, name: str, corners: U32) -> F32 | None:
     except RuntimeError:
         # Blender's tangents support only triangles and quads.
         return _triangle_tangents(mesh, name, corners)
+    # Read tangents and signs per loop, then gather the triangles' corners.
     values = np.empty((len(mesh.loops), 4), np.float32)
     flat = np.empty(len(mesh.loops) * 3, np.float32)
     mesh.loops.foreach_get("tangent", flat)

@@ -31,12 +31,14 @@ def read_light(item: Any, matrix: F64, notes: Notes) -> Light | None:
     if not np.isfinite(matrix).all():
         notes.add("Dropped, the transform is not finite", name)
         return None
+    # Combine colour, energy, exposure, temperature and nodes to the power.
     to_world, scale = _without_scale(matrix)
     power = scaled(tuple(data.color), data.energy * 2.0**data.exposure)
     if data.use_temperature:
         power = _times(power, tuple(data.temperature_color))
     power = _times(power, _node_strength(data, name, notes))
     light = Light(data.type.lower(), to_world, power, casts_shadow=data.use_shadow, name=name)
+    # Add the shape of each type.
     match data.type:
         case "POINT" | "SPOT":
             light = replace(light, radius=data.shadow_soft_size)
@@ -110,6 +112,7 @@ def _node_strength(data: Any, name: str, notes: Notes) -> RGB:
     def remark(what: str) -> None:
         notes.add(f"{what} is not supported yet in light", name)
 
+    # Follow the output's surface to an Emission node.
     output = output_node(tree)
     if output is None:
         return (0.0, 0.0, 0.0)

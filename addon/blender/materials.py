@@ -130,6 +130,7 @@ def _material(material: Any, values: Values) -> Material:
     output = output_node(tree)
     if output is None:
         return _black(name)
+    # Note outputs that are not rendered, then read the surface.
     for socket in ("Displacement", "Volume"):
         if output.inputs[socket].is_linked:
             values.remark(socket)

@@ -158,12 +158,14 @@ def assemble(
         triangle_rows = slice(t, t + places * m)
         mirrored = np.linalg.det(placement.matrices[:, :3, :3]) < 0
 
+        # Transform the vertices, and number the corners after those of earlier meshes.
         placed = vertices[vertex_rows].reshape(places, n, 3)
         _transform(mesh.positions, placement.matrices, origin, out=placed)
         corners = triangles[triangle_rows].reshape(places, m, 3)
         np.add(mesh.triangles, (v + n * np.arange(places, dtype=np.int32))[:, None, None], out=corners)
         _flip(corners, mirrored)
         material_index[triangle_rows].reshape(places, m)[:] = _materials(mesh, placement.materials)
+        # Write shading normals: flat meshes get their face normals if any other mesh is smooth.
         if corner_normals is not None:
             placed_normals = corner_normals[triangle_rows].reshape(places, m, 3, 3)
             if mesh.normals is None:
@@ -175,6 +177,7 @@ def assemble(
             placed_uv[:] = mesh.uvs
             _flip(placed_uv, mirrored)
 
+        # Record the mesh's place in the arrays.
         sources.append(Source(t, m, placement.names))
         v, t = vertex_rows.stop, triangle_rows.stop
     frames, object_index = texture_layers.assemble_objects(placements, origin) if objects else ((), None)
@@ -251,6 +254,7 @@ def keep_instances(placements: list[Placement]) -> InstancedGeometry:
             numbers[id(mesh)] = len(kept)
             normals = None if mesh.normals is None else mesh.normals.take(mesh.normal_rows, axis=0, mode="clip")
             kept.append(Mesh(mesh.positions, np.ascontiguousarray(mesh.triangles, np.int32), mesh.slots, normals))
+    # Repeat the data of each placement for all its instances.
     places = [len(placement.names) for placement in placements]
     mesh_numbers = np.array([numbers[id(placement.mesh)] for placement in placements], np.int32)
     slots = np.repeat([len(placement.materials) for placement in placements], places)

@@ -123,9 +123,11 @@ def _passes_on(node: Any) -> bool:
 def _before(place: Place) -> Place | None:
     """One step towards the source, or None if the value is computed here."""
     socket, groups, node = place.socket, place.groups, place.node
+    # An input continues at the other end of its link.
     if not socket.is_output:
         feeding = place.links.feeding(socket)
         return None if feeding is None else place.beside(feeding)
+    # A muted node passes on its internal link; groups are entered and left through equal identifiers.
     if node.mute:
         link = next((link for link in node.internal_links if link.to_socket == socket), None)
         return None if link is None else place.beside(link.from_socket)

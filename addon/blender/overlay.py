@@ -116,6 +116,7 @@ def _drawing(scene: Any, tree: trees.Tree, part: str) -> _Drawing | None:
     known = _drawings.get((uid, part))
     if known is not None and known.tree == tree.number and known.key == (chosen_by, look):
         return known
+    # Reuse the data if only the look has changed.
     if known is not None and known.tree == tree.number and known.key[0] == chosen_by:
         chosen = known.chosen
     else:
@@ -123,6 +124,7 @@ def _drawing(scene: Any, tree: trees.Tree, part: str) -> _Drawing | None:
     if chosen is None:
         _drawings.pop((uid, part), None)
         return None
+    # Convert the data to batches for each depth test with visible opacity.
     style = "BOTH" if part in PICKED else settings.style
     passes = tuple(
         (test, [_batches(level, style) for level in _levels(part, chosen, tints, opacity, settings.line_width)])

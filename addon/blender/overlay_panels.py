@@ -107,10 +107,12 @@ class HALFSPACE_PT_view_overlay(_SidebarPanel, bpy.types.Panel):
         layout.use_property_decorate = False
         settings = context.scene.halfspace.overlay
         layout.active = settings.show
+        # Select the parts.
         parts = layout.grid_flow(row_major=True, columns=2, even_columns=True, align=True)
         parts.use_property_split = False
         for part in overlay.PARTS:
             parts.prop_enum(settings, "parts", part)
+        # Show the settings of the selected parts only.
         if "PLANES" in settings.parts:
             column = layout.column(align=True)
             column.prop(settings, "depth_min")
@@ -124,11 +126,13 @@ class HALFSPACE_PT_view_overlay(_SidebarPanel, bpy.types.Panel):
         if "BEAM" in settings.parts:
             layout.prop(settings, "beam_spacing")
         layout.prop(settings, "max_count")
+        # Show the numbers of the last drawing.
         if settings.show:
             if "PLANES" in settings.parts:
                 _planes(layout, overlay.shown(context.scene, "PLANES"))
             if "CELLS" in settings.parts:
                 _cells(layout, overlay.shown(context.scene, "CELLS"))
+        # Show the look of lines and surfaces.
         column = layout.column()
         column.row().prop(settings, "style", expand=True)
         column.prop(settings, "opacity")

@@ -274,6 +274,7 @@ def answers(layout: Any, tree: trees.Tree | None, known: str = "") -> None:
         if known or tree is not None:
             layout.label(text=known or choice.NOT_COMPARED, icon="INFO")
         return
+    # State the errors, then the speeds of each ray set.
     errors, what = found.errors, f"{found.errors.rays:,} answers of {tree.label}"
     if found.right:
         wrapped(layout, f"{what} are those of brute force, bit for bit", icon="CHECKMARK")

@@ -67,6 +67,7 @@ def _cornell(scene: Any) -> None:
 def _spheres(scene: Any) -> None:
     """Glass and metal, smooth and rough, coated and tinted, on a chequered floor below a large lamp."""
     parts.new_world(scene, (0.35, 0.45, 0.6))
+    # Link a chequered texture to the floor's colour.
     floor = parts.plane(scene, 8)
     material = parts.principled("Floor", (0.5, 0.5, 0.5), Roughness=0.6)
     tree, shader = material.node_tree, parts.principled_node(material)
@@ -77,6 +78,7 @@ def _spheres(scene: Any) -> None:
     tree.links.new(where.outputs["Object"], checker.inputs["Vector"])
     tree.links.new(checker.outputs["Color"], shader.inputs["Base Color"])
     parts.wear(floor, material)
+    # Place four spheres in the back row and four in front of them.
     row = (
         parts.principled("Mirror", (0.9, 0.9, 0.92), Metallic=1, Roughness=0),
         parts.principled("Gold", (1, 0.71, 0.29), Metallic=1, Roughness=0.35, Specular_Tint=(1, 0.6, 0.4, 1)),
@@ -127,6 +129,7 @@ def _textures(scene: Any) -> None:
 def _sky(scene: Any) -> None:
     """A rotated panorama with a small bright sun in it, and a sun lamp."""
     panorama = parts.picture("Panorama", parts.panorama_pixels(), "Linear Rec.709", floats=True)
+    # Link the panorama through a rotation to the background.
     world = parts.new_world(scene, (0, 0, 0))
     tree = world.node_tree
     background = next(node for node in tree.nodes if node.bl_idname == "ShaderNodeBackground")

@@ -95,6 +95,7 @@ def sphere(scene: Any, place: Color, radius: float, *, rings: int = 48) -> Any:
     """A smooth sphere of quads and two triangle fans, with a UV map of longitude and latitude."""
     rings = max(int(rings * detail), 5)
     around = 2 * rings
+    # Place the vertices ring by ring between the poles.
     points = [(0.0, 0.0, -radius)]
     for ring in range(1, rings):
         theta = math.pi * ring / rings
@@ -108,6 +109,7 @@ def sphere(scene: Any, place: Color, radius: float, *, rings: int = 48) -> Any:
                 )
             )
     points.append((0.0, 0.0, radius))
+    # Connect neighbouring rings with quads, and the poles with triangles.
     faces: list[tuple[int, ...]] = []
     uv: list[tuple[float, float]] = []
     for ring in range(rings):
@@ -277,6 +279,7 @@ def panorama_pixels() -> F32:
 def pictured(name: str, color: Any, rough: Any, bumps: Any, *, scale: float, metallic: bool = False) -> Any:
     """A Principled BSDF with images for colour, roughness, optionally metallic, and the normal."""
     material = principled(name, (0.5, 0.5, 0.5))
+    # Map the images by scaled UV coordinates.
     tree, shader = material.node_tree, principled_node(material)
     where, mapping = tree.nodes.new("ShaderNodeTexCoord"), tree.nodes.new("ShaderNodeMapping")
     mapping.inputs["Scale"].default_value = (scale, scale, 1)
@@ -288,6 +291,7 @@ def pictured(name: str, color: Any, rough: Any, bumps: Any, *, scale: float, met
         tree.links.new(mapping.outputs[0], node.inputs["Vector"])
         return node
 
+    # Link colour, roughness through a ramp, and optionally a threshold for metallic.
     tree.links.new(picture(color).outputs["Color"], shader.inputs["Base Color"])
     spots = picture(rough)
     ramp = tree.nodes.new("ShaderNodeValToRGB")
@@ -299,6 +303,7 @@ def pictured(name: str, color: Any, rough: Any, bumps: Any, *, scale: float, met
         step.operation = "GREATER_THAN"
         tree.links.new(spots.outputs["Color"], step.inputs[0])
         tree.links.new(step.outputs[0], shader.inputs["Metallic"])
+    # Link the normal map.
     normal = tree.nodes.new("ShaderNodeNormalMap")
     normal.inputs["Strength"].default_value = 0.8
     tree.links.new(picture(bumps).outputs["Color"], normal.inputs["Color"])

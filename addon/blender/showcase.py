@@ -153,6 +153,7 @@ def _beads(scene: Any) -> None:
         ("Cobalt", 3.15, -1.05, 0.16),
         ("Copper", -3.05, -1.15, 0.18),
     )
+    # Link the material to the object, so that copies of one mesh differ.
     for i, (colour, x, y, radius) in enumerate(places):
         item = bead if i == 0 else bpy.data.objects.new(f"Bead {i}", bead.data)
         if i:

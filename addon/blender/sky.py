@@ -177,6 +177,7 @@ def _render(bake: _Bake) -> Sky:
         with np.load(Path(folder) / "sky.npz") as found:
             rgb, sun = found["sky"], found["sun"]
             direction, angle = found["direction"], float(found["angle"])
+    # Convert the files' arrays; the disc's irradiance becomes radiance.
     pixels = np.ones((*rgb.shape[:2], 4), np.float32)
     pixels[..., :3] = rgb
     x, y, z = (float(c) for c in direction)

@@ -73,6 +73,7 @@ def _prepare(settings: dict[str, Any]) -> tuple[Any, Any]:
         import addon_utils
 
         addon_utils.enable("cycles")
+    # Make the world: the node with its settings, as background.
     world: Any = bpy.data.worlds.new("Sky")
     world.use_nodes = True
     tree = world.node_tree
@@ -81,6 +82,7 @@ def _prepare(settings: dict[str, Any]) -> tuple[Any, Any]:
         setattr(node, name, value)
     tree.links.new(node.outputs[0], next(n for n in tree.nodes if n.bl_idname == "ShaderNodeBackground").inputs[0])
     scene.world = world
+    # Make a camera, and set up Cycles for one noise-free sample per pixel.
     camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
     scene.collection.objects.link(camera)
     scene.camera = camera

@@ -38,6 +38,7 @@ def _mesh(workload: Workload) -> Any:
     """All triangles, flat, with one matte material."""
     mesh = bpy.data.meshes.new(workload.name)
     count = len(workload.triangles)
+    # Fill the mesh's arrays directly, without Python code per triangle.
     mesh.vertices.add(len(workload.vertices))
     mesh.loops.add(3 * count)
     mesh.polygons.add(count)
@@ -46,6 +47,7 @@ def _mesh(workload: Workload) -> Any:
     mesh.attributes[".corner_vert"].data.foreach_set("value", workload.triangles.reshape(-1))
     mesh.polygons.foreach_set("use_smooth", np.zeros(count, bool))
     mesh.update()
+    # Add a matte material.
     material = bpy.data.materials.new("Plaster")
     if material.node_tree is None:
         material.use_nodes = True

@@ -127,6 +127,7 @@ class Surface:
 
 def _principled(surface: Surface, node: Place, weight: Operand) -> None:
     values = surface.values
+    # Note layers that are not rendered, where they have an effect.
     for name, idle in IGNORED_LAYERS.items():
         layer = node.input(name)
         if layer is not None and (layer.socket.is_linked or abs(layer.socket.default_value - idle) > 1e-6):
@@ -137,6 +138,7 @@ def _principled(surface: Surface, node: Place, weight: Operand) -> None:
     thin = node.input("Thin Wall")
     if thin is not None and (thin.socket.is_linked or thin.socket.default_value):
         surface.remark("Principled BSDF: Thin Wall")
+    # Convert the supported inputs.
     strength = values.input(node, "Emission Strength")
     emission = surface.emitted(values.input(node, "Emission Color"), strength) if strength != 0.0 else 0.0
     surface.add(

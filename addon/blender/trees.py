@@ -113,6 +113,7 @@ def note_changes(scene: Any, depsgraph: Any) -> bool:
     """Advance the scene's moment if an update could have moved a triangle. Returns whether one could."""
     if not any(_moves_triangles(update) for update in depsgraph.updates):
         return False
+    # Redraw only when the shown tree becomes outdated.
     tree, uid = last(scene), scene.original.session_uid
     fresh = tree is not None and not tree.stale
     _moments[uid] = _moments.get(uid, 0) + 1

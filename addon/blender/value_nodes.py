@@ -40,6 +40,7 @@ def _image(values: Values, node: Place) -> Operand:
     if item.image is None:
         rgba: Operand = (1.0, 0.0, 1.0, 1.0)  # the pink of Cycles, as for a missing image
     else:
+        # Find the texture coordinates, by the kind of projection.
         panorama = item.bl_idname == "ShaderNodeTexEnvironment"
         if panorama:
             if item.projection != "EQUIRECTANGULAR":
@@ -54,6 +55,7 @@ def _image(values: Values, node: Place) -> Operand:
             where = values.vector(node, "uv")
         if item.interpolation in ("Cubic", "Smart"):
             values.remark("Cubic interpolation of images (linear is used)")
+        # Sample the image once for both outputs of the node.
         number = values.gallery.number(item.image)
         values.images.add(number)
         rgba = values.once(
@@ -165,6 +167,7 @@ def _mix(values: Values, node: Place) -> Operand:
     names = {"FLOAT": "Float", "VECTOR": "Vector", "RGBA": "Color"}
     if kind not in names:
         raise Unsupported(f"Mix ({kind.lower()})")
+    # Select the sockets of the data type by their identifiers.
     sockets = {socket.identifier: node.beside(socket) for socket in item.inputs}
     uneven = kind == "VECTOR" and item.factor_mode == "NON_UNIFORM"
     if uneven:

@@ -147,6 +147,7 @@ class Viewport:
         self._drawn = picture
         if picture is None:
             return
+        # Upload the picture in half precision, enough for display.
         x0, y0, x1, y1 = picture.part
         self._texture = gpu.types.GPUTexture(
             (x1 - x0, y1 - y0), format="RGBA16F", data=gpu.types.Buffer("FLOAT", len(picture.pixels), picture.pixels)
@@ -156,6 +157,7 @@ class Viewport:
         picture, region = self._drawn, context.region
         if picture is None:
             return
+        # Scale the picture to the region, which its pixels may not divide evenly.
         across, up = region.width / picture.width, region.height / picture.height
         x0, y0, x1, y1 = picture.part
         gpu.state.blend_set("ALPHA_PREMULT")

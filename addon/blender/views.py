@@ -61,6 +61,7 @@ def _border(context: Any, looking: Any) -> tuple[int, int, int, int] | None:
     view; None for all.
     """
     region, render = context.region, context.scene.render
+    # Choose the border and the frame that it is relative to.
     if looking is None:
         source = context.space_data
         if not source.use_render_border:
@@ -71,6 +72,7 @@ def _border(context: Any, looking: Any) -> tuple[int, int, int, int] | None:
         if not source.use_border:
             return None
         low, high = _frame(context, looking)
+    # Convert the border to pixels of the region.
     x = np.array(
         [
             source.render_border_min_x if looking is None else source.border_min_x,

@@ -60,6 +60,7 @@ def measure(scene: Any, runs: int) -> Times:
         for engine in ENGINES:
             scene.render.engine = engine
             scene.halfspace.render_seed = scene.cycles.seed = seed
+            # Time one render by both clocks.
             worked, begun = time.process_time(), time.perf_counter()
             bpy.ops.render.render(scene=scene.name)
             taken, work = time.perf_counter() - begun, time.process_time() - worked
@@ -67,6 +68,7 @@ def measure(scene: Any, runs: int) -> Times:
                 continue
             times.clock[engine].append(taken)
             times.processor[engine].append(work)
+            # Take the parts of the time from the engine's own report.
             if engine == "HALFSPACE":
                 report = reports.last(scene)
                 if report is None:

@@ -52,6 +52,7 @@ def _read(
     def remark(what: str) -> None:
         notes.add(f"{what} is not supported yet in world", world.name)
 
+    # Read the surface; everything unsupported leaves the plain colour.
     output = output_node(tree)
     if output is None:
         return World(), *nothing
@@ -66,6 +67,7 @@ def _read(
     except Unsupported as unsupported:
         remark(str(unsupported))
         return plain, *nothing
+    # Turn a constant sum into a colour, and keep a program otherwise.
     if total is None:
         return World(), *nothing
     if isinstance(total, tuple):

@@ -179,6 +179,7 @@ class Chooser:
             if not best.problem and spent + trial.build > BUDGET * best.total:
                 self._notes.append(f"{trial.spec}: left out, trying it would cost more than it could save")
                 continue
+            # Build and measure the candidate; one that does not fit into memory is left out.
             yield f"{trial.spec}: building"
             start = clock()
             try:

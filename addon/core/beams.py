@@ -119,6 +119,7 @@ def _faces(found: Cells, number: int) -> tuple[F32, Any]:
 def _gathered(found: list[list[Any]]) -> Cells:
     """The cells with their visit counts, most visited first. found: pairs of faces, as from `_faces`, and a count."""
     found = sorted(found, key=lambda one: -one[1])
+    # Concatenate the faces of all cells, and convert sizes to offsets.
     sizes = [sizes for (_, sizes), _ in found]
     return Cells(
         np.concatenate([np.zeros((0, 3), np.float32), *(corners for (corners, _), _ in found)]),

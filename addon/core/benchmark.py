@@ -394,6 +394,7 @@ class _Run:
         if candidate.spec != yardstick.SPEC:
             values = specs.values(candidate.spec, self._native.structures())
             counting.mark(row["rays"], self._prepared.ray_sets, values)
+        # Add errors: in total, per ray set, and in pictures.
         row["errors"] = accuracy.total(candidate.errors.values()).as_row(options.reference)
         row["errors"]["sets"] = {name: errors.as_row(options.reference) for name, errors in candidate.errors.items()}
         # Pixels that differ from the first structure's picture; 0 if nothing was rendered.
@@ -401,6 +402,7 @@ class _Run:
         row["map"] = candidate.cost_map
         row["scaling"] = candidate.scaling or None
         row["offsets"] = candidate.offsets or None
+        # Add pictures, and note sample counts that were too slow.
         if candidate.curve:
             row["curve"] = candidate.curve
             assert self._prepared.pictures is not None, "it drew the curve"

@@ -121,6 +121,7 @@ def follow(structure: Any, origin: Sequence[float], direction: Sequence[float], 
     mine = np.repeat(tested, np.diff(ends))
     ids, first = np.unique(visits["triangles"].astype(np.int32)[mine], return_index=True)
     corners = visits["corners"].reshape(-1, 3, 3)[mine][first]
+    # Convert the native arrays; counts are differences of offsets.
     cells = Cells(
         visits["vertices"],
         visits["offsets"].astype(np.int32),
@@ -190,6 +191,7 @@ def path_levels(path: Path, tints: Mapping[str, Sequence[float]], opacity: float
         faces = np.diff(cells.cells)
         shape = Shape(cells.vertices, cells.offsets, np.repeat(rgb, faces, axis=0), np.repeat(strength, faces))
         made.append(planes.level(shape, np.arange(cells.cells[-1]), 0, max(0.6 * width, 1.0), (0.05, 0.1)))
+    # Add the tested triangles, with the hit on top.
     if len(path.ids):
         made.append(triangles(path.corners, TESTED_RGB, 0.8 * opacity, 1.0, 0.35))
         hit = path.corners[path.ids == path.triangle]

@@ -129,6 +129,7 @@ def against_boxes(lab: Lab, workload: Workload, methods: Sequence[str], *, octre
         if lacking:
             yield Outcome(configuration, UNTESTED, lacking)
             continue
+        # Compare at every resolution, in the claimed direction.
         specs = [octree(tree, configuration) for tree in methods] + [BOX]
         times = sweep(lab, workload, specs)
         sign = 1.0 if octrees_win else -1.0
@@ -154,6 +155,7 @@ def links_gain(lab: Lab) -> Iterator[Outcome]:
     for configuration in CONFIGURATIONS:
         specs = [octree(tree, configuration) for tree in (NET, SAMET)]
         times = sweep(lab, workload, specs)
+        # Take the saved time as a function of the number of rays.
         saved = [(t.rays, s.seconds - t.seconds) for t, s in zip(times[specs[0]], times[specs[1]], strict=True)]
         made = lab.build_seconds(workload, specs)
         build = [made.seconds[spec] for spec in specs]

@@ -77,6 +77,7 @@ def to_image(lab: Lab) -> Iterator[Outcome]:
         made, frames, _ = measured(lab, workload, kd)
         builds, specs = made.seconds, (INTERVALS, kd)
         total = {spec: builds[spec] + frames[spec] for spec in specs}
+        # Find the number of pictures after which the kd-tree's faster traversal repays its longer build.
         gain = frames[INTERVALS] - frames[kd]
         even = (builds[kd] - builds[INTERVALS]) / gain if gain > 0 else float("inf")
         yield Outcome(

@@ -133,6 +133,7 @@ def singular(lab: Lab) -> Iterator[Outcome]:
     cases = [case for case in lab.native.cases() if case["name"] in SINGULAR]
     rays_asked = sum(len(case["origins"]) for case in cases)
     for configuration, tree in TREES.items():
+        # Sum the wrong answers of each traversal over the singular cases.
         wrong = dict.fromkeys(WALKS, 0)
         for case in cases:
             specs = [tree + walk for walk in WALKS]

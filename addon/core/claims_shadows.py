@@ -41,6 +41,7 @@ def shadows(lab: Lab, way: str) -> Iterator[Outcome]:
         specs = {"faithful": octree(NET, "faithful"), "best": octree(NET, "best")}
         if way == "cache":
             specs["best"] = "kd"
+        # Time the structure without and with the shadow method, on the same rays.
         for configuration, spec in specs.items():
             asked = f"{spec}{',' if ':' in spec else ':'}shadow={way}"
             times = lab.seconds(workload, [spec, asked], some)

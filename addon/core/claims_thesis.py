@@ -210,6 +210,7 @@ def one_normal(lab: Lab) -> Iterator[Outcome]:
     for name, workload in scenes(lab):
         for configuration, base in BASES.items():
             shares = ratios(lab, workload, configuration, trees)
+            # Relate the gain of one normal to the gain of the best k.
             whole, first = shares[0] - min(shares), shares[0] - shares[1]
             part = first / whole if whole > 0 else 0.0
             yield Outcome(
@@ -266,6 +267,7 @@ def fixed_directions(lab: Lab) -> Iterator[Outcome]:
         for configuration, base in BASES.items():
             own = spec(configuration, tree)
             found = measured(lab, workload, [base, own])
+            # Compare tests, steps and time with the kd-tree's.
             parts = {key: found[own].counters[key] / found[base].counters[key] for key in ("tests", "steps")} | {
                 "time": found[own].seconds / found[base].seconds
             }

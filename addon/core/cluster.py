@@ -141,6 +141,7 @@ def _hand_out(
     """Hand out rows, one at a time to each worker, and yield them as they finish. Raises ClusterError and OSError."""
     import distributed
 
+    # Keep the state of the hand-out: rows to measure, their attempts, and the row of each worker.
     waiting = deque(wanted)
     attempts: Counter[str] = Counter()
     running: dict[str, tuple[str, Any]] = {}

@@ -96,6 +96,7 @@ class Curve:
         most = min(self.samples[-1], INDEPENDENT)
         seeds = range(self._seed + 2, self._seed + 2 + most)
         pictures = [self._image(self._render(structure, 1, seed, 0)) for seed in seeds]
+        # Use the same pictures at every sample count.
         yield from of_independent(pictures, self._converged, [count for count in self.samples if count <= most])
 
     def finer(self, samples: int) -> tuple[int, int, int]:
@@ -201,6 +202,7 @@ class Curve:
 
 def errors(picture: Image, reference: Image) -> dict[str, float]:
     """RMSE and trimmed relMSE of linear RGB, and the number of pixels with non-finite values, which are excluded."""
+    # Exclude pixels that are not finite, then trim the largest relative errors.
     finite = np.isfinite(picture).all(axis=1)
     difference = (picture[finite].astype(np.float64) - reference[finite]) ** 2
     relative = np.sort((difference / (reference[finite].astype(np.float64) ** 2 + RELATIVE_FLOOR)).ravel())

@@ -182,6 +182,7 @@ def measure(native: Any, specs: Sequence[str], options: Options) -> Iterator[Eve
     Raises LazyError.
     """
     refuse_lazy(specs)
+    # Make the rays once for all sizes.
     yield "making the rays"
     ray_sets = fixed_rays(native, options)
     for size in options.sizes:

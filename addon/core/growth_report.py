@@ -213,6 +213,7 @@ def draw_rays(figure: Any, by_spec: dict[str, list[Point]]) -> None:
     panels = figure.subplots(len(KEYS), len(sets), sharex=True, squeeze=False)
     for row, key in enumerate(KEYS):
         for axes, name in zip(panels[row], sets, strict=True):
+            # Draw each structure's measurements, and its fitted line.
             for number, (spec, own) in enumerate(by_spec.items()):
                 pairs = [(p.triangles, p.rays[name][key]) for p in own if name in p.rays]
                 if not pairs:

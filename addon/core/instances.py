@@ -162,6 +162,7 @@ def choose(mode: str, meshes: list[tuple[int, int]], *, smooth: bool, interactiv
     mode: one of MODES. meshes: triangles and instances of each mesh. smooth: whether normals are stored. interactive:
     for a viewport, whose scene is edited.
     """
+    # Count triangles with and without instancing.
     flat = sum(triangles * places for triangles, places in meshes)
     unique = sum(triangles for triangles, _ in meshes)
     places = sum(count for _, count in meshes)

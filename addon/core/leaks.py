@@ -73,6 +73,7 @@ def from_file(path: Path, centre: Sequence[float], radius: float) -> Surface:
 
 def closed(vertices: F32, triangles: I32) -> tuple[F32, I32]:
     """The surface with a triangle fan over each boundary loop; equal vertices are merged."""
+    # Merge equal vertices, then find edges that only one triangle has.
     points, place = np.unique(vertices, axis=0, return_inverse=True)
     corners = place.reshape(-1)[triangles]
     edges = np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]])

@@ -21,6 +21,7 @@ def read(folders: Sequence[Path]) -> Journal:
         if not list(folder.glob("rows*.jsonl")):
             raise UsageError(f"--merge: {folder} holds no rows of a run")
     journals = {folder: Journal(folder) for folder in folders}
+    # Merge, and report rows that no other folder completes.
     lacking = {folder: journal.lacking() for folder, journal in journals.items()}
     merged, *others = journals.values()
     for other in others:

@@ -48,6 +48,7 @@ class Moved:
         """
         walks = {"": spec, "_unguarded": unguarded(spec, self._native.structures())}
         found = []
+        # Compare with and without bounds at each offset.
         for offset, vertices, triangles, origins, directions, expected in self._places:
             entry: dict[str, Any] = {"offset": offset, "rays": len(origins)}
             for suffix, walked in walks.items():

@@ -181,6 +181,7 @@ def _cell(value: float | None, at: str, digits: int, *, bold: bool = False) -> C
 
 def _table(rows: Sequence[Row], number: dict[int, int], inside: bool) -> str:
     columns, sets = _columns(rows), set_names(rows)
+    # Count the columns of each group for the header.
     groups: list[list[Any]] = []
     for column in columns:
         if groups and groups[-1][0] == column.group:
@@ -193,6 +194,7 @@ def _table(rows: Sequence[Row], number: dict[int, int], inside: bool) -> str:
         for column in columns
     )
     best = _best(rows, sets)
+    # Write one line per row, with a link to it.
     body = []
     for row in rows:
         kind = "yardstick" if row["spec"] == yardstick.SPEC else "" if agrees(row) else "wrong"
@@ -257,6 +259,7 @@ def _thesis(rows: Sequence[Row], published: Published | None) -> str:
     )
     parts = [intro]
     for table in found:
+        # Write published numbers in italics beside ours.
         parts.append(f"<h3>{_safe(table.title)}</h3>")
         width = 2 * len(table.columns)
         over = "".join(f'<th colspan="{width}" scope="colgroup">{_safe(scene)}</th>' for scene in table.scenes)

@@ -45,6 +45,7 @@ class Measurement:
     """
 
     def __init__(self, native: Any, scene: Path, spec: str, threads: int, memory_limit: int | None = None) -> None:
+        # Let the process import the compiled module and NumPy from their current places.
         library = str(Path(native.__file__).resolve().parent)
         environment = {**os.environ, "PYTHONPATH": os.pathsep.join([library, str(Path(np.__file__).parents[1])])}
         # Pass the source text, not the file's path: this module may lie in an archive.

@@ -136,6 +136,7 @@ def level(shape: Shape, polygons: NDArray[Any], depth: int, width: float, fill: 
     """Polygons with consecutive numbers, ready to draw. fill: opacity of surfaces at their centre and at their rim,
     relative to that of the lines.
     """
+    # Look up the ends and the polygon of each edge.
     ends, owners = _edges(shape.offsets, polygons)
     lines, rgb, strength = shape.vertices[ends], shape.rgb[owners], shape.strength[owners]
     # Triangulate each polygon as a fan around its centre.

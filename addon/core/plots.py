@@ -91,6 +91,7 @@ def scene_figures(rows: Sequence[Row], published: Published | None = None) -> li
     if len(ours_close) > 1:
         draw = partial(charts.build_against_tracing, rows=ours_close, styles=styles)
         add("Build against tracing", charts.BUILD + remark, 4.8 + below, draw)
+    # Add the figures of optional measurements.
     if lines:
         draw = partial(charts.k_sweep, scene=rows[0]["scene"], base=base, lines=lines, published=published)
         room = charts.room_for_legend([line.label for line in lines])

@@ -110,6 +110,7 @@ def prepare(native: Any, workload: Workload, options: Options) -> Generator[Prog
     yield Progress(0.0, "making the rays")
     tracer = _tracer(native, workload, options)
     ray_sets = rays.make(workload, tracer, size=options.size, seed=options.seed, names=options.sets)
+    # Select the rays to check, and answer them with the reference.
     checked = {}
     for rays_of_set in ray_sets:
         own = len(rays_of_set) if options.own_rays is None else options.own_rays
@@ -122,11 +123,13 @@ def prepare(native: Any, workload: Workload, options: Options) -> Generator[Prog
     if options.offsets:
         yield Progress(0.0, "moving the grid of touching boxes")
         moved = Moved(native, options.offsets, options.seed)
+    # Render the converged picture.
     pictures = None
     if options.curve:
         pictures = curve.Curve(native, workload, options.size, options.curve, options.seed)
         yield Progress(0.0, "rendering the converged picture")
         pictures.converge(tracer)
+    # Make the smaller views, and the view of the cost maps.
     views = list(_smaller_views(workload, tracer, options)) if options.scaling and "primary" in options.sets else []
     made = Prepared(workload, options, ray_sets, checked, expected, views, pictures, moved)
     if pictures is not None and tracer.statistics["bytes"] <= KEPT_BYTES:

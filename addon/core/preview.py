@@ -168,6 +168,7 @@ class Preview:
         """The reason why there is no picture, or ""."""
         self.showing_seconds = 0.0
         """Seconds to draw a picture into the window; set by the caller."""
+        # The scene and its settings, as of the last edit.
         self._native, self._stock = native, stock
         self._scene: Scene | None = None
         self._settings = RenderSettings(1, 1)
@@ -176,6 +177,7 @@ class Preview:
         self._edits = 0
         self._preparing: _Preparing | None = None
         self._ready: _Ready | None = None
+        # The view, the running render, and those being cancelled.
         self._view: View | None = None
         self._moves = 0
         self._job: _Job | None = None

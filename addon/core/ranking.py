@@ -203,6 +203,7 @@ def faster(a: Row, b: Row, name: str, *, among: int = 1) -> bool:
     """
     if part(a, name) is None or part(b, name) is None or not related(a, b, name):
         return False
+    # Require enough rounds for the error probability, also after a selection among several.
     rounds = min(len(_known(row, name)["rounds"]) for row in (a, b))
     if rounds < LEAST_ROUNDS or (among > 1 and among * CHANCE > math.comb(2 * rounds, rounds)):
         return False

@@ -28,6 +28,7 @@ class Reference:
         """Trace the sample with brute force. wanted: approximate number of rays of all sets together; each set gets at
         least a block of 64.
         """
+        # Trace the sample of each set with brute force.
         brute = native.build(workload.vertices, workload.triangles, "brute", threads=threads)
         self._threads = threads
         self._parts: list[tuple[rays.RaySet, Answers]] = []

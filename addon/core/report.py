@@ -84,6 +84,7 @@ def cells(rows: Sequence[Row]) -> tuple[list[str], list[list[str]]]:
         "checked",
     ]
     lines = []
+    # Format one line per row; missing numbers are dashes.
     for row in rows:
         line = [row["spec"], _number(row["build_s"] and row["build_s"]["med"], 3)]
         line += [_number(row["first_s"] and row["first_s"]["med"], 3)] if first else []
@@ -150,6 +151,7 @@ def findings(rows: Sequence[Row]) -> list[str]:
 
 
 def _about_errors(measured: Sequence[Row]) -> Iterator[str]:
+    # Report errors first, because rows with wrong answers are not ranked.
     wrong = [row["spec"] for row in measured if not agrees(row)]
     if wrong:
         yield f"Answers that differ from the reference, which is why they are ranked nowhere: {', '.join(wrong)}."

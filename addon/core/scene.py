@@ -124,6 +124,7 @@ class Geometry:
     sources: tuple[Source, ...] = ()
 
     def __post_init__(self) -> None:
+        # Check shapes and types, then ranges.
         count = len(self.triangles)
         check("vertices", self.vertices, np.float32, (None, 3))
         check("triangles", self.triangles, np.int32, (None, 3))
@@ -142,6 +143,7 @@ class Geometry:
             raise SceneError(f"triangles: an index is out of range for {len(self.vertices)} vertices")
         if not np.isfinite(self.origin).all():
             raise SceneError("origin: expected finite numbers")
+        # Freeze the arrays, which sessions share.
         for array in (
             self.vertices,
             self.triangles,

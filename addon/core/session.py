@@ -179,6 +179,7 @@ def asdict_shallow(item: Any) -> dict[str, Any]:
 
 def arguments(scene: Scene) -> dict[str, Any]:
     """The arguments of the native `RenderScene` except the structure."""
+    # Pass either instances with their surfaces, or flattened triangles with their attributes.
     geometry = scene.geometry
     carried: dict[str, Any]
     if isinstance(geometry, InstancedGeometry):

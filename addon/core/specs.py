@@ -76,6 +76,7 @@ def numbers(text: str, option: str = "") -> list[str]:
 
     option: name of the command-line option, for messages. Raises SpecError.
     """
+    # Stop as soon as the lists are too long.
     try:
         return _at_most(_values(part.strip()) for part in text.split(","))
     except SpecError as error:
@@ -159,6 +160,7 @@ def expand(
             raise SpecError(f"these are more than {MOST:,} configurations")
     if not chosen:
         raise SpecError("no structure is named")
+    # Reject ranges of parameters that no chosen structure has.
     unused = set(ranges) - {p["name"] for spec in chosen for p in rows[structure_of(spec)]["parameters"]}
     if unused:
         raise SpecError(f"none of the structures {_shortened(chosen, ', ')} has the parameter {min(unused)!r}")

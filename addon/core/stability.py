@@ -79,6 +79,7 @@ def configurations(structures: Sequence[Mapping[str, Any]], chosen: Sequence[str
     rows = {row["id"]: row for row in structures}
     made: list[str] = []
     for spec in chosen:
+        # Add the traversals, the shadow methods and the unbounded variants of the structure.
         row = rows[specs.structure_of(spec)]
         keys = {parameter["name"]: parameter for parameter in row["parameters"]}
         walks = [spec]

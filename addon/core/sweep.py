@@ -74,6 +74,7 @@ class Sweep:
 
     def run(self, number: int, workload: Workload, measurer: Measurer, say: Callable[[str], None]) -> list[Row]:
         """Measure the missing rows of the `number`-th scene. Returns its rows in the order of `chosen`."""
+        # Compute the key of each row, and select this part's rows.
         scene = workload.fingerprint()
         if self.journal is not None:
             self.journal.reach(self.run_id, self.scenes[number], workload.name)

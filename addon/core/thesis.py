@@ -70,6 +70,7 @@ def read(path: Path) -> Published:
     found = Published()
     name = "final_by_K"
     try:
+        # Read the medians by k, then the spreads, then the comparison; `name` is for the message.
         for entry in content[name]:
             by_k = found.by_k.setdefault(entry["scene"], {}).setdefault(our_id(entry["structure"]), {})
             by_k[int(entry["K"])] = float(entry["render_pct_of_kd"])

@@ -179,6 +179,7 @@ def speeds(candidate: Candidate, name: str, anchor: Candidate | None, machine_no
         **{key: counted.get(key) for key in COUNTERS},
         "hits": counted["hits"],
     }
+    # Add case counters and speeds where they exist.
     cases = {name.removeprefix(CASE): mean for name, mean in counted.items() if name.startswith(CASE)}
     if cases:
         found["cases"] = cases

@@ -257,6 +257,7 @@ def _in_tiles(origins: F32, directions: F32, t_min: F32, t_max: F32, random: Ran
     lights = origins[random.integers(0, len(origins), 4)]
     here, ways, ends = (part[last].reshape(count, TILE, -1) for part in (origins, directions, t_max))
     t_min[last] = 0
+    # Choose a direction, axes across it and a window size for each tile.
     for o, d, end in zip(here, ways, ends, strict=True):
         with np.errstate(all="ignore"):
             towards, size = d[0].copy(), np.abs(d[0]).max()

@@ -166,6 +166,7 @@ def find(name: str, suffixes: Sequence[str] = (".npz",), built_in: Sequence[str]
 
     Returns a built-in name unchanged, else the path. Raises WorkloadError, which lists all choices.
     """
+    # Try a built-in name, then a file, then a shared scene.
     if name in built_in:
         return name
     path, problem = Path(name), "there is no such scene"
@@ -192,6 +193,7 @@ def distinct(found: Mapping[str, str | Path]) -> list[str]:
     known: dict[str, tuple[str, str | Path]] = {}
     for scene, one in found.items():
         name, place = (one, one) if isinstance(one, str) else (one.stem, one.resolve())
+        # Distinguish files by their resolved path.
         other, taken = known.setdefault(name, (scene, place))
         if taken != place:
             raise WorkloadError(
