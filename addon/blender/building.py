@@ -155,7 +155,7 @@ class HALFSPACE_OT_build_structure(bpy.types.Operator):
 
     bl_idname = "halfspace.build_structure"
     bl_label = "Build Structure"
-    bl_description = "Build the chosen structure over the scene as the viewport shows it, to look at it. Esc stops"
+    bl_description = "Build the chosen structure over the scene as the viewport shows it, for inspection. Esc stops"
 
     _job: Job | None = None
     _timer: Any = None
@@ -237,7 +237,7 @@ class HALFSPACE_OT_free_structure(bpy.types.Operator):
 
     bl_idname = "halfspace.free_structure"
     bl_label = "Free Structure"
-    bl_description = "Forget the last structure and free its memory"
+    bl_description = "Free the memory of the last structure"
 
     def execute(self, context: Any) -> set[str]:
         trees.clear()

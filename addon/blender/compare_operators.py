@@ -41,7 +41,7 @@ class _Modal:
         """Store the result as a text block of the measured scene, whichever scene is visible by now."""
         scene = trees.scene_of(work.scene_uid)
         if scene is None:
-            self.report({"WARNING"}, "The scene that was measured is gone")  # type: ignore[attr-defined]
+            self.report({"WARNING"}, "The measured scene was deleted")  # type: ignore[attr-defined]
             return {"CANCELLED"}
         found = comparing.last(scene)
         if found is not None:
@@ -125,7 +125,7 @@ class HALFSPACE_OT_compare(_Modal, bpy.types.Operator):
     bl_idname = "halfspace.compare"
     bl_label = "Compare"
     bl_description = (
-        "Build the chosen structure and all ticked ones over this scene, prove their answers and time their rays. "
+        "Build the chosen structure and all ticked ones over this scene, check their answers and time their rays. "
         "Blender can be used meanwhile; Esc stops"
     )
     bl_options = {"REGISTER", "UNDO"}
@@ -140,8 +140,8 @@ class HALFSPACE_OT_choose(_Modal, bpy.types.Operator):
     bl_idname = "halfspace.choose"
     bl_label = "Choose for Me"
     bl_description = (
-        "Try structures on a part of the scene, the promising ones on all of it, and use what makes the picture "
-        "soonest, build included. Esc stops"
+        "Try structures on a part of the scene, the best of them on all of it, and use the one with the shortest "
+        "predicted time for the picture, build included. Esc stops"
     )
     bl_options = {"REGISTER", "UNDO"}
 

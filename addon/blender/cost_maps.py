@@ -34,8 +34,8 @@ class HALFSPACE_OT_cost_map(bpy.types.Operator):
     bl_idname = "halfspace.cost_map"
     bl_label = "Show Cost Map"
     bl_description = (
-        "Trace one ray per pixel of the camera's view through the structure, and show in the Image Editor what each "
-        "costs. With a second structure, both on one scale"
+        "Trace one ray per pixel of the camera's view through the structure, and show the cost of each in the Image "
+        "Editor. With a second structure, both on one scale"
     )
     bl_options = {"REGISTER", "UNDO"}
 

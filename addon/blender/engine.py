@@ -175,7 +175,7 @@ class _Picture:
         else:
             built = self._build_set(module, read.scene, settings)
             if self.group.automatic and two_level:
-                built.reasons.append("as set: Choose for Me needs instances to be flattened, see Instances")
+                built.reasons.append("as set: Choose for Me needs flattened instances, see Instances")
         session = built.session
         meshes = session.building.meshes if session.building is not None else []
         _kept[:] = meshes if self.scene.render.use_persistent_data else []

@@ -65,14 +65,14 @@ class Found:
     def layout(self, mode: str, *, integrator: str = "path", interactive: bool = False) -> Layout:
         """Whether to keep instances, and the reason."""
         if integrator == "whitted" and any(material.glows for material in self.materials):
-            why = "Whitted's rays find glowing meshes only as lights in their places"
+            why = "Whitted's integrator supports emissive meshes only without instancing"
             return Layout(two_level=False, reason=f"instances: flattened, since {why}")
         sizes: dict[int, list[int]] = {}
         for placement in self.placements:
             triangles, places = len(placement.mesh.triangles), len(placement.names)
             sizes.setdefault(id(placement.mesh), [triangles, 0])[1] += places
         if self.layers or self.objects:
-            why = "only triangles in their places carry what these textures read"
+            why = "these textures need attributes that only flattened triangles have"
             return Layout(two_level=False, reason=f"instances: flattened, since {why}")
         smooth = any(placement.mesh.normals is not None for placement in self.placements)
         return choose(mode, [(a, b) for a, b in sizes.values()], smooth=smooth, interactive=interactive)
@@ -197,7 +197,7 @@ class _Reader:
             return
         sheet = _as_sheet(matrix)
         if sheet is None:
-            self.notes.add("Dropped, the transform leaves a line or a point of the object (scale 0)", name)
+            self.notes.add("Dropped, the transform collapses the object to a line or a point (scale 0)", name)
             return
         matrix = sheet
         mesh_key, mesh, used = self._mesh(item, hidden)
@@ -266,9 +266,9 @@ class _Reader:
     def _note_linking(self, item: Any, name: str) -> None:
         linking = item.light_linking
         if linking.receiver_collection is not None:
-            self.notes.add("Light linking is not supported yet, the light reaches everything", name)
+            self.notes.add("Light linking is not supported yet, the light affects all objects", name)
         if linking.blocker_collection is not None:
-            self.notes.add("Shadow linking is not supported yet, everything throws shadows", name)
+            self.notes.add("Shadow linking is not supported yet, all objects cast shadows", name)
 
     def _check_once(self, item: Any, name: str) -> None:
         """Note an object's unsupported settings, once per object."""

@@ -43,7 +43,7 @@ def read_light(item: Any, matrix: F64, notes: Notes) -> Light | None:
         case "POINT" | "SPOT":
             light = replace(light, radius=data.shadow_soft_size)
             if data.shadow_soft_size > 0 and not data.use_soft_falloff:
-                notes.add("Lights without soft falloff are not supported yet, it falls off softly", name)
+                notes.add("Lights without soft falloff are not supported yet, rendered with soft falloff", name)
             if data.type == "SPOT":
                 light = replace(light, spot_size=data.spot_size, spot_blend=data.spot_blend)
                 if not _is_flat(matrix) and np.ptp(scale) > EVEN * scale.max():
@@ -59,7 +59,7 @@ def read_light(item: Any, matrix: F64, notes: Notes) -> Light | None:
     if not data.normalize:
         light = replace(light, power=scaled(light.power, _extent(light)))
     if min(light.power) < 0.0:
-        notes.add("Lights that take light away (negative power) are not supported yet, left out", name)
+        notes.add("Lights with negative power are not supported yet, left out", name)
         return None
     return light if any(light.power) else None
 

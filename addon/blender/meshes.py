@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 MOST_TRIANGLES = 1 << 29
 """Largest number of triangles of a scene; most trees accept at most half of it."""
 
-FEWER = "let materials read fewer different attributes"
+FEWER = "use fewer different attributes in materials"
 """Advice if the scene would fit into memory without the layers of its materials."""
 
 BLOCK = 1 << 14

@@ -136,7 +136,7 @@ class HALFSPACE_PT_statistics(_Panel, bpy.types.Panel):
             layout.label(text=f"The picture: {report.answers}", icon="INFO")
         answers(layout, tree, report.answers)
         for title, lines, icon in (
-            ("Not understood", report.warnings, "ERROR"),
+            ("Not supported", report.warnings, "ERROR"),
             ("Why this structure", report.reasons, "SHADERFX"),
             ("Left out, at no cost", report.left_out, "INFO"),
         ):

@@ -88,8 +88,8 @@ class HALFSPACE_OT_pick_ray(bpy.types.Operator):
     bl_idname = "halfspace.pick_ray"
     bl_label = "Pick a Ray"
     bl_description = (
-        "Follow the ray under the cursor through the structure: the cells that it visits, the planes that it crosses, "
-        "the triangles that are tested. Click to keep it, Esc to leave"
+        "Follow the ray under the cursor through the structure: the cells it visits, the planes it crosses, "
+        "the triangles it tests. Click to keep the ray, Esc to cancel"
     )
     bl_options = {"REGISTER", "UNDO"}
 
@@ -100,7 +100,7 @@ class HALFSPACE_OT_pick_ray(bpy.types.Operator):
 
     pixel: FloatProperty(  # type: ignore[valid-type]
         name="Pixel",
-        description="How far the directions of two pixels lie apart, for the beam around the ray",
+        description="Distance between the unit directions of neighbouring pixels, for the beam around the ray",
         default=1e-3,
         min=1e-6,
         max=1.0,
@@ -129,7 +129,7 @@ class HALFSPACE_OT_pick_ray(bpy.types.Operator):
     def invoke(self, context: Any, event: Any) -> set[str]:
         """Start to follow the cursor."""
         if trees.last(context.scene) is None:
-            self.report({"ERROR"}, "There is no structure yet: Build Structure comes first")
+            self.report({"ERROR"}, "There is no structure yet: use Build Structure first")
             return {"CANCELLED"}
         settings = context.scene.halfspace.overlay
         self._before = last(context.scene), settings.show, set(settings.parts)

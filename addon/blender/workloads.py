@@ -94,11 +94,11 @@ def _seen_by(camera: Camera | None, name: str, vertices: F32, triangles: I32, no
         raise WorkloadError(f"{name}: the scene has no triangles")
     view = None if camera is None else _view(camera)
     if view is None:
-        notes.add("Seen whole, from the front and above, for want of a perspective camera", name)
+        notes.add("No perspective camera, the whole scene is seen from the front and above", name)
         return framing_view(vertices, triangles)
     assert camera is not None
     if _shifted(camera):
-        notes.add("The shift of the lens is left out of the rays that are measured", name)
+        notes.add("The lens shift is ignored in the measured rays", name)
     return view
 
 

@@ -159,7 +159,7 @@ class Chooser:
         # Count the rays of a small picture: the mix weights the measured speeds of the ray sets.
         yield "counting the rays of a small picture"
         counted = choice.mix(self.native, structure, self.workload, SIZE, self.plan.max_bounces)
-        yield "asking brute force"
+        yield "tracing the sample with brute force"
         compared = self._affordable(counted)
         self._reference = Reference(self.native, self.workload, sets, compared, seed=1, threads=self.threads)
         yield f"{first}: comparing and timing rays"
@@ -177,7 +177,7 @@ class Chooser:
                 self._notes.append(f"{trial.spec}: left out, {about}")
                 continue
             if not best.problem and spent + trial.build > BUDGET * best.total:
-                self._notes.append(f"{trial.spec}: left out, trying it would cost more than it could save")
+                self._notes.append(f"{trial.spec}: left out, its trial would take longer than it could save")
                 continue
             # Build and measure the candidate; one that does not fit into memory is left out.
             yield f"{trial.spec}: building"
@@ -200,7 +200,7 @@ class Chooser:
         divided by its number of threads.
         """
         structure, build = built
-        assert self._reference is not None, "brute force was asked first"
+        assert self._reference is not None, "brute force traces first"
         wrong, checked = self._reference.wrong(structure), len(self._reference)
         problem = f"{wrong:,} of {checked:,} answers are wrong" if wrong else ""
         if problem:
@@ -243,7 +243,7 @@ class Chooser:
         # Time each candidate on the part, relative to the first, whose times over the whole scene are known.
         for spec in (first, *others):
             if clock() - began > limit:
-                self._notes.append(f"{spec}: not tried: this picture is too quick to be worth it")
+                self._notes.append(f"{spec}: not tried: a trial would take too long for this picture")
                 continue
             yield f"{spec}: trying it on {share:,} triangles"
             structure, build = check.timed_build(self.native, part, spec, self.threads)
@@ -272,7 +272,7 @@ class Chooser:
             told = "; ".join(f"{line.spec}: {line.problem}" for line in found.lines)
             raise RuntimeError(f"{found.reason()} {told}")
         own = seconds - best.build
-        notes = [found.reason(), f"Choosing took {own:.2f} s beside that build.", *self._notes]
+        notes = [found.reason(), f"Choosing took {own:.2f} s in addition to that build.", *self._notes]
         self.result = Choice(best.spec, self._built[best.spec], found, tuple(notes), seconds, own)
 
 

@@ -74,7 +74,7 @@ class Beam:
             f"One by one: {self.alone[0]:,} steps, {self.alone[1]:,} tests",
         ]
         if self.together == self.alone:
-            return [*said, "This traversal takes each ray by itself"]
+            return [*said, "This traversal traces each ray separately"]
         return [*said, f"Together: {self.together[0]:,} steps, {self.together[1]:,} tests"]
 
 

@@ -107,7 +107,7 @@ class Path:
             f"{self.steps:,} steps, {len(self.crossings):,} planes crossed",
             f"{full:,} {'leaf' if full == 1 else 'leaves'} tested, {empty:,} others passed",
             f"{self.tests:,} triangles tested, {len(self.ids):,} different",
-            f"Meets {met}",
+            f"Hits {met}",
         ]
 
 

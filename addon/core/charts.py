@@ -36,7 +36,7 @@ SPEEDS = (
 )
 BUILD = (
     "Build against tracing, both in seconds. Along a grey line the sum of both is the same; the black line joins the "
-    "structures that none other beats in both (the Pareto front). For more rays the front moves up, for fewer down."
+    "structures that no other beats in both (the Pareto front). For more rays the front moves up, for fewer down."
 )
 ERROR = (
     "Error against run time, against a converged picture. All structures render the same picture, so at equal samples "
@@ -50,24 +50,24 @@ SCALING = (
 )
 K_SWEEP = (
     "Time relative to the kd-tree against k, median over the seeds, from the smallest to the largest. Dashed: the "
-    "medians that Hoobergs (2019) published for the scene that comes nearest to this one, where the file is there."
+    "medians that Hoobergs (2019) published for the most similar scene, if their file is present."
 )
 COSTS = (
-    "Measured time per ray, and what one fit over all structures makes of its steps and tests: the bars use the same "
-    "cost per step and per test for every structure. A dot far from the end of its bar is what these counts miss."
+    "Measured time per ray, and its fit by the steps and tests of all structures: the bars use the same cost per step "
+    "and per test for every structure. The distance of a dot from the end of its bar is not explained by these counts."
 )
 OFFSETS = (
     "Wrong answers on the grid of touching boxes, moved away from the origin: with the error bounds that every "
-    "structure has, and with the same walk without them. A triangle at the bottom stands for no wrong ray; it lies at "
-    "the rate that so many rays exclude with 95 % confidence."
+    "structure has, and with the same traversal without them. A triangle at the bottom marks no wrong ray; it lies at "
+    "the rate that this number of rays excludes with 95 % confidence."
 )
 
 APART = ("embree", "brute")
 """The yardstick and the reference, drawn in grey."""
 
 MAPS = (
-    "Nodes visited and triangles tested by the ray of each pixel, all on one scale, in the order of their means. Rays "
-    "that a tile or a beam takes together share its work evenly; those of traversal=auto are counted one by one."
+    "Nodes visited and triangles tested by the ray of each pixel, all on one scale, in the order of their means. The "
+    "rays of a tile or a beam share its work evenly; those of traversal=auto are counted one by one."
 )
 MAP_COLUMNS = 7
 

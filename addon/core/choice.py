@@ -120,7 +120,7 @@ class Comparison:
         quick = "the shortest of all" if least.spec == best.spec else f"instead of {fastest.build:.2f} s"
         return (
             f"{best.spec}: {fastest.spec} would trace {best.trace - fastest.trace:.2f} s faster, but for {picture} the "
-            f"shorter build ({best.build:.2f} s, {quick}) counts for more."
+            f"shorter build ({best.build:.2f} s, {quick}) saves more."
         )
 
 
@@ -134,7 +134,7 @@ def compare(rows: Sequence[benchmark.Row], counted: Mix, plan: Plan) -> Comparis
         # Predict the picture's time from the median speeds; a row without them cannot be chosen.
         speeds = {name: rays["mrays_s"]["med"] for name, rays in row["rays"].items() if rays["mrays_s"] is not None}
         if "primary" not in speeds:
-            lines.append(Line(row["spec"], problem="no ray meets the scene"))
+            lines.append(Line(row["spec"], problem="no ray hits the scene"))
             continue
         errors = row["errors"]
         wrong = int(errors["wrong"])

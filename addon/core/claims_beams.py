@@ -85,7 +85,7 @@ def flat_line(lab: Lab) -> Iterator[Outcome]:
                 configuration,
                 verdict(holds=beam <= FLAT * net),
                 f"{workload.name} ({nodes(lab, workload, specs[1])} nodes): each additional ray costs beams "
-                f"{beam * 1e9:.0f} ns, octree-net {net * 1e9:.0f} ns, {beam / net:.2f} times as much (asked: {FLAT})",
+                f"{beam * 1e9:.0f} ns, octree-net {net * 1e9:.0f} ns, {beam / net:.2f} times as much (limit: {FLAT})",
                 counters(times, specs[:2]),
                 lab.error(workload, specs),
                 {"slope_beam_ns": beam * 1e9, "slope_net_ns": net * 1e9, "ratio": beam / net},
@@ -185,8 +185,8 @@ def neighbours(lab: Lab) -> Iterator[Outcome]:
             yield Outcome(
                 configuration,
                 verdict(holds=0.3 <= max(shares.values()) <= 0.5),
-                f"{workload.name}: with links {shares['samet'] * 100:.0f} % of the time by common ancestors falls "
-                f"away, {shares['glassner'] * 100:.0f} % of that from the root (published: up to 40 %)",
+                f"{workload.name}: with links {shares['samet'] * 100:.0f} % of the time by common ancestors is "
+                f"saved, {shares['glassner'] * 100:.0f} % of that from the root (published: up to 40 %)",
                 counters(times, specs),
                 lab.error(workload, specs),
                 shares,
@@ -199,7 +199,7 @@ def teapot(lab: Lab) -> Iterator[Outcome]:
     lacking = lab.lacks(BOX)
     for configuration in CONFIGURATIONS:
         if workload is None:
-            yield Outcome(configuration, UNTESTED, f"the scene {TEAPOT} is not there")
+            yield Outcome(configuration, UNTESTED, f"the scene {TEAPOT} is missing")
             continue
         specs = [octree(tree, configuration) for tree in (BEAM, NET, SAMET)]
         specs += [MODERN] if lacking else [BOX, MODERN]
@@ -226,17 +226,17 @@ CLAIMS = (
         "From 320×200 to 1280×1024 the line of the time of beams rises much less than that of single rays.",
         flat_line,
     ),
-    Claim("beams-fastest", PAPER, "At high resolution beams are the quickest of all methods, on both scenes.", fastest),
+    Claim("beams-fastest", PAPER, "At high resolution beams are the fastest of all methods, on both scenes.", fastest),
     Claim(
         "octrees-beat-boxes",
         PAPER,
-        "First scene: every method on octrees is quicker than a hierarchy of bounding volumes.",
+        "First scene: every method on octrees is faster than a hierarchy of bounding volumes.",
         lambda lab: against_boxes(lab, claims_scenes.scattered(), (BEAM, NET, SAMET), octrees_win=True),
     ),
     Claim(
         "boxes-beat-octrees",
         PAPER,
-        "Second scene: the hierarchy of bounding volumes is quicker than both ways of single rays through the octree.",
+        "Second scene: the hierarchy of bounding volumes is faster than both traversals of the octree by single rays.",
         lambda lab: against_boxes(lab, claims_scenes.concentrated(), (NET, SAMET), octrees_win=False),
     ),
     Claim("links-gain", PAPER, "Links gain on the search for the common ancestor as the resolution rises.", links_gain),

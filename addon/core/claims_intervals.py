@@ -59,8 +59,8 @@ def small_and_quick(lab: Lab) -> Iterator[Outcome]:
             verdict(holds=faster >= BUILDS and share <= MEMORY),
             f"{workload.name}, {len(workload.triangles):,} triangles: {INTERVALS} builds in "
             f"{builds[INTERVALS] * 1e3:.0f} ms, {kd} in {builds[kd] * 1e3:.0f} ms, {faster:.1f} times as long "
-            f"({made.told}; asked: {BUILDS:g}); memory {size[0] / 2**20:.1f} of {size[1] / 2**20:.1f} MB, {share:.2f} "
-            f"(asked: {MEMORY:g})",
+            f"({made.told}; limit: {BUILDS:g}); memory {size[0] / 2**20:.1f} of {size[1] / 2**20:.1f} MB, {share:.2f} "
+            f"(limit: {MEMORY:g})",
             "; ".join(
                 f"{spec} {int(s['nodes_axis']):,} inner nodes, {int(s['references']):,} triangles in leaves"
                 for spec, s in zip((INTERVALS, kd), small, strict=True)
@@ -117,7 +117,7 @@ def comparable(lab: Lab) -> Iterator[Outcome]:
         yield Outcome(
             configuration,
             verdict(holds=ratio <= COMPARABLE),
-            f"{workload.name}: a picture takes {ratio:.2f} times as long with {INTERVALS} as with {kd} (asked: at most "
+            f"{workload.name}: a picture takes {ratio:.2f} times as long with {INTERVALS} as with {kd} (limit: at most "
             f"{COMPARABLE:g})",
             f"per ray: {'; '.join(told)}" + counting.remark({spec: spec for spec in found}, lab.native.structures()),
             lab.error(workload, (INTERVALS, kd)),

@@ -83,7 +83,7 @@ def saves(lab: Lab, *, alone: bool, most: float) -> Iterator[Outcome]:
     chosen = list(scenes(lab))
     for workload in chosen:
         if not ray_sets(lab, workload):
-            yield Outcome("best", UNTESTED, f"{workload.name}: nothing is seen")
+            yield Outcome("best", UNTESTED, f"{workload.name}: no ray hits the scene")
             continue
         # Time all traversals of one tree; the last scene's outcome carries the chart of all scenes.
         for configuration, tree in TREES.items():
@@ -98,7 +98,7 @@ def saves(lab: Lab, *, alone: bool, most: float) -> Iterator[Outcome]:
             yield Outcome(
                 configuration,
                 verdict(holds=all(ratios[walk] <= most for walk in AGAINST)),
-                f"{workload.name}: TA-B takes {told} (asked: {most:g}); ns a ray: {nanoseconds}",
+                f"{workload.name}: TA-B takes {told} (limit: {most:g}); ns a ray: {nanoseconds}",
                 why(own.counters, {walk: measured[spec].counters for walk, spec in specs.items()}),
                 lab.error(workload, list(specs.values())),
                 ratios,
@@ -145,8 +145,8 @@ def singular(lab: Lab) -> Iterator[Outcome]:
             verdict(holds=wrong["ta-b"] == 0),
             f"of {rays_asked:,} rays in walls, along edges and through corners, wrong: "
             + ", ".join(f"{walk} {number:,}" for walk, number in wrong.items()),
-            "its cases are told apart without rounding, but the points of crossing that it compares are rounded: a ray "
-            "that leaves a cell through an edge enters the wrong neighbour unless the comparison has a bound",
+            "its cases are distinguished without rounding, but the crossing points that it compares are rounded: a ray "
+            "that leaves a cell through an edge enters the wrong neighbour unless the comparison has an error bound",
             f"{sum(wrong.values()):,} of {len(WALKS) * rays_asked:,} answers differ from brute force",
             {walk: float(number) for walk, number in wrong.items()},
         )
@@ -156,7 +156,7 @@ def comparisons(lab: Lab) -> Iterator[Outcome]:
     """The operations of TA-B at an inner node, by its counters: its cases cover all nodes, and few of them compute."""
     for workload in scenes(lab):
         if not ray_sets(lab, workload):
-            yield Outcome("best", UNTESTED, f"{workload.name}: nothing is seen")
+            yield Outcome("best", UNTESTED, f"{workload.name}: no ray hits the scene")
             continue
         for configuration, tree in TREES.items():
             spec = f"{tree}ta-b"

@@ -42,7 +42,7 @@ def as_html(results: Sequence[Result], machines: Mapping[str, Mapping[str, Any]]
         "table{border-collapse:collapse;width:100%}td,th{padding:.3em .6em;text-align:left;vertical-align:top;"
         "border-bottom:1px solid #8884}.holds{color:#087a55;font-weight:bold}.fails{color:#b83500;font-weight:bold}"
         ".why{color:#666;font-size:90%}svg{max-width:100%;height:auto}</style>"
-        f"<h1>What the papers claim, measured again</h1><p>{summary(results)}. {method(REPEATS[quick])} "
+        f"<h1>The claims of the papers, measured again</h1><p>{summary(results)}. {method(REPEATS[quick])} "
         f"{shown}.{note} <em>Faithful</em> is the paper's configuration, <em>best</em> ours.</p>"
         f"{''.join(_paper(name, own) for name, own in _by_paper(results).items())}</html>\n"
     )
@@ -51,10 +51,10 @@ def as_html(results: Sequence[Result], machines: Mapping[str, Mapping[str, Any]]
 def method(repeats: int) -> str:
     """One paragraph on how the numbers of a run were measured."""
     return (
-        f"Times are of one thread. Rays: the median of {repeats} passes after one that warms up, in processor time. "
-        f"Walks alone: of each chunk of rays the shortest of {repeats + 1} walks by the clock, summed. Builds: the "
-        f"median of {repeats}, or of as many as begin within {BUILD_SECONDS} seconds, in processor time; beside each "
-        "stands of how many."
+        f"All times are for one thread. Rays: the median of {repeats} passes after a warm-up pass, in processor time. "
+        f"Traversals alone: the shortest of {repeats + 1} passes for each chunk of rays, in wall-clock time, summed. "
+        f"Builds: the median of {repeats}, or of those that begin within {BUILD_SECONDS} seconds, in processor time; "
+        "their number stands with each."
     )
 
 

@@ -36,7 +36,7 @@ def shadows(lab: Lab, way: str) -> Iterator[Outcome]:
         make = partial(_shadow_rays, workload, tracer)
         some = lab.rays(workload, "shadow", make)
         if not len(some):
-            yield Outcome("best", UNTESTED, f"{workload.name}: nothing is seen that could lie in a shadow")
+            yield Outcome("best", UNTESTED, f"{workload.name}: no ray hits the scene, so there are no shadow rays")
             continue
         specs = {"faithful": octree(NET, "faithful"), "best": octree(NET, "best")}
         if way == "cache":
@@ -53,7 +53,7 @@ def shadows(lab: Lab, way: str) -> Iterator[Outcome]:
                 configuration,
                 HOLDS if ratio < 1 else FAILS,
                 f"{workload.name}, {spec}: {ratio:.2f} times the time ({plain.nanoseconds:.0f} to "
-                f"{quick.nanoseconds:.0f} ns a ray); {spared * 100:.0f} % of {quick.rays:,} rays need no walk",
+                f"{quick.nanoseconds:.0f} ns a ray); {spared * 100:.0f} % of {quick.rays:,} rays need no traversal",
                 f"nodes per ray {steps[0]:.2f} to {steps[1]:.2f}, tests {plain.counters['tests']:.2f} to "
                 f"{quick.counters['tests']:.2f}",
                 lab.error(workload, [spec, asked]),
@@ -72,7 +72,7 @@ CLAIMS = (
     Claim(
         "shadow-cache",
         "Wilt, Object-Oriented Ray Tracing in C++ (OORT)",
-        "Testing the last opaque object that hid a light first saves shadow rays their walk.",
+        "Testing the last object that blocked a light first saves shadow rays their traversal.",
         lambda lab: shadows(lab, "cache"),
         SCENES,
     ),

@@ -102,7 +102,7 @@ def counters(lab: Lab, workload: Workload, configuration: str, trees: Sequence[t
 def nowhere(lab: Lab) -> Iterator[Outcome]:
     """An outcome for the case that none of the scenes exists; nothing otherwise."""
     if not any(True for _ in scenes(lab)):
-        yield Outcome("best", UNTESTED, "none of the scenes is there")
+        yield Outcome("best", UNTESTED, "all of the scenes are missing")
 
 
 def published_times(
@@ -147,10 +147,10 @@ def tests_and_time(lab: Lab) -> Iterator[Outcome]:
                 verdict(holds=max(tests.values()) <= 0.6 and max(times.values()) <= 0.8),
                 f"{name}: of the tests and of the time of {base}: "
                 + "; ".join(f"{k} {tests[k]:.2f} and {times[k]:.2f}" for k in specs)
-                + " (asked: 0.6 and 0.8)",
+                + " (limits: 0.6 and 0.8)",
                 counters(lab, workload, configuration, CHOSEN)
-                + ". A test is one of a triangle here, of which up to eight or sixteen are tested at once: fewer of "
-                "them save less time than one by one",
+                + ". Each tested triangle is counted, but eight or sixteen are tested at once: fewer tests save less "
+                "time than one by one",
                 lab.error(workload, [base, *specs.values()]),
                 {f"tests {k}": v for k, v in tests.items()} | {f"time {k}": v for k, v in times.items()},
             )
@@ -286,15 +286,15 @@ CLAIMS = (
     Claim(
         "sweep-trees-time",
         PAPER,
-        "Of a kd-tree's time on the leg, Sponza and Conference: wn+^Kd 68, 80 and 79 %, cn+^Kd 68, 80 and 79 % (K=6), "
-        "random+^Kd 80, 86 and 87 % (K=10).",
+        "Time relative to a kd-tree's on the leg, Sponza and Conference: wn+^Kd 68, 80 and 79 %, cn+^Kd 68, 80 and "
+        "79 % (K=6), random+^Kd 80, 86 and 87 % (K=10).",
         lambda lab: published_times(lab, TIMES, museum=True),
         MODELS,
     ),
     Claim(
         "other-trees-time",
         PAPER,
-        "Of a kd-tree's time: IZE^Kd 95, 109 and 93 %, RBSP^Kd 84, 94 and 93 %.",
+        "Time relative to a kd-tree's: IZE^Kd 95, 109 and 93 %, RBSP^Kd 84, 94 and 93 %.",
         lambda lab: published_times(lab, OTHERS, museum=False),
         MODELS,
     ),
@@ -315,16 +315,16 @@ CLAIMS = (
     Claim(
         "without-axes",
         PAPER,
-        "Without axes only the leg is quicker than with a kd-tree; two random directions take 4.4 times its time on "
+        "Without axes only the leg is faster than with a kd-tree; two random directions take 4.4 times its time on "
         "Sponza.",
         without_axes,
         MODELS,
     ),
-    Claim("one-normal", PAPER, "One normal beside the axes gives most of the gain.", one_normal, MODELS),
+    Claim("one-normal", PAPER, "One normal in addition to the axes gives most of the gain.", one_normal, MODELS),
     Claim(
         "long-builds",
         PAPER,
-        "The trees take about a hundred times as long to build as a kd-tree, those after Ize 200 to 900 times.",
+        "The trees take about a hundred times as long to build as a kd-tree, those of Ize 200 to 900 times.",
         long_builds,
         MODELS,
     ),

@@ -9,7 +9,7 @@ from typing import Any
 from . import specs
 from .rays import RaySet
 
-ONE_BY_ONE = "counted one by one, though they may go together"
+ONE_BY_ONE = "counted one by one, though they may be traced together"
 """Remark on rays whose counters are not those of the timed traversal."""
 
 

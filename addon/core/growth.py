@@ -173,7 +173,7 @@ def refuse_lazy(specs: Sequence[str]) -> None:
     """
     for spec in specs:
         if is_lazy(spec):
-            raise LazyError(f"{spec} is built by rays in part, so the time of its build says nothing of its growth")
+            raise LazyError(f"{spec} is built lazily, so the time of its build does not show its growth")
 
 
 def measure(native: Any, specs: Sequence[str], options: Options) -> Iterator[Event]:

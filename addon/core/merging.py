@@ -47,7 +47,9 @@ def check(merged: Journal) -> None:
             sizes.setdefault(entry.row["scene"], set()).add(entry.row["triangles"])
     for scene, own in runs.items():
         if other := differing(merged, own):
-            raise UsageError(f"--merge: {scene}: its rows are of runs with different {other}; name folders of one")
+            raise UsageError(
+                f"--merge: {scene}: its rows belong to runs with different {other}; name folders of one run"
+            )
         if len(sizes[scene]) > 1:
             counts = " and ".join(f"{count:,}" for count in sorted(sizes[scene]))
             raise UsageError(f"--merge: {scene}: its rows are of different scenes, of {counts} triangles")

@@ -85,8 +85,8 @@ def as_html(document: dict[str, Any], published: Published | None = None) -> str
 
 
 INTRODUCTION = """Every time is shown with the error measured for the same configuration. A shaded line with a cross
-gave answers that differ from the reference. Embree is the yardstick; its arithmetic is another, so it may differ in the
-last digits and on shared edges. A column's title sorts by it; a number leads to its place in <code>bench.json</code>.
+gave answers that differ from the reference. Embree is the yardstick; its arithmetic differs, so it may deviate in the
+last digits and on shared edges. Click a column's title to sort by it, a number to find it in <code>bench.json</code>.
 """
 
 
@@ -104,7 +104,7 @@ def _missing(lines: Sequence[str]) -> str:
     if not lines:
         return ""
     items = "".join(f"<li>{_safe(line)}</li>" for line in lines)
-    return f"<p><b>This report is not complete: rows are missing that were asked for.</b></p><ul>{items}</ul>"
+    return f"<p><b>This report is incomplete: requested rows are missing.</b></p><ul>{items}</ul>"
 
 
 def _overview(rows: Sequence[Row]) -> str:
@@ -115,7 +115,7 @@ def _overview(rows: Sequence[Row]) -> str:
         return ""
     where = " where both were measured" if len(both) < len(scenes) else ""
     better, open_ones = worth_it(rows), worth_it(rows, "")
-    unsure = f"; on {len(open_ones)} it is too close to tell: {', '.join(open_ones)}" if open_ones else ""
+    unsure = f"; on {len(open_ones)} the difference is within noise: {', '.join(open_ones)}" if open_ones else ""
     return (
         f'<ul class="findings"><li>The build and one picture of 1024 × 1024 pixels with 16 samples are faster with a '
         f"tree with oblique planes than with kd on {len(better)} of {len(both)} scenes{where}"
@@ -137,15 +137,15 @@ def _facts(document: dict[str, Any]) -> str:
 
 def _columns(rows: Sequence[Row]) -> list[Column]:
     columns = [
-        Column("s", "build", "seconds, median; on one thread the processor's, else by the clock"),
+        Column("s", "build", "seconds, median; processor time on one thread, else wall-clock time"),
         Column("MB", "memory", "nodes and leaves"),
-        Column("peak", "memory", "the most that a build took in a process of its own, megabytes"),
+        Column("peak", "memory", "peak of a build in a process of its own, megabytes"),
     ]
     columns.append(
         Column(
             "s",
             "image",
-            "the build, and a picture of 1024 × 1024 pixels with 16 samples, reckoned from smaller ones, seconds",
+            "the build, and a picture of 1024 × 1024 pixels with 16 samples, predicted from smaller ones, seconds",
         )
     )
     for name in set_names(rows):
@@ -207,7 +207,7 @@ def _table(rows: Sequence[Row], number: dict[int, int], inside: bool) -> str:
         f'<div class="{kind}"><table class="sortable"><thead><tr><td></td>{over}</tr>'
         f'<tr><th scope="col"><button type="button">structure</button></th>{head}</tr></thead>'
         f"<tbody>{''.join(body)}</tbody></table></div>"
-        '<p class="note">Bold: the fastest without errors, and those too close to tell apart.</p>'
+        '<p class="note">Bold: the fastest without errors, and those equal to it within noise.</p>'
     )
 
 

@@ -31,7 +31,7 @@ def replacing(path: Path) -> Iterator[Path]:
         yield fresh
         try:
             if not is_whole(fresh):
-                raise _unwritten(path, "the picture was written in part only, as on a full disk")
+                raise _unwritten(path, "the picture is incomplete, as on a full disk")
             with fresh.open("rb+") as file:  # Windows flushes only files open for writing
                 os.fsync(file.fileno())
             fresh.replace(target)

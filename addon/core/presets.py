@@ -54,7 +54,7 @@ PRESETS = tuple(
         ("BIH, four planes", "bih4"),
         ("BIH, n-ary", "bih-n:n=4"),
         ("BIH by SAH", "bih-sah"),
-        ("BIH walked as BVH", "bih-bvh"),
+        ("BIH traversed as BVH", "bih-bvh"),
         ("BIH, oblique", "bih-obl"),
         ("BVH", "bvh-sah"),
         ("BVH, two boxes a node", "bvh-sah:width=2"),

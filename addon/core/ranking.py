@@ -182,7 +182,7 @@ def against(
     not comparable.
     """
     if not related(a, b, name):
-        raise ValueError(f"nothing relates {a['spec']} to {b['spec']}: neither their rounds nor an anchor are the same")
+        raise ValueError(f"{a['spec']} and {b['spec']} are not comparable: they share neither rounds nor an anchor")
     if together(a, b) and paired:
         rates = [np.array(_known(row, name, build)["rounds"]) for row, build in zip((a, b), builds, strict=True)]
         return np.asarray(rates[0] / rates[1])

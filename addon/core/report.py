@@ -137,7 +137,7 @@ def findings(rows: Sequence[Row]) -> list[str]:
             sentences.append(f"{name.capitalize()} rays: {_about_ranking(found, name)}")
             if found.apart:
                 specs = ", ".join(row["spec"] for row in found.apart)
-                sentences[-1] += f" Nothing relates the times of {specs} to theirs."
+                sentences[-1] += f" The times of {specs} are not comparable with theirs."
     sentences += [
         *_about_first_pictures(right),
         *_about_totals(right),
@@ -154,7 +154,7 @@ def _about_errors(measured: Sequence[Row]) -> Iterator[str]:
     # Report errors first, because rows with wrong answers are not ranked.
     wrong = [row["spec"] for row in measured if not agrees(row)]
     if wrong:
-        yield f"Answers that differ from the reference, which is why they are ranked nowhere: {', '.join(wrong)}."
+        yield f"Answers that differ from the reference, and are therefore not ranked: {', '.join(wrong)}."
     elif measured:
         reference = measured[0]["errors"]["reference"]
         # The reference is compared with itself on only a few rays.
@@ -205,7 +205,7 @@ def _about_totals(measured: Sequence[Row]) -> Iterator[str]:
         )
     elif found.equal:
         specs = ", ".join(row["spec"] for row in found.equal)
-        text += f", which cannot be told from those with {specs} (the noise is {100 * found.noise:.1f} %)"
+        text += f", equal within noise to those with {specs} (the noise is {100 * found.noise:.1f} %)"
     if found.ranked and found.second is not None:
         # Seconds of other rounds, on a drifting machine, may contradict the ratio relative to the anchor.
         is_beside = ranking.together(found.best, found.second)
@@ -231,7 +231,7 @@ def _about_pictures(measured: Sequence[Row]) -> Iterator[str]:
     times = sorted((p["seconds"], row["spec"]) for row in drawn for p in row["curve"] if p["spp"] == samples)
     (quickest, _), (slowest, _) = times[0], times[-1]
     yield (
-        f"The pictures of {len(drawn)} structures are the same, to the last bit; with {samples} "
+        f"The pictures of {len(drawn)} structures are equal bit for bit; with {samples} "
         f"{'sample' if samples == 1 else 'samples'} per pixel that took {_seconds(quickest)} to "
         f"{_seconds(slowest)}."
     )
@@ -254,11 +254,11 @@ def about_slopes(points: Sequence[Mapping[str, Any]], alone: Sequence[Mapping[st
     if len(alone) > 2:
         apart = curve.slope(alone)
         text += (
-            f"; that of independent samples falls to the power {_signed(apart)}, where theory says −0.50 "
+            f"; that of independent samples falls to the power {_signed(apart)}, in theory −0.50 "
             f"({curve.judged(apart)})"
         )
         if own < apart:
-            text += ": the difference is what spreading the samples gains"
+            text += ": the difference is the gain of stratified samples"
     yield text + "."
 
 
@@ -269,7 +269,7 @@ def about_sweeps(rows: Sequence[Row]) -> Iterator[str]:
         return
     took = _seconds(image_total(found.best) or 0.0)
     text = (
-        f"The build and one picture of {IMAGE}, reckoned from smaller ones, take {took} with {found.best['spec']}, "
+        f"The build and one picture of {IMAGE}, predicted from smaller ones, take {took} with {found.best['spec']}, "
         f"the best of {found.among} {'tree' if found.among == 1 else 'trees'} with oblique planes{_beside_kd(found)}"
     )
     whole = ranking.rank([row for row in rows if image_total(row) is not None], ranking.PICTURE)
@@ -286,7 +286,7 @@ def _beside_kd(found: Worth) -> str:
         times = statistics.median(ranking.against(found.best, found.plain, ranking.PICTURE))
         return f", {found.verdict} than with kd, which takes {times:.2f} times as long"
     plain = f"the {_seconds(image_total(found.plain) or 0.0)} with kd" if is_beside else "kd"
-    return f", {found.verdict} than {plain}" if found.verdict else f"; too close to tell from {plain}"
+    return f", {found.verdict} than {plain}" if found.verdict else f"; equal within noise to {plain}"
 
 
 IMAGE = "1024 × 1024 pixels with 16 samples"
@@ -346,8 +346,8 @@ def _about_yardstick(rows: Sequence[Row]) -> Iterator[str]:
         errors = row["errors"]
         if row["spec"] == yardstick.SPEC and errors:
             yield (
-                f"Embree, the yardstick, misses {errors['false_miss']:,} and invents {errors['false_hit']:,} hits on "
-                f"{errors['rays']:,} rays."
+                f"Embree, the yardstick, has {errors['false_miss']:,} false misses and {errors['false_hit']:,} false hits "
+                f"on {errors['rays']:,} rays."
             )
 
 
@@ -361,7 +361,7 @@ def _about_ranking(found: ranking.Ranking, name: str) -> str:
     noise = f"the noise is {100 * found.noise:.1f} %"
     if found.equal:
         specs = ", ".join(row["spec"] for row in found.equal)
-        text = f"{best} and {specs} cannot be told apart ({noise})"
+        text = f"{best} and {specs} are equal within noise ({noise})"
         if found.second is not None:
             text += f"; the next, {found.second['spec']}, is {found.times:.2f} times slower than {best}"
     else:
@@ -382,16 +382,16 @@ def _because(found: ranking.Ranking, name: str) -> str:
         return ""
     silent = [row["spec"] for row in (found.best, found.second) if not counting.tells(row, name)]
     if silent:
-        return f"; counters do not tell why: rays of {' and '.join(silent)} are {counting.ONE_BY_ONE}"
+        return f"; counters do not explain it: rays of {' and '.join(silent)} are {counting.ONE_BY_ONE}"
     words = {"steps": "steps", "tests": "triangle tests"}
     fewer = [key for key in words if best[key] < 0.95 * other[key]]
     told = " and ".join(f"{best[key]:.1f} {words[key]} per ray against {other[key]:.1f}" for key in fewer)
     if told:
-        return f", because {found.best['spec']} makes {told}"
+        return f", because {found.best['spec']} needs {told}"
     if not best["steps"]:
         return ""
     return (
-        f", because its steps are cheaper: it makes about as many of them, or more ({best['steps']:.1f} against "
+        f", because its steps are cheaper: it needs about as many of them, or more ({best['steps']:.1f} against "
         f"{other['steps']:.1f}), and about as many tests, or more ({best['tests']:.1f} against {other['tests']:.1f})"
     )
 

@@ -38,8 +38,8 @@ TITLES = {
 
 BOUNDARY = (
     "A ray is on a declared boundary when exact arithmetic finds that it passes exactly through an edge or a corner of "
-    "the triangle that it hits; a ray in a triangle's plane meets nothing. Others excuse such rays, since rounding "
-    "decides them. Here nothing is excused: the column only tells how many of the exact rays were of that kind."
+    "the triangle that it hits; a ray in a triangle's plane hits nothing. Other comparisons exclude such rays, because "
+    "rounding decides them. Here none is excluded: the column is the number of exact rays of that kind."
 )
 """Explanation of the last column."""
 
@@ -267,7 +267,7 @@ def as_html(document: Mapping[str, Any]) -> str:
         "td,th{padding:.15em .6em;text-align:right;border-bottom:1px solid #8884}td:nth-child(-n+2),th:nth-child(-n+2)"
         "{text-align:left}.wrong{font-weight:bold}.none{color:#777}</style>"
         f"<h1>Stability</h1><p>{html.escape(document['verdict'])}.</p>"
-        "<p>Rows with <code>robust=none</code> are textbook traversals without allowance for rounding; they are never "
+        "<p>Rows with <code>robust=none</code> are textbook traversals without error bounds; they are never "
         f"used for pictures.</p><p>{html.escape(BOUNDARY)}</p>"
         f"<h2>All cases</h2>{_html_table(sums(rows))}<h2>Case by case</h2>{_html_table(rows)}</html>\n"
     )

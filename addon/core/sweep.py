@@ -89,7 +89,7 @@ class Sweep:
                 # Rows of another command line have another place in it.
                 self.entries[number, index] = dataclasses.replace(known[keys[index]], order=(number, index))
         if missing and len(missing) < len(mine):
-            say(f"{workload.name}: {len(mine) - len(missing)} of {len(mine)} rows are there already")
+            say(f"{workload.name}: {len(mine) - len(missing)} of {len(mine)} rows exist already")
         if missing:
             wanted = [self.chosen[i] for i in missing]
             for row, machine in measurer(workload, wanted, benchmark.anchor_of(self.chosen)):

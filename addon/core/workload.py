@@ -197,7 +197,7 @@ def distinct(found: Mapping[str, str | Path]) -> list[str]:
         other, taken = known.setdefault(name, (scene, place))
         if taken != place:
             raise WorkloadError(
-                f"{scene}: has the name of {other}; expected different ones, by which reports tell them"
+                f"{scene}: has the name of {other}; expected different names, which identify them in reports"
             )
     return [scene for scene, _ in known.values()]
 
@@ -277,14 +277,14 @@ def _as_published(whole: Workload, arrays: Mapping[str, Any]) -> Workload:
                 f"triangle_from_quadric: expected {len(triangles)} whole numbers, got {stand_in.dtype} {stand_in.shape}"
             )
         triangles = np.ascontiguousarray(triangles[stand_in == 0])
-        notes.append(f"triangles that stand for quadrics are left out: {len(whole.triangles) - len(triangles):,}")
+        notes.append(f"triangles that replace quadrics are left out: {len(whole.triangles) - len(triangles):,}")
     if "camera_crop" in arrays:
         left, right, top, bottom = map(float, _numbers(arrays["camera_crop"], "camera_crop", 4))
         if "camera_right" in arrays and _numbers(arrays["camera_right"], "camera_right", 3) @ view.axes()[0] < 0:
             # A mirrored image has the same rays on the other side.
             left, right = 1 - right, 1 - left
         view = replace(view, crop=(left, right, top, bottom))
-        notes.append(f"of the film only {right - left:.0%} by {bottom - top:.0%} is seen, as published")
+        notes.append(f"only {right - left:.0%} by {bottom - top:.0%} of the film is visible, as published")
     return replace(whole, triangles=triangles, view=view, notes=tuple(notes))
 
 
