@@ -58,7 +58,7 @@ class Gallery:
 
 
 def read_image(image: Any, notes: Notes) -> Image:
-    """The image with premultiplied colours in the working space; zero rows if it is missing."""
+    """The image with its colours multiplied by alpha; zero rows if it is missing."""
     space = image.colorspace_settings.name
     raw = image.is_float or space in RAW_SPACES or space == _working_space()  # floats are converted when loaded
     encoded = not raw and space not in LINEAR_SPACES

@@ -72,7 +72,7 @@ def moved(light: Light, origin: F64) -> Light:
 
 
 def _extent(light: Light) -> float:
-    """The factor of a light that is not normalised: the emitting area, or the solid angle of the sun's disk.
+    """The factor of a light that is not normalised: the emitting area, or the projected solid angle of the sun.
 
     Matches `Light.area` of the native module: the disk on the sphere of directions; points without size count as 4.
     """

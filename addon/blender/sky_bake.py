@@ -57,7 +57,7 @@ def main(folder: Path) -> None:
         without = _render(scene, folder, DISC, DISC)
         node.sun_disc = True
         shown = _render(scene, folder, DISC, DISC)
-        half = math.tan(camera.data.angle / 2)  # lenses have a smallest angle
+        half = math.tan(camera.data.angle / 2)  # the lens clamps the angle
         at = (np.arange(DISC) + 0.5) / DISC * 2 - 1
         x, y = np.meshgrid(at * half, at * half)
         solid = (2 * half / DISC) ** 2 * (1 + x * x + y * y) ** -1.5

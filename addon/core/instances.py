@@ -166,7 +166,7 @@ def choose(mode: str, meshes: list[tuple[int, int]], *, smooth: bool, interactiv
     flat = sum(triangles * places for triangles, places in meshes)
     unique = sum(triangles for triangles, _ in meshes)
     places = sum(count for _, count in meshes)
-    # Estimate the bytes saved: tree, two copies of corners, indices and slots, and normals, less the instances' own.
+    # Estimate the bytes saved: tree, two copies of indices, vertices and slots, and normals, less the instances' own.
     each = TREE_BYTES + 2 * (12 + 6 + 4) + (2 * 36 if smooth else 0)
     saved = (flat - unique) * each - places * PLACE_BYTES
     if mode == "flatten" or not flat:

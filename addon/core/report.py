@@ -346,8 +346,8 @@ def _about_yardstick(rows: Sequence[Row]) -> Iterator[str]:
         errors = row["errors"]
         if row["spec"] == yardstick.SPEC and errors:
             yield (
-                f"Embree, the yardstick, has {errors['false_miss']:,} false misses and {errors['false_hit']:,} false hits "
-                f"on {errors['rays']:,} rays."
+                f"Embree, the yardstick, has {errors['false_miss']:,} false misses and {errors['false_hit']:,} false "
+                f"hits on {errors['rays']:,} rays."
             )
 
 

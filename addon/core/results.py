@@ -75,7 +75,7 @@ def _put_in_place(complete: Sequence[tuple[Path, Path]]) -> None:
                     _put_aside(path, kept)
                 new.replace(path)
     except BaseException as error:
-        # After an error, restore the old files in reverse of what was done.
+        # After an error, give all old files their names back.
         failed = [line for path, kept in old if (line := _put_back(path, kept))]
         if failed and isinstance(error, Exception):
             raise FolderError("; ".join(filter(None, [str(error), *failed]))) from error

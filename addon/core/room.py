@@ -8,7 +8,7 @@ from typing import Any
 MB = 1_000_000
 
 SMALL = 64 << 20
-"""Bytes below which the free memory is not queried: the query would take longer than the allocation."""
+"""Bytes below which the free memory is not queried."""
 
 
 def check(native: Any, what: str, needed: int) -> None:
