@@ -266,7 +266,7 @@ class _Run:
                 some, right = some.take(own), right.take(own)
             arguments: dict[str, Any] = {"t_max": some.t_max, "order": some.order, "threads": options.threads}
             if rows.is_lazy(candidate.spec):
-                # The first pass extends a lazily built tree for these rays; the second is the one that is checked and timed.
+                # The first pass extends a lazily built tree for these rays; the second is checked and timed.
                 structure.closest(some.origins, some.directions, **arguments)
             # Use the clock of the timed passes: under load, the other clock would make a fast structure look slow.
             now = timing.clock(options.threads)
