@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Everything that touches Blender. Registration in one order, and back in the reverse order."""
+"""Everything that touches Blender. Registers in one order, and unregisters in the reverse order."""
 
 import bpy
 
@@ -14,7 +14,7 @@ from .ui import compare_panels, compat, manual, overlay_panels, panels
 
 
 def register() -> None:
-    """Settings first, then what shows them, then the engine, then Blender's own panels for it."""
+    """Register settings first, then the panels that show them, then the engine, then Blender's own panels for it."""
     overlay_settings.register()
     properties.register()
     operators.register()
@@ -34,7 +34,7 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """The reverse of `register`."""
+    """Undo `register` in reverse order."""
     compat.unregister(engine.ENGINE)
     bpy.utils.unregister_class(engine.HalfspaceEngine)
     viewport.stop()

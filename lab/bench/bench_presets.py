@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The presets of `scripts/bench.py`: the scenes, structures and rays that a name stands for."""
+"""The presets of `scripts/bench.py`: named sets of scenes, structures and rays."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ DIRECTIONS = [f"bsp-{kind}{plus}" for kind in ("random", "wn", "cn") for plus in
 """The structures that the thesis sweeps over k."""
 
 FAITHFUL = "costs=thesis,ties=pbrt,slab=0,clip=0,traversal=dir"
-"""Its prices, stopping rule, ties, and triangles that are not cut; the rule of its program where there is one. Rays go
-singly, as those of the kd-tree that they are compared with."""
+"""The thesis's costs, stopping rule and tie breaking, without clipping of triangles; `rule=code` is added where its
+program has one. Rays are traced singly, as in the kd-tree they are compared with.
+"""
 
 OF_THE_THESIS = {
     "scenes": "killeroo-feet,sponza-dabrovic,conference",
@@ -21,7 +22,7 @@ OF_THE_THESIS = {
 
 
 def faithful() -> str:
-    """All structures of the thesis with its own prices and rules."""
+    """All structures of the thesis with the costs and rules of the thesis."""
     swept = [*DIRECTIONS, "bsp-ize", "bsp-ize-kd", "rbsp:k=13", "rbsp-kd:k=13"]
     made = [specs.joined(spec, FAITHFUL) for spec in swept]
     return ",".join(specs.joined(spec, "rule=code") if "-kd:" in spec else spec for spec in made)
@@ -43,7 +44,7 @@ PRESETS: dict[str, dict[str, str]] = {
     },
     "beams": {"scenes": "sponza-dabrovic,conference", "structures": "kd", "rays": "primary,shadow"},
 }
-"""What a preset chooses unless the command line says otherwise."""
+"""Options of each preset; the command line overrides them."""
 
 AS_PUBLISHED = ("thesis", "directions")
-"""Presets that measure scenes as the thesis did, where their files say how that was."""
+"""Presets that measure scenes as the thesis did, where the scene files record how."""

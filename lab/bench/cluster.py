@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Sweeps on a Dask cluster: one timed row per worker at a time.
+"""Sweeps on a Dask cluster, one timed row per worker at a time.
 
-The workers need numpy and the native module; the scene and this package are sent to them. A row that is lost with its
-worker goes to another one.
+Workers need numpy and the native module; the scene and this package are sent to them. A row that is lost with its
+worker is retried on another one.
 """
 
 from __future__ import annotations
@@ -31,32 +31,32 @@ from . import sweep
 from .sweep import Measured, Measurer
 
 ATTEMPTS = 3
-"""A row whose worker died so often is given up: it may be what kills them."""
+"""Number of attempts per row. A row whose worker died on each of them is given up: it may be the cause."""
 
 POLL_SECONDS = 1.0
 
 START_SECONDS = 60.0
-"""How long the first worker may take to appear."""
+"""Time limit for the first worker to appear, in seconds."""
 
 HANDING_SECONDS = 60.0
-"""How long a finished row may take to come; it is a few kilobytes."""
+"""Time limit for fetching a finished row, in seconds; a row has a few kilobytes."""
 
 
 class ClusterError(RuntimeError):
-    """The cluster cannot be used. The message says why, in one line."""
+    """The cluster cannot be used. The message gives the reason in one line."""
 
 
 def problem() -> str | None:
-    """Why there are no clusters here, or None."""
+    """The reason why clusters cannot be used here, or None."""
     return None if importlib.util.find_spec("distributed") else "the package distributed is not installed"
 
 
 MOST_WORKERS = 1024
-"""Processes that are started here: as many as there may be threads."""
+"""Limit on the processes started here, the same as for threads."""
 
 
 def check(address: str) -> None:
-    """Whether this can be a cluster's address, and whether there is Dask at all. Raises ClusterError."""
+    """Check a cluster's address and that Dask is installed. Raises ClusterError."""
     count = local_workers(address)
     if count is not None and not 1 <= count <= MOST_WORKERS:
         raise ClusterError(f"--cluster: expected local:N with N workers, 1 to {MOST_WORKERS}, got {address!r}")
@@ -66,7 +66,7 @@ def check(address: str) -> None:
 
 
 def local_workers(address: str) -> int | None:
-    """The N of "local:N", 0 where it is none, and None where the address is that of a cluster elsewhere."""
+    """The N of "local:N", 0 if it is not a number, None for the address of a remote cluster."""
     kind, _, number = address.partition(":")
     if kind != "local":
         return None
@@ -75,7 +75,7 @@ def local_workers(address: str) -> int | None:
 
 @contextlib.contextmanager
 def measurer(address: str, options: Options, say: Callable[[str], None]) -> Iterator[Measurer]:
-    """Measures on the cluster at `address`; "local:N" starts N workers here. Raises ClusterError."""
+    """Yield a measurer for the cluster at `address`; "local:N" starts N workers here. Raises ClusterError."""
     check(address)
     import distributed
 
@@ -89,7 +89,7 @@ def measurer(address: str, options: Options, say: Callable[[str], None]) -> Iter
                     threads_per_worker=1,
                     processes=True,
                     dashboard_address=None,
-                    # Also without a dashboard it listens: for this machine alone, and where nobody else does.
+                    # Dask listens even without a dashboard: restrict it to this machine, on any free port.
                     scheduler_kwargs={"dashboard_address": "127.0.0.1:0"},
                     silence_logs=logging.ERROR,
                 )
@@ -128,7 +128,7 @@ def _measure(
     options: Options,
     say: Callable[[str], None],
 ) -> Iterator[Measured]:
-    """Measure on a cluster that may end at any time. Raises ClusterError."""
+    """Measure on a cluster that may disappear at any time. Raises ClusterError."""
     try:
         yield from _hand_out(client, workload, wanted, anchor, options, say)
     except OSError as error:
@@ -143,15 +143,17 @@ def _hand_out(
     options: Options,
     say: Callable[[str], None],
 ) -> Iterator[Measured]:
-    """Hand out rows, one at a time to each worker, and yield them as they come. Raises ClusterError and OSError."""
+    """Hand out rows, one at a time to each worker, and yield them as they finish. Raises ClusterError and OSError."""
     import distributed
 
+    # Keep the state of the hand-out: rows to measure, their attempts, and the row of each worker.
     waiting = deque(wanted)
     attempts: Counter[str] = Counter()
     running: dict[str, tuple[str, Any]] = {}
     scene = None
     seen = time.monotonic()
     while waiting or running:
+        # Give up when no worker has been alive for START_SECONDS.
         alive = _workers(client)
         if alive:
             seen = time.monotonic()
@@ -160,8 +162,9 @@ def _hand_out(
                 f"all workers are gone; {len(waiting) + len(running)} rows of {workload.name} are missing"
             )
         if alive and scene is None:
-            # To all, so that no worker takes the scene of the others with it when it dies.
+            # Send the scene to all workers, so that it survives the death of any one of them.
             scene = client.scatter(workload, hash=False, broadcast=True)
+        # Give each idle worker a row.
         for address in alive:
             if address not in running and waiting:
                 spec = waiting.popleft()
@@ -171,10 +174,11 @@ def _hand_out(
                     _row, scene, spec, anchor, options, pure=False, workers=[address], allow_other_workers=False
                 )
                 running[address] = spec, task
-        # Rows that are lost together with the scene are cancelled, and waiting for them is an error.
+        # Rows lost together with the scene are cancelled; waiting for them raises.
         with contextlib.suppress(TimeoutError, CancelledError):
             tasks = [task for _, task in running.values()]
             distributed.wait(tasks, timeout=POLL_SECONDS, return_when="FIRST_COMPLETED")
+        # Collect finished rows, and requeue those lost with their worker.
         for address, (spec, task) in list(running.items()):
             lost = address not in alive or task.status in ("lost", "cancelled")
             if not (lost or task.done()):
@@ -186,28 +190,28 @@ def _hand_out(
             elif (failure is None or isinstance(failure, distributed.KilledWorker)) and attempts[spec] < ATTEMPTS:
                 task.cancel()
                 waiting.append(spec)
-                scene = None  # it may have gone with the worker
+                scene = None  # the scene may be lost with the worker
             else:
                 reason = failure or RuntimeError(f"{ATTEMPTS} workers died on it")
                 yield rows.failed(native.load(), workload, spec, options.threads, reason), {"name": address}
 
 
 def _ended(task: Any) -> tuple[Measured | None, BaseException | None]:
-    """The row of a task that has ended, or its failure; neither where it was lost at the last moment."""
+    """The row of a finished task, or its failure; neither if it was lost at the last moment."""
     try:
         failure = task.exception(timeout=HANDING_SECONDS)
         return (task.result(timeout=HANDING_SECONDS), None) if failure is None else (None, failure)
     except (CancelledError, TimeoutError):
-        # A row that went with its worker waits for ever for that very worker.
+        # Fetching a row that is lost with its worker would wait for that worker forever.
         return None, None
 
 
 _scenes: dict[tuple[str, Options], Prepared] = {}
-"""On a worker: the scene that it measured last, with its rays and the reference's answers."""
+"""Cache of a worker: the scene it measured last, with its rays and the reference's answers."""
 
 
 def _row(workload: Workload, spec: str, anchor: str | None, options: Options) -> Measured:
-    """One row, measured by a worker."""
+    """Measure one row, on a worker."""
     module = native.load()
     place = workload.fingerprint(), options
     if place not in _scenes:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The finished rows of several folders as those of one benchmark, if they can be that."""
+"""Merging the finished rows of several folders into those of one benchmark, if they are compatible."""
 
 from __future__ import annotations
 
@@ -11,17 +11,18 @@ from addon.core.report.results import Journal
 from ..base.usage import UsageError
 
 ABOUT_RAYS = {"size": "--size", "seed": "--ray-seed", "reference": "--reference"}
-"""Options that rows of one scene must share: the rays, and what answers are compared with. All others, as of how often
-a structure is timed and whether it makes pictures, may be its own: a slow one is measured with less.
+"""Options that rows of one scene must share: those of the rays, and the reference. All others, such as the number of
+repeats and whether pictures are rendered, may differ: a slow structure is measured with less effort.
 """
 
 
 def read(folders: Sequence[Path]) -> Journal:
-    """The rows of all. Raises FolderError, and UsageError where no report can be made of them."""
+    """The rows of all folders. Raises FolderError, and UsageError if no report can be made of them."""
     for folder in folders:
         if not list(folder.glob("rows*.jsonl")):
             raise UsageError(f"--merge: {folder} holds no rows of a run")
     journals = {folder: Journal(folder) for folder in folders}
+    # Merge, and report rows that no other folder completes.
     lacking = {folder: journal.lacking() for folder, journal in journals.items()}
     merged, *others = journals.values()
     for other in others:
@@ -35,26 +36,28 @@ def read(folders: Sequence[Path]) -> Journal:
 
 
 def check(merged: Journal) -> None:
-    """Raise UsageError for a scene whose rows no report may set side by side: they are about other rays, or about other
+    """Raise UsageError for a scene whose rows are not comparable: they belong to different rays, or to different
     triangles under one name.
     """
     runs: dict[str, set[str]] = {}
     sizes: dict[str, set[int]] = {}
     for entry in merged.entries.values():
         if entry.is_benchmark:
-            # Journals of earlier versions do not tell the run.
+            # Journals of earlier versions do not record the run.
             runs.setdefault(entry.row["scene"], set()).update(filter(None, [entry.run]))
             sizes.setdefault(entry.row["scene"], set()).add(entry.row["triangles"])
     for scene, own in runs.items():
         if other := differing(merged, own):
-            raise UsageError(f"--merge: {scene}: its rows are of runs with different {other}; name folders of one")
+            raise UsageError(
+                f"--merge: {scene}: its rows belong to runs with different {other}; name folders of one run"
+            )
         if len(sizes[scene]) > 1:
             counts = " and ".join(f"{count:,}" for count in sorted(sizes[scene]))
             raise UsageError(f"--merge: {scene}: its rows are of different scenes, of {counts} triangles")
 
 
 def differing(merged: Journal, runs: set[str]) -> str:
-    """Which of the options that they must share these runs do not, as the command line calls them."""
+    """Those of the shared options in which these runs differ, by their names on the command line."""
     asked = [merged.asked.options.get(run) for run in runs]
     known = [options for options in asked if options is not None]
     if len(known) < len(asked) and len(asked) > 1:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Sweeps: many configurations on many scenes, resumable, in one process, in several, or on a cluster.
 
-A sweep is a list of scenes times a list of configurations. What is finished is in a journal; whatever else is asked is
-measured, here or by workers, and journalled as it comes. One report is made of the journal.
+A sweep is the product of a list of scenes and a list of configurations. Finished rows are in a journal; the others are
+measured, here or by workers, and appended to it. One report is made of the journal.
 """
 
 from __future__ import annotations
@@ -22,25 +22,25 @@ if TYPE_CHECKING:
     from addon.core.base.interface import Native
 
 QUIET_SECONDS = 2.0
-"""What is being done is told about this often."""
+"""Shortest interval in seconds between two progress messages."""
 
 Measured = tuple[Row, dict[str, Any]]
 """A row, and the machine that measured it."""
 
 Measurer = Callable[[Workload, Sequence[str], str | None], Iterator[Measured]]
-"""Measures configurations of a scene, the anchor beside them: workload, configurations, anchor."""
+"""Measures configurations of a scene, with the anchor: workload, configurations, anchor."""
 
 
 @dataclass(frozen=True)
 class Shard:
-    """The part `number` of `count`, from 1: every count-th row."""
+    """Part `number` of `count`, from 1: every count-th row."""
 
     number: int = 1
     count: int = 1
 
     @property
     def name(self) -> str:
-        """For the name of its journal; empty for the whole."""
+        """Name of its journal; "" for the whole."""
         return f"{self.number}-of-{self.count}" if self.count > 1 else ""
 
     def has(self, index: int) -> bool:
@@ -50,9 +50,10 @@ class Shard:
 
 @dataclass
 class Sweep:
-    """What is asked and what there is. identity: everything else that a row depends on, for its key.
+    """The requested rows of a sweep and those already measured. identity: everything else that a row depends on, for
+    its key.
 
-    scenes: all of them, as the command line calls them.
+    scenes: all of them, as named on the command line.
     """
 
     chosen: list[str]
@@ -65,32 +66,34 @@ class Sweep:
 
     @property
     def run_id(self) -> str:
-        """The same for all parts of a sweep on all machines, and for another try with more memory."""
+        """A hash that is equal for all parts of a sweep on all machines, and for a retry with more memory."""
         own = self.options.identity()
         return results.key({name: own[name] for name in own if name not in ("threads", "memory_limit")})
 
     def begin(self) -> None:
-        """Tell the journal what is asked."""
+        """Record the requested rows in the journal."""
         if self.journal is not None:
             self.journal.begin(self.options.as_dict())
             self.journal.ask(self.run_id, self.scenes, self.chosen)
 
     def run(self, number: int, workload: Workload, measurer: Measurer, say: Callable[[str], None]) -> list[Row]:
-        """Measure what is missing of one scene, the `number`-th. Returns its rows in the order of `chosen`."""
+        """Measure the missing rows of the `number`-th scene. Returns its rows in the order of `chosen`."""
+        # Compute the key of each row, and select this part's rows.
         scene = workload.fingerprint()
         if self.journal is not None:
             self.journal.reach(self.run_id, self.scenes[number], workload.name)
         known = {} if self.journal is None else self.journal.entries
         keys = [results.key(workload.name, scene, spec, *self.identity) for spec in self.chosen]
+        # Take this part's rows from the journal where they are complete.
         mine = [i for i in range(len(self.chosen)) if self.shard.has(number * len(self.chosen) + i)]
         missing = [i for i in mine if keys[i] not in known or rows.lacks(known[keys[i]].row) is not None]
         lost = set(missing)
         for index in mine:
             if index not in lost:
-                # A row that another command line asked for has another place there.
+                # Rows of another command line have another place in it.
                 self.entries[number, index] = dataclasses.replace(known[keys[index]], order=(number, index))
         if missing and len(missing) < len(mine):
-            say(f"{workload.name}: {len(mine) - len(missing)} of {len(mine)} rows are there already")
+            say(f"{workload.name}: {len(mine) - len(missing)} of {len(mine)} rows exist already")
         if missing:
             wanted = [self.chosen[i] for i in missing]
             for row, machine in measurer(workload, wanted, benchmark.anchor_of(self.chosen)):
@@ -98,7 +101,7 @@ class Sweep:
         return self.rows(number)
 
     def fail(self, number: int, name: str, error: BaseException) -> None:
-        """A scene that cannot be used is a row too, behind what there is of it, but one that is tried again."""
+        """Record a scene that cannot be used as a row behind its others; it is tried again by the next run."""
         place = number, len(self.chosen)
         self.entries[place] = results.Entry("", place, rows.failed_scene(name, error))
         if self.journal is not None:
@@ -114,7 +117,7 @@ class Sweep:
     ) -> None:
         index = self.chosen.index(row["spec"])
         if index not in missing:
-            # The anchor, measured beside others although its row is there.
+            # The anchor, measured with others although its row exists already.
             return
         entry = results.Entry(keys[index], (number, index), row, self.run_id)
         self.entries[number, index] = entry
@@ -127,12 +130,12 @@ class Sweep:
 
 
 def beside(wanted: Sequence[str], anchor: str | None) -> list[str]:
-    """What to measure so that `wanted` has its anchor."""
+    """The configurations to measure so that `wanted` are timed with their anchor."""
     return [*([anchor] if anchor is not None and anchor not in wanted else []), *wanted]
 
 
 def here(native: Native, options: Options, say: Callable[[str], None]) -> Measurer:
-    """Measures in this process, interleaved."""
+    """A measurer in this process, interleaved."""
     machine = results.machine(native)
 
     def measurer(workload: Workload, wanted: Sequence[str], anchor: str | None) -> Iterator[Measured]:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""González López and Gisbert Cantó: beams of rays through octrees, against single rays and against box hierarchies.
+"""González López and Gisbert Cantó: beams of rays through octrees, against single rays and box hierarchies.
 
-The paper's results are four figures without numbers; its text states which line lies below which, and that the
+The paper reports its results in four figures without numbers; its text states which line lies below which, and that the
 line of the beams is much flatter.
 """
 
@@ -26,19 +26,19 @@ MODERN = "bvh-sah"
 TEAPOT = "utah-teapot-plane"
 
 CONFIGURATIONS = {"faithful": "leaf_size=2", "best": "leaf_size=8"}
-"""At most two objects in a leaf, as published; and as many as are tested at once here."""
+"""Largest number of objects per leaf: two as published, and eight, the number tested at once here."""
 
 FLAT = 0.5
-"""'Much smaller' in numbers: at most half the slope."""
+"""The paper's 'much smaller' as a number: at most half the slope."""
 
 
 def octree(name: str, configuration: str) -> str:
-    """An octree in one of the two configurations."""
+    """The configuration string of an octree in one of the two configurations."""
     return f"{name}:{CONFIGURATIONS[configuration]}"
 
 
 def sweep(lab: Lab, workload: Workload, specs: Sequence[str]) -> dict[str, list[Timing]]:
-    """Each structure's times from the smallest picture to the largest."""
+    """Each structure's times, from the smallest picture to the largest."""
     found: dict[str, list[Timing]] = {spec: [] for spec in specs}
     for size in paper_scenes.RESOLUTIONS:
         make = partial(paper_scenes.camera_rays, workload, size)
@@ -59,13 +59,13 @@ def chart(workload: Workload, times: dict[str, list[Timing]]) -> Chart:
 
 
 def per_ray(times: dict[str, list[Timing]]) -> str:
-    """Nanoseconds per ray at the largest picture, best first."""
+    """Nanoseconds per ray at the largest picture, fastest first, as text."""
     last = {structure_of(spec): own[-1].nanoseconds for spec, own in times.items()}
     return ", ".join(f"{spec} {value:.0f}" for spec, value in sorted(last.items(), key=lambda item: item[1]))
 
 
 def counters(times: dict[str, list[Timing]], specs: Sequence[str]) -> str:
-    """Steps, leaves and tests per ray at the largest picture."""
+    """Steps, leaves and tests per ray at the largest picture, as text."""
     parts = []
     for spec in specs:
         one = times[spec][-1].counters
@@ -75,7 +75,7 @@ def counters(times: dict[str, list[Timing]], specs: Sequence[str]) -> str:
 
 
 def flat_line(lab: Lab) -> Iterator[Outcome]:
-    """The slope of time over rays, against that of the octree with links."""
+    """Slope of time over rays for beams, relative to that of the octree with links."""
     for workload in (paper_scenes.scattered(), paper_scenes.concentrated()):
         for configuration in CONFIGURATIONS:
             specs = [octree(tree, configuration) for tree in OCTREES]
@@ -86,7 +86,7 @@ def flat_line(lab: Lab) -> Iterator[Outcome]:
                 configuration,
                 verdict(holds=beam <= FLAT * net),
                 f"{workload.name} ({nodes(lab, workload, specs[1])} nodes): each additional ray costs beams "
-                f"{beam * 1e9:.0f} ns, octree-net {net * 1e9:.0f} ns, {beam / net:.2f} times as much (asked: {FLAT})",
+                f"{beam * 1e9:.0f} ns, octree-net {net * 1e9:.0f} ns, {beam / net:.2f} times as much (limit: {FLAT})",
                 counters(times, specs[:2]),
                 lab.error(workload, specs),
                 {"slope_beam_ns": beam * 1e9, "slope_net_ns": net * 1e9, "ratio": beam / net},
@@ -95,13 +95,13 @@ def flat_line(lab: Lab) -> Iterator[Outcome]:
 
 
 def nodes(lab: Lab, workload: Workload, spec: str) -> int:
-    """Nodes of an octree, leaves included."""
+    """Number of nodes of an octree, leaves included."""
     statistics = lab.statistics(workload, spec)
     return int(statistics["nodes_axis"] + statistics["leaves"])
 
 
 def fastest(lab: Lab) -> Iterator[Outcome]:
-    """At the largest picture beams are the quickest way through an octree, and quicker than box hierarchies."""
+    """Whether beams are the fastest traversal of an octree at the largest picture, and faster than box hierarchies."""
     for workload in (paper_scenes.scattered(), paper_scenes.concentrated()):
         for configuration in CONFIGURATIONS:
             specs = [octree(tree, configuration) for tree in OCTREES]
@@ -124,12 +124,13 @@ def fastest(lab: Lab) -> Iterator[Outcome]:
 
 
 def against_boxes(lab: Lab, workload: Workload, methods: Sequence[str], *, octrees_win: bool) -> Iterator[Outcome]:
-    """Whether single rays through octrees are quicker than box hierarchies at every resolution, or slower."""
+    """Whether single rays through octrees are faster than a box hierarchy at every resolution, or slower."""
     lacking = lab.lacks(BOX)
     for configuration in CONFIGURATIONS:
         if lacking:
             yield Outcome(configuration, UNTESTED, lacking)
             continue
+        # Compare at every resolution, in the claimed direction.
         specs = [octree(tree, configuration) for tree in methods] + [BOX]
         times = sweep(lab, workload, specs)
         sign = 1.0 if octrees_win else -1.0
@@ -150,11 +151,12 @@ def against_boxes(lab: Lab, workload: Workload, methods: Sequence[str], *, octre
 
 
 def links_gain(lab: Lab) -> Iterator[Outcome]:
-    """Links are paid for at the build; the time saved grows with the rays."""
+    """The cost of links at build time against the trace time they save, which grows with the number of rays."""
     workload = paper_scenes.scattered()
     for configuration in CONFIGURATIONS:
         specs = [octree(tree, configuration) for tree in (NET, SAMET)]
         times = sweep(lab, workload, specs)
+        # Take the saved time as a function of the number of rays.
         saved = [(t.rays, s.seconds - t.seconds) for t, s in zip(times[specs[0]], times[specs[1]], strict=True)]
         made = lab.build_seconds(workload, specs)
         build = [made.seconds[spec] for spec in specs]
@@ -174,7 +176,7 @@ def links_gain(lab: Lab) -> Iterator[Outcome]:
 
 
 def neighbours(lab: Lab) -> Iterator[Outcome]:
-    """The share of the time that goes into finding neighbours: what stored links save is the least it can be."""
+    """Share of the time spent on finding neighbours: the time that stored links save is a lower bound."""
     for workload in (paper_scenes.scattered(), paper_scenes.concentrated()):
         for configuration in CONFIGURATIONS:
             specs = [octree(tree, configuration) for tree in (NET, SAMET, GLASSNER)]
@@ -184,8 +186,8 @@ def neighbours(lab: Lab) -> Iterator[Outcome]:
             yield Outcome(
                 configuration,
                 verdict(holds=0.3 <= max(shares.values()) <= 0.5),
-                f"{workload.name}: with links {shares['samet'] * 100:.0f} % of the time by common ancestors falls "
-                f"away, {shares['glassner'] * 100:.0f} % of that from the root (published: up to 40 %)",
+                f"{workload.name}: with links {shares['samet'] * 100:.0f} % of the time by common ancestors is "
+                f"saved, {shares['glassner'] * 100:.0f} % of that from the root (published: up to 40 %)",
                 counters(times, specs),
                 lab.error(workload, specs),
                 shares,
@@ -193,12 +195,12 @@ def neighbours(lab: Lab) -> Iterator[Outcome]:
 
 
 def teapot(lab: Lab) -> Iterator[Outcome]:
-    """A small dense object in a large empty scene: single rays through the octree against boxes, and beams."""
+    """A small dense object in a large empty scene: single rays and beams through the octree, against boxes."""
     workload = lab.shared(TEAPOT)
     lacking = lab.lacks(BOX)
     for configuration in CONFIGURATIONS:
         if workload is None:
-            yield Outcome(configuration, UNTESTED, f"the scene {TEAPOT} is not there")
+            yield Outcome(configuration, UNTESTED, f"the scene {TEAPOT} is missing")
             continue
         specs = [octree(tree, configuration) for tree in (BEAM, NET, SAMET)]
         specs += [MODERN] if lacking else [BOX, MODERN]
@@ -225,17 +227,17 @@ CLAIMS = (
         "From 320×200 to 1280×1024 the line of the time of beams rises much less than that of single rays.",
         flat_line,
     ),
-    Claim("beams-fastest", PAPER, "At high resolution beams are the quickest of all methods, on both scenes.", fastest),
+    Claim("beams-fastest", PAPER, "At high resolution beams are the fastest of all methods, on both scenes.", fastest),
     Claim(
         "octrees-beat-boxes",
         PAPER,
-        "First scene: every method on octrees is quicker than a hierarchy of bounding volumes.",
+        "First scene: every method on octrees is faster than a hierarchy of bounding volumes.",
         lambda lab: against_boxes(lab, paper_scenes.scattered(), (BEAM, NET, SAMET), octrees_win=True),
     ),
     Claim(
         "boxes-beat-octrees",
         PAPER,
-        "Second scene: the hierarchy of bounding volumes is quicker than both ways of single rays through the octree.",
+        "Second scene: the hierarchy of bounding volumes is faster than both traversals of the octree by single rays.",
         lambda lab: against_boxes(lab, paper_scenes.concentrated(), (NET, SAMET), octrees_win=False),
     ),
     Claim("links-gain", PAPER, "Links gain on the search for the common ancestor as the resolution rises.", links_gain),

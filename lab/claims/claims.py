@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the papers claim, measured again: a table of claims, one file per paper, and the lab that they measure in.
+"""Measurable claims of the papers: a table of claims, one file per paper, and the lab that measures them.
 
 A paper is a module with a constant `CLAIMS`; add it to `table.PAPERS`. A claim is a published statement and a
 function that measures it in one or two configurations, *faithful* (the paper's constants) and *best* (ours). Every
-outcome holds, does not hold, or cannot be tested here, and says which counters explain it. No time stands without the
-answers checked beside it.
+outcome holds, does not hold, or cannot be tested here, and names the counters that explain it. Every time is reported
+with a check of the answers.
 """
 
 from __future__ import annotations
@@ -35,22 +35,24 @@ UNTESTED = "cannot be tested here"
 VERDICTS = (HOLDS, FAILS, UNTESTED)
 
 VERSION = 1
-"""Grows whenever a claim measures or counts something else: what an earlier run found is then not taken over."""
+"""Version of the measurements: increment when a claim measures or counts anything else; older results are then not
+reused.
+"""
 
 CHECKED = 20_000
 """Rays per configuration and scene whose answers are compared with brute force."""
 
 
 REPEATS = {True: 3, False: 7}
-"""Timed passes, after one that warms up, and builds: in a quick run, and else."""
+"""Number of timed passes after a warm-up pass, and of builds: in a quick run (True) and a full one."""
 
 BUILD_SECONDS = 60
-"""No further round of builds begins after so long: the slowest build takes minutes."""
+"""Processor seconds after which no further round of builds begins: the slowest build takes minutes."""
 
 
 @dataclass(frozen=True)
 class Chart:
-    """What a plot shows: lines of (x, y) points by name. level: a dashed line at this height, with its label."""
+    """Data of a plot: lines of (x, y) points by name. level: height and label of a dashed line."""
 
     title: str
     x: str
@@ -62,10 +64,10 @@ class Chart:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What one configuration gave.
+    """Result of one configuration of a claim.
 
-    configuration: "faithful" or "best". verdict: one of VERDICTS. measured: the number in words. why: the counters
-    that explain it. values: the numbers, for JSON. error: what was checked, and what differed.
+    configuration: "faithful" or "best". verdict: one of VERDICTS. measured: the result as text. why: the counters that
+    explain it. values: the numbers, for JSON. error: the number of checked answers, and of those that differed.
     """
 
     configuration: str
@@ -79,7 +81,7 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Claim:
-    """A sentence of a paper that can be measured. scenes: the shared scenes that it is measured on, where they are."""
+    """A measurable statement of a paper. scenes: names of the shared scenes it is measured on, if present."""
 
     id: str
     paper: str
@@ -90,10 +92,10 @@ class Claim:
 
 @dataclass(frozen=True)
 class Result:
-    """A claim and what came out.
+    """A claim and its outcomes.
 
-    wrong: how many of the checked answers were not brute force's, see `Lab.wrong`. machine: the name of where it was
-    measured; empty when that is here.
+    wrong: number of checked answers that differ from brute force, see `Lab.wrong`. machine: name of the machine that
+    measured it; empty for this one.
     """
 
     claim: Claim
@@ -103,11 +105,11 @@ class Result:
 
     @property
     def measured(self) -> bool:
-        """Whether anything was: not where all that it needs is missing."""
+        """Whether any outcome has a verdict or values; False if everything it needs is missing."""
         return any(outcome.verdict != UNTESTED or outcome.values for outcome in self.outcomes)
 
     def as_rows(self) -> Iterator[dict[str, Any]]:
-        """One row per configuration, as JSON has it."""
+        """One row per configuration, ready for JSON."""
         for outcome in self.outcomes:
             row = asdict(outcome)
             charts = [{**chart, "lines": {k: list(v) for k, v in chart["lines"].items()}} for chart in row["charts"]]
@@ -116,7 +118,7 @@ class Result:
 
 
 def outcome(row: Mapping[str, Any]) -> Outcome:
-    """The outcome in a row of `Result.as_rows`, after JSON too."""
+    """The outcome in a row of `Result.as_rows`, also after a round trip through JSON."""
     names = [one.name for one in fields(Outcome)]
     drawn = [
         {**chart, "lines": {name: [tuple(point) for point in line] for name, line in chart["lines"].items()}}
@@ -127,7 +129,7 @@ def outcome(row: Mapping[str, Any]) -> Outcome:
 
 @dataclass(frozen=True)
 class Timing:
-    """Median seconds of one structure on one set of rays, and the mean counters of a ray."""
+    """Median seconds of one structure on one ray set, and mean counters per ray."""
 
     rays: int
     seconds: float
@@ -135,29 +137,29 @@ class Timing:
 
     @property
     def nanoseconds(self) -> float:
-        """Per ray."""
+        """Nanoseconds per ray."""
         return self.seconds / max(self.rays, 1) * 1e9
 
 
 @dataclass(frozen=True)
 class Builds:
-    """Median seconds of each structure's build, by configuration, and of how many builds."""
+    """Median build seconds by configuration. count: number of builds each median is taken over."""
 
     seconds: Mapping[str, float]
     count: int
 
     @property
     def told(self) -> str:
-        """What the seconds are, in words."""
+        """The kind of these seconds, as text."""
         return "one build each" if self.count == 1 else f"medians of {self.count} builds"
 
 
 ROOM = 1 << 30
-"""Structures of so many bytes are kept for the next claim; of those beyond, the oldest are built again when needed."""
+"""Bytes of structures kept for the next claim; beyond that the oldest are dropped and rebuilt when needed."""
 
 
 class Lab:
-    """Builds, checks and times structures on one thread; what was measured once is not measured again."""
+    """Builds, checks and times structures on one thread, and caches every measurement."""
 
     def __init__(self, native: Native, *, quick: bool, say: Callable[[str], None], scenes: Path | None = None) -> None:
         self.native = native
@@ -177,28 +179,28 @@ class Lab:
         self._builds: dict[tuple[str, tuple[str, ...]], Builds] = {}
 
     def begin(self) -> None:
-        """A claim begins: `wrong` tells of its answers."""
+        """Start a claim: `wrong` counts the answers used from here on."""
         self._used.clear()
 
     def lacks(self, *specs: str) -> str:
-        """Which of the structures do not exist in this build, as a sentence; empty when all do."""
+        """A sentence that lists those of the structures that this build lacks; empty if it has all."""
         missing = [spec for spec in specs if structure_of(spec) not in self._ids]
         return f"this build has no {', '.join(missing)}" if missing else ""
 
     def shared(self, name: str, *, published: bool = False) -> Workload | None:
-        """A scene from the shared folder, or what of it was published; None where it is not there."""
+        """A shared scene, or the published part of it; None if its file is missing."""
         both = self._loaded(name)
         if both is None:
             self.say(f"{name} is left out: there is no such file")
             return None
         found = both[published]
-        # Under another name, for what was measured of the whole scene is known by its name.
+        # Rename the published part: the caches identify a scene by its name.
         return replace(found, name=f"{name} as published") if found.notes else found
 
     def fingerprints(self, names: Iterable[str]) -> dict[str, str]:
-        """What the shared scenes of these names hold, of those that are there. Raises WorkloadError."""
+        """Fingerprints of those shared scenes that exist, by name. Raises WorkloadError."""
         names = list(names)
-        # What the claims before took is let go: a claim names all that it takes.
+        # Free the scenes of earlier claims: a claim lists all scenes that it uses.
         self._scenes = {name: both for name, both in self._scenes.items() if name in names}
         there = {name: both for name in names if (both := self._loaded(name)) is not None}
         for name in there.keys() - self._fingerprints.keys():
@@ -206,7 +208,7 @@ class Lab:
         return {name: self._fingerprints[name] for name in there}
 
     def _loaded(self, name: str) -> tuple[Workload, Workload] | None:
-        """A scene from the shared folder, whole and as published, read once; None where it is not there."""
+        """A shared scene, whole and as published, read once; None if its file is missing."""
         if name not in self._scenes:
             path = None if self.scenes is None else self.scenes / f"{name}.npz"
             if path is None or not path.is_file():
@@ -215,7 +217,7 @@ class Lab:
         return self._scenes[name]
 
     def build(self, workload: Workload, spec: str) -> Any:
-        """The structure, built once, or again after others that needed its room."""
+        """The structure of a configuration, from the cache or built; drops the oldest structures beyond ROOM."""
         key = (workload.name, spec)
         if key not in self._structures:
             held = sum(known.statistics["bytes"] for known in self._structures.values())
@@ -226,7 +228,7 @@ class Lab:
         return self._structures[key]
 
     def statistics(self, workload: Workload, spec: str) -> Mapping[str, Any]:
-        """What the build made."""
+        """The statistics of the build."""
         statistics: Mapping[str, Any] = self.build(workload, spec).statistics
         return statistics
 
@@ -238,9 +240,9 @@ class Lab:
         return self._rays[key]
 
     def seconds(self, workload: Workload, specs: Sequence[str], rays: RaySet) -> dict[str, Timing]:
-        """Median seconds of each structure on the rays, taken in turns; answers are checked first.
+        """Median seconds of each structure on the rays, interleaved; answers are checked first.
 
-        The clock is that of the processor: on one thread it counts the work, however busy the machine is.
+        Times are processor times, which on one thread are independent of other load on the machine.
         """
         wanted = [spec for spec in specs if (workload.name, spec, rays.name) not in self._timings]
         if wanted:
@@ -248,6 +250,7 @@ class Lab:
         for spec in wanted:
             self._check(workload, spec, rays)
         self._used.update((workload.name, spec, rays.name) for spec in specs)
+        # Time the structures in turns; the first round only warms up.
         taken: dict[str, list[float]] = {spec: [] for spec in wanted}
         for repeat in range(self.repeats + 1):
             for spec in wanted:
@@ -261,9 +264,10 @@ class Lab:
         return {spec: self._timings[workload.name, spec, rays.name] for spec in specs}
 
     def walks(self, workload: Workload, specs: Sequence[str], rays: RaySet) -> dict[str, Timing]:
-        """Seconds of each structure's walks alone: recorded, and walked again without a triangle test.
+        """Seconds of each structure's traversal alone: recorded, then replayed without triangle tests.
 
-        Walks are timed in chunks of rays, in turns; of each chunk the quickest counts, since others were interrupted.
+        Traversals are timed in chunks of rays, in turns; the fastest pass of each chunk counts, because slower ones
+        were interrupted.
         """
         kind = f"{rays.name}, walks"
         wanted = [spec for spec in specs if (workload.name, spec, kind) not in self._timings]
@@ -285,7 +289,7 @@ class Lab:
         return {spec: self._timings[workload.name, spec, kind] for spec in specs}
 
     def build_seconds(self, workload: Workload, specs: Sequence[str]) -> Builds:
-        """Median processor seconds of each build, on one thread, in turns."""
+        """Median processor seconds of each build, on one thread, interleaved."""
         key = (workload.name, tuple(specs))
         if key not in self._builds:
             self.say(f"{workload.name}: builds: {', '.join(specs)}")
@@ -299,18 +303,20 @@ class Lab:
         return self._builds[key]
 
     def error(self, workload: Workload, specs: Iterable[str]) -> str:
-        """How many of the checked rays of these structures on this scene were not brute force's, in words."""
+        """The number of checked rays of these structures on this scene that differ from brute force, as text."""
         own = [v for (scene, spec, _), v in self._errors.items() if scene == workload.name and spec in set(specs)]
         wrong, of = sum(errors.wrong for errors in own), sum(errors.rays for errors in own)
         return f"{wrong:,} of {of:,} answers differ from brute force"
 
     def compared(self, where: str, spec: str, rays: str, errors: Errors) -> None:
-        """Take note of answers that were compared with brute force's. where: the name of a scene or a case."""
+        """Record answers that were compared with brute force. where: name of a scene or a test case."""
         self._errors[where, spec, rays] = errors
         self._used.add((where, spec, rays))
 
     def wrong(self) -> int:
-        """How many of the answers behind this claim are not brute force's, without those of walks known to fail."""
+        """Number of answers used by this claim that differ from brute force, except those of traversals
+        known to fail.
+        """
         return sum(self._errors[key].wrong for key in self._used if not allowed_to_fail(key[1]))
 
     def _ask(self, structure: Structure, rays: RaySet) -> float:
@@ -324,7 +330,7 @@ class Lab:
         return {name: float(np.mean(column)) for name, column in counters.items()} if len(rays) else {}
 
     def _check(self, workload: Workload, spec: str, rays: RaySet) -> None:
-        """Compare with brute force, bit for bit."""
+        """Compare a sample of rays with brute force, bit for bit."""
         some = rays.take(blocks(len(rays), CHECKED, seed=1))
         structure = self.build(workload, spec)
         key = (workload.name, rays.name)
@@ -346,11 +352,11 @@ def measure(lab: Lab, claims: Iterable[Claim]) -> Iterator[Result]:
 
 
 def verdict(*, holds: bool) -> str:
-    """A measured claim holds or does not."""
+    """The verdict of a measured claim."""
     return HOLDS if holds else FAILS
 
 
 def slope(points: Iterable[tuple[float, float]]) -> float:
-    """The slope of the line through (x, y) points, by least squares."""
+    """Slope of the least-squares line through (x, y) points."""
     x, y = np.array(list(points), np.float64).T
     return float(np.polyfit(x, y, 1)[0])

@@ -16,24 +16,25 @@ PAPER = "Wächter and Keller, Instant ray tracing: the bounding interval hierarc
 
 INTERVALS = "bih"
 KD = {"faithful": "kd-sah", "best": "kd:traversal=dir"}
-"""What they are compared with: whole triangles in leaves, and triangles cut to their cells; planes alone, as boxes take
-memory and time of their own."""
+"""The kd-trees compared with: unclipped triangles in leaves, and triangles clipped to their cells; planes alone,
+because boxes take memory and time of their own.
+"""
 
 BUILDS, MEMORY = 8.0, 0.5
-"""'A fraction' in numbers: at least so many times quicker, at most so much of the memory."""
+"""The paper's 'a fraction' as numbers: build at least 8 times faster, at most half the memory."""
 
 COMPARABLE = 1.5
-"""'About as long' in numbers."""
+"""The paper's 'about as long' as a number: at most this ratio of times."""
 
 SIZE = (1024, 1024)
-"""Pixels of a picture: a million rays."""
+"""Width and height of a picture in pixels: about a million rays."""
 
 FRAMES = (1, 2, 4, 8, 16, 32)
 SCENE = "stanford-dragon"
 
 
 def measured(lab: Lab, workload: Workload, kd: str) -> tuple[Builds, Mapping[str, float], list[float]]:
-    """Builds of each structure, seconds of a frame, and their bytes: intervals first."""
+    """Build times, seconds per frame by configuration, and bytes: intervals first."""
     specs = (INTERVALS, kd)
     builds = lab.build_seconds(workload, specs)
     view = partial(paper_scenes.camera_rays, workload, SIZE)
@@ -43,7 +44,7 @@ def measured(lab: Lab, workload: Workload, kd: str) -> tuple[Builds, Mapping[str
 
 
 def scene(lab: Lab) -> Workload:
-    """The scanned dragon; where it is not there, scattered triangles."""
+    """The scanned dragon; scattered triangles if its file is missing."""
     return lab.shared(SCENE) or paper_scenes.scattered()
 
 
@@ -60,8 +61,8 @@ def small_and_quick(lab: Lab) -> Iterator[Outcome]:
             verdict(holds=faster >= BUILDS and share <= MEMORY),
             f"{workload.name}, {len(workload.triangles):,} triangles: {INTERVALS} builds in "
             f"{builds[INTERVALS] * 1e3:.0f} ms, {kd} in {builds[kd] * 1e3:.0f} ms, {faster:.1f} times as long "
-            f"({made.told}; asked: {BUILDS:g}); memory {size[0] / 2**20:.1f} of {size[1] / 2**20:.1f} MB, {share:.2f} "
-            f"(asked: {MEMORY:g})",
+            f"({made.told}; limit: {BUILDS:g}); memory {size[0] / 2**20:.1f} of {size[1] / 2**20:.1f} MB, {share:.2f} "
+            f"(limit: {MEMORY:g})",
             "; ".join(
                 f"{spec} {int(s['nodes_axis']):,} inner nodes, {int(s['references']):,} triangles in leaves"
                 for spec, s in zip((INTERVALS, kd), small, strict=True)
@@ -72,12 +73,13 @@ def small_and_quick(lab: Lab) -> Iterator[Outcome]:
 
 
 def to_image(lab: Lab) -> Iterator[Outcome]:
-    """Build and pictures together: what an animation that is built anew for each picture takes."""
+    """Build and pictures together: the cost of an animation that rebuilds for each picture."""
     workload = scene(lab)
     for configuration, kd in KD.items():
         made, frames, _ = measured(lab, workload, kd)
         builds, specs = made.seconds, (INTERVALS, kd)
         total = {spec: builds[spec] + frames[spec] for spec in specs}
+        # Find the number of pictures after which the kd-tree's faster traversal repays its longer build.
         gain = frames[INTERVALS] - frames[kd]
         even = (builds[kd] - builds[INTERVALS]) / gain if gain > 0 else float("inf")
         yield Outcome(
@@ -117,7 +119,7 @@ def comparable(lab: Lab) -> Iterator[Outcome]:
         yield Outcome(
             configuration,
             verdict(holds=ratio <= COMPARABLE),
-            f"{workload.name}: a picture takes {ratio:.2f} times as long with {INTERVALS} as with {kd} (asked: at most "
+            f"{workload.name}: a picture takes {ratio:.2f} times as long with {INTERVALS} as with {kd} (limit: at most "
             f"{COMPARABLE:g})",
             f"per ray: {'; '.join(told)}" + counting.remark({spec: spec for spec in found}, lab.native.structures()),
             lab.error(workload, (INTERVALS, kd)),

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Havran, Kopal, Bittner and Žára: a walk of kd-trees by the coordinates of entry and exit, against two by distances.
+"""Havran, Kopal, Bittner and Žára: a kd-tree traversal by the coordinates of entry and exit, against two by distances.
 
-Walks are timed alone, without triangle tests, as the paper compares them, and whole queries beside. The faithful
-configuration is scalar, as published and without bounds on its rounding, so some of its answers are wrong.
+Traversals are timed alone, without triangle tests, as the paper compares them, and also as whole queries. The faithful
+configuration is scalar, as published and without error bounds, so some of its answers are wrong.
 """
 
 from __future__ import annotations
@@ -21,34 +21,34 @@ from .claims import UNTESTED, Chart, Claim, Lab, Outcome, Timing, verdict
 PAPER = "Havran, Kopal, Bittner and Žára, Fast robust BSP tree traversal algorithm for ray tracing (1997)"
 
 WALKS = ("ta-b", "ta-a", "sung", "arvo")
-"""The walk in question, and those that it is compared with."""
+"""The paper's traversal, then those that it is compared with."""
 
 AGAINST = ("sung", "arvo")
 SAVED = 0.7
-"""'Saves 30 to 50 %' in numbers: at most so much of the others' time."""
+"""The paper's 'saves 30 to 50 %' as a number: at most this share of the others' time."""
 
 TREES = {"faithful": "kd-sah:robust=none,traversal=", "best": "kd:traversal="}
-"""Whole triangles in leaves and walks as published; and triangles cut to their cells, walks with bounds."""
+"""Unclipped triangles in leaves and traversals as published; clipped triangles and traversals with error bounds."""
 
 SIZE = (384, 384)
-"""Pixels of the view whose rays are walked."""
+"""Width and height of the view in pixels."""
 
 SETS = ("primary", "diffuse", "shadow")
 SINGULAR = ("touching boxes", "signs of zero", "coplanar", "corners of boxes", "octants", "view on the lattice")
-"""Extreme cases whose rays run in planes."""
+"""Extreme test cases whose rays lie in planes of the scene."""
 
 SCENES = ("sponza-dabrovic", "conference", "killeroo-feet")
 CASES = tuple(f"case_{kind}" for kind in ("n1", "n2", "n3", "n4", "n5", "p1", "p2", "p3", "p4", "p5", "z1", "z2", "z3"))
 
 
 def scenes(lab: Lab) -> Iterator[Workload]:
-    """Three shared scenes, and one that is always there."""
+    """The shared scenes that exist, and one that always does."""
     yield paper_scenes.scattered()
     yield from (workload for name in SCENES if (workload := lab.shared(name)) is not None)
 
 
 def ray_sets(lab: Lab, workload: Workload) -> list[rays.RaySet]:
-    """What the view's rays, their bounces and their shadows are; those sets that are not empty."""
+    """The rays of the view, their bounces and their shadow rays; empty sets are dropped."""
     made: list[rays.RaySet] = []
 
     def all_sets() -> list[rays.RaySet]:
@@ -65,7 +65,7 @@ def ray_sets(lab: Lab, workload: Workload) -> list[rays.RaySet]:
 
 
 def times(lab: Lab, workload: Workload, specs: Sequence[str], *, alone: bool) -> dict[str, Timing]:
-    """Each walk's time over all sets of rays, alone or with the triangle tests, and its mean counters."""
+    """Each traversal's time over all ray sets, alone or with triangle tests, and its mean counters."""
     found: dict[str, list[Timing]] = {spec: [] for spec in specs}
     for some in ray_sets(lab, workload):
         measured = (lab.walks if alone else lab.seconds)(workload, specs, some)
@@ -81,13 +81,14 @@ def _together(parts: Sequence[Timing]) -> Timing:
 
 
 def saves(lab: Lab, *, alone: bool, most: float) -> Iterator[Outcome]:
-    """The time of TA-B as a share of each other walk's, scene by scene."""
+    """The time of TA-B as a share of each other traversal's, scene by scene."""
     lines: dict[str, dict[str, list[tuple[float, float]]]] = {name: {walk: [] for walk in WALKS} for name in TREES}
     chosen = list(scenes(lab))
     for workload in chosen:
         if not ray_sets(lab, workload):
-            yield Outcome("best", UNTESTED, f"{workload.name}: nothing is seen")
+            yield Outcome("best", UNTESTED, f"{workload.name}: no ray hits the scene")
             continue
+        # Time all traversals of one tree; the last scene's outcome carries the chart of all scenes.
         for configuration, tree in TREES.items():
             specs = {walk: tree + walk for walk in WALKS}
             measured = times(lab, workload, list(specs.values()), alone=alone)
@@ -100,7 +101,7 @@ def saves(lab: Lab, *, alone: bool, most: float) -> Iterator[Outcome]:
             yield Outcome(
                 configuration,
                 verdict(holds=all(ratios[walk] <= most for walk in AGAINST)),
-                f"{workload.name}: TA-B takes {told} (asked: {most:g}); ns a ray: {nanoseconds}",
+                f"{workload.name}: TA-B takes {told} (limit: {most:g}); ns a ray: {nanoseconds}",
                 why(own.counters, {walk: measured[spec].counters for walk, spec in specs.items()}),
                 lab.error(workload, list(specs.values())),
                 ratios,
@@ -109,7 +110,9 @@ def saves(lab: Lab, *, alone: bool, most: float) -> Iterator[Outcome]:
 
 
 def why(own: Mapping[str, float], all_walks: Mapping[str, Mapping[str, float]]) -> str:
-    """Steps a ray by walk, and of TA-B's steps the share that goes to both children: only there it computes."""
+    """Steps per ray by traversal, and the share of TA-B's steps with both children, the only ones that compute a
+    distance.
+    """
     steps = ", ".join(f"{walk} {counters['steps']:.1f}" for walk, counters in all_walks.items())
     both = own["case_n4"] + own["case_p4"]
     whole = max(sum(own[name] for name in CASES), 1e-9)
@@ -123,16 +126,17 @@ def why(own: Mapping[str, float], all_walks: Mapping[str, Mapping[str, float]]) 
 
 
 def chart(configuration: str, chosen: Sequence[Workload], lines: Mapping[str, list[tuple[float, float]]]) -> Chart:
-    """Bars of nanoseconds a ray, scene by scene, one colour per walk."""
+    """Bars of nanoseconds per ray, scene by scene, one colour per traversal."""
     named = ", ".join(f"{place} {workload.name}" for place, workload in enumerate(chosen))
     return Chart(f"{configuration}: {named}", "scene", "ns a ray", lines, bars=True)
 
 
 def singular(lab: Lab) -> Iterator[Outcome]:
-    """Rays in walls, along edges and through corners: how many answers each walk gets wrong."""
+    """Rays in walls, along edges and through corners: number of wrong answers of each traversal."""
     cases = [case for case in lab.native.cases() if case["name"] in SINGULAR]
     rays_asked = sum(len(case["origins"]) for case in cases)
     for configuration, tree in TREES.items():
+        # Sum the wrong answers of each traversal over the singular cases.
         wrong = dict.fromkeys(WALKS, 0)
         for case in cases:
             specs = [tree + walk for walk in WALKS]
@@ -144,18 +148,18 @@ def singular(lab: Lab) -> Iterator[Outcome]:
             verdict(holds=wrong["ta-b"] == 0),
             f"of {rays_asked:,} rays in walls, along edges and through corners, wrong: "
             + ", ".join(f"{walk} {number:,}" for walk, number in wrong.items()),
-            "its cases are told apart without rounding, but the points of crossing that it compares are rounded: a ray "
-            "that leaves a cell through an edge enters the wrong neighbour unless the comparison has a bound",
+            "its cases are distinguished without rounding, but the crossing points that it compares are rounded: a ray "
+            "that leaves a cell through an edge enters the wrong neighbour unless the comparison has an error bound",
             f"{sum(wrong.values()):,} of {len(WALKS) * rays_asked:,} answers differ from brute force",
             {walk: float(number) for walk, number in wrong.items()},
         )
 
 
 def comparisons(lab: Lab) -> Iterator[Outcome]:
-    """What TA-B computes at an inner node, by its counters: the cases are all of its nodes, and few of them compute."""
+    """The operations of TA-B at an inner node, by its counters: its cases cover all nodes, and few of them compute."""
     for workload in scenes(lab):
         if not ray_sets(lab, workload):
-            yield Outcome("best", UNTESTED, f"{workload.name}: nothing is seen")
+            yield Outcome("best", UNTESTED, f"{workload.name}: no ray hits the scene")
             continue
         for configuration, tree in TREES.items():
             spec = f"{tree}ta-b"

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The scenes and rays of the papers' workloads, made from one seed.
+"""Scenes and rays of the papers' workloads, generated from fixed seeds.
 
-The octree paper's pictures show many objects scattered at random, and few concentrated in the middle of a large scene;
-it states the number of objects and of octree nodes. Objects here are triangles, sized so that the numbers of nodes
-come out as published.
+The octree paper shows many randomly scattered objects, and a few concentrated in the middle of a large scene; it states
+the numbers of objects and of octree nodes. Objects here are triangles, scaled so that the numbers of nodes match the
+published ones.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from addon.core.scene.rays import RaySet, pinhole, tile_order
 from addon.core.scene.workload import View, Workload
 
 RESOLUTIONS = ((320, 200), (640, 400), (800, 600), (1024, 768), (1280, 1024))
-"""From the paper's smallest picture to its largest."""
+"""Width and height in pixels, from the paper's smallest picture to its largest."""
 
 WINDOW = 4.0 / 3.0
-"""Width by height of the picture, whatever its resolution: that of the screens of the time."""
+"""Aspect ratio of the picture at every resolution: that of the screens of the time."""
 
 
 def scattered() -> Workload:
-    """400 objects at random places of a cube."""
+    """400 objects at random places in a cube."""
     rng = np.random.default_rng(1)
     return _objects("400 scattered objects", rng.uniform(-1.0, 1.0, (400, 3)), 0.03, rng)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Measured claims as text, and as one HTML page that opens offline: published beside measured, with plots."""
+"""Measured claims as text and as one self-contained HTML page: published beside measured, with plots."""
 
 from __future__ import annotations
 
@@ -26,15 +26,15 @@ def as_text(result: Result) -> str:
 
 
 def summary(results: Iterable[Result]) -> str:
-    """How many outcomes there are of each kind."""
+    """The number of outcomes of each verdict, as text."""
     counts = Counter(outcome.verdict for result in results for outcome in result.outcomes)
     return ", ".join(f"{counts[kind]} {kind}" for kind in VERDICTS)
 
 
 def as_html(results: Sequence[Result], machines: Mapping[str, Mapping[str, Any]], *, quick: bool) -> str:
-    """The page. machines: by name, those on which the claims were measured."""
+    """The HTML page. machines: descriptions of the measuring machines, by name."""
     shown = "; ".join(", ".join(f"{key} {html.escape(str(v))}" for key, v in one.items()) for one in machines.values())
-    if len(machines) < 2:  # what holds for all need not stand beside each
+    if len(machines) < 2:  # a single machine is named once, at the top
         results = [replace(result, machine="") for result in results]
     note = " Quick run." if quick else ""
     return (
@@ -43,19 +43,19 @@ def as_html(results: Sequence[Result], machines: Mapping[str, Mapping[str, Any]]
         "table{border-collapse:collapse;width:100%}td,th{padding:.3em .6em;text-align:left;vertical-align:top;"
         "border-bottom:1px solid #8884}.holds{color:#087a55;font-weight:bold}.fails{color:#b83500;font-weight:bold}"
         ".why{color:#666;font-size:90%}svg{max-width:100%;height:auto}</style>"
-        f"<h1>What the papers claim, measured again</h1><p>{summary(results)}. {method(REPEATS[quick])} "
+        f"<h1>The claims of the papers, measured again</h1><p>{summary(results)}. {method(REPEATS[quick])} "
         f"{shown}.{note} <em>Faithful</em> is the paper's configuration, <em>best</em> ours.</p>"
         f"{''.join(_paper(name, own) for name, own in _by_paper(results).items())}</html>\n"
     )
 
 
 def method(repeats: int) -> str:
-    """What the numbers of a run with so many repeats are."""
+    """One paragraph on how the numbers of a run were measured."""
     return (
-        f"Times are of one thread. Rays: the median of {repeats} passes after one that warms up, in processor time. "
-        f"Walks alone: of each chunk of rays the shortest of {repeats + 1} walks by the clock, summed. Builds: the "
-        f"median of {repeats}, or of as many as begin within {BUILD_SECONDS} seconds, in processor time; beside each "
-        "stands of how many."
+        f"All times are for one thread. Rays: the median of {repeats} passes after a warm-up pass, in processor time. "
+        f"Traversals alone: the shortest of {repeats + 1} passes for each chunk of rays, in wall-clock time, summed. "
+        f"Builds: the median of {repeats}, or of those that begin within {BUILD_SECONDS} seconds, in processor time; "
+        "their number stands with each."
     )
 
 
@@ -96,13 +96,14 @@ def _claim(result: Result) -> str:
 
 
 def draw(chart: Chart) -> str:
-    """The plot as an SVG element; nothing without matplotlib."""
+    """The plot as an SVG element; "" without matplotlib."""
     if plots.problem():
         return ""
     return plots.figure(lambda axes: _lines(axes, chart), 4.0)
 
 
 def _lines(axes: Any, chart: Chart) -> None:
+    """Draw a claim's lines or grouped bars."""
     for number, (name, points) in enumerate(chart.lines.items()):
         colour, marker = charts.COLOURS[number % len(charts.COLOURS)], charts.MARKERS[number % len(charts.MARKERS)]
         x, y = zip(*points, strict=True)

@@ -18,13 +18,13 @@ if TYPE_CHECKING:
     from addon.core.base.interface import Tracer
 
 SHADOW_SIZE = (512, 512)
-"""Pixels of the view whose points ask for the light."""
+"""Width and height, in pixels, of the view whose visible points are tested for shadow."""
 
 SCENES = ("sponza-dabrovic", "conference", "stanford-bunny", "utah-teapot-plane")
 
 
 def scenes(lab: Lab) -> Iterator[Workload]:
-    """The paper's two, and those shared scenes that are there."""
+    """The paper's two scenes, and those shared scenes that exist."""
     yield paper_scenes.scattered()
     yield paper_scenes.concentrated()
     yield from (workload for name in SCENES if (workload := lab.shared(name)) is not None)
@@ -35,17 +35,18 @@ def _shadow_rays(workload: Workload, tracer: Tracer) -> rays.RaySet:
 
 
 def shadows(lab: Lab, way: str) -> Iterator[Outcome]:
-    """What one way of shadow rays saves, scene by scene, in both configurations."""
+    """The time that one shadow method saves, scene by scene, in both configurations. way: value of `shadow=`."""
     for workload in scenes(lab):
         tracer = lab.build(workload, "kd")
         make = partial(_shadow_rays, workload, tracer)
         some = lab.rays(workload, "shadow", make)
         if not len(some):
-            yield Outcome("best", UNTESTED, f"{workload.name}: nothing is seen that could lie in a shadow")
+            yield Outcome("best", UNTESTED, f"{workload.name}: no ray hits the scene, so there are no shadow rays")
             continue
         specs = {"faithful": octree(NET, "faithful"), "best": octree(NET, "best")}
         if way == "cache":
             specs["best"] = "kd"
+        # Time the structure without and with the shadow method, on the same rays.
         for configuration, spec in specs.items():
             asked = f"{spec}{',' if ':' in spec else ':'}shadow={way}"
             times = lab.seconds(workload, [spec, asked], some)
@@ -57,7 +58,7 @@ def shadows(lab: Lab, way: str) -> Iterator[Outcome]:
                 configuration,
                 HOLDS if ratio < 1 else FAILS,
                 f"{workload.name}, {spec}: {ratio:.2f} times the time ({plain.nanoseconds:.0f} to "
-                f"{quick.nanoseconds:.0f} ns a ray); {spared * 100:.0f} % of {quick.rays:,} rays need no walk",
+                f"{quick.nanoseconds:.0f} ns a ray); {spared * 100:.0f} % of {quick.rays:,} rays need no traversal",
                 f"nodes per ray {steps[0]:.2f} to {steps[1]:.2f}, tests {plain.counters['tests']:.2f} to "
                 f"{quick.counters['tests']:.2f}",
                 lab.error(workload, [spec, asked]),
@@ -76,7 +77,7 @@ CLAIMS = (
     Claim(
         "shadow-cache",
         "Wilt, Object-Oriented Ray Tracing in C++ (OORT)",
-        "Testing the last opaque object that hid a light first saves shadow rays their walk.",
+        "Testing the last object that blocked a light first saves shadow rays their traversal.",
         lambda lab: shadows(lab, "cache"),
         SCENES,
     ),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""All claims, paper by paper. To add a paper: write `lab/claims/NAME.py` with a constant `CLAIMS`, and name it here."""
+"""All claims, paper by paper. To add a paper, write `lab/claims/NAME.py` with a constant `CLAIMS` and add it to PAPERS."""
 
 from __future__ import annotations
 
@@ -7,6 +7,6 @@ from . import beams, intervals, kd, shadows, thesis
 from .claims import Claim
 
 PAPERS = (kd, intervals, beams, shadows, thesis)
-"""The modules, in the order in which they are reported."""
+"""The papers' modules, in the order of the report."""
 
 CLAIMS: tuple[Claim, ...] = tuple(claim for paper in PAPERS for claim in paper.CLAIMS)

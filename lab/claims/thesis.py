@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Hoobergs 2019: planes along other directions than the axes, against a kd-tree.
+"""Hoobergs 2019: planes in other directions than the axes, against a kd-tree.
 
-Faithful are his prices, ties and rules against a kd-tree built with the same; best is what we build. Rays are those of
-a view, their bounces and their shadows; the models are his leg and conference, and another Sponza. His museum is not
-to be had.
+*faithful* uses the thesis's costs, ties and rules, against a kd-tree built with the same; *best* is our build. Rays are
+those of a view, their bounces and their shadow rays. The models are its leg and conference, and another Sponza; its
+museum was never published.
 """
 
 from __future__ import annotations
@@ -19,16 +19,18 @@ from .claims import UNTESTED, Chart, Claim, Lab, Outcome, Timing, verdict
 PAPER = "Hoobergs, trees of planes along normals (thesis, KU Leuven 2019)"
 
 BASES = {"faithful": "kd-sah:traversal=dir", "best": "kd"}
-"""What times are related to."""
+"""The kd-tree that times are relative to."""
 
 RULES = {"faithful": "costs=thesis,ties=pbrt,slab=0,clip=0,traversal=dir", "best": ""}
-"""What the trees are built by, and that they are walked as what they are related to."""
+"""Build rules of the trees; their traversal is that of the kd-tree they are compared with."""
 
 SCENES = {"leg": "killeroo-feet", "sponza": "sponza-dabrovic", "conference": "conference"}
 MODELS = tuple(SCENES.values())
 
 NOISE = 0.05
-"""With three directions his trees are the kd-tree and take 1.01, 0.95 and 0.97 of its time: so much is chance."""
+"""Share of the time that is measurement noise. With three directions the thesis's trees equal its kd-tree, yet take
+1.01, 0.95 and 0.97 of its time.
+"""
 
 TIMES = {
     ("bsp-wn-plus-kd", 6): {"leg": 0.677, "sponza": 0.804, "conference": 0.786},
@@ -47,14 +49,14 @@ PLAIN = (("bsp-wn", 6), ("bsp-cn", 6), ("bsp-random", 10), ("bsp-random", 2))
 GAIN_K = (3, 4, 6, 8)
 
 SLOW_RANDOM = 4.4
-"""What two random directions take of the kd-tree's time on his Sponza."""
+"""Published time of two random directions on the thesis's Sponza, relative to the kd-tree's."""
 
 BUILDS, IZE_BUILDS = 50.0, 200.0
-"""'About a hundred times' in numbers: at least so many; and what trees after Ize take at least."""
+"""The paper's 'about a hundred times' as a lower limit, and the lower limit for trees after Ize."""
 
 
 def spec(configuration: str, tree: tuple[str, int]) -> str:
-    """A tree with k directions, 0 where it has no such number, in one of the two configurations."""
+    """A tree with k directions (0: it has no such parameter) in one of the two configurations."""
     name, k = tree
     rules = RULES[configuration]
     if rules and name.endswith("-kd"):
@@ -64,7 +66,7 @@ def spec(configuration: str, tree: tuple[str, int]) -> str:
 
 
 def scenes(lab: Lab) -> Iterator[tuple[str, Workload]]:
-    """Those that are there, under the names of the thesis."""
+    """The shared scenes that exist, under the names of the thesis."""
     for name, ours in SCENES.items():
         workload = lab.shared(ours, published=True)
         if workload is not None:
@@ -72,7 +74,7 @@ def scenes(lab: Lab) -> Iterator[tuple[str, Workload]]:
 
 
 def measured(lab: Lab, workload: Workload, specs: Sequence[str]) -> Mapping[str, Timing]:
-    """The time of each over all sets of rays, and its mean counters."""
+    """Each configuration's time over all ray sets, and its mean counters."""
     return kd.times(lab, workload, specs, alone=False)
 
 
@@ -89,7 +91,7 @@ def label(tree: tuple[str, int]) -> str:
 
 
 def counters(lab: Lab, workload: Workload, configuration: str, trees: Sequence[tuple[str, int]]) -> str:
-    """Nodes and tests a ray, of the kd-tree and of the trees."""
+    """Nodes, leaves and tests per ray, of the kd-tree and of the trees, as text."""
     specs = {BASES[configuration]: BASES[configuration]} | {label(t): spec(configuration, t) for t in trees}
     found = measured(lab, workload, list(specs.values()))
     told = []
@@ -100,15 +102,17 @@ def counters(lab: Lab, workload: Workload, configuration: str, trees: Sequence[t
 
 
 def nowhere(lab: Lab) -> Iterator[Outcome]:
-    """What is said where none of the scenes is there."""
+    """An outcome for the case that none of the scenes exists; nothing otherwise."""
     if not any(True for _ in scenes(lab)):
-        yield Outcome("best", UNTESTED, "none of the scenes is there")
+        yield Outcome("best", UNTESTED, "all of the scenes are missing")
 
 
 def published_times(
     lab: Lab, published: Mapping[tuple[str, int], Mapping[str, float]], *, museum: bool
 ) -> Iterator[Outcome]:
-    """Whether the trees are as fast, beside the kd-tree, as was published."""
+    """Whether the trees' times relative to the kd-tree are at most the published ones. museum: add its untestable
+    outcome.
+    """
     yield from nowhere(lab)
     trees = list(published)
     for name, workload in scenes(lab):
@@ -132,7 +136,7 @@ def published_times(
 
 
 def tests_and_time(lab: Lab) -> Iterator[Outcome]:
-    """Two fifths of the tests and a fifth of the time saved."""
+    """Whether two fifths of the tests and a fifth of the time are saved."""
     yield from nowhere(lab)
     for name, workload in scenes(lab):
         for configuration, base in BASES.items():
@@ -145,17 +149,17 @@ def tests_and_time(lab: Lab) -> Iterator[Outcome]:
                 verdict(holds=max(tests.values()) <= 0.6 and max(times.values()) <= 0.8),
                 f"{name}: of the tests and of the time of {base}: "
                 + "; ".join(f"{k} {tests[k]:.2f} and {times[k]:.2f}" for k in specs)
-                + " (asked: 0.6 and 0.8)",
+                + " (limits: 0.6 and 0.8)",
                 counters(lab, workload, configuration, CHOSEN)
-                + ". A test is one of a triangle here, of which up to eight or sixteen are tested at once: fewer of "
-                "them save less time than one by one",
+                + ". Each tested triangle is counted, but eight or sixteen are tested at once: fewer tests save less "
+                "time than one by one",
                 lab.error(workload, [base, *specs.values()]),
                 {f"tests {k}": v for k, v in tests.items()} | {f"time {k}": v for k, v in times.items()},
             )
 
 
 def three_are_axes(lab: Lab) -> Iterator[Outcome]:
-    """With the axes and no more the tree is the kd-tree, and what is measured beyond is chance."""
+    """Whether the tree with only the axes equals the kd-tree; its remaining difference in time is noise."""
     yield from nowhere(lab)
     tree = ("bsp-wn-plus-kd", 3)
     for name, workload in scenes(lab):
@@ -180,7 +184,7 @@ def _nodes(lab: Lab, workload: Workload, one: str) -> str:
 
 
 def without_axes(lab: Lab) -> Iterator[Outcome]:
-    """Directions that are drawn alone, without the axes beside them."""
+    """Trees with only the drawn directions, without the axes."""
     yield from nowhere(lab)
     for name, workload in scenes(lab):
         for configuration, base in BASES.items():
@@ -202,12 +206,13 @@ def without_axes(lab: Lab) -> Iterator[Outcome]:
 
 
 def one_normal(lab: Lab) -> Iterator[Outcome]:
-    """The time by the number of directions."""
+    """Time against the number of directions."""
     yield from nowhere(lab)
     trees = [("bsp-wn-plus-kd", k) for k in GAIN_K]
     for name, workload in scenes(lab):
         for configuration, base in BASES.items():
             shares = ratios(lab, workload, configuration, trees)
+            # Relate the gain of one normal to the gain of the best k.
             whole, first = shares[0] - min(shares), shares[0] - shares[1]
             part = first / whole if whole > 0 else 0.0
             yield Outcome(
@@ -232,7 +237,7 @@ def one_normal(lab: Lab) -> Iterator[Outcome]:
 
 
 def long_builds(lab: Lab) -> Iterator[Outcome]:
-    """How many times as long as a kd-tree the trees take to build."""
+    """Build times of the trees as multiples of the kd-tree's."""
     yield from nowhere(lab)
     trees = [*CHOSEN, ("bsp-ize-kd", 0)]
     for name, workload in scenes(lab):
@@ -257,13 +262,14 @@ def long_builds(lab: Lab) -> Iterator[Outcome]:
 
 
 def fixed_directions(lab: Lab) -> Iterator[Outcome]:
-    """The same thirteen directions everywhere, and no cheap steps along the axes."""
+    """The same thirteen directions at every node, without cheap steps along the axes."""
     yield from nowhere(lab)
     tree = ("rbsp", 13)
     for name, workload in scenes(lab):
         for configuration, base in BASES.items():
             own = spec(configuration, tree)
             found = measured(lab, workload, [base, own])
+            # Compare tests, steps and time with the kd-tree's.
             parts = {key: found[own].counters[key] / found[base].counters[key] for key in ("tests", "steps")} | {
                 "time": found[own].seconds / found[base].seconds
             }
@@ -282,15 +288,15 @@ CLAIMS = (
     Claim(
         "sweep-trees-time",
         PAPER,
-        "Of a kd-tree's time on the leg, Sponza and Conference: wn+^Kd 68, 80 and 79 %, cn+^Kd 68, 80 and 79 % (K=6), "
-        "random+^Kd 80, 86 and 87 % (K=10).",
+        "Time relative to a kd-tree's on the leg, Sponza and Conference: wn+^Kd 68, 80 and 79 %, cn+^Kd 68, 80 and "
+        "79 % (K=6), random+^Kd 80, 86 and 87 % (K=10).",
         lambda lab: published_times(lab, TIMES, museum=True),
         MODELS,
     ),
     Claim(
         "other-trees-time",
         PAPER,
-        "Of a kd-tree's time: IZE^Kd 95, 109 and 93 %, RBSP^Kd 84, 94 and 93 %.",
+        "Time relative to a kd-tree's: IZE^Kd 95, 109 and 93 %, RBSP^Kd 84, 94 and 93 %.",
         lambda lab: published_times(lab, OTHERS, museum=False),
         MODELS,
     ),
@@ -311,16 +317,16 @@ CLAIMS = (
     Claim(
         "without-axes",
         PAPER,
-        "Without axes only the leg is quicker than with a kd-tree; two random directions take 4.4 times its time on "
+        "Without axes only the leg is faster than with a kd-tree; two random directions take 4.4 times its time on "
         "Sponza.",
         without_axes,
         MODELS,
     ),
-    Claim("one-normal", PAPER, "One normal beside the axes gives most of the gain.", one_normal, MODELS),
+    Claim("one-normal", PAPER, "One normal in addition to the axes gives most of the gain.", one_normal, MODELS),
     Claim(
         "long-builds",
         PAPER,
-        "The trees take about a hundred times as long to build as a kd-tree, those after Ize 200 to 900 times.",
+        "The trees take about a hundred times as long to build as a kd-tree, those of Ize 200 to 900 times.",
         long_builds,
         MODELS,
     ),

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How time grows with the number of triangles: one surface, tessellated ever more finely, under always the same rays.
+"""Growth of times with the number of triangles: one surface at increasingly fine tessellations, under the same rays.
 
-The surface is a bumpy, tilted torus, nowhere in line with the axes, seen from inside its tube, so that every ray meets
-it. The rays are made on one tessellation of it, and their origins lifted off, so that they fit all others.
+The surface is a bumpy torus, tilted against the axes and seen from inside its tube, so that every ray hits it. The rays
+are made on one tessellation, and their origins are lifted off so that they suit all others.
 """
 
 from __future__ import annotations
@@ -30,55 +30,59 @@ if TYPE_CHECKING:
     from addon.core.base.interface import Native, Structure
 
 SIZES = tuple(round(10 ** (4 + half / 2)) for half in range(7))
-"""Triangles: half decades from ten thousand to ten million."""
+"""Numbers of triangles: half decades from ten thousand to ten million."""
 
 LEAST = 400
-"""Fewer triangles would not show the bumps."""
+"""Smallest number of triangles; fewer do not resolve the bumps."""
 
 MOST = 50_000_000
-"""More would not fit into the memory of most machines."""
+"""Largest number of triangles; more exceed the memory of most machines."""
 
 RAYS_FROM = 10_000
-"""The rays are made on a tessellation of about so many triangles, whatever is measured."""
+"""Number of triangles of the tessellation on which the rays are made."""
 
 LIFT = 0.01
-"""How far the bounces start off that tessellation, as a share of the diagonal: beyond every other tessellation."""
+"""Distance of the bounces' origins from that tessellation, as a share of the diagonal: beyond all other
+tessellations.
+"""
 
 SETS = ("primary", "diffuse")
 
 ALONE = "primary, alone"
-"""The primary rays again, as rays that have nothing to do with each other. What a tile of them shares becomes less, the
-smaller the triangles, so only this tells how the way of one ray grows."""
+"""The primary rays again, as unrelated single rays. The work that a tile shares shrinks with the triangles, so only
+this set shows the growth for a single ray.
+"""
 
 BRUTE_TESTS = 2_000_000_000
-"""So many triangle tests per set the reference may do, which decides how many rays are compared."""
+"""Triangle tests per set that brute force may spend, which limits the number of compared rays."""
 
 LEAST_CHECKED = 192
 
 WAYS_AROUND, WAYS_ACROSS = 9, 5
-"""Bumps around the torus and across its tube."""
+"""Number of bumps around the torus and across its tube."""
 
 RADIUS, BUMP = 0.35, 0.06
-"""Of the tube, and by how much it varies, where the torus has the radius one."""
+"""Radius of the tube and its variation, relative to the torus's radius."""
 
 AHEAD = 0.6
-"""How far along the ring the view looks, in radians."""
+"""Angle along the ring to the view's target, in radians."""
 
 
 TILT = rotation.tilt(0.5, 0.7)
 
 
 class LazyError(ValueError):
-    """A configuration whose build would be told without what rays do of it. The message names it."""
+    """A lazily built configuration, whose build time excludes the part done while tracing. The message names it."""
 
 
 @dataclass(frozen=True)
 class Options:
-    """What is measured. threads: the numbers of threads of the builds. repeats: of builds and of passes over the rays.
+    """Options of the measurement. threads: numbers of threads of the builds. repeats: of builds and of passes over the
+    rays.
 
-    size: width and height of the view. check_rays: rays per set compared with brute force at most. peak: whether
-    each build is done once more in a process of its own, for its memory. memory_limit: bytes that a build may take,
-    None for what the native module allows.
+    size: width and height of the view. check_rays: largest number of rays per set compared with brute force. peak:
+    whether each build is repeated in its own process, to measure its memory. memory_limit: bytes that a build may use,
+    None for the native module's limit.
     """
 
     sizes: tuple[int, ...] = SIZES
@@ -93,11 +97,11 @@ class Options:
 
 @dataclass
 class Point:
-    """What was measured for one structure and one number of triangles; what is not known is None.
+    """Measurements of one structure at one number of triangles; None where unknown.
 
-    builds: by number of threads, the processor's seconds and those of the clock, one of each per repeat. rays: by set,
-    nanoseconds per ray on one thread, the least of the passes, and the mean steps and triangle tests. errors: of the
-    compared rays. Where an answer is wrong there is no time.
+    builds: by number of threads, processor and wall-clock seconds, one of each per repeat. rays: by set, nanoseconds
+    per ray on one thread, the shortest of the passes, and the mean steps and triangle tests. errors: of the compared
+    rays. A point with wrong answers has no times.
     """
 
     spec: str
@@ -112,22 +116,22 @@ class Point:
 
     @property
     def right(self) -> bool:
-        """Whether every answer was that of brute force, to the last bit."""
+        """Whether every answer equals brute force's bit for bit."""
         return self.errors is not None and self.errors.agrees(bitwise=True)
 
     def build_seconds(self, threads: int, clock: str) -> float | None:
-        """The least of the repeats. clock: processor or wall."""
+        """The shortest of the repeats. clock: "processor" or "wall"."""
         found = self.builds.get(threads)
         return None if found is None else min(found[clock])
 
     def speed_up(self) -> float | None:
-        """By how much the most threads shorten the build by the clock, least against least."""
+        """Ratio of the wall-clock build times on one thread and on the most threads, shortest against shortest."""
         most = max(self.builds, default=1)
         one, many = (self.build_seconds(threads, "wall") for threads in (1, most))
         return None if most == 1 or one is None or many is None else one / many
 
     def as_row(self) -> dict[str, Any]:
-        """As JSON has it."""
+        """The point as a JSON object."""
         kept = {key: value for key, value in asdict(self).items() if key != "errors"}
         errors = None if self.errors is None else self.errors.as_row("brute")
         return {**kept, "errors": errors, "speed_up": self.speed_up()}
@@ -137,15 +141,17 @@ Event = str | Point
 
 
 def torus(count: int) -> Workload:
-    """The surface of about `count` triangles: the nearest product of two numbers whose ratio fits the shape."""
+    """The surface with about `count` triangles: the nearest product of two numbers whose ratio fits the shape."""
     across = max(8, round((count / 6) ** 0.5))
     around = max(24, round(count / 2 / across))
+    # Displace the tube's radius by the bumps.
     u = np.arange(around)[:, None] * (2 * np.pi / around)
     v = np.arange(across)[None, :] * (2 * np.pi / across)
     tube = RADIUS + BUMP * np.sin(WAYS_AROUND * u + np.sin(v)) * np.cos(WAYS_ACROSS * v)
     ring = 1 + tube * np.cos(v)
     points = np.stack([ring * np.cos(u), ring * np.sin(u), tube * np.sin(v)], axis=-1).reshape(-1, 3)
     vertices = np.ascontiguousarray(points @ TILT.T, np.float32)
+    # Connect the closed grid of points with two triangles per cell.
     here = np.arange(around * across, dtype=np.int32).reshape(around, across)
     there, up, both = np.roll(here, -1, 0), np.roll(here, -1, 1), np.roll(here, (-1, -1), (0, 1))
     triangles = np.stack([here, there, both, here, both, up], axis=-1).reshape(-1, 3)
@@ -153,13 +159,13 @@ def torus(count: int) -> Workload:
 
 
 def _view() -> View:
-    """From the middle of the tube along it."""
+    """A view from the middle of the tube along it."""
     eye, target = (TILT @ np.array([np.cos(u), np.sin(u), 0.0]) for u in (0.0, AHEAD))
     return View(eye, target, TILT @ np.array([0.0, 0.0, 1.0]), 60.0)
 
 
 def fixed_rays(native: Native, options: Options) -> list[RaySet]:
-    """The rays that all tessellations are asked."""
+    """The rays traced on all tessellations."""
     coarse = torus(RAYS_FROM)
     tracer = native.build(coarse.vertices, coarse.triangles, "brute", threads=0)
     primary, diffuse = rays.make(coarse, tracer, size=options.size, seed=options.seed, names=SETS, offset=LIFT)
@@ -167,18 +173,21 @@ def fixed_rays(native: Native, options: Options) -> list[RaySet]:
 
 
 def refuse_lazy(specs: Sequence[str]) -> None:
-    """What a tree that rays build leaves to them depends on the rays, not on the triangles alone. Raises LazyError."""
+    """Reject lazily built trees: their remaining work depends on the rays, not on the triangles alone. Raises
+    LazyError.
+    """
     for spec in specs:
         if is_lazy(spec):
-            raise LazyError(f"{spec} is built by rays in part, so the time of its build says nothing of its growth")
+            raise LazyError(f"{spec} is built lazily, so the time of its build does not show its growth")
 
 
 def measure(native: Native, specs: Sequence[str], options: Options) -> Iterator[Event]:
-    """Measure all structures on all sizes, the smallest first: what comes next, and each point when it is complete.
+    """Measure all structures at all sizes, smallest first; yields the text of each step, and each complete point.
 
     Raises LazyError.
     """
     refuse_lazy(specs)
+    # Make the rays once for all sizes.
     yield "making the rays"
     ray_sets = fixed_rays(native, options)
     for size in options.sizes:
@@ -198,7 +207,7 @@ def measure(native: Native, specs: Sequence[str], options: Options) -> Iterator[
 def _reference(
     native: Native, workload: Workload, ray_sets: Sequence[RaySet], options: Options
 ) -> tuple[list[RaySet], list[Answers]]:
-    """A part of each set, and what brute force answers."""
+    """A sample of each set, and brute force's answers to it."""
     count = min(max(affordable(workload, tests=BRUTE_TESTS), LEAST_CHECKED), options.check_rays)
     checked = [some.take(rays.blocks(len(some), count, options.seed)) for some in ray_sets]
     brute = native.build(workload.vertices, workload.triangles, "brute", threads=0)
@@ -214,9 +223,10 @@ def _measure(
     expected: Sequence[Answers],
     options: Options,
 ) -> Iterator[str]:
-    """Fill a point: first the proof that the answers are right, then the times."""
+    """Fill a point: first the check of its answers, then the times. Yields the text of each step."""
     where = f"{point.triangles:,} triangles, {point.spec}"
     builds: dict[int, dict[str, list[float]]] = {}
+    # Build on each number of threads in turns; the first structure is also checked and traced.
     for repeat in range(options.repeats):
         for threads in options.threads:
             yield f"{where}: building on {threads} threads, {repeat + 1} of {options.repeats}"
@@ -233,7 +243,7 @@ def _measure(
                 for some in ray_sets:
                     yield f"{where}: {len(some):,} {some.name} rays"
                     point.rays[some.name] = _pace(structure, some, options.repeats)
-            # The next build finds the memory free that this one had.
+            # Free this structure first, so that every build starts with the same free memory.
             del structure
             gc.collect()
     point.builds = builds
@@ -248,7 +258,7 @@ def _measure(
 def _build(
     native: Native, workload: Workload, spec: str, threads: int, options: Options
 ) -> tuple[Structure, float, float]:
-    """A structure, and the seconds of its build by the processor's clock, which counts all threads, and the wall's."""
+    """A structure, and the seconds of its build: processor time of all threads, and wall-clock time."""
     worked, begun = time.process_time(), time.perf_counter()
     structure = native.build(
         workload.vertices, workload.triangles, spec, threads=threads, memory_limit=options.memory_limit
@@ -257,7 +267,7 @@ def _build(
 
 
 def _errors(native: Native, structure: Structure, checked: Sequence[RaySet], expected: Sequence[Answers]) -> Errors:
-    """Of closest and any hits of all sets."""
+    """The errors of nearest hits and any-hits over all sets."""
     found = []
     for some, right in zip(checked, expected, strict=True):
         answers, occluded = accuracy.traced(structure, some, 1)
@@ -266,14 +276,14 @@ def _errors(native: Native, structure: Structure, checked: Sequence[RaySet], exp
 
 
 def _pace(structure: Structure, some: RaySet, repeats: int) -> dict[str, float]:
-    """Nanoseconds per ray on one thread, and what the rays met on the way."""
+    """Nanoseconds per ray on one thread, and mean steps and tests per ray."""
     counters = counting.counters(structure, some, 1)
     rate = check.rate(structure, some, 1, repeats)
     return {"nanoseconds": 1e3 / rate} | {name: float(np.mean(counters[name])) for name in ("steps", "tests")}
 
 
 def _peak(native: Native, workload: Workload, spec: str, options: Options) -> int:
-    """The bytes by which a build's memory rises at most. Raises PeakError and OSError."""
+    """Largest growth of the process's memory during a build, in bytes. Raises PeakError and OSError."""
     scene = peak.save_scene(workload.vertices, workload.triangles)
     try:
         running = peak.Measurement(native, scene, spec, max(options.threads), options.memory_limit)
@@ -289,9 +299,10 @@ def _peak(native: Native, workload: Workload, spec: str, options: Options) -> in
 
 @dataclass(frozen=True)
 class BuildFit:
-    """power: a of seconds ~ n^a, by least squares of logarithms; of n log n over the same range it would be `ideal`.
+    """Growth of build times. power: a in seconds ~ n^a, by least squares of logarithms; ideal: the same for n log n
+    over the same range.
 
-    constant: c of seconds ~ c n log2 n, nanoseconds; ratios: measured over fitted, by size.
+    constant: c in seconds ~ c n log2 n, in nanoseconds; ratios: measured over fitted, by size.
     """
 
     power: float
@@ -302,9 +313,10 @@ class BuildFit:
 
 @dataclass(frozen=True)
 class TraceFit:
-    """base, slope: of nanoseconds ~ base + slope log2 n, by least squares; power: of nanoseconds ~ n^power.
+    """Growth of trace times. base, slope: in nanoseconds ~ base + slope log2 n, by least squares; power: in nanoseconds
+    ~ n^power.
 
-    ratios: one, and how far the measured is from the line as a share of the mean, by size.
+    ratios: 1 plus the distance of the measurement from the line, as a share of the mean, by size.
     """
 
     base: float
@@ -314,7 +326,7 @@ class TraceFit:
 
 
 def fit_build(counts: Sequence[int], seconds: Sequence[float]) -> BuildFit | None:
-    """How build time grows; None for fewer than two different sizes."""
+    """The growth of build times; None for fewer than two different sizes."""
     if len(set(counts)) < 2:
         return None
     n, t = np.array(counts, np.float64), np.maximum(seconds, 1e-9)
@@ -324,7 +336,7 @@ def fit_build(counts: Sequence[int], seconds: Sequence[float]) -> BuildFit | Non
 
 
 def fit_trace(counts: Sequence[int], values: Sequence[float]) -> TraceFit | None:
-    """How the time of a ray grows, or its steps; None for fewer than three different sizes, which any line fits."""
+    """The growth of a ray's time or of its steps; None for fewer than three different sizes, which fit any line."""
     if len(set(counts)) < 3:
         return None
     depth, t = np.log2(np.array(counts, np.float64)), np.maximum(values, 1e-9)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How time grows with the number of triangles: as text, and as one HTML page that opens offline."""
+"""Growth of times with the number of triangles, as text and as one self-contained HTML page."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ of triangles on a logarithmic axis: what grows as log n is a straight line there
 
 
 def of_spec(points: Sequence[Point]) -> dict[str, list[Point]]:
-    """The points of each structure, in the order of their sizes."""
+    """The points of each structure, sorted by size."""
     found: dict[str, list[Point]] = {}
     for point in points:
         found.setdefault(point.spec, []).append(point)
@@ -39,19 +39,19 @@ def of_spec(points: Sequence[Point]) -> dict[str, list[Point]]:
 
 
 def build_fit(points: Sequence[Point]) -> BuildFit | None:
-    """Of one structure's builds on one thread, or None where there are too few."""
+    """The fit of one structure's builds on one thread, or None with too few points."""
     pairs = [(p.triangles, seconds) for p in points if (seconds := p.build_seconds(1, "processor")) is not None]
     return growth.fit_build([n for n, _ in pairs], [seconds for _, seconds in pairs])
 
 
 def trace_fit(points: Sequence[Point], rays: str, key: str = "nanoseconds") -> TraceFit | None:
-    """Of one structure's times of the rays of a set, or of the mean of a counter."""
+    """The fit of one structure's times for a ray set, or of a counter's mean."""
     pairs = [(p.triangles, p.rays[rays][key]) for p in points if rays in p.rays]
     return growth.fit_trace([n for n, _ in pairs], [value for _, value in pairs])
 
 
 def fits(points: Sequence[Point]) -> dict[str, Any]:
-    """All fits, by structure, as JSON has them."""
+    """All fits by structure, as a JSON object."""
     return {
         spec: {
             "build": _plain(build_fit(own)),
@@ -62,7 +62,7 @@ def fits(points: Sequence[Point]) -> dict[str, Any]:
 
 
 KEYS = ("nanoseconds", "steps")
-"""What is fitted of each set of rays."""
+"""Fitted quantities of each ray set."""
 
 
 def _plain(fit: BuildFit | TraceFit | None) -> dict[str, Any] | None:
@@ -74,20 +74,20 @@ def _sets(points: Sequence[Point]) -> list[str]:
 
 
 def headings(points: Sequence[Point]) -> list[str]:
-    """Of the columns of `cells`."""
+    """The titles of the columns of `cells`."""
     sets = [f"{name}, ns" for name in _sets(points)]
     return ["structure", "triangles", "build s", "speed-up", "peak GiB", *sets, "compared", "wrong"]
 
 
 def cells(point: Point, points: Sequence[Point]) -> list[str]:
-    """A line of the table. points: all, which decide on the columns."""
+    """A line of the table. points: all points, which determine the columns."""
     seconds, speed_up = point.build_seconds(1, "processor"), point.speed_up()
     peak = None if point.peak_bytes is None else point.peak_bytes / GIB
     traced = [point.rays.get(name, {}).get("nanoseconds") for name in _sets(points)]
     compared, wrong = ("–", point.error or "–")
     if point.errors is not None:
         errors = point.errors
-        # What was right may yet have failed, in a later build.
+        # A later build may have failed after the answers were found correct.
         wrong, compared = point.error or str(errors.wrong), f"{errors.rays:,}"
     return [
         point.spec,
@@ -118,7 +118,7 @@ def as_text(points: Sequence[Point]) -> str:
 
 
 def findings(points: Sequence[Point]) -> list[str]:
-    """What the fits say, in sentences."""
+    """The results of the fits as sentences."""
     return [sentence for spec, own in of_spec(points).items() for sentence in _findings(spec, own)]
 
 
@@ -148,7 +148,7 @@ def _within(ratios: Sequence[float]) -> str:
 
 
 def as_html(document: dict[str, Any], points: Sequence[Point]) -> str:
-    """The page. document: tells the version and the machine."""
+    """The HTML page. document: contains the version and the machine."""
     body = [f'<ul class="findings">{"".join(f"<li>{html.escape(line)}</li>" for line in findings(points))}</ul>']
     body.append(_table(points))
     reason = plots.problem()
@@ -215,6 +215,7 @@ def draw_rays(figure: Any, by_spec: dict[str, list[Point]]) -> None:
     panels = figure.subplots(len(KEYS), len(sets), sharex=True, squeeze=False)
     for row, key in enumerate(KEYS):
         for axes, name in zip(panels[row], sets, strict=True):
+            # Draw each structure's measurements, and its fitted line.
             for number, (spec, own) in enumerate(by_spec.items()):
                 pairs = [(p.triangles, p.rays[name][key]) for p in own if name in p.rays]
                 if not pairs:

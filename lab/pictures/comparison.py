@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Two pictures of one scene by two renderers: do they differ by more than their noise?"""
+"""Statistical comparison of two renderers' pictures of one scene: do they differ by more than their noise?"""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ import numpy as np
 from addon.core.base.arrays import F32, F64
 
 BLOCK = 8
-"""Pixels along each side of the squares that are compared."""
+"""Side of the compared squares, in pixels."""
 
 LIMIT = 4.0
-"""Standard errors beyond which two squares count as different: by chance 6 in 100,000 are."""
+"""Difference in standard errors above which two squares count as different; 6 in 100,000 exceed it by chance."""
 
 
 class ComparisonError(ValueError):
-    """The pictures cannot be compared. The message says why."""
+    """The pictures cannot be compared. The message gives the reason."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,23 +41,23 @@ class Runs:
 
     @property
     def mean(self) -> F64:
-        """The best picture: (height, width, 3)."""
+        """The mean of all runs: (height, width, 3)."""
         return self.pictures.mean(axis=0, dtype=np.float64)
 
     @property
     def variance(self) -> F64:
-        """The variance of `mean` in each value, estimated from how the runs differ."""
+        """The variance of `mean` for each value, estimated from the differences between the runs."""
         return self.pictures.var(axis=0, ddof=1, dtype=np.float64) / len(self.pictures)
 
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """How a renderer's picture stands to another's.
+    """Differences between two renderers' pictures.
 
-    ratio: mean of the first over mean of the second, for each channel; nan where the second is black. ratio_median:
-    the same in the brightness of the median square, which no single bright pixel can move. rmse: of all values, scene
-    linear; rmse_noise: what the noise of both explains of it. blocks: squares compared; differing: the
-    share of them that differ beyond LIMIT standard errors, in brightness. scores: (rows, columns), the difference of
+    ratio: mean of the first over mean of the second, per channel; nan if the second is black. ratio_median: median of
+    that ratio over the squares' brightness, which no single bright pixel can move. rmse: over all values, scene linear;
+    rmse_noise: the part of it that the noise of both explains. blocks: number of squares compared; differing: the share
+    of them that differ by more than LIMIT standard errors in brightness. scores: (rows, columns), the difference of
     each square in standard errors, from the bottom.
     """
 
@@ -70,7 +70,7 @@ class Comparison:
     scores: F64
 
     def lines(self) -> list[str]:
-        """The numbers in words."""
+        """The numbers as lines of text."""
         red, green, blue = self.ratio
         share = f"{100 * self.differing:.3f} % of {self.blocks:,}"
         return [
@@ -81,21 +81,23 @@ class Comparison:
 
 
 def compare(first: Runs, second: Runs) -> Comparison:
-    """Compare two renderers by the noise that each shows among its own runs.
+    """Compare two renderers relative to the noise between their own runs.
 
-    The standard error of a square is put together from those of its pixels, which hold for independent pixels; blue
-    noise, which spreads errors, only makes the test milder. Where neither picture has any noise, any difference
-    beyond a rounding (1e-4 of the brightness) counts. Raises ComparisonError.
+    The standard error of a square is computed from those of its pixels under the assumption that they are independent;
+    blue noise, which anti-correlates errors, only makes the test more lenient. Where neither picture has noise, any
+    difference beyond rounding (1e-4 of the brightness) counts. Raises ComparisonError.
     """
     if first.pictures.shape[1:] != second.pictures.shape[1:]:
         raise ComparisonError(f"the pictures have sizes {first.pictures.shape[1:3]} and {second.pictures.shape[1:3]}")
     a, b = first.mean, second.mean
     variance = first.variance + second.variance
+    # Compare the means of the whole pictures.
     totals = b.sum(axis=(0, 1))
     with np.errstate(divide="ignore", invalid="ignore"):
         red, green, blue = np.where(totals > 0, a.sum(axis=(0, 1)) / totals, np.nan)
+    # Compare the brightness of squares.
     difference = _blocks(a - b).mean(axis=(1, 3)).mean(axis=-1)
-    # Channels of a pixel share their random numbers, so the standard errors add up, not the variances.
+    # The channels of a pixel share their random numbers, so the standard errors add up, not the variances.
     error = np.sqrt(_blocks(variance)).mean(axis=-1)
     error = np.sqrt((error**2).sum(axis=(1, 3))) / BLOCK**2
     brightness = _blocks(b).mean(axis=(1, 3, 4))
@@ -113,7 +115,9 @@ def compare(first: Runs, second: Runs) -> Comparison:
 
 
 def _blocks(picture: F64, side: int = BLOCK) -> F64:
-    """(rows, side, columns, side, channels) of what whole squares cover."""
+    """(rows, side, columns, side, channels) view of the picture's whole squares; incomplete ones at the border are
+    dropped.
+    """
     height, width = (size // side for size in picture.shape[:2])
     if not height or not width:
         raise ComparisonError(f"the pictures are smaller than {side} × {side} pixels")
@@ -121,19 +125,20 @@ def _blocks(picture: F64, side: int = BLOCK) -> F64:
 
 
 VERDICT_BLOCK = 16
-"""Pixels along each side of the squares that a verdict looks at."""
+"""Side of the squares of a verdict, in pixels."""
 
 MOST_MEAN = 0.01
-"""Share by which the mean of a channel may differ."""
+"""Largest relative difference of a channel's mean."""
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """Whether two renderers show the same, up to their noise.
+    """Whether two renderers' pictures are equal up to noise.
 
     means: relative difference of each channel's mean. worst: the largest difference of a square in a channel, in
-    standard errors. limit: what the largest of so many (`tests`) reaches by chance as seldom as one reaches LIMIT
-    (Šidák 1967). beyond: how many are over it. noise: variance of a picture of the first over one of the second.
+    standard errors. limit: the value that the largest of `tests` differences exceeds by chance as rarely as a single
+    one exceeds LIMIT (Šidák 1967). beyond: number of differences above it. noise: ratio of the variances of the two
+    renderers' pictures.
     """
 
     means: tuple[float, ...]
@@ -149,7 +154,7 @@ class Verdict:
         return self.beyond == 0 and all(abs(mean) <= MOST_MEAN for mean in self.means)
 
     def lines(self) -> list[str]:
-        """The numbers in words."""
+        """The numbers as lines of text."""
         means = " ".join(f"{100 * mean:+.3f}" for mean in self.means)
         size = f"{VERDICT_BLOCK} × {VERDICT_BLOCK}"
         limits = f"(at most {self.limit:.2f}); beyond: {self.beyond}"
@@ -161,25 +166,27 @@ class Verdict:
 
 
 ROUNDING = 2e-3
-"""Share of a square's brightness that tables and filters may round away."""
+"""Share of a square's brightness allowed for rounding in tables and filters."""
 
 
 def judge(first: Runs, second: Runs, *, tolerance: float = ROUNDING) -> Verdict:
-    """Decide whether two renderers show the same. Raises ComparisonError.
+    """Decide whether two renderers' pictures are equal up to noise. Raises ComparisonError.
 
-    tolerance: share of a square's brightness that tables and filters may round away; it counts as LIMIT standard
-    errors, beside those of the noise. Without it pictures free of noise could never agree.
+    tolerance: share of a square's brightness allowed for rounding in tables and filters; it counts as LIMIT standard
+    errors and is added to those of the noise. Without it pictures free of noise could never agree.
     """
     if first.pictures.shape[1:] != second.pictures.shape[1:]:
         raise ComparisonError(f"the pictures have sizes {first.pictures.shape[1:3]} and {second.pictures.shape[1:3]}")
     a, b = first.mean, second.mean
     totals = b.sum(axis=(0, 1))
     means = tuple(float(x) for x in np.where(totals > 0, a.sum(axis=(0, 1)) / np.maximum(totals, 1e-30) - 1, 0.0))
+    # Score each square and channel in standard errors of noise and rounding.
     side = VERDICT_BLOCK
     difference = _blocks(a - b, side).mean(axis=(1, 3))
     error = np.sqrt(_blocks(first.variance + second.variance, side).sum(axis=(1, 3))) / side**2
     rounding = tolerance / LIMIT * np.maximum(_blocks(b, side).mean(axis=(1, 3)), 1e-3 * b.mean())
     scores = np.abs(difference) / np.hypot(error, rounding + 1e-12)
+    # Correct the limit for the number of tests (Šidák 1967).
     single = 2 * NormalDist().cdf(-LIMIT)
     limit = -NormalDist().inv_cdf(-math.expm1(math.log1p(-single) / scores.size) / 2)
     noise = float(first.variance.mean() * len(first.pictures)) / max(
@@ -194,5 +201,5 @@ def side_by_side(first: F32, second: F32, *, gain: float = 8.0) -> F32:
 
 
 def stack(pictures: list[F32]) -> F32:
-    """Pictures of (height, width, 3 or more) as the array that Runs takes; further channels are left away."""
+    """Pictures of (height, width, 3 or more) as the array of Runs; further channels are dropped."""
     return np.stack([picture[..., :3] for picture in pictures])

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Seven small scenes that between them use everything the renderer knows, to be judged beside Cycles.
+"""Seven small scenes that together use all features of the renderer, for comparison with Cycles.
 
-Built in Blender from nothing but numbers, the same each time; pictures are packed, so that a saved file has all.
+Generated in Blender from numbers alone, always the same; images are packed, so that a saved file is self-contained.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from . import proving_parts as parts
 
 
 def build(name: str, scene: Any, *, detail: float = 1.0) -> None:
-    """Fill the empty scene with one of SCENES; with less `detail`, of fewer triangles."""
+    """Fill the empty scene with one of SCENES; smaller `detail` makes fewer triangles."""
     parts.detail = detail
     SCENES[name](scene)
 
 
 def _furnace(scene: Any) -> None:
-    """White surfaces in a white world: nothing is to be seen where no energy is lost."""
+    """Furnace test: white surfaces in a white world are invisible if no energy is lost."""
     parts.new_world(scene, (1, 1, 1))
     kinds: list[dict[str, float]] = [
         {"Metallic": 1},
@@ -37,7 +37,7 @@ def _furnace(scene: Any) -> None:
 
 
 def _cornell(scene: Any) -> None:
-    """A closed box lit by a glowing square below its ceiling."""
+    """A closed box lit by an emissive square below its ceiling."""
     parts.new_world(scene, (0, 0, 0))
     white, red, green = (
         parts.one_shader(name, "BsdfDiffuse", Color=(*color, 1))
@@ -67,6 +67,7 @@ def _cornell(scene: Any) -> None:
 def _spheres(scene: Any) -> None:
     """Glass and metal, smooth and rough, coated and tinted, on a chequered floor below a large lamp."""
     parts.new_world(scene, (0.35, 0.45, 0.6))
+    # Link a chequered texture to the floor's colour.
     floor = parts.plane(scene, 8)
     material = parts.principled("Floor", (0.5, 0.5, 0.5), Roughness=0.6)
     tree, shader = material.node_tree, parts.principled_node(material)
@@ -77,6 +78,7 @@ def _spheres(scene: Any) -> None:
     tree.links.new(where.outputs["Object"], checker.inputs["Vector"])
     tree.links.new(checker.outputs["Color"], shader.inputs["Base Color"])
     parts.wear(floor, material)
+    # Place four spheres in the back row and four in front of them.
     row = (
         parts.principled("Mirror", (0.9, 0.9, 0.92), Metallic=1, Roughness=0),
         parts.principled("Gold", (1, 0.71, 0.29), Metallic=1, Roughness=0.35, Specular_Tint=(1, 0.6, 0.4, 1)),
@@ -97,7 +99,7 @@ def _spheres(scene: Any) -> None:
 
 
 def _textures(scene: Any) -> None:
-    """Pictures on colour, roughness, metal, opacity and normals; vertex colours; procedural patterns."""
+    """Images on colour, roughness, metal, opacity and normals; vertex colours; procedural patterns."""
     parts.new_world(scene, (0.8, 0.8, 0.85))
     rng = np.random.default_rng(5)
     tiles, rough, bumps = parts.tiles_picture(rng), parts.spots_picture(rng), parts.bumps_picture()
@@ -125,8 +127,9 @@ def _textures(scene: Any) -> None:
 
 
 def _sky(scene: Any) -> None:
-    """A turned panorama with a small bright sun in it, and a sun lamp."""
+    """A rotated panorama with a small bright sun in it, and a sun lamp."""
     panorama = parts.picture("Panorama", parts.panorama_pixels(), "Linear Rec.709", floats=True)
+    # Link the panorama through a rotation to the background.
     world = parts.new_world(scene, (0, 0, 0))
     tree = world.node_tree
     background = next(node for node in tree.nodes if node.bl_idname == "ShaderNodeBackground")
@@ -153,7 +156,7 @@ def _sky(scene: Any) -> None:
 
 
 def _forest(scene: Any) -> None:
-    """Trees of two kinds, each mesh once, in a thousand places."""
+    """Trees of two kinds: each mesh once, a thousand instances."""
     parts.new_world(scene, (0.5, 0.65, 0.9))
     parts.wear(parts.plane(scene, 30), parts.one_shader("Earth", "BsdfDiffuse", Color=(0.2, 0.15, 0.08, 1)))
     bark = parts.one_shader("Bark", "BsdfDiffuse", Color=(0.15, 0.08, 0.04, 1))
@@ -172,7 +175,7 @@ def _forest(scene: Any) -> None:
 
 
 def _hidden(scene: Any) -> None:
-    """Boxes, a glowing strip and two lamps that each are hidden from some rays, between mirrors and glass."""
+    """Boxes, an emissive strip and two lamps, each hidden from some rays, between mirrors and glass."""
     parts.new_world(scene, (0.3, 0.35, 0.4))
     parts.wear(parts.plane(scene, 5), parts.principled("Floor", (0.5, 0.5, 0.5), Roughness=0.25))
     wall = parts.polygons(scene, "Wall", [(-4, 3, 0), (4, 3, 0), (4, 3, 3), (-4, 3, 3)], [(0, 1, 2, 3)])
@@ -212,4 +215,6 @@ LAYER = (
 )
 
 DIFFERENCES: dict[str, tuple[str, float]] = {"textures": (LAYER, 8e-3)}
-"""Where the two engines are not meant to agree, by scene, and the share of a square's brightness that it may make."""
+"""Known differences between the two engines, by scene, and the share of a square's brightness that they
+may amount to.
+"""

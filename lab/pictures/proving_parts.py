@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the scenes of `proving` consist of: surfaces, lamps, pictures, materials."""
+"""Building blocks of the scenes of `proving`: surfaces, lamps, images, materials."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from . import stage
 Color = tuple[float, float, float]
 
 detail = 1.0
-"""Less makes balls of fewer triangles and smaller panoramas."""
+"""Scale of the number of triangles of spheres and of the size of panoramas."""
 
 
 def new_world(scene: Any, color: Color) -> Any:
@@ -33,7 +33,7 @@ def new_world(scene: Any, color: Color) -> Any:
 
 
 def look(scene: Any, eye: Color, target: Color, field: float) -> None:
-    """Place the camera: the vertical field of view in degrees."""
+    """Place the camera; field: vertical field of view in degrees."""
     view = View(np.array(eye, np.float64), np.array(target, np.float64), np.array((0.0, 0.0, 1.0)), float(field))
     stage.see(scene, view)
 
@@ -51,12 +51,12 @@ def lamp(scene: Any, kind: str, place: Color, target: Color, **values: float) ->
 
 
 def wear(item: Any, material: Any) -> None:
-    """Give an object a material more."""
+    """Append a material to an object."""
     item.data.materials.append(material)
 
 
 def polygons(scene: Any, name: str, points: Any, faces: Any, *, smooth: bool = False) -> Any:
-    """An object of these points and faces."""
+    """An object with these points and faces."""
     mesh = bpy.data.meshes.new(name)
     mesh.from_pydata([tuple(map(float, p)) for p in points], [], [tuple(map(int, f)) for f in faces])
     mesh.polygons.foreach_set("use_smooth", np.full(len(mesh.polygons), smooth))
@@ -67,13 +67,13 @@ def polygons(scene: Any, name: str, points: Any, faces: Any, *, smooth: bool = F
 
 
 def unwrap(mesh: Any, uv: F64) -> None:
-    """uv: (loops, 2)."""
+    """Add a UV map. uv: (loops, 2)."""
     layer = mesh.uv_layers.new(name="UVMap")
     layer.uv.foreach_set("vector", np.ascontiguousarray(uv, np.float32).reshape(-1))
 
 
 def plane(scene: Any, half: float) -> Any:
-    """A level square about the origin, mapped once."""
+    """A horizontal square around the origin, with a UV map over 0 to 1."""
     item = polygons(
         scene, "Plane", [(-half, -half, 0), (half, -half, 0), (half, half, 0), (-half, half, 0)], [(0, 1, 2, 3)]
     )
@@ -82,7 +82,7 @@ def plane(scene: Any, half: float) -> Any:
 
 
 def box(scene: Any, place: Color, half: Color) -> Any:
-    """A box of six mapped squares."""
+    """A box of six squares with UV maps over 0 to 1."""
     x, y, z = half
     points = [(sx * x, sy * y, sz * z) for sz in (-1, 1) for sy in (-1, 1) for sx in (-1, 1)]
     faces = [(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5)]
@@ -93,9 +93,10 @@ def box(scene: Any, place: Color, half: Color) -> Any:
 
 
 def sphere(scene: Any, place: Color, radius: float, *, rings: int = 48) -> Any:
-    """A smooth ball of quads and two fans of triangles, with a map of longitude and latitude."""
+    """A smooth sphere of quads and two triangle fans, with a UV map of longitude and latitude."""
     rings = max(int(rings * detail), 5)
     around = 2 * rings
+    # Place the vertices ring by ring between the poles.
     points = [(0.0, 0.0, -radius)]
     for ring in range(1, rings):
         theta = math.pi * ring / rings
@@ -109,6 +110,7 @@ def sphere(scene: Any, place: Color, radius: float, *, rings: int = 48) -> Any:
                 )
             )
     points.append((0.0, 0.0, radius))
+    # Connect neighbouring rings with quads, and the poles with triangles.
     faces: list[tuple[int, ...]] = []
     uv: list[tuple[float, float]] = []
     for ring in range(rings):
@@ -171,12 +173,12 @@ def new_material(name: str) -> Any:
 
 
 def principled_node(material: Any) -> Any:
-    """Its Principled BSDF."""
+    """The material's Principled BSDF."""
     return next(node for node in material.node_tree.nodes if node.bl_idname == "ShaderNodeBsdfPrincipled")
 
 
 def principled(name: str, color: Color, **values: Any) -> Any:
-    """A material of constant inputs, by name with underscores for blanks."""
+    """A material with constant inputs, by name with underscores for spaces."""
     material = new_material(name)
     shader = principled_node(material)
     shader.inputs["Base Color"].default_value = (*color, 1)
@@ -186,7 +188,7 @@ def principled(name: str, color: Color, **values: Any) -> Any:
 
 
 def one_shader(name: str, kind: str, **values: Any) -> Any:
-    """A material of one shader node of this kind."""
+    """A material with one shader node of this kind."""
     material = new_material(name)
     tree = material.node_tree
     tree.nodes.remove(principled_node(material))
@@ -199,7 +201,7 @@ def one_shader(name: str, kind: str, **values: Any) -> Any:
 
 
 def mixed(name: str, factor: float) -> Any:
-    """Diffuse and mirror, mixed."""
+    """A mix of diffuse and mirror."""
     material = one_shader(name, "MixShader")
     tree = material.node_tree
     mix = next(node for node in tree.nodes if node.bl_idname == "ShaderNodeMixShader")
@@ -214,7 +216,7 @@ def mixed(name: str, factor: float) -> Any:
 
 
 def picture(name: str, pixels: F32, space: str, *, floats: bool = False) -> Any:
-    """pixels: (h, w, 4) in the numbers of the colour space."""
+    """A packed image. pixels: (h, w, 4) in the colour space's encoding."""
     height, width = pixels.shape[:2]
     image = bpy.data.images.new(name, width, height, alpha=True, float_buffer=floats)
     image.colorspace_settings.name = space
@@ -225,7 +227,7 @@ def picture(name: str, pixels: F32, space: str, *, floats: bool = False) -> Any:
 
 
 def grid(size: int) -> tuple[F64, F64]:
-    """Places of pixel centres, 0 to 1, (size, size) each."""
+    """Coordinates of pixel centres, 0 to 1, (size, size) each."""
     at = (np.arange(size) + 0.5) / size
     return np.meshgrid(at, at)
 
@@ -276,8 +278,9 @@ def panorama_pixels() -> F32:
 
 
 def pictured(name: str, color: Any, rough: Any, bumps: Any, *, scale: float, metallic: bool = False) -> Any:
-    """Principled with pictures for colour, roughness, perhaps metal, and the normal."""
+    """A Principled BSDF with images for colour, roughness, optionally metallic, and the normal."""
     material = principled(name, (0.5, 0.5, 0.5))
+    # Map the images by scaled UV coordinates.
     tree, shader = material.node_tree, principled_node(material)
     where, mapping = tree.nodes.new("ShaderNodeTexCoord"), tree.nodes.new("ShaderNodeMapping")
     mapping.inputs["Scale"].default_value = (scale, scale, 1)
@@ -289,6 +292,7 @@ def pictured(name: str, color: Any, rough: Any, bumps: Any, *, scale: float, met
         tree.links.new(mapping.outputs[0], node.inputs["Vector"])
         return node
 
+    # Link colour, roughness through a ramp, and optionally a threshold for metallic.
     tree.links.new(picture(color).outputs["Color"], shader.inputs["Base Color"])
     spots = picture(rough)
     ramp = tree.nodes.new("ShaderNodeValToRGB")
@@ -300,6 +304,7 @@ def pictured(name: str, color: Any, rough: Any, bumps: Any, *, scale: float, met
         step.operation = "GREATER_THAN"
         tree.links.new(spots.outputs["Color"], step.inputs[0])
         tree.links.new(step.outputs[0], shader.inputs["Metallic"])
+    # Link the normal map.
     normal = tree.nodes.new("ShaderNodeNormalMap")
     normal.inputs["Strength"].default_value = 0.8
     tree.links.new(picture(bumps).outputs["Color"], normal.inputs["Color"])
@@ -308,7 +313,7 @@ def pictured(name: str, color: Any, rough: Any, bumps: Any, *, scale: float, met
 
 
 def vertex_colors(mesh: Any) -> Any:
-    """A material that shows a colour attribute, which the mesh gets."""
+    """Add a colour attribute to the mesh, and return a material that shows it."""
     points = np.array([v.co for v in mesh.vertices])
     colors = np.ones((len(points), 4), np.float32)
     colors[:, :3] = 0.5 + 0.5 * np.sin(3 * points + np.array((0, 2, 4)))
@@ -323,7 +328,7 @@ def vertex_colors(mesh: Any) -> Any:
 
 
 def cut_out() -> Any:
-    """A leaf whose outline is in the picture's alpha."""
+    """A leaf whose outline is in the image's alpha."""
     x, y = grid(128)
     inside = np.hypot((x - 0.5) * 1.4, y - 0.5) < 0.35 + 0.1 * np.sin(8 * np.arctan2(y - 0.5, x - 0.5))
     rgb = np.stack([0.2 + 0.3 * x, 0.6 + 0.2 * y, 0.15 + 0 * x], axis=2)

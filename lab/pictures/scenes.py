@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Opening what the command lines are given: a .blend, a bare geometry, or nothing, which is the showcase."""
+"""Opening the input of command lines: a .blend, a bare geometry, or by default the showcase."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from . import stage
 
 
 def open_file(file: str | None, lights: Sequence[str] | None = None) -> str:
-    """Make the file's scene the current one. Returns its name. Raises WorkloadError, and Blender's RuntimeError.
+    """Open the file's scene as the current one. Returns its name. Raises WorkloadError, and Blender's RuntimeError.
 
-    file: as `core.workload.find` takes it. lights: which of `stage.LIGHTS` a bare geometry gets, None for all.
+    file: as for `core.workload.find`. lights: those of `stage.LIGHTS` that a bare geometry gets, None for all.
     """
     path = None if file is None else Path(find(file, RENDERED))
     if path is not None and path.suffix.lower() == ".blend":

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A bare geometry as a Blender scene that can be rendered: one grey surface, a camera, sun, lamp and sky."""
+"""A bare geometry as a renderable Blender scene: one grey surface, a camera, sun, lamp and sky."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ if TYPE_CHECKING:
 
 SUN, SKY = 4.0, (0.35, 0.5, 0.8)
 LAMP = 0.35
-"""How bright the lamp is at a distance of a tenth of the scene's diagonal, beside the sun's 4 W/m²."""
+"""Brightness of the lamp, relative to the sun's 4 W/m², at a tenth of the scene's diagonal."""
 
 LIGHTS = ("sun", "lamp", "sky")
-"""What lights a geometry unless told otherwise. Instead of the lamp there may be a "point", the same without size."""
+"""Default lights of a geometry. "point" instead of "lamp" is the same lamp without size."""
 
 
 def build(scene: Any, workload: Workload, lights: Sequence[str] = LIGHTS) -> None:
@@ -38,6 +38,7 @@ def _mesh(workload: Workload) -> Any:
     """All triangles, flat, with one matte material."""
     mesh = bpy.data.meshes.new(workload.name)
     count = len(workload.triangles)
+    # Fill the mesh's arrays directly, without Python code per triangle.
     mesh.vertices.add(len(workload.vertices))
     mesh.loops.add(3 * count)
     mesh.polygons.add(count)
@@ -46,6 +47,7 @@ def _mesh(workload: Workload) -> Any:
     mesh.attributes[".corner_vert"].data.foreach_set("value", workload.triangles.reshape(-1))
     mesh.polygons.foreach_set("use_smooth", np.zeros(count, bool))
     mesh.update()
+    # Add a matte material.
     material = bpy.data.materials.new("Plaster")
     if material.node_tree is None:
         material.use_nodes = True
@@ -58,7 +60,7 @@ def _mesh(workload: Workload) -> Any:
 
 
 def see(scene: Any, view: View) -> None:
-    """Give the scene a new camera with this view."""
+    """Add a camera with this view to the scene, and make it active."""
     data = bpy.data.cameras.new("Camera")
     data.sensor_fit = "VERTICAL"
     data.angle = np.radians(view.vertical_fov)
@@ -70,7 +72,9 @@ def see(scene: Any, view: View) -> None:
 
 
 def _lights(scene: Any, view: View, diagonal: float, chosen: Sequence[str]) -> None:
-    """A sun high behind the left shoulder, a lamp ahead, above the line of sight, and a blue sky, as far as chosen."""
+    """Add those lights that are chosen: a sun high behind the left shoulder, a lamp ahead above the line of sight, a
+    blue sky.
+    """
     up = np.array(view.up) / np.linalg.norm(view.up)
     forward = np.array(view.target) - view.eye
     forward -= up * (forward @ up)
@@ -109,7 +113,7 @@ def _add(scene: Any, light: Any, matrix: Any) -> None:
 
 
 def _looking(eye: F64, target: F64, up: F64) -> Any:
-    """The place of a camera or light at `eye` whose -Z points to `target` and whose +Y leans towards `up`."""
+    """Transform of a camera or light at `eye` whose -Z points to `target` and whose +Y leans towards `up`."""
     back = np.array(eye, np.float64) - target
     back /= np.linalg.norm(back)
     right = np.cross(up, back)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How long a whole render takes, from the call behind F12 to the picture, with Halfspace and with Cycles."""
+"""Times of whole renders, from the operator behind F12 to the picture, with Halfspace and with Cycles."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from addon.core.measure import check
 from addon.core.measure.check import Check
 
 LIGHTS = ("point",)
-"""Of a bare geometry: each point that is seen takes one shadow ray, and no ray can meet the light by chance."""
+"""Lights of a bare geometry: each visible point needs one shadow ray, and no path can hit the light by chance."""
 
 ENGINES = ("HALFSPACE", "CYCLES")
 
@@ -27,19 +27,19 @@ PARTS = {"extract": "reading the scene", "build": "building", "trace": "tracing 
 
 @dataclass(frozen=True)
 class Times:
-    """clock, processor: seconds of each run, by engine. parts: of Halfspace's runs, by the clock."""
+    """clock, processor: seconds of each run, by engine. parts: wall-clock seconds of Halfspace's runs, by part."""
 
     clock: dict[str, list[float]] = field(default_factory=lambda: {engine: [] for engine in ENGINES})
     processor: dict[str, list[float]] = field(default_factory=lambda: {engine: [] for engine in ENGINES})
     parts: dict[str, list[float]] = field(default_factory=lambda: {part: [] for part in PARTS})
 
     def ratio(self, of: str) -> float:
-        """Halfspace over Cycles, of the medians. of: clock or processor."""
+        """Ratio of Halfspace's median to Cycles's. of: "clock" or "processor"."""
         seconds: dict[str, list[float]] = getattr(self, of)
         return statistics.median(seconds["HALFSPACE"]) / statistics.median(seconds["CYCLES"])
 
     def lines(self) -> list[str]:
-        """The numbers in words."""
+        """The numbers as lines of text."""
         found = []
         for engine in ENGINES:
             clock, worked = self.clock[engine], self.processor[engine]
@@ -52,15 +52,17 @@ class Times:
 
 
 def measure(scene: Any, runs: int) -> Times:
-    """Render the scene with both engines in turn, each once more than `runs` times: the first round warms up.
+    """Render the scene with both engines in turn, `runs` times each after a warm-up round.
 
-    Nothing is written: the time ends when Blender has the picture. Raises RuntimeError with the engine's words.
+    Nothing is written to disk: the time ends when Blender has the picture. Raises RuntimeError with the engine's
+    message.
     """
     times = Times()
     for seed in range(runs + 1):
         for engine in ENGINES:
             scene.render.engine = engine
             scene.halfspace.render_seed = scene.cycles.seed = seed
+            # Time one render by both clocks.
             worked, begun = time.process_time(), time.perf_counter()
             bpy.ops.render.render(scene=scene.name)
             taken, work = time.perf_counter() - begun, time.process_time() - worked
@@ -68,6 +70,7 @@ def measure(scene: Any, runs: int) -> Times:
                 continue
             times.clock[engine].append(taken)
             times.processor[engine].append(work)
+            # Take the parts of the time from the engine's own report.
             if engine == "HALFSPACE":
                 report = reports.last(scene)
                 if report is None:
@@ -79,7 +82,9 @@ def measure(scene: Any, runs: int) -> Times:
 
 
 def check_rays(scene: Any) -> Check:
-    """Compare a sample of the answers of the last render's structure with brute force, bit for bit."""
+    """Compare a sample of the answers of the last render's structure with brute force, bit for bit. Raises
+    RuntimeError.
+    """
     tree = trees.last(scene)
     if tree is None:
         raise RuntimeError("no structure was kept")

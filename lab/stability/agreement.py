@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Whether structures answer like brute force on whole scenes: camera rays, shadow rays and bounces, bit for bit.
+"""Agreement of structures with brute force on whole scenes, bit for bit, for camera, shadow and bounce rays.
 
-Where brute force would take too long it answers a sample, which proves a kd-tree, and that answers the rest.
+Where brute force would take too long it traces a sample; the sample verifies a kd-tree, which then traces the rest.
 """
 
 from __future__ import annotations
@@ -24,21 +24,21 @@ if TYPE_CHECKING:
     from addon.core.base.interface import Native, Structure
 
 BRUTE_PAIRS = 20_000_000_000
-"""Pairs of a ray and a triangle that brute force may test per set of rays: half a minute of one core."""
+"""Ray-triangle tests that brute force may spend per ray set; derived from half a minute on one core."""
 
 REFERENCE = "kd"
-"""What answers where brute force takes too long."""
+"""Structure that replaces brute force where that takes too long."""
 
 
 class ReferenceDiffersError(RuntimeError):
-    """The reference itself differs from brute force. The message says where."""
+    """The kd-tree reference differs from brute force. The message names the scene and the ray set."""
 
 
 @dataclass(frozen=True)
 class Question:
-    """A set of rays and what brute force answers, or the kd-tree that equals it on `proven` of them.
+    """A set of rays with the reference answers of the kd-tree, which brute force verified on `proven` of them.
 
-    fresh: how many different rays it has that no set before it has; some sets are others in another order.
+    fresh: number of distinct rays that no earlier set contains; some sets are permutations of others.
     """
 
     rays: RaySet
@@ -48,12 +48,13 @@ class Question:
 
 
 def questions(native: Native, workload: Workload, count: int, seed: int, *, threads: int = 0) -> list[Question]:
-    """About `count` rays of each set of a scene, with their answers. Raises ReferenceDiffersError."""
+    """About `count` rays of each set of a scene, with their reference answers. Raises ReferenceDiffersError."""
     reference, brute = (
         native.build(workload.vertices, workload.triangles, spec, threads=threads) for spec in (REFERENCE, "brute")
     )
     side = max(rays.TILE, int(np.ceil(count**0.5 / rays.TILE)) * rays.TILE)
     made: list[Question] = []
+    # Answer blocks of each ray set with the kd-tree, and verify a sample of the answers with brute force.
     for whole in rays.make(workload, reference, size=(side, side), seed=seed, names=rays.NAMES):
         some = whole.take(rays.blocks(len(whole), count, seed))
         asked = (some.origins, some.directions, np.zeros(len(some), np.float32), some.t_max)
@@ -71,13 +72,13 @@ def questions(native: Native, workload: Workload, count: int, seed: int, *, thre
 
 
 def _different(sets: list[RaySet]) -> int:
-    """How many different rays these sets have together."""
+    """Number of distinct rays in all sets together."""
     parts = ([getattr(some, name) for some in sets] for name in ("origins", "directions", "t_max"))
     return stability.different(*map(np.concatenate, parts))
 
 
 def compare(native: Native, structure: Structure, asked: list[Question], *, threads: int = 0) -> Errors:
-    """The errors of a structure over all sets: nearest hits and any hits of every ray."""
+    """The errors of a structure over all sets: nearest hit and any-hit of every ray."""
     found = []
     for question in asked:
         some = question.rays
@@ -89,9 +90,9 @@ def compare(native: Native, structure: Structure, asked: list[Question], *, thre
 
 
 def row(native: Native, workload: Workload, spec: str, asked: list[Question], *, threads: int = 0) -> Row:
-    """One row of the table of `stability`, with its nodes, links and bytes, and what is broken in it.
+    """One row of the table of `stability`, with the structure's statistics and its broken invariants.
 
-    Raises MemoryError, which names the scene and the structure, when the build needs more than there is.
+    Raises MemoryError with the names of the scene and the structure if the build needs more memory than is free.
     """
     try:
         structure = native.build(workload.vertices, workload.triangles, spec, threads=threads)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Closed surfaces and rays from inside them: a ray that meets nothing has found a leak."""
+"""Closed surfaces and rays from inside them: a ray that hits nothing has found a leak."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 OFFSETS = (0.0, 1e3, 1e5, 1e7)
-"""How far from the origin the spheres lie, per axis. The farthest has floats one unit apart."""
+"""Distances of the spheres from the origin, per axis. At the farthest, floats are one unit apart."""
 
 
 def icosphere(levels: int) -> tuple[NDArray[np.float64], I32]:
@@ -33,6 +33,7 @@ def icosphere(levels: int) -> tuple[NDArray[np.float64], I32]:
     faces += [[7, 1, 8], [3, 9, 4], [3, 4, 2], [3, 2, 6], [3, 6, 8], [3, 8, 9], [4, 9, 5], [2, 4, 11], [6, 2, 10]]
     faces += [[8, 6, 7], [9, 8, 1]]
     vertices, triangles = _unit(np.array(points, np.float64)), np.array(faces, np.int64)
+    # Split each triangle into four at the midpoints of its edges, which neighbours share.
     for _ in range(levels):
         edges = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
         unique, place = np.unique(edges, axis=0, return_inverse=True)
@@ -50,7 +51,7 @@ def _unit(points: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 BLOCK = 1 << 16
-"""Rays asked at once."""
+"""Number of rays traced at once."""
 
 Surface = tuple[str, F32, I32, NDArray[np.float64], float]
 """Name, vertices, triangles, a point inside, and the radius of a ball around it that lies inside."""
@@ -69,21 +70,23 @@ def surfaces(levels: int) -> Iterator[Surface]:
 
 
 def from_file(path: Path, centre: Sequence[float], radius: float) -> Surface:
-    """A surface from a scene file, its holes closed by fans. Raises workload.WorkloadError."""
+    """A surface from a scene file, with its holes closed by fans. Raises workload.WorkloadError."""
     scene = workload.load_npz(path)
     return path.stem, *closed(scene.vertices, scene.triangles), np.array(centre), radius
 
 
 def closed(vertices: F32, triangles: I32) -> tuple[F32, I32]:
-    """The surface with a fan over each loop of edges that only one triangle has; equal vertices become one."""
+    """The surface with a triangle fan over each boundary loop; equal vertices are merged."""
+    # Merge equal vertices, then find edges that only one triangle has.
     points, place = np.unique(vertices, axis=0, return_inverse=True)
     corners = place.reshape(-1)[triangles]
     edges = np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]])
     present = set(map(tuple, edges.tolist()))
-    # Backwards along the rims, so that the fans face as the surface does.
+    # Reverse the boundary edges, so that the fans face as the surface does.
     following = {a: b for b, a in present if (a, b) not in present}
     fans: list[list[int]] = []
     tips: list[Any] = []
+    # Follow each loop, and connect its edges to the loop's mean.
     while following:
         start, at = following.popitem()
         rim = [start]
@@ -101,9 +104,9 @@ def closed(vertices: F32, triangles: I32) -> tuple[F32, I32]:
 def rays_from_inside(
     vertices: F32, triangles: I32, centre: NDArray[np.float64], radius: float, count: int, rng: np.random.Generator
 ) -> tuple[F32, F32]:
-    """Origins and directions, (n, 3) each: a quarter to vertices, a quarter to edge midpoints, half anywhere.
+    """Origins and directions, (n, 3) each: a quarter to vertices, a quarter to edge midpoints, half random.
 
-    Every third ray starts at the centre, from where the spheres' vertices are met exactly.
+    Every third ray starts at the centre, from where the spheres' vertices are hit exactly.
     """
     origins = (centre + rng.uniform(-radius, radius, (count, 3)) / 3**0.5).astype(np.float32)
     origins[::3] = centre
@@ -119,9 +122,9 @@ def rays_from_inside(
 def count_leaks(
     native: Native, specs: Sequence[str], chosen: Sequence[Surface], rays: int, seed: int = 1, *, threads: int = 0
 ) -> dict[str, Counter[str]]:
-    """How many of `rays` rays leave each closed surface through each configuration: spec to name to number, no zeros.
+    """Number of `rays` rays that leave each closed surface, by configuration and surface; zeros are omitted.
 
-    Half of each block of rays is asked for the closest hit, half for any.
+    Half of each block of rays is traced for the nearest hit, half for any hit.
     """
     found: dict[str, Counter[str]] = {spec: Counter() for spec in specs}
     for name, vertices, triangles, centre, radius in chosen:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How often structures answer wrongly on extreme cases: against brute force on every ray, exact arithmetic on some.
+"""Wrong answers of structures on extreme cases: against brute force for every ray, exact arithmetic for some.
 
-A structure without allowance for rounding (`robust=none`) is measured beside the others: that it fails proves that
-the comparison can fail.
+A structure without error bounds (`robust=none`) is measured beside the others: its failures prove that the comparison
+can fail.
 """
 
 from __future__ import annotations
@@ -42,31 +42,32 @@ TITLES = {
 
 BOUNDARY = (
     "A ray is on a declared boundary when exact arithmetic finds that it passes exactly through an edge or a corner of "
-    "the triangle that it hits; a ray in a triangle's plane meets nothing. Others excuse such rays, since rounding "
-    "decides them. Here nothing is excused: the column only tells how many of the exact rays were of that kind."
+    "the triangle that it hits; a ray in a triangle's plane hits nothing. Other comparisons exclude such rays, because "
+    "rounding decides them. Here none is excluded: the column is the number of exact rays of that kind."
 )
-"""What the last column means."""
+"""Explanation of the last column."""
 
 NEUTRAL = ("rays", "exact_rays", "on_boundary")
-"""Columns that count no mistakes."""
+"""Columns that do not count errors."""
 
 EXACT_PAIRS = {"small": 200_000, "large": 4_000_000}
-"""Pairs of a ray and a triangle that exact arithmetic decides per case."""
+"""Number of ray-triangle pairs per case that exact arithmetic decides."""
 
 
 MOST_RAYS = {
     "small": {"needles": 100, "mixed exponents": 400, "camera far away": 150, "chain": 200, "random bits": 50},
 }
-"""By size: cases of which only so many rays are asked, evenly chosen. Nearly all their pairs of a ray and a triangle
-are too close to call in f64 and go to exact arithmetic; with all rays they would take as long as all others."""
+"""By size: cases of which only this number of evenly spaced rays is traced. Nearly all their ray-triangle pairs are
+undecided in f64 and need exact arithmetic; all of their rays would take as long as all other cases together.
+"""
 
 
 RAYS = ("origins", "directions", "t_min", "t_max")
-"""The arrays of a case that its rays are, in the order in which structures take them."""
+"""The arrays of a case's rays, in the order of a structure's arguments."""
 
 
 def fewer_rays(case: Mapping[str, Any], most: int | None) -> dict[str, Any]:
-    """A case of `native.cases()` with at most so many of its rays; None for all."""
+    """A case of `native.cases()` with at most `most` of its rays; None for all."""
     count = len(case["origins"])
     if most is None or count <= most:
         return dict(case)
@@ -75,14 +76,14 @@ def fewer_rays(case: Mapping[str, Any], most: int | None) -> dict[str, Any]:
 
 
 def configurations(structures: Sequence[Mapping[str, Any]], chosen: Sequence[str]) -> list[str]:
-    """Each chosen configuration with every traversal, every way of shadow rays, and without allowance for rounding.
+    """Each chosen configuration with every traversal, every shadow method, and without error bounds.
 
-    structures: the native registry. A configuration that sets one of these keys keeps what it sets; one whose row
-    lacks a key goes without.
+    structures: the native registry. A key that a configuration sets is not varied, nor is one that its structure lacks.
     """
     rows = {row["id"]: row for row in structures}
     made: list[str] = []
     for spec in chosen:
+        # Add the traversals, the shadow methods and the unbounded variants of the structure.
         row = rows[specs.structure_of(spec)]
         keys = {parameter["name"]: parameter for parameter in row["parameters"]}
         walks = [spec]
@@ -97,34 +98,34 @@ def configurations(structures: Sequence[Mapping[str, Any]], chosen: Sequence[str
 
 
 VERSION = 3
-"""Grows whenever a row tells something else, so that those of an earlier run are not taken over."""
+"""Version of the rows: increment when a row's content changes; rows of earlier runs are then not reused."""
 
 
 def only_shadows(spec: str) -> bool:
-    """Whether the configuration is another way of shadow rays, which the closest hit does not know."""
+    """Whether the configuration only changes the shadow method, which does not affect nearest hits."""
     return dict(specs.pairs(spec)).get("shadow", "none") != "none"
 
 
 def different(*arrays: Any) -> int:
-    """How many different rays there are, to the last bit, in arrays of n rows (a row is a ray) or n numbers."""
+    """Number of bitwise distinct rays in arrays of n rows (a row is a ray) or n numbers."""
     columns = np.concatenate([np.asarray(one, np.float32).reshape(len(one), -1) for one in arrays], axis=1)
     rows = np.ascontiguousarray(columns).view(np.dtype((np.void, columns.shape[1] * 4)))
     return len(np.unique(rows))
 
 
 def allowed_to_fail(spec: str) -> bool:
-    """Whether the configuration is there to show failures."""
+    """Whether the configuration is measured to demonstrate failures."""
     return "robust=none" in spec
 
 
 TILE = 64
-"""Rays that walks of tiles and beams take together when they are told that rays come in tiles."""
+"""Rays that tile and beam traversals trace together if their order is a tile order."""
 
 
 def nearest(structure: Structure, rays: Sequence[Any], *, threads: int = 0) -> Answers:
-    """The nearest hits, asked in tiles where that can be: (origins, directions, t_min, t_max) as arrays.
+    """The nearest hits, traced in tiles where possible. rays: (origins, directions, t_min, t_max) as arrays.
 
-    Walks that know no tiles take the rays singly, and so do all with the rays beyond the last whole tile.
+    Traversals without tiles trace the rays singly, and all traversals do so beyond the last whole tile.
     """
     whole = len(rays[0]) // TILE * TILE
     tiles = Answers.of(structure.closest(*(part[:whole] for part in rays), order="tile8", threads=threads))
@@ -142,7 +143,7 @@ def nearest(structure: Structure, rays: Sequence[Any], *, threads: int = 0) -> A
 def measure_case(
     native: Native, case: Mapping[str, Any], specs: Iterable[str], *, exact_pairs: int, threads: int = 0
 ) -> Iterator[Row]:
-    """One row per configuration on one case of `native.cases()`, as `case_errors` finds them."""
+    """One row per configuration on one case of `native.cases()`, from the errors of `case_errors`."""
     apart = different(*(case[name] for name in RAYS))
     for spec, errors, beside in case_errors(native, case, specs, exact_pairs=exact_pairs, threads=threads):
         about = {"case": case["name"], "spec": spec, "triangles": len(case["triangles"]), "different_rays": apart}
@@ -154,9 +155,10 @@ def case_errors(
 ) -> Iterator[tuple[str, Errors, Errors]]:
     """Each configuration with its errors against brute force, and against exact arithmetic, on one case.
 
-    Closest and any hits are compared with both references. exact_pairs: about how many pairs of ray and triangle are
-    decided by exact arithmetic; 0 for none.
+    Nearest hits and any-hits are compared with both references. exact_pairs: approximate number of ray-triangle pairs
+    that exact arithmetic decides; 0 for none.
     """
+    # Compute both references, then compare each configuration with them.
     scene = case["vertices"], case["triangles"]
     rays = tuple(case[name] for name in RAYS)
     count = len(rays[0])
@@ -174,7 +176,7 @@ def case_errors(
 
 
 def columns(errors: Errors, exact: Errors) -> Row:
-    """The numbers of a row: errors against brute force, and against exact arithmetic."""
+    """The columns of a row: errors against brute force, and against exact arithmetic."""
     row = errors.as_row("brute")
     columns = {name: row[name] for name in (*COUNTS, "t_ulp_max")}
     columns["exact_rays"] = exact.rays
@@ -185,17 +187,17 @@ def columns(errors: Errors, exact: Errors) -> Row:
 
 
 def is_whole(row: Row, *more: str) -> bool:
-    """Whether a row of a journal has every column, and `more`: one of another version of the program may lack some."""
+    """Whether a row of a journal has every column, and `more`: rows of other versions of the program may lack some."""
     return {"case", "spec", "triangles", "different_rays", *TITLES, *more} <= row.keys()
 
 
 def differs(row: Row) -> bool:
-    """Whether any answer of the row is another than brute force's, to the last bit, or than the exact one."""
+    """Whether any answer of the row differs from brute force in any bit, or from the exact one."""
     return any(row[name] for name in (*COUNTS[1:], "t_ulp_max", "exact_wrong", "exact_t_ulp_max"))
 
 
 def add(total: Row | None, row: Row) -> Row:
-    """The sum of two rows of one configuration; distances keep the larger."""
+    """The sum of two rows of one configuration; distances keep the maximum."""
     if total is None:
         return {**row, "case": "all"}
     summed = (*COUNTS, "different_rays", "exact_rays", "exact_wrong", "on_boundary")
@@ -216,17 +218,17 @@ def sums(rows: Iterable[Row]) -> list[Row]:
 
 
 def limit(rows: Iterable[Row], reference: str = "brute force") -> str:
-    """What the absence of differences proves, in one sentence.
+    """The statistical meaning of no differences, in one sentence.
 
-    Answers of several configurations to one ray depend on each other, and so do those to a ray that is asked twice: N
-    is the number of different rays. reference: whom all rays were answered by.
+    Answers of several configurations to one ray are dependent, and so are those to repeated rays: N is the number of
+    distinct rays. reference: name of the reference.
     """
     ours = [row for row in rows if not allowed_to_fail(row["spec"])]
     answers = sum(row["rays"] for row in ours)
     wrong = sum(differs(row) for row in ours)
     if wrong or not answers:
         return f"{wrong} of {len(ours)} rows differ, {answers:,} answers compared"
-    # All configurations are asked the same rays.
+    # All configurations trace the same rays.
     each = sums(ours)
     apart, exact = (min(row[name] for row in each) for name in ("different_rays", "exact_rays"))
     beside = f" and in {sum(row['exact_rays'] for row in each):,} to {exact:,} rays against exact arithmetic"
@@ -238,7 +240,7 @@ def limit(rows: Iterable[Row], reference: str = "brute force") -> str:
 
 
 def table(rows: Sequence[Row]) -> str:
-    """The rows as aligned columns; zeros are dots, so that what is wrong stands out."""
+    """The rows as aligned columns; zeros are dots, so that errors stand out."""
     lines = [["case", "structure", *TITLES.values()]]
     lines += [[row["case"], row["spec"], *(str(row[name] or "·") for name in TITLES)] for row in rows]
     widths = [max(len(line[i]) for line in lines) for i in range(len(lines[0]))]
@@ -261,7 +263,7 @@ def as_csv(rows: Sequence[Row]) -> str:
 
 
 def as_html(document: Mapping[str, Any]) -> str:
-    """One page that opens offline: what each configuration got wrong over all cases, and case by case."""
+    """One self-contained HTML page: errors of each configuration over all cases, and case by case."""
     rows: list[Row] = document["rows"]
     return (
         '<!doctype html><html lang="en"><meta charset="utf-8"><title>Stability</title>'
@@ -269,7 +271,7 @@ def as_html(document: Mapping[str, Any]) -> str:
         "td,th{padding:.15em .6em;text-align:right;border-bottom:1px solid #8884}td:nth-child(-n+2),th:nth-child(-n+2)"
         "{text-align:left}.wrong{font-weight:bold}.none{color:#777}</style>"
         f"<h1>Stability</h1><p>{html.escape(document['verdict'])}.</p>"
-        "<p>Rows with <code>robust=none</code> are textbook traversals without allowance for rounding; they are never "
+        "<p>Rows with <code>robust=none</code> are textbook traversals without error bounds; they are never "
         f"used for pictures.</p><p>{html.escape(BOUNDARY)}</p>"
         f"<h2>All cases</h2>{_html_table(sums(rows))}<h2>Case by case</h2>{_html_table(rows)}</html>\n"
     )

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Any number of small scenes and rays, made to be answered wrongly: for runs of thousands of millions of rays.
+"""Unlimited numbered small scenes with rays likely to be answered wrongly, for runs of billions of rays.
 
-Trial `number` of seed `seed` is always the same scene and the same rays, so a run can be stopped, resumed and shared
-among machines. Every eighth trial is one of the extreme cases with rays of its own and new ones, the others are random
-scenes of ten to three hundred triangles.
+Trial `number` of seed `seed` always has the same scene and rays, so a run can be stopped, resumed and distributed.
+Every eighth trial is one of the extreme cases with its own rays and new ones; the others are random scenes of ten to
+three hundred triangles.
 """
 
 from __future__ import annotations
@@ -30,30 +30,31 @@ Rays = tuple[F32, F32, F32, F32]
 """origins (n, 3), directions (n, 3), t_min (n,), t_max (n,)."""
 
 MANY, FEW, FEWEST = 16_384, 2048, 256
-"""Rays of a trial, whole tiles; few where the exact verdict has much to do."""
+"""Rays of a trial, in whole tiles; few where many need the exact predicate."""
 
 CASES_PER_SEED = 60
-"""So many extreme cases are tried before those of the next seed."""
+"""Number of extreme cases tried before those of the next seed."""
 
 EXACT_PAIRS = 3_000_000
-"""Pairs of a ray and a triangle that exact arithmetic decides per trial."""
+"""Number of ray-triangle pairs per trial that exact arithmetic decides."""
 
 VERSION = 3
-"""Grows whenever the same number makes another trial, or its row tells something else: such a run is not continued."""
+"""Version of the trials: increment when a number's scene or a row's content changes; older runs are not continued."""
 
 BLOCK = 64
-"""Trials whose sums are kept together."""
+"""Number of trials whose sums are kept together."""
 
 Random = np.random.Generator
 
 
 def trial(native: Native, specs: Sequence[str], seed: int, number: int, *, threads: int = 1) -> list[Row]:
-    """One row per configuration, as of `stability.measure_case`; the case is the sort of scene.
+    """One row per configuration, as of `stability.measure_case`; the case is the kind of scene.
 
-    Every ray is asked for its closest hit, every fourth tile of them for any hit too; ways of shadow rays, which the
-    closest hit does not know, are asked for any hit of every ray. Brute force answers all rays, exact arithmetic some
-    of them, spread evenly, and every structure is compared with both, in hits or in any hits as it was asked.
+    Every ray is traced for its nearest hit, every fourth tile also for any hit; shadow methods, which do not affect
+    nearest hits, are traced for any hit of every ray. Brute force answers all rays, exact arithmetic an evenly spaced
+    sample, and every structure is compared with both.
     """
+    # Compute both references.
     random = np.random.default_rng([seed, number])
     name, vertices, triangles, rays = _scene(native, seed, number, random)
     count, apart = len(rays[0]), stability.different(*rays)
@@ -64,6 +65,7 @@ def trial(native: Native, specs: Sequence[str], seed: int, number: int, *, threa
     beside = accuracy.compare(exact, brute.take(sample), None, native.ulp_distance, bitwise=True)
     quarter = np.arange(count) // TILE % 4 == number % 4
     rows = []
+    # Compare each configuration; equal answers, the common case, skip the detailed comparison.
     for spec in specs:
         structure = native.build(vertices, triangles, spec, threads=1)
         errors, own = accuracy.Errors(rays=count), beside
@@ -85,7 +87,7 @@ def trial(native: Native, specs: Sequence[str], seed: int, number: int, *, threa
 
 
 def block(native: Native, specs: Sequence[str], seed: int, number: int, *, threads: int = 1) -> list[Row]:
-    """The sums of `BLOCK` trials, one row per configuration; `wrong_in` names the trials with a difference."""
+    """The sums of `BLOCK` trials, one row per configuration; `wrong_in` lists the trials with a difference."""
     totals: dict[str, Row] = {}
     for n in range(number * BLOCK, (number + 1) * BLOCK):
         for row in trial(native, specs, seed, n, threads=threads):
@@ -97,7 +99,7 @@ def block(native: Native, specs: Sequence[str], seed: int, number: int, *, threa
 
 
 def same(a: Answers, b: Answers) -> bool:
-    """Whether two sets of answers are equal to the last bit."""
+    """Whether two sets of answers are bitwise equal."""
     return all(
         np.array_equal(x.view(np.uint32), y.view(np.uint32))
         for x, y in ((a.t, b.t), (a.triangle, b.triangle), (a.u, b.u), (a.v, b.v))
@@ -105,6 +107,7 @@ def same(a: Answers, b: Answers) -> bool:
 
 
 def _scene(native: Native, seed: int, number: int, random: Random) -> tuple[str, F32, I32, Rays]:
+    """Kind, vertices, triangles and rays of a trial."""
     turn, place = divmod(number, 8)
     if place == 7:
         cases = extreme_cases(native, seed + turn // CASES_PER_SEED)
@@ -124,11 +127,12 @@ def _scene(native: Native, seed: int, number: int, random: Random) -> tuple[str,
 
 @functools.lru_cache(maxsize=1)
 def extreme_cases(native: Native, seed: int) -> list[Case]:
-    """The extreme cases of a seed, small."""
+    """The small variants of a seed's extreme cases."""
     return native.cases("small", seed=seed)
 
 
 def _soup(count: int, random: Random) -> NDArray[Any]:
+    """Triangles of one size at random places, scaled and far from the origin at random."""
     size = 10.0 ** random.uniform(-3, 0.3)
     corners = random.uniform(-1, 1, (count, 1, 3)) + size * random.uniform(-1, 1, (count, 3, 3))
     scale, offset = 2.0 ** random.integers(-20, 20), random.choice([0, 0, 1, 100, 1e5])
@@ -136,10 +140,12 @@ def _soup(count: int, random: Random) -> NDArray[Any]:
 
 
 def _lattice(count: int, random: Random) -> NDArray[Any]:
+    """Triangles with corners on a lattice."""
     return np.asarray(random.integers(-4, 5, (3 * count, 3)) / random.choice([1, 2, 8]))
 
 
 def _walls(count: int, random: Random) -> NDArray[Any]:
+    """Triangles in axis-aligned planes of a lattice."""
     corners = random.integers(0, 5, (count, 3, 3)).astype(np.float64)
     axis = random.integers(0, 3, count)
     corners[np.arange(count), :, axis] = corners[np.arange(count), :1, axis]
@@ -147,6 +153,7 @@ def _walls(count: int, random: Random) -> NDArray[Any]:
 
 
 def _slivers(count: int, random: Random) -> NDArray[Any]:
+    """Triangles with one very short edge."""
     first = random.uniform(-1, 1, (count, 1, 3))
     long, thin = random.uniform(-1, 1, (2, count, 1, 3))
     thin *= 10.0 ** random.uniform(-9, -3, (count, 1, 1))
@@ -154,11 +161,13 @@ def _slivers(count: int, random: Random) -> NDArray[Any]:
 
 
 def _any_exponent(count: int, random: Random) -> NDArray[Any]:
+    """Triangles with corners of widely varying exponents."""
     powers = random.integers(-100, 60, (count, 1, 1)) + random.integers(-3, 4, (count, 3, 3))
     return (random.uniform(-1, 1, (count, 3, 3)) * 2.0**powers).reshape(-1, 3)
 
 
 def _nudged(count: int, random: Random) -> NDArray[Any]:
+    """Triangles between eight points, some corners moved by one float."""
     few = random.uniform(-1, 1, (8, 3)).astype(np.float32)
     corners = few[random.integers(0, 8, 3 * count)]
     away = random.choice([-1, 0, 0, 0, 1], corners.shape).astype(np.float32)
@@ -166,12 +175,14 @@ def _nudged(count: int, random: Random) -> NDArray[Any]:
 
 
 def _closed(count: int, random: Random) -> NDArray[Any]:
+    """A closed bumpy sphere, at the origin or away from it."""
     vertices, triangles = icosphere(int(count > 100))
     vertices = vertices * (1 + 0.3 * np.sin(random.uniform(1, 9, 3) * vertices).sum(axis=1, keepdims=True))
     return (vertices + random.choice([0.0, 10.0, 1e4]))[triangles].reshape(-1, 3)
 
 
 def _boxes(count: int, random: Random) -> NDArray[Any]:
+    """Touching boxes on a lattice, half of the time rotated."""
     low = random.integers(0, 4, (max(1, count // 12), 3)).astype(np.float64)
     unit = np.array([[i & 1, i >> 1 & 1, i >> 2] for i in range(8)], np.float64)
     sides = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
@@ -191,11 +202,11 @@ SORTS: tuple[tuple[str, Callable[[int, Random], NDArray[Any]], int], ...] = (
     ("random: closed surface", _closed, MANY),
     ("random: touching boxes", _boxes, MANY),
 )
-"""Sorts of random scenes: name, corners (3 n, 3) of about so many triangles, and how many rays they get."""
+"""Kinds of random scenes: name, generator of (3 n, 3) corners of about n triangles, and number of rays."""
 
 
 def rays_at(vertices: F32, triangles: I32, count: int, random: Random) -> Rays:
-    """Rays that look for trouble in a scene: at corners, edges and surfaces, along axes, of extreme lengths."""
+    """Rays that provoke errors in a scene: at corners, edges and surfaces, along axes, with extreme lengths."""
     corners = vertices[triangles.reshape(-1)].reshape(-1, 3, 3)
     corners = corners[np.isfinite(corners).all(axis=(1, 2))]
     if not len(corners):
@@ -203,6 +214,7 @@ def rays_at(vertices: F32, triangles: I32, count: int, random: Random) -> Rays:
     low, high = corners.min(axis=(0, 1)).astype(np.float64), corners.max(axis=(0, 1)).astype(np.float64)
     middle, half = (low + high) / 2, np.maximum((high - low) / 2, 1e-30)
 
+    # Points of six kinds on and around the triangles.
     def point() -> NDArray[Any]:
         chosen = corners[random.integers(0, len(corners), count)].astype(np.float64)
         weights = random.dirichlet([1, 1, 1], count)
@@ -211,6 +223,7 @@ def rays_at(vertices: F32, triangles: I32, count: int, random: Random) -> Rays:
         kinds = [chosen[:, 0], (chosen[:, 0] + chosen[:, 1]) / 2, inside, anywhere, np.rint(anywhere)]
         return np.choose(random.integers(0, len(kinds), count)[:, None], kinds)
 
+    # Directions to points, random, along axes, and with single components scaled towards underflow.
     with np.errstate(all="ignore"):
         origins = point().astype(np.float32)
         to_point = point().astype(np.float32) - origins
@@ -223,6 +236,7 @@ def rays_at(vertices: F32, triangles: I32, count: int, random: Random) -> Rays:
         directions = np.choose(random.integers(0, len(kinds), count)[:, None], kinds).astype(np.float32)
         stretched = directions * np.float32(2) ** random.integers(-60, 60, (count, 1)).astype(np.float32)
         directions = np.where(random.random((count, 1)) < 0.125, stretched, directions)
+    # Replace rays that overflowed, then limit the interval of a quarter of them.
     broken = ~(np.isfinite(origins).all(axis=1) & np.isfinite(directions).all(axis=1))
     origins[broken], directions[broken] = 0, (1, 0, 0)
     t_min, t_max = np.zeros(count, np.float32), np.full(count, np.inf, np.float32)
@@ -235,10 +249,10 @@ def rays_at(vertices: F32, triangles: I32, count: int, random: Random) -> Rays:
 
 
 def _in_tiles(origins: F32, directions: F32, t_min: F32, t_max: F32, random: Random) -> None:
-    """Make every fourth tile one of a picture, or of shadow rays to one light.
+    """Turn every fourth tile into one of a picture, or of shadow rays to one light.
 
-    Pictures are taken by pinholes from telescopes to nearly half of all directions, or in parallel; every second along
-    the axes. Lights are points, or suns; they are few, so that the last blocker is often the next.
+    Pictures are pinholes, from telescopes to nearly half of all directions, or parallel; half of them along the axes.
+    Lights are points or suns; they are few, so that the last blocker is often the next.
     """
     count = len(origins) // TILE // 4
     x, y = (np.indices((8, 8)).reshape(2, TILE) / 3.5 - 1).astype(np.float32)
@@ -246,6 +260,7 @@ def _in_tiles(origins: F32, directions: F32, t_min: F32, t_max: F32, random: Ran
     lights = origins[random.integers(0, len(origins), 4)]
     here, ways, ends = (part[last].reshape(count, TILE, -1) for part in (origins, directions, t_max))
     t_min[last] = 0
+    # Choose a direction, axes across it and a window size for each tile.
     for o, d, end in zip(here, ways, ends, strict=True):
         with np.errstate(all="ignore"):
             towards, size = d[0].copy(), np.abs(d[0]).max()

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The statistics of the last structure: what it is, how fast it is, and whether a sample of its answers is right.
+"""Statistics of the last structure: its properties, its speed, and a check of a sample of its answers.
 
-Panels only read; what must be measured is measured by the operator.
+Panels only read results; the operator measures.
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ from . import workloads
 log = logging.getLogger(__name__)
 
 _checks: dict[int, Check] = {}
-"""By the number of the tree; only the last tree's is kept."""
+"""By the tree's number; only the last tree's check is kept."""
 
 
 def last(tree: trees.Tree) -> Check | None:
-    """What the last check of this very structure found."""
+    """The result of the last check of exactly this tree, or None."""
     return _checks.get(tree.number)
 
 
 def words(tree: trees.Tree) -> str:
-    """What is known of its answers, in short, to stand beside its speed."""
+    """A short text on the tree's checked answers, for use beside its speed."""
     found = last(tree)
     if found is None:
         return choice.NOT_COMPARED
@@ -39,7 +39,7 @@ def words(tree: trees.Tree) -> str:
 
 
 def clear() -> None:
-    """Forget all."""
+    """Forget all results."""
     _checks.clear()
 
 
@@ -49,8 +49,8 @@ class HALFSPACE_OT_check(bpy.types.Operator):
     bl_idname = "halfspace.check"
     bl_label = "Measure a Sample"
     bl_description = (
-        "Trace the camera's rays and what follows from them through the structure, and compare a sample of the answers "
-        "with brute force, bit for bit. Takes seconds in large scenes"
+        "Trace the camera's rays, their shadow rays and bounces through the structure, and compare a sample of the "
+        "answers with brute force, bit for bit. Takes seconds in large scenes"
     )
 
     @classmethod
@@ -62,12 +62,13 @@ class HALFSPACE_OT_check(bpy.types.Operator):
         render = scene.render
         size = (max(render.resolution_x, 1), max(render.resolution_y, 1))
         try:
-            depsgraph = context.evaluated_depsgraph_get()  # first, since it tells what has moved
+            depsgraph = context.evaluated_depsgraph_get()  # first, because evaluation reports changes
             tree = _chosen(scene) or trees.usable(scene, properties.spec(scene.halfspace))
             if tree is None:
                 building.build_now(scene, depsgraph)
                 tree = trees.last(scene)
                 assert tree is not None
+            # Run the check to its last result.
             workload = workloads.of_tree(tree, scene.name, size)
             found: Check | None = None
             for found in check.steps(native.load(), tree.structure, workload, threads=0):  # noqa: B007 (the last)
@@ -86,7 +87,7 @@ class HALFSPACE_OT_check(bpy.types.Operator):
 
 
 def _chosen(scene: Any) -> trees.Tree | None:
-    """The structure that the last render chose by itself: it is the one to be measured, whatever the settings say."""
+    """The structure selected automatically by the last render, which is then the one to measure, or None."""
     tree, report = trees.last(scene), reports.last(scene)
     if not scene.halfspace.automatic or tree is None or report is None or report.tree != tree.number:
         return None
@@ -99,6 +100,6 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """The reverse of `register`."""
+    """Undo `register`."""
     bpy.utils.unregister_class(HALFSPACE_OT_check)
     clear()

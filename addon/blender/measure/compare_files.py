@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is found about a scene, written down: as a text in its .blend, and as a report in a folder."""
+"""Stored results of comparisons: a text block in the .blend, and a report in a folder."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from ...core.report import report, results
 from .comparing import Found
 
 TEXT = "Halfspace comparison"
-"""Texts with results are called so, with the scene's name."""
+"""Prefix of the text blocks with results; the scene's name follows."""
 
 
 def keep_text(scene: Any, found: Found) -> None:
-    """Keep a result in the .blend, as a text with the scene's name, in place of the last one."""
+    """Store a result in the .blend as a text block named after the scene, replacing the last one."""
     title = f"{TEXT}, {scene.name}"
     text = bpy.data.texts.get(title) or bpy.data.texts.new(title)
     text.from_string("\n".join(words(found)))
 
 
 def words(found: Found) -> Iterator[str]:
-    """A result in lines: what each configuration takes for the picture, why, and what was measured."""
+    """A result as lines: predicted times of each configuration, the reason, and the measurements."""
     plan = found.comparison.plan
     yield f"{plan.pixels:,} pixels, {plan.samples:,} samples each, up to {plan.max_bounces} bounces"
     yield ""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The operators that compare and choose structures, while Blender goes on or at once, and that write the report."""
+"""Operators that compare and choose structures, modally or at once, and that write the report."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from ..settings import presets
 from . import compare_files, comparing
 
 STOP_SECONDS = 10.0
-"""How long unregistering waits for the step that runs."""
+"""Time limit for the running step when the add-on is unregistered, in seconds."""
 
 log = logging.getLogger(__name__)
 
 
 class _Modal:
-    """An operator that works while Blender goes on. Esc stops it."""
+    """An operator that works while Blender stays usable. Esc stops it."""
 
     _work: comparing.Work | None = None
     _timer: Any = None
@@ -37,13 +37,13 @@ class _Modal:
         raise NotImplementedError
 
     def _use(self, scene: Any, found: comparing.Found) -> None:
-        """What else follows when the result is there."""
+        """Apply the result, where the operator does more than to store it."""
 
     def _done(self, work: comparing.Work) -> set[str]:
-        """Write the result into the file as a text of the scene that was measured, whichever is shown by now."""
+        """Store the result as a text block of the measured scene, whichever scene is visible by now."""
         scene = trees.scene_of(work.scene_uid)
         if scene is None:
-            self.report({"WARNING"}, "The scene that was measured is gone")  # type: ignore[attr-defined]
+            self.report({"WARNING"}, "The measured scene was deleted")  # type: ignore[attr-defined]
             return {"CANCELLED"}
         found = comparing.last(scene)
         if found is not None:
@@ -62,7 +62,7 @@ class _Modal:
         return self._done(work)
 
     def invoke(self, context: Any, event: Any) -> set[str]:
-        """Work while Blender goes on."""
+        """Work while Blender stays usable."""
         try:
             self._work = self._begin(context.scene)
         except Exception as error:
@@ -74,7 +74,7 @@ class _Modal:
         return {"RUNNING_MODAL"}
 
     def modal(self, context: Any, event: Any) -> set[str]:
-        """Look at the work on each tick of a timer; all but Esc passes through."""
+        """Advance the work on each timer event; all events but Esc pass through."""
         assert self._work is not None
         if event.type == "ESC":
             self._work.cancel()
@@ -84,7 +84,7 @@ class _Modal:
         if event.type != "TIMER":
             return {"PASS_THROUGH"}
         now = comparing.progress()
-        if now is None:  # stopped from outside: another file, or the add-on goes
+        if now is None:  # stopped from outside: another file was loaded, or the add-on was disabled
             self._end(context)
             return {"CANCELLED"}
         try:
@@ -101,10 +101,10 @@ class _Modal:
             self._told = text
             context.workspace.status_text_set(f"{done:.0%}  {text}   Esc: stop")
             trees.redraw_panels()
-        return {"PASS_THROUGH"}  # an event does not tell whose timer it is of
+        return {"PASS_THROUGH"}  # events do not identify their timer
 
     def cancel(self, context: Any) -> None:
-        """Blender closes the window or the file."""
+        """Stop when Blender closes the window or the file."""
         if self._work is not None:
             self._work.cancel()
 
@@ -122,12 +122,12 @@ class _Modal:
 
 
 class HALFSPACE_OT_compare(_Modal, bpy.types.Operator):
-    """Compares what is ticked."""
+    """Compares the ticked structures."""
 
     bl_idname = "halfspace.compare"
     bl_label = "Compare"
     bl_description = (
-        "Build the chosen structure and all ticked ones over this scene, prove their answers and time their rays. "
+        "Build the chosen structure and all ticked ones over this scene, check their answers and time their rays. "
         "Blender can be used meanwhile; Esc stops"
     )
     bl_options = {"REGISTER", "UNDO"}
@@ -142,8 +142,8 @@ class HALFSPACE_OT_choose(_Modal, bpy.types.Operator):
     bl_idname = "halfspace.choose"
     bl_label = "Choose for Me"
     bl_description = (
-        "Try structures on a part of the scene, the promising ones on all of it, and use what makes the picture "
-        "soonest, build included. Esc stops"
+        "Try structures on a part of the scene, the best of them on all of it, and use the one with the shortest "
+        "predicted time for the picture, build included. Esc stops"
     )
     bl_options = {"REGISTER", "UNDO"}
 
@@ -171,7 +171,7 @@ class HALFSPACE_OT_write_report(bpy.types.Operator):
         return found is not None and bool(found.rows)
 
     def invoke(self, context: Any, event: Any) -> set[str]:
-        """Ask for the folder."""
+        """Open the folder selector."""
         context.window_manager.fileselect_add(self)
         return {"RUNNING_MODAL"}
 
@@ -198,7 +198,7 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Stop what runs, and the reverse of `register`."""
+    """Stop running work, and undo `register`."""
     comparing.stop(STOP_SECONDS)
     for operator in reversed(CLASSES):
         bpy.utils.unregister_class(operator)

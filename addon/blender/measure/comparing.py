@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Measuring structures on the open scene: all that are ticked, or as few as choosing one needs."""
+"""Measuring structures on the open scene: all ticked ones, or those that an automatic choice needs."""
 
 from __future__ import annotations
 
@@ -24,19 +24,19 @@ from ..settings import properties
 from . import workloads
 
 VIEW_WIDTH = 384
-"""Pixels across the view whose rays are timed."""
+"""Width of the view whose rays are timed, in pixels."""
 
 REPEATS, PASS_SECONDS = 3, 0.5
-"""Timed passes over each set of rays, and how long one may take."""
+"""Number of timed passes over each ray set, and limit on one pass in seconds."""
 
 CHECKED = 2000
-"""Rays per set compared with brute force, unless that takes longer than it may."""
+"""Largest number of rays per set compared with brute force; fewer if that would take too long."""
 
 
 @dataclass
 class Found:
-    """What is known of a scene. notes: why, in lines, and what was left out. rows, options: of the benchmark, for the
-    report. scene_uid, read: the scene, and its `trees.moment` when it was read.
+    """Result for a scene. notes: reasons and omissions, as lines. rows, options: of the benchmark, for the report.
+    scene_uid, read: the scene, and its `trees.moment` when it was read.
     """
 
     comparison: Comparison
@@ -48,13 +48,13 @@ class Found:
 
     @property
     def stale(self) -> bool:
-        """Whether triangles of the scene may have moved since they were read."""
+        """Whether the scene's triangles may have changed since they were read."""
         return trees.moved(self.scene_uid, self.read)
 
 
 @dataclass
 class _State:
-    """The work that runs, at most one, and what the panel may say of it."""
+    """The running work, at most one, and its progress for the panel."""
 
     work: Background | None = None
     text: str = ""
@@ -66,36 +66,36 @@ _found: dict[int, Found] = {}
 
 
 def last(scene: Any) -> Found | None:
-    """What the last comparison or choice in this scene found."""
+    """The result of the last comparison or choice in this scene, or None."""
     return _found.get(scene.original.session_uid)
 
 
 def progress() -> tuple[float, str] | None:
-    """How far the work is, 0 to 1, and what is done; None when nothing runs."""
+    """Progress of the running work, 0 to 1, and its current step; None if nothing runs."""
     return None if _state.work is None else (_state.done, _state.text)
 
 
 def stop(seconds: float = 0.0) -> None:
-    """End what runs, and wait for it at most so long."""
+    """Stop the running work, and wait for it at most `seconds`."""
     work, _state.work = _state.work, None
     if work is not None:
         work.join(seconds) if seconds else work.stop()
 
 
 def clear() -> None:
-    """Forget all."""
+    """Forget all results."""
     _found.clear()
 
 
 def ticked(group: Any) -> list[str]:
-    """The configurations to compare: the chosen structure as it is set, and all others that are ticked."""
+    """The configurations to compare: the chosen structure with its settings, and all other ticked ones."""
     own = properties.spec(group)
     others = [s.id for s in catalogue.load().structures if getattr(group.compared, properties.tick(s.id))]
     return [own, *(spec for spec in others if spec != specs.structure_of(own))]
 
 
 def name(spec: str) -> str:
-    """A configuration as people read it."""
+    """A configuration's name for the user interface."""
     structure = catalogue.load().get(specs.structure_of(spec))
     parameters = specs.parameters(spec)
     label = structure.label if structure is not None else spec
@@ -103,7 +103,7 @@ def name(spec: str) -> str:
 
 
 def plan_of(scene: Any) -> Plan:
-    """The picture that the scene's settings ask for."""
+    """The picture that the scene's settings describe."""
     render, group = scene.render, scene.halfspace
     share = render.resolution_percentage / 100
     pixels = max(int(render.resolution_x * share), 1) * max(int(render.resolution_y * share), 1)
@@ -120,14 +120,15 @@ def _view(scene: Any) -> tuple[int, int]:
 
 
 class Work:
-    """One comparison or choice: read the scene, begin, and keep what comes out."""
+    """One comparison or choice: reads the scene, starts the steps on a thread, and keeps the result."""
 
     def __init__(self, scene: Any, steps: Callable[[Any, Workload, Any], Iterator[tuple[float, str]]]) -> None:
-        """Raises what extraction raises, and native.NativeError."""
+        """Raises the exceptions of extraction, and native.NativeError."""
+        # Stop earlier work, read the scene on this thread, and start the steps on another.
         stop()
         self.scene_uid = scene.original.session_uid
         module = native.load()
-        bpy.context.view_layer.update()  # first, since it tells what has moved
+        bpy.context.view_layer.update()  # first, because evaluation reports changes
         self.read = trees.moment(scene)
         workload = workloads.current(scene.name, _view(scene))
         self.result: list[Found] = []
@@ -139,7 +140,9 @@ class Work:
         _state.done, _state.text = item
 
     def step(self, seconds: float) -> bool:
-        """Wait at most so long. True when the work has ended; then its result is kept. Raises what a step raised."""
+        """Wait at most `seconds`. Returns True once the work has ended and its result is kept. Raises a step's
+        exception.
+        """
         try:
             ended = self.background.wait(seconds)
         except BaseException:
@@ -154,7 +157,7 @@ class Work:
         return ended
 
     def cancel(self) -> None:
-        """Stop and keep nothing."""
+        """Stop and drop the result."""
         self.background.stop()
         self._forget()
 
@@ -164,7 +167,7 @@ class Work:
 
 
 def comparing(scene: Any) -> Work:
-    """Begin to compare what is ticked."""
+    """Start a comparison of the ticked structures."""
     chosen, plan, threads, size = ticked(scene.halfspace), plan_of(scene), _threads(scene), _view(scene)
     limit = memory_limit(scene.halfspace.memory_limit)
 
@@ -184,6 +187,7 @@ def comparing(scene: Any) -> Work:
                 rows.append(event.row)
             else:
                 yield event.done, event.text
+        # Predict the picture's time from the rows: count its rays with a structure that could be built.
         yield 1.0, "counting the rays of a small picture"
         failed = {row["spec"] for row in rows if row["error"] is not None}
         spec = next((spec for spec in chosen if spec not in failed), chosen[0])
@@ -196,7 +200,7 @@ def comparing(scene: Any) -> Work:
 
 
 def choosing(scene: Any) -> Work:
-    """Begin to choose."""
+    """Start an automatic choice."""
     plan, threads, limit = plan_of(scene), _threads(scene), memory_limit(scene.halfspace.memory_limit)
     known = catalogue.load()
     candidates, dropped = auto.candidates(known), auto.dropped(known)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pictures of what each pixel costs, in the Image Editor: one structure, or two side by side on one scale."""
+"""Cost maps in the Image Editor: the cost of each pixel in one structure, or in two on a common scale."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from . import lettering, workloads
 IMAGE = "Halfspace Costs"
 BACK = (0.09, 0.095, 0.11)
 MARGIN, TEXT, BAR = 14, 15.0, 18
-"""Pixels around and between maps, of letters, and of the colour bar's height."""
+"""Pixels around and between maps, of the letters' height, and of the colour bar's height."""
 
 log = logging.getLogger(__name__)
 
@@ -40,8 +40,8 @@ class HALFSPACE_OT_cost_map(bpy.types.Operator):
     bl_idname = "halfspace.cost_map"
     bl_label = "Show Cost Map"
     bl_description = (
-        "Trace one ray per pixel of the camera's view through the structure, and show in the Image Editor what each "
-        "costs. With a second structure, both on one scale"
+        "Trace one ray per pixel of the camera's view through the structure, and show the cost of each in the Image "
+        "Editor. With a second structure, both on one scale"
     )
     bl_options = {"REGISTER", "UNDO"}
 
@@ -69,18 +69,18 @@ class HALFSPACE_OT_cost_map(bpy.types.Operator):
 
 
 def draw(scene: Any, width: int, tell: Callable[[str], None] | None = None) -> F32:
-    """The picture of the scene's settings, (h, w, 3) display values. Raises what extraction and builds raise.
+    """The cost map with the scene's settings, (h, w, 3) display values. Raises the exceptions of extraction and builds.
 
-    tell: called with each line about what the picture leaves out.
+    tell: called with each line about omissions.
     """
     group, render = scene.halfspace, scene.render
     size = costmap.shaped(width, (render.resolution_x, render.resolution_y))
     specs = [properties.spec(group)]
     if catalogue.load().get(group.second) is not None:
         specs.append(group.second)
-    bpy.context.view_layer.update()  # first, since it tells what has moved
+    bpy.context.view_layer.update()  # first, because evaluation reports changes
     tree = next(filter(None, (trees.usable(scene, spec) for spec in specs)), None)
-    # Both maps over the same triangles, those of the structure that is there already.
+    # Measure both maps over the same triangles, those of the existing structure if there is one.
     workload = workloads.current(scene.name, size) if tree is None else workloads.of_tree(tree, scene.name, size)
     notes = Notes()
     properties.remark_unknown(group, notes)
@@ -89,6 +89,7 @@ def draw(scene: Any, width: int, tell: Callable[[str], None] | None = None) -> F
     module, limit = native.load(), memory_limit(group.memory_limit)
     maps = []
     reference: Reference | None = None
+    # Measure each structure; the existing one is reused.
     for spec in specs:
         if tree is not None and tree.spec == spec:
             structure = tree.structure
@@ -104,14 +105,14 @@ def draw(scene: Any, width: int, tell: Callable[[str], None] | None = None) -> F
 
 
 def _reference(structure: Any, workload: Workload, size: tuple[int, int]) -> Reference:
-    """Brute force's answers to a sample of the map's rays, since no time goes without its errors."""
+    """Brute force's answers to a sample of the map's rays, because every time is shown with its errors."""
     sets = rays.make(workload, structure, size=size, seed=0, names=("primary",))[:1]
     wanted = min(auto.CHECKED, affordable(workload))
     return Reference(native.load(), workload, sets, wanted, seed=0)
 
 
 def compose(maps: list[tuple[str, F32]], what: costmap.Quantity) -> F32:
-    """Maps side by side under their titles, over one colour bar with numbers: (h, w, 3) display values."""
+    """Maps side by side under their titles, above one colour bar with numbers: (h, w, 3) display values."""
     height, width = maps[0][1].shape
     end = costmap.scale_end([values for _, values in maps])
     line = int(TEXT * 1.4)
@@ -119,11 +120,13 @@ def compose(maps: list[tuple[str, F32]], what: costmap.Quantity) -> F32:
     across = MARGIN + len(maps) * (width + MARGIN)
     picture = np.tile(np.array(BACK, np.float32), (foot + height + 2 * line + MARGIN, across, 1))
     words = []
+    # Place the maps with their titles.
     for i, (title, values) in enumerate(maps):
         x = MARGIN + i * (width + MARGIN)
         picture[foot : foot + height, x : x + width] = costmap.coloured(values, end)
         words.append((title, x, foot + height + line + 5.0))
         words.append((f"{what.label} {what.unit}: {costmap.summary(values)}", x, foot + height + 8.0))
+    # Draw the colour bar and its numbers.
     bar = across - 2 * MARGIN
     scale = np.linspace(0, end, bar, dtype=np.float32)
     picture[MARGIN + line : MARGIN + line + BAR, MARGIN : MARGIN + bar] = costmap.coloured(scale, end)
@@ -136,7 +139,7 @@ def compose(maps: list[tuple[str, F32]], what: costmap.Quantity) -> F32:
 
 
 def keep(picture: F32) -> Any:
-    """Blender's image of the picture, the same one each time."""
+    """Blender's image of the picture, reused while the size is the same."""
     height, width = picture.shape[:2]
     image = bpy.data.images.get(IMAGE)
     if image is None or tuple(image.size) != (width, height):
@@ -150,7 +153,7 @@ def keep(picture: F32) -> Any:
 
 
 def show(context: Any, image: Any) -> None:
-    """In an image editor of this window, or of a new one."""
+    """Show the image in an image editor of this window, or of a new one."""
     if context.window is None:
         return
     area = next((area for area in context.window.screen.areas if area.type == "IMAGE_EDITOR"), None)
@@ -169,5 +172,5 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """The reverse of `register`."""
+    """Undo `register`."""
     bpy.utils.unregister_class(HALFSPACE_OT_cost_map)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Text in pictures, written with Blender's own font; needs neither a window nor a graphics card."""
+"""Text in pictures with Blender's own font, without a window or a graphics card."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ FONT = 0
 
 
 def width(text: str, size: float) -> int:
-    """How many pixels a line of text takes."""
+    """Width of a line of text in pixels."""
     blf.size(FONT, size)
     return int(np.ceil(blf.dimensions(FONT, text)[0]))
 

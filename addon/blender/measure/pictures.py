@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pictures as arrays: rendered with any engine, shown through the scene's view transform."""
+"""Pictures as arrays: rendered with any engine, displayed through the scene's view transform."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from ...core.base.picture_files import replacing
 def render(scene: Any) -> F32:
     """Render the scene with its engine: (height, width, 4) float32, scene linear, rows from the bottom.
 
-    Blender shows the result of a render only in a window, so that the way to it goes through a file. Raises
-    RuntimeError with the engine's words, and OSError where the file could not be written.
+    The result goes through a file, because Blender exposes render results only in a window. Raises RuntimeError with
+    the engine's message, and OSError if the file cannot be written.
     """
     image_settings = scene.render.image_settings
     with tempfile.TemporaryDirectory(prefix="halfspace-picture-") as folder:
@@ -36,12 +36,12 @@ def render(scene: Any) -> F32:
 
 
 def load(path: Path) -> F32:
-    """A picture file's values as they are stored, (height, width, 4) float32, rows from the bottom. Raises OSError."""
+    """The stored values of a picture file, (height, width, 4) float32, rows from the bottom. Raises OSError."""
     image = bpy.data.images.load(str(path))
     try:
         image.colorspace_settings.name = "Non-Color"
         width, height = image.size
-        if not width * height:  # Blender says so on standard error only
+        if not width * height:  # Blender reports that only on standard error
             raise OSError(f"{path}: cannot be read: it is no picture, or written in part only, as on a full disk")
         values = np.empty(width * height * 4, np.float32)
         image.pixels.foreach_get(values)
@@ -54,9 +54,10 @@ JPEG_QUALITY = 88
 
 
 def save_displayed(path: Path, picture: F32, scene: Any) -> F32:
-    """Write (height, width, 3 or 4) scene linear values as PNG as the scene's view transform shows them.
+    """Write (height, width, 3 or 4) scene linear values as PNG through the scene's view transform.
 
-    Returns the (height, width, 3) values in the file, 0 to 1. Raises OSError, and leaves an older picture then.
+    Returns the (height, width, 3) values in the file, 0 to 1. Raises OSError, and then leaves an older picture
+    unchanged.
     """
     image = _image(picture, float_buffer=True)
     try:
@@ -70,9 +71,9 @@ def save_displayed(path: Path, picture: F32, scene: Any) -> F32:
 
 
 def save(path: Path, picture: F32) -> None:
-    """Write (height, width, 3) display values, 0 to 1, as they are: as JPEG if the name ends so, else as PNG.
+    """Write (height, width, 3) display values, 0 to 1, unchanged: as JPEG by the name's suffix, else as PNG.
 
-    Raises OSError, and leaves an older picture then.
+    Raises OSError, and then leaves an older picture unchanged.
     """
     image = _image(picture, float_buffer=False)
     try:
@@ -85,7 +86,7 @@ def save(path: Path, picture: F32) -> None:
 
 @contextlib.contextmanager
 def _saving(path: Path) -> Iterator[Path]:
-    """As `replacing`, for what Blender's own saving raises too."""
+    """Like `replacing`, and turns the RuntimeErrors of Blender's save functions into OSErrors."""
     with replacing(path) as fresh:
         try:
             yield fresh
@@ -94,7 +95,7 @@ def _saving(path: Path) -> Iterator[Path]:
 
 
 def halved(picture: F32) -> F32:
-    """(2h, 2w, 3) values as the means of squares of four, (h, w, 3)."""
+    """(2h, 2w, 3) values reduced to (h, w, 3) means of 2 × 2 pixels."""
     height, width = picture.shape[0] // 2, picture.shape[1] // 2
     return picture[: 2 * height, : 2 * width].reshape(height, 2, width, 2, -1).mean(axis=(1, 3), dtype=np.float32)
 
@@ -110,7 +111,7 @@ def _image(picture: F32, *, float_buffer: bool) -> Any:
 
 
 def as_file(image_settings: Any, file_format: str) -> None:
-    """Choose a file format; since 5.0 the kind of medium comes first."""
+    """Set a file format; since Blender 5.0 the media type has to be set first."""
     if hasattr(image_settings, "media_type"):
         image_settings.media_type = "IMAGE"
     image_settings.file_format = file_format

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Scenes for the benchmark that need Blender: .blend files, what Blender imports, and the built-in showcase."""
+"""Benchmark scenes that need Blender: .blend files, formats that Blender imports, and the built-in showcase."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ IMPORTERS = {
     ".usdc": lambda path: bpy.ops.wm.usd_import(filepath=path),
     ".usdz": lambda path: bpy.ops.wm.usd_import(filepath=path),
 }
-"""Suffix to operator."""
+"""Import operators by suffix."""
 
 
 def load(path: Path, size: tuple[int, int]) -> Workload:
@@ -43,7 +43,7 @@ def load(path: Path, size: tuple[int, int]) -> Workload:
             bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
             IMPORTERS[suffix](str(path))
     except Exception as error:
-        # Operators report in several lines, importers written in Python raise anything.
+        # Operators report several lines, and importers written in Python raise anything.
         raise WorkloadError(f"{path}: Blender cannot read it: {first_line(error)}") from error
     return current(path.stem, size)
 
@@ -60,13 +60,13 @@ def current(name: str, size: tuple[int, int]) -> Workload:
     bpy.context.view_layer.update()
     depsgraph = bpy.context.evaluated_depsgraph_get()
     notes = Notes()
-    # Nothing may run beside what is timed, and light from the sky has rays as well.
+    # Wait for the sky: no other process may run during timing, and a sky's sun adds shadow rays.
     scene = extract(depsgraph, notes, sky=WAIT)
     return of_scene(name, scene, _camera(depsgraph, scene.geometry.origin, notes, size), notes)
 
 
 def of_tree(tree: Tree, name: str, size: tuple[int, int]) -> Workload:
-    """The triangles that a structure was built over, seen by the scene's camera as it is now. Raises WorkloadError."""
+    """The triangles that a structure was built over, seen by the scene's current camera. Raises WorkloadError."""
     bpy.context.view_layer.update()
     notes = Notes()
     camera = _camera(bpy.context.evaluated_depsgraph_get(), tree.origin, notes, size)
@@ -75,7 +75,7 @@ def of_tree(tree: Tree, name: str, size: tuple[int, int]) -> Workload:
 
 
 def of_scene(name: str, scene: Scene, camera: Camera | None, notes: Notes) -> Workload:
-    """What a scene is for measuring, seen by a camera, or whole if that is no perspective one. Raises WorkloadError."""
+    """A scene as a workload, seen by its camera, or entirely if that is not a perspective one. Raises WorkloadError."""
     geometry = scene.geometry
     view = _seen_by(camera, name, geometry.vertices, geometry.triangles, notes)
     return Workload(
@@ -90,21 +90,21 @@ def of_scene(name: str, scene: Scene, camera: Camera | None, notes: Notes) -> Wo
 
 
 def _seen_by(camera: Camera | None, name: str, vertices: F32, triangles: I32, notes: Notes) -> View:
-    """The view of a camera, or one of everything if it is no perspective one. Raises WorkloadError."""
+    """The view of a camera, or of the whole scene if it is not a perspective one. Raises WorkloadError."""
     if not len(triangles):
         raise WorkloadError(f"{name}: the scene has no triangles")
     view = None if camera is None else _view(camera)
     if view is None:
-        notes.add("Seen whole, from the front and above, for want of a perspective camera", name)
+        notes.add("No perspective camera, the whole scene is seen from the front and above", name)
         return framing_view(vertices, triangles)
     assert camera is not None
     if _shifted(camera):
-        notes.add("The shift of the lens is left out of the rays that are measured", name)
+        notes.add("The lens shift is ignored in the measured rays", name)
     return view
 
 
 def _shifted(camera: Camera) -> bool:
-    """Whether the middle of the picture is not where the camera points, by more than rounding."""
+    """Whether the lens is shifted by more than rounding errors."""
     left, right, bottom, top = camera.window
     return bool(max(abs(left + right), abs(bottom + top)) > 1e-4 * (top - bottom))
 
@@ -118,7 +118,7 @@ def _camera(depsgraph: Any, origin: Any, notes: Notes, size: tuple[int, int]) ->
 
 
 def _view(camera: Camera) -> View | None:
-    """The pinhole view nearest to a camera; shift is left out."""
+    """The pinhole view of a perspective camera without its shift; None for other cameras."""
     if camera.kind != "perspective":
         return None
     eye, up, back = (np.array(camera.to_world[:3, column], np.float64) for column in (3, 1, 2))

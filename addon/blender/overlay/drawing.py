@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The last structure drawn in the 3D viewport: its planes, its leaves, the way of a ray. Drawing never builds."""
+"""Drawing of the last structure in the 3D viewport: planes, leaves, the path of a ray. Drawing never builds."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ OWN_COLOURS = {
     "OCTANTS": (0.30, 0.93, 0.82),
     "BOXES": (0.97, 0.90, 0.78),
 }
-"""Gold, violet, turquoise and ivory: as far from Blender's red, green and blue axes as from each other."""
+"""Gold, violet, turquoise and ivory: distant from Blender's red, green and blue axes and from each other."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Batches:
-    """One level of the tree on the graphics card. Either part is None when the style does without."""
+    """One level in GPU batches. A part that the style does not use is None."""
 
     width: float
     lines: Any
@@ -37,9 +37,9 @@ class _Batches:
 
 @dataclass(frozen=True, eq=False)
 class _Drawing:
-    """The batches of one part of the picture, for the tree of this number under certain settings.
+    """The batches of one part of the picture, for the tree with this number and certain settings.
 
-    chosen: what is shown. passes: what is drawn behind objects, then what before them.
+    chosen: the shown data. passes: depth test and levels, drawn in order: behind objects first, then in front of them.
     """
 
     tree: int
@@ -49,39 +49,39 @@ class _Drawing:
 
 
 PARTS = ("CELLS", "PLANES", "BEAM", "RAY")
-"""What there is to see, in the order in which it is drawn."""
+"""The parts in drawing order."""
 
 PICKED = ("BEAM", "RAY")
-"""Those that follow the ray that was picked."""
+"""The parts that depend on the picked ray."""
 
 _drawings: dict[tuple[int, str], _Drawing] = {}
-"""By the scene's number and the part."""
+"""By the scene's `session_uid` and the part."""
 
 _handle: Any = None
 
 
 def colours() -> dict[str, tuple[float, float, float]]:
-    """The colour of each kind: the theme's axes, and our own."""
+    """The colour of each kind: the theme's axis colours, and our own."""
     theme = bpy.context.preferences.themes[0].user_interface
     axes = {"X": theme.axis_x, "Y": theme.axis_y, "Z": theme.axis_z}
     return {**{kind: (axis[0], axis[1], axis[2]) for kind, axis in axes.items()}, **OWN_COLOURS}
 
 
 def shown(scene: Any, part: str = "PLANES") -> Any:
-    """What was last drawn of this part for this scene, for the panel's numbers: Planes, Cells, Path, Beam, or None."""
+    """The last drawn data of a part of this scene, for the panel's numbers: Planes, Cells, Path, Beam, or None."""
     drawing = _drawings.get((scene.original.session_uid, part))
     tree = trees.last(scene)
     return drawing.chosen if drawing is not None and tree is not None and drawing.tree == tree.number else None
 
 
 def paint(scene: Any, size: tuple[int, int]) -> None:
-    """Draw the scene's structure with the matrices that are set, into a view of `size` pixels."""
+    """Draw the scene's structure with the current matrices into a view of `size` pixels."""
     tree = trees.last(scene)
     if tree is None or not scene.halfspace.overlay.show:
         return
     drawings = [_drawing(scene, tree, part) for part in PARTS if part in scene.halfspace.overlay.parts]
     with gpu.matrix.push_pop():
-        # The matrix carries the place in the world, so that positions keep their precision far from its origin.
+        # The matrix contains the world position, so that vertices keep their precision far from the world's origin.
         gpu.matrix.translate(tree.origin.tolist())
         gpu.state.blend_set("ALPHA")
         gpu.state.depth_mask_set(False)
@@ -96,7 +96,7 @@ def paint(scene: Any, size: tuple[int, int]) -> None:
 
 
 def _paint_levels(levels: list[_Batches], size: tuple[int, int]) -> None:
-    """All surfaces before all lines, which stay crisp."""
+    """Draw all surfaces before all lines, so that lines stay crisp."""
     surface = gpu.shader.from_builtin("SMOOTH_COLOR")
     for level in levels:
         if level.fill is not None:
@@ -111,7 +111,7 @@ def _paint_levels(levels: list[_Batches], size: tuple[int, int]) -> None:
 
 
 def _drawing(scene: Any, tree: trees.Tree, part: str) -> _Drawing | None:
-    """The batches of a part, made anew only when the tree, the ray or a setting is another."""
+    """The batches of a part, rebuilt only if the tree, the ray or a setting has changed."""
     uid = scene.original.session_uid
     settings, tints = scene.halfspace.overlay, colours()
     chosen_by = _chosen_by(scene, part)
@@ -119,6 +119,7 @@ def _drawing(scene: Any, tree: trees.Tree, part: str) -> _Drawing | None:
     known = _drawings.get((uid, part))
     if known is not None and known.tree == tree.number and known.key == (chosen_by, look):
         return known
+    # Reuse the data if only the look has changed.
     if known is not None and known.tree == tree.number and known.key[0] == chosen_by:
         chosen = known.chosen
     else:
@@ -126,6 +127,7 @@ def _drawing(scene: Any, tree: trees.Tree, part: str) -> _Drawing | None:
     if chosen is None:
         _drawings.pop((uid, part), None)
         return None
+    # Convert the data to batches for each depth test with visible opacity.
     style = "BOTH" if part in PICKED else settings.style
     passes = tuple(
         (test, [_batches(level, style) for level in _levels(part, chosen, tints, opacity, settings.line_width)])
@@ -137,7 +139,7 @@ def _drawing(scene: Any, tree: trees.Tree, part: str) -> _Drawing | None:
 
 
 def _chosen_by(scene: Any, part: str) -> tuple[Any, ...]:
-    """The settings that decide what is shown of a part."""
+    """The settings that select a part's data."""
     settings = scene.halfspace.overlay
     if part == "CELLS":
         return (settings.least, settings.max_count)
@@ -172,8 +174,8 @@ def _levels(part: str, chosen: Any, tints: Any, opacity: float, width: float) ->
 
 
 def _tests(settings: Any, part: str) -> tuple[tuple[str, float], ...]:
-    """How a part stands to the objects' depths, with its opacity for each. A ray is seen on its whole way; the
-    triangles beside it lie in the surfaces of objects, which a comparison of depths would tear to strips.
+    """Depth tests of a part, with its opacity for each. A ray is drawn entirely, without a test; its triangles coincide
+    with the surfaces of objects, where a depth test would tear them into strips.
     """
     if part in PICKED:
         return (("ALWAYS", settings.opacity),)
@@ -191,7 +193,7 @@ def _batches(level: planes.Level, style: str) -> _Batches:
 
 
 def _draw_view() -> None:
-    """What Blender calls for each 3D view."""
+    """Blender's callback for each 3D view."""
     context = bpy.context
     if context.space_data.overlay.show_overlays:
         paint(context.scene, (context.region.width, context.region.height))
@@ -199,21 +201,21 @@ def _draw_view() -> None:
 
 @persistent
 def _scene_changed(scene: Any, depsgraph: Any) -> None:
-    """After each evaluation: mark, and build again by and by."""
+    """After each evaluation: record changes, and schedule a rebuild."""
     if depsgraph.mode == "VIEWPORT" and trees.note_changes(scene, depsgraph):
         building.request(scene)
 
 
 @persistent
 def _frame_changed(scene: Any, depsgraph: Any) -> None:
-    """After each evaluation of a frame, which Blender does not count among the others."""
+    """After each evaluation of a frame, which is not among the depsgraph updates."""
     if depsgraph.mode == "VIEWPORT" and trees.note_frame(scene, depsgraph):
         building.request(scene)
 
 
 @persistent
 def follow(*_: Any) -> None:
-    """Attach to Blender's drawing while some scene shows planes, and let go of it otherwise."""
+    """Attach to Blender's drawing while any scene shows the overlay, and detach otherwise."""
     global _handle  # noqa: PLW0603 (Blender's own handle for it)
     wanted = any(scene.halfspace.overlay.show for scene in bpy.data.scenes)
     if wanted and _handle is None:
@@ -227,7 +229,7 @@ def follow(*_: Any) -> None:
 
 @persistent
 def _file_loaded(*_: Any) -> None:
-    """Another file: its scenes have nothing to do with the tree."""
+    """Another file was loaded: discard everything about the old one."""
     building.stop()
     comparing.stop()
     comparing.clear()
@@ -238,7 +240,7 @@ def _file_loaded(*_: Any) -> None:
 
 
 def _begin() -> None:
-    """Show what the open file wishes to see."""
+    """Show the overlay as the open file's settings request."""
     follow()
     for scene in bpy.data.scenes:
         building.request(scene)
@@ -261,10 +263,10 @@ def _let_go() -> None:
 
 
 def _watched() -> tuple[tuple[Any, Any], ...]:
-    """Blender's lists of handlers, and what stands in them for as long as the add-on is there.
+    """Blender's handler lists, and the functions registered in them while the add-on is enabled.
 
-    Files and undo steps change the wish to see planes without a word. That triangles move is of interest even when
-    nothing is shown, since a structure may be kept; it costs a look at each update until one moves triangles.
+    Loading files and undo change the overlay's setting without a callback. Changes of triangles are tracked even if
+    nothing is shown, because a structure may be kept; it costs a check per update until one moves triangles.
     """
     handlers = bpy.app.handlers
     return (
@@ -282,12 +284,12 @@ def register() -> None:
     signals.look_changed.connect(_look_changed)
     for handlers, function in _watched():
         handlers.append(function)
-    # While an add-on is being enabled Blender does not let it look at the file, which may be open already.
+    # While an add-on is being enabled, Blender restricts access to the file, which may be open already.
     bpy.app.timers.register(_begin, first_interval=0.0)
 
 
 def unregister() -> None:
-    """The reverse of `register`, and let go of everything."""
+    """Undo `register`, and free everything."""
     signals.look_changed.disconnect(_look_changed)
     signals.visibility_changed.disconnect(_visibility_changed)
     for handlers, function in _watched():

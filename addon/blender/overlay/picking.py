@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The ray whose way is shown: picked under the cursor in a 3D view."""
+"""The ray whose path is shown: picked under the cursor in a 3D view."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from ..session import trees
 
 @dataclass(frozen=True)
 class Ray:
-    """origin, direction: in the world, three numbers each.
+    """A picked ray. origin, direction: in world space, three numbers each.
 
-    up: of the view in which it was picked. pixel: how far the rays of neighbouring pixels lie apart there, in
-    directions of length one, or in origins where `parallel`.
+    up: of the view in which it was picked. pixel: distance between the rays of neighbouring pixels there, of directions
+    of length one, or of origins if `parallel`.
     """
 
     origin: tuple[float, ...]
@@ -31,7 +31,7 @@ class Ray:
     parallel: bool = False
 
     def within(self, origin: Any) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """The same ray in the frame whose origin lies at `origin` in the world."""
+        """The same ray in the frame with this origin in world space."""
         return tuple(float(a) - float(b) for a, b in zip(self.origin, origin, strict=True)), self.direction
 
     def tile(self, origin: Any, spacing: float) -> tuple[Any, Any]:
@@ -41,16 +41,16 @@ class Ray:
 
 
 _rays: dict[int, Ray] = {}
-"""By the scene's number."""
+"""By the scene's `session_uid`."""
 
 
 def last(scene: Any) -> Ray | None:
-    """The ray that was picked in this scene."""
+    """The ray picked in this scene, or None."""
     return _rays.get(scene.original.session_uid)
 
 
 def keep(scene: Any, ray: Ray | None) -> None:
-    """Show the way of this ray, or of none."""
+    """Show the path of this ray, or of none."""
     uid = scene.original.session_uid
     if ray is None:
         _rays.pop(uid, None)
@@ -60,12 +60,12 @@ def keep(scene: Any, ray: Ray | None) -> None:
 
 
 def clear() -> None:
-    """Forget all."""
+    """Forget all rays."""
     _rays.clear()
 
 
 def under(event: Any, screen: Any) -> Ray | None:
-    """The ray through the pixel under the mouse, in whichever 3D view it is."""
+    """The ray through the pixel under the mouse, in any 3D view of the screen; None outside of them."""
     for area in screen.areas:
         if area.type != "VIEW_3D":
             continue
@@ -84,13 +84,13 @@ def under(event: Any, screen: Any) -> Ray | None:
 
 
 class HALFSPACE_OT_pick_ray(bpy.types.Operator):
-    """Shows the way of the ray under the cursor."""
+    """Shows the path of the ray under the cursor."""
 
     bl_idname = "halfspace.pick_ray"
     bl_label = "Pick a Ray"
     bl_description = (
-        "Follow the ray under the cursor through the structure: the cells that it visits, the planes that it crosses, "
-        "the triangles that are tested. Click to keep it, Esc to leave"
+        "Follow the ray under the cursor through the structure: the cells it visits, the planes it crosses, "
+        "the triangles it tests. Click to keep the ray, Esc to cancel"
     )
     bl_options = {"REGISTER", "UNDO"}
 
@@ -101,7 +101,7 @@ class HALFSPACE_OT_pick_ray(bpy.types.Operator):
 
     pixel: FloatProperty(  # type: ignore[valid-type]
         name="Pixel",
-        description="How far the directions of two pixels lie apart, for the beam around the ray",
+        description="Distance between the unit directions of neighbouring pixels, for the beam around the ray",
         default=1e-3,
         min=1e-6,
         max=1.0,
@@ -109,7 +109,7 @@ class HALFSPACE_OT_pick_ray(bpy.types.Operator):
     )
 
     _before: tuple[Ray | None, bool, set[str]] = (None, False, set())
-    """The ray and what was shown."""
+    """The ray and the overlay's settings before the operator."""
 
     @classmethod
     def poll(cls, context: Any) -> bool:
@@ -128,9 +128,9 @@ class HALFSPACE_OT_pick_ray(bpy.types.Operator):
         return {"FINISHED"}
 
     def invoke(self, context: Any, event: Any) -> set[str]:
-        """Let the cursor choose."""
+        """Start to follow the cursor."""
         if trees.last(context.scene) is None:
-            self.report({"ERROR"}, "There is no structure yet: Build Structure comes first")
+            self.report({"ERROR"}, "There is no structure yet: use Build Structure first")
             return {"CANCELLED"}
         settings = context.scene.halfspace.overlay
         self._before = last(context.scene), settings.show, set(settings.parts)
@@ -143,7 +143,7 @@ class HALFSPACE_OT_pick_ray(bpy.types.Operator):
         return {"RUNNING_MODAL"}
 
     def modal(self, context: Any, event: Any) -> set[str]:
-        """The ray follows the mouse until a click."""
+        """Follow the mouse until a click."""
         if event.type in {"ESC", "RIGHTMOUSE"}:
             return self._leave(context)
         if event.type in {"MOUSEMOVE", "LEFTMOUSE"}:
@@ -153,7 +153,7 @@ class HALFSPACE_OT_pick_ray(bpy.types.Operator):
             if event.type == "LEFTMOUSE" and event.value == "PRESS":
                 if ray is None:
                     return self._leave(context)
-                # For whoever adjusts the operation afterwards.
+                # For later adjustments of the operation.
                 self.origin, self.direction = ray.origin, ray.direction
                 self.pixel = self.pixel if ray.parallel else ray.pixel
                 self._end(context)
@@ -162,7 +162,7 @@ class HALFSPACE_OT_pick_ray(bpy.types.Operator):
         return {"PASS_THROUGH"}
 
     def _leave(self, context: Any) -> set[str]:
-        """Everything as it was."""
+        """Restore the ray and the settings."""
         settings = context.scene.halfspace.overlay
         ray, settings.show, settings.parts = self._before
         keep(context.scene, ray)
@@ -196,7 +196,7 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """The reverse of `register`."""
+    """Undo `register`."""
     for operator in reversed(CLASSES):
         bpy.utils.unregister_class(operator)
     clear()

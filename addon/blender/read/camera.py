@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Blender's cameras as `core.scene.Camera`."""
+"""Conversion of Blender's cameras to `core.scene.Camera`."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ def read_camera(
     size: tuple[int, int],
     pixel_aspect: tuple[float, float] = (1.0, 1.0),
 ) -> Camera:
-    """An evaluated camera object seen in a frame of `size` pixels.
+    """An evaluated camera object, for a frame of `size` pixels.
 
-    matrix_world: the camera's place without scale; origin: (3,) float64, where the scene frame lies in the world.
-    Shift, sensor fit and pixel aspect come out of Blender's own projection matrix. Kinds of camera that cannot be
-    rendered go into `notes` and become a perspective one with the same lens.
+    matrix_world: the camera's transform without scale; origin: (3,) float64, world position of the scene frame's
+    origin. Shift, sensor fit and pixel aspect come from Blender's own projection matrix. Unsupported kinds of camera
+    are noted in `notes` and become a perspective one with the same lens.
     """
     if item.type != "CAMERA":
         notes.add("Not a camera, rendered with a default lens", item.name)
@@ -38,6 +38,7 @@ def read_camera(
         item.calc_matrix_camera(depsgraph, x=size[0], y=size[1], scale_x=pixel_aspect[0], scale_y=pixel_aspect[1]),
         np.float64,
     )
+    # Remove the scale, which Blender ignores in cameras.
     to_world = np.array(matrix_world, np.float64, order="C")
     to_world[:3, :3] /= np.linalg.norm(to_world[:3, :3], axis=0)
     to_world[:3, 3] -= origin
@@ -54,9 +55,9 @@ def read_camera(
 
 
 def lens(item: Any, *, parallel: bool) -> dict[str, Any]:
-    """The fields of `core.scene.Camera` for depth of field; none where everything is sharp.
+    """The depth-of-field fields of `core.scene.Camera`; empty without depth of field.
 
-    Lengths as Blender's own engines take them: the lens is in millimetres of scene units, whatever the scene's units.
+    Lengths as in Blender's own engines: the lens is in millimetres of scene units, whatever the scene's units.
     """
     data = item.data if item.type == "CAMERA" else None
     if data is None or not data.dof.use_dof:
@@ -73,7 +74,7 @@ def lens(item: Any, *, parallel: bool) -> dict[str, Any]:
 
 
 def _focus(item: Any) -> float:
-    """How far along the view the sharp plane lies: as deep as the object in focus, if there is one."""
+    """Distance of the focal plane along the view: the depth of the focus object, if there is one."""
     dof = item.data.dof
     if dof.focus_object is None:
         return float(dof.focus_distance)
@@ -86,7 +87,7 @@ def _focus(item: Any) -> float:
 
 
 def window(projection: F64) -> tuple[float, float, float, float]:
-    """Left, right, bottom and top of what a projection matrix shows: at distance 1, or parallel in scene units.
+    """Left, right, bottom and top of a projection matrix's window: at distance 1, or in scene units if parallel.
 
     Solves projection · (x, y, -1, 1) = ±w for the edges of the picture, row by row.
     """

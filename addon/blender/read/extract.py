@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""From Blender's dependency graph to the arrays of `core.scene`. The only way in; nothing of Blender stays behind."""
+"""Extraction of Blender's dependency graph into the arrays of `core.scene`, which keep no reference to
+Blender's data.
+"""
 
 from __future__ import annotations
 
@@ -27,11 +29,11 @@ SKIPPED_TYPES = {
     "GPENCIL": "grease pencil",
 }
 WAIT, LATER, NO_WORLD = "wait", "later", "no world"
-"""What becomes of a Sky Texture that another Blender must render first."""
+"""Treatment of a Sky Texture that another Blender process must render first, see `find`."""
 
 HOLDOUT = "Holdout is not supported yet, rendered as usual"
 THIN = 1e-6
-"""How thick a sheet is beside its width."""
+"""Thickness of a collapsed axis relative to the width of the sheet."""
 
 RAYS = ("camera", "shadow", "diffuse", "glossy", "transmission")
 """The kinds of rays that an object can be hidden from."""
@@ -39,7 +41,7 @@ RAYS = ("camera", "shadow", "diffuse", "glossy", "transmission")
 
 @dataclass
 class _Group:
-    """A mesh and the places found for it so far."""
+    """A mesh and its instances found so far."""
 
     mesh: meshes.MeshArrays
     materials: np.ndarray[Any, Any]
@@ -49,7 +51,7 @@ class _Group:
 
 @dataclass(frozen=True)
 class Found:
-    """What was read, before anything is placed."""
+    """Everything read from the depsgraph, before meshes are placed."""
 
     placements: list[meshes.Placement]
     materials: tuple[Material, ...]
@@ -61,26 +63,26 @@ class Found:
     objects: bool = False
 
     def layout(self, mode: str, *, integrator: str = "path", interactive: bool = False) -> Layout:
-        """Whether to keep instances, and why."""
+        """Whether to keep instances, and the reason."""
         if integrator == "whitted" and any(material.glows for material in self.materials):
-            why = "Whitted's rays find glowing meshes only as lights in their places"
+            why = "Whitted's integrator supports emissive meshes only without instancing"
             return Layout(two_level=False, reason=f"instances: flattened, since {why}")
         sizes: dict[int, list[int]] = {}
         for placement in self.placements:
             triangles, places = len(placement.mesh.triangles), len(placement.names)
             sizes.setdefault(id(placement.mesh), [triangles, 0])[1] += places
         if self.layers or self.objects:
-            why = "only triangles in their places carry what these textures read"
+            why = "these textures need attributes that only flattened triangles have"
             return Layout(two_level=False, reason=f"instances: flattened, since {why}")
         smooth = any(placement.mesh.normals is not None for placement in self.placements)
         return choose(mode, [(a, b) for a, b in sizes.values()], smooth=smooth, interactive=interactive)
 
     def flattened(self, *, uvs: bool = False) -> Scene:
-        """Every triangle in its place."""
+        """The scene with every triangle of every instance."""
         return self._scene(meshes.assemble(self.placements, uvs=uvs, layers=self.layers, objects=self.objects))
 
     def instanced(self) -> Scene:
-        """Every mesh once, and its places."""
+        """The scene with every mesh once, and its instances."""
         return self._scene(meshes.keep_instances(self.placements))
 
     def _scene(self, geometry: Any) -> Scene:
@@ -89,9 +91,9 @@ class Found:
 
 
 def extract(depsgraph: Any, notes: Notes, *, uvs: bool = False, sky: str = "") -> Scene:
-    """The scene as the depsgraph's mode (viewport or render) shows it, in arrays, every triangle in its place.
+    """The scene as the depsgraph's mode (viewport or render) shows it, flattened.
 
-    As `find` reads it. Geometry is in the frame of `Scene.geometry.origin`.
+    Reads as `find` does. Geometry is in the frame of `Scene.geometry.origin`.
     """
     return find(depsgraph, notes, uvs=uvs, sky=sky).flattened(uvs=uvs)
 
@@ -105,22 +107,22 @@ def find(
     sky: str = "",
     keep_going: Callable[[], bool] | None = None,
 ) -> Found:
-    """Everything that can be rendered as the depsgraph's mode shows it; with a 3D view, only what that view shows.
+    """Read everything renderable that the depsgraph's mode shows; with a 3D view (`space`), only what that view shows.
 
-    Reads meshes, whatever has a mesh (curves, surfaces, text, metaballs) and lights, with every instance of them, with
-    the materials and the world of the view layer; what cannot be rendered goes into `notes` by name.
+    Reads meshes, objects convertible to meshes (curves, surfaces, text, metaballs) and lights, with all their
+    instances, and the materials and the world of the view layer; unsupported objects are noted in `notes` by name.
 
-    sky: WAIT for a Sky Texture, which takes seconds; begin it now and have it LATER; or NO_WORLD, for triangles alone.
-    Without a word renders wait and viewports do not. keep_going: asked meanwhile; where it returns False, Cancelled is
-    raised.
+    sky: WAIT for a Sky Texture, which takes seconds; start it now and use it LATER; or NO_WORLD, for triangles alone.
+    By default renders wait and viewports do not. keep_going: polled meanwhile; if it returns False, raises Cancelled.
     """
     layer = depsgraph.view_layer_eval
     reader = _Reader(notes, uvs, depsgraph.ids, layer)
-    # Take everything from an item at once: Blender reuses its memory for the next one.
+    # Read everything from an instance at once: Blender reuses its memory for the next one.
     for instance in depsgraph.object_instances:
         if instance.show_self and (space is None or instance.object.visible_in_viewport_get(space)):
             reader.visit(instance.object, instance.matrix_world, instance.parent if instance.is_instance else None)
     reader.note_layers()
+    # Read the world after the materials, because both share the gallery of images.
     sky = sky or (WAIT if depsgraph.mode == "RENDER" else LATER)
     background, shown, suns = world.read_world(
         view_layers.world(depsgraph) if layer.use_sky and sky != NO_WORLD else None,
@@ -142,6 +144,8 @@ def find(
 
 
 class _Reader:
+    """The state of one pass over the depsgraph's instances."""
+
     def __init__(self, notes: Notes, uvs: bool, blocks: Any, layer: Any) -> None:
         self.notes = notes
         self.uvs = uvs
@@ -157,10 +161,10 @@ class _Reader:
         self._surfaces = layer.use_solid
         self._marks = view_layers.Marks(layer)
         self._given: set[int] = set()
-        """Curves, text and the like whose mesh Blender gives as an instance beside them."""
+        """Curves, text and the like whose mesh Blender also lists as an instance."""
 
     def visit(self, item: Any, matrix_world: Any, parent: Any = None) -> None:
-        """Take over one object at one place, where perhaps another object has put it."""
+        """Read one object at one place; `parent` is its instancer, if any."""
         kind = item.type
         matrix = np.array(matrix_world, np.float64)
         if kind in MESH_TYPES or kind in CONVERTIBLE_TYPES:
@@ -177,28 +181,29 @@ class _Reader:
             self.notes.add(f"Skipped, {SKIPPED_TYPES[kind]} cannot be rendered yet", item.name_full)
 
     def placements(self) -> list[meshes.Placement]:
-        """What was found, in order of appearance."""
+        """The placements, in order of appearance."""
         return [
             meshes.Placement(group.mesh, np.stack(group.matrices), tuple(group.names), group.materials)
             for (mesh, _), group in self._groups.items()
-            if mesh[0] != "object" or mesh[1] not in self._given  # else every triangle would be there twice
+            if mesh[0] != "object" or mesh[1] not in self._given  # otherwise every triangle would occur twice
         ]
 
     def _place(self, item: Any, matrix: np.ndarray[Any, Any], hidden: Hidden) -> None:
-        name = item.name_full  # two files may each have an object of the same name
+        """Add one instance of the object's mesh, unless its transform is unusable."""
+        name = item.name_full  # linked files may contain objects of equal names
         self._check_once(item, name)
         if not np.isfinite(matrix).all():
             self.notes.add("Dropped, the transform is not finite", name)
             return
         sheet = _as_sheet(matrix)
         if sheet is None:
-            self.notes.add("Dropped, the transform leaves a line or a point of the object (scale 0)", name)
+            self.notes.add("Dropped, the transform collapses the object to a line or a point (scale 0)", name)
             return
         matrix = sheet
         mesh_key, mesh, used = self._mesh(item, hidden)
         if mesh is None or not len(mesh.triangles):
             return
-        if mesh_key[0] == "mesh":  # others may be left out in the end
+        if mesh_key[0] == "mesh":  # other meshes may be dropped at the end
             self._room.placed(len(mesh.triangles))
         group_key = (mesh_key, used)
         if (group := self._groups.get(group_key)) is None:
@@ -207,8 +212,8 @@ class _Reader:
         group.names.append(name)
 
     def _mesh(self, item: Any, hidden: Hidden) -> tuple[tuple[str, int], meshes.MeshArrays | None, tuple[int, ...]]:
-        """The object's mesh, read once however often it is placed, and its materials."""
-        # In edit mode the mesh is a shell around the one that is edited, without attributes.
+        """The key and arrays of the object's mesh, read once for all its instances, and its materials."""
+        # In edit mode the evaluated mesh is a wrapper without attributes.
         if item.type in MESH_TYPES and not item.data.is_editmode:
             data = item.data
             key = ("mesh", data.as_pointer())
@@ -217,7 +222,7 @@ class _Reader:
             return key, self._meshes[key], self.palette.indices(item, data, hidden)
         key = ("object", item.original.as_pointer())
         if key not in self._meshes:
-            # Edited meshes and other kinds of objects lend a mesh, which dies with `to_mesh_clear`.
+            # Edited meshes and other types provide a temporary mesh, which `to_mesh_clear` frees.
             data = item.to_mesh()
             if data is None:
                 return key, None, ()
@@ -226,7 +231,7 @@ class _Reader:
         return key, self._meshes[key], self.palette.indices(item, item.data, hidden)
 
     def _read(self, data: Any, item: Any) -> meshes.MeshArrays:
-        """A mesh and what materials read of it."""
+        """A mesh with the layers that materials read."""
         keys = self.palette.layers.keys
         self._room.check(data, keys)
         for key in keys:
@@ -236,7 +241,7 @@ class _Reader:
         return meshes.read_mesh(data, uvs=self.uvs, layers=keys)
 
     def note_layers(self) -> None:
-        """Remark on what materials read and no mesh has."""
+        """Note layers that materials read and no mesh has."""
         there = self._unreadable.union(*(mesh.layers for mesh in self._meshes.values()))
         for key, names in self.palette.readers().items():
             kind, layer = key
@@ -247,7 +252,7 @@ class _Reader:
                 self.notes.add(f"No mesh has the {what} {layer!r}, it is 0 everywhere, in material", name)
 
     def _seen(self, item: Any, parent: Any) -> Hidden:
-        """The rays that do not see an object at its place, also because of its collections."""
+        """The rays that ignore an instance, including the effect of its collections."""
         hidden = _hidden(item, parent)
         owner = item if parent is None else parent
         holdout, indirect_only = self._marks.of(owner)
@@ -261,12 +266,12 @@ class _Reader:
     def _note_linking(self, item: Any, name: str) -> None:
         linking = item.light_linking
         if linking.receiver_collection is not None:
-            self.notes.add("Light linking is not supported yet, the light reaches everything", name)
+            self.notes.add("Light linking is not supported yet, the light affects all objects", name)
         if linking.blocker_collection is not None:
-            self.notes.add("Shadow linking is not supported yet, everything throws shadows", name)
+            self.notes.add("Shadow linking is not supported yet, all objects cast shadows", name)
 
     def _check_once(self, item: Any, name: str) -> None:
-        """Remark on settings of an object that are not obeyed."""
+        """Note an object's unsupported settings, once per object."""
         if name in self._checked:
             return
         self._checked.add(name)
@@ -285,13 +290,13 @@ class _Reader:
 
 
 def _hidden(item: Any, parent: Any) -> Hidden:
-    """The rays that do not see an object; what an instancer hides is hidden."""
+    """The rays that ignore an object; those that its instancer ignores are included."""
     both = [item] if parent is None else [item, parent]
     return tuple(ray for ray in RAYS if not all(getattr(one, f"visible_{ray}") for one in both))
 
 
 def _as_sheet(matrix: np.ndarray[Any, Any]) -> np.ndarray[Any, Any] | None:
-    """A transform that can be inverted: one that loses an axis leaves a thin sheet instead; None if it loses two."""
+    """An invertible transform: one that collapses one axis becomes a thin sheet; None if it collapses two."""
     if _is_regular(matrix):
         return matrix
     turned, lengths, axes = np.linalg.svd(matrix[:3, :3])
@@ -299,14 +304,14 @@ def _as_sheet(matrix: np.ndarray[Any, Any]) -> np.ndarray[Any, Any] | None:
         return None
     lengths[2] = THIN * lengths[1]
     if np.linalg.det(turned) * np.linalg.det(axes) < 0:
-        turned[:, 2] *= -1  # the front of its faces stays in front
+        turned[:, 2] *= -1  # keep the orientation of its faces
     sheet = matrix.copy()
     sheet[:3, :3] = turned * lengths @ axes
     return sheet
 
 
 def _is_regular(matrix: np.ndarray[Any, Any]) -> bool:
-    """Whether a transform keeps volumes apart from zero, judged relative to the lengths of its columns."""
+    """Whether a transform is invertible, judged by its determinant relative to the lengths of its columns."""
     linear = matrix[:3, :3]
     lengths = np.linalg.norm(linear, axis=0)
     return bool(lengths.all()) and abs(np.linalg.det(linear / lengths)) > 1e-12

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Blender's images as RGBA arrays, read once each."""
+"""Blender's images as RGBA arrays, each read once."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ if TYPE_CHECKING:
     from ...core.base.notes import Notes
 
 RAW_SPACES = {"Non-Color", "Raw", "Generic Data", "scene_linear", "data"}
-"""Colour spaces whose numbers are taken as they are."""
+"""Colour spaces whose numbers are used unchanged."""
 
 LINEAR_SPACES = {"Linear", "Linear Rec.709"}
-"""Those with the red, green and blue of sRGB whose numbers are not encoded."""
+"""Colour spaces with the primaries of sRGB and linear values."""
 
 EMPTY = np.zeros((0, 0, 4), np.float32)
 """A missing image: the native module shows Blender's pink for it."""
 
 
 class Gallery:
-    """Collects the images that nodes ask for; their pixels are read at the end, for those in use."""
+    """Collects the images of nodes; the pixels of those in use are read at the end."""
 
     def __init__(self) -> None:
         self._images: list[Any] = []
@@ -41,7 +41,7 @@ class Gallery:
         return self._numbers[key]
 
     def add(self, name: str, pixels: F32) -> int:
-        """The number of a picture that Blender has not, (h, w, 4) linear float32."""
+        """The number of a generated picture, (h, w, 4) linear float32."""
         key = id(pixels)
         if key not in self._numbers:
             self._numbers[key] = len(self._images)
@@ -49,7 +49,7 @@ class Gallery:
         return self._numbers[key]
 
     def read(self, used: set[int], notes: Notes) -> tuple[Image, ...]:
-        """All images by number; those that nobody uses stay empty."""
+        """All images by number; unused ones stay empty."""
         return tuple(
             (image if isinstance(image, Image) else read_image(image, notes))
             if number in used
@@ -59,7 +59,7 @@ class Gallery:
 
 
 def read_image(image: Any, notes: Notes) -> Image:
-    """The image with its colours times alpha; no rows when it is missing."""
+    """The image with its colours multiplied by alpha; zero rows if it is missing."""
     space = image.colorspace_settings.name
     raw = image.is_float or space in RAW_SPACES or space == _working_space()  # floats are converted when loaded
     encoded = not raw and space not in LINEAR_SPACES
@@ -72,7 +72,7 @@ def read_image(image: Any, notes: Notes) -> Image:
         if not image.is_float and image.alpha_mode == "STRAIGHT" and associated(image):
             colours *= alpha
         return Image(image.name, pixels, encoded)
-    # As in Cycles, colours are straight while they are converted: what is encoded is not proportional to light.
+    # As in Cycles, convert straight colours: encoded values are not proportional to light.
     if image.alpha_mode == "PREMUL":
         np.divide(colours, alpha, out=colours, where=alpha != 0)
     if encoded:
@@ -84,26 +84,29 @@ def read_image(image: Any, notes: Notes) -> Image:
 
 
 def _working_space() -> str:
-    """What the space is called that the file renders in; before Blender 5.0 files have none of their own."""
+    """Name of the file's working space; before Blender 5.0 files have none."""
     return bpy.data.colorspace.working_space if hasattr(bpy.data, "colorspace") else "scene_linear"
 
 
 def _primaries() -> F32:
-    """What the red, green and blue of sRGB are in the space that the file, or the user's configuration, renders in."""
+    """(3, 3) primaries of sRGB in the working space of the file or of the user's configuration."""
     return np.array([Color(row).from_srgb_to_scene_linear() for row in np.eye(3)], np.float32)
 
 
 def associated(image: Any) -> bool:
-    """Whether its colours count times alpha: not those of data, nor where alpha is ignored or a channel like others."""
+    """Whether its colours are multiplied by alpha: neither for data, nor if alpha is ignored or channel-packed."""
     return image.alpha_mode in ("STRAIGHT", "PREMUL") and not image.colorspace_settings.is_data
 
 
 def _pixels(image: Any, notes: Notes) -> F32:
+    """(h, w, 4) float32 stored values; greyscale is expanded, and non-finite values become 0."""
     name = image.name
+    # Note sources of which only a part is read.
     if image.source == "TILED":
         notes.add("Image tiles (UDIM) are not supported yet, the first one is used", name)
     elif image.source in ("SEQUENCE", "MOVIE"):
         notes.add("Image sequences and movies are not supported yet, one frame is used", name)
+    # Read the stored values; a missing file has no size or raises.
     try:
         width, height = image.size
         count = len(image.pixels)
@@ -116,6 +119,7 @@ def _pixels(image: Any, notes: Notes) -> F32:
     flat = np.empty(count, np.float32)
     image.pixels.foreach_get(flat)
     found = flat.reshape(height, width, channels)
+    # Expand one channel to grey, and two to grey with alpha.
     pixels = np.ones((height, width, 4), np.float32)
     if channels >= 3:
         pixels[..., : min(channels, 4)] = found[..., :4]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What textures read at the corners of triangles: UV maps, colours, tangents. And objects as they see them."""
+"""Corner attributes that textures read (UV maps, colours, tangents), and the objects' frames for textures."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 Key = tuple[str, str]
 
 BLOCK = 1 << 14
-"""How many triangles' tangents are turned at a time."""
+"""Number of triangles whose tangents are transformed at a time."""
 
 
 def read_layers(mesh: Any, keys: Sequence[Key]) -> dict[Key, F32]:
@@ -36,7 +36,7 @@ def read_layers(mesh: Any, keys: Sequence[Key]) -> dict[Key, F32]:
 
 
 def widths(mesh: Any, keys: Sequence[Key]) -> dict[Key, int]:
-    """How many numbers each of the layers that the mesh has will have at each corner; copies none."""
+    """Numbers per corner of each of the layers that the mesh has, without a copy."""
     found = {key: _width(mesh, *key) for key in keys} if len(mesh.loop_triangles) else {}
     return {key: numbers for key, numbers in found.items() if numbers}
 
@@ -78,7 +78,7 @@ TYPES: dict[str, tuple[int, str, Any]] = {
     "INT8": (1, "value", np.int8),
     "BOOLEAN": (1, "value", np.bool_),
 }
-"""The attributes that can be read: how many numbers, the name of their field, and as what Blender stores them."""
+"""The readable attribute types: numbers per element, the name of their field, and their type in Blender's memory."""
 
 DOMAINS = ("POINT", "FACE", "CORNER")
 
@@ -93,7 +93,7 @@ def _attribute(mesh: Any, name: str) -> Any:
 
 
 def unreadable(mesh: Any, key: Key) -> str:
-    """Why a mesh that has this layer cannot give it, or nothing."""
+    """The reason why an existing layer of a mesh cannot be read, or ""."""
     attribute = _attribute(mesh, key[1]) if key[0] == COLOR else None
     if attribute is None:
         return ""
@@ -103,16 +103,18 @@ def unreadable(mesh: Any, key: Key) -> str:
 
 
 def _color(mesh: Any, name: str, corners: U32) -> F32 | None:
-    """Any attribute of numbers, on points, faces or corners; without a name the active colour."""
+    """An attribute of numbers on points, faces or corners; without a name the active colour."""
     attribute = _attribute(mesh, name)
     if attribute is None or unreadable(mesh, (COLOR, name)):
         return None
+    # Read the attribute in its stored type.
     width, field, stored = TYPES[attribute.data_type]
     values = np.empty(len(attribute.data) * width, stored)
     attribute.data.foreach_get(field, values)
     rows = values.reshape(-1, width).astype(np.float32, copy=False)
     if width == 1:
         rows = np.repeat(rows, 3, axis=1)
+    # Distribute values from their domain to the corners of triangles.
     if attribute.domain == "CORNER":
         return rows.take(corners, axis=0)
     if attribute.domain == "POINT":
@@ -132,8 +134,9 @@ def _tangents(mesh: Any, name: str, corners: U32) -> F32 | None:
     try:
         mesh.calc_tangents(uvmap=uv_map.name)
     except RuntimeError:
-        # Only for triangles and quads.
+        # Blender's tangents support only triangles and quads.
         return _triangle_tangents(mesh, name, corners)
+    # Read tangents and signs per loop, then gather the triangles' corners.
     values = np.empty((len(mesh.loops), 4), np.float32)
     flat = np.empty(len(mesh.loops) * 3, np.float32)
     mesh.loops.foreach_get("tangent", flat)
@@ -146,13 +149,14 @@ def _tangents(mesh: Any, name: str, corners: U32) -> F32 | None:
 
 
 def _triangle_tangents(mesh: Any, name: str, corners: U32) -> F32 | None:
-    """Where u grows on each triangle: what meshes with larger faces get."""
+    """The direction of increasing u on each triangle, for meshes with larger faces."""
     uv = _uv(mesh, name, corners)
     assert uv is not None
     positions = np.empty(len(mesh.vertices) * 3, np.float32)
     mesh.attributes["position"].data.foreach_get("vector", positions)
     vertices = np.empty(len(mesh.loops), np.int32)
     mesh.attributes[".corner_vert"].data.foreach_get("value", vertices)
+    # Solve for the tangent from the edges in space and in uv.
     p = positions.reshape(-1, 3).take(vertices.take(corners), axis=0).reshape(-1, 3, 3).astype(np.float64)
     t = uv.reshape(-1, 3, 2).astype(np.float64)
     e1, e2 = p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]
@@ -166,14 +170,14 @@ def _triangle_tangents(mesh: Any, name: str, corners: U32) -> F32 | None:
 
 
 def box(mesh: Any) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """What is added to a position of the mesh, and what it is multiplied by, so that its texture space is 0 to 1."""
+    """Offset and then scale that map positions of the mesh to its texture space, 0 to 1."""
     place, size = np.array(mesh.texspace_location), np.array(mesh.texspace_size)
     size = np.where(size == 0, 1.0, size)
     return tuple(size - place), tuple(0.5 / size)
 
 
 def width(placements: Sequence[Placement], key: Key) -> int:
-    """How many numbers the layer has at each corner, 0 where no mesh has it."""
+    """Numbers per corner of the layer, 0 if no mesh has it."""
     return max((p.mesh.layers[key].shape[2] for p in placements if key in p.mesh.layers), default=0)
 
 
@@ -189,6 +193,7 @@ def assemble_layers(placements: Sequence[Placement], keys: Sequence[Key], count:
         if layer.shape[2] == 4:
             layer[..., 3] = 1
         start = 0
+        # Copy the mesh's values to all its instances; tangents are transformed, mirrored triangles flipped.
         for p in placements:
             places, triangles = len(p.names), len(p.mesh.triangles)
             rows = layer[start : start + places * triangles].reshape(places, triangles, 3, -1)
@@ -209,9 +214,9 @@ def assemble_layers(placements: Sequence[Placement], keys: Sequence[Key], count:
 
 
 def _turn(tangents: F32, matrices: F64, *, out: F32) -> None:
-    """Unit vectors (m, 3, 3) along a mesh in each of its places, rounded once into `out` (k, m, 3, 3).
+    """Transform unit vectors (m, 3, 3) of a mesh into each of its instances, rounded once into `out` (k, m, 3, 3).
 
-    In blocks: in f64 all of them would be several times what is counted for the layer.
+    In blocks: in f64 all of them together would take several times the memory accounted for the layer.
     """
     places = max(BLOCK // max(len(tangents), 1), 1)
     for m in range(0, len(tangents), BLOCK):
@@ -223,7 +228,7 @@ def _turn(tangents: F32, matrices: F64, *, out: F32) -> None:
 
 
 def assemble_objects(placements: Sequence[Placement], origin: F64) -> tuple[tuple[ObjectFrame, ...], U32]:
-    """Every place as an object, and the object of each triangle, (m,) uint32."""
+    """Every instance as an object frame, and the frame of each triangle, (m,) uint32."""
     frames = []
     counts = []
     shift = np.eye(4)

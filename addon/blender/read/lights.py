@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Blender's lights as `core.scene.Light`."""
+"""Conversion of Blender's lights to `core.scene.Light`."""
 
 from __future__ import annotations
 
@@ -18,35 +18,37 @@ if TYPE_CHECKING:
 
 
 EVEN = 1e-6
-"""Scales that differ by less of their size are the same: what is left of turning an object."""
+"""Relative difference below which scales are equal: rounding errors of a rotation."""
 
 FLAT = 1e-12
-"""Axes of length one at most that span a smaller volume lie in a plane, or nearly so."""
+"""Determinant below which axes of at most unit length are treated as coplanar."""
 
 
 def read_light(item: Any, matrix: F64, notes: Notes) -> Light | None:
-    """A light object at one place in the world; None when it gives no light."""
+    """A light object at one place in the world; None if it emits no light."""
     data, name = item.data, item.name_full
     if data.type == "AREA" and getattr(getattr(data, "cycles", None), "is_portal", False):
-        return None  # it only tells Cycles where the world's light comes in
+        return None  # a portal only guides Cycles's sampling of the world
     if not np.isfinite(matrix).all():
         notes.add("Dropped, the transform is not finite", name)
         return None
+    # Combine colour, energy, exposure, temperature and nodes to the power.
     to_world, scale = _without_scale(matrix)
     power = scaled(tuple(data.color), data.energy * 2.0**data.exposure)
     if data.use_temperature:
         power = _times(power, tuple(data.temperature_color))
     power = _times(power, _node_strength(data, name, notes))
     light = Light(data.type.lower(), to_world, power, casts_shadow=data.use_shadow, name=name)
+    # Add the shape of each type.
     match data.type:
         case "POINT" | "SPOT":
             light = replace(light, radius=data.shadow_soft_size)
             if data.shadow_soft_size > 0 and not data.use_soft_falloff:
-                notes.add("Lights without soft falloff are not supported yet, it falls off softly", name)
+                notes.add("Lights without soft falloff are not supported yet, rendered with soft falloff", name)
             if data.type == "SPOT":
                 light = replace(light, spot_size=data.spot_size, spot_blend=data.spot_blend)
                 if not _is_flat(matrix) and np.ptp(scale) > EVEN * scale.max():
-                    light = replace(light, to_world=matrix.copy())  # as in Cycles, it squeezes the cone
+                    light = replace(light, to_world=matrix.copy())  # as in Cycles, the scale squeezes the cone
         case "SUN":
             light = replace(light, angle=data.angle)
         case "AREA":
@@ -58,22 +60,22 @@ def read_light(item: Any, matrix: F64, notes: Notes) -> Light | None:
     if not data.normalize:
         light = replace(light, power=scaled(light.power, _extent(light)))
     if min(light.power) < 0.0:
-        notes.add("Lights that take light away (negative power) are not supported yet, left out", name)
+        notes.add("Lights with negative power are not supported yet, left out", name)
         return None
     return light if any(light.power) else None
 
 
 def moved(light: Light, origin: F64) -> Light:
-    """The light in the frame whose origin lies at `origin`."""
+    """The light in the frame with this origin."""
     to_world = light.to_world.copy()
     to_world[:3, 3] -= origin
     return replace(light, to_world=to_world)
 
 
 def _extent(light: Light) -> float:
-    """What Blender does *not* divide by when a light is not normalised: the area that shines, or the sun's disk.
+    """The factor of a light that is not normalised: the emitting area, or the projected solid angle of the sun.
 
-    As `Light.area` tells it: the disk as it lies on the sphere of directions; points without size count as 4.
+    Matches `Light.area` of the native module: the disk on the sphere of directions; points without size count as 4.
     """
     match light.kind:
         case "sun":
@@ -86,23 +88,23 @@ def _extent(light: Light) -> float:
 
 
 def _without_scale(matrix: F64) -> tuple[F64, F64]:
-    """A transform with columns of unit length, and the lengths taken out. A lost axis is made up."""
+    """A transform with columns of unit length, and the removed lengths. Collapsed axes are replaced."""
     scale = np.linalg.norm(matrix[:3, :3], axis=0)
     to_world = matrix.copy()
     directions = matrix[:3, :3] / np.where(scale > 0, scale, 1.0)
-    # Axes are lost, too, where an object that is turned hangs on one that is scaled to nothing along an axis.
+    # A rotated child of a parent with zero scale along an axis also loses axes.
     to_world[:3, :3] = np.eye(3) if _is_flat(directions) else directions
     return to_world, scale
 
 
 def _is_flat(matrix: F64) -> bool:
-    """Whether a transform leaves so little of an axis that nothing can be told of directions after it."""
+    """Whether a transform collapses an axis so far that directions are undefined."""
     axes = matrix[:3, :3] / max(np.abs(matrix[:3, :3]).max(), np.finfo(np.float64).tiny)
     return bool(abs(np.linalg.det(axes)) < FLAT)
 
 
 def _node_strength(data: Any, name: str, notes: Notes) -> RGB:
-    """What the light's own nodes multiply its power by: an Emission node with constants, or 1."""
+    """The factor of the light's own nodes: an Emission node with constants, or 1."""
     white = (1.0, 1.0, 1.0)
     tree = active_tree(data)
     if tree is None:
@@ -111,6 +113,7 @@ def _node_strength(data: Any, name: str, notes: Notes) -> RGB:
     def remark(what: str) -> None:
         notes.add(f"{what} is not supported yet in light", name)
 
+    # Follow the output's surface to an Emission node.
     output = output_node(tree)
     if output is None:
         return (0.0, 0.0, 0.0)

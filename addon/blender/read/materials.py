@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The scene's materials: one list, each Blender material in it once."""
+"""The scene's materials: one list with each Blender material once."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ DEFAULT = Material("(no material)")
 UNSUPPORTED = "is not supported yet in material"
 
 BLACK = Material("", base_color=(0.0, 0.0, 0.0), specular=0.0, roughness=1.0)
-"""No surface shader at all: absorbs everything, emits nothing."""
+"""A material without a surface shader: absorbs everything, emits nothing."""
 
 
 @dataclass(frozen=True)
 class _Read:
-    """A material that was read, with what is to be said of it once it is in use."""
+    """A material with the notes to report once it is in use."""
 
     material: Material
     remarks: tuple[str, ...]
@@ -36,14 +36,14 @@ class _Read:
 
 
 class Palette:
-    """Collects materials while objects are visited; number 0 is what objects without a material get.
+    """Collects materials while objects are visited; number 0 is for objects without a material.
 
-    layers: what the materials of `blocks`, or of those met since, read at the corners of triangles.
+    layers: corner attributes that the materials of `blocks`, or of those met since, read.
     """
 
     def __init__(self, notes: Notes, blocks: Iterable[Any] = (), override: Any = None) -> None:
         """blocks: data blocks of a depsgraph; the materials among them are read at once, so that `layers` is complete
-        before the first mesh is. override: the only material, in place of all others.
+        before the first mesh is read. override: a material that replaces all others.
         """
         self.layers = Layers()
         self.gallery = Gallery()
@@ -61,8 +61,8 @@ class Palette:
     def indices(self, item: Any, data: Any, hidden: Hidden = ()) -> tuple[int, ...]:
         """The scene's material for each slot of an evaluated object; at least one.
 
-        A slot linked to the object wins over the material of the same number on the object's data. hidden: the rays
-        that do not see the object; for the scene a material that is hidden is one of its own.
+        A slot linked to the object takes precedence over the same slot of the object's data. hidden: the rays that
+        ignore the object; in the scene, a material with other hidden rays is a separate one.
         """
         own = data.materials
         slots = item.material_slots
@@ -77,7 +77,7 @@ class Palette:
         return tuple(self._materials)
 
     def readers(self) -> dict[tuple[str, str], list[str]]:
-        """Which of the materials met so far read each of the layers, by name."""
+        """By layer the names of the materials met so far that read it."""
         found: dict[tuple[str, str], dict[str, None]] = {}
         for material in self._materials:
             for step in material.program:
@@ -86,11 +86,11 @@ class Palette:
         return {key: list(names) for key, names in found.items()}
 
     def images(self, more: Iterable[int] = ()) -> tuple[Image, ...]:
-        """All images by number, with the pixels of those that materials met so far use, and `more`."""
+        """All images by number, with the pixels of those used by materials met so far and of `more`."""
         return self.gallery.read(self._images | set(more), self._notes)
 
     def pass_indices(self) -> tuple[float, ...]:
-        """The number that the user gave each of these materials."""
+        """The pass index of each of these materials."""
         return tuple(self._pass_indices)
 
     def _number(self, material: Any, hidden: Hidden) -> int:
@@ -116,6 +116,7 @@ class Palette:
 
 
 def _material(material: Any, values: Values) -> Material:
+    """Convert a Blender material; without nodes, or with an unsupported surface, its viewport settings are used."""
     name = material.name
     viewport = Material(
         name,
@@ -129,6 +130,7 @@ def _material(material: Any, values: Values) -> Material:
     output = output_node(tree)
     if output is None:
         return _black(name)
+    # Note outputs that are not rendered, then read the surface.
     for socket in ("Displacement", "Volume"):
         if output.inputs[socket].is_linked:
             values.remark(socket)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""One Blender mesh as arrays, and many placed meshes as one. No Python runs per vertex or triangle.
+"""One Blender mesh as arrays, and many placed meshes as one. No Python code runs per vertex or triangle.
 
-`foreach_get` copies memory only when the array's type is the stored one (float32; int32 for attributes; uint32 for
-triangle corners) and the property is a plain array; anything else converts item by item, a hundred times slower.
+`foreach_get` copies memory directly only if the array's type is the stored one (float32; int32 for attributes; uint32
+for triangle corners) and the property is a plain array; otherwise it converts item by item, a hundred times slower.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 MOST_TRIANGLES = 1 << 29
-"""What one scene can hold; most trees refuse half of it."""
+"""Largest number of triangles of a scene; most trees accept at most half of it."""
 
-FEWER = "let materials read fewer different attributes"
-"""The advice where there would be room without what they read."""
+FEWER = "use fewer different attributes in materials"
+"""Advice if the scene would fit into memory without the layers of its materials."""
 
 BLOCK = 1 << 14
-"""How many vectors are transformed at a time."""
+"""Number of vectors that are transformed at a time."""
 
 NORMALS_FLAT, NORMALS_VERTEX, NORMALS_CORNER = "FACE", "POINT", "CORNER"
 
@@ -38,10 +38,10 @@ NORMALS_FLAT, NORMALS_VERTEX, NORMALS_CORNER = "FACE", "POINT", "CORNER"
 class MeshArrays:
     """A mesh in its own space.
 
-    positions: (n, 3) float32. triangles: (m, 3) int32 into positions. slots: (m,) int32 material slots, or None when
-    all are 0. normals: (k, 3) float32 as Blender stores them, one per vertex or per corner of a face, None for flat;
-    normal_rows: (m, 3) integers into normals. uvs: (m, 3, 2) float32 or None. layers: what textures read, see
-    `layers.read_layers`. box: its texture space, see `layers.box`.
+    positions: (n, 3) float32. triangles: (m, 3) int32 into positions. slots: (m,) int32 material slots, or None if all
+    are 0. normals: (k, 3) float32 as stored by Blender, one per vertex or per face corner, None for flat; normal_rows:
+    (m, 3) integers into normals. uvs: (m, 3, 2) float32 or None. layers: see `layers.read_layers`. box: its texture
+    space, see `layers.box`.
     """
 
     positions: F32
@@ -55,18 +55,20 @@ class MeshArrays:
 
 
 def read_mesh(mesh: Any, *, uvs: bool = False, layers: Sequence[texture_layers.Key] = ()) -> MeshArrays:
-    """Copy what rendering needs out of an evaluated `bpy.types.Mesh`; with `uvs` also the active render UV map."""
+    """Copy the render data of an evaluated `bpy.types.Mesh`; with `uvs` also the active render UV map."""
     positions = _positions(mesh)
     corner_vertices = _attribute(mesh, ".corner_vert", np.int32, len(mesh.loops))
     corners = _read(mesh.loop_triangles, "loops", np.uint32, len(mesh.loop_triangles) * 3).astype(np.intp)
     triangles = corner_vertices.take(corners).reshape(-1, 3)
 
+    # Read material slots; a mesh with slot 0 only needs none.
     slots = None
     if "material_index" in mesh.attributes:
         face_slots = _attribute(mesh, "material_index", np.int32, len(mesh.polygons))
         faces = _read(mesh.loop_triangle_polygons, "value", np.int32, len(triangles))
         slots = face_slots.take(faces) if face_slots.any() else None
 
+    # Read normals where Blender's shading is smooth.
     normals, normal_rows = None, None
     if len(triangles) and mesh.normals_domain == NORMALS_VERTEX:
         normals = _read(mesh.vertex_normals, "vector", np.float32, len(mesh.vertices) * 3).reshape(-1, 3)
@@ -75,6 +77,7 @@ def read_mesh(mesh: Any, *, uvs: bool = False, layers: Sequence[texture_layers.K
         normals = _read(mesh.corner_normals, "vector", np.float32, len(mesh.loops) * 3).reshape(-1, 3)
         normal_rows = corners.reshape(-1, 3)
 
+    # Read the UV map and the layers of materials.
     uv_map = next((layer for layer in mesh.uv_layers if layer.active_render), None) if uvs else None
     uv = None
     if uv_map is not None:
@@ -86,7 +89,7 @@ def read_mesh(mesh: Any, *, uvs: bool = False, layers: Sequence[texture_layers.K
 
 
 def _positions(mesh: Any) -> NDArray[Any]:
-    if not len(mesh.vertices):  # a mesh that nothing was ever put into has not even this attribute
+    if not len(mesh.vertices):  # an empty mesh lacks even this attribute
         return np.zeros(0, np.float32)
     return _read(mesh.attributes["position"].data, "vector", np.float32, len(mesh.vertices) * 3)
 
@@ -106,10 +109,10 @@ def _read(collection: Any, name: str, dtype: Any, count: int) -> NDArray[Any]:
 
 @dataclass(frozen=True, eq=False)
 class Placement:
-    """A mesh and every place where it stands with the same materials.
+    """A mesh and all its instances with the same materials.
 
     matrices: (k, 4, 4) float64, mesh to world, regular. names: the k objects. materials: (slots,) int32, the scene's
-    material for each slot, at least one; slots beyond the last use the last, as Blender does.
+    material for each slot, at least one; slots beyond the last use the last, as in Blender.
     """
 
     mesh: MeshArrays
@@ -125,9 +128,9 @@ def assemble(
     layers: Sequence[texture_layers.Key] = (),
     objects: bool = False,
 ) -> Geometry:
-    """All placements as one geometry, moved to the centre of the box around the boxes of the placed meshes.
+    """All placements as one geometry, with its origin at the centre of the box around the boxes of the placed meshes.
 
-    layers: what materials read at the corners. objects: whether they ask for their object.
+    layers: corner attributes that materials read. objects: whether materials need object frames. Raises SceneError.
     """
     placements = [placement for placement in placements if len(placement.mesh.triangles)]
     if not placements:
@@ -136,7 +139,7 @@ def assemble(
     vertex_count = sum(len(p.names) * len(p.mesh.positions) for p in placements)
     triangle_count = sum(len(p.names) * len(p.mesh.triangles) for p in placements)
     smooth = any(p.mesh.normals is not None for p in placements)
-    # A layer is as long as the scene, also where a single mesh has it.
+    # A layer covers all triangles of the scene, even if only one mesh has it.
     read = 12 * sum(texture_layers.width(placements, key) for key in layers) * triangle_count
     plain = 12 * vertex_count + (16 + 36 * smooth + 24 * uvs) * triangle_count
     _check_room(triangle_count, plain, read, flat=uvs or bool(layers) or objects)
@@ -148,6 +151,7 @@ def assemble(
 
     sources = []
     v = t = 0
+    # Write all instances of each mesh into their rows of the common arrays.
     for placement in placements:
         mesh, places = placement.mesh, len(placement.names)
         n, m = len(mesh.positions), len(mesh.triangles)
@@ -155,12 +159,14 @@ def assemble(
         triangle_rows = slice(t, t + places * m)
         mirrored = np.linalg.det(placement.matrices[:, :3, :3]) < 0
 
+        # Transform the vertices, and number the corners after those of earlier meshes.
         placed = vertices[vertex_rows].reshape(places, n, 3)
         _transform(mesh.positions, placement.matrices, origin, out=placed)
         corners = triangles[triangle_rows].reshape(places, m, 3)
         np.add(mesh.triangles, (v + n * np.arange(places, dtype=np.int32))[:, None, None], out=corners)
         _flip(corners, mirrored)
         material_index[triangle_rows].reshape(places, m)[:] = _materials(mesh, placement.materials)
+        # Write shading normals: flat meshes get their face normals if any other mesh is smooth.
         if corner_normals is not None:
             placed_normals = corner_normals[triangle_rows].reshape(places, m, 3, 3)
             if mesh.normals is None:
@@ -172,6 +178,7 @@ def assemble(
             placed_uv[:] = mesh.uvs
             _flip(placed_uv, mirrored)
 
+        # Record the mesh's place in the arrays.
         sources.append(Source(t, m, placement.names))
         v, t = vertex_rows.stop, triangle_rows.stop
     frames, object_index = texture_layers.assemble_objects(placements, origin) if objects else ((), None)
@@ -190,9 +197,9 @@ def assemble(
 
 
 def _check_room(triangles: int, plain: int, read: int, *, flat: bool) -> None:
-    """Raise SceneError where the copies would be more than a tree can name or than fits into memory.
+    """Raise SceneError if the flattened triangles exceed the numbering of trees or the free memory.
 
-    plain, read: bytes without and for what materials read. flat: whether two levels are impossible.
+    plain, read: bytes without and for the layers of materials. flat: whether two levels are impossible.
     """
     free = native.load().free_memory()
     if triangles <= MOST_TRIANGLES and plain + read <= free:
@@ -208,18 +215,20 @@ def _check_room(triangles: int, plain: int, read: int, *, flat: bool) -> None:
 
 
 class LayerRoom:
-    """Counts what materials read of the meshes of a scene, each mesh before it is read."""
+    """Memory check of the layers that materials read, run before each mesh is read."""
 
     def __init__(self) -> None:
         self._widths: dict[texture_layers.Key, int] = {}
         self._triangles = 0
 
     def placed(self, triangles: int) -> None:
-        """So many triangles stand in one more place."""
+        """Count one more instance of a mesh with this number of triangles."""
         self._triangles += triangles
 
     def check(self, mesh: Any, keys: Sequence[texture_layers.Key]) -> None:
-        """Raise SceneError where a mesh's layers, and all layers over the scene as far as it is known, do not fit."""
+        """Raise SceneError if a mesh's layers, plus all layers over the triangles counted so far, do not fit into
+        memory.
+        """
         found = texture_layers.widths(mesh, keys)
         for key, numbers in found.items():
             self._widths[key] = max(numbers, self._widths.get(key, 0))
@@ -235,7 +244,7 @@ class LayerRoom:
 
 
 def keep_instances(placements: list[Placement]) -> InstancedGeometry:
-    """All placements with each mesh once, moved as `assemble` does, the triangles in the same order."""
+    """All placements with each mesh once, with the origin and the triangle order of `assemble`."""
     placements = [placement for placement in placements if len(placement.mesh.triangles)]
     origin = _centre(placements) if placements else np.zeros(3)
     numbers: dict[int, int] = {}
@@ -246,6 +255,7 @@ def keep_instances(placements: list[Placement]) -> InstancedGeometry:
             numbers[id(mesh)] = len(kept)
             normals = None if mesh.normals is None else mesh.normals.take(mesh.normal_rows, axis=0, mode="clip")
             kept.append(Mesh(mesh.positions, np.ascontiguousarray(mesh.triangles, np.int32), mesh.slots, normals))
+    # Repeat the data of each placement for all its instances.
     places = [len(placement.names) for placement in placements]
     mesh_numbers = np.array([numbers[id(placement.mesh)] for placement in placements], np.int32)
     slots = np.repeat([len(placement.materials) for placement in placements], places)
@@ -266,12 +276,12 @@ def keep_instances(placements: list[Placement]) -> InstancedGeometry:
 
 
 def _stacked(parts: list[Any], shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:
-    """One C-ordered array of all parts, which may be none."""
+    """One C-ordered array of all parts, of which there may be none."""
     return np.ascontiguousarray(np.concatenate([np.zeros((0, *shape), dtype), *parts]), dtype)
 
 
 def _centre(placements: list[Placement]) -> F64:
-    """The centre of the box around all placed boxes; positions that are not finite do not count."""
+    """The centre of the box around all placed boxes; non-finite positions are ignored."""
     lows, highs = [], []
     for placement in placements:
         box = _box(placement.mesh.positions)
@@ -290,10 +300,10 @@ def _centre(placements: list[Placement]) -> F64:
 
 
 def _box(positions: F32) -> F64:
-    """The lowest and the highest coordinates, (2, 3), not finite if some position is not.
+    """The lowest and the highest coordinates, (2, 3); non-finite if any position is.
 
-    Numpy reduces rows of three one by one; folded into rows of 64 points they go through vector instructions, ten
-    times faster.
+    NumPy reduces rows of three one by one; folded into rows of 64 points they use vector instructions, ten times faster
+    (measured).
     """
     whole = len(positions) // 64 * 64
     folded = positions[:whole].reshape(-1, 64 * 3)
@@ -316,10 +326,10 @@ def _transform(positions: F32, matrices: F64, origin: F64, *, out: F32) -> None:
 
 
 def _products(vectors: F32, matrices: NDArray[Any]) -> NDArray[Any]:
-    """Row vectors (n, 3) times each of (k, 3, 3) matrices, (k, n, 3), in the matrices' type.
+    """Row vectors (n, 3) multiplied by each of (k, 3, 3) matrices, (k, n, 3), in the matrices' type.
 
-    Written out, because `@` hands thin arrays to a threaded BLAS, which takes 1 to 200 ms for half a million rows
-    depending on what else the machine does; and in blocks that stay in the processor's cache.
+    Written out, because `@` passes thin arrays to a threaded BLAS, which takes 1 to 200 ms for half a million rows
+    depending on other load (measured); in blocks that fit into the processor's cache.
     """
     products = np.empty((len(matrices), len(vectors), 3), matrices.dtype)
     for start in range(0, len(vectors), BLOCK):
@@ -333,7 +343,7 @@ def _products(vectors: F32, matrices: NDArray[Any]) -> NDArray[Any]:
 
 
 def _flip(corners: NDArray[Any], mirrored: NDArray[np.bool_]) -> None:
-    """Swap the last two corners (axis 2) of the triangles in mirrored places, which keeps their front in front."""
+    """Swap the last two corners (axis 2) of the triangles in mirrored instances, which keeps their front side."""
     if mirrored.any():
         corners[mirrored, :, 1:] = corners[mirrored, :, :0:-1]
 
@@ -345,17 +355,18 @@ def _materials(mesh: MeshArrays, materials: I32) -> NDArray[Any]:
 
 
 def _face_normals(vertices: F32, corners: I32, *, out: F32) -> None:
-    """The shading normals of flat triangles with these (k, m, 3) corners: their own, (k, m, 3, 3), unit length."""
+    """The shading normals of flat triangles with these (k, m, 3) corners: the geometric ones, (k, m, 3, 3), unit
+    length.
+    """
     a, b, c = (vertices[corners[..., i]].astype(np.float64) for i in range(3))
     with np.errstate(over="ignore", invalid="ignore"):
         out[:] = _unit(np.cross(b - a, c - a))[:, :, None]
 
 
 def _corner_normals(placement: Placement, mirrored: NDArray[np.bool_], *, out: F32) -> None:
-    """The shading normals of a smooth mesh in all its places, (k, m, 3, 3), unit length.
+    """The shading normals of a smooth mesh in all its instances, (k, m, 3, 3), unit length.
 
-    Turned as Blender stores them and gathered afterwards: two million corners of faces are less work than the three
-    million of their triangles.
+    Transformed as stored and gathered afterwards, because meshes have fewer normals than triangle corners.
     """
     assert placement.mesh.normals is not None
     assert placement.mesh.normal_rows is not None
@@ -374,20 +385,20 @@ def _corner_normals(placement: Placement, mirrored: NDArray[np.bool_], *, out: F
 
 
 def _normal_matrices(linear: F64) -> tuple[F32, bool]:
-    """What row vectors that are normals are multiplied with in each place, (k, 3, 3), and whether that keeps lengths.
+    """Matrices for row vectors that are normals, (k, 3, 3), and whether all of them preserve lengths.
 
-    A normal is a covector: it goes by the inverse transpose, also in mirrored places.
+    A normal is a covector: it transforms by the inverse transpose, also in mirrored instances.
     """
     inverse = np.linalg.inv(linear)
     inverse /= np.linalg.norm(inverse, axis=1).max(axis=1)[:, None, None]
-    # Turned, mirrored and evenly scaled objects, nearly all, keep the lengths.
+    # Rotated, mirrored and uniformly scaled objects, nearly all, preserve lengths.
     keeps_lengths = np.allclose(inverse @ inverse.transpose(0, 2, 1), np.eye(3), atol=1e-6)
     return inverse.astype(np.float32), bool(keeps_lengths)
 
 
 def _unit(vectors: NDArray[Any]) -> F32:
-    """Vectors of unit length as float32, computed in their own type; the zero vector stays."""
-    # Written out: the native module does the same for instances, in this order, to the last bit.
+    """Vectors of unit length as float32, computed in their own type; zero vectors stay."""
+    # Written out in the order of the native module, which computes the same for instances bit for bit.
     x, y, z = (vectors[..., axis] for axis in range(3))
     squares = x * x
     squares += y * y

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Walking a shader node tree towards constants: links are followed through reroutes, groups and muted nodes."""
+"""Traversal of shader node trees towards constants, through reroutes, groups and muted nodes."""
 
 from __future__ import annotations
 
@@ -14,26 +14,26 @@ if TYPE_CHECKING:
     from ...core.scene.scene import RGB
 
 MAX_STEPS = 256
-"""Longer chains are not followed. Blender forbids cycles, but a file can be broken."""
+"""Longest chain of links that is followed. Blender forbids cycles, but a file can be damaged."""
 
 LUMINANCE = (0.2126, 0.7152, 0.0722)
-"""What a colour is where a number is wanted. Rec. 709's whatever space the file renders in."""
+"""Weights of a colour's channels as a number: Rec. 709's in every working space."""
 
 NUMBERS = ("VALUE", "INT", "BOOLEAN")
 """Types of sockets that hold one number."""
 
 Remark = Callable[[str], None]
-"""Told the name of each node or setting that is not understood."""
+"""Called with the name of each unsupported node or setting."""
 
 
 class Unsupported(Exception):
-    """A node that has no meaning here. The message is its name for the user."""
+    """A node without an equivalent here. The message is its name for the user."""
 
 
 class Links:
-    """What feeds each input of the trees met so far: Blender itself looks through all links of a tree for every socket.
+    """Cache of the links of node trees, because Blender searches all links of a tree for every socket.
 
-    For one reading of trees that nobody changes meanwhile.
+    Valid for one reading, during which the trees must not change.
     """
 
     def __init__(self) -> None:
@@ -53,9 +53,9 @@ class Links:
 
 @dataclass(frozen=True)
 class Place:
-    """A socket together with the group nodes that lead to its tree, outermost first, and the links of its trees.
+    """A socket, the group nodes that lead to its tree (outermost first), and the links of its trees.
 
-    through: the types of the sockets in walls of groups that its value goes through to an input, see `source`.
+    through: types of the group sockets that its value passes on the way to an input, see `source`.
     """
 
     socket: Any
@@ -69,7 +69,7 @@ class Place:
         return self.socket.node
 
     def input(self, name: str) -> Place | None:
-        """An input of this place's node by name; None where this version of Blender has no such input."""
+        """An input of this node by name; None if this version of Blender has no such input."""
         socket = self.node.inputs.get(name)
         return None if socket is None else self.beside(socket)
 
@@ -82,16 +82,16 @@ class Place:
         return Place(socket, groups, self.links)
 
     def source(self) -> Place:
-        """Where the value of this input comes from: an output of a node that computes it, or an unlinked input.
+        """The source of this input's value: an output of a node that computes it, or an unlinked input.
 
-        Raises Unsupported when the chain does not end.
+        Raises Unsupported if the chain is too long.
         """
         place = kept = self
         through: tuple[str, ...] = ()
         for _ in range(MAX_STEPS):
             before = _before(place)
             if before is None:
-                # A reroute or muted node that hangs in the air, or has nothing to pass on, is as good as no link.
+                # A reroute or muted node without an input link counts as no link.
                 return replace(kept if _passes_on(place.node) else place, through=through)
             place = before
             if not (place.socket.is_output or _passes_on(place.node)):
@@ -103,7 +103,7 @@ class Place:
 def active_tree(block: Any) -> Any:
     """The node tree that a material, world or light renders with, or None.
 
-    Since Blender 5.0 that is the tree it has; before, a switch says whether it counts.
+    Since Blender 5.0 that is its tree; before, `use_nodes` decides.
     """
     if bpy.app.version < (5, 0) and not block.use_nodes:
         return None
@@ -111,21 +111,23 @@ def active_tree(block: Any) -> Any:
 
 
 def output_node(tree: Any) -> Any:
-    """The output that a tree renders with, or None: that for all engines, else the one made for Cycles or for EEVEE."""
+    """A tree's active output, or None: the one for all engines, else the one for Cycles or for EEVEE."""
     return next(filter(None, map(tree.get_output_node, ("ALL", "CYCLES", "EEVEE"))), None)
 
 
 def _passes_on(node: Any) -> bool:
-    """Whether a node has no values of its own, and only lets through what its inputs are linked to."""
+    """Whether a node has no values of its own and only passes on its input's link."""
     return bool(node.mute or node.bl_idname == "NodeReroute")
 
 
 def _before(place: Place) -> Place | None:
-    """One step towards the source, or None when the value is made here."""
+    """One step towards the source, or None if the value is computed here."""
     socket, groups, node = place.socket, place.groups, place.node
+    # An input continues at the other end of its link.
     if not socket.is_output:
         feeding = place.links.feeding(socket)
         return None if feeding is None else place.beside(feeding)
+    # A muted node passes on its internal link; groups are entered and left through equal identifiers.
     if node.mute:
         link = next((link for link in node.internal_links if link.to_socket == socket), None)
         return None if link is None else place.beside(link.from_socket)
@@ -145,12 +147,16 @@ def _before(place: Place) -> Place | None:
 
 
 def _twin(sockets: Any, socket: Any) -> Any:
-    """The socket on the other side of a group's wall, or None: the last, empty one of its input is only drawn."""
+    """The socket on the other side of a group's boundary, or None: a group input's last, empty socket is only a
+    placeholder.
+    """
     return next((other for other in sockets if other.identifier == socket.identifier), None)
 
 
 def converted(value: Any, have: str, want: str) -> Any:
-    """A constant of a socket of type `have` as one of type `want` takes it. Numbers below 0 are false, as in Cycles."""
+    """Convert a constant from a socket of type `have` to one of type `want`. Numbers of at most 0 are false, as in
+    Cycles.
+    """
     if want not in NUMBERS or have == want:
         return value
     if hasattr(value, "__len__"):
@@ -167,7 +173,7 @@ def converted(value: Any, have: str, want: str) -> Any:
 
 
 def constant(place: Place, remark: Remark, fallback: Any = None) -> Any:
-    """The value of an input if it is constant, else `fallback` (None: the input's own default) and a remark."""
+    """The value of an input if it is constant; otherwise `fallback` (None: the input's own default), with a remark."""
     try:
         source = place.source()
     except Unsupported as unsupported:
@@ -183,14 +189,14 @@ def constant(place: Place, remark: Remark, fallback: Any = None) -> Any:
 
 
 def number(place: Place | None, remark: Remark, absent: float = 0.0) -> float:
-    """A constant number; `absent` where the input does not exist."""
+    """A constant number; `absent` if the input does not exist."""
     if place is None:
         return absent
     return float(converted(constant(place, remark), place.socket.type, "VALUE"))
 
 
 def color(place: Place | None, remark: Remark, fallback: RGB | None = None) -> RGB:
-    """A constant linear colour; black where the input does not exist."""
+    """A constant linear colour; black if the input does not exist."""
     if place is None:
         return (0.0, 0.0, 0.0)
     value = constant(place, remark, fallback)
@@ -202,5 +208,5 @@ def color(place: Place | None, remark: Remark, fallback: RGB | None = None) -> R
 
 
 def scaled(rgb: RGB, factor: float) -> RGB:
-    """A colour times a number."""
+    """A colour multiplied by a number."""
     return (rgb[0] * factor, rgb[1] * factor, rgb[2] * factor)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The passes that the engine can fill, and how Blender asks for them."""
+"""The render passes of the engine, and their registration in Blender."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ if TYPE_CHECKING:
 class Pass:
     """A render pass: its name in the native renderer and in Blender, and its channels.
 
-    kind: VALUE, VECTOR or COLOR. switch: the property of the view layer, or of its `halfspace` group for passes that
-    Blender has no property for, that asks for it; empty for the one that is always there. before_5: its name in
-    Blender before 5.0, where that differs.
+    kind: VALUE, VECTOR or COLOR. switch: the property that enables it, of the view layer or, if `own`, of its
+    `halfspace` group; "" for the pass that is always present. before_5: its name in Blender before 5.0, where that
+    differs.
     """
 
     name: str
@@ -30,11 +30,11 @@ class Pass:
 
     @property
     def in_blender(self) -> str:
-        """Its name in this Blender."""
+        """Its name in this version of Blender."""
         return self.before_5 if self.before_5 and bpy.app.version < (5, 0) else self.name
 
     def wanted(self, view_layer: Any) -> bool:
-        """Whether the user asks for this pass in this view layer."""
+        """Whether this pass is enabled in this view layer."""
         return not self.switch or getattr(view_layer.halfspace if self.own else view_layer, self.switch)
 
 
@@ -56,12 +56,12 @@ PASSES = (
 
 
 def wanted_passes(view_layer: Any) -> list[Pass]:
-    """The passes of a view layer, Combined first."""
+    """The enabled passes of a view layer, Combined first."""
     return [render_pass for render_pass in PASSES if render_pass.wanted(view_layer)]
 
 
 def register_passes(engine: Any, scene: Any, view_layer: Any) -> None:
-    """Tell Blender which passes come, for the compositor and for files."""
+    """Register the enabled passes in Blender, for the compositor and for files."""
     for render_pass in wanted_passes(view_layer):
         engine.register_pass(
             scene,
@@ -74,19 +74,19 @@ def register_passes(engine: Any, scene: Any, view_layer: Any) -> None:
 
 
 def native_names() -> dict[str, str]:
-    """The native name of each pass by its name in this Blender."""
+    """The native name of each pass by its name in this version of Blender."""
     return {render_pass.in_blender: render_pass.name for render_pass in PASSES}
 
 
 BYTES = 8 + 4 + 4
-"""Of each channel of a pixel: in the film, on the way from it, and in Blender's result."""
+"""Bytes per channel of a pixel: in the film, in the copy from it, and in Blender's result."""
 
 NOISE_BYTES = 6 * 8
-"""Of each pixel in the film, where its noise decides how many samples it takes."""
+"""Bytes per pixel in the film for adaptive sampling."""
 
 
 def bytes_needed(settings: RenderSettings) -> int:
-    """How much memory the pixels of a picture take."""
+    """Bytes of memory for the pixels of a picture."""
     width, height = settings.size
     channels = sum(len(each.channels) for each in PASSES if each.name in settings.passes)
     return width * height * (BYTES * channels + NOISE_BYTES * bool(settings.noise_threshold > 0.0))

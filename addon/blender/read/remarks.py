@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a scene asks for as a whole and is not done: said in words, beside what objects and materials ask for."""
+"""Notes on unsupported settings of the whole scene, in addition to those of objects and materials."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ if TYPE_CHECKING:
 
 
 def remark(scene: Any, view_layer: Any, triangles: int, notes: Notes) -> None:
-    """Note what the user might miss in a picture of this view layer."""
+    """Note what is missing in a picture of this view layer."""
     render = scene.render
     if not triangles:
-        notes.add("There is no surface to see, only the background is rendered", scene.name)
+        notes.add("The scene has no surface, only the background is rendered", scene.name)
     if render.use_motion_blur:
-        notes.add("Motion blur is not supported, everything stands still", scene.name)
+        notes.add("Motion blur is not supported, objects are rendered without motion", scene.name)
     if render.use_freestyle:
         notes.add("Freestyle lines are not supported", scene.name)
     if render.use_multiview:
-        notes.add("Stereo cameras are not supported, all views are seen from the middle", scene.name)
+        notes.add("Stereo cameras are not supported, all views use the central camera", scene.name)
     for name in unknown_passes(view_layer):
         notes.add(f"The pass {name} is not supported yet, and not rendered", view_layer.name)

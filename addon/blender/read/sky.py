@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Sky Textures as numbers: another Blender renders them once with Cycles, and what comes back is kept by content.
+"""Sky Textures as pixels: another Blender process renders each once with Cycles, and the result is cached by settings.
 
-The sun's disc is apart from the sky, evenly bright with the power that it has there: a light where the sky is the
-world's colour, else a part of the world's program. So a picture of moderate size does not blur it.
+The sun's disc is separate from the sky, uniformly bright with its exact power: a light if the sky is the world's
+colour, else a part of the world's program. Thus a picture of moderate resolution does not blur it.
 """
 
 from __future__ import annotations
@@ -29,28 +29,28 @@ from ...core.session.session import Cancelled
 from .nodes import scaled
 
 TIMEOUT = 300
-"""Seconds that the other Blender may take."""
+"""Time limit of the other Blender process, in seconds."""
 
 MOST = 8
-"""Skies that are kept; an animated sun would fill the memory otherwise."""
+"""Largest number of cached skies; otherwise an animated sun would fill the memory."""
 
 POLL = 0.2
-"""Seconds between looks at whether a sky has come."""
+"""Interval between checks for a finished sky, in seconds."""
 
 STOP_SECONDS = 5.0
-"""How long `stop` waits for those whose program it has ended."""
+"""Time that `stop` waits for threads whose process it has ended, in seconds."""
 
 
 class SkyError(Exception):
-    """The sky cannot be had, or not yet. The message says why, for the user."""
+    """The sky cannot be rendered, or is not ready. The message gives the reason to the user."""
 
 
 @dataclass(frozen=True, eq=False)
 class Sky:
-    """What a Sky Texture shows.
+    """A rendered Sky Texture.
 
     pixels: (h, w, 4) float32 radiance of all directions without the sun, rows from the bottom. sun: radiance of its
-    disc, None where there is none. direction: towards it. angle: its diameter in radians.
+    disc, None without one. direction: towards it. angle: its diameter in radians.
     """
 
     pixels: F32
@@ -59,7 +59,7 @@ class Sky:
     angle: float
 
     def light(self, strength: float) -> Light:
-        """The sun as a light, which the camera sees as well."""
+        """The sun as a light, which is visible to the camera."""
         assert self.sun is not None
         turned = Vector(self.direction).to_track_quat("Z", "Y").to_matrix().to_4x4()
         to_world = np.array([list(row) for row in turned], np.float64)
@@ -68,7 +68,7 @@ class Sky:
 
 
 class _Bake(threading.Thread):
-    """Renders the sky of these settings and keeps it, or why it failed."""
+    """Thread that renders the sky of these settings and caches it, or its error."""
 
     def __init__(self, key: str) -> None:
         super().__init__(name="halfspace sky", daemon=True)
@@ -81,7 +81,7 @@ class _Bake(threading.Thread):
         self.found = _keep(self)
 
     def cancel(self) -> None:
-        """End the other Blender, and wait a moment until its folder is gone."""
+        """End the other Blender process, and wait until its folder is removed."""
         with _starting:
             self.cancelled = True
             if self.process is not None:
@@ -94,20 +94,20 @@ class _Bake(threading.Thread):
 _kept: dict[str, Sky | SkyError] = {}
 _running: dict[str, _Bake] = {}
 _looks: dict[str, Callable[[], float | None]] = {}
-"""The timers that look whether a sky has come."""
+"""The timers that check for a finished sky."""
 
 _processes: set[subprocess.Popen[bytes]] = set()
-"""The other Blenders that run."""
+"""The running Blender processes."""
 
 _stopping = threading.Event()
 _starting = threading.Lock()
-"""Held while a program starts, so that none starts unseen while all are ended."""
+"""Held while a process starts, so that none starts while all are being ended."""
 
 
 def of_node(node: Any, *, wait: bool, keep_going: Callable[[], bool] | None = None) -> Sky:
-    """What the node shows. Without `wait` it is prepared in the background, and depsgraphs are told when it is there.
+    """The sky of a node. Without `wait` it is rendered in the background, and worlds are updated when it is ready.
 
-    keep_going: asked while it is waited for; returns False to stop. Raises SkyError, and Cancelled if it was stopped.
+    keep_going: polled while waiting; returns False to stop. Raises SkyError, and Cancelled if it was stopped.
     """
     key = json.dumps(_settings(node), sort_keys=True)
     found = _kept.get(key)
@@ -124,7 +124,7 @@ def of_node(node: Any, *, wait: bool, keep_going: Callable[[], bool] | None = No
 
 
 def _wait(key: str, keep_going: Callable[[], bool] | None) -> Sky | SkyError:
-    """The sky of these settings, or why it failed, however long that takes. Raises Cancelled."""
+    """Wait for the sky of these settings, or its error, without a time limit. Raises Cancelled."""
     bake = _running.get(key)
     if bake is None or not bake.is_alive():
         bake = _running[key] = _Bake(key)
@@ -134,7 +134,7 @@ def _wait(key: str, keep_going: Callable[[], bool] | None) -> Sky | SkyError:
             bake.join(POLL)
             if keep_going is not None and not keep_going():
                 raise Cancelled
-    except BaseException:  # an interrupt from the keyboard too
+    except BaseException:  # also KeyboardInterrupt
         bake.cancel()
         raise
     if _running.get(key) is bake and key not in _looks:
@@ -143,7 +143,7 @@ def _wait(key: str, keep_going: Callable[[], bool] | None) -> Sky | SkyError:
 
 
 def _settings(node: Any) -> dict[str, Any]:
-    """The numbers and choices of a Sky Texture, by the names that this Blender has for them."""
+    """The settings of a Sky Texture, by their names in this version of Blender."""
     common = set(bpy.types.ShaderNode.bl_rna.properties.keys())
     found = {}
     for item in node.bl_rna.properties:
@@ -155,7 +155,7 @@ def _settings(node: Any) -> dict[str, Any]:
 
 
 def _keep(bake: _Bake) -> Sky | SkyError:
-    """Render a sky and keep it, or why it failed unless it was cancelled; never raises."""
+    """Render a sky and cache it, or its error unless it was cancelled; never raises."""
     found: Sky | SkyError
     try:
         found = _render(bake)
@@ -178,6 +178,7 @@ def _render(bake: _Bake) -> Sky:
         with np.load(Path(folder) / "sky.npz") as found:
             rgb, sun = found["sky"], found["sun"]
             direction, angle = found["direction"], float(found["angle"])
+    # Convert the files' arrays; the disc's irradiance becomes radiance.
     pixels = np.ones((*rgb.shape[:2], 4), np.float32)
     pixels[..., :3] = rgb
     x, y, z = (float(c) for c in direction)
@@ -189,7 +190,7 @@ def _render(bake: _Bake) -> Sky:
 
 
 def _command(folder: str) -> list[str]:
-    """What another Blender is started with."""
+    """The command line of the other Blender process."""
     script = str(Path(__file__).with_name("sky_bake.py"))
     blender = bpy.app.binary_path
     if not blender:
@@ -218,7 +219,7 @@ def _run(command: list[str], bake: _Bake | None = None) -> None:
 
 
 def _end() -> None:
-    """End the other Blenders; each takes its folder with it."""
+    """End the other Blender processes; each thread removes its folder."""
     _stopping.set()
     with _starting:
         for process in tuple(_processes):
@@ -227,12 +228,12 @@ def _end() -> None:
         bake.join(STOP_SECONDS)
 
 
-# Python with Blender as a module leaves without disabling extensions, and would leave programs and folders behind.
+# With Blender as a module, Python exits without disabling extensions, which would leave processes and folders behind.
 atexit.register(_end)
 
 
 def stop() -> None:
-    """End the other Blenders and the timers, and forget all skies."""
+    """End the other Blender processes and the timers, and forget all skies."""
     _end()
     for look in _looks.values():
         if bpy.app.timers.is_registered(look):
@@ -244,7 +245,7 @@ def stop() -> None:
 
 
 def _begin(key: str) -> None:
-    """Prepare a sky in the background; when it is there, worlds are read again."""
+    """Render a sky in the background; worlds are updated when it is ready."""
     if key in _looks:
         return
     bake = _running.get(key)

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Renders a Sky Texture into numbers, as a program of its own: Cycles shows what only it can compute.
+"""Program that renders a Sky Texture to pixels with Cycles, the only implementation of its models.
 
-Run by `sky.py` in another Blender, which knows nothing of this extension: the argument after `--`, or the only one, is
-a folder with `node.json`, the node's settings. Writes `sky.npz`: `sky`, (height, width, 3) float32 radiance of all
-directions without the sun's disc, rows from the bottom, as an equirectangular picture; `sun`, (3,) the irradiance of
-the disc on a surface that faces it, black where there is none; `direction`, (3,) towards it; `angle`, its diameter.
+Run by `sky.py` in another Blender process without this extension: the argument after `--`, or the only one, is a folder
+with `node.json`, the node's settings. Writes `sky.npz`: `sky`, (height, width, 3) float32 radiance of all directions
+without the sun's disc, rows from the bottom, as an equirectangular picture; `sun`, (3,) the irradiance of the disc on a
+surface that faces it, black without one; `direction`, (3,) towards it; `angle`, its diameter.
 """
 
 from __future__ import annotations
@@ -47,16 +47,17 @@ def main(folder: Path) -> None:
     direction = Vector(
         (math.cos(elevation) * math.sin(turn), math.cos(elevation) * math.cos(turn), math.sin(elevation))
     )
+    # Integrate the disc as the difference of two pictures, with and without it.
     if disc and angle > 0:
         camera.data.type, camera.data.sensor_fit = "PERSP", "HORIZONTAL"
         camera.data.angle = 3 * angle
         camera.rotation_euler = direction.to_track_quat("-Z", "Y").to_euler()
-        # Many samples in the whole pixel: the rim would be jagged by more than it may.
+        # Sample the whole pixel: with one sample the jagged rim would change the disc's power too much.
         scene.cycles.samples, scene.cycles.filter_width = 16, 1.0
         without = _render(scene, folder, DISC, DISC)
         node.sun_disc = True
         shown = _render(scene, folder, DISC, DISC)
-        half = math.tan(camera.data.angle / 2)  # lenses have a limit
+        half = math.tan(camera.data.angle / 2)  # the lens clamps the angle
         at = (np.arange(DISC) + 0.5) / DISC * 2 - 1
         x, y = np.meshgrid(at * half, at * half)
         solid = (2 * half / DISC) ** 2 * (1 + x * x + y * y) ** -1.5
@@ -72,6 +73,7 @@ def _prepare(settings: dict[str, Any]) -> tuple[Any, Any]:
         import addon_utils
 
         addon_utils.enable("cycles")
+    # Make the world: the node with its settings, as background.
     world: Any = bpy.data.worlds.new("Sky")
     world.use_nodes = True
     tree = world.node_tree
@@ -80,6 +82,7 @@ def _prepare(settings: dict[str, Any]) -> tuple[Any, Any]:
         setattr(node, name, value)
     tree.links.new(node.outputs[0], next(n for n in tree.nodes if n.bl_idname == "ShaderNodeBackground").inputs[0])
     scene.world = world
+    # Make a camera, and set up Cycles for one noise-free sample per pixel.
     camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
     scene.collection.objects.link(camera)
     scene.camera = camera

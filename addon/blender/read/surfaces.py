@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What each surface shader node means as `core.scene.Closure`: a tree of mixes becomes a list of weighted closures."""
+"""Conversion of surface shader nodes to `core.scene.Closure`: a tree of mixes becomes a list of weighted closures."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ IGNORED_LAYERS = {
     "Thin Film Thickness": 0.0,
     "Diffuse Roughness": 0.0,
 }
-"""Inputs of the Principled BSDF that are not rendered, with the value at which they do nothing."""
+"""Inputs of the Principled BSDF that are not rendered, with the value at which they have no effect."""
 
 MOST_CLOSURES = 8
 MOST_PRINCIPLED = 4
-"""What the native module can hold."""
+"""Limits of the native module."""
 
 DEEPEST = 32
-"""Mixes within mixes that are followed."""
+"""Largest depth of nested mixes."""
 
 MOST_READ = 4096
-"""Inputs of the shader kind that are followed. Each mix whose two sides come from one node doubles them."""
+"""Largest number of shader inputs that are followed; each mix with one node on both sides doubles them."""
 
 
 @dataclass
@@ -44,11 +44,11 @@ class Surface:
     followed: int = 0
 
     def remark(self, what: str) -> None:
-        """Something is not rendered as asked."""
+        """Note an unsupported feature."""
         self.values.remark(what)
 
     def read(self, place: Place, weight: Operand = 1.0, depth: int = 0) -> None:
-        """Take over what an input of the shader kind receives. Raises Unsupported, naming the node."""
+        """Read the shaders that feed an input. Raises Unsupported with the node's name."""
         self.followed += 1
         if self.followed > MOST_READ:
             raise Unsupported(f"More than {MOST_READ} shaders")
@@ -64,7 +64,7 @@ class Surface:
                 for socket in source.node.inputs[:2]:
                     self.read(source.beside(socket), weight, depth + 1)
             case kind if kind in SHADERS:
-                # Before its inputs, which may be long ways to follow for nothing.
+                # Check this before reading its inputs, which may be long chains.
                 if self._has_room(principled=kind in PRINCIPLED):
                     SHADERS[kind](self, source, weight)
             case _:
@@ -90,12 +90,12 @@ class Surface:
         return self.values.step("math", a, b, 0.0, kind="MULTIPLY")
 
     def color(self, node: Place, name: str = "Color") -> Operand:
-        """A colour; that of the viewport where an unknown node drives it."""
+        """A colour input; the viewport's colour if an unsupported node drives it."""
         place = node.input(name)
         return 0.0 if place is None else self.values.value(place, self.viewport)
 
     def emitted(self, color: Operand, strength: Operand) -> Operand:
-        """Colour times strength."""
+        """Colour multiplied by strength."""
         if strength == 1.0:
             return color
         if isinstance(color, tuple) and isinstance(strength, float):
@@ -103,11 +103,11 @@ class Surface:
         return self.values.step("mix", 1.0, color, strength, kind="MULTIPLY")
 
     def add(self, kind: str, weight: Operand, node: Place, *, multiscatter: bool = True, **inputs: Operand) -> None:
-        """Add a closure, for which there is room."""
+        """Append a closure. Needs a preceding `_has_room`."""
         self.closures.append(Closure(kind, {"weight": weight, **inputs}, self._normal(node), multiscatter))
 
     def _has_room(self, *, principled: bool) -> bool:
-        """Whether one more closure fits; remarks where it does not."""
+        """Whether one more closure fits; notes it if not."""
         taken = sum(closure.kind == "principled" for closure in self.closures)
         if len(self.closures) < MOST_CLOSURES and (not principled or taken < MOST_PRINCIPLED):
             return True
@@ -127,6 +127,7 @@ class Surface:
 
 def _principled(surface: Surface, node: Place, weight: Operand) -> None:
     values = surface.values
+    # Note layers that are not rendered, where they have an effect.
     for name, idle in IGNORED_LAYERS.items():
         layer = node.input(name)
         if layer is not None and (layer.socket.is_linked or abs(layer.socket.default_value - idle) > 1e-6):
@@ -137,6 +138,7 @@ def _principled(surface: Surface, node: Place, weight: Operand) -> None:
     thin = node.input("Thin Wall")
     if thin is not None and (thin.socket.is_linked or thin.socket.default_value):
         surface.remark("Principled BSDF: Thin Wall")
+    # Convert the supported inputs.
     strength = values.input(node, "Emission Strength")
     emission = surface.emitted(values.input(node, "Emission Color"), strength) if strength != 0.0 else 0.0
     surface.add(
@@ -255,4 +257,4 @@ SHADERS: dict[str, Callable[[Surface, Place, Any], None]] = {
 }
 
 PRINCIPLED = frozenset(["ShaderNodeBsdfPrincipled", "ShaderNodeBsdfMetallic"])
-"""Those that become a closure of the kind principled."""
+"""Nodes that become a closure of the kind principled."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What each value node of a shader tree computes: a function in NODES writes the steps of one of its outputs."""
+"""Conversion of the value nodes of shader trees: a function in NODES writes the steps of one of a node's outputs."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from .values import Values
 
 TABLE = 256
-"""Entries of a colour ramp or curve, as many as in Cycles."""
+"""Entries of a colour ramp or curve, as in Cycles."""
 
 UV, COLOR, TANGENT = "uv", "color", "tangent"
 """Kinds of layers: a UV map, a colour attribute, the tangents of a UV map. The name "" is the active one."""
@@ -38,8 +38,9 @@ def constant(socket: Any) -> Operand:
 def _image(values: Values, node: Place) -> Operand:
     item = node.node
     if item.image is None:
-        rgba: Operand = (1.0, 0.0, 1.0, 1.0)  # the pink of Cycles, as for an image that is missing
+        rgba: Operand = (1.0, 0.0, 1.0, 1.0)  # the pink of Cycles, as for a missing image
     else:
+        # Find the texture coordinates, by the kind of projection.
         panorama = item.bl_idname == "ShaderNodeTexEnvironment"
         if panorama:
             if item.projection != "EQUIRECTANGULAR":
@@ -54,6 +55,7 @@ def _image(values: Values, node: Place) -> Operand:
             where = values.vector(node, "uv")
         if item.interpolation in ("Cubic", "Smart"):
             values.remark("Cubic interpolation of images (linear is used)")
+        # Sample the image once for both outputs of the node.
         number = values.gallery.number(item.image)
         values.images.add(number)
         rgba = values.once(
@@ -82,6 +84,7 @@ def _sky(values: Values, node: Place) -> Operand:
     number = values.gallery.add("Sky Texture", found.pixels)
     values.images.add(number)
     rgb = values.step("image", where, image=number, interpolation="linear", extension="repeat", panorama=True)
+    # Add the sun's disc: as a light of its own, or as a step that tests the direction.
     if found.sun is None:
         return rgb
     if values.sun_strength is not None:
@@ -164,6 +167,7 @@ def _mix(values: Values, node: Place) -> Operand:
     names = {"FLOAT": "Float", "VECTOR": "Vector", "RGBA": "Color"}
     if kind not in names:
         raise Unsupported(f"Mix ({kind.lower()})")
+    # Select the sockets of the data type by their identifiers.
     sockets = {socket.identifier: node.beside(socket) for socket in item.inputs}
     uneven = kind == "VECTOR" and item.factor_mode == "NON_UNIFORM"
     if uneven:
@@ -271,6 +275,7 @@ def _mapping(values: Values, node: Place) -> Operand:
         else:
             value = values.value(place)
             parts[name] = Vector(value[:3] if isinstance(value, tuple) else (value,) * 3)
+    # Compose the matrix in Blender's order for each kind of mapping.
     rotation = Euler(parts["Rotation"]).to_matrix().to_4x4()
     scale = Matrix.Diagonal((*parts["Scale"], 1))
     shrink = Matrix.Diagonal((*(1 / factor if factor else 0.0 for factor in parts["Scale"]), 1))
@@ -335,7 +340,7 @@ def _map_range(values: Values, node: Place) -> Operand:
 
 def _clamp(values: Values, node: Place) -> Operand:
     value, *ends = (values.input(node, i) for i in range(3))
-    if node.node.clamp_type == "RANGE":  # in either order
+    if node.node.clamp_type == "RANGE":  # the bounds may be in either order
         ends = [values.step("math", *ends, 0.0, kind=kind) for kind in ("MINIMUM", "MAXIMUM")]
     return values.step("clamp", value, *ends)
 
@@ -349,7 +354,8 @@ def _hue_saturation(values: Values, node: Place) -> Operand:
 
 def _normal_map(values: Values, node: Place) -> Operand:
     item = node.node
-    # Before its inputs: what fails is not remembered, and a chain of it would read them twice as often at each node.
+    # Check this before reading its inputs: failures are not cached, and a chain of such nodes would double the reads at
+    # each.
     if item.space not in ("TANGENT", "OBJECT", "WORLD"):
         raise Unsupported(f"Normal Map ({item.space.replace('_', ' ').lower()})")
     color, strength = values.input(node, "Color"), values.input(node, "Strength")

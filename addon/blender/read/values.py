@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Values of a shader tree as the steps of a program, see `core.scene.Step`.
 
-What each node computes is in `value_nodes.NODES`. A node that is not there leaves the input that it drives at its own
-value, and is remarked.
+The conversion of each node is in `value_nodes.NODES`. An unsupported node is noted, and the input that it drives keeps
+its own value.
 """
 
 from __future__ import annotations
@@ -20,21 +20,21 @@ if TYPE_CHECKING:
     from .images import Gallery
 
 DEEPEST = 100
-"""Longer chains of nodes are not followed."""
+"""Longest chain of nodes that is followed."""
 
 MOST_STEPS = 4096
-"""What the native module takes. Groups within groups that use each other twice double them at each level."""
+"""Limit of the native module. Nested groups that use each other twice double the steps at each level."""
 
 
 class Layers:
-    """What all materials read at the corners of triangles, numbered."""
+    """The numbered layers that all materials read."""
 
     def __init__(self) -> None:
         self.keys: list[tuple[str, str]] = []
         self.objects = False
 
     def number(self, kind: str, name: str) -> int:
-        """The number of a layer."""
+        """The number of a layer, added if new."""
         key = (kind, name)
         if key not in self.keys:
             self.keys.append(key)
@@ -54,10 +54,10 @@ class Values:
         wait: bool = True,
         keep_going: Callable[[], bool] | None = None,
     ) -> None:
-        """background: for a world. wait: whether what takes seconds is waited for, while `keep_going` says so.
+        """background: for a world. wait: whether to wait for slow nodes, while `keep_going` returns True.
 
-        sun_strength: what the sun of a sky is multiplied by, where it is a light of its own, one of `suns`; else it
-        is part of the program.
+        sun_strength: factor of a sky's sun if that becomes a light, appended to `suns`; None if it is part of the
+        program.
         """
         self.steps: list[Step] = []
         self.images: set[int] = set()
@@ -69,40 +69,40 @@ class Values:
         self._open: list[Any] = []
 
     def step(self, op: str, *args: Operand, **settings: Any) -> int:
-        """Write a step. Returns its number. Raises Unsupported where there are too many."""
+        """Append a step. Returns its number. Raises Unsupported if there are too many."""
         self._check_room()
         self.steps.append({"op": op, "args": args, **settings})
         return len(self.steps) - 1
 
     def coordinate(self, kind: str) -> int:
-        """A property of the place that is shaded."""
+        """A property of the shading point."""
         if kind in ("object", "generated", "object_normal") and not self.background:
             self.layers.objects = True
         return self.once(("coordinate", kind), lambda: self.step("coordinate", kind=kind))
 
     def layer(self, kind: str, name: str) -> int:
-        """What a layer holds at the place that is shaded."""
+        """The value of a layer at the shading point."""
         number = self.layers.number(kind, name)
         return self.once((kind, name), lambda: self.step("attribute", layer=number))
 
     def input(self, node: Place, name: str | int, absent: Operand = 0.0) -> Operand:
-        """The value of a node's input; `absent` where this version of Blender has no such input."""
+        """The value of a node's input; `absent` if this version of Blender has no such input."""
         if isinstance(name, int):
             return self.value(node.beside(node.node.inputs[name]))
         place = node.input(name)
         return absent if place is None else self.value(place)
 
     def vector(self, node: Place, fallback: str) -> Operand:
-        """The Vector input of a texture node; unlinked it is a coordinate of the place."""
+        """The Vector input of a texture node; if unlinked, a coordinate of the shading point."""
         place = node.input("Vector")
-        if place is not None and place.source() != place:  # what a group gives its textures counts, linked or not
+        if place is not None and place.source() != place:  # an input of a surrounding group counts as linked
             return self.value(place)
         if self.background:
             return self.coordinate("generated")
         return self.layer(UV, "") if fallback == "uv" else self.coordinate(fallback)
 
     def value(self, place: Place, fallback: Operand | None = None) -> Operand:
-        """The value of an input, in the input's own type; `fallback`, or its own value, where its node is unknown."""
+        """The value of an input, in its own type; `fallback`, or its own value, if its node is unsupported."""
         try:
             source = place.source()
             is_constant = not source.socket.is_output
@@ -126,7 +126,7 @@ class Values:
         key = (tuple(group.as_pointer() for group in source.groups), node.as_pointer(), socket.identifier)
         if key in self._known:
             return self._known[key]
-        # Also before inputs are read: they may be as many again in every group. Without any there may be no step.
+        # Check before reading inputs, whose number may double in every group. A node without inputs may need no step.
         if len(node.inputs):
             self._check_room()
         write = NODES.get(node.bl_idname)
@@ -152,13 +152,13 @@ class Values:
         if not isinstance(operand, int):
             taken: Operand = converted(operand, have, want)
             return taken
-        # As in Cycles, what is computed is not made whole.
+        # As in Cycles, computed values are not truncated to integers.
         if want not in NUMBERS or have in NUMBERS:
             return operand
         return self.step("luminance" if have == "RGBA" else "mean", operand)
 
     def once(self, key: Any, write: Callable[[], int]) -> int:
-        """The step that `write` writes, written once for this key."""
+        """The number of the step that `write` appends, called once per key."""
         if key not in self._known:
             self._known[key] = write()
         return self._known[key]  # type: ignore[return-value]

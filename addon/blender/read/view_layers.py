@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a view layer says of the scene, beside which collections it shows."""
+"""Settings of a view layer other than its visible collections."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ from typing import Any
 from .passes import PASSES
 
 SETTINGS = {"use_pass_combined", "use_pass_cryptomatte_accurate"}
-"""Switches that ask for no pass of their own, or for one that is always there."""
+"""Switches without a pass of their own, or of the pass that is always present."""
 
 OTHERS = {"pass_debug_sample_count", "pass_render_time", "denoising_store_passes"}
-"""Switches of passes of Cycles that are not called as all others are."""
+"""Switches of Cycles's passes whose names lack the usual prefix."""
 
 
 def world(depsgraph: Any) -> Any:
-    """The evaluated world that this layer sees, which may be one of its own; None where there is none."""
-    # With a default, since not every Blender from 4.5.0 on was at hand to see whether layers have one.
+    """The evaluated world of this layer, which may override the scene's; None without one."""
+    # With a default, because versions of Blender after 4.5.0 may lack the property.
     return getattr(depsgraph.view_layer_eval, "world_override", None) or depsgraph.scene_eval.world
 
 
 class Marks:
-    """What the layer's collections say of objects: left out as holes, or seen only by light."""
+    """The holdout and indirect-only settings of the layer's collections."""
 
     def __init__(self, view_layer: Any) -> None:
         self._layer = view_layer
@@ -30,7 +30,7 @@ class Marks:
         self._known: dict[int, tuple[bool, bool]] = {}
 
     def of(self, item: Any) -> tuple[bool, bool]:
-        """Whether an evaluated object, not an instance, is a holdout, and whether the camera does not see it."""
+        """Whether an evaluated object, not an instance, is a holdout, and whether it is hidden from the camera."""
         if not self._any:
             return False, False
         key = item.original.as_pointer()
@@ -42,7 +42,7 @@ class Marks:
 
 
 def unknown_passes(view_layer: Any) -> list[str]:
-    """The passes that a view layer asks for and that are not rendered, as Blender calls them."""
+    """The enabled passes of a view layer that are not rendered, by their names in Blender."""
     known = SETTINGS | {render_pass.switch for render_pass in PASSES if not render_pass.own}
     names = [
         item.name
@@ -59,8 +59,8 @@ def unknown_passes(view_layer: Any) -> list[str]:
 
 
 def _collections(layer_collection: Any) -> Iterator[Any]:
-    """A collection and all within it in their order, without those that are left out."""
-    # No recursion: collections may lie within each other more deeply than Python calls may.
+    """A collection and all nested ones in order, without excluded ones."""
+    # No recursion: collections may be nested more deeply than Python's call stack allows.
     left = [layer_collection]
     while left:
         one = left.pop()

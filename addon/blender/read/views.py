@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a region of a 3D view shows: its camera and its border."""
+"""The visible part of a 3D view's region: its camera and its border."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .camera import lens, window
 
 
 def seen(context: Any, origin: F64, pixel: int = 1) -> View:
-    """What the region that is being drawn shows, in the scene frame whose origin is given."""
+    """The view of the region that is being drawn, in the scene frame with this origin."""
     region, space, data = context.region, context.space_data, context.region_data
     looking = camera_object(context)
     return View(
@@ -36,7 +36,7 @@ def camera_object(context: Any) -> Any:
 
 
 def view_camera(view: Any, origin: F64, space: Any, looking: Any = None) -> Camera:
-    """What a 3D view shows, as a camera: works alike for perspective, parallel and camera views."""
+    """The view as a camera; works alike for perspective, parallel and camera views."""
     to_world = np.linalg.inv(np.array(view.view_matrix, np.float64))
     to_world[:3, :3] /= np.linalg.norm(to_world[:3, :3], axis=0)
     to_world[:3, 3] -= origin
@@ -46,7 +46,7 @@ def view_camera(view: Any, origin: F64, space: Any, looking: Any = None) -> Came
     if looking is not None:
         start, end = looking.data.clip_start, looking.data.clip_end
     elif parallel:
-        start = -end  # a parallel view also shows what lies behind its plane
+        start = -end  # a parallel view also shows objects behind its plane
     return Camera(
         kind="orthographic" if parallel else "perspective",
         to_world=to_world,
@@ -58,8 +58,11 @@ def view_camera(view: Any, origin: F64, space: Any, looking: Any = None) -> Came
 
 
 def _border(context: Any, looking: Any) -> tuple[int, int, int, int] | None:
-    """The part of the region that is rendered, in its pixels: the view's border, or the camera's in a camera view."""
+    """The rendered part of the region in its pixels: the view's border, or the camera's in a camera
+    view; None for all.
+    """
     region, render = context.region, context.scene.render
+    # Choose the border and the frame that it is relative to.
     if looking is None:
         source = context.space_data
         if not source.use_render_border:
@@ -70,6 +73,7 @@ def _border(context: Any, looking: Any) -> tuple[int, int, int, int] | None:
         if not source.use_border:
             return None
         low, high = _frame(context, looking)
+    # Convert the border to pixels of the region.
     x = np.array(
         [
             source.render_border_min_x if looking is None else source.border_min_x,
@@ -85,14 +89,14 @@ def _border(context: Any, looking: Any) -> tuple[int, int, int, int] | None:
     x0, x1 = np.clip(np.round(low[0] + x * (high[0] - low[0])), 0, region.width).astype(int)
     y0, y1 = np.clip(np.round(low[1] + y * (high[1] - low[1])), 0, region.height).astype(int)
     if x0 >= x1 or y0 >= y1:
-        # The border lies outside of the region: one pixel is less work than a case of its own.
+        # The border lies outside of the region: rendering one pixel avoids a special case.
         x0, y0 = min(x0, region.width - 1), min(y0, region.height - 1)
         x1, y1 = x0 + 1, y0 + 1
     return int(x0), int(y0), int(x1), int(y1)
 
 
 def _frame(context: Any, looking: Any) -> tuple[F64, F64]:
-    """Where the camera's frame lies in the region: its lower left and upper right corner, in pixels."""
+    """The lower left and the upper right corner of the camera's frame, in pixels of the region."""
     region, data = context.region, context.region_data
     to_region = np.array(data.perspective_matrix, np.float64) @ np.array(looking.matrix_world.normalized(), np.float64)
     corners = np.array([(*corner, 1.0) for corner in looking.data.view_frame(scene=context.scene)])

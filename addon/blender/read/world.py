@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Blender's world as `core.scene.World`: a colour, or a program over the direction."""
+"""Conversion of Blender's world to `core.scene.World`: a colour, or a program over the direction."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ def read_world(
     wait: bool = True,
     keep_going: Callable[[], bool] | None = None,
 ) -> tuple[World, set[int], list[Light]]:
-    """The background, the numbers of the images it shows, and the suns in it that are lights.
+    """The background, the numbers of the images it uses, and those of its suns that are lights.
 
-    wait: whether a Sky Texture is waited for. keep_going: asked meanwhile; where it returns False, Cancelled is raised.
+    wait: whether to wait for a Sky Texture. keep_going: polled meanwhile; if it returns False, raises Cancelled.
 
-    What is not understood goes into `notes` and is replaced by its default.
+    Unsupported nodes are noted in `notes` and replaced by their defaults.
     """
     found, images, suns = _read(world, notes, gallery, wait, keep_going)
-    # Cycles keeps these with the world, when it is switched on.
+    # Cycles stores these with the world, if it is enabled.
     flags = getattr(world, "cycles_visibility", None)
     hidden = tuple(ray for ray in ("camera", "diffuse", "glossy", "transmission") if not getattr(flags, ray, True))
     return replace(found, hidden_from=hidden), images, [replace(sun, hidden_from=hidden) for sun in suns]
@@ -52,6 +52,7 @@ def _read(
     def remark(what: str) -> None:
         notes.add(f"{what} is not supported yet in world", world.name)
 
+    # Read the surface; everything unsupported leaves the plain colour.
     output = output_node(tree)
     if output is None:
         return World(), *nothing
@@ -66,6 +67,7 @@ def _read(
     except Unsupported as unsupported:
         remark(str(unsupported))
         return plain, *nothing
+    # Turn a constant sum into a colour, and keep a program otherwise.
     if total is None:
         return World(), *nothing
     if isinstance(total, tuple):
@@ -74,8 +76,8 @@ def _read(
 
 
 def _total(surface: Surface) -> Any:
-    """What all shaders of a world send together, a colour or a step; None where there are none. Raises Unsupported."""
-    # A background and an emission are the same here; other shaders have no meaning.
+    """The sum of all shaders of a world, a colour or a step; None without any. Raises Unsupported."""
+    # Background and emission are equivalent here; other shaders have no meaning.
     total: Any = None
     for closure in surface.closures:
         if closure.kind != "emission":
@@ -92,7 +94,7 @@ def _total(surface: Surface) -> Any:
 
 
 def _sky_strength(output: Any) -> float | None:
-    """The strength of a background whose colour is a Sky Texture as it stands; None for any other world."""
+    """The strength of a background whose colour is an unrotated Sky Texture; None for any other world."""
     try:
         shader = Place(output.inputs["Surface"]).source()
         if shader.node.bl_idname != "ShaderNodeBackground":

@@ -33,16 +33,16 @@ if TYPE_CHECKING:
 ENGINE = "HALFSPACE"
 UPDATE_MILLISECONDS = 400
 BUILD_SHARE = 0.1
-"""The part of the progress bar that is the build's."""
+"""Share of the progress bar that the build takes."""
 
 log = logging.getLogger(__name__)
 
 _kept: list[Any] = []
-"""Structures of the last picture's meshes, where the user lets Blender keep data from one picture to the next."""
+"""Structures of the last picture's meshes, kept while Blender's persistent data is enabled."""
 
 
 class HalfspaceEngine(bpy.types.RenderEngine):
-    """What Blender creates for each final render and each 3D view in rendered mode."""
+    """The engine's instance for one final render or one 3D view in rendered mode."""
 
     bl_idname = ENGINE
     bl_label = "Halfspace"
@@ -61,9 +61,9 @@ class HalfspaceEngine(bpy.types.RenderEngine):
         self._frame = math.nan
 
     def noted(self, depsgraph: Any, notes: Notes) -> Notes:
-        """What is said of all layers and views of this frame so far, these included. Blender renders one by one."""
+        """The notes of all layers and views of this frame so far, these included. Blender renders them one by one."""
         key, frame = (depsgraph.view_layer.name, self.active_view_get()), depsgraph.scene.frame_float
-        if self._frame != frame or key in self._noted:  # an engine may live on from picture to picture
+        if self._frame != frame or key in self._noted:  # an engine may persist over several pictures
             self._noted, self._frame = {}, frame
         self._noted[key] = notes
         found = Notes()
@@ -75,25 +75,25 @@ class HalfspaceEngine(bpy.types.RenderEngine):
         passes.register_passes(self, scene, renderlayer)
 
     def render(self, depsgraph: Any) -> None:
-        """One view layer of one frame. Whatever goes wrong is said once, and nothing half-finished is kept."""
+        """Render one view layer of one frame. An error is reported once, and no incomplete result is kept."""
         picture = _Picture(self, depsgraph)
         try:
             picture.render()
         except Cancelled:
             picture.discard()
         except KeyboardInterrupt:
-            # Blender would go on as if all were well, and write an empty picture over the last one.
+            # Blender would continue without an error, and overwrite the last picture with an empty one.
             picture.discard()
             self._refuse(INTERRUPTED)
         except Exception as error:
-            # Where Blender is a module, a program has called it, and tells the failure in its own way.
+            # With Blender as a module, the calling program reports the failure itself.
             level = logging.DEBUG if bpy.app.module else logging.ERROR
             log.log(level, "Halfspace could not render", exc_info=error)
             picture.discard()
             self._refuse(" ".join(str(error).split()) or type(error).__name__)
 
     def _refuse(self, message: str) -> None:
-        """Tell Blender that there is no picture, so that none is written."""
+        """Report an error to Blender, so that it writes no picture."""
         self.error_set(message)
         self.report({"ERROR"}, message)
 
@@ -109,7 +109,7 @@ class HalfspaceEngine(bpy.types.RenderEngine):
 
 @dataclass(frozen=True, eq=False)
 class _Read:
-    """What was read of the scene. moment: when, as `trees.moment` tells it. seconds: how long it took."""
+    """A scene that was read. moment: its `trees.moment`. seconds: the time to read it."""
 
     scene: Scene
     view: Camera
@@ -120,7 +120,9 @@ class _Read:
 
 @dataclass(frozen=True, eq=False)
 class _Built:
-    """What the picture is rendered with. reasons: of a choice, in lines. answers: how many were compared, in words."""
+    """The session of a picture. reasons: of an automatic choice, as lines. answers: number of compared answers, as
+    text.
+    """
 
     session: Session
     spec: str
@@ -130,7 +132,7 @@ class _Built:
 
 
 class _Picture:
-    """One call of `render`, with the result that is open in Blender while it runs."""
+    """One call of `render`, with its open render result."""
 
     def __init__(self, engine: HalfspaceEngine, depsgraph: Any) -> None:
         self.engine = engine
@@ -146,7 +148,7 @@ class _Picture:
         settings = render_settings(self.engine, self.depsgraph)
         width, height = settings.size
         if not self.group.overlay.show:
-            trees.clear()  # so that neither two trees nor a tree and this picture need to fit into memory
+            trees.clear()  # free it first: two trees, or a tree and this picture, need not fit into memory together
         room.check(module, f"a picture of {width} × {height} pixels", passes.bytes_needed(settings))
 
         self._say("Reading the scene")
@@ -160,25 +162,25 @@ class _Picture:
         self._warn()
 
     def _read(self, settings: RenderSettings) -> _Read:
-        """The scene and its camera. Raises what extraction raises."""
+        """The scene and its camera. Raises the exceptions of extraction."""
         start, moment = time.perf_counter(), trees.moment(self.scene)
         uvs = "UV" in settings.passes
         found = extract.find(self.depsgraph, self.notes, uvs=uvs, keep_going=self._reading)
-        # Only triangles in their places carry UVs.
+        # Only flattened triangles carry UVs.
         layout = found.layout("flatten" if uvs else self.group.instancing, integrator=self.group.integrator)
         scene = found.instanced() if layout.two_level else found.flattened(uvs=uvs)
         view = self._camera(scene.geometry.origin)
         return _Read(scene, view, layout, moment, time.perf_counter() - start)
 
     def _build(self, module: Any, read: _Read, settings: RenderSettings) -> _Built:
-        """The structure as set, or the one that the scene chooses, ready to render with."""
+        """The structure of the settings, or the automatically chosen one, with the scene around it."""
         two_level = read.layout.two_level
         if self.group.automatic and read.scene.geometry.count and not two_level:
             built = self._build_chosen(module, read, settings)
         else:
             built = self._build_set(module, read.scene, settings)
             if self.group.automatic and two_level:
-                built.reasons.append("as set: Choose for Me needs instances to be flattened, see Instances")
+                built.reasons.append("as set: Choose for Me needs flattened instances, see Instances")
         session = built.session
         meshes = session.building.meshes if session.building is not None else []
         _kept[:] = meshes if self.scene.render.use_persistent_data else []
@@ -186,7 +188,7 @@ class _Picture:
         return built
 
     def _build_set(self, module: Any, scene: Scene, settings: RenderSettings) -> _Built:
-        """The structure of the settings."""
+        """Build the structure of the settings."""
         spec, label = properties.spec(self.group), properties.structure(self.group).label
         properties.remark_unknown(self.group, self.notes)
         self._say(f"{label}: building over {scene.geometry.count:,} triangles")
@@ -201,7 +203,7 @@ class _Picture:
         return _Built(session, spec, label)
 
     def _build_chosen(self, module: Any, read: _Read, settings: RenderSettings) -> _Built:
-        """The structure that is likely to take the least time, with the reasons and the answers that were compared."""
+        """Choose the structure with the least predicted time, with the reasons and the number of compared answers."""
         seen = Notes()
         chosen = self._choose(module, read.scene, read.view, settings, seen)
         session = Session.over(module, read.scene, chosen.structure)
@@ -209,7 +211,7 @@ class _Picture:
         return _Built(session, chosen.spec, comparing.name(chosen.spec), [*chosen.notes, *seen.lines()], answers)
 
     def _keep(self, read: _Read, built: _Built) -> trees.Tree | None:
-        """Keep the tree for the overlay, which shows one in the scene's own space; None where there is none."""
+        """Keep the tree for the overlay, which can only show flattened geometry; None with instances."""
         if read.layout.two_level:
             trees.clear()
             return None
@@ -217,7 +219,7 @@ class _Picture:
         return trees.keep(self.scene, structure, geometry, spec=built.spec, label=built.label, read=read.moment)
 
     def _trace(self, job: Any, settings: RenderSettings, read: _Read, built: _Built) -> None:
-        """Fill a result of Blender's with the job's picture, while it grows and at the end."""
+        """Copy the job's picture into a render result, while it converges and at the end."""
         width, height = settings.size
         origin = read.scene.geometry.origin
         buffers = {name: np.empty(width * height * channels, np.float32) for name, channels in job.passes.items()}
@@ -226,7 +228,7 @@ class _Picture:
         )
 
         def show() -> None:
-            if not bpy.app.background:  # else nobody sees it
+            if not bpy.app.background:  # in the background there is no display
                 self._fill(job, buffers, origin)
                 self.engine.update_result(self.result)
             self._say(_summary(built.label, built.session.structure.statistics, job, built.answers))
@@ -237,12 +239,16 @@ class _Picture:
         self.result = None
 
     def _report(self, job: Any, read: _Read, built: _Built, tree: trees.Tree | None) -> None:
-        """Tell of the finished picture: in the status, as Blender's memory, and in the panel of the last render."""
+        """Report on the finished picture: in the status line, as Blender's memory use, and in the panel of the last
+        render.
+        """
         session, count = built.session, read.scene.geometry.count
+        # Update Blender's status and memory display.
         statistics = {**session.structure.statistics, **job.statistics}
         self._say(_summary(built.label, statistics, job, built.answers))
         mebibytes = statistics["bytes"] / 2**20
         self.engine.update_memory_stats(memory_used=mebibytes, memory_peak=mebibytes)
+        # Keep the report for the panels.
         left_out = [read.layout.reason, *session.structure.statistics["left_out"], *session.left_out]
         remarks.remark(self.scene, self.depsgraph.view_layer_eval, count, self.notes)
         report = reports.Report(
@@ -265,6 +271,7 @@ class _Picture:
             self.result = None
 
     def _camera(self, origin: np.ndarray[Any, Any]) -> Camera:
+        """The active camera for this layer and view. Raises RuntimeError without one."""
         item = self.engine.camera_override or self.scene.camera
         if item is None:
             raise RuntimeError("Cannot render, no camera")
@@ -281,9 +288,9 @@ class _Picture:
         )
 
     def _choose(self, module: Any, scene: Scene, view: Camera, settings: RenderSettings, seen: Notes) -> auto.Choice:
-        """Let the scene and the number of samples choose the structure.
+        """Choose a structure by the scene and the number of samples.
 
-        seen: takes what the view that is measured leaves out.
+        seen: collects notes on the measured view.
         """
         width, height = settings.size
         plan = choice.Plan(width * height, settings.samples, settings.max_bounces)
@@ -315,7 +322,7 @@ class _Picture:
         return not self.engine.test_break()
 
     def _fill(self, job: Any, buffers: dict[str, np.ndarray[Any, Any]], origin: np.ndarray[Any, Any]) -> None:
-        """Copy the picture so far into Blender's open result."""
+        """Copy the current picture into Blender's open result."""
         names = passes.native_names()
         for render_pass in self.result.layers[0].passes:
             name = names.get(render_pass.name, "")
@@ -346,13 +353,13 @@ class _Picture:
 
 
 def to_world(positions: np.ndarray[Any, Any], origin: np.ndarray[Any, Any]) -> None:
-    """Move flat (n * 3,) positions from the scene frame to the world, in place; the background (0, 0, 0) stays."""
+    """Move flat (n * 3,) positions from the scene frame to the world, in place; background pixels (0, 0, 0) stay."""
     points = positions.reshape(-1, 3)
     points[points.any(axis=1)] += origin.astype(np.float32)
 
 
 def render_settings(engine: Any, depsgraph: Any) -> RenderSettings:
-    """The picture that Blender asks for."""
+    """The settings of the picture that Blender requests."""
     scene = depsgraph.scene_eval
     render, group = scene.render, scene.halfspace
     width, height = engine.resolution_x, engine.resolution_y
@@ -376,7 +383,7 @@ def render_settings(engine: Any, depsgraph: Any) -> RenderSettings:
 
 
 def _mist(world: Any) -> Mist:
-    """How the mist pass grows, which is the world's to say."""
+    """The mist pass's settings, which belong to the world."""
     if world is None:
         return Mist()
     found = world.mist_settings
@@ -384,7 +391,7 @@ def _mist(world: Any) -> Mist:
 
 
 def border_pixels(render: Any, width: int, height: int) -> tuple[int, int, int, int]:
-    """The render border in pixels, rounded as Blender rounds: the product in f32, then towards zero."""
+    """The render border in pixels, rounded as in Blender: the product in f32, then towards zero."""
     size = np.array([width, height, width, height], np.float32)
     edges = np.array([render.border_min_x, render.border_min_y, render.border_max_x, render.border_max_y], np.float32)
     x0, y0, x1, y1 = (int(edge) for edge in edges * size)

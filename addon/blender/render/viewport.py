@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The rendered viewport: what a 3D view shows goes to `core.preview`, its pictures come back and are drawn."""
+"""The rendered viewport: passes a 3D view's content to `core.preview`, and draws the pictures that come back."""
 
 from __future__ import annotations
 
@@ -24,27 +24,27 @@ from ..read import extract, views
 from ..settings import properties
 
 TICK_SECONDS = 0.01
-"""How often a view that works is looked at; Blender itself comes by about as often."""
+"""Interval at which working views are polled, in seconds; Blender's own timer resolution is similar."""
 
 FIRST_SECONDS = 0.2
-"""The first picture is waited for so long, since drawing the window without it would take as long again."""
+"""Time to wait for the first picture, in seconds; drawing the window without it would take as long again."""
 
 PAUSE_SECONDS = 1.0
-"""But not by several views one after the other."""
+"""Smallest interval between two such waits, so that several views do not wait one after the other."""
 
 log = logging.getLogger(__name__)
 
 _waited = -PAUSE_SECONDS
-"""When a first picture was last waited for."""
+"""Time of the last wait for a first picture."""
 
 _working: weakref.WeakSet[Viewport] = weakref.WeakSet()
-"""The views that still work."""
+"""The views with unfinished work."""
 
 
 class Viewport:
     """One 3D view in rendered mode.
 
-    Holds no engine, so that it goes, and stops its work, as soon as Blender lets the engine go.
+    Holds no reference to the engine, so that it is deleted, and stops its work, when Blender frees the engine.
     """
 
     def __init__(self) -> None:
@@ -57,12 +57,12 @@ class Viewport:
         self._drawn: Picture | None = None
 
     def update(self, engine: Any, context: Any, depsgraph: Any) -> None:
-        """Take over the scene after an edit."""
+        """Read the scene after an edit."""
         try:
             notes = Notes()
             group = depsgraph.scene.halfspace
-            properties.remark_unknown(group, notes)  # first: the line in the corner has room for one
-            # The view's own choice: local view, its collections, the kinds of objects that it hides.
+            properties.remark_unknown(group, notes)  # first: the status line has room for one note
+            # The view's own visibility: local view, its collections, the kinds of objects that it hides.
             space = context.space_data if isinstance(context.space_data, bpy.types.SpaceView3D) else None
             found = extract.find(depsgraph, notes, space=space)
             two_level = found.layout(group.instancing, integrator=group.integrator, interactive=True).two_level
@@ -80,7 +80,7 @@ class Viewport:
         self._work(engine)
 
     def draw(self, engine: Any, context: Any) -> None:
-        """Show the newest picture."""
+        """Draw the newest picture."""
         preview = self._preview
         if preview is not None:
             pixel = max(int(engine.get_preview_pixel_size(context.scene)), 1)
@@ -97,7 +97,7 @@ class Viewport:
         self._work(engine)
 
     def status(self) -> str:
-        """The line in the corner of the view."""
+        """The status line in the corner of the view."""
         preview = self._preview
         problem = self._problem or (preview.problem if preview is not None else "")
         if preview is None or problem:
@@ -114,7 +114,9 @@ class Viewport:
         return " | ".join(parts)
 
     def tick(self) -> bool:
-        """Go on working; ask Blender to draw if there is something new. Returns whether there is more to do."""
+        """Advance the work, and tag the view for redrawing if there is something new. Returns whether there is more to
+        do.
+        """
         preview = self._preview
         engine = self._engine() if self._engine is not None else None
         if preview is None or engine is None:
@@ -124,7 +126,7 @@ class Viewport:
         return preview.busy
 
     def _wait(self, preview: Preview) -> None:
-        """Give the very first picture a moment."""
+        """Wait a moment for the very first picture."""
         global _waited  # noqa: PLW0603 (one main thread, which must not be held up)
         if time.perf_counter() < _waited + PAUSE_SECONDS:
             return
@@ -135,7 +137,7 @@ class Viewport:
             preview.advance()
 
     def _work(self, engine: Any) -> None:
-        """See to it that `tick` is called while there is work."""
+        """Start the timer that calls `tick` while there is work."""
         if self._preview is None or not self._preview.busy:
             return
         self._engine = weakref.ref(engine)
@@ -147,6 +149,7 @@ class Viewport:
         self._drawn = picture
         if picture is None:
             return
+        # Upload the picture in half precision, enough for display.
         x0, y0, x1, y1 = picture.part
         self._texture = gpu.types.GPUTexture(
             (x1 - x0, y1 - y0), format="RGBA16F", data=gpu.types.Buffer("FLOAT", len(picture.pixels), picture.pixels)
@@ -156,6 +159,7 @@ class Viewport:
         picture, region = self._drawn, context.region
         if picture is None:
             return
+        # Scale the picture to the region, which its pixels may not divide evenly.
         across, up = region.width / picture.width, region.height / picture.height
         x0, y0, x1, y1 = picture.part
         gpu.state.blend_set("ALPHA_PREMULT")
@@ -166,7 +170,7 @@ class Viewport:
 
 
 def _tick() -> float | None:
-    """What the timer calls: all views that work, until none does."""
+    """The timer's callback: advances all working views; returns None when there are none."""
     for view in tuple(_working):
         try:
             more = view.tick()
@@ -185,7 +189,7 @@ def stop() -> None:
 
 
 def preview_settings(scene: Any) -> RenderSettings:
-    """How the viewport renders this scene; the size is each view's."""
+    """The render settings of the viewport for this scene; the size is set per view."""
     group = scene.halfspace
     return RenderSettings(
         width=1,

@@ -32,5 +32,5 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """The reverse of `register`."""
+    """Undo `register`."""
     bpy.utils.unregister_class(HALFSPACE_OT_showcase)

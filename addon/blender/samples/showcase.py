@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The built-in scene: a still life of tilted, bevelled, mirroring and transparent things, lit and framed.
+"""The built-in scene: a still life of tilted, bevelled, mirroring and transparent objects, lit and framed.
 
-Made only with Blender's own primitives and modifiers. Some 150,000 triangles, few of them parallel to an axis, which
+Made only with Blender's own primitives and modifiers. About 150,000 triangles, few of them parallel to an axis, which
 is where structures with oblique planes differ from a kd-tree.
 """
 
@@ -37,7 +37,7 @@ def build(scene: Any) -> None:
 
 
 def _floor(scene: Any) -> None:
-    """A chessboard of two materials, turned so that its edges follow no axis."""
+    """A chessboard of two materials, rotated so that its edges are parallel to no axis."""
     board = _object(scene, "Floor", lambda bm: bmesh.ops.create_grid(bm, x_segments=28, y_segments=28, size=14.0))
     board.rotation_euler = (0.0, 0.0, math.radians(31.0))
     board.data.materials.append(_material("Light stone", (0.66, 0.63, 0.58), roughness=0.35))
@@ -47,7 +47,7 @@ def _floor(scene: Any) -> None:
 
 
 def _backdrop(scene: Any) -> None:
-    """A large mirror that leans behind everything, in a bevelled frame."""
+    """A large mirror that leans in the background, in a bevelled frame."""
     lean, turn = math.radians(83.0), math.radians(-24.0)
     frame = _object(scene, "Mirror frame", lambda bm: bmesh.ops.create_cube(bm, size=1.0))
     frame.scale = (5.2, 2.9, 0.16)
@@ -109,7 +109,7 @@ def _upright_circle(bm: bmesh.types.BMesh) -> None:
 
 
 def _stairs(scene: Any) -> None:
-    """An array of boxes, each turned a little further than the last."""
+    """An array of boxes, each rotated a little further than the last."""
     step = bpy.data.objects.new("Stairs step", None)
     scene.collection.objects.link(step)
     step.hide_render = True
@@ -131,7 +131,7 @@ def _stairs(scene: Any) -> None:
 
 
 def _beads(scene: Any) -> None:
-    """Small balls strewn in the foreground: linked copies of one mesh, so that instances are in the picture."""
+    """Small balls in the foreground: linked copies of one mesh, so that the picture contains instances."""
     bead = _object(
         scene,
         "Bead",
@@ -153,6 +153,7 @@ def _beads(scene: Any) -> None:
         ("Cobalt", 3.15, -1.05, 0.16),
         ("Copper", -3.05, -1.15, 0.18),
     )
+    # Link the material to the object, so that copies of one mesh differ.
     for i, (colour, x, y, radius) in enumerate(places):
         item = bead if i == 0 else bpy.data.objects.new(f"Bead {i}", bead.data)
         if i:
@@ -218,7 +219,7 @@ def _object(scene: Any, name: str, make: Make, *, smooth: bool = False) -> Any:
     """A new mesh object from a primitive."""
     bm = bmesh.new()
     make(bm)
-    # In an order of their own: Blender's sphere has its faces in another one each time, and so would every tree.
+    # Sort the faces: Blender's sphere orders them differently each time, which would change every tree.
     faces = sorted(_turned([vertex.index for vertex in face.verts]) for face in bm.faces)
     mesh = bpy.data.meshes.new(name)
     mesh.from_pydata([vertex.co for vertex in bm.verts], [] if faces else _edges(bm), faces)
@@ -230,7 +231,7 @@ def _object(scene: Any, name: str, make: Make, *, smooth: bool = False) -> Any:
 
 
 def _turned(corners: list[int]) -> list[int]:
-    """The same face, beginning at its smallest corner."""
+    """The same face, starting at its smallest corner."""
     first = corners.index(min(corners))
     return corners[first:] + corners[:first]
 
@@ -259,7 +260,7 @@ def _material(
     transmission: float = 0.0,
     ior: float = 1.5,
 ) -> Any:
-    """A Principled BSDF with these values, shown in the same colour in the viewport."""
+    """A Principled BSDF with these values, and the same colour in the viewport."""
     material = bpy.data.materials.new(name)
     if material.node_tree is None:
         material.use_nodes = True

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Building the chosen structure over the open scene without a render: on demand, or whenever the scene changes.
 
-Extraction runs on Blender's main thread, as it must; the build on a thread of its own, watched by a timer.
+Extraction has to run on Blender's main thread; the build runs on its own thread, polled by a timer.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from ..settings import properties, signals
 from . import trees
 
 REST_SECONDS = 0.4
-"""How long a scene must rest before it is built again by itself."""
+"""Time without changes before a scene is rebuilt automatically, in seconds."""
 
 log = logging.getLogger(__name__)
 
@@ -30,7 +30,7 @@ class Job:
     """One build for one scene, from its triangles to the kept tree."""
 
     def __init__(self, scene: Any, depsgraph: Any) -> None:
-        """Read the scene and begin to build. Raises what extraction raises, and native.NativeError."""
+        """Read the scene and start the build. Raises the exceptions of extraction, and native.NativeError."""
         group = scene.halfspace
         module = native.load()
         self.spec = properties.spec(group)
@@ -49,23 +49,25 @@ class Job:
         return self._building.progress
 
     def step(self, seconds: float = 0.0) -> bool:
-        """Wait at most so long. True when the work has ended; then the tree is kept. Raises what the build raised."""
+        """Wait at most `seconds`. Returns True once the build has ended and its tree is kept. Raises the build's
+        exceptions.
+        """
         if not self._building.wait(seconds):
             return False
         structure = self._building.result()
         scene = trees.scene_of(self.scene_uid)
-        if scene is not None:  # else it was deleted meanwhile
+        if scene is not None:  # None if the scene was deleted meanwhile
             geometry = self._building.geometry
             trees.keep(scene, structure, geometry, spec=self.spec, label=self.label, read=self._read)
         return True
 
     def cancel(self) -> None:
-        """Stop and forget."""
+        """Stop the build and drop its result."""
         self._building.cancel()
 
 
 def build_now(scene: Any, depsgraph: Any) -> Job:
-    """Build the chosen structure and wait for it. Raises what extraction and the build raise."""
+    """Build the chosen structure and wait for it. Raises the exceptions of extraction and build."""
     job = Job(scene, depsgraph)
     while not job.step(POLL_SECONDS):
         pass
@@ -73,7 +75,7 @@ def build_now(scene: Any, depsgraph: Any) -> Job:
 
 
 class _Background:
-    """The build that runs by itself, at most one, and the wish for the next."""
+    """The automatic build, at most one at a time, and the request for the next. wish: `session_uid` of its scene."""
 
     job: Job | None = None
     wish: int | None = None
@@ -82,7 +84,9 @@ class _Background:
 
 
 def request(scene: Any) -> None:
-    """Build this scene's structure again, if it wishes that, once the scene has rested; a running build is stopped."""
+    """Schedule a rebuild of this scene's structure, if its overlay wants one, after REST_SECONDS; stops a running
+    build.
+    """
     group = scene.halfspace
     if native.problem() is not None or not (group.overlay.show and group.overlay.auto_update):
         return
@@ -95,7 +99,7 @@ def request(scene: Any) -> None:
 
 
 def stop() -> None:
-    """End what runs by itself, and the timer."""
+    """Stop the automatic build and its timer."""
     if bpy.app.timers.is_registered(_tick):
         bpy.app.timers.unregister(_tick)
     if _Background.job is not None:
@@ -105,21 +109,21 @@ def stop() -> None:
 
 
 def progress() -> float | None:
-    """How far the build that runs by itself is, 0 to 1; None when there is none."""
+    """Progress of the automatic build, 0 to 1; None if none runs."""
     return None if _Background.job is None else _Background.job.progress
 
 
 def problem() -> str:
-    """Why the last build that ran by itself failed, or nothing."""
+    """The reason why the last automatic build failed, or ""."""
     return _Background.problem
 
 
 def _tick() -> float | None:
-    """What the timer calls. Returns the seconds until the next call, or None for no more."""
+    """The timer's callback. Returns the seconds until the next call, or None to end."""
     try:
         return _advance()
     except Exception as error:
-        # A timer has no one to report to: the panel shows the line.
+        # A timer cannot report to the user: the panel shows the message.
         log.exception("Halfspace could not build the structure")
         _Background.job = None
         _Background.problem = " ".join(str(error).split()) or type(error).__name__
@@ -128,6 +132,7 @@ def _tick() -> float | None:
 
 
 def _advance() -> float | None:
+    """Stop an outdated build, finish the running one, or start the requested one once the scene has rested."""
     job, wish = _Background.job, _Background.wish
     if job is not None and wish is not None:
         job.cancel()
@@ -152,7 +157,7 @@ class HALFSPACE_OT_build_structure(bpy.types.Operator):
 
     bl_idname = "halfspace.build_structure"
     bl_label = "Build Structure"
-    bl_description = "Build the chosen structure over the scene as the viewport shows it, to look at it. Esc stops"
+    bl_description = "Build the chosen structure over the scene as the viewport shows it, for inspection. Esc stops"
 
     _job: Job | None = None
     _timer: Any = None
@@ -170,7 +175,7 @@ class HALFSPACE_OT_build_structure(bpy.types.Operator):
         return _told(self, job)
 
     def invoke(self, context: Any, event: Any) -> set[str]:
-        """Build while Blender goes on."""
+        """Build while Blender stays usable."""
         stop()
         try:
             self._job = Job(context.scene, context.evaluated_depsgraph_get())
@@ -183,7 +188,7 @@ class HALFSPACE_OT_build_structure(bpy.types.Operator):
         return {"RUNNING_MODAL"}
 
     def modal(self, context: Any, event: Any) -> set[str]:
-        """Look at the build on each tick of a timer; Esc stops it; all else passes through."""
+        """Advance the build on each timer event; Esc stops it; all other events pass through."""
         assert self._job is not None
         if event.type == "ESC":
             self._job.cancel()
@@ -202,10 +207,10 @@ class HALFSPACE_OT_build_structure(bpy.types.Operator):
             return _told(self, self._job)
         context.window_manager.progress_update(100 * self._job.progress)
         context.workspace.status_text_set(f"{self._job.label}: {self._job.progress:.0%}   Esc: stop")
-        return {"PASS_THROUGH"}  # an event does not tell whose timer it is of
+        return {"PASS_THROUGH"}  # events do not identify their timer
 
     def cancel(self, context: Any) -> None:
-        """Blender closes the window or the file."""
+        """Stop when Blender closes the window or the file."""
         if self._job is not None:
             self._job.cancel()
 
@@ -234,7 +239,7 @@ class HALFSPACE_OT_free_structure(bpy.types.Operator):
 
     bl_idname = "halfspace.free_structure"
     bl_label = "Free Structure"
-    bl_description = "Forget the last structure and free its memory"
+    bl_description = "Free the memory of the last structure"
 
     def execute(self, context: Any) -> set[str]:
         trees.clear()
@@ -256,7 +261,7 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Stop what runs, and the reverse of `register`."""
+    """Stop a running build, and undo `register`."""
     for signal in FOLLOWED:
         signal.disconnect(request)
     stop()

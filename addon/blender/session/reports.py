@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the last picture of each scene cost and left out, for the panels. Never saved."""
+"""Costs and omissions of each scene's last picture, for the panels. Never saved."""
 
 from __future__ import annotations
 
@@ -11,9 +11,8 @@ from ...core.choose.choice import NOT_COMPARED
 
 @dataclass(frozen=True)
 class Report:
-    """statistics: the structure's and the render's, as the native module names them. reasons: why this structure,
-    where it was not the user who chose it. answers: what is known of their errors. tree: the number of the structure,
-    if it was kept.
+    """Report on a picture. statistics: of structure and render, with the native module's names. reasons: for an
+    automatic choice of the structure. answers: text on their check. tree: the number of the structure, if it was kept.
     """
 
     label: str
@@ -31,15 +30,15 @@ _last: dict[int, Report] = {}
 
 
 def keep(scene: Any, report: Report) -> None:
-    """Remember the report of a scene, in place of its last one."""
+    """Store the report of a scene, replacing its last one."""
     _last[scene.original.session_uid] = report
 
 
 def last(scene: Any) -> Report | None:
-    """The report of a scene's last picture in this session."""
+    """The report of a scene's last picture in this session, or None."""
     return _last.get(scene.original.session_uid)
 
 
 def clear() -> None:
-    """Forget all."""
+    """Forget all reports."""
     _last.clear()

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The last structure that was built, by a render or on demand, for whoever wants to look at it. Never saved.
+"""The last built structure, of a render or on demand, for inspection. Never saved.
 
-Only one is kept, of whatever scene, since a tree over millions of triangles takes hundreds of megabytes.
+Only one is kept for all scenes, because a tree over millions of triangles takes hundreds of megabytes.
 """
 
 from __future__ import annotations
@@ -21,12 +21,11 @@ IGNORED_TYPES = {"CAMERA", "LIGHT", "LIGHT_PROBE", "SPEAKER"}
 
 @dataclass(eq=False)
 class Tree:
-    """A native structure in the scene frame whose origin lies at `origin` (3,) in the world.
+    """A native structure in the scene frame whose origin is at `origin` (3,) in world space.
 
-    vertices, triangles: (n, 3) float32 and (m, 3) int32, what it was built over. A render need not show what the
-    viewport shows, and the scene goes on: whoever compares its answers needs these very triangles, and the native
-    structure does not give them back. read: the scene's `moment` when they were read. number: of all structures, so
-    that what was made from one can be told from what was made from the next without keeping it alive.
+    vertices, triangles: (n, 3) float32 and (m, 3) int32, its input. They are needed to check its answers: the native
+    structure does not return them, and the scene may have changed or differ between render and viewport. read: the
+    scene's `moment` when they were read. number: a unique id, which outlives the structure.
     """
 
     structure: Any
@@ -41,7 +40,7 @@ class Tree:
 
     @property
     def count(self) -> int:
-        """How many triangles there are."""
+        """Number of triangles."""
         return len(self.triangles)
 
     @property
@@ -53,14 +52,14 @@ class Tree:
 _tree: Tree | None = None
 
 _moments: dict[int, int] = {}
-"""How often triangles have moved, by the scene's number."""
+"""Number of changes that moved triangles, by the scene's `session_uid`."""
 
 _frames: dict[int, float] = {}
-"""The frame at which that was last known."""
+"""The frame of the last of these changes, by the scene's `session_uid`."""
 
 
 def moment(scene: Any) -> int:
-    """To be asked before the scene is read, and kept with what was read: it changes when triangles move."""
+    """A counter to read before the scene, and to keep with what was read: it changes when triangles move."""
     uid = scene.original.session_uid
     _frames[uid] = scene.frame_float
     return _moments.setdefault(uid, 0)
@@ -72,21 +71,21 @@ def moved(scene_uid: int, read: int) -> bool:
 
 
 def keep(scene: Any, structure: Any, geometry: Geometry, *, spec: str, label: str, read: int) -> Tree:
-    """Remember a structure of this scene, built over this geometry, in place of the last one.
+    """Keep a structure of this scene, built over this geometry, in place of the last one.
 
-    Of the geometry only what a `Tree` says is kept: its normals and UVs can take more memory than its triangles.
+    Of the geometry only the fields of `Tree` are kept: normals and UVs can take more memory than the triangles.
     """
     global _tree  # noqa: PLW0603 (one per Blender, as said above)
     uid, origin = scene.original.session_uid, geometry.origin.copy()
     _tree = Tree(structure, origin, geometry.vertices, geometry.triangles, spec, label, uid, read)
     if not bpy.app.background:
-        # Renders keep their trees from a thread of theirs; timers run where redrawing is allowed.
+        # Renders run on their own thread; timers run where redrawing is allowed.
         bpy.app.timers.register(redraw)
     return _tree
 
 
 def last(scene: Any) -> Tree | None:
-    """The structure of this scene, if the last one is of this scene."""
+    """The last structure, if it is of this scene."""
     if _tree is not None and _tree.scene_uid == scene.original.session_uid:
         return _tree
     return None
@@ -101,20 +100,21 @@ def clear() -> None:
 
 
 def scene_of(uid: int) -> Any:
-    """The scene with this number, None if it is gone."""
+    """The scene with this `session_uid`, or None."""
     return next((scene for scene in bpy.data.scenes if scene.session_uid == uid), None)
 
 
 def usable(scene: Any, spec: str) -> Tree | None:
-    """The structure of this scene, if it is this configuration and triangles have not moved since."""
+    """The structure of this scene, if it has this configuration and triangles have not moved since."""
     tree = last(scene)
     return tree if tree is not None and tree.spec == spec and not tree.stale else None
 
 
 def note_changes(scene: Any, depsgraph: Any) -> bool:
-    """Go on to another moment when an update could have moved a triangle. Returns whether one could."""
+    """Advance the scene's moment if an update could have moved a triangle. Returns whether one could."""
     if not any(_moves_triangles(update) for update in depsgraph.updates):
         return False
+    # Redraw only when the shown tree becomes outdated.
     tree, uid = last(scene), scene.original.session_uid
     fresh = tree is not None and not tree.stale
     _moments[uid] = _moments.get(uid, 0) + 1
@@ -124,7 +124,7 @@ def note_changes(scene: Any, depsgraph: Any) -> bool:
 
 
 def note_frame(scene: Any, depsgraph: Any) -> bool:
-    """The same when a frame was evaluated, if it is another one: each render ends with the frame that it began with."""
+    """The same after the evaluation of a frame, if the frame is new: each render ends with the frame it began with."""
     uid, frame = scene.original.session_uid, scene.frame_float
     if _frames.get(uid) == frame:
         return False
@@ -133,7 +133,7 @@ def note_frame(scene: Any, depsgraph: Any) -> bool:
 
 
 def forget_moments() -> None:
-    """Start anew, when nothing that was read is kept any more."""
+    """Reset all counters, when nothing that was read is kept any more."""
     _moments.clear()
     _frames.clear()
 
@@ -144,12 +144,13 @@ def _moves_triangles(update: Any) -> bool:
     item = update.id
     if isinstance(item, bpy.types.Object):
         return item.type not in IGNORED_TYPES
-    # A geometry node tree or a mesh also updates the objects that use it; objects that come or go, their collection.
+    # Updates of a geometry node tree or a mesh include the objects that use it; added or removed objects, their
+    # collection.
     return isinstance(item, bpy.types.Collection)
 
 
 def redraw() -> None:
-    """Ask every 3D view to draw itself again, from whatever thread."""
+    """Tag every 3D view for redrawing, from any thread."""
     manager = bpy.context.window_manager
     for window in manager.windows if manager is not None else ():
         for area in window.screen.areas:
@@ -158,7 +159,7 @@ def redraw() -> None:
 
 
 def redraw_panels() -> None:
-    """Ask only the sidebars and the properties to draw themselves again: progress must not cost a 3D view."""
+    """Tag only sidebars and properties for redrawing: progress must not cost a redraw of a 3D view."""
     manager = bpy.context.window_manager
     for window in manager.windows if manager is not None else ():
         for area in window.screen.areas:

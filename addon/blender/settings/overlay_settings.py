@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`scene.halfspace.overlay`: what of the structure the 3D viewport shows, and how."""
+"""`scene.halfspace.overlay`: settings of the structure's display in the 3D viewport."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ KIND_ITEMS = (
     ("X", "X", "Planes across the X axis, in its colour"),
     ("Y", "Y", "Planes across the Y axis, in its colour"),
     ("Z", "Z", "Planes across the Z axis, in its colour"),
-    ("OBLIQUE", "Oblique", "Planes that follow no axis"),
+    ("OBLIQUE", "Oblique", "Planes that are not perpendicular to an axis"),
     ("SLABS", "Slabs", "Pairs of planes between which the triangles of a child lie"),
     ("OCTANTS", "Octants", "The three planes of a node with eight children"),
     ("BOXES", "Boxes", "The faces of a box around the triangles of a node"),
@@ -38,11 +38,11 @@ def _rebuild(group: Any, _context: Any) -> None:
 
 
 class HalfspaceOverlaySettings(bpy.types.PropertyGroup):
-    """What the viewport shows of the structure."""
+    """Settings of the structure's display in the viewport."""
 
     show: BoolProperty(  # type: ignore[valid-type]
         name="Structure",
-        description="Show the structure over the scene: its planes, its leaves, the way of a ray",
+        description="Show the structure over the scene: its planes, its leaves, the path of a ray",
         default=False,
         update=_follow,
     )
@@ -52,7 +52,7 @@ class HalfspaceOverlaySettings(bpy.types.PropertyGroup):
         items=[
             ("PLANES", "Planes", "The planes that split space, each cut to its cell", 1),
             ("CELLS", "Leaves", "The cells of leaves, the brighter the more triangles they hold", 2),
-            ("RAY", "Ray", "The way of the ray that was picked: its cells in order, planes and triangles", 4),
+            ("RAY", "Ray", "The path of the picked ray: its cells in order, planes and triangles", 4),
             ("BEAM", "Beam", "The tile of 64 rays around it: the leaves they visit, the brighter the more rays do", 8),
         ],
         options={"ENUM_FLAG"},
@@ -61,8 +61,8 @@ class HalfspaceOverlaySettings(bpy.types.PropertyGroup):
     )
     least: IntProperty(  # type: ignore[valid-type]
         name="From Triangles",
-        description="Leaves with fewer triangles are not shown. Higher values show only where the structure "
-        "divides too little",
+        description="Smallest number of triangles of the leaves that are shown. Higher values show only where the "
+        "structure splits too little",
         default=1,
         min=0,
         soft_max=64,
@@ -77,7 +77,7 @@ class HalfspaceOverlaySettings(bpy.types.PropertyGroup):
     )
     depth_min: IntProperty(  # type: ignore[valid-type]
         name="Depth Start",
-        description="Planes of nodes above this depth are not shown; the first plane has depth 0",
+        description="Smallest depth of nodes whose planes are shown; the root has depth 0",
         default=0,
         min=0,
         max=DEEPEST,
@@ -85,7 +85,7 @@ class HalfspaceOverlaySettings(bpy.types.PropertyGroup):
     )
     depth_max: IntProperty(  # type: ignore[valid-type]
         name="End",
-        description="Planes of nodes below this depth are not shown. Each level has up to twice as many as the last",
+        description="Largest depth of nodes whose planes are shown. Each level has at most twice as many as the last",
         default=6,
         min=0,
         max=DEEPEST,
@@ -112,7 +112,7 @@ class HalfspaceOverlaySettings(bpy.types.PropertyGroup):
     )
     opacity: FloatProperty(  # type: ignore[valid-type]
         name="Opacity",
-        description="Of the shallowest planes; deeper ones are fainter",
+        description="Opacity of the shallowest planes; deeper ones are fainter",
         default=0.9,
         min=0.0,
         max=1.0,
@@ -121,7 +121,7 @@ class HalfspaceOverlaySettings(bpy.types.PropertyGroup):
     )
     line_width: FloatProperty(  # type: ignore[valid-type]
         name="Line Width",
-        description="Of the shallowest planes; deeper ones are thinner",
+        description="Line width of the shallowest planes; deeper ones are thinner",
         default=2.5,
         min=1.0,
         max=10.0,
@@ -130,8 +130,8 @@ class HalfspaceOverlaySettings(bpy.types.PropertyGroup):
     )
     beam_spacing: FloatProperty(  # type: ignore[valid-type]
         name="Beam Spacing",
-        description="Distance between two rays of the tile, in pixels of the view in which the ray was picked. More "
-        "gives a wider beam, whose rays share less of their way",
+        description="Distance between two rays of the tile, in pixels of the view in which the ray was picked. "
+        "Larger values give a wider beam, whose rays share fewer cells",
         default=4.0,
         min=0.1,
         soft_max=32.0,
@@ -150,8 +150,8 @@ class HalfspaceOverlaySettings(bpy.types.PropertyGroup):
     )
     max_count: IntProperty(  # type: ignore[valid-type]
         name="Limit",
-        description="Most polygons of planes and of leaves shown, the shallowest and the fullest first; more take "
-        "longer to draw",
+        description="Largest number of polygons shown, for planes and for leaves, shallowest and fullest first. More "
+        "take longer to draw",
         default=20_000,
         min=1,
         soft_max=100_000,
@@ -166,5 +166,5 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """The reverse of `register`."""
+    """Undo `register`."""
     bpy.utils.unregister_class(HalfspaceOverlaySettings)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Configurations by name: those of the sources, and the user's own in Blender's preset system."""
+"""Named configurations: those of the literature, and the user's own in Blender's preset system."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from . import properties
 
 
 def apply(group: Any, spec: str) -> None:
-    """Give a `scene.halfspace` group the structure and all parameters of a configuration. Raises specs.SpecError."""
+    """Set the structure and all parameters of a configuration in a `scene.halfspace` group. Raises specs.SpecError."""
     structure, values = presets.settings(catalogue.load(), spec)
     group.structure = structure
     for name, value in values.items():
@@ -23,7 +23,7 @@ def apply(group: Any, spec: str) -> None:
 
 
 class HALFSPACE_OT_use_spec(bpy.types.Operator):
-    """Takes over a configuration."""
+    """Applies a configuration."""
 
     bl_idname = "halfspace.use_spec"
     bl_label = "Use This One"
@@ -34,7 +34,7 @@ class HALFSPACE_OT_use_spec(bpy.types.Operator):
 
     @classmethod
     def description(cls, context: Any, properties: Any) -> str:
-        """The structure's own words."""
+        """The structure's summary and source as the tooltip."""
         structure = catalogue.load().get(specs.structure_of(properties.spec))
         return f"{structure.summary} {structure.paper}" if structure is not None else cls.bl_description
 
@@ -48,7 +48,7 @@ class HALFSPACE_OT_use_spec(bpy.types.Operator):
 
 
 class HALFSPACE_MT_presets(bpy.types.Menu):
-    """The names of the sources, then the user's presets."""
+    """The names of the literature, then the user's presets."""
 
     bl_label = "Structure Presets"
     preset_subdir = "halfspace/structure"
@@ -74,7 +74,7 @@ class HALFSPACE_OT_preset_add(AddPresetBase, bpy.types.Operator):
 
     @property
     def preset_values(self) -> list[str]:
-        """What is saved: the structure first, because it resets the others."""
+        """The saved properties: the structure first, because setting it resets the others."""
         names = [parameter.name for parameter in properties.structure_parameters(bpy.context.scene.halfspace)]
         return [f"group.{name}" for name in ("structure", *names)]
 
@@ -83,7 +83,7 @@ CLASSES = (HALFSPACE_OT_use_spec, HALFSPACE_MT_presets, HALFSPACE_OT_preset_add)
 
 
 def draw(layout: Any) -> None:
-    """The menu, and the buttons that save and remove."""
+    """Draw the menu, and the buttons that save and remove presets."""
     row = layout.row(align=True)
     row.menu(HALFSPACE_MT_presets.__name__, text=HALFSPACE_MT_presets.bl_label)
     row.operator(HALFSPACE_OT_preset_add.bl_idname, text="", icon="ADD")
@@ -98,7 +98,7 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """The reverse of `register`."""
+    """Undo `register`."""
     for kind in reversed(CLASSES):
         if kind.is_registered:
             bpy.utils.unregister_class(kind)

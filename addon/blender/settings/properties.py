@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`scene.halfspace` and `view_layer.halfspace`; what concerns structures is generated from the catalogue."""
+"""`scene.halfspace` and `view_layer.halfspace`; the properties of structures are generated from the catalogue."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 
 
 TWO_LEVELS = (
-    "A tree for each mesh and one over the places. Flattened all the same where textures read more of a triangle than "
-    "its mesh has, and by Whitted's integrator where something glows"
+    "A tree for each mesh and one over the instances. Flattened in any case if textures need attributes of instances, "
+    "and by Whitted's integrator if a material emits light"
 )
 
 
@@ -30,16 +30,17 @@ UNKNOWN = "The file's structure is unknown to this version, replaced by"
 
 
 def structure(group: Any) -> Structure:
-    """The structure chosen in a `scene.halfspace` group; the default where a file has one of another version.
+    """The structure chosen in a `scene.halfspace` group; the default if the file's structure is unknown to this
+    version.
 
-    Such a choice reads as an empty name.
+    An unknown choice reads as an empty name.
     """
     known = catalogue.load()
     return known.get(group.structure) or known.default
 
 
 def remark_unknown(group: Any, notes: Notes) -> None:
-    """Note that the structure of a `scene.halfspace` group is not the one of its file, if so."""
+    """Note if the structure of a `scene.halfspace` group replaces an unknown one of its file."""
     if not group.structure:
         notes.add(UNKNOWN, structure(group).label)
 
@@ -56,7 +57,7 @@ def spec(group: Any) -> str:
 
 
 def _follow_structure(group: Any, context: Any) -> None:
-    """Give the chosen structure its own defaults, except where the user set a value that is nobody's default."""
+    """Set the chosen structure's own defaults, except for parameters with a value that is no structure's default."""
     known = catalogue.load()
     for parameter in known[group.structure].parameters:
         value = getattr(group, parameter.name)
@@ -67,7 +68,7 @@ def _follow_structure(group: Any, context: Any) -> None:
 
 
 def _rebuild(group: Any, _context: Any) -> None:
-    """Let a shown tree follow its settings."""
+    """Rebuild a shown structure after a change of its settings."""
     signals.structure_changed.fire(group.id_data)
 
 
@@ -75,7 +76,7 @@ def _structure_properties(known: Catalogue) -> dict[str, Any]:
     properties: dict[str, Any] = {
         "structure": EnumProperty(
             name="Structure",
-            description="How the triangles are organised for finding what a ray hits. The picture is always the same",
+            description="The acceleration structure that finds the hits of rays. All of them give the same picture",
             items=[(s.id, s.label, f"{s.summary} {s.paper}", s.code) for s in known.structures],
             default=known.default.id,
             update=_follow_structure,
@@ -91,13 +92,13 @@ def _map_properties(known: Catalogue) -> dict[str, Any]:
     return {
         "cost": EnumProperty(
             name="Cost",
-            description="What the colours of the map tell",
+            description="The quantity that the colours of the map show",
             items=[(q.key, q.label, q.doc, number) for number, q in enumerate(costmap.QUANTITIES)],
             default="STEPS",
         ),
         "second": EnumProperty(
             name="Beside",
-            description="Another structure, as it is by default, whose map is shown beside on the same scale",
+            description="Another structure, with its default parameters, whose map is shown on the same scale",
             items=[("NONE", "Nothing", "One map only", 0), *others],
             default="NONE",
         ),
@@ -112,7 +113,7 @@ def _parameter_property(parameter: Parameter) -> Any:
         "update": _rebuild,
     }
     if parameter.kind == "choice":
-        # A number made from the name stays the same in saved files when the list of options changes.
+        # A number derived from the name stays valid in saved files when the list of options changes.
         items = [(o, o, "", zlib.crc32(o.encode()) & 0x7FFF_FFFF) for o in parameter.options]
         return EnumProperty(items=items, **common)
     bounds = {
@@ -128,20 +129,20 @@ RENDER_PROPERTIES: dict[str, Any] = {
     "automatic": BoolProperty(
         name="Choose for Me",
         description="Let each final render choose structure and parameters for its scene and number of samples. Takes "
-        "a moment before the render; the statistics say what was chosen and why",
+        "a moment before the render; the statistics show the choice and its reasons",
         default=False,
     ),
     "samples": IntProperty(
         name="Samples",
-        description="Rays per pixel; noise halves with four times as many",
+        description="Camera rays per pixel; four times as many halve the noise",
         default=32,
         min=1,
         max=1 << 20,
     ),
     "use_adaptive": BoolProperty(
         name="Adaptive Sampling",
-        description="Give no more rays to parts of the picture whose noise is below the threshold. The picture is then "
-        "no longer unbiased: what seems finished too early stays so",
+        description="Stop sampling parts of the picture whose noise is below the threshold. The picture is then no "
+        "longer unbiased: parts that seem converged too early stay so",
         default=False,
     ),
     "noise_threshold": FloatProperty(
@@ -156,7 +157,7 @@ RENDER_PROPERTIES: dict[str, Any] = {
     ),
     "time_limit": FloatProperty(
         name="Time Limit",
-        description="Seconds after which a final render ends with the samples that it has, at least one. The picture "
+        description="Seconds after which a final render ends with the samples taken so far, at least one. The picture "
         "then depends on the machine; 0 is no limit",
         default=0.0,
         min=0.0,
@@ -168,49 +169,52 @@ RENDER_PROPERTIES: dict[str, Any] = {
     ),
     "integrator": EnumProperty(
         name="Integrator",
-        description="How light is followed",
+        description="The algorithm that computes the light",
         items=[
             ("path", "Path Tracing", "All light, exact up to noise", 0),
             ("whitted", "Whitted", "Direct light, mirrors and clear glass; light from other surfaces is left out", 1),
-            ("ao", "Ambient Occlusion", "How open each point is, without materials and lights", 2),
+            ("ao", "Ambient Occlusion", "Openness of each point, without materials and lights", 2),
         ],
         default="path",
     ),
     "ambient_distance": FloatProperty(
         name="Distance",
-        description="How far ambient occlusion looks; 0 is as far as the scene goes",
+        description="Length of the rays of ambient occlusion; 0 is unlimited",
         default=0.0,
         min=0.0,
         subtype="DISTANCE",
     ),
     "max_bounces": IntProperty(
-        name="Bounces", description="How often light is followed after the first surface", default=6, min=0, max=64
+        name="Bounces", description="Largest number of bounces after the first surface", default=6, min=0, max=64
     ),
     "clamp_indirect": FloatProperty(
         name="Clamp Indirect",
-        description="Most that one sample may add after its first bounce. Less hides fireflies and loses light; "
-        "0 is no limit, and exact",
+        description="Largest contribution of one sample after its first bounce. Lower values remove fireflies and "
+        "lose light; 0 is no limit, and unbiased",
         default=10.0,
         min=0.0,
         soft_max=100.0,
     ),
     "render_seed": IntProperty(
-        name="Noise Seed", description="Another number gives other noise in the same picture", default=0, min=0
+        name="Noise Seed",
+        description="Seed of the random numbers: each value gives the same picture with different noise",
+        default=0,
+        min=0,
     ),
     "memory_limit": IntProperty(
         name="Memory Limit",
-        description="Megabytes that building the structure may take; a build that needs more ends with an error. "
-        "0 is most of what the computer has free",
+        description="Megabytes that the build of the structure may use; a build that needs more ends with an error. "
+        "0 is most of the free memory",
         default=0,
         min=0,
     ),
     "instancing": EnumProperty(
         name="Instances",
-        description="Whether a mesh that stands in many places is kept once, with a tree of its own, or copied to all "
-        "of them. The picture is the same",
+        description="Whether a mesh with many instances is stored once, with its own tree, or copied for each of them. "
+        "The picture is the same",
         items=[
             ("auto", "Automatic", "Keep instances where that saves memory or, in the viewport, time to rebuild", 0),
-            ("flatten", "Flatten", "One tree over all copies: more memory, quicker rays", 1),
+            ("flatten", "Flatten", "One tree over all copies: more memory, faster rays", 1),
             ("two-level", "Two Levels", TWO_LEVELS, 2),
         ],
         default="auto",
@@ -225,12 +229,12 @@ class HalfspaceViewLayerSettings(bpy.types.PropertyGroup):
 
     use_pass_albedo: BoolProperty(  # type: ignore[valid-type]
         name="Denoising Albedo",
-        description="How much of white light each pixel's first surface sends on: beside Normal, what the compositor's "
-        "Denoise node wants",
+        description="Share of white light that each pixel's first surface scatters: with Normal, an input of the "
+        "compositor's Denoise node",
         default=False,
     )
     use_pass_samples: BoolProperty(  # type: ignore[valid-type]
-        name="Sample Count", description="How many samples each pixel got", default=False
+        name="Sample Count", description="Number of samples of each pixel", default=False
     )
     use_pass_depth: BoolProperty(  # type: ignore[valid-type]
         name="Leaf Depth",
@@ -239,21 +243,21 @@ class HalfspaceViewLayerSettings(bpy.types.PropertyGroup):
         default=False,
     )
     use_pass_steps: BoolProperty(  # type: ignore[valid-type]
-        name="Traversal Steps", description="How many nodes each pixel's camera rays visit", default=False
+        name="Traversal Steps", description="Number of nodes that each pixel's camera rays visit", default=False
     )
     use_pass_tests: BoolProperty(  # type: ignore[valid-type]
         name="Triangle Tests",
-        description="How many triangles each pixel's camera rays are tested against",
+        description="Number of triangles that each pixel's camera rays are tested against",
         default=False,
     )
 
 
 TICKED = ("bvh-sah", "kd", "octree-net")
-"""What is compared unless the user says otherwise."""
+"""Structures that are compared by default."""
 
 
 def tick(structure_id: str) -> str:
-    """The property of `scene.halfspace.compared` that includes this structure."""
+    """Name of the property of `scene.halfspace.compared` that includes this structure."""
     return structure_id.replace("-", "_")
 
 
@@ -270,9 +274,11 @@ _registered: list[type] = []
 
 
 def register() -> None:
-    """Register the property groups; without a native module the scene keeps only what needs no catalogue."""
+    """Register the property groups; without a native module the scene has only the properties that need
+    no catalogue.
+    """
     properties = dict(RENDER_PROPERTIES)
-    if native.problem() is None:  # else said in the panel and by every render; stored values stay in the file
+    if native.problem() is None:  # otherwise the panel and every render report it; stored values stay in the file
         ticks = {"__annotations__": _ticks(catalogue.load())}
         compared = type("HalfspaceCompared", (bpy.types.PropertyGroup,), ticks)
         bpy.utils.register_class(compared)
@@ -287,7 +293,7 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """The reverse of `register`."""
+    """Undo `register`."""
     del bpy.types.ViewLayer.halfspace
     del bpy.types.Scene.halfspace
     while _registered:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which structure is best for this scene: the panels that ask and tell, in the sidebar and in the render properties."""
+"""Panels that compare structures for the open scene, in the sidebar and in the render properties."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from . import panels
 from .panels import wrapped
 
 WIDTH = 34
-"""Characters of a line that fit into a sidebar of usual width."""
+"""Characters per line in a sidebar of the default width."""
 
 
 class _ComparePanel:
@@ -48,7 +48,7 @@ class _ComparePanel:
 
 
 def _ticks(layout: Any, group: Any) -> None:
-    """All structures, folded away; the chosen one is compared in any case."""
+    """Check boxes for all structures, collapsed; the chosen structure is always compared."""
     header, body = layout.panel("HALFSPACE_compared", default_closed=True)
     header.label(text=f"{len(comparing.ticked(group))} structures")
     if body is not None:
@@ -58,7 +58,7 @@ def _ticks(layout: Any, group: Any) -> None:
 
 
 def _table(layout: Any, found: Comparison) -> None:
-    """Two lines per configuration, the best first: its name, and what its picture takes."""
+    """Two lines per configuration, best first: its name, and its predicted times."""
     box = layout.box()
     for line in found.lines:
         name = comparing.name(line.spec)
@@ -72,6 +72,7 @@ def _table(layout: Any, found: Comparison) -> None:
         row = column.row()
         for text, seconds in (("Build", line.build), ("Render", line.trace), ("Both", line.total)):
             row.label(text=f"{text} {_seconds(seconds)}")
+    # Show errors with the times: every time comes with the check of its answers.
     checked = sum(line.checked for line in found.lines)
     if checked:
         wrong = sum(line.wrong for line in found.lines)
@@ -82,7 +83,7 @@ def _table(layout: Any, found: Comparison) -> None:
 
 
 def _mark(found: Comparison, line: Line) -> str:
-    """A filled star for the least build plus render, a clock for the fastest rays."""
+    """Icon of a line: a filled star for the least build plus render, a clock for the fastest rays."""
     if line is found.best:
         return "SOLO_ON"
     return "SORTTIME" if line is found.fastest else "BLANK1"
@@ -93,7 +94,7 @@ def _seconds(value: float) -> str:
 
 
 class HALFSPACE_PT_view_compare(_ComparePanel, bpy.types.Panel):
-    """Comparing, in the sidebar of the 3D viewport."""
+    """Comparison panel in the sidebar of the 3D viewport."""
 
     bl_space_type = "VIEW_3D"
     bl_region_type = "UI"
@@ -105,7 +106,7 @@ class HALFSPACE_PT_view_compare(_ComparePanel, bpy.types.Panel):
 
 
 class HALFSPACE_PT_compare(_ComparePanel, bpy.types.Panel):
-    """Comparing, in the render properties."""
+    """Comparison panel in the render properties."""
 
     bl_space_type = "PROPERTIES"
     bl_region_type = "WINDOW"

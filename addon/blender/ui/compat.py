@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Blender's own panels for the engine: their classes list the engines that they appear for."""
+"""Visibility of Blender's own panels for this engine: their classes list the engines that they appear for."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 import bpy
 
 MODEL = "BLENDER_RENDER"
-"""Panels that appear for the most general engine suit ours too, except those that set what we do not have."""
+"""Panels for the most general engine also suit ours, except those of unsupported settings."""
 
 EXCLUDED = {
     "DATA_PT_light",
@@ -31,13 +31,13 @@ def _panels() -> Iterator[Any]:
 
 
 def register(engine: str) -> None:
-    """Let Blender's panels appear for `engine`."""
+    """Make Blender's panels appear for `engine`."""
     for panel in _panels():
         panel.COMPAT_ENGINES.add(engine)
 
 
 def unregister(engine: str) -> None:
-    """Take `engine` out of every panel that lists it."""
+    """Remove `engine` from every panel that lists it."""
     for panel in bpy.types.Panel.__subclasses__():
         engines = getattr(panel, "COMPAT_ENGINES", None)
         if isinstance(engines, set):

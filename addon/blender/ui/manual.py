@@ -25,7 +25,7 @@ def manual() -> str:
 
 
 def line_of(text: str, section: str) -> int:
-    """The line, from 0, of a section's heading; the first where none is named. Raises KeyError."""
+    """The line, from 0, of a section's heading; 0 without a section. Raises KeyError."""
     if not section:
         return 0
     for number, line in enumerate(text.splitlines()):
@@ -52,7 +52,7 @@ class HALFSPACE_OT_manual(bpy.types.Operator):
             self.report({"ERROR"}, f"Cannot open the manual: {error}")
             return {"CANCELLED"}
         text = bpy.data.texts.get(TEXT) or bpy.data.texts.new(TEXT)
-        text.use_fake_user = False  # it goes when it is closed, and is not the file's own
+        text.use_fake_user = False  # the text is freed when closed, and is not part of the user's file
         text.from_string(content)
         text.cursor_set(line)
         if context.window is not None:
@@ -61,11 +61,11 @@ class HALFSPACE_OT_manual(bpy.types.Operator):
 
 
 def _show(context: Any, text: Any, line: int) -> None:
-    """In a text editor of this window, or of a new one."""
+    """Show the text in a text editor of this window, or of a new one."""
     area = next((area for area in context.window.screen.areas if area.type == "TEXT_EDITOR"), None)
     if area is None:
         if not bpy.ops.wm.window_new.poll():
-            return  # no windows at all: the text itself is the answer
+            return  # without windows, the text block is the result
         bpy.ops.wm.window_new()
         area = context.window_manager.windows[-1].screen.areas[0]
         area.type = "TEXT_EDITOR"
@@ -80,5 +80,5 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """The reverse of `register`."""
+    """Undo `register`."""
     bpy.utils.unregister_class(HALFSPACE_OT_manual)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The sidebar of the 3D viewport, tab "Halfspace": the structure, and what is shown of it. Works with any engine."""
+"""Panels of the 3D viewport's sidebar, tab "Halfspace": the structure and its overlay. They work with any engine."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class _SidebarPanel:
 
 
 class HALFSPACE_PT_view_structure(_SidebarPanel, bpy.types.Panel):
-    """The structure that is built over the scene, and the last one that was."""
+    """Settings of the structure, and the state of the last one built."""
 
     bl_label = "Structure"
     section = "Structure"
@@ -52,7 +52,7 @@ class HALFSPACE_PT_view_structure(_SidebarPanel, bpy.types.Panel):
 
 
 def _tree(layout: Any, scene: Any, group: Any) -> None:
-    """What the last structure is, and whether it is still that of the scene and its settings."""
+    """Properties of the last structure, and whether scene and settings have changed since."""
     tree = trees.last(scene)
     if tree is None:
         layout.label(text="Nothing built yet", icon="INFO")
@@ -74,7 +74,7 @@ def _tree(layout: Any, scene: Any, group: Any) -> None:
 
 
 class HALFSPACE_PT_view_statistics(_SidebarPanel, bpy.types.Panel):
-    """What the last structure costs, and whether its answers are right."""
+    """Costs of the last structure, and the check of its answers."""
 
     bl_label = "Statistics"
     bl_options = {"DEFAULT_CLOSED"}
@@ -94,7 +94,7 @@ class HALFSPACE_PT_view_statistics(_SidebarPanel, bpy.types.Panel):
 
 
 class HALFSPACE_PT_view_overlay(_SidebarPanel, bpy.types.Panel):
-    """What is shown, and how."""
+    """Settings of the overlay."""
 
     bl_label = "Overlay"
     section = "Overlay"
@@ -112,10 +112,12 @@ class HALFSPACE_PT_view_overlay(_SidebarPanel, bpy.types.Panel):
         layout.use_property_decorate = False
         settings = context.scene.halfspace.overlay
         layout.active = settings.show
+        # Select the parts.
         parts = layout.grid_flow(row_major=True, columns=2, even_columns=True, align=True)
         parts.use_property_split = False
         for part in drawing.PARTS:
             parts.prop_enum(settings, "parts", part)
+        # Show the settings of the selected parts only.
         if "PLANES" in settings.parts:
             column = layout.column(align=True)
             column.prop(settings, "depth_min")
@@ -129,11 +131,13 @@ class HALFSPACE_PT_view_overlay(_SidebarPanel, bpy.types.Panel):
         if "BEAM" in settings.parts:
             layout.prop(settings, "beam_spacing")
         layout.prop(settings, "max_count")
+        # Show the numbers of the last drawing.
         if settings.show:
             if "PLANES" in settings.parts:
                 _planes(layout, drawing.shown(context.scene, "PLANES"))
             if "CELLS" in settings.parts:
                 _cells(layout, drawing.shown(context.scene, "CELLS"))
+        # Show the look of lines and surfaces.
         column = layout.column()
         column.row().prop(settings, "style", expand=True)
         column.prop(settings, "opacity")
@@ -144,7 +148,7 @@ class HALFSPACE_PT_view_overlay(_SidebarPanel, bpy.types.Panel):
 
 
 def _planes(layout: Any, shown: Any) -> None:
-    """How many planes are in the picture, and how many the limit keeps out of it."""
+    """The number of planes shown, and of those hidden by the limit."""
     if shown is None:
         return
     layout.label(text=f"{len(shown):,} planes shown")
@@ -154,7 +158,7 @@ def _planes(layout: Any, shown: Any) -> None:
 
 
 def _cells(layout: Any, cells: Any) -> None:
-    """The same for leaves, and what their colours mean."""
+    """The number of leaves shown and hidden, and the meaning of their colours."""
     if cells is None:
         return
     fullest = f", up to {int(cells.count.max()):,} triangles each" if len(cells) else ""
@@ -164,7 +168,7 @@ def _cells(layout: Any, cells: Any) -> None:
 
 
 class HALFSPACE_PT_view_ray(_SidebarPanel, bpy.types.Panel):
-    """The way of one ray."""
+    """The path of one ray."""
 
     bl_label = "One Ray"
     section = "One Ray"
@@ -185,7 +189,7 @@ class HALFSPACE_PT_view_ray(_SidebarPanel, bpy.types.Panel):
 
 
 class HALFSPACE_PT_view_costs(_SidebarPanel, bpy.types.Panel):
-    """What each pixel costs."""
+    """Cost maps of the pixels."""
 
     bl_label = "Cost Maps"
     bl_options = {"DEFAULT_CLOSED"}
@@ -205,7 +209,7 @@ class HALFSPACE_PT_view_costs(_SidebarPanel, bpy.types.Panel):
 
 
 def _popover(panel: Any, context: Any) -> None:
-    """A line in Blender's own list of overlays."""
+    """A line in Blender's own overlays popover."""
     if native.problem() is None:
         panel.layout.separator()
         panel.layout.prop(context.scene.halfspace.overlay, "show", text="Halfspace Structure")
@@ -228,7 +232,7 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """The reverse of `register`."""
+    """Undo `register`."""
     bpy.types.VIEW3D_PT_overlay.remove(_popover)
     for panel in reversed(CLASSES):
         bpy.utils.unregister_class(panel)

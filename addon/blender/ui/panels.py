@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Panels in the Render, View Layer, Material, Light and World properties. Drawing only reads; it builds nothing."""
+"""Panels in the Render, View Layer, Material, Light and World properties. Drawing only reads; it never builds."""
 
 from __future__ import annotations
 
@@ -37,18 +37,18 @@ STATISTICS = (
     ("Depth, mean", "depth_mean", "{:.1f}"),
     ("Expected cost", "sah_cost", "{:.2f}"),
 )
-"""What the statistics panel shows: label, key, format."""
+"""Lines of the statistics panel: label, key, format."""
 
 
 class _Panel:
-    """A panel that appears only for our engine."""
+    """A panel that appears only for this engine."""
 
     bl_space_type = "PROPERTIES"
     bl_region_type = "WINDOW"
     bl_context = "render"
 
     section = ""
-    """The heading of docs/manual.md that explains the panel."""
+    """Heading of docs/manual.md that explains the panel."""
 
     @classmethod
     def poll(cls, context: Any) -> bool:
@@ -65,7 +65,7 @@ class _Panel:
 
 
 class HALFSPACE_PT_structure(_Panel, bpy.types.Panel):
-    """The acceleration structure and its parameters, or why there is none."""
+    """The acceleration structure and its parameters, or the reason why there is none."""
 
     bl_label = "Structure"
     section = "Structure"
@@ -86,7 +86,7 @@ class HALFSPACE_PT_structure(_Panel, bpy.types.Panel):
 
 
 class HALFSPACE_PT_sampling(_Panel, bpy.types.Panel):
-    """How many rays, how long their paths."""
+    """Number of samples, and length of paths."""
 
     bl_label = "Sampling"
     section = "Sampling"
@@ -110,7 +110,7 @@ class HALFSPACE_PT_sampling(_Panel, bpy.types.Panel):
 
 
 class HALFSPACE_PT_film(_Panel, bpy.types.Panel):
-    """What the background is."""
+    """Settings of the background."""
 
     bl_label = "Film"
     section = "Film"
@@ -121,7 +121,7 @@ class HALFSPACE_PT_film(_Panel, bpy.types.Panel):
 
 
 class HALFSPACE_PT_statistics(_Panel, bpy.types.Panel):
-    """What the last picture cost, left out and did not understand."""
+    """Costs, omissions and notes of the last picture."""
 
     bl_label = "Statistics"
     section = "Statistics"
@@ -140,7 +140,7 @@ class HALFSPACE_PT_statistics(_Panel, bpy.types.Panel):
             layout.label(text=f"The picture: {report.answers}", icon="INFO")
         answers(layout, tree, report.answers)
         for title, lines, icon in (
-            ("Not understood", report.warnings, "ERROR"),
+            ("Not supported", report.warnings, "ERROR"),
             ("Why this structure", report.reasons, "SHADERFX"),
             ("Left out, at no cost", report.left_out, "INFO"),
         ):
@@ -239,13 +239,13 @@ class HALFSPACE_PT_light(_Panel, bpy.types.Panel):
 
 
 def help_button(layout: Any, section: str) -> None:
-    """Opens the manual at this heading."""
+    """Add a button that opens the manual at this heading."""
     if section:
         layout.operator(manual.HALFSPACE_OT_manual.bl_idname, text="", icon="HELP", emboss=False).section = section
 
 
 def structure(layout: Any, group: Any, *, width: int = 36) -> None:
-    """The choice of a structure, its parameters and no others, and where it comes from."""
+    """Draw the choice of a structure, its own parameters, and its source."""
     presets.draw(layout)
     layout.prop(group, "structure")
     chosen = properties.structure(group)
@@ -257,7 +257,7 @@ def structure(layout: Any, group: Any, *, width: int = 36) -> None:
 
 
 def statistics(layout: Any, numbers: Mapping[str, Any], triangles: int) -> None:
-    """A table of what is known."""
+    """Draw a table of the known statistics."""
     values = dict(numbers)
     if "references" in values:
         values["references_per_triangle"] = values["references"] / max(triangles, 1)
@@ -269,13 +269,16 @@ def statistics(layout: Any, numbers: Mapping[str, Any], triangles: int) -> None:
 
 
 def answers(layout: Any, tree: trees.Tree | None, known: str = "") -> None:
-    """What the last check of the structure found, and the button that checks it. known: what is said without one."""
+    """Draw the result of the last check of the structure, and the button that checks it. known: text
+    without a check.
+    """
     layout.operator(checking.HALFSPACE_OT_check.bl_idname, icon="VIEWZOOM")
     found = None if tree is None else checking.last(tree)
     if tree is None or found is None:
         if known or tree is not None:
             layout.label(text=known or choice.NOT_COMPARED, icon="INFO")
         return
+    # State the errors, then the speeds of each ray set.
     errors, what = found.errors, f"{found.errors.rays:,} answers of {tree.label}"
     if found.right:
         wrapped(layout, f"{what} are those of brute force, bit for bit", icon="CHECKMARK")
@@ -304,7 +307,7 @@ def _shape_properties(light: Any) -> tuple[str, ...]:
 
 
 def _surface(layout: Any, block: Any, plain: str) -> None:
-    """The inputs of the shader that feeds a material's or a world's output, or the plain colour without nodes."""
+    """Draw the inputs of the shader at a material's or a world's output, or the plain colour without nodes."""
     layout.use_property_split = True
     output = output_node(block.node_tree) if block.node_tree is not None else None
     if output is None:
@@ -314,7 +317,7 @@ def _surface(layout: Any, block: Any, plain: str) -> None:
 
 
 def wrapped(layout: Any, text: str, *, icon: str = "NONE", width: int = 60) -> None:
-    """A text as labels of at most `width` characters, since a label cannot wrap."""
+    """Draw a text as labels of at most `width` characters, because labels do not wrap."""
     line = ""
     for word in text.split():
         if line and len(line) + 1 + len(word) > width:

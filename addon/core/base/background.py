@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Work in steps on a thread of its own, so that a window stays alive while structures are measured."""
+"""Work in steps on its own thread, so that a window stays responsive while structures are measured."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from typing import Any
 
 
 class Background:
-    """Goes through an iterator on a thread. Stopping takes effect between two steps."""
+    """Runs an iterator on a daemon thread. A stop takes effect between two steps."""
 
     def __init__(self, steps: Iterator[Any], see: Callable[[Any], None]) -> None:
-        """Begin. see: called with each item, on that thread."""
+        """Start the thread. see: called with each item, on that thread."""
         self._stop = threading.Event()
         self._error: BaseException | None = None
 
@@ -29,7 +29,9 @@ class Background:
         self._thread.start()
 
     def wait(self, seconds: float) -> bool:
-        """Wait at most so long for the end, whichever it is. Returns whether it has come. Raises what a step raised."""
+        """Wait at most `seconds` for the thread to end. Returns whether it has ended; raises the exception of a failed
+        step.
+        """
         self._thread.join(seconds)
         if self._thread.is_alive():
             return False
@@ -38,10 +40,10 @@ class Background:
         return True
 
     def stop(self) -> None:
-        """Ask for the end, and do not wait for it: the step that runs goes on, and its result is dropped."""
+        """Request a stop without waiting: the running step continues, and its result is dropped."""
         self._stop.set()
 
     def join(self, seconds: float) -> None:
-        """Stop and wait, at most so long."""
+        """Request a stop and wait at most `seconds` for it."""
         self.stop()
         self._thread.join(seconds)

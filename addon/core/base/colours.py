@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""False colours: from a number between 0 and 1 to a colour whose brightness grows with it."""
+"""A false-colour scale from 0 to 1 with monotonically increasing brightness."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ ANCHORS = np.array(
     ],
     np.float32,
 )
-"""From night over violet and fire to straw, evenly spaced, as displayed (sRGB)."""
+"""Evenly spaced colours of the scale, as displayed (sRGB)."""
 
 CELLS_FROM = 0.3
-"""Cells before a dark viewport begin at this brightness of the scale."""
+"""Start of the scale for cells, so that the darkest stay visible in a dark viewport."""
 
 
 def false_colour(values: NDArray[Any]) -> F32:
-    """(..., 3) float32 display values of (...) numbers; what lies outside 0 to 1 takes the nearest end's colour."""
+    """(..., 3) float32 display values of (...) numbers; values are clamped to 0 to 1, NaN counts as 0."""
     place = np.clip(np.nan_to_num(np.asarray(values, np.float64)), 0, 1) * (len(ANCHORS) - 1)
     below = np.minimum(place.astype(np.int64), len(ANCHORS) - 2)
     part = (place - below)[..., None]
@@ -39,12 +39,12 @@ def false_colour(values: NDArray[Any]) -> F32:
 
 
 def of_counts(counts: NDArray[Any]) -> F32:
-    """(n, 3) colours of whole numbers by their logarithm: the largest is the brightest, the smallest the darkest."""
+    """(n, 3) colours of counts on a logarithmic scale: the largest is the brightest, the smallest the darkest."""
     return false_colour(CELLS_FROM + (1 - CELLS_FROM) * shares(counts))
 
 
 def shares(counts: NDArray[Any]) -> F64:
-    """(n,) where each number lies by its logarithm: the smallest at 0, the largest at 1; all at 1 when equal."""
+    """(n,) positions of counts on a logarithmic scale, smallest at 0, largest at 1; all 1 if they are equal."""
     logs: F64 = np.log(np.maximum(counts, 1).astype(np.float64))
     if not len(logs) or logs.min() == logs.max():
         return np.ones(len(logs))

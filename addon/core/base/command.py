@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What all command lines share around their work: one line and a status for whatever ends it."""
+"""The common frame of all command lines: one line of text and an exit status for every way to end."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from .native import FAILURES, in_one_line
 BAD_INPUT = 2
 
 STOPPED = 130
-"""What shells say of a program that was stopped from the keyboard."""
+"""Exit status of a program interrupted from the keyboard, as shells report it."""
 
 INTERRUPTED = "interrupted"
-"""What the render engine says of a render that was stopped so; Blender makes it an error of its own."""
+"""Message of the render engine's error for an interrupted render; Blender wraps it in an error of its own."""
 
 
 class OutputError(Exception):
-    """Standard output cannot be written. No OSError, since those are told with the folder that is being written."""
+    """Standard output cannot be written. Not an OSError, because those are reported with the output folder."""
 
 
 def run(
@@ -35,10 +35,10 @@ def run(
     keeps: Callable[[argparse.Namespace], Path | None] = lambda _: None,
     told: tuple[type[Exception], ...] = (),
 ) -> int:
-    """Read a command line and do its work. Returns the exit status: 2 after a failure, 130 after Ctrl-C.
+    """Parse a command line and run its work. Returns the exit status: 2 after a failure, 130 after Ctrl-C.
 
-    keeps: the folder whose journal holds what is finished, if the work is stopped. told: what is told in one line,
-    beside FAILURES and OSError.
+    keeps: returns the folder whose journal holds the finished rows, for the message after an interrupt. told:
+    exceptions reported in one line, in addition to FAILURES and OSError.
     """
     caught: tuple[type[Exception], ...] = (*FAILURES, OSError, OutputError, *told)
     asked = None
@@ -57,6 +57,7 @@ def run(
 
 
 def _stopped(name: str, folder: Path | None) -> int:
+    """Report the interrupt, and the folder that holds finished rows if there is one."""
     there = False
     with contextlib.suppress(OSError):
         there = folder is not None and any(b'"key"' in path.read_bytes() for path in folder.glob("rows*.jsonl"))
@@ -65,27 +66,28 @@ def _stopped(name: str, folder: Path | None) -> int:
 
 
 def _tell(line: str) -> None:
-    if sys.stderr is None:  # what is printed there would go to standard output
+    if sys.stderr is None:  # print would fall back to standard output
         return
-    with contextlib.suppress(OSError):  # there is nowhere else to say it
+    with contextlib.suppress(OSError):  # no other channel is left
         print(line, file=sys.stderr, flush=True)
 
 
 @contextlib.contextmanager
 def _output() -> Iterator[None]:
-    """While it lasts, standard output takes any character, and what it cannot take for want of room is an OutputError.
+    """Within this context standard output accepts any character, and a failed write raises OutputError.
 
-    Characters that its encoding lacks are written as escapes, by standard error too.
+    Characters that the encoding lacks are written as escapes, on standard error too.
     """
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
             with contextlib.suppress(OSError):
                 stream.reconfigure(errors="backslashreplace")
-    if sys.stdout is None:  # closed before Python began: it prints nothing then
+    if sys.stdout is None:  # closed before Python started; print does nothing then
         yield
         return
     checked = _Checked(sys.stdout)
     try:
+        # Flush inside the context, so that a failed write is reported as this command's error.
         with contextlib.redirect_stdout(checked):
             try:
                 yield
@@ -102,7 +104,7 @@ def _output() -> Iterator[None]:
 
 
 def _forget(stream: Any) -> None:
-    """Let the system swallow what a broken stream still holds, so that Python's end does not fail on it once more."""
+    """Redirect a broken stream to the null device, so that Python's final flush does not fail again."""
     with contextlib.suppress(OSError, ValueError):
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, stream.fileno())
@@ -110,7 +112,7 @@ def _forget(stream: Any) -> None:
 
 
 class _Checked:
-    """A stream of text whose OSErrors are OutputErrors."""
+    """A text stream that raises OutputError in place of OSError."""
 
     def __init__(self, stream: Any) -> None:
         self._stream = stream
@@ -119,12 +121,12 @@ class _Checked:
         return getattr(self._stream, name)
 
     def write(self, text: str) -> int:
-        """Write as the stream itself. Raises OutputError."""
+        """Write as the wrapped stream does. Raises OutputError."""
         written = self._asked(self._stream.write, text)
-        return len(text) if written is None else int(written)  # streams of programs around us may tell nothing
+        return len(text) if written is None else int(written)  # streams of embedding programs may return None
 
     def flush(self) -> None:
-        """Flush as the stream itself. Raises OutputError."""
+        """Flush as the wrapped stream does. Raises OutputError."""
         self._asked(self._stream.flush)
 
     def _asked(self, work: Callable[..., Any], *arguments: Any) -> Any:

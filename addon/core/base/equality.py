@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Whether two scenes, or parts of them, hold the same: dataclasses that hold arrays cannot be compared by `==`."""
+"""Deep equality of scenes and their parts, because `==` fails on dataclasses that hold arrays."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ import numpy as np
 
 
 def same(a: Any, b: Any) -> bool:
-    """Whether two values are of one type and hold the same, arrays bit for bit but for the sign of zero.
+    """Whether two values have the same type and content; -0.0 equals 0.0, and NaN equals NaN.
 
-    Fields that dataclasses leave out of comparisons are left out here too.
+    Fields with `compare=False` in a dataclass are skipped.
     """
     if a is b:
         return True

@@ -21,34 +21,36 @@ TRACEBACK = "Traceback (most recent call last):"
 
 
 def first_line(error: BaseException) -> str:
-    """What an exception says, in one line; its type where it says nothing."""
+    """The first line of an exception's text, or its type if the text is empty."""
     return next(iter(_lines(error)), type(error).__name__)
 
 
 def in_one_line(error: BaseException) -> str:
-    """All that an exception says, without repetitions, in one line; its type where it says nothing."""
+    """An exception's text without repetitions in one line, or its type if the text is empty."""
     return " ".join(dict.fromkeys(_lines(error))) or type(error).__name__
 
 
 def _lines(error: BaseException) -> list[str]:
-    """What an exception says: without the word with which Blender's operators begin, and of a traceback its end."""
+    """The lines of an exception's text without the prefix of Blender's operators; of a traceback only
+    the error itself.
+    """
     lines = str(error).splitlines()
     beginnings = [number for number, line in enumerate(lines) if line.endswith(TRACEBACK)]
     if beginnings:
-        # Operators written in Python report all of it, and before it those of its causes; the calls are indented, and
-        # after the error comes the place.
+        # Python operators report the whole traceback, preceded by those of its causes: calls are indented, and the
+        # place follows the error.
         lines = [after for after in lines[beginnings[-1] + 1 :] if after[:1].strip()][:1] or lines
     found = (" ".join(line.removeprefix("Error:").split()) for line in lines)
     return [line for line in found if line]
 
 
 FAILURES = (ValueError, RuntimeError, MemoryError)
-"""What a build or a trace may end with, and scenes, specs and the module itself: what is told in one line."""
+"""Exceptions of builds, traces, scenes, specs and the module itself, all reported in one line."""
 
 
 @cache
 def load() -> Native:
-    """The module `halfspace_native`. Raises NativeError, in one line, when it cannot be used."""
+    """The module `halfspace_native`. Raises NativeError, in one line, if it cannot be used."""
     try:
         module = importlib.import_module("halfspace_native")
     except ImportError as error:
@@ -63,7 +65,7 @@ def load() -> Native:
 
 
 def problem() -> str | None:
-    """Why the compiled module cannot be used, or None when it can."""
+    """The reason why the compiled module cannot be used, or None."""
     try:
         load()
     except NativeError as error:

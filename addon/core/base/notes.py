@@ -1,34 +1,34 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a picture leaves out or approximates, collected while a scene is read and told to the user once."""
+"""Remarks on what a picture omits or approximates, collected while a scene is read and reported once."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
 NAMES_SHOWN = 8
-"""A line names at most this many objects, materials or configurations, and counts the rest."""
+"""Largest number of names that a line lists; the others are counted."""
 
 
 class Notes:
-    """Remarks grouped by what happened, each with the names that it happened to, in order of appearance."""
+    """Remarks, each with the names of the objects, materials or lights it applies to, in order of appearance."""
 
     def __init__(self) -> None:
         self._subjects: dict[str, dict[str, int]] = {}
 
     def add(self, remark: str, name: str, count: int = 1) -> None:
-        """Record that `remark` is true of the object, material or light `name`, `count` times."""
+        """Record that `remark` applies to `name`, `count` times."""
         subjects = self._subjects.setdefault(remark, {})
         subjects[name] = subjects.get(name, 0) + count
 
     def join(self, other: Notes) -> None:
-        """Take over what is said elsewhere of the same things, each as often as where it is said most."""
+        """Merge other remarks; a name in both keeps the larger count."""
         for remark, subjects in other._subjects.items():
             mine = self._subjects.setdefault(remark, {})
             for name, count in subjects.items():
                 mine[name] = max(mine.get(name, 0), count)
 
     def lines(self) -> list[str]:
-        """One line per remark: the remark, then the names, with counts where something happened several times."""
+        """One line per remark: the remark, then the names, with a count where it applies more than once."""
         return [
             f"{remark}: {some([name if count == 1 else f'{name} ({count})' for name, count in subjects.items()])}"
             for remark, subjects in self._subjects.items()
@@ -39,6 +39,6 @@ class Notes:
 
 
 def some(names: Sequence[str]) -> str:
-    """The first of many names, and how many others there are."""
+    """The first NAMES_SHOWN names, joined, and the number of the others."""
     rest = len(names) - NAMES_SHOWN
     return ", ".join(names[:NAMES_SHOWN]) + (f" and {rest} more" if rest > 0 else "")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Picture files that are whole or not there: Blender says nothing of a disk that fills up while it writes one."""
+"""Atomic writing of picture files, because Blender reports no error when the disk fills up while it writes one."""
 
 from __future__ import annotations
 
@@ -16,11 +16,12 @@ JPEG_BEGIN, JPEG_END = b"\xff\xd8", b"\xff\xd9"
 
 @contextlib.contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """A path beside `path` to write its picture to, with the same ending; it takes its name only when it is whole.
+    """A temporary path for a picture in the folder of `path`, with its suffix; renamed to `path` only if it is
+    complete.
 
-    Whatever happens before, an older picture stays. Raises OSError, which names the file; what the body raises passes.
+    An older picture stays until then. Raises OSError, which names the file; exceptions of the body pass through.
     """
-    target = Path(os.path.realpath(path))  # a link goes on pointing there
+    target = Path(os.path.realpath(path))  # replace a link's target, not the link
     try:
         folder = tempfile.TemporaryDirectory(dir=target.parent, prefix=".picture-")
     except OSError as error:
@@ -30,8 +31,8 @@ def replacing(path: Path) -> Iterator[Path]:
         yield fresh
         try:
             if not is_whole(fresh):
-                raise _unwritten(path, "the picture was written in part only, as on a full disk")
-            with fresh.open("rb+") as file:  # Windows flushes only what may be written
+                raise _unwritten(path, "the picture is incomplete, as on a full disk")
+            with fresh.open("rb+") as file:  # Windows flushes only files open for writing
                 os.fsync(file.fileno())
             fresh.replace(target)
         except FileNotFoundError as error:
@@ -43,7 +44,7 @@ def replacing(path: Path) -> Iterator[Path]:
 
 
 def is_whole(path: Path) -> bool:
-    """Whether a .png has all its chunks with their sums, or a .jpg its end. Raises OSError."""
+    """Whether a .png has all its chunks with valid checksums, or a .jpg its end marker. Raises OSError."""
     data = path.read_bytes()
     if data.startswith(JPEG_BEGIN):
         return data.endswith(JPEG_END)
@@ -51,7 +52,7 @@ def is_whole(path: Path) -> bool:
 
 
 def _chunks_are_whole(rest: memoryview) -> bool:
-    """Whether these are the chunks of a PNG up to its last: length, kind, content, checksum of the latter two."""
+    """Whether these are the chunks of a PNG up to IEND: length, kind, content, checksum of the latter two."""
     while len(rest) >= 12:
         end = 8 + int.from_bytes(rest[:4], "big")
         kind = bytes(rest[4:8])

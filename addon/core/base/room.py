@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Whether what Python and Blender allocate fits into memory; asked before it is allocated, as by the native module."""
+"""Memory checks before Python and Blender allocate large arrays, by the same rule as in the native module."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ if TYPE_CHECKING:
 MB = 1_000_000
 
 SMALL = 64 << 20
-"""Less than this is not worth asking the system about."""
+"""Bytes below which the free memory is not queried."""
 
 
 def check(native: Native, what: str, needed: int) -> None:
-    """Raise MemoryError, which names what it is about, where so many bytes are more than a build might take now."""
+    """Raise MemoryError, with `what` in its message, if `needed` bytes exceed the memory that a build may use now."""
     if needed <= SMALL:
         return
     free = native.free_memory()
     if needed > free:
-        # Rounded apart, lest both are the same number.
+        # Round needed up and free down, so that the message never shows two equal numbers.
         raise MemoryError(f"{what}: needs about {-(-needed // MB)} MB, of {free // MB} MB that are free")

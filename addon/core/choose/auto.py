@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Choosing a structure for a scene and a number of samples, quickly: small trials first, large ones only for those
-that may win by more than the trial costs.
+"""Automatic choice of a structure for a scene and a sample count: small trials of all candidates first, then full
+trials of those whose possible gain exceeds the cost of the trial.
 """
 
 from __future__ import annotations
@@ -37,53 +37,60 @@ CANDIDATES = (
     "bsp-cn-plus-kd:k=6,alpha=0.5",
     "rbsp-kd:k=5",
 )
-"""What is tried: one of each kind, the best of the sources with few and with more directions."""
+"""Candidate configurations: one of each kind, and the best of the sources' structures with few and with more
+directions.
+"""
 
 SIZE, TRIAL_SIZE = (480, 320), (192, 128)
-"""Pixels of the view whose rays are timed, over the whole scene and over a part. In fewer, rays lie so far apart that
-they do not go together as they do in most pictures, and another structure seems the best."""
+"""Width and height of the view whose rays are timed, for the whole scene and for a part of it. With fewer pixels,
+neighbouring rays are less coherent than in most pictures, and the ranking of the structures changes.
+"""
 
 LEAST_RAYS, SHARE = 192 * 128, 64
-"""So many of the whole scene's rays are timed, in blocks that lie as close, or one for so many samples of the picture
-where those are more: with few samples, timing all of them would take longer than the picture.
+"""Number of rays of the whole scene that are timed at least, and camera samples of the picture per timed ray beyond
+that. The rays lie in dense blocks; timing all of them would take longer than a picture with few samples.
 """
 
 TRIAL_TRIANGLES = 4096
-"""A trial is made over at most so many triangles, chosen at random."""
+"""Number of randomly chosen triangles in the scene of a small trial."""
 
 MARGIN = 1.15
-"""How far a small trial may be wrong: whoever seems slower than the best by less than this is tried in full."""
+"""Assumed error of small trials: a candidate predicted slower than the best by less than this factor
+gets a full trial.
+"""
 
 CHEAP, HOPELESS = 0.08, 4.0
-"""Whoever builds in this share of the best picture's time is tried in full however slow it seemed, unless it seemed
-slower than this many times the best: parts of a scene tell little of the whole."""
+"""Rule for cheap builds: a candidate whose build takes at most the share CHEAP of the best total time gets a full trial
+unless it was predicted slower than the best by the factor HOPELESS. A part of a scene predicts the whole poorly.
+"""
 
 REPEATS = 3
-"""Rays are timed this often, and the best counts: other work on the machine only ever slows down."""
+"""Number of timed passes; the fastest counts, because other load on the machine only adds time."""
 
 CHECKED = 1024
-"""Rays of each full trial that are compared with brute force, fewer where that would take longer than it may."""
+"""Largest number of rays per full trial that are compared with brute force."""
 
 BRUTE_TESTS_PER_RAY = 10
-"""So many triangle tests brute force may do for each ray of the picture: a tenth of the picture's own time."""
+"""Triangle tests that brute force may spend per ray of the picture: about a tenth of the picture's own time."""
 
 SMALL_BUDGET = 0.05
-"""So much of the best picture's time the small trials may take; those that are left then are not tried."""
+"""Share of the best total time that the small trials may take; the remaining candidates are skipped."""
 
 BUDGET = 0.2
-"""All full trials together may take this share of the best picture's time, so that choosing never costs more than it
-can win."""
+"""Share of the best total time that all full trials together may take, which bounds the cost of choosing."""
 
 
 def view_of(pixels: int, most: tuple[int, int] = SIZE) -> tuple[int, int]:
-    """The view in no more pixels than a picture of so many has, in whole tiles. most: width and height otherwise."""
+    """Width and height of a view with at most `pixels` pixels, in whole tiles. most: its size when
+    `pixels` is larger.
+    """
     share = math.sqrt(min(1.0, pixels / math.prod(most)))
     width, height = (max(rays.TILE, int(side * share) // rays.TILE * rays.TILE) for side in most)
     return width, height
 
 
 def candidates(catalogue: Catalogue) -> list[str]:
-    """The configurations of CANDIDATES that this catalogue has."""
+    """The configurations of CANDIDATES that this catalogue contains."""
     return [spec for spec in CANDIDATES if _problem(catalogue, spec) is None]
 
 
@@ -103,8 +110,8 @@ def _problem(catalogue: Catalogue, spec: str) -> str | None:
 
 @dataclass(frozen=True)
 class Trial:
-    """A configuration over a part of the scene. build: seconds expected over the whole; speed: relative to the first's
-    on the same part, 2 is twice as fast.
+    """Prediction for one configuration from a part of the scene. build: predicted seconds for the whole scene; speed:
+    relative to the first configuration's on the same part, 2 is twice as fast.
     """
 
     spec: str
@@ -114,8 +121,10 @@ class Trial:
 
 @dataclass(frozen=True)
 class Choice:
-    """spec: what to use. structure: built over the whole scene. comparison: what was tried in full. notes: why, and why
-    not the others. seconds: what choosing took in all; own: without the build of what was chosen, which is not lost.
+    """Result of a choice. spec: the configuration to use. structure: built over the whole scene. comparison: all full
+    trials. notes: the reasons for and against each candidate.
+
+    seconds: total time of choosing; own: the same without the build of the chosen structure, which is not wasted.
     """
 
     spec: str
@@ -128,9 +137,9 @@ class Choice:
 
 @dataclass
 class Chooser:
-    """One choice, step by step, for whoever shows progress and may want to stop.
+    """One choice, run step by step so that a caller can show progress and cancel.
 
-    memory_limit: bytes that each build over the whole scene may take, None for what the native module allows.
+    memory_limit: bytes that each build over the whole scene may use, None for the native module's limit.
     dropped: lines on configurations that are not tried, for the notes of the result.
     """
 
@@ -148,10 +157,11 @@ class Chooser:
     _built: dict[str, Structure] = field(default_factory=dict)
 
     def steps(self) -> Iterator[str]:
-        """Says what is done next; after the last item `result` is there.
+        """Run the choice; yields the text of the next step, and sets `result` in the last one.
 
-        Raises what builds raise, and RuntimeError when no structure gives right answers.
+        Raises the exceptions of builds, and RuntimeError when no structure answers correctly.
         """
+        # Build the first candidate; its rays and its time are the yardstick for all others.
         clock = time.process_time if self.threads == 1 else time.perf_counter
         began = clock()
         first, *others = self.specs
@@ -161,27 +171,30 @@ class Chooser:
         sets = rays.make(self.workload, structure, size=size, seed=1, names=choice.SETS)
         wanted = max(LEAST_RAYS, self.plan.pixels * self.plan.samples // SHARE)
         sets = [some.take(rays.blocks(len(some), wanted, seed=1)) for some in sets if len(some)]
+        # Count the rays of a small picture: the mix weights the measured speeds of the ray sets.
         yield "counting the rays of a small picture"
         counted = choice.mix(self.native, structure, self.workload, SIZE, self.plan.max_bounces)
-        yield "asking brute force"
+        yield "tracing the sample with brute force"
         compared = self._affordable(counted)
         self._reference = Reference(self.native, self.workload, sets, compared, seed=1, threads=self.threads)
         yield f"{first}: comparing and timing rays"
         self._measured(first, structure, build, sets, counted)
         trials = yield from self._trials(first, others, clock)
+        # Run full trials in the order of the predicted total time, within the budget.
         spent = 0.0
         for trial in sorted(trials, key=lambda trial: self._expected(trial, first)):
             best = self._best()
             expected = self._expected(trial, first)
             cheap = trial.build <= CHEAP * best.total
-            # As long as all err nobody is too slow.
+            # While every tried structure is wrong, no candidate is too slow or too expensive.
             if not best.problem and expected > best.total * (HOPELESS if cheap else MARGIN):
                 about = f"it would take about {expected:.2f} s, {choice.NOT_COMPARED}"
                 self._notes.append(f"{trial.spec}: left out, {about}")
                 continue
             if not best.problem and spent + trial.build > BUDGET * best.total:
-                self._notes.append(f"{trial.spec}: left out, trying it would cost more than it could save")
+                self._notes.append(f"{trial.spec}: left out, its trial would take longer than it could save")
                 continue
+            # Build and measure the candidate; one that does not fit into memory is left out.
             yield f"{trial.spec}: building"
             start = clock()
             try:
@@ -198,10 +211,12 @@ class Chooser:
         self._decide(clock() - began)
 
     def _measured(self, spec: str, structure: Structure, build: float, sets: list[rays.RaySet], counted: Mix) -> None:
-        """Keep what a full trial found, and of the structures only the best. Rays are timed on one thread, whose clock
-        no other work disturbs; in a picture they share all threads.
+        """Record the result of a full trial, and keep only the best structure built so far.
+
+        Rays are timed on one thread, whose processor clock other load does not disturb; the picture's time is that
+        divided by its number of threads.
         """
-        assert self._reference is not None, "brute force was asked first"
+        assert self._reference is not None, "brute force traces first"
         wrong, checked = self._reference.wrong(structure), len(self._reference)
         problem = f"{wrong:,} of {checked:,} answers are wrong" if wrong else ""
         if problem:
@@ -214,14 +229,14 @@ class Chooser:
         self._built = {best: self._built[best]}
 
     def _ranked(self) -> list[Line]:
-        """What was tried in full: those whose answers are right, the best first, then the others."""
+        """The full trials, correct ones first, in the order of the predicted total time."""
         return sorted(self._lines.values(), key=lambda line: (bool(line.problem), line.total))
 
     def _best(self) -> Line:
         return self._ranked()[0]
 
     def _affordable(self, counted: Mix) -> int:
-        """How many rays may be compared with brute force, beside a picture like this."""
+        """The number of rays to compare with brute force, in proportion to the cost of the picture."""
         pictured = self.plan.pixels * self.plan.samples * (counted.primary + counted.shadow + counted.secondary)
         tests = min(BRUTE_TESTS, BRUTE_TESTS_PER_RAY * pictured)
         return min(CHECKED, affordable(self.workload, tests=tests))
@@ -229,19 +244,22 @@ class Chooser:
     def _trials(
         self, first: str, others: Sequence[str], clock: Callable[[], float]
     ) -> Generator[str, None, list[Trial]]:
-        """Small trials of all, over a part of the scene; returns them without the first's."""
+        """Run a small trial of every candidate on a random part of the scene; returns the trials
+        without the first's.
+        """
         count = len(self.workload.triangles)
         part = choice.subset(self.workload, TRIAL_TRIANGLES, seed=1)
         share = len(part.triangles)
-        # A build over n triangles takes about n log n.
+        # Scale build times from the part to the whole scene: a build over n triangles takes about n log n.
         grown = count * math.log2(count + 2) / (share * math.log2(share + 2))
         made: list[Trial] = []
         reference = scale = 1.0
         sets: list[rays.RaySet] = []
         began, limit = clock(), SMALL_BUDGET * self._lines[first].total
+        # Time each candidate on the part, relative to the first, whose times over the whole scene are known.
         for spec in (first, *others):
             if clock() - began > limit:
-                self._notes.append(f"{spec}: not tried: this picture is too quick to be worth it")
+                self._notes.append(f"{spec}: not tried: a trial would take too long for this picture")
                 continue
             yield f"{spec}: trying it on {share:,} triangles"
             structure, build = check.timed_build(self.native, part, spec, self.threads)
@@ -259,22 +277,23 @@ class Chooser:
         return made
 
     def _expected(self, trial: Trial, first: str) -> float:
-        """Build plus render that a small trial lets expect."""
+        """Predicted build plus render time of a small trial, in seconds."""
         return trial.build + self._lines[first].trace / trial.speed
 
     def _decide(self, seconds: float) -> None:
+        """Set `result` from the full trials. Raises RuntimeError when no structure answers correctly."""
         found = Comparison(self.plan, tuple(self._ranked()))
         best = self._best()
         if best.problem:
             told = "; ".join(f"{line.spec}: {line.problem}" for line in found.lines)
             raise RuntimeError(f"{found.reason()} {told}")
         own = seconds - best.build
-        notes = [found.reason(), f"Choosing took {own:.2f} s beside that build.", *self.dropped, *self._notes]
+        notes = [found.reason(), f"Choosing took {own:.2f} s in addition to that build.", *self.dropped, *self._notes]
         self.result = Choice(best.spec, self._built[best.spec], found, tuple(notes), seconds, own)
 
 
 def choose(native: Native, workload: Workload, plan: Plan, catalogue: Catalogue, *, threads: int = 0) -> Choice:
-    """The best structure for a picture, at one go."""
+    """The best structure for a picture, chosen without intermediate steps."""
     chooser = Chooser(native, workload, plan, candidates(catalogue), threads, dropped=dropped(catalogue))
     for _ in chooser.steps():
         pass

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which structure is best for a picture: its build, and all of its rays at the speeds that were measured."""
+"""The best structure for a planned picture, by its build time and the time of all rays at the measured speeds."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ if TYPE_CHECKING:
     from ..base.interface import Native, Structure
 
 SETS = ("primary", "shadow", "diffuse")
-"""The ray sets whose speeds stand for camera rays, shadow rays, and all others."""
+"""The ray sets whose speeds represent camera rays, shadow rays, and all other rays."""
 
 NOT_COMPARED = "answers not compared"
-"""What is said beside a speed when nobody has asked whether the answers are right."""
+"""Text beside a speed whose structure's answers were not checked."""
 
 MIX_SAMPLES = 2
 """Samples per pixel of the small picture whose rays are counted."""
@@ -29,7 +29,7 @@ MIX_SAMPLES = 2
 
 @dataclass(frozen=True)
 class Plan:
-    """A picture to be made: how many pixels, how many samples of each, how many bounces."""
+    """A planned picture: number of pixels, samples per pixel, and largest number of bounces."""
 
     pixels: int
     samples: int
@@ -38,14 +38,16 @@ class Plan:
 
 @dataclass(frozen=True)
 class Mix:
-    """Rays of each kind that a sample of a pixel takes. It is the scene's: all structures make the same picture."""
+    """Mean number of rays of each kind per camera sample. It depends on the scene alone, not on the structure."""
 
     primary: float
     shadow: float
     secondary: float
 
     def seconds(self, mrays_s: Mapping[str, float], plan: Plan) -> float:
-        """The time of all rays of a picture at these speeds, by the names of SETS; a missing one counts as primary."""
+        """Seconds for all rays of a picture at these speeds, keyed as in SETS; a missing set gets the
+        speed of primary.
+        """
         primary = mrays_s["primary"]
         shadow, diffuse = (mrays_s.get(name, primary) for name in ("shadow", "diffuse"))
         each = self.primary / primary + self.shadow / shadow + self.secondary / diffuse
@@ -60,9 +62,10 @@ def mix(native: Native, structure: Structure, workload: Workload, size: tuple[in
 
 @dataclass(frozen=True)
 class Line:
-    """A configuration in a comparison. problem: why it cannot be chosen, or nothing.
+    """One configuration of a comparison. problem: the reason why it cannot be chosen, or "".
 
-    build, trace: seconds for the planned picture. wrong: answers that differ from the reference, of `checked`.
+    build, trace: seconds for the planned picture. wrong: number of the `checked` answers that differ from the
+    reference.
     """
 
     spec: str
@@ -79,34 +82,34 @@ class Line:
 
     @property
     def answers(self) -> str:
-        """How many are wrong, in words."""
+        """The number of wrong answers as text."""
         return f"{self.wrong:,} of {self.checked:,} answers wrong" if self.checked else NOT_COMPARED
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """Configurations for one plan, the best first, then those that cannot be chosen."""
+    """Configurations for one plan, best first, those that cannot be chosen last."""
 
     plan: Plan
     lines: tuple[Line, ...]
 
     @property
     def sound(self) -> tuple[Line, ...]:
-        """Those whose answers are right."""
+        """The configurations whose answers are correct."""
         return tuple(line for line in self.lines if not line.problem)
 
     @property
     def best(self) -> Line | None:
-        """The least build plus render."""
+        """The sound configuration with the smallest build plus render time."""
         return min(self.sound, key=lambda line: line.total, default=None)
 
     @property
     def fastest(self) -> Line | None:
-        """The least render, whatever the build."""
+        """The sound configuration with the smallest render time, regardless of its build."""
         return min(self.sound, key=lambda line: line.trace, default=None)
 
     def reason(self) -> str:
-        """Why the best is the best, in a sentence."""
+        """The reason for the best configuration, in one sentence."""
         best, fastest = self.best, self.fastest
         if best is None or fastest is None:
             return "No configuration gives right answers."
@@ -120,26 +123,27 @@ class Comparison:
         quick = "the shortest of all" if least.spec == best.spec else f"instead of {fastest.build:.2f} s"
         return (
             f"{best.spec}: {fastest.spec} would trace {best.trace - fastest.trace:.2f} s faster, but for {picture} the "
-            f"shorter build ({best.build:.2f} s, {quick}) counts for more."
+            f"shorter build ({best.build:.2f} s, {quick}) saves more."
         )
 
 
 def compare(rows: Sequence[benchmark.Row], counted: Mix, plan: Plan) -> Comparison:
-    """Order the rows of a benchmark by what a planned picture would take."""
+    """Order the rows of a benchmark by the predicted time of a planned picture."""
     lines = []
     for row in rows:
         if row["error"] is not None:
             lines.append(Line(row["spec"], problem=row["error"]))
             continue
+        # Predict the picture's time from the median speeds; a row without them cannot be chosen.
         speeds = {name: rays["mrays_s"]["med"] for name, rays in row["rays"].items() if rays["mrays_s"] is not None}
         if "primary" not in speeds:
-            lines.append(Line(row["spec"], problem="no ray meets the scene"))
+            lines.append(Line(row["spec"], problem="no ray hits the scene"))
             continue
         errors = row["errors"]
         wrong = int(errors["wrong"])
         problem = ""
         if not benchmark.agrees(row):
-            least = "" if wrong else "at least "  # of wrong pixels a row does not tell how many rays they are
+            least = "" if wrong else "at least "  # wrong pixels have no number of rays
             wrong = max(wrong, 1)
             problem = f"{least}{wrong:,} of {errors['rays']:,} answers are wrong"
         build, trace = building(row), counted.seconds(speeds, plan)
@@ -149,7 +153,7 @@ def compare(rows: Sequence[benchmark.Row], counted: Mix, plan: Plan) -> Comparis
 
 
 def subset(workload: Workload, count: int, seed: int) -> Workload:
-    """The same scene with about `count` of its triangles, chosen at random."""
+    """The same scene with `count` of its triangles, chosen at random; the whole scene if it has no more."""
     if count >= len(workload.triangles):
         return workload
     rng = np.random.default_rng(seed)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How wrong answers are: hits of a structure compared with those of a reference, ray by ray."""
+"""Accuracy of hits: ray-by-ray comparison of a structure's hits with those of a reference."""
 
 from __future__ import annotations
 
@@ -18,17 +18,19 @@ if TYPE_CHECKING:
 Mask = NDArray[np.bool_]
 
 BOUNDARY = 2.0**-20
-"""A hit counts as on the boundary when a barycentric coordinate is at most this, unless the reference itself says."""
+"""Largest barycentric coordinate of a hit that counts as on the boundary, where the reference does not
+mark boundaries.
+"""
 
 TIE = 2.0**-20
-"""For a reference that is not exact, hits this close (relative) on different triangles are a tie, not an error."""
+"""Relative distance within which hits on different triangles are a tie, for a reference that is not exact."""
 
 
 @dataclass(frozen=True, eq=False)
 class Answers:
-    """Hits as arrays. t: (n,) float32, inf = miss; triangle: (n,) int32, -1 = miss; u, v: (n,) float32.
+    """Hits of n rays as arrays. t: (n,) float32, inf = miss; triangle: (n,) int32, -1 = miss; u, v: (n,) float32.
 
-    on_boundary: (n,) bool, hits on an edge or a vertex of their triangle, or None where nobody determined it.
+    on_boundary: (n,) bool, hits on an edge or a vertex of their triangle; None if the tracer does not compute it.
     """
 
     t: NDArray[np.float32]
@@ -39,21 +41,21 @@ class Answers:
 
     @classmethod
     def of(cls, hits: HitArrays) -> Answers:
-        """The arrays of native `Hits`, each fetched once."""
+        """The arrays of the native `Hits`, each copied once."""
         return cls(hits.t, hits.triangle, hits.u, hits.v, getattr(hits, "on_boundary", None))
 
     def take(self, indices: NDArray[np.int64]) -> Answers:
-        """The answers to these rays only."""
+        """The answers to the rays with these indices."""
         boundary = None if self.on_boundary is None else self.on_boundary[indices]
         return Answers(self.t[indices], self.triangle[indices], self.u[indices], self.v[indices], boundary)
 
     @property
     def hit(self) -> Mask:
-        """(n,) bool: which rays hit something."""
+        """(n,) bool: rays that hit a triangle."""
         return self.triangle >= 0
 
     def boundary(self) -> Mask:
-        """(n,) bool: hits on an edge or vertex, as determined, or by their barycentric coordinates."""
+        """(n,) bool: hits on an edge or vertex, as computed by the tracer, else from their barycentric coordinates."""
         if self.on_boundary is not None:
             return self.on_boundary
         smallest = np.minimum(np.minimum(self.u, self.v), 1.0 - self.u.astype(np.float64) - self.v)
@@ -69,11 +71,12 @@ def traced(structure: Structure, some: RaySet, threads: int) -> tuple[Answers, M
 
 @dataclass(frozen=True, eq=False)
 class Errors:
-    """Counts over some rays. `ulps`: distances of t where both hit, in units in the last place of f32.
+    """Error counts of a set of rays. `ulps`: distance between the two values of t, in units in the last place of
+    float32, for rays that hit in both.
 
-    wrong_values: same triangle but other u or v. wrong_any_hit: `occluded` says other than the reference; these
-    rays are among false_miss and false_hit too. wrong: rays that differ in anything, t included, each once; with a
-    reference that is not exact, in more than the last bits of t, u and v.
+    wrong_values: same triangle, but different u or v. wrong_any_hit: `occluded` differs from the reference; these rays
+    are also counted in false_miss or false_hit. wrong: rays with any difference, each counted once; t, u and v count
+    bit for bit with an exact reference, and are ignored with an inexact one.
     """
 
     rays: int = 0
@@ -87,7 +90,7 @@ class Errors:
     ulps: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
 
     def agrees(self, *, bitwise: bool) -> bool:
-        """Whether no answer differs; with `bitwise` t, u and v count to the last bit."""
+        """Whether no answer differs; with `bitwise`, t, u and v must match bit for bit."""
         if self.false_miss or self.false_hit or self.wrong_triangle or self.wrong_any_hit:
             return False
         return not bitwise or not (self.wrong or self.wrong_values or self.ulps.any())
@@ -104,14 +107,14 @@ class Errors:
             "wrong_any_hit": self.wrong_any_hit,
             "wrong": self.wrong,
             "t_ulp_max": int(self.ulps.max()) if len(self.ulps) else 0,
-            # The sorted value itself, not one between two distances.
+            # method="higher" returns a measured distance, not an interpolated one.
             "t_ulp_p999": int(np.quantile(self.ulps, 0.999, method="higher")) if len(self.ulps) else 0,
             "on_boundary": self.on_boundary,
         }
 
 
 def total(parts: Iterable[Errors]) -> Errors:
-    """The errors of several ray sets together."""
+    """The sum of the errors of several ray sets."""
     found = list(parts)
     counts = [entry.name for entry in fields(Errors) if entry.name != "ulps"]
     ulps = np.concatenate([part.ulps for part in found]) if found else np.zeros(0, np.int64)
@@ -119,9 +122,9 @@ def total(parts: Iterable[Errors]) -> Errors:
 
 
 def differing(reference: Answers, answers: Answers | None, occluded: Mask | None) -> Mask:
-    """(n,) bool: rays whose closest hit is not the reference's, bit for bit, or whose any hit is not.
+    """(n,) bool: rays whose nearest hit differs from the reference's in any bit, or whose any-hit answer differs.
 
-    Either may be left out.
+    `answers` and `occluded` are skipped when None.
     """
     differ: Mask = np.zeros(len(reference.hit), bool)
     if answers is not None:
@@ -142,15 +145,17 @@ def compare(
     *,
     bitwise: bool,
 ) -> Errors:
-    """Errors of `answers` (closest hits) and `occluded` (any hits), either of which may be left out.
+    """Count the errors of `answers` (nearest hits) and `occluded` (any-hit answers); either is skipped when None.
 
-    bitwise: every difference counts. Otherwise equal distances on two triangles are a tie and no error.
+    ulp_distance: (n,) float32 twice to (n,) int64, distances in units in the last place. bitwise: every difference
+    counts; otherwise equal distances on two triangles are a tie, not an error.
     """
     expected = reference.hit
     missed = np.zeros(len(expected), bool)
     invented, any_hit_wrong, other = missed.copy(), missed.copy(), missed.copy()
     wrong_values = 0
     ulps = np.zeros(0, np.int64)
+    # Compare the nearest hits: misses, invented hits, triangles, then the bits of u and v on equal triangles.
     if answers is not None:
         missed |= expected & ~answers.hit
         invented |= ~expected & answers.hit
@@ -164,6 +169,7 @@ def compare(
         expected_bits = [getattr(reference, name)[same].view(np.uint32) for name in "uv"]
         wrong_values = int(((bits[0] != expected_bits[0]) | (bits[1] != expected_bits[1])).sum())
         ulps = np.asarray(ulp_distance(reference.t[both], answers.t[both]), np.int64)
+    # Compare the any-hit answers; the reference's nearest hits give the expected ones.
     if occluded is not None:
         any_hit_wrong = occluded != expected
         missed |= expected & ~occluded

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Measuring structures on a scene: first the proof that the answers are right, then the time.
+"""Benchmark of structures on a scene: first the check of their answers, then the times.
 
-`events` does it step by step, for whoever shows progress and may want to stop; `measure` gives the rows alone. Repeats
-are interleaved over all structures, so that a machine that slows down hurts all alike. A structure too slow for the
-whole of a ray set is timed on a part of it, and the row tells how many rays that were.
+`events` runs it step by step, for callers that show progress and may cancel; `measure` yields the rows alone. Repeats
+are interleaved over all structures, so that drift of the machine's speed affects all equally. A structure too slow for
+a whole ray set is timed on a part of it, and the row records the number of rays.
 """
 
 from __future__ import annotations
@@ -46,19 +46,19 @@ __all__ = [
 ]
 
 BUILDS = 3
-"""A build is timed this often at most; it varies less than tracing, and takes longer."""
+"""Largest number of timed builds; build times vary less than trace times, and builds take longer."""
 
 BUILD_SECONDS = 0.5
-"""A build that takes longer is timed once."""
+"""A build that takes longer than this is timed once."""
 
 ORACLE_SECONDS = 0.5
-"""The same for the reference itself, whose speed interests nobody to three digits."""
+"""Limit on the timed pass of the reference itself, whose speed is not needed to three digits."""
 
 LIVE_BYTES = 4 << 30
-"""Structures that are measured interleaved share this much memory at most."""
+"""Limit on the memory of structures that are measured interleaved."""
 
 GROUP = 8
-"""As many configurations are interleaved; their rows are complete together. The anchor is timed in each group."""
+"""Number of configurations that are interleaved; their rows finish together. The anchor is timed in each group."""
 
 SELF_CHECK = 2048
 """Rays per set on which the reference is compared with itself."""
@@ -66,12 +66,12 @@ SELF_CHECK = 2048
 SCALING_ROUNDS = 3
 
 MAP_SECONDS = 0.5
-"""Tracing the rays of a cost map may take so long."""
+"""Limit on the expected time of tracing the rays of a cost map."""
 
 
 @dataclass(frozen=True, eq=False)
 class Finished:
-    """A row is complete."""
+    """A complete row."""
 
     row: Row
 
@@ -82,7 +82,9 @@ Event = Progress | Finished
 def measure(
     native: Native, workload: Workload, chosen: Sequence[str], options: Options, say: Callable[[str], None]
 ) -> Iterator[Row]:
-    """One row per configuration, as soon as it is complete; arguments as for `events`. say: told what is done next."""
+    """Yield one row per configuration as soon as it is complete; arguments as for `events`. say: called with the text
+    of each step before it runs.
+    """
     for event in events(native, workload, chosen, options):
         if isinstance(event, Finished):
             yield event.row
@@ -98,15 +100,17 @@ def events(
     shared: Prepared | None = None,
     anchor: str | None = None,
 ) -> Iterator[Event]:
-    """Measure configurations on one scene, a bounded step at a time; yields what comes next, and each finished row.
+    """Measure configurations on one scene, a bounded step at a time; yields the text of the next step and each finished
+    row.
 
-    chosen: valid configurations; `embree` names the yardstick. A configuration that cannot be built gives a row whose
-    `error` says why. shared: what `prepare` made of the same scene and options, where several calls share it. anchor:
-    which of `chosen` is timed beside all others, where these are but a part of a sweep; else it is found among them.
+    chosen: valid configurations; `embree` names the yardstick. A configuration that cannot be built yields a row with
+    the reason in `error`. shared: the result of `prepare` for the same scene and options, if several calls share it.
+    anchor: the configuration of `chosen` that is timed with all others, if these are only a part of a sweep; found if
+    None.
 
-    Between two items exactly the step that the last Progress announced is done: one build, one comparison, one timed
-    pass, one picture. So a caller can show the text, and then go on, on any thread: Blender's data is never touched,
-    only the arrays of `workload`. To cancel, close the iterator (or stop asking): rows that were yielded stay valid.
+    Between two items exactly the step that the last Progress announced runs: one build, one comparison, one timed pass
+    or one picture. A caller can therefore show the text and continue on any thread; only the arrays of `workload` are
+    read, never Blender's data. Close the iterator to cancel; rows already yielded stay valid.
     """
     if shared is None:
         shared = yield from prepare(native, workload, options)
@@ -114,10 +118,10 @@ def events(
 
 
 def anchor_of(chosen: Sequence[str]) -> str | None:
-    """The configuration that is timed beside all others, so that rows of other hours and machines can be related.
+    """The configuration that is timed with all others, so that rows of different hours and machines are comparable.
 
-    Embree where it is there, else `kd`; in a sweep over k the kd-tree that its times are related to, which is then
-    measured as often as they are, and with caches as cold.
+    Embree if it is chosen, else `kd`; in a sweep over k the kd-tree that its times are relative to, which is then
+    measured as often as they are, with equally cold caches.
     """
     ks: dict[str, set[str]] = {}
     for spec in chosen:
@@ -128,18 +132,19 @@ def anchor_of(chosen: Sequence[str]) -> str | None:
 
 
 class _Run:
-    """One call of `events`: its configurations, and how much of the work is done."""
+    """State of one call of `events`: its configurations and its progress."""
 
     def __init__(self, native: Native, shared: Prepared, chosen: Sequence[str], anchor: str | None = None) -> None:
         self._native = native
         self._prepared = shared
         self._workload = shared.workload
         self._options = options = shared.options
-        # A part of a sweep over k may hold one k alone: it does not look like a sweep any more.
+        # Decide by the caller if it can: a part of a sweep over k may hold a single k and no longer look like a sweep.
         self._anchor_spec = anchor_of(chosen) if anchor is None else anchor
         self._specs = [spec for spec in chosen if spec != self._anchor_spec]
         passes = len(shared.ray_sets) * (options.repeats + 1) + len(shared.views) * SCALING_ROUNDS
-        # Builds, one comparison, timed passes, the peak, the moved grids, pictures.
+        # Estimate the number of steps per configuration, for the progress: builds, one comparison, timed passes, the
+        # peak, the moved grids and the pictures.
         self._steps_each = (
             min(BUILDS, options.repeats) + 1 + passes + options.peak + bool(options.offsets) + options.maps
         )
@@ -150,7 +155,9 @@ class _Run:
         self._count = 0
 
     def events(self) -> Iterator[Event]:
-        """Everything, in groups of configurations; the anchor is in each, and has its row with the first."""
+        """Run everything, in groups of configurations; the anchor is timed in each group and has its
+        row in the first.
+        """
         anchor = None
         if self._anchor_spec is not None:
             yield self._step(f"{self._anchor_spec}: building")
@@ -160,6 +167,7 @@ class _Run:
                 yield self._failed(self._anchor_spec, error)
         waiting = [] if anchor is None else [anchor]
         size = 0
+        # Build configurations until a group is full or its structures take too much memory, then measure the group.
         for spec in self._specs:
             yield self._step(f"{spec}: building")
             try:
@@ -168,7 +176,7 @@ class _Run:
                 yield self._failed(spec, error)
                 continue
             waiting.append(candidate)
-            # Embree does not tell.
+            # Embree reports no bytes.
             size += candidate.structure.statistics.get("bytes", 0)
             if len(waiting) >= GROUP or size > LIVE_BYTES:
                 yield from self._measure(waiting, anchor)
@@ -177,6 +185,7 @@ class _Run:
             yield from self._measure(waiting, anchor)
 
     def _step(self, text: str) -> Progress:
+        """Count a step and return its announcement."""
         done = self._done()
         self._count += 1
         return Progress(done, text)
@@ -193,10 +202,10 @@ class _Run:
         return Candidate(spec, structure, [seconds])
 
     def _build(self, spec: str) -> tuple[Traced, float]:
-        """A structure, and the seconds that its build took: on one thread the processor's, else by the clock."""
+        """A structure and its build time in seconds: processor time on one thread, else wall-clock time."""
         vertices, triangles = self._workload.vertices, self._workload.triangles
         if spec == yardstick.SPEC:
-            # It builds on as many threads as it likes.
+            # Embree builds on a number of threads of its own choice.
             found = yardstick.EmbreeStructure(vertices, triangles)
             return found, float(found.statistics["build_seconds"])
         clock = timing.clock(self._options.threads)
@@ -207,8 +216,9 @@ class _Run:
         return structure, clock() - start
 
     def _measure(self, group: list[Candidate], anchor: Candidate | None) -> Iterator[Event]:
-        """Everything about the built configurations of one group, then their rows."""
+        """Measure all built configurations of one group, then yield their rows."""
         yield from self._time_builds(group)
+        # Check the answers; configurations that fail here are not timed.
         sound: list[Candidate] = []
         for candidate in group:
             yield self._step(f"{candidate.spec}: comparing answers with those of {self._options.reference}")
@@ -217,9 +227,10 @@ class _Run:
                 sound.append(candidate)
             except FAILURES as error:
                 yield self._failed(candidate.spec, error)
-        # In later groups the anchor only keeps time.
+        # Later groups time the anchor without checking it again; it gets no second row.
         beside = None if anchor is None or not anchor.timed else anchor if anchor in sound else anchor.again()
         timed = sound if beside is None or beside in sound else [beside, *sound]
+        # Time the ray sets, and everything that needs sound answers.
         for rays_of_set in self._prepared.ray_sets:
             steps = timing.rounds(timed, rays_of_set.name, self._options.repeats, self._options.threads)
             yield from map(self._step, steps)
@@ -237,6 +248,7 @@ class _Run:
             yield Finished(self._row(candidate, beside, timed, pictures, round_id))
 
     def _time_builds(self, group: list[Candidate]) -> Iterator[Event]:
+        """Repeat short builds up to BUILDS times, interleaved."""
         for _ in range(min(self._options.repeats, BUILDS) - 1):
             for candidate in group:
                 yield self._step(f"{candidate.spec}: building again")
@@ -250,19 +262,19 @@ class _Run:
             )
 
     def _prove(self, candidate: Candidate) -> None:
-        """Compare closest and any hits with the reference, count steps, and choose how many rays can be timed."""
+        """Compare nearest hits and any-hits with the reference, count steps, and choose the number of rays to time."""
         options, structure = self._options, candidate.structure
         for whole in self._prepared.ray_sets:
             some, right = self._prepared.checked[whole.name], self._prepared.expected[whole.name]
             if candidate.spec == options.reference:
-                # It is compared with itself: enough to see that the numbers of threads agree.
+                # A comparison with itself only has to show that the answers do not depend on the number of threads.
                 own = rays.blocks(len(some), SELF_CHECK, options.seed)
                 some, right = some.take(own), right.take(own)
             arguments = some.options(options.threads)
             if rows.is_lazy(candidate.spec):
-                # The tree that these rays have built stays.
+                # The first pass extends a lazily built tree for these rays; the second is checked and timed.
                 structure.closest(some.origins, some.directions, **arguments)
-            # By the clock that times the passes: on a busy machine another one would call a quick structure slow.
+            # Use the clock of the timed passes: under load, the other clock would make a fast structure look slow.
             now = timing.clock(options.threads)
             start = now()
             answers = Answers.of(structure.closest(some.origins, some.directions, **arguments))
@@ -271,6 +283,7 @@ class _Run:
             candidate.errors[whole.name] = accuracy.compare(
                 right, answers, occluded, self._native.ulp_distance, bitwise=options.reference == "brute"
             )
+            # Limit the timed rays by the speed just measured.
             limit = options.pass_seconds
             if candidate.spec == options.reference:
                 limit = min(limit, ORACLE_SECONDS)
@@ -278,11 +291,11 @@ class _Run:
             candidate.timed[whole.name] = timing.affordable(whole, candidate.checked[whole.name], limit, options.seed)
             hits = float(answers.hit.mean()) if len(some) else 0.0
             candidate.counted[whole.name] = {"hits": hits, **timing.count(candidate, some, options.threads)}
-        # Now, for of a tree that rays have built there is more after each pass.
+        # Copy the statistics now: each further pass over a lazily built tree adds nodes.
         candidate.statistics = dict(structure.statistics)
 
     def _extras(self, candidates: Sequence[Candidate]) -> Iterator[Event]:
-        """Peak memory, and wrong answers far from the origin. Failing in these takes no row away."""
+        """Measure peak memory, cost maps, and wrong answers far from the origin. A failure here is noted in the row."""
         if self._options.peak and candidates:
             try:
                 scene = peak.save_scene(self._workload.vertices, self._workload.triangles)
@@ -305,7 +318,7 @@ class _Run:
                     candidate.left_out.append(f"answers far from the origin: {first_line(error)}")
 
     def _maps(self, candidates: Sequence[Candidate]) -> Iterator[Event]:
-        """What each pixel costs, for those that answer so many rays in reasonable time."""
+        """Count the work per pixel of the candidates that trace the view within MAP_SECONDS."""
         view, size = self._prepared.map_view, self._prepared.map_size
         assert view is not None
         for candidate in candidates:
@@ -314,18 +327,20 @@ class _Run:
                 candidate.cost_map = costmap.packed(costmap.work(candidate.native, view, size))
 
     def _peaks(self, candidates: Sequence[Candidate], scene: Path) -> Iterator[Event]:
-        """One process per core: nothing else is timed meanwhile."""
+        """Measure peak memory in separate processes, one per core; nothing is timed meanwhile."""
         at_once = max(1, (os.cpu_count() or 1) // self._options.threads)
         running: dict[str, peak.Measurement] = {}
         waiting = list(candidates)
         try:
             while waiting or running:
+                # Start processes while cores are free.
                 while waiting and len(running) < at_once:
                     spec = waiting.pop(0).spec
                     running[spec] = peak.Measurement(
                         self._native, scene, spec, self._options.threads, self._options.memory_limit
                     )
                     yield self._step(f"{spec}: building in a process of its own, for the memory")
+                # Collect the results of those that ended.
                 ended = [spec for spec, one in running.items() if one.wait(0.05)]
                 if not ended:
                     yield Progress(self._done(), f"{', '.join(running)}: building, for the memory")
@@ -343,14 +358,14 @@ class _Run:
                 one.stop()
 
     def _draw(self, candidates: Sequence[Candidate]) -> Iterator[Event]:
-        """Render pictures with growing numbers of samples, interleaved over the configurations."""
+        """Render pictures with a growing number of samples, interleaved over the configurations."""
         pictures = self._prepared.pictures
         if pictures is None:
             return
         for samples in self._options.curve:
             for candidate in candidates:
                 yield self._step(f"{candidate.spec}: rendering with {samples} samples per pixel")
-                # A set is empty where it begins at hits and nothing is hit.
+                # A set is empty if it starts at hits and no ray hits the scene.
                 traced = [name for name in candidate.seconds if len(candidate.timed[name])]
                 slowest = min((float(candidate.mrays(name).min()) for name in traced), default=1.0)
                 if samples in pictures.affordable(slowest):
@@ -366,6 +381,7 @@ class _Run:
         pictures: Rounds,
         round_id: str,
     ) -> Row:
+        """The complete row of a candidate; group: all candidates timed with it, for the noise estimate."""
         options = self._options
         statistics = dict(candidate.statistics)
         row = rows.empty(self._native, self._workload, candidate.spec, options.threads)
@@ -384,13 +400,15 @@ class _Run:
         if candidate.spec != yardstick.SPEC:
             values = specs.values(candidate.spec, self._native.structures())
             counting.mark(row["rays"], self._prepared.ray_sets, values)
+        # Add errors: in total, per ray set, and in pictures.
         row["errors"] = accuracy.total(candidate.errors.values()).as_row(options.reference)
         row["errors"]["sets"] = {name: errors.as_row(options.reference) for name, errors in candidate.errors.items()}
-        # Pixels in which a picture is not that of the first structure; 0 where nothing was rendered.
+        # Pixels that differ from the first structure's picture; 0 if nothing was rendered.
         row["errors"]["differing_pixels"] = candidate.differing_pixels
         row["map"] = candidate.cost_map
         row["scaling"] = candidate.scaling or None
         row["offsets"] = candidate.offsets or None
+        # Add pictures, and note sample counts that were too slow.
         if candidate.curve:
             row["curve"] = candidate.curve
             assert self._prepared.pictures is not None, "it drew the curve"

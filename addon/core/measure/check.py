@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A short look at one built structure: its speed on a scene's rays, and whether a sample of its answers is right."""
+"""A quick check of one built structure: its speed on a scene's rays, and a sample of its answers
+against brute force.
+"""
 
 from __future__ import annotations
 
@@ -20,17 +22,19 @@ if TYPE_CHECKING:
     from ..base.interface import Native, Structure
 
 SIZE = (256, 256)
-"""Pixels of the view whose rays are traced."""
+"""Width and height, in pixels, of the view whose rays are traced."""
 
 SETS = ("primary", "shadow", "diffuse")
 
 MOST_CHECKED = 4096
-"""More rays per set than this are never compared."""
+"""Largest number of rays per set that are compared."""
 
 
 @dataclass(frozen=True)
 class Check:
-    """errors: on a sample, against brute force. mrays_s, steps, tests: per set; the last two are means per ray."""
+    """Result of a check. errors: of a sample, against brute force. mrays_s, steps, tests: per set; the last two are
+    means per ray.
+    """
 
     errors: Errors
     mrays_s: dict[str, float]
@@ -39,14 +43,14 @@ class Check:
 
     @property
     def right(self) -> bool:
-        """Whether every answer is that of brute force, to the last bit."""
+        """Whether every checked answer equals brute force's bit for bit."""
         return self.errors.agrees(bitwise=True)
 
 
 def steps(
     native: Native, structure: Structure, workload: Workload, *, seed: int = 1, threads: int = 0
 ) -> Iterator[Check]:
-    """Check a native structure over the workload's triangles; yields once per set, the last time complete."""
+    """Check a native structure over the workload's triangles; yields after each set, the last result is complete."""
     sets = rays.make(workload, structure, size=SIZE, seed=seed, names=SETS)
     sets = [some for some in sets if len(some)]
     brute = native.build(workload.vertices, workload.triangles, "brute", threads=threads)
@@ -55,6 +59,7 @@ def steps(
     speed: dict[str, float] = {}
     step_means: dict[str, float] = {}
     test_means: dict[str, float] = {}
+    # Compare a sample of each set, time the whole set, and count the work of the sample.
     for whole in sets:
         some = whole.take(rays.blocks(len(whole), wanted, seed))
         right = Answers.of(brute.closest(some.origins, some.directions, t_max=some.t_max, threads=threads))
@@ -67,9 +72,9 @@ def steps(
 
 
 def rate(structure: Structure, whole: rays.RaySet, threads: int, repeats: int = 1) -> float:
-    """Million rays of a set per second in the best of some repeats, once the rays have been traced to warm up.
+    """Million rays of a set per second, the best of `repeats` passes after a warm-up pass.
 
-    On one thread the processor's own clock counts what the work costs, however busy the machine is.
+    On one thread the thread's processor clock is used, which other load on the machine does not affect.
     """
     ask = structure.occluded if whole.any_hit else structure.closest
     options = whole.options(threads)
@@ -86,9 +91,9 @@ def rate(structure: Structure, whole: rays.RaySet, threads: int, repeats: int = 
 def timed_build(
     native: Native, workload: Workload, spec: str, threads: int, memory_limit: int | None = None
 ) -> tuple[Structure, float]:
-    """A structure and the seconds of its build, on one thread by the processor's own clock.
+    """A structure and its build time in seconds, in processor time on one thread.
 
-    memory_limit: bytes that the build may take, None for what the native module allows. Raises what it raises.
+    memory_limit: bytes that the build may use, None for the native module's limit. Raises the build's exceptions.
     """
     start = time.process_time()
     structure = native.build(workload.vertices, workload.triangles, spec, threads=threads, memory_limit=memory_limit)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What each pixel of a view costs in a structure: steps, tests or time, as numbers and as false colours."""
+"""Cost of each pixel of a view in a structure: steps, tests or time, as numbers and as false colours."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ if TYPE_CHECKING:
     from ..base.interface import Structure
 
 TIMINGS = 3
-"""Each tile is timed this often, and the shortest time counts."""
+"""Number of timed passes per tile; the shortest counts."""
 
 CALLS = 64
-"""So many tiles without any work are timed beside, for the cost of asking, which is taken off."""
+"""Number of empty calls timed to find the cost of a call, which is subtracted."""
 
 HIGHEST = 4
-"""Views that are more times as high as wide are made narrower."""
+"""Largest ratio of height to width; taller views are made narrower."""
 
 
 @dataclass(frozen=True)
 class Quantity:
-    """key: in settings. label: on pictures. unit: of the numbers. doc: for tooltips."""
+    """A measurable quantity. key: in settings. label: on pictures. unit: of the numbers. doc: for tooltips."""
 
     key: str
     label: str
@@ -52,26 +52,26 @@ QUANTITIES = (
 
 
 def quantity(key: str) -> Quantity:
-    """The quantity of this key."""
+    """The quantity with this key."""
     return next(found for found in QUANTITIES if found.key == key)
 
 
 def rounded(size: tuple[float, float]) -> tuple[int, int]:
-    """The nearest size in whole tiles, at least one."""
+    """The nearest size in whole tiles, at least one tile per side."""
     width, height = (max(round(side / rays.TILE), 1) * rays.TILE for side in size)
     return width, height
 
 
 def shaped(width: int, picture: tuple[int, int]) -> tuple[int, int]:
-    """A view of this width in whole tiles and of the shape of a picture, width by height in pixels.
+    """A view of this width in whole tiles, with the shape of a picture given as width by height in pixels.
 
-    It has at most HIGHEST * width * width pixels, or is one tile: narrower where it would be more than HIGHEST times as
-    high as wide, and less high where it cannot be as narrow. Pictures may be 4 pixels wide and 65,536 high.
+    It has at most HIGHEST * width * width pixels, or one tile: it is narrower if it would be more than HIGHEST times as
+    high as wide, and cropped in height if it cannot be narrow enough. Pictures may be 4 pixels wide and 65,536 high.
     """
     height = width * picture[1] / max(picture[0], 1)
     share = min(math.sqrt(HIGHEST * width / max(height, 1.0)), 1.0)
     wide, high = rounded((width * share, height * share))
-    # Rounded up, a side may be several times what was asked for.
+    # Rounding up to a tile can multiply a small side.
     most = HIGHEST * width * width // wide // rays.TILE * rays.TILE
     return wide, max(min(high, most), rays.TILE)
 
@@ -79,7 +79,7 @@ def shaped(width: int, picture: tuple[int, int]) -> tuple[int, int]:
 def measure(structure: Structure, workload: Workload, size: tuple[int, int], key: str) -> F32:
     """(height, width) float32 of a quantity at each pixel of the workload's view, rows from the bottom.
 
-    structure: native, over the workload's triangles. size: width and height, multiples of 8.
+    structure: native, over the workload's triangles. size: width and height, multiples of 8. key: of QUANTITIES.
     """
     width, height = size
     (primary,) = rays.make(workload, structure, size=size, seed=0, names=("primary",))[:1]
@@ -95,9 +95,9 @@ def measure(structure: Structure, workload: Workload, size: tuple[int, int], key
 
 
 def work(structure: Structure, view: rays.RaySet, size: tuple[int, int]) -> F32:
-    """(height, width) float32, nodes visited and triangles tested by the ray of each pixel, rows from the bottom.
+    """(height, width) float32, nodes visited plus triangles tested by the ray of each pixel, rows from the bottom.
 
-    view: the primary rays of `size` pixels in tiles. Where a tile is walked together, its rays share the sum evenly.
+    view: the primary rays of `size` pixels in tiles. If a tile is traversed as a whole, its rays share the sum evenly.
     """
     width, height = size
     # Count once in tiles and once as single rays; different counts mean that tiles are traversed as a whole.
@@ -117,20 +117,20 @@ def _steps_and_tests(structure: Structure, view: rays.RaySet) -> F32:
 
 
 def packed(values: F32) -> dict[str, Any]:
-    """A map for JSON: whole numbers below 65,536, rows from the bottom."""
+    """A map as a JSON object of integers below 65,536, compressed, rows from the bottom."""
     whole = np.minimum(np.rint(values), 65535).astype("<u2")
     height, width = values.shape
     return {"width": width, "height": height, "data": base64.b64encode(zlib.compress(whole.tobytes(), 9)).decode()}
 
 
 def unpacked(stored: Mapping[str, Any]) -> F32:
-    """The reverse of `packed`."""
+    """The inverse of `packed`."""
     whole = np.frombuffer(zlib.decompress(base64.b64decode(stored["data"])), "<u2")
     return whole.reshape(stored["height"], stored["width"]).astype(np.float32)
 
 
 def _nanoseconds(structure: Structure, primary: rays.RaySet) -> F32:
-    """(tiles,) the mean time of a ray in each tile."""
+    """(tiles,) mean nanoseconds per ray of each tile."""
     side = rays.TILE**2
     count = len(primary) // side
     parts = [
@@ -138,7 +138,8 @@ def _nanoseconds(structure: Structure, primary: rays.RaySet) -> F32:
         for i in range(count)
     ]
     best = np.full(count, np.inf)
-    call = np.inf  # what asking costs, however little there is to trace: rays without a direction meet nothing
+    call = np.inf  # cost of a call without work: rays with a zero direction visit nothing
+    # Time empty calls and tiles in turns, and keep the shortest time of each.
     for _ in range(TIMINGS):
         for origins, _ in parts[:CALLS]:
             start = time.perf_counter_ns()
@@ -152,7 +153,9 @@ def _nanoseconds(structure: Structure, primary: rays.RaySet) -> F32:
 
 
 def scale_end(maps: Sequence[F32]) -> float:
-    """One end of the scale for several maps: a round number that only the very brightest pixels exceed."""
+    """Upper end of a common scale for several maps: a round number that only the brightest 0.1 % of the
+    pixels exceed.
+    """
     most = max((float(np.percentile(values, 99.9)) for values in maps if values.size), default=0.0)
     if most <= 0:
         return 1.0
@@ -161,12 +164,12 @@ def scale_end(maps: Sequence[F32]) -> float:
 
 
 def ticks(end: float) -> list[float]:
-    """Round numbers along a scale from 0 to `end`, both included."""
+    """Five evenly spaced numbers on a scale from 0 to `end`, both included."""
     return [end * i / 4 for i in range(5)]
 
 
 def number(value: float) -> str:
-    """A number of a scale, short."""
+    """A number of a scale as short text."""
     return f"{value:,.0f}" if value >= 10 or value == int(value) else f"{value:.3g}"
 
 
@@ -176,5 +179,5 @@ def coloured(values: F32, end: float) -> F32:
 
 
 def summary(values: F32) -> str:
-    """Mean and largest value in words."""
+    """Mean and largest value as text."""
     return f"mean {number(float(values.mean()))}, most {number(float(values.max()))}"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Whether steps and tests are those of the walk that is timed: rays that go together may be counted one by one."""
+"""Whether step and test counters belong to the timed traversal: rays timed together may be counted one by one."""
 
 from __future__ import annotations
 
@@ -16,24 +16,24 @@ if TYPE_CHECKING:
     from ..base.interface import Structure
     from .rows import RayColumns
 
-ONE_BY_ONE = "counted one by one, though they may go together"
-"""What is said of rays whose counters are not those of the timed walk."""
+ONE_BY_ONE = "counted one by one, though they may be traced together"
+"""Remark on rays whose counters are not those of the timed traversal."""
 
 
 SHADOWS_TOGETHER = ("auto", "tile8", "tile16", "p16")
-"""Traversals that walk shadow rays in tiles or packets, but not where these are counted."""
+"""Traversals that trace shadow rays in tiles or packets, but count them singly."""
 
 
 def is_of_the_timed_walk(values: Mapping[str, Any], *, any_hit: bool) -> bool:
-    """Whether rays of a configuration are counted as they are traced, as its parameter `traversal` says.
+    """Whether rays of a configuration are counted by the traversal that is timed, from its parameter `traversal`.
 
-    values: all of its parameters (`specs.values`). any_hit: of rays that ask whether anything is hit.
+    values: all parameters of the configuration (`specs.values`). any_hit: for any-hit rays instead of nearest hits.
     """
     walk = values.get("traversal")
     if any_hit:
-        # With a cache they go singly in any case, and as a beam they are counted so.
+        # With a shadow cache rays are always single; shadow beams are counted as beams.
         return values.get("shadow") in ("cache", "beam") or walk not in SHADOWS_TOGETHER
-    # Of a tree that rays build, tiles are counted as single rays.
+    # In a lazily built tree, tiles are counted as single rays.
     return walk != "auto" and not (walk == "tile8" and str(values.get("lazy")) == "1")
 
 
@@ -48,20 +48,22 @@ def counters(structure: Structure, some: RaySet, threads: int) -> dict[str, NDAr
 
 
 def mark(told: Mapping[str, RayColumns], sets: Iterable[RaySet], values: Mapping[str, Any]) -> None:
-    """Add to what a row tells of these sets whether its counters are those of the timed walk."""
+    """Set `counts_timed_walk` in a row's entry of each of these sets."""
     for some in sets:
         told[some.name]["counts_timed_walk"] = is_of_the_timed_walk(values, any_hit=some.any_hit)
 
 
 def tells(row: Mapping[str, Any], name: str) -> bool:
-    """Whether a row's counters of a set are those of the timed walk; rows of earlier versions do not say."""
+    """Whether a row's counters of a set are those of the timed traversal; rows of earlier versions lack the entry and
+    count as such.
+    """
     return bool(row["rays"][name].get("counts_timed_walk", True))
 
 
 def remark(chosen: Mapping[str, str], structures: Sequence[Mapping[str, Any]]) -> str:
-    """What stands behind counters of configurations where some are not those of the walk that is timed, or nothing.
+    """A remark on those configurations whose counters are not of the timed traversal; "" if there are none.
 
-    chosen: what each is called, and the configuration. structures: the native registry.
+    chosen: label to configuration. structures: the native registry.
     """
     silent = [
         name for name, spec in chosen.items() if not is_of_the_timed_walk(specs.values(spec, structures), any_hit=False)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Error against run time: pictures with growing numbers of samples, compared with a converged one.
+"""Error against run time: pictures with growing sample counts, compared with a converged one.
 
-For one sampler and seed every structure must give the same picture, so the error belongs to the samples and only the
-time to the structure; that the pictures are the same is checked.
+For one sampler and seed all structures must render the same picture, so the error depends on the samples only and the
+time on the structure; the equality of the pictures is checked.
 """
 
 from __future__ import annotations
@@ -25,40 +25,42 @@ if TYPE_CHECKING:
     from ..base.interface import Native, RenderJob, RenderScene, Structure
 
 SIZE = 96
-"""Pixels along the shorter side of the pictures."""
+"""Shorter side of the pictures in pixels."""
 
 CONVERGED = 16
-"""The reference has this many times the largest number of samples, and another seed."""
+"""Samples of the reference as a multiple of the largest sample count; it uses another seed."""
 
 MOST_SAMPLES = (1 << 24) // CONVERGED
-"""The reference of a curve with more would have more samples than can be rendered."""
+"""Largest sample count of a curve, so that its reference stays renderable (2^24 samples)."""
 
 RELATIVE_FLOOR = 1e-2
-"""Added to the squared reference in relMSE, so that black pixels do not decide it (Rousselle et al. 2011)."""
+"""Added to the squared reference in relMSE, so that black pixels do not dominate (Rousselle et al. 2011)."""
 
 TRIMMED = 0.001
-"""The share of the largest relative errors that relMSE leaves out: fireflies."""
+"""Share of the largest relative errors that relMSE drops: fireflies."""
 
 IMAGE_PIXELS, IMAGE_SAMPLES = 1024 * 1024, 16
-"""The picture whose time, build included, is told of each structure."""
+"""Pixels and samples of the picture whose time, build included, is reported for each structure."""
 
 INDEPENDENT = 64
-"""Up to so many samples per pixel the error of independent samples is measured too."""
+"""Largest sample count at which the error of independent samples is measured too."""
 
 SLOPE, SLOPE_WITHIN = -0.5, 0.05
-"""Of RMSE over samples: what theory says of independent ones, and how far a fit over few pictures may be from it."""
+"""Theoretical slope of log RMSE over log samples for independent samples, and the tolerance of a fit
+over few pictures.
+"""
 
 POINT_SECONDS = 10.0
-"""A picture that would take longer than about this is left out."""
+"""Limit on the expected seconds of one picture; slower ones are left out."""
 
 RAYS_PER_SAMPLE = 8
-"""For the estimate of that time; measured: 4 to 9 on the test scenes."""
+"""Rays per camera sample for that estimate; measured: 4 to 9 on the test scenes."""
 
 Image = NDArray[np.float32]
 
 
 class Curve:
-    """The pictures of one scene. size: width and height of its view."""
+    """The pictures of one scene. size: width and height of its view, which sets their aspect ratio."""
 
     def __init__(
         self,
@@ -83,47 +85,52 @@ class Curve:
         self.independent: list[dict[str, float]] = []
 
     def converge(self, structure: Structure) -> None:
-        """Render the picture that all are compared with, on all cores; then the errors of independent samples."""
+        """Render the converged picture on all cores, then measure the errors of independent samples."""
         job = self._render(structure, self.samples[-1] * CONVERGED, self._seed + 1, 0)
         self._converged = self._image(job)
         self.independent = list(self._independent(structure))
 
     def _independent(self, structure: Structure) -> Iterator[dict[str, float]]:
-        """The errors of means of pictures with one sample each and a seed of its own.
+        """The errors of means of one-sample pictures with different seeds.
 
-        The samples of one picture are spread evenly, so its error falls faster than that of independent ones; these
-        show by how much, and that nothing but the spreading is behind it.
+        The samples within one picture are stratified, so its error falls faster than that of independent ones; these
+        show by how much, and that stratification alone is the cause.
         """
         assert self._converged is not None, "the reference comes first"
         most = min(self.samples[-1], INDEPENDENT)
         seeds = range(self._seed + 2, self._seed + 2 + most)
         pictures = [self._image(self._render(structure, 1, seed, 0)) for seed in seeds]
+        # Use the same pictures at every sample count.
         yield from of_independent(pictures, self._converged, [count for count in self.samples if count <= most])
 
     def finer(self, samples: int) -> tuple[int, int, int]:
-        """Width, height and samples per pixel of about as many rays as so many samples take here, in more pixels.
+        """Width, height and samples per pixel of a picture with about as many rays as `samples` take here, but more
+        pixels.
 
-        Rays of neighbouring pixels lie closer in them, though seldom as close as in a picture of IMAGE_PIXELS: how well
-        rays go together decides the time of some walks, twice and more, and which structure is the quickest.
+        Rays of neighbouring pixels lie closer together in it, though seldom as close as in a picture of IMAGE_PIXELS.
+        Coherence changes the time of some traversals by a factor of two and more, and with it the ranking of the
+        structures.
         """
         more = max(1, min(samples, IMAGE_PIXELS // (self._width * self._height)))
         width, height = (round(side * math.sqrt(more)) for side in (self._width, self._height))
         return width, height, max(1, samples // more)
 
     def whole(self, seconds: float, samples: int) -> float:
-        """What a picture of IMAGE_PIXELS with IMAGE_SAMPLES takes when one here takes so long with so many samples."""
+        """Predicted seconds of a picture of IMAGE_PIXELS with IMAGE_SAMPLES, from the time of a picture
+        of this size.
+        """
         return seconds / (self._width * self._height * samples) * IMAGE_PIXELS * IMAGE_SAMPLES
 
     def affordable(self, mrays_s: float) -> list[int]:
-        """The numbers of samples that a structure of this speed renders in reasonable time."""
+        """The sample counts that a structure of this speed renders within POINT_SECONDS."""
         return [n for n in self.samples if self.rays(n) / (mrays_s * 1e6) <= POINT_SECONDS]
 
     def rays(self, samples: int) -> int:
-        """About how many rays a picture takes."""
+        """Estimated number of rays of a picture."""
         return self._width * self._height * samples * RAYS_PER_SAMPLE
 
     def point(self, structure: Structure, samples: int, threads: int) -> tuple[dict[str, float | None], int]:
-        """The error and the seconds of one picture, and how many pixels differ from other structures' pictures."""
+        """Error and seconds of one picture, and the number of pixels that differ from other structures' pictures."""
         assert self._converged is not None, "the reference comes first"
         picture, seconds, differing = self._made(structure, samples, threads)
         found = {"spp": samples, "seconds": seconds, **errors(picture, self._converged)}
@@ -131,7 +138,9 @@ class Curve:
         return {**found, "flip": flip.mean(picture.reshape(shape), self._converged.reshape(shape))}, differing
 
     def timed(self, structure: Structure, samples: int, threads: int) -> tuple[float, int]:
-        """The seconds of the picture that is told of, by `finer`, and how many pixels differ from others'."""
+        """Seconds of the reported picture, predicted by `finer`, and the number of pixels that differ from other
+        structures'.
+        """
         width, height, fewer = self.finer(samples)
         _, seconds, differing = self._made(structure, fewer, threads, (width, height))
         return seconds / (width * height * fewer) * IMAGE_PIXELS * IMAGE_SAMPLES, differing
@@ -139,12 +148,12 @@ class Curve:
     def _made(
         self, structure: Structure, samples: int, threads: int, size: tuple[int, int] | None = None
     ) -> tuple[Image, float, int]:
-        """A picture, its seconds, and how many pixels differ from the first structure's."""
+        """A picture, its seconds, and the number of pixels that differ from the first structure's."""
         scene = self._scene(structure)
         now = timing.clock(threads)
         start = now()
         job = self._job(scene, samples, self._seed, threads, size)
-        # On one thread the processor's seconds, as for all other times; else the native module's, without any waiting.
+        # One thread: processor time, as in all other measurements. Several: the native module's time, without polling.
         seconds = now() - start if threads == 1 else float(job.statistics["seconds"])
         picture = self._image(job, size)
         first = self._pictures.setdefault((size or self._size, samples), picture)
@@ -152,7 +161,7 @@ class Curve:
         return picture, max(seconds, 1e-9), differing
 
     def rays_per_sample(self, structure: Structure, samples: int) -> dict[str, float]:
-        """How many primary, shadow and secondary rays a sample of a pixel takes, the mean of a small picture."""
+        """Mean number of primary, shadow and secondary rays per camera sample of a small picture."""
         counted = self._render(structure, samples, self._seed, 0).statistics
         pixels = self._width * self._height * samples
         return {
@@ -165,7 +174,7 @@ class Curve:
         return self._job(self._scene(structure), samples, seed, threads)
 
     def _scene(self, structure: Structure) -> RenderScene:
-        """The scene to render, with this structure. Its textures are handed over here, which is no part of any time."""
+        """The scene with this structure. Textures are copied here, outside all timed code."""
         scene = self._workload.render_scene
         if scene is None:
             return self._native.RenderScene(structure, **_plain_scene())
@@ -174,6 +183,7 @@ class Curve:
     def _job(
         self, render_scene: RenderScene, samples: int, seed: int, threads: int, size: tuple[int, int] | None = None
     ) -> RenderJob:
+        """Render and wait for the end. Raises RuntimeError with the job's error."""
         width, height = size or self._size
         settings = {
             "width": width,
@@ -191,7 +201,7 @@ class Curve:
         return job
 
     def _image(self, job: RenderJob, size: tuple[int, int] | None = None) -> Image:
-        """(pixels, 3) linear RGB."""
+        """(pixels, 3) float32 linear RGB of a finished job."""
         width, height = size or self._size
         out = np.zeros(width * height * job.passes["Combined"], np.float32)
         job.copy_into("Combined", out)
@@ -199,7 +209,8 @@ class Curve:
 
 
 def errors(picture: Image, reference: Image) -> dict[str, float]:
-    """RMSE and trimmed relMSE of linear RGB, and the number of pixels that are not finite, which count nowhere else."""
+    """RMSE and trimmed relMSE of linear RGB, and the number of pixels with non-finite values, which are excluded."""
+    # Exclude pixels that are not finite, then trim the largest relative errors.
     finite = np.isfinite(picture).all(axis=1)
     difference = (picture[finite].astype(np.float64) - reference[finite]) ** 2
     relative = np.sort((difference / (reference[finite].astype(np.float64) ** 2 + RELATIVE_FLOOR)).ravel())
@@ -212,26 +223,26 @@ def errors(picture: Image, reference: Image) -> dict[str, float]:
 
 
 def slope(points: Sequence[Mapping[str, float]], error: str = "rmse") -> float:
-    """The slope of log error over log samples by least squares; of RMSE −0.5 for independent samples."""
+    """Slope of log error over log samples, by least squares; −0.5 for RMSE of independent samples."""
     x, y = (np.log([max(point[key], 1e-30) for point in points]) for key in ("spp", error))
     return float(np.polyfit(x, y, 1)[0])
 
 
 def is_right(fitted: float) -> bool:
-    """Whether the slope of independent samples is what theory says."""
+    """Whether the slope of independent samples matches the theory."""
     return abs(fitted - SLOPE) <= SLOPE_WITHIN
 
 
 def judged(fitted: float) -> str:
-    """The same in words."""
+    """The same as text."""
     return f"{SLOPE:.2f} ± {SLOPE_WITHIN:g} {'holds' if is_right(fitted) else 'does not hold'}".replace("-", "−")
 
 
 def of_independent(pictures: Sequence[Image], reference: Image, counts: Iterable[int]) -> Iterator[dict[str, float]]:
-    """The errors of means of so many pictures; every picture has a part in each, in as many means as there are.
+    """The errors of means of `count` pictures each, averaged over disjoint groups; every picture is used at each count.
 
-    So the few pixels that are far off weigh alike at every count, and do not tilt the line.
-    pictures: (pixels, 3) linear RGB, each with one sample per pixel and a seed of its own.
+    The few pixels with large errors thus weigh the same at every count and do not tilt the line. pictures: (pixels, 3)
+    linear RGB, one sample per pixel, each with its own seed.
     """
     for count in counts:
         starts = range(0, len(pictures) - count + 1, count)
@@ -261,7 +272,7 @@ def _camera(view: View, aspect: float, diagonal: float) -> dict[str, Any]:
 
 
 def _plain_scene() -> dict[str, Any]:
-    """Light grey, matt, under a bright sky: for files that hold no materials."""
+    """Light grey diffuse surfaces under a bright sky, for files without materials."""
     return {
         "materials": [{"name": "Matt", "base_color": (0.7, 0.7, 0.7), "specular": 0.0}],
         "lights": [{"kind": "sun", "to_world": _tilted(), "power": (2.0, 2.0, 2.0), "angle": 0.1}],
@@ -270,7 +281,7 @@ def _plain_scene() -> dict[str, Any]:
 
 
 def _tilted() -> NDArray[np.float64]:
-    """A sun that shines down and aside."""
+    """Transform of a sun that shines down at an angle."""
     matrix = np.eye(4)
     matrix[:3, :3] = rotation.tilt(np.radians(35.0), np.radians(25.0))
     return matrix

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The time to the first picture: a build, and one pass over the camera rays right after it.
+"""Time to the first picture: a build and one pass over the camera rays right after it.
 
-Trees that rays have built (`lazy=1`) do part of the work of the build in that pass, so neither time alone says what
-they cost. The answers of each pass are compared bit for bit with those of the first configuration.
+Lazily built trees (`lazy=1`) defer part of the build to that pass, so neither time alone gives their cost. The answers
+of each pass are compared bit for bit with those of the first configuration.
 """
 
 from __future__ import annotations
@@ -22,16 +22,17 @@ if TYPE_CHECKING:
     from .yardstick import Traced
 
 SECONDS = 2.0
-"""Structures whose pass would take longer are left out."""
+"""Limit on the expected time of one pass; slower structures are left out."""
 
 
 def rounds(
     build: Callable[[str], tuple[Traced, float]], group: Sequence[Candidate], view: RaySet, repeats: int, threads: int
 ) -> Iterator[str]:
-    """Time builds with their first pass, one between two items: what comes next. Nothing where no tree is lazy.
+    """Time builds with their first pass over `view`; yields the text of the next step. Does nothing without a lazy
+    tree.
 
-    build: a structure of a configuration, and the seconds that it took. Fills `first_seconds`, and adds rays whose
-    answers differ from those of the first configuration to `differing_pixels`.
+    build: returns a structure for a configuration and the seconds its build took. Appends to `first_seconds`, and adds
+    the rays whose answers differ from those of the first configuration to `differing_pixels`.
     """
     ours = [c for c in group if c.spec != yardstick.SPEC and c.seconds.get(view.name)]
     able = [c for c in ours if len(view) <= float(np.median(c.mrays(view.name))) * 1e6 * SECONDS]
@@ -40,6 +41,7 @@ def rounds(
     options = view.options(threads)
     right: list[Answers] = []
     now = timing.clock(threads)
+    # Visit every configuration once per round, so that drift of the machine's speed affects all of them equally.
     for number in range(repeats):
         for candidate in able:
             yield f"{candidate.spec}: build and first picture, round {number + 1} of {repeats}"

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""FLIP (Andersson et al. 2020): how much of a picture's error a viewer sees who switches between two pictures.
+"""FLIP (Andersson et al. 2020): perceived difference between two pictures viewed in alternation.
 
-0: nothing, 1: as much as there can be. The authors' own package computes it, for a display at 67 pixels per degree.
-Light beyond the display's white is cut off first, as such a display would.
+0 is no visible difference, 1 the largest possible. Computed by the authors' package for a display with 67 pixels per
+degree; values above the display's white are clipped first, as the display would clip them.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ Image = NDArray[np.float32]
 
 
 def problem() -> str | None:
-    """Why FLIP cannot be computed here, or None when it can."""
+    """The reason why FLIP cannot be computed here, or None."""
     return None if importlib.util.find_spec("flip_evaluator") else "flip-evaluator is not installed in this Python"
 
 
 def mean(picture: Image, reference: Image) -> float | None:
-    """Mean FLIP of two pictures, (height, width, 3) linear RGB; None where the package is missing."""
+    """Mean FLIP of two (height, width, 3) linear RGB pictures; None if the package is not installed."""
     if problem():
         return None
     import flip_evaluator

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Wrong answers against the distance from the origin: the grid of touching boxes, moved away, with its rays.
+"""Wrong answers against the distance from the origin: the grid of touching boxes with its rays, moved away.
 
-Every structure is asked as it is, and, where it can be walked without its error bounds (`robust=none`), so too: the
-difference shows what the bounds are for, and that the check can fail.
+Every structure is tested as it is and, where its traversal has error bounds, also without them (`robust=none`): the
+difference shows the effect of the bounds, and that the check can fail.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ UNGUARDED = "robust=none"
 
 
 class Moved:
-    """The moved grids and what brute force says on them, made once and used for every structure."""
+    """The moved grids and brute force's answers on them, made once for all structures."""
 
     def __init__(self, native: Native, offsets: Sequence[float], seed: int) -> None:
         self._native = native
@@ -38,7 +38,7 @@ class Moved:
         boxes = grid.workload(BOXES, RAYS, seed)
         (walls,) = boxes.extra
         for offset in offsets:
-            # Not along a diagonal, and with a part that binary numbers cannot hold exactly.
+            # Not along a diagonal, and with a part that binary numbers cannot represent exactly.
             shift = (offset + (0.1 if offset else 0.0)) * np.array([1.0, -1.0, 0.5])
             vertices = (boxes.vertices + shift).astype(np.float32)
             origins = (walls.origins + shift).astype(np.float32)
@@ -47,12 +47,13 @@ class Moved:
             self._places.append((offset, vertices, boxes.triangles, origins, walls.directions, expected))
 
     def errors(self, spec: str) -> list[dict[str, float]]:
-        """One entry per offset: the rays, and what went wrong with and without the bounds; null where there are none.
+        """One entry per offset: number of rays, and errors with and without the bounds; None where there are none.
 
-        Raises what a build raises.
+        Raises the exceptions of a build.
         """
         walks = {"": spec, "_unguarded": unguarded(spec, self._native.structures())}
         found = []
+        # Compare with and without bounds at each offset.
         for offset, vertices, triangles, origins, directions, expected in self._places:
             entry: dict[str, Any] = {"offset": offset, "rays": len(origins)}
             for suffix, walked in walks.items():
@@ -68,12 +69,12 @@ class Moved:
 
 
 def is_unguarded(spec: str) -> bool:
-    """Whether the configuration itself asks to be walked without its error bounds."""
+    """Whether the configuration itself disables its error bounds."""
     return UNGUARDED.partition("=")[::2] in specs.pairs(spec)
 
 
 def unguarded(spec: str, structures: Sequence[Any]) -> str | None:
-    """The same configuration without its error bounds, or None where it has none or says itself what it wants."""
+    """The same configuration without its error bounds; None if it has none or sets `robust` itself."""
     if "robust" not in specs.values(spec, structures) or "robust=" in spec:
         return None
     return spec + ("," if ":" in spec else ":") + UNGUARDED

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The most memory that a build takes, measured in a process of its own.
+"""Peak memory of a build, measured in a separate process.
 
-The process holds the scene and nothing else; the number is by how much its resident memory rose at most while it built.
+The process holds only the scene; the result is the largest growth of its resident memory during the build.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ TIME_LIMIT = 600
 
 
 class PeakError(RuntimeError):
-    """The memory could not be measured. The message says why, in one line."""
+    """The memory could not be measured. The message gives the reason in one line."""
 
 
 def save_scene(vertices: Any, triangles: Any) -> Path:
-    """The arrays in a temporary file for a `Measurement`; whoever asked removes it. Raises OSError."""
+    """Save the arrays to a temporary file for a `Measurement`; the caller removes it. Raises OSError."""
     handle, name = tempfile.mkstemp(prefix="halfspace-peak-", suffix=".npz")
     try:
         with os.fdopen(handle, "wb") as file:
@@ -41,9 +41,9 @@ def save_scene(vertices: Any, triangles: Any) -> Path:
 
 
 class Measurement:
-    """A build in a process of its own, begun at once.
+    """A build in its own process, started at once.
 
-    scene: a file of `save_scene`. memory_limit: bytes that it may take, None for what the native module allows.
+    scene: a file of `save_scene`. memory_limit: bytes that the build may use, None for the native module's limit.
     Raises PeakError.
     """
 
@@ -51,7 +51,7 @@ class Measurement:
         # Let the process import the compiled module and NumPy from their current places.
         library = str(Path(native.__file__ or "").resolve().parent)
         environment = {**os.environ, "PYTHONPATH": os.pathsep.join([library, str(Path(np.__file__).parents[1])])}
-        # The text, not the file: this module may lie in an archive.
+        # Pass the source text, not the file's path: this module may lie in an archive.
         asked = [str(scene), spec, str(threads), *([] if memory_limit is None else [str(memory_limit)])]
         command = [sys.executable, "-c", inspect.getsource(sys.modules[__name__]), *asked]
         self.spec = spec
@@ -64,7 +64,7 @@ class Measurement:
             raise PeakError(str(error)) from error
 
     def wait(self, seconds: float) -> bool:
-        """Wait for at most so long; whether it has ended, by itself or because its time was over."""
+        """Wait at most `seconds`; whether the process has ended by itself or was killed at its time limit."""
         try:
             self._process.wait(seconds)
         except subprocess.TimeoutExpired:
@@ -75,7 +75,7 @@ class Measurement:
         return True
 
     def result(self) -> int:
-        """The bytes, once it has ended. Raises PeakError."""
+        """The bytes, once the process has ended. Raises PeakError."""
         out, errors = self._process.communicate()
         if self._process.returncode != 0 or not out.strip().isdigit():
             status = f"the process that measured it ended with status {self._process.returncode}"
@@ -83,13 +83,13 @@ class Measurement:
         return int(out)
 
     def stop(self) -> None:
-        """End it, if it has not ended."""
+        """Kill the process if it still runs."""
         self._process.kill()
         self._process.communicate()
 
 
 def _resident() -> tuple[int, int]:
-    """Bytes that are resident now and that were at most. Linux tells both; elsewhere the second stands for both."""
+    """Resident bytes now and at their peak. Only Linux reports both; elsewhere the peak stands for both."""
     status = Path("/proc/self/status")
     if status.exists():
         lines = dict(line.split(":", 1) for line in status.read_text(encoding="utf-8").splitlines())
@@ -102,11 +102,11 @@ def _resident() -> tuple[int, int]:
 
 
 def _forget_peak() -> None:
-    """Let the peak begin again at what is resident now, where the system can."""
+    """Reset the peak to the current resident size, where the system supports it."""
     try:
         Path("/proc/self/clear_refs").write_text("5", encoding="utf-8")
     except OSError:
-        # The peak so far then counts as what was there before: the rise comes out too small rather than too large.
+        # The peak so far then counts as the baseline: the growth comes out too small rather than too large.
         return
 
 
@@ -117,7 +117,7 @@ def main(arguments: list[str]) -> int:
     path, spec, threads, *limit = arguments
     with np.load(path) as file:
         vertices, triangles = file["vertices"], file["triangles"]
-    # Starts the thread pool and whatever else a first build brings with it.
+    # Start the thread pool and other one-time allocations with a build of one triangle.
     halfspace_native.build(vertices[:3], np.array([[0, 1, 2]], np.int32), spec, threads=int(threads))
     _forget_peak()
     before, peak_before = _resident()

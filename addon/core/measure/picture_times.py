@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How long a picture takes: rounds of small pictures, interleaved over all configurations, as rays are timed.
+"""Picture times: rounds of small pictures, interleaved over all configurations like the rounds of rays.
 
-Embree makes no pictures, so another tree is timed beside: the one that made the rays, in each round at its beginning
-and at its end. It relates rounds of other hours and machines, and its two times tell the machine's noise.
+Embree renders no pictures, so another tree is timed as the anchor: the one that made the rays, at the beginning and at
+the end of each round. It relates rounds of other hours and machines, and its two times give the machine's noise.
 """
 
 from __future__ import annotations
@@ -22,21 +22,23 @@ if TYPE_CHECKING:
     from .preparation import Options
 
 PASS_SECONDS = 0.1
-"""A timed picture may take about so long in any case, and otherwise as long as a timed pass over rays."""
+"""Smallest limit on a timed picture's seconds; otherwise it is that of a timed pass over rays."""
 
 RAYS_PER_SECOND = 8e6
-"""By which is reckoned how many samples that allows. It does not depend on the structure or the machine: what a picture
-takes besides its samples must weigh alike in all times that are compared."""
+"""Nominal speed from which the number of samples is derived. It must not depend on structure or machine: the constant
+cost of a picture has to weigh the same in all times that are compared.
+"""
 
 LONGEST = 5
-"""A configuration whose picture takes this many times longer is not made again, and its time ranks nothing."""
+"""Factor over that limit beyond which a configuration's picture is not repeated and its time is not ranked."""
 
 
 @dataclass
 class Rounds:
-    """Of one group of configurations. samples, pixels: of the picture that is timed, the samples per pixel. seconds: by
-    configuration, one per round, of the picture that is told of (`Curve.whole`). anchor: the tree beside; first, last:
-    its seconds in each round.
+    """Rounds of one group of configurations.
+
+    samples, pixels: of the timed picture. seconds: by configuration, one per round, of the reported picture
+    (`Curve.whole`). anchor: configuration of the anchor; first, last: its seconds at both ends of each round.
     """
 
     anchor: str | None = None
@@ -47,7 +49,7 @@ class Rounds:
     last: list[float] = field(default_factory=list)
 
     def of(self, candidate: Candidate) -> ImageColumns | None:
-        """What a row tells of these rounds; None for a configuration that was too slow for them."""
+        """The entry of these rounds in a row; None for a configuration that was too slow for them."""
         rounds = self.seconds.get(candidate.spec)
         if not rounds:
             return None
@@ -70,12 +72,13 @@ class Rounds:
 def time(
     found: Rounds, pictures: Curve, anchor: Structure | None, candidates: Sequence[Candidate], options: Options
 ) -> Iterator[str]:
-    """Fill `found`, a picture between two items: what comes next. The first round warms up.
+    """Fill `found`; yields the text of each step, one picture per step. The first round is a warm-up.
 
-    anchor: the tree beside, None where there is none. Pictures that differ from those of other structures count among
-    the candidates' `differing_pixels`.
+    anchor: the anchor's structure, or None. Pixels that differ from other structures' pictures are added to the
+    candidates' `differing_pixels`.
     """
     limit = max(options.pass_seconds, PASS_SECONDS)
+    # Choose the largest picture within the limit, and drop configurations that are too slow for it.
     few = min(pictures.samples)
     samples = max((n for n in pictures.samples if pictures.rays(n) <= limit * RAYS_PER_SECOND), default=few)
     width, height, found.samples = pictures.finer(samples)
@@ -90,6 +93,7 @@ def time(
     if not able:
         return
     found.anchor = None if anchor is None else anchor.spec
+    # Run the rounds, with the anchor at both ends of each.
     for number in range(options.repeats + 1):
         where = f"round {number} of {options.repeats}" if number else "warming up"
         if anchor is not None:
@@ -108,7 +112,7 @@ def time(
 
 
 def told(pictures: Curve, candidate: Candidate, rounds: ImageColumns | None) -> Spread:
-    """Smallest, median and largest seconds of the picture that is told of; without rounds those of the one that was."""
+    """Smallest, median and largest seconds of the reported picture; without rounds predicted from the last picture."""
     if rounds is not None:
         return spread(rounds["rounds_s"])
     last = candidate.curve[-1]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What all configurations of a scene share: options, rays, what the reference answers, the converged picture."""
+"""Data shared by all configurations of a scene: options, rays, reference answers and the converged picture."""
 
 from __future__ import annotations
 
@@ -22,31 +22,30 @@ if TYPE_CHECKING:
     from .yardstick import Traced
 
 PASS_SECONDS = 5.0
-"""One timed pass over a ray set takes about this long at most; slower structures get fewer rays."""
+"""Limit on the seconds of one timed pass over a ray set; slower structures get fewer rays."""
 
 SCALING = (16, 8, 4, 2)
-"""The view is also timed with its sides divided by these."""
+"""Divisors of the view's sides for the additional, smaller views."""
 
 MAP_SIDE = 96
-"""Pixels along the longer side of the maps of what each pixel costs."""
+"""Longer side of the cost maps in pixels."""
 
 KEPT_BYTES = 1 << 30
-"""The tree that made the rays is kept to keep time for pictures, unless it takes more memory than this."""
+"""Largest size of the ray-making tree that is kept as the anchor for picture times."""
 
 REFERENCES = ("brute", "exact", "embree")
 
 
 @dataclass(frozen=True)
 class Options:
-    """What is measured. size: width and height of the view; check_rays: rays per set compared with the reference.
-    own_rays: the same for the scene's own ray sets, None for all of them.
+    """Options of a benchmark. size: width and height of the view; check_rays: rays per set compared with the reference.
+    own_rays: the same for the scene's own ray sets, None for all of their rays.
 
-    threads: for builds and tracing. seed: of the rays. curve: samples per pixel of the pictures. offsets: how far away
-    the grid of touching boxes is put. scaling: whether views of fewer pixels are timed. peak: whether each build is
-    done once more in a process of its own, for its memory. maps: whether what each pixel costs is kept. pass_seconds:
-    how long one timed pass may take.
-    memory_limit: bytes that a build may take, None for what the native module allows; a configuration that needs more
-    gives a row whose `error` says so.
+    threads: for builds and tracing. seed: of the rays. curve: samples per pixel of the pictures. offsets: distances of
+    the moved grid of touching boxes. scaling: whether smaller views are timed. peak: whether each build is repeated in
+    its own process, to measure its memory. maps: whether cost maps are kept. pass_seconds: limit on one timed pass.
+    memory_limit: bytes that a build may use, None for the native module's limit; a configuration that needs more yields
+    a row with the reason in `error`.
     """
 
     size: tuple[int, int] = (1024, 1024)
@@ -66,17 +65,17 @@ class Options:
     memory_limit: int | None = None
 
     def as_dict(self) -> dict[str, Any]:
-        """As JSON has it."""
+        """The options as a JSON object."""
         return {key: list(value) if isinstance(value, tuple) else value for key, value in asdict(self).items()}
 
     def identity(self) -> dict[str, Any]:
-        """What a finished row depends on; how long a pass may take only says how many rays are timed."""
+        """The options that a finished row depends on; pass_seconds only changes the number of timed rays."""
         return {key: value for key, value in self.as_dict().items() if key != "pass_seconds"}
 
 
 @dataclass(frozen=True)
 class Progress:
-    """What is done next, and which share of everything was done before, 0 to 1."""
+    """The next step, and the share of all steps done before it, 0 to 1."""
 
     done: float
     text: str
@@ -84,9 +83,9 @@ class Progress:
 
 @dataclass(eq=False)
 class Prepared:
-    """The rays of a scene, what the reference answers to those that are checked, and what else all structures share.
+    """The rays of a scene, the reference's answers to those that are checked, and other data that all structures share.
 
-    beside: the tree that keeps time for pictures, None where there are none or it is too large to be kept.
+    beside: the anchor for picture times; None without pictures or if it is too large to be kept.
     """
 
     workload: Workload
@@ -103,20 +102,21 @@ class Prepared:
 
 
 def check_room(native: Native, options: Options) -> None:
-    """Raise MemoryError where there is no room for the rays of a view of this size."""
+    """Raise MemoryError if there is not enough memory for the rays of a view of this size."""
     width, height = options.size
     room.check(native, f"the rays of {width}x{height} pixels", rays.bytes_needed(options.size, options.sets))
 
 
 def prepare(native: Native, workload: Workload, options: Options) -> Generator[Progress, None, Prepared]:
-    """The part of the work that all configurations of a scene share; a generator that returns it.
+    """The work shared by all configurations of a scene, as a generator that yields its steps and returns the result.
 
-    Raises MemoryError, before anything is made, where there is no room for it.
+    Raises MemoryError, before any allocation, if the rays do not fit into memory.
     """
     check_room(native, options)
     yield Progress(0.0, "making the rays")
     tracer = _tracer(native, workload, options)
     ray_sets = rays.make(workload, tracer, size=options.size, seed=options.seed, names=options.sets)
+    # Select the rays to check, and answer them with the reference.
     checked = {}
     for rays_of_set in ray_sets:
         own = len(rays_of_set) if options.own_rays is None else options.own_rays
@@ -129,11 +129,13 @@ def prepare(native: Native, workload: Workload, options: Options) -> Generator[P
     if options.offsets:
         yield Progress(0.0, "moving the grid of touching boxes")
         moved = Moved(native, options.offsets, options.seed)
+    # Render the converged picture.
     pictures = None
     if options.curve:
         pictures = curve.Curve(native, workload, options.size, options.curve, options.seed)
         yield Progress(0.0, "rendering the converged picture")
         pictures.converge(tracer)
+    # Make the smaller views, and the view of the cost maps.
     views = list(_smaller_views(workload, tracer, options)) if options.scaling and "primary" in options.sets else []
     made = Prepared(workload, options, ray_sets, checked, expected, views, pictures, moved)
     if pictures is not None and tracer.statistics["bytes"] <= KEPT_BYTES:
@@ -151,7 +153,7 @@ def _scaled(side: int, size: tuple[int, int]) -> int:
 
 
 def prepared(native: Native, workload: Workload, options: Options) -> Prepared:
-    """The same at one go, for whoever shows no progress."""
+    """The same without intermediate steps."""
     steps = prepare(native, workload, options)
     while True:
         try:
@@ -162,11 +164,11 @@ def prepared(native: Native, workload: Workload, options: Options) -> Prepared:
 
 
 TRACERS = ("kd", "bvh-sah")
-"""What finds the hits from which rays go on, the quickest first; the second needs half the memory."""
+"""Structures that make the rays, fastest first; the second needs half the memory."""
 
 
 def _tracer(native: Native, workload: Workload, options: Options) -> Structure:
-    """The quickest structure for which there is room. Raises MemoryError when there is none for any."""
+    """The fastest structure that fits into memory. Raises MemoryError if none does."""
     ids = {row["id"] for row in native.structures()}
     *others, last = [spec for spec in TRACERS if spec in ids] or ["brute"]
     build = partial(native.build, workload.vertices, workload.triangles, threads=0, memory_limit=options.memory_limit)
@@ -177,7 +179,7 @@ def _tracer(native: Native, workload: Workload, options: Options) -> Structure:
 
 
 def _smaller_views(workload: Workload, tracer: Tracer, options: Options) -> Iterator[RaySet]:
-    """The primary rays of the same view in fewer pixels, the fewest first."""
+    """The primary rays of the same view with fewer pixels, smallest first."""
     across, down = options.size
     least = rays.TILE
     sizes = [(max(least, across // n // least * least), max(least, down // n // least * least)) for n in SCALING]
@@ -187,7 +189,7 @@ def _smaller_views(workload: Workload, tracer: Tracer, options: Options) -> Iter
 
 
 def _reference(native: Native, workload: Workload, checked: dict[str, RaySet], options: Options) -> dict[str, Answers]:
-    """What the reference answers to the checked rays of each set, on all cores."""
+    """The reference's answers to the checked rays of each set, on all cores."""
     vertices, triangles = workload.vertices, workload.triangles
     found = {}
     structure: Traced | None = None

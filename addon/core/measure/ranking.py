@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which of two configurations is faster, as far as the noise of the machine lets anyone say so.
+"""Statistical ranking: which of two configurations is faster beyond the noise of the machine.
 
-Two rows of the same rounds are compared round by round: one is faster when it is so in every round, and by more than
-the machine's noise. By chance that happens once in 2**(rounds - 1) times, so fewer than six rounds rank nothing. Rows
-of different rounds are compared through their anchor: then the slowest round of one must beat the fastest of the other.
-Without a common anchor such rows are not compared: they may come from different machines.
-What answers wrongly is not ranked at all.
+Two rows of the same rounds are compared round by round: one is faster if it is so in every round, and by more than the
+machine's noise. By chance that happens once in 2**(rounds - 1) cases, so fewer than six rounds rank nothing. Rows of
+different rounds are compared through their anchor: then the slowest round of one must beat the fastest of the other.
+Without a common anchor such rows are not compared, because they may come from different machines. Rows with wrong
+answers are not ranked.
 """
 
 from __future__ import annotations
@@ -21,23 +21,24 @@ from numpy.typing import NDArray
 from .rows import Bound, RayColumns, Row, agrees, building
 
 LEAST_ROUNDS = 6
-"""With six rounds the chance of an order that is none is three in a hundred."""
+"""Smallest number of rounds: with six, the probability of a false order is 3 %."""
 
 CHANCE = 32
-"""Once in so many times an order may be none."""
+"""Inverse of the accepted probability of a false order."""
 
 PICTURE = "build and picture"
 TRACING = "build and rays"
-"""What is ranked besides single ray sets: these with the build."""
+"""Ranked quantities besides single ray sets; both include the build."""
 
 
 @dataclass(frozen=True)
 class Ranking:
-    """One ray set of one scene, PICTURE or TRACING. best: fastest by the median; equal: what cannot be told from it.
+    """Ranking of one ray set of one scene, PICTURE or TRACING. best: fastest by the median; equal: rows not
+    distinguishable from it.
 
-    second: the fastest that can, how many times slower it is, and between which rounds. noise: of the machine while
-    these were timed, relative. rounds: the fewest of any row. apart: rows that nothing relates to the others, which
-    are no part of all this.
+    second: the fastest distinguishable row; times, low, high: its slowdown, as median, smallest and largest of the
+    rounds. noise: relative noise of the machine while these were timed. rounds: the fewest of any row. apart: rows that
+    share no anchor or round with the others and are excluded.
     """
 
     best: Row
@@ -52,16 +53,17 @@ class Ranking:
 
     @property
     def ranked(self) -> bool:
-        """Whether there were rounds enough to say anything."""
+        """Whether there were enough rounds for a ranking."""
         return self.rounds >= LEAST_ROUNDS
 
 
 def rank(rows: Sequence[Row], name: str) -> Ranking | None:
-    """The ranking of those of a scene's rows whose answers are right; None when fewer than two can be compared.
+    """The ranking of a scene's rows with correct answers; None if fewer than two are comparable.
 
     name: of a ray set, PICTURE or TRACING.
     """
     able = [row for row in rows if agrees(row) and part(row, name)]
+    # Rank the largest group of comparable rows.
     units: dict[tuple[str, Any, int], list[Row]] = {}
     for row in able:
         units.setdefault(_unit(row, name), []).append(row)
@@ -69,6 +71,7 @@ def rank(rows: Sequence[Row], name: str) -> Ranking | None:
     if len(timed) < 2:
         return None
     ranked = set(map(id, timed))
+    # Split the rows into those equal to the fastest within noise and those slower.
     first, *others = sorted(timed, key=lambda row: -float(np.median(speeds(row, name))))
     equal: list[Row] = []
     slower: list[Row] = []
@@ -89,14 +92,15 @@ def rank(rows: Sequence[Row], name: str) -> Ranking | None:
 
 
 Part = dict[str, Any]
-"""rounds: speeds, one per round; anchor_rounds: of the anchor in the same ones, or nothing; anchor: its name or None;
-noise: of the machine, relative, or None. Only ratios of speeds mean anything."""
+"""Ranked speeds of a row. rounds: speeds, one per round; anchor_rounds: the anchor's in the same rounds, or empty;
+anchor: its name or None; noise: of the machine, relative, or None. Only ratios of speeds are meaningful.
+"""
 
 
 def part(row: Row, name: str, build: Bound = "med") -> Part | None:
-    """What of a row is ranked: a ray set, PICTURE or TRACING; None where it was not timed in rounds.
+    """The ranked part of a row: a ray set, PICTURE or TRACING; None if it was not timed in rounds.
 
-    build: whether the least, the median or the most of its builds counts.
+    build: which of its builds counts: "min", "med" or "max".
     """
     if name == PICTURE:
         image = row.get("image")
@@ -105,7 +109,7 @@ def part(row: Row, name: str, build: Bound = "med") -> Part | None:
         built = building(row, build)
         own = [1.0 / (built + seconds) for seconds in image["rounds_s"]]
         others = [1.0 / seconds for seconds in image["anchor_rounds_s"]]
-        # What a picture takes besides its samples weighs more in one of fewer.
+        # The constant cost of a picture weighs more at fewer samples, so anchors of different sizes are not comparable.
         size = f"{image['samples']} samples, {image.get('pixels')} pixels"
         anchor = None if image["anchor"] is None else f"{image['anchor']} with {size}"
         return {"rounds": own, "anchor_rounds": others, "anchor": anchor, "noise": image["noise"]}
@@ -116,7 +120,7 @@ def part(row: Row, name: str, build: Bound = "med") -> Part | None:
 
 
 def _tracing(row: Row, build: Bound) -> Part | None:
-    """One million rays of each set, and the build."""
+    """Speeds of building and tracing one million rays of each set."""
     known: dict[str, RayColumns] = row["rays"] or {}
     sets = {name: one for name, one in known.items() if one["rounds"]}
     if not sets or not row["build_s"]:
@@ -126,7 +130,7 @@ def _tracing(row: Row, build: Bound) -> Part | None:
     if row["anchor"] is not None and all(one["anchor_rounds"] for one in sets.values()):
         others = list(1.0 / _one_of_each(sets.values(), "anchor_rounds"))
     noise = max(float(one.get("noise") or 0.0) for one in sets.values())
-    # Over other sets it would be another quantity.
+    # Over other sets the anchor's time would be a different quantity.
     anchor = None if row["anchor"] is None else f"{row['anchor']} over {', '.join(sets)}"
     return {"rounds": list(1.0 / seconds), "anchor_rounds": others, "anchor": anchor, "noise": noise}
 
@@ -143,8 +147,8 @@ def _known(row: Row, name: str, build: Bound = "med") -> Part:
 
 
 def _unit(row: Row, name: str) -> tuple[str, str | None, int]:
-    """What a row's speeds are measured by: its anchor, or without one its rounds; on so many threads. Rows of equal
-    units are related.
+    """The unit of a row's speeds: its anchor, or without one its round, and its number of threads. Rows with equal
+    units are comparable.
     """
     one = _known(row, name)
     if one["anchor"] is not None and one["anchor_rounds"]:
@@ -153,33 +157,33 @@ def _unit(row: Row, name: str) -> tuple[str, str | None, int]:
 
 
 def related(a: Row, b: Row, name: str) -> bool:
-    """Whether one's speed can be divided by the other's: timed together, or each beside the same anchor."""
+    """Whether the ratio of two rows' speeds is meaningful: timed together, or each with the same anchor."""
     unit = _unit(a, name)
     return together(a, b) or (unit == _unit(b, name) and unit[0] == "anchor")
 
 
 def speeds(row: Row, name: str, build: Bound = "med") -> NDArray[np.float64]:
-    """Per round, in units of the anchor's speed in the same round, so that rows of all rounds can be put in order."""
+    """Speeds per round, relative to the anchor's in the same round where there is one."""
     one = _known(row, name, build)
     rates = np.array(one["rounds"], np.float64)
     return rates / np.array(one["anchor_rounds"]) if one["anchor_rounds"] else rates
 
 
 def noise(row: Row, name: str) -> float:
-    """The relative difference between two times of the same thing; none where nobody measured it."""
+    """The relative difference between two times of the same work; 0 if it was not measured."""
     return float(_known(row, name).get("noise") or 0.0)
 
 
 def against(
     a: Row, b: Row, name: str, *, paired: bool = True, builds: tuple[Bound, Bound] = ("med", "med")
 ) -> NDArray[np.float64]:
-    """How many times as fast `a` is as `b`: per round where they share rounds, else of all pairs of rounds.
+    """Speed of `a` relative to `b`: per round if they share rounds, else for all pairs of rounds.
 
-    paired: with False of all pairs in any case. builds: which of their builds count. Raises ValueError for rows that
-    are not related.
+    paired: if False, all pairs in any case. builds: which of their builds count. Raises ValueError for rows that are
+    not comparable.
     """
     if not related(a, b, name):
-        raise ValueError(f"nothing relates {a['spec']} to {b['spec']}: neither their rounds nor an anchor are the same")
+        raise ValueError(f"{a['spec']} and {b['spec']} are not comparable: they share neither rounds nor an anchor")
     if together(a, b) and paired:
         rates = [np.array(_known(row, name, build)["rounds"]) for row, build in zip((a, b), builds, strict=True)]
         return np.asarray(rates[0] / rates[1])
@@ -187,19 +191,20 @@ def against(
 
 
 def together(a: Row, b: Row) -> bool:
-    """Whether the rounds of both rows are the same ones."""
+    """Whether both rows were measured in the same rounds."""
     return a["round_id"] is not None and a["round_id"] == b["round_id"]
 
 
 def faster(a: Row, b: Row, name: str, *, among: int = 1) -> bool:
     """Whether `a` is faster than `b` beyond noise, even with its longest build against the other's shortest.
 
-    Never where they are not related. among: `a` was picked as the fastest of so many. Each of them had a chance to be
-    lucky, so then all of its rounds must be faster than all of the other's: of n rounds each that happens to one of
-    them by chance once in (2n choose n) times.
+    False if they are not comparable. among: `a` was selected as the fastest of this number of rows. Each of them could
+    be lucky, so all of its rounds must then be faster than all of the other's: with n rounds each that happens by
+    chance once in (2n choose n) cases.
     """
     if part(a, name) is None or part(b, name) is None or not related(a, b, name):
         return False
+    # Require enough rounds for the error probability, also after a selection among several.
     rounds = min(len(_known(row, name)["rounds"]) for row in (a, b))
     if rounds < LEAST_ROUNDS or (among > 1 and among * CHANCE > math.comb(2 * rounds, rounds)):
         return False

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Brute force's answers to a sample of rays: found once, and then compared with as many structures as one likes."""
+"""Brute force's answers to a sample of rays, computed once and compared with any number of structures."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ if TYPE_CHECKING:
     from ..base.interface import Native, Structure
 
 BRUTE_TESTS = 1_000_000_000
-"""So many triangle tests brute force may do before someone who waits: about two seconds on two cores."""
+"""Triangle tests that brute force may spend in an interactive task: about two seconds on two cores."""
 
 
 def affordable(workload: Workload, sets: int = 1, tests: float = BRUTE_TESTS) -> int:
-    """How many rays of each of some sets brute force may answer over these triangles."""
+    """Number of rays per set that brute force can trace over these triangles within `tests` triangle tests."""
     return int(tests / max(len(workload.triangles) * sets, 1))
 
 
 class Reference:
-    """A sample of some ray sets, and what is right."""
+    """A sample of several ray sets, and its correct answers."""
 
     def __init__(
         self,
@@ -35,7 +35,10 @@ class Reference:
         seed: int,
         threads: int = 0,
     ) -> None:
-        """Ask brute force. wanted: about how many rays of all sets together; of each at least a block of 64."""
+        """Trace the sample with brute force. wanted: approximate number of rays of all sets together; each set gets at
+        least a block of 64.
+        """
+        # Trace the sample of each set with brute force.
         brute = native.build(workload.vertices, workload.triangles, "brute", threads=threads)
         self._threads = threads
         self._parts: list[tuple[rays.RaySet, Answers]] = []
@@ -45,11 +48,11 @@ class Reference:
             self._parts.append((some, Answers.of(found)))
 
     def __len__(self) -> int:
-        """How many rays are compared."""
+        """Number of compared rays."""
         return sum(len(some) for some, _ in self._parts)
 
     def wrong(self, structure: Structure) -> int:
-        """How many of the rays a structure over the same triangles answers otherwise, be it in the last bit."""
+        """Number of rays whose answer from a structure over the same triangles differs in any bit."""
         found = 0
         for some, right in self._parts:
             found += int(differing(right, *traced(structure, some, self._threads)).sum())

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A row of `bench.json`: what was measured for one configuration on one scene, and which of it depends on the clock."""
+"""A row of `bench.json`: the measurements of one configuration on one scene, and which of them depend on the clock."""
 
 from __future__ import annotations
 
@@ -118,28 +118,28 @@ OF_THE_CLOCK = {
         "too_slow",
     ),
 }
-"""Keys whose values differ from run to run. All others are the same on every machine."""
+"""Keys whose values vary between runs. All others are equal on every machine."""
 
 
 LAZY = ("lazy", "1")
-"""In the configuration of a tree that rays have built."""
+"""The parameter of lazily built trees."""
 
 
 OF_RAYS = (
     *("n", "mrays_s", "times_embree", "rounds", "anchor_rounds", "noise"),
     *("steps", "steps_axis", "steps_oblique", "tests", "hits"),
 )
-"""What a row tells of each set of rays."""
+"""Columns of a row for each ray set."""
 
 OF_ERRORS = (
     *("reference", "rays", "false_miss", "false_hit", "wrong_triangle", "wrong_values", "wrong_any_hit", "wrong"),
     *("t_ulp_max", "t_ulp_p999", "on_boundary", "sets", "differing_pixels"),
 )
-"""What it tells of its errors."""
+"""Columns of a row's errors."""
 
 
 def blank() -> Row:
-    """A row with every key, of which nothing is known."""
+    """A row with every key and no values."""
     return {
         "scene": "",
         "triangles": 0,
@@ -174,7 +174,7 @@ def blank() -> Row:
 
 
 def empty(native: Native, workload: Workload, spec: str, threads: int) -> Row:
-    """A row with every key; what is not known is null."""
+    """A row with every key; unknown values are None."""
     known = {} if spec == yardstick.SPEC else specs.values(spec, native.structures())
     return {
         **blank(),
@@ -190,9 +190,9 @@ def empty(native: Native, workload: Workload, spec: str, threads: int) -> Row:
 
 
 def lacks(row: Mapping[str, Any]) -> str | None:
-    """A column that this row of a journal has not, so that no report can be made of it; None where it has all.
+    """The first column that a report needs and this row of a journal lacks; None if it is complete.
 
-    Rows of another version of the program may lack some.
+    Rows of another version of the program may lack columns.
     """
     for name in ("errors", "rays"):
         if not isinstance(row.get(name) or {}, dict):
@@ -212,7 +212,7 @@ def failed(native: Native, workload: Workload, spec: str, threads: int, error: B
 
 
 def failed_scene(name: str, error: BaseException) -> Row:
-    """The row of a scene that could not be read: no configuration, only why."""
+    """The row of a scene that could not be read: no configuration, only the reason."""
     return blank() | {"scene": name, "error": first_line(error)}
 
 
@@ -222,7 +222,7 @@ def spread(numbers: Sequence[float] | NDArray[np.float64]) -> Spread:
 
 
 def is_lazy(spec: str) -> bool:
-    """Whether rays build part of this configuration's tree."""
+    """Whether this configuration's tree is completed while tracing."""
     return LAZY in specs.pairs(spec)
 
 
@@ -233,16 +233,16 @@ def eager(spec: str) -> str:
 
 
 def building(row: Row, which: Bound = "med") -> float:
-    """Seconds of a row's build; where rays do part of it, with their first pass over the camera rays.
+    """Seconds of a row's build; for a lazily built tree including its first pass over the camera rays.
 
-    which: min, med or max of its repeats.
+    which: "min", "med" or "max" of its repeats.
     """
     first = row.get("first_s")
     return float((first if first and is_lazy(row["spec"]) else row["build_s"])[which])
 
 
 def agrees(row: Row) -> bool:
-    """Whether a row's answers are those of its reference. Brute force must be met to the last bit."""
+    """Whether a row's answers equal those of its reference. Against brute force, bit for bit."""
     errors = row["errors"]
     if errors is None:
         return False
@@ -252,12 +252,12 @@ def agrees(row: Row) -> bool:
 
 
 def agrees_moved(row: Row) -> bool:
-    """Whether its answers on the moved grids, where they were compared, are those of brute force."""
+    """Whether its answers on the moved grids, if compared, equal those of brute force."""
     return not any(point["wrong"] for point in row["offsets"] or ())
 
 
 def without_times(value: Any) -> Any:
-    """A row, or a part of one, without what depends on the clock and the machine: the rest must come out again."""
+    """A row, or a part of one, without everything that depends on clock and machine: the rest must be reproducible."""
     if isinstance(value, Mapping):
         return {key: without_times(inner) for key, inner in value.items() if key not in OF_THE_CLOCK}
     if isinstance(value, list):

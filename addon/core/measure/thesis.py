@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The tables of Hoobergs 2019, measured again: times in percent of the kd-tree's, beside the published numbers.
 
-The published ones come from a file that is no part of the project; without it the tables hold only ours.
+The published ones come from a file outside the project; without it the tables contain only ours.
 """
 
 from __future__ import annotations
@@ -20,10 +20,12 @@ from . import ranking, yardstick
 from .rows import Row, agrees
 
 BASES = ("kd-sah:traversal=dir", "kd-sah", "kd:traversal=dir", "kd")
-"""What times are related to, the first that was measured: the kd-tree built as in the thesis, walked as the others."""
+"""Candidates for the base of relative times, in order: the kd-tree built as in the thesis, traversed
+like the others.
+"""
 
 SCENES = {"killeroo-feet": "killeroo_leg", "sponza-dabrovic": "sponza", "conference": "conference"}
-"""Our scenes, and what the thesis calls its own that they come nearest to."""
+"""Our scenes, and the most similar ones of the thesis by their names there."""
 
 TABLES = {
     "bsp-random": "5.1",
@@ -39,17 +41,17 @@ TABLES = {
 """Structures whose times by k the thesis tabulates, and the number of the table."""
 
 COMPARED = ("render", "build", "tests")
-"""Columns of its comparison of all structures, percent of the kd-tree's: time, build time, tests for closest hits."""
+"""Columns of its comparison of all structures, percent of the kd-tree's: time, build time, tests for nearest hits."""
 
 Numbers = tuple[float, ...]
 
 
 @dataclass(frozen=True)
 class Published:
-    """by_k: scene to structure to k to percent of the kd-tree's render time.
+    """Published numbers. by_k: scene to structure to k to percent of the kd-tree's render time.
 
-    spreads: (structure, scene, k) to smallest, median and largest of that. comparison: (structure, scene) to k, null
-    where it has none, and to what COMPARED names. Scenes under the names of the thesis, structures under ours.
+    spreads: (structure, scene, k) to smallest, median and largest of that. comparison: (structure, scene) to k, None
+    where it has none, and to the columns of COMPARED. Scenes by their names in the thesis, structures by our ids.
     """
 
     by_k: dict[str, dict[str, dict[int, float]]] = field(default_factory=dict)
@@ -57,7 +59,7 @@ class Published:
     comparison: dict[tuple[str, str], tuple[int | None, Numbers]] = field(default_factory=dict)
 
     def medians(self, scene: str, structure: str) -> dict[int, float]:
-        """K to percent, empty where nothing was published for this scene of ours and structure."""
+        """K to percent, empty if nothing was published for this scene of ours and structure."""
         return self.by_k.get(SCENES.get(scene, ""), {}).get(structure, {})
 
 
@@ -69,6 +71,7 @@ def read(path: Path) -> Published:
     found = Published()
     name = "final_by_K"
     try:
+        # Read the medians by k, then the spreads, then the comparison; `name` is for the message.
         for entry in content[name]:
             by_k = found.by_k.setdefault(entry["scene"], {}).setdefault(our_id(entry["structure"]), {})
             by_k[int(entry["K"])] = float(entry["render_pct_of_kd"])
@@ -87,13 +90,13 @@ def read(path: Path) -> Published:
 
 
 def our_id(name: str) -> str:
-    """The id of what the thesis calls, for example, wn+^kd: bsp-wn-plus-kd."""
+    """Our id for a name of the thesis, for example bsp-wn-plus-kd for wn+^kd."""
     text = name.lower().replace("+", "-plus").replace("^kd", "-kd")
     return text if text.startswith(("kd", "rbsp")) else f"bsp-{text}"
 
 
 def time_of(row: Row) -> float | None:
-    """Time of one ray of each set together, relative to the anchor where there is one; None where not measured."""
+    """Time of one ray of each set together, in microseconds or relative to the anchor; None if not measured."""
     total = 0.0
     for one in (row["rays"] or {}).values():
         if not one["rounds"]:
@@ -104,10 +107,10 @@ def time_of(row: Row) -> float | None:
 
 
 def percent(row: Row, base: Row) -> float | None:
-    """Its time in percent of the base's; None where they cannot be related, or an answer is wrong.
+    """A row's time in percent of the base's; None if they are not comparable, or an answer is wrong.
 
-    Of a row that was timed beside the base it is the mean over the ray sets, otherwise that of the sums of `time_of`:
-    of rows with the same anchor, or timed together. Others may come from different machines.
+    If the base is the row's anchor, it is the mean over the ray sets; otherwise the ratio of the sums of `time_of` of
+    rows with the same anchor or the same rounds. Other rows may come from different machines.
     """
     time, unit = time_of(row), time_of(base)
     if time is None or unit is None or not agrees(row):
@@ -120,17 +123,17 @@ def percent(row: Row, base: Row) -> float | None:
 
 
 def base_of(rows: Iterable[Row]) -> Row | None:
-    """The row of a scene that its times are related to: the first of BASES whose answers are right."""
+    """The row of a scene that its times are relative to: the first of BASES whose answers are correct."""
     known = {row["spec"]: row for row in rows if agrees(row) and time_of(row)}
     return next((known[spec] for spec in BASES if spec in known), None)
 
 
 SWEPT = ("k", "seed")
-"""Parameters that sweeps go over; medians are over seeds."""
+"""Parameters that sweeps vary; medians are over seeds."""
 
 
 def configuration(row: Row) -> str:
-    """A row's configuration without what sweeps go over."""
+    """A row's configuration without the swept parameters."""
     return _without_swept(row["spec"])
 
 
@@ -141,7 +144,9 @@ def _without_swept(spec: str) -> str:
 
 
 def labels(rows: Iterable[Row]) -> dict[str, str]:
-    """By configuration what it is called: the structure, and what other configurations of it have otherwise."""
+    """By configuration its label: the structure, and the parameters that distinguish it from its other
+    configurations.
+    """
     alike: dict[str, list[str]] = {}
     for one in dict.fromkeys(map(configuration, rows)):
         alike.setdefault(specs.structure_of(one), []).append(one)
@@ -155,13 +160,13 @@ def labels(rows: Iterable[Row]) -> dict[str, str]:
 
 
 def spread(values: Sequence[float]) -> Numbers:
-    """Smallest, median and largest; nothing of nothing."""
+    """Smallest, median and largest; empty without values."""
     return (min(values), float(np.median(values)), max(values)) if values else ()
 
 
 @dataclass(frozen=True)
 class Table:
-    """One table. lines: what stands at the left, and per scene what was measured and what was published."""
+    """One table. lines: the row's label, and per scene the measured and the published numbers."""
 
     title: str
     scenes: tuple[str, ...]
@@ -170,7 +175,7 @@ class Table:
 
 
 def tables(scenes: Mapping[str, Sequence[Row]], published: Published | None) -> list[Table]:
-    """The tables of times by k, and the comparison, as far as their rows are there and right. scenes: all rows."""
+    """The tables of times by k, and the comparison, from correct rows with a base. scenes: all rows."""
     named = {scene: [r for r in rows if r["spec"] != yardstick.SPEC and agrees(r)] for scene, rows in scenes.items()}
     named = {scene: rows for scene, rows in named.items() if base_of(rows) is not None}
     known = published or Published()
@@ -196,7 +201,7 @@ def _by_k(scenes: Mapping[str, Sequence[Row]], known: Published, one: str, k: in
 
 
 def _comparison(scenes: Mapping[str, Sequence[Row]], known: Published, called: Mapping[str, str]) -> Table:
-    """Each configuration with the k that the thesis compares it with, or else that which is the fastest."""
+    """Each configuration with the k of the thesis's comparison, or else its fastest k."""
     lines = []
     for one, label in called.items():
         cells = []
@@ -218,7 +223,7 @@ def _comparison(scenes: Mapping[str, Sequence[Row]], known: Published, called: M
 
 
 def _percent(rows: Sequence[Row], own: Sequence[Row], column: str) -> list[float]:
-    """A number of each row in percent of the base's; of builds, beside which nothing is timed, on its machine only."""
+    """A column of each row in percent of the base's. Builds, which have no anchor, are compared on one machine only."""
     base = base_of(rows)
     if base is not None and column == "render":
         return [value for value in (percent(row, base) for row in own) if value is not None]

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Timed passes over ray sets, interleaved so that a machine that drifts hurts every configuration alike.
+"""Timed passes over ray sets, interleaved so that drift of the machine's speed affects every configuration equally.
 
-In each round every configuration traces the same rays once, and the quickest one twice: how far its two times lie apart
-is the noise of the machine, measured where it matters.
+In each round every configuration traces the same rays once, and the fastest one twice: the difference of its two times
+is the noise of the machine under the same conditions.
 """
 
 from __future__ import annotations
@@ -27,17 +27,18 @@ if TYPE_CHECKING:
     from .yardstick import Traced
 
 STEP = 4
-"""A structure too slow for a whole set is timed on a quarter of it, a sixteenth, ...: so that most share their rays."""
+"""Divisor of a ray set for slow structures: a quarter, a sixteenth, ..., so that most share their rays."""
 
 VIEW_SECONDS = 0.1
-"""A pass over one of the smaller views may take as long as this in any case."""
+"""Smallest limit on a pass over one of the smaller views, in seconds."""
 
 WARM_SECONDS = 0.02
-"""A pass shorter than this comes after one that is not timed: else most of it would be what the structure before left
-in the caches, and of two that are the same the one behind a large one would be called slower, in every round."""
+"""Passes shorter than this are preceded by an untimed one. Otherwise they would depend on the caches left by the
+previous structure, and of two equal ones the one after a large structure would appear slower in every round.
+"""
 
 LEAST_RAYS = 64
-"""One tile. No pass has fewer, however slow the structure."""
+"""One tile: the smallest number of rays of a pass."""
 
 
 @dataclass(eq=False)
@@ -45,9 +46,9 @@ class Candidate:
     """A configuration while it is measured.
 
     first_seconds: of builds with their first pass over the camera rays, one per round. statistics: of its structure,
-    once its answers were compared.
-    checked: million rays per second of each set, once, while its answers were compared. timed: the rays of each set
-    that it can be timed on. seconds: of each set, one per round. control: the same again, where it served as control.
+    after its answers were compared. checked: million rays per second of each set, from one pass while its answers were
+    compared. timed: the rays of each set that it is timed on. seconds: of each set, one per round. control: the
+    repeated times of the same rounds, for the noise.
     """
 
     spec: str
@@ -76,7 +77,7 @@ class Candidate:
         return self.structure
 
     def again(self) -> Candidate:
-        """The same structure and rays, with no times yet."""
+        """The same structure and rays, without times."""
         return Candidate(self.spec, self.structure, checked=self.checked, counted=self.counted, timed=self.timed)
 
     def mrays(self, name: str) -> NDArray[np.float64]:
@@ -86,7 +87,7 @@ class Candidate:
 
 
 def affordable(whole: RaySet, mrays_s: float, seconds: float, seed: int) -> RaySet:
-    """The rays of a set that this speed traces in about `seconds`: all, or a quarter, or a sixteenth, ..."""
+    """The part of a set that this speed traces in about `seconds`: all, a quarter, a sixteenth, ..."""
     count = len(whole)
     while count > LEAST_RAYS and count > mrays_s * 1e6 * seconds:
         count //= STEP
@@ -94,12 +95,12 @@ def affordable(whole: RaySet, mrays_s: float, seconds: float, seed: int) -> RayS
 
 
 def clock(threads: int) -> Callable[[], float]:
-    """On one thread the processor's own clock: it counts what the work costs, however busy the machine is."""
+    """The clock of timed work: on one thread processor time, which other load does not affect; else wall-clock time."""
     return time.process_time if threads == 1 else time.perf_counter
 
 
 def one_pass(candidate: Candidate, some: RaySet, threads: int) -> float:
-    """Seconds that one pass over these rays takes."""
+    """Seconds of one pass over these rays."""
     now = clock(threads)
     structure, options = candidate.structure, some.options(threads)
     if isinstance(structure, yardstick.EmbreeStructure) and not some.any_hit:
@@ -113,14 +114,16 @@ def one_pass(candidate: Candidate, some: RaySet, threads: int) -> float:
 
 
 def warmed_pass(candidate: Candidate, some: RaySet, threads: int) -> float:
-    """Seconds of a pass that does not depend on what was asked before it."""
+    """Seconds of a pass that does not depend on the work before it."""
     if len(some) < candidate.checked[some.name] * 1e6 * WARM_SECONDS:
         one_pass(candidate, some, threads)
     return one_pass(candidate, some, threads)
 
 
 def rounds(candidates: Sequence[Candidate], name: str, repeats: int, threads: int) -> Iterator[str]:
-    """Time every configuration on one set, a pass between two items: what comes next. The first round warms up."""
+    """Time every configuration on one set; yields the text of each step, one pass per step. The first round is a
+    warm-up.
+    """
     ours = [c for c in candidates if c.spec != yardstick.SPEC and len(c.timed[name])]
     control = max(ours, key=lambda c: c.checked[name], default=None)
     for number in range(repeats + 1):
@@ -134,9 +137,10 @@ def rounds(candidates: Sequence[Candidate], name: str, repeats: int, threads: in
 
 
 def scaling(candidates: Sequence[Candidate], views: Sequence[RaySet], repeats: int, options: Options) -> Iterator[str]:
-    """Time views of growing size, a pass between two items; fills `scaling` with the medians.
+    """Time views of growing size, one pass per step; appends the medians to `scaling`.
 
-    The full view's time comes from its own rounds. A structure too slow for a view, or for the next larger, has none.
+    The full view's time comes from its own rounds. A structure too slow for a view, or for the next larger one, gets
+    none.
     """
     limit = max(options.pass_seconds, VIEW_SECONDS)
     for view in views:
@@ -165,7 +169,7 @@ def count(candidate: Candidate, some: RaySet, threads: int) -> dict[str, float]:
 
 
 def noise(candidates: Sequence[Candidate], name: str) -> float | None:
-    """The typical relative difference between two times of the same thing in the same round."""
+    """The typical relative difference between two times of the same work in the same round; None if not measured."""
     for candidate in candidates:
         again = candidate.control.get(name)
         if again:
@@ -175,7 +179,7 @@ def noise(candidates: Sequence[Candidate], name: str) -> float | None:
 
 
 def speeds(candidate: Candidate, name: str, anchor: Candidate | None, machine_noise: float | None) -> RayColumns:
-    """What a row tells of one ray set. anchor: timed in the same rounds."""
+    """A row's entry for one ray set. anchor: timed in the same rounds."""
     some = candidate.timed[name]
     counted = candidate.counted[name]
     found: RayColumns = {
@@ -191,6 +195,7 @@ def speeds(candidate: Candidate, name: str, anchor: Candidate | None, machine_no
         "tests": counted.get("tests"),
         "hits": counted["hits"],
     }
+    # Add case counters and speeds where they exist.
     cases = {name.removeprefix(CASE): mean for name, mean in counted.items() if name.startswith(CASE)}
     if cases:
         found["cases"] = cases
@@ -206,7 +211,9 @@ def speeds(candidate: Candidate, name: str, anchor: Candidate | None, machine_no
 
 
 CASE = "case_"
-"""Counters of the cases of ray and split plane begin with this."""
+"""Prefix of the counters of the cases of ray and split plane."""
 
 COUNTERS = ("steps", "steps_axis", "steps_oblique", "tests")
-"""Means per ray that a row tells: nodes visited, those with an axis plane and an oblique one, triangles tested."""
+"""Mean counters per ray in a row: nodes visited, those with an axis plane, those with an oblique one,
+triangles tested.
+"""

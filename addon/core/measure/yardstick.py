@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Embree, through the package embreex, in the shape of a native structure: yardstick and second opinion.
+"""Embree, through the package embreex, with the interface of a native structure: yardstick and second opinion.
 
-Its robust mode is used. It runs on the calling thread, whatever `threads` says.
+It uses Embree's robust mode, and runs on the calling thread whatever `threads` is.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ if TYPE_CHECKING:
 SPEC = "embree"
 
 FAR = np.float32(1e30)
-"""Where Embree's rays end that do not end."""
+"""Substitute for infinite t_max, which Embree does not accept."""
 
 
 def problem() -> str | None:
-    """Why Embree cannot be used here, or None when it can."""
+    """The reason why Embree cannot be used here, or None."""
     try:
         import embreex.mesh_construction
         import embreex.rtcore_scene  # noqa: F401
@@ -43,12 +43,12 @@ class EmbreeStructure:
         start = time.perf_counter()
         self._scene = EmbreeScene(robust=True)
         TriangleMesh(self._scene, vertices, triangles)
-        # The build happens at the first query.
+        # The first query runs the build.
         self._scene.run(np.zeros((1, 3), np.float32), np.array([[0, 0, 1]], np.float32))
         self.statistics: dict[str, Any] = {"build_seconds": time.perf_counter() - start}
 
     def closest(self, origins: Any, directions: Any, *, t_max: Any = np.inf, **_: Any) -> Answers:
-        """First hits, with distances and barycentric coordinates."""
+        """Nearest hits, with distances and barycentric coordinates."""
         found = self._run(origins, directions, t_max, "INTERSECT", output=1)
         triangle = np.asarray(found["primID"], np.int32)
         hit = triangle >= 0
@@ -56,16 +56,16 @@ class EmbreeStructure:
         return Answers(t, triangle, found["u"].astype(np.float32), found["v"].astype(np.float32))
 
     def closest_ids(self, origins: Any, directions: Any, t_max: Any = np.inf) -> Any:
-        """The triangles hit first, and nothing else: the quickest that the package offers."""
+        """The ids of the nearest triangles only: the fastest query of the package."""
         return self._run(origins, directions, t_max, "INTERSECT")
 
     def occluded(self, origins: Any, directions: Any, *, t_max: Any = np.inf, **_: Any) -> NDArray[np.bool_]:
-        """Which rays hit anything."""
+        """(n,) bool: rays that hit anything."""
         ids = self._run(origins, directions, t_max, "OCCLUDED")
         return np.asarray(ids) >= 0
 
     def _run(self, origins: Any, directions: Any, t_max: Any, query: str, **options: Any) -> Any:
-        # Embree writes into the distances, so they are always a copy.
+        # Embree writes into the distances, so always pass a copy.
         ends = np.minimum(np.broadcast_to(np.asarray(t_max, np.float32), len(origins)), FAR)
         return self._scene.run(origins, directions, dists=ends, query=query, **options)
 

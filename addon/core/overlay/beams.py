@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The 64 rays of one tile and the cells that they visit: what a beam traversal does once for all of them.
+"""The 64 rays of one tile, the cells they visit, and the work that a tile traversal saves over single rays.
 
-Each ray is followed alone, so that it is known which cells it visits; the tile is walked together by the structure's
-own traversal, and the steps of both are told. A cell is the brighter the more rays visit it.
+Each ray is traced alone to find the cells it visits; the structure's own traversal then traces the tile as a whole, and
+the steps and tests of both are reported. Cells visited by more rays are brighter.
 """
 
 from __future__ import annotations
@@ -22,24 +22,28 @@ if TYPE_CHECKING:
     from ..base.interface import Structure
 
 SIDE = 8
-"""A tile has so many rays along each side, as those that the traversals take together."""
+"""Rays along each side of a tile, the same as in the native tile traversals."""
 
+# Indices of the corner rays, counter-clockwise.
 CORNERS = (0, SIDE - 1, SIDE * SIDE - 1, SIDE * SIDE - SIDE)
 
 SIDE_FILL = (0.10, 0.16)
-"""How much of the opacity the sides of the beam have at their centre and at their rim."""
+"""Opacity of the beam's sides at their centre and at their rim, relative to that of its edges."""
 
 
 def tile(origin: F64, direction: F64, up: F64, spacing: float, *, parallel: bool) -> tuple[F64, F64]:
-    """Origins and directions, (64, 3) each, of the tile around a ray, row by row.
+    """Origins and directions, (64, 3) each, of the tile around a ray, in row-major order.
 
-    spacing: between neighbours, of directions of length one from one origin, or of origins where `parallel`.
+    spacing: distance between neighbours, of directions scaled to length one from one origin, or of origins if
+    `parallel`.
     """
+    # Build an orthonormal frame around the ray; `up` parallel to it is replaced by the least aligned axis.
     forward = direction / np.linalg.norm(direction)
     right = np.cross(forward, up)
     if np.linalg.norm(right) < 1e-6:
         right = np.cross(forward, np.eye(3)[int(np.argmin(np.abs(forward)))])
     right /= np.linalg.norm(right)
+    # Place the rays on a centred grid in the plane across the ray.
     steps = spacing * (np.arange(SIDE) - (SIDE - 1) / 2)
     across = steps[None, :, None] * right + steps[:, None, None] * np.cross(right, forward)
     across = across.reshape(-1, 3)
@@ -50,9 +54,12 @@ def tile(origin: F64, direction: F64, up: F64, spacing: float, *, parallel: bool
 
 @dataclass(frozen=True, eq=False)
 class Beam:
-    """origins, directions: (64, 3) float64, scene frame. t: (64,), inf for none. cells: each leaf that some ray tests,
-    its count the number of rays that do. hits: (h, 3, 3), the triangles that are met, each once. visits: of leaves by
-    single rays. alone, together: steps and tests of the rays one by one, and of the tile by the structure's traversal.
+    """The result of tracing a tile.
+
+    origins, directions: (64, 3) float64, scene frame. t: (64,), inf for a miss. cells: each leaf that some ray tests,
+    with the number of those rays as its count. hits: (h, 3, 3), the distinct triangles hit. visits: leaf visits of
+    single rays, in total. alone, together: steps and tests of the 64 single rays, and of the structure's tile
+    traversal.
     """
 
     origins: F64
@@ -65,21 +72,22 @@ class Beam:
     together: tuple[int, int]
 
     def lines(self) -> list[str]:
-        """The numbers in words."""
+        """The counts as lines of text."""
         said = [
             f"{len(self.t)} rays visit {len(self.cells):,} leaves, {self.visits:,} times",
             f"One by one: {self.alone[0]:,} steps, {self.alone[1]:,} tests",
         ]
         if self.together == self.alone:
-            return [*said, "This traversal takes each ray by itself"]
+            return [*said, "This traversal traces each ray separately"]
         return [*said, f"Together: {self.together[0]:,} steps, {self.together[1]:,} tests"]
 
 
 def follow(structure: Structure, origins: F64, directions: F64) -> Beam:
-    """Follow the rays of a tile through a native structure."""
+    """Trace the rays of a tile through a native structure, one by one and together."""
     known: dict[bytes, list[Any]] = {}
     hits: dict[int, F32] = {}
     distances, visits, steps, tests = [], 0, 0, 0
+    # Trace each ray alone; a leaf is identified by the bytes of its faces, because paths carry no node ids.
     for origin, direction in zip(origins, directions, strict=True):
         path = cells.follow(structure, origin.tolist(), direction.tolist())
         distances.append(path.t)
@@ -90,6 +98,7 @@ def follow(structure: Structure, origins: F64, directions: F64) -> Beam:
             known.setdefault(faces[0].tobytes(), [faces, 0])[1] += 1
         if path.triangle >= 0:
             hits[path.triangle] = path.corners[path.ids == path.triangle][0]
+    # Trace the tile once with the structure's own traversal to count the shared work.
     counters = structure.closest(
         origins.astype(np.float32), directions.astype(np.float32), order="tile8", counters=True, threads=1
     ).counters
@@ -107,14 +116,15 @@ def follow(structure: Structure, origins: F64, directions: F64) -> Beam:
 
 
 def _faces(found: Cells, number: int) -> tuple[F32, Any]:
-    """The corners of one cell's faces, and how many each has."""
+    """The vertices of one cell's faces, and the number of vertices of each face."""
     starts = found.offsets[found.cells[number] : found.cells[number + 1] + 1]
     return found.vertices[starts[0] : starts[-1]], np.diff(starts)
 
 
 def _gathered(found: list[list[Any]]) -> Cells:
-    """Cells with their numbers of visitors, the most visited first."""
+    """The cells with their visit counts, most visited first. found: pairs of faces, as from `_faces`, and a count."""
     found = sorted(found, key=lambda one: -one[1])
+    # Concatenate the faces of all cells, and convert sizes to offsets.
     sizes = [sizes for (_, sizes), _ in found]
     return Cells(
         np.concatenate([np.zeros((0, 3), np.float32), *(corners for (corners, _), _ in found)]),
@@ -126,9 +136,10 @@ def _gathered(found: list[list[Any]]) -> Cells:
 
 
 def levels(beam: Beam, opacity: float, width: float) -> list[Level]:
-    """The cells, faintest where a single ray visits; then the triangles that are met, and the beam itself."""
+    """The levels to draw: cells, faintest where one ray visits, then the triangles hit, then the beam."""
     made: list[Level] = []
     found = beam.cells
+    # Map the share of rays that visit a cell to colour and strength.
     if len(found):
         share = found.count / len(beam.t)
         rgb = colours.false_colour(colours.CELLS_FROM + (1 - colours.CELLS_FROM) * share)
@@ -143,7 +154,9 @@ def levels(beam: Beam, opacity: float, width: float) -> list[Level]:
 
 
 def ends(beam: Beam) -> F64:
-    """(4, 3) where the corners of the beam end: at their hits, and with the farthest hit where there is none."""
+    """(4, 3) end points of the beam's corner rays: their hits, or the distance of the farthest hit for
+    rays that miss.
+    """
     met = beam.t[np.isfinite(beam.t)]
     far = float(met.max()) if len(met) else 1.0
     corners = list(CORNERS)
@@ -153,7 +166,7 @@ def ends(beam: Beam) -> F64:
 
 
 def _sides(beam: Beam, opacity: float, width: float) -> Level:
-    """The four sides between the corner rays."""
+    """The four quadrilaterals between neighbouring corner rays."""
     near, far = beam.origins[list(CORNERS)], ends(beam)
     quads = [(near[i], far[i], far[j], near[j]) for i, j in zip(range(4), (1, 2, 3, 0), strict=True)]
     shape = Shape(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Leaves, and the way of one ray, as lines and surfaces with colours: what a viewport can draw."""
+"""Leaf cells and the traversal of one ray, as coloured lines and surfaces for a viewport."""
 
 from __future__ import annotations
 
@@ -19,24 +19,24 @@ if TYPE_CHECKING:
     from ..base.interface import Structure
 
 FACES = 6
-"""Polygons of a cell, for the limit."""
+"""Assumed number of polygons per cell, to convert a polygon limit into a cell limit."""
 
 FAINTEST = 0.25
-"""The strength of the emptiest cells beside the fullest."""
+"""Strength of the emptiest cells relative to the fullest."""
 
 CELL_FILL = (0.22, 0.30)
-"""How much of a line's opacity a cell's faces have at their centre and at their rim."""
+"""Opacity of a cell's faces at their centre and at their rim, relative to that of its lines."""
 
 BUNDLES = 8
-"""Cells are drawn in so many groups of equal colours' order, the emptiest first, the fullest over them."""
+"""Number of levels that cells are drawn in: the emptiest first, the fullest over them."""
 
 
 @dataclass(frozen=True, eq=False)
 class Cells:
-    """Leaf cells, the fullest first.
+    """Leaf cells, fullest first.
 
-    vertices: (v, 3) float32, scene frame. offsets: (f + 1,) int32, where each face begins. cells: (c + 1,) int32, where
-    each cell begins among the faces. count: (c,) triangles in each. hidden: cells of the choice that are not here.
+    vertices: (v, 3) float32, scene frame. offsets: (f + 1,) int32, first vertex of each face. cells: (c + 1,) int32,
+    first face of each cell. count: (c,) triangles in each. hidden: number of matching cells that exceed the limit.
     """
 
     vertices: F32
@@ -50,7 +50,7 @@ class Cells:
 
 
 def choose(structure: Structure, least: int, most: int) -> Cells:
-    """The leaves of a native structure with at least `least` triangles, of at most `most` polygons together."""
+    """The leaves of a native structure with at least `least` triangles; `most` limits their polygons in total."""
     found = structure.leaf_cells(least, max(most // FACES, 1))
     return Cells(
         np.ascontiguousarray(found["vertices"], np.float32),
@@ -62,15 +62,17 @@ def choose(structure: Structure, least: int, most: int) -> Cells:
 
 
 def levels(cells: Cells, opacity: float, width: float) -> list[Level]:
-    """The cells in bundles, those with few triangles first and faint, those with many last and strong."""
+    """The cells in levels: those with few triangles first and faint, those with many last and strong."""
     if not len(cells):
         return []
+    # Fade cells with few triangles, and all cells when there are many.
     rgb = colours.of_counts(cells.count)
     share = colours.shares(cells.count)
     crowd = min(1.0, planes.CROWD / len(cells)) ** (planes.CROWD_FADE / 2)
     strength = (opacity * crowd * (FAINTEST + (1 - FAINTEST) * share)).astype(np.float32)
     faces = np.diff(cells.cells)
     shape = Shape(cells.vertices, cells.offsets, np.repeat(rgb, faces, axis=0), np.repeat(strength, faces))
+    # Draw from the emptiest bundle to the fullest; cells are sorted in the opposite order.
     made = []
     for part in reversed(np.array_split(np.arange(len(cells)), min(BUNDLES, len(cells)))):
         polygons = np.arange(cells.cells[part[0]], cells.cells[part[-1] + 1])
@@ -80,12 +82,12 @@ def levels(cells: Cells, opacity: float, width: float) -> list[Level]:
 
 @dataclass(frozen=True, eq=False)
 class Path:
-    """The way of one ray, as the native module tells it.
+    """The traversal of one ray, as recorded by the native module.
 
-    origin, direction: (3,) float64, scene frame. t, triangle: of the nearest hit, -1 for none. steps, tests: counted by
-    the walk itself. cells: leaves on the way; count tells their triangles. enter, leave: (c,) in units of the
-    direction. tested: (c,) bool. corners: (t, 3, 3), the triangles of all tested leaves, each once; ids: (t,).
-    crossings: the planes on the way; kinds as in planes.KINDS.
+    origin, direction: (3,) float64, scene frame. t, triangle: of the nearest hit; triangle is -1 for a miss. steps,
+    tests: the traversal's own counters. cells: leaves along the ray, with their numbers of triangles. enter, leave:
+    (c,) parameters of the ray in each cell. tested: (c,) bool. corners: (t, 3, 3), the distinct triangles of all tested
+    leaves; ids: (t,). crossings: the planes crossed, kinds as in planes.KINDS.
     """
 
     origin: F64
@@ -103,26 +105,28 @@ class Path:
     crossings: planes.Planes
 
     def lines(self) -> list[str]:
-        """The numbers in words."""
+        """The counts as lines of text."""
         full, empty = int(self.tested.sum()), int((~self.tested).sum())
         met = f"triangle {self.triangle:,} at {self.t:.4g}" if self.triangle >= 0 else "nothing"
         return [
             f"{self.steps:,} steps, {len(self.crossings):,} planes crossed",
             f"{full:,} {'leaf' if full == 1 else 'leaves'} tested, {empty:,} others passed",
             f"{self.tests:,} triangles tested, {len(self.ids):,} different",
-            f"Meets {met}",
+            f"Hits {met}",
         ]
 
 
 def follow(structure: Structure, origin: Sequence[float], direction: Sequence[float], t_max: float = np.inf) -> Path:
-    """Follow a ray through a native structure."""
+    """Trace a ray through a native structure and record its traversal; t in [0, t_max], in units of the direction."""
     found = structure.trace_path(list(origin), list(direction), 0.0, t_max)
     visits, crossed = found["visits"], found["crossings"]
     ends = visits["triangle_offsets"].astype(np.int64)
     tested = np.asarray(visits["tested"], bool)
+    # Keep each triangle of the tested leaves once.
     mine = np.repeat(tested, np.diff(ends))
     ids, first = np.unique(visits["triangles"].astype(np.int32)[mine], return_index=True)
     corners = visits["corners"].reshape(-1, 3, 3)[mine][first]
+    # Convert the native arrays; counts are differences of offsets.
     cells = Cells(
         np.asarray(visits["vertices"], np.float32),
         visits["offsets"].astype(np.int32),
@@ -160,12 +164,15 @@ PASSED_RGB = (0.55, 0.60, 0.66)
 TESTED_RGB = (1.0, 0.62, 0.25)
 HIT_RGB = (1.0, 0.2, 0.45)
 RAY_RGB = (1.0, 1.0, 1.0)
-"""Cells that are only passed, triangles tested, the triangle hit, the ray."""
+"""Colours of cells that are passed without a test, triangles tested, the triangle hit, and the ray."""
 
 
 def path_levels(path: Path, tints: Mapping[str, Sequence[float]], opacity: float, width: float) -> list[Level]:
-    """The way of a ray: planes faintest, then cells in the colours of their order, triangles, the hit, the ray."""
+    """The levels of a ray's traversal: planes faintest, then cells coloured in visiting order, triangles, the hit, the
+    ray.
+    """
     made: list[Level] = []
+    # Crossed planes, tinted by kind.
     crossings = path.crossings
     if len(crossings):
         table = np.array([tints[kind] for kind in planes.KINDS], np.float32)
@@ -176,6 +183,7 @@ def path_levels(path: Path, tints: Mapping[str, Sequence[float]], opacity: float
             np.full(len(crossings), 0.35 * opacity, np.float32),
         )
         made.append(planes.level(shape, np.arange(len(crossings)), 0, 1.0, (0.0, 0.1)))
+    # Cells, with brightness by the order in which they are tested.
     cells = path.cells
     if len(cells):
         order = np.cumsum(path.tested) / max(int(path.tested.sum()), 1)
@@ -188,6 +196,7 @@ def path_levels(path: Path, tints: Mapping[str, Sequence[float]], opacity: float
         faces = np.diff(cells.cells)
         shape = Shape(cells.vertices, cells.offsets, np.repeat(rgb, faces, axis=0), np.repeat(strength, faces))
         made.append(planes.level(shape, np.arange(cells.cells[-1]), 0, max(0.6 * width, 1.0), (0.05, 0.1)))
+    # Add the tested triangles, with the hit on top.
     if len(path.ids):
         made.append(triangles(path.corners, TESTED_RGB, 0.8 * opacity, 1.0, 0.35))
         hit = path.corners[path.ids == path.triangle]
@@ -198,7 +207,7 @@ def path_levels(path: Path, tints: Mapping[str, Sequence[float]], opacity: float
 
 
 def triangles(corners: F32, rgb: Sequence[float], strength: float, width: float, fill: float) -> Level:
-    """Triangles, (n, 3, 3), in one colour."""
+    """A level of (n, 3, 3) triangles in one colour."""
     count = len(corners)
     shape = Shape(
         np.ascontiguousarray(corners.reshape(-1, 3)),
@@ -210,7 +219,7 @@ def triangles(corners: F32, rgb: Sequence[float], strength: float, width: float,
 
 
 def ends(path: Path) -> tuple[float, float]:
-    """From where to where, in units of the direction, the ray is drawn: to its hit, or out of the last cell."""
+    """Ray parameters at which the drawn ray starts and ends: at its hit, or just beyond the last cell."""
     known = path.leave[np.isfinite(path.leave)]
     last = float(known.max()) if len(known) else 0.0
     return 0.0, path.t if np.isfinite(path.t) else last * 1.05

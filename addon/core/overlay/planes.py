@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The split planes of a structure as lines and triangles with colours: what a viewport can draw."""
+"""Split planes of a structure as coloured lines and triangles for a viewport."""
 
 from __future__ import annotations
 
@@ -16,35 +16,37 @@ if TYPE_CHECKING:
     from ..base.interface import Structure
 
 KINDS = ("X", "Y", "Z", "OBLIQUE", "SLABS", "OCTANTS", "BOXES")
-"""What the native module's numbers of kinds mean, in their order."""
+"""Names of the native module's polygon kinds, indexed by their number."""
 
 MOST_ASKED = 400_000
-"""So many polygons are asked of a structure at most, before kinds and depths are chosen from them: 30 MB."""
+"""Largest number of polygons fetched from a structure before kinds and depths are filtered: 30 MB."""
 
 FADE = 0.84
-"""How much fainter each level is than the one above it."""
+"""Factor on the opacity from each level to the next deeper one."""
 
 FAINTEST = 0.3
-"""No level is fainter than this."""
+"""Smallest such factor in total."""
 
 THINNING = 0.8
-"""How much thinner the lines of each level are than those of the level above; never thinner than a pixel."""
+"""Factor on the line width from each level to the next deeper one; lines are at least one pixel wide."""
 
 CROWD, CROWD_FADE = 150, 0.5
-"""A level of more polygons than this is fainter by this power of how many times more it has: a thousand strong lines
-would be one blot."""
+"""Number of polygons of a level from which its opacity falls, and the power of that fall: a thousand opaque lines would
+merge into one area.
+"""
 
 PANE = (0.0, 0.11)
-"""How much of a line's opacity a surface has at its centre and at its rim: panes show where they end, and dozens of
-them, one behind another, still let the scene through."""
+"""Opacity of a surface at its centre and at its rim, relative to that of its lines: the rims stay visible, and dozens
+of stacked surfaces still let the scene show through.
+"""
 
 
 @dataclass(frozen=True, eq=False)
 class Planes:
-    """Chosen polygons, the shallowest first.
+    """Selected polygons, shallowest first.
 
-    vertices: (v, 3) float32, scene frame. offsets: (p + 1,) int32, where each polygon begins. depth, kind: (p,) int32.
-    hidden: polygons of the choice that are not here. complete: False when there may be still more than `hidden`.
+    vertices: (v, 3) float32, scene frame. offsets: (p + 1,) int32, first vertex of each polygon. depth, kind: (p,)
+    int32. hidden: number of matching polygons beyond the limit. complete: False if there may be more than `hidden`.
     """
 
     vertices: F32
@@ -59,16 +61,17 @@ class Planes:
 
     @property
     def levels(self) -> range:
-        """The depths that occur, from the first to the last."""
+        """The range of depths that occur."""
         return range(int(self.depth.min()), int(self.depth.max()) + 1) if len(self) else range(0)
 
 
 def choose(structure: Structure, depths: tuple[int, int], kinds: Sequence[str], most: int) -> Planes:
-    """The split planes of a native structure between two depths, both inclusive, of these kinds, at most `most`."""
+    """Split planes of a native structure at depths in [low, high] and of these kinds, at most `most`."""
     low, high = depths
     found = structure.split_polygons(max(high, 0), MOST_ASKED)
     wanted = (found["depth"] >= low) & (found["depth"] <= high)
     wanted &= np.isin(found["kind"], [KINDS.index(kind) for kind in kinds])
+    # Gather the vertices of the first polygons, which are the shallowest.
     chosen = np.flatnonzero(wanted)
     shown = chosen[:most]
     starts = found["offsets"].astype(np.int32)
@@ -102,10 +105,9 @@ class Level:
 
 
 def levels(planes: Planes, colours: Mapping[str, Sequence[float]], opacity: float, width: float) -> list[Level]:
-    """The polygons by depth, deepest first, so that the faint is drawn before the strong.
+    """The polygons by depth, deepest first, so that fainter levels are drawn before stronger ones.
 
-    colours: red, green and blue of each kind. opacity: of the shallowest level's lines. width: pixels of the shallowest
-    level's lines.
+    colours: red, green and blue of each kind. opacity, width: of the shallowest level's lines; width in pixels.
     """
     table = np.array([colours[kind] for kind in KINDS], np.float32)
     made = []
@@ -123,7 +125,9 @@ def levels(planes: Planes, colours: Mapping[str, Sequence[float]], opacity: floa
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """Coloured polygons. vertices, offsets: as in Planes. rgb: (p, 3) float32. strength: (p,) float32, of the lines."""
+    """Coloured polygons. vertices, offsets: as in Planes. rgb: (p, 3) float32. strength: (p,) float32, opacity of the
+    lines.
+    """
 
     vertices: F32
     offsets: I32
@@ -132,11 +136,13 @@ class Shape:
 
 
 def level(shape: Shape, polygons: NDArray[Any], depth: int, width: float, fill: tuple[float, float]) -> Level:
-    """Polygons with consecutive numbers, ready to draw. fill: opacity of surfaces at their centre and at their rim, as
-    a share of that of the lines.
+    """Polygons with consecutive numbers, ready to draw. fill: opacity of surfaces at their centre and at their rim,
+    relative to that of the lines.
     """
+    # Look up the ends and the polygon of each edge.
     ends, owners = _edges(shape.offsets, polygons)
     lines, rgb, strength = shape.vertices[ends], shape.rgb[owners], shape.strength[owners]
+    # Triangulate each polygon as a fan around its centre.
     fans = np.empty((len(owners), 3, 3), np.float32)
     fans[:, 0], fans[:, 1:] = _centres(shape, polygons)[owners - polygons[0]], lines.reshape(-1, 2, 3)
     centre, rim = fill
@@ -162,7 +168,7 @@ def _edges(offsets: I32, polygons: NDArray[Any]) -> tuple[NDArray[Any], NDArray[
 
 
 def _centres(shape: Shape, polygons: NDArray[Any]) -> F32:
-    """The mean of the corners of each polygon from the first of these to the last, which follow each other."""
+    """(n, 3) mean of the vertices of each of these consecutive polygons."""
     first, last = polygons[0], polygons[-1]
     begins = shape.offsets[first : last + 1]
     corners = shape.vertices[begins[0] : shape.offsets[last + 1]]

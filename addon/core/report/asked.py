@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the runs behind a journal were asked for, and what failed: a report of parts can tell what it lacks."""
+"""The requested work and the failures recorded in a journal, so that a report of parts can list what is missing."""
 
 from __future__ import annotations
 
@@ -12,24 +12,26 @@ from ..base.notes import some
 from ..measure.rows import Row, blank
 
 Place = tuple[str, str]
-"""A run, and a scene as its command line calls it: it may end before the scene is read and has a name."""
+"""A run, and a scene as named on its command line: the run may end before it reads the scene's own name."""
 
 There = set[tuple[str, str, str]]
-"""Runs, names of scenes and configurations of finished rows; the run is empty in journals that do not tell it."""
+"""Runs, scene names and configurations of finished rows; the run is empty in journals that do not record it."""
 
 
 def label(scene: str) -> str:
-    """A scene of a command line without its folder, which differs from machine to machine."""
+    """The name of a command line's scene without its folder, which differs between machines."""
     return PurePath(scene).stem
 
 
 @dataclass
 class Asked:
-    """specs: the configurations asked of each scene. names: of scenes that could be read, as their rows have it.
-    options: of each run that tells them.
+    """Requested configurations and failures of all runs in a journal.
 
-    failures: by place and configuration, the row that tells why, and its order; for a whole scene the configuration is
-    empty. What failed may have been mended since: only what is not among the finished rows counts.
+    specs: the configurations requested for each scene. names: scene names as in the rows, for scenes that were read.
+    options: per run, where recorded.
+
+    failures: the row that gives the reason, and its order, by place and configuration; the configuration is empty if
+    the whole scene failed. A failure counts only while no finished row exists, because a later run may have succeeded.
     """
 
     specs: dict[Place, list[str]] = field(default_factory=dict)
@@ -38,20 +40,22 @@ class Asked:
     failures: dict[tuple[str, str, str], tuple[tuple[int, int], Row]] = field(default_factory=dict)
 
     def begun(self, run: str, scenes: Sequence[str], specs: Sequence[str], options: dict[str, Any]) -> dict[str, Any]:
-        """The journal's line about what a run is asked for: these configurations of all these scenes."""
+        """The journal line at the start of a run: the configurations requested for each of these scenes."""
         told = {"run": run, "scenes": list(map(label, scenes)), "specs": list(specs), "options": options}
         return {"asked": told}
 
     def reached(self, run: str, scene: str, name: str) -> dict[str, Any]:
-        """The line about a scene that could be read."""
+        """The journal line for a scene that was read."""
         return {"reached": {"run": run, "scene": label(scene), "name": name}}
 
     def failed(self, run: str, scene: str, order: tuple[int, int], row: Row) -> dict[str, Any]:
-        """The line about a configuration that failed, or a scene."""
+        """The journal line for a configuration or a whole scene that failed."""
         return {"failed": {"run": run, "scene": label(scene), "order": order, "row": row}}
 
     def take(self, line: dict[str, Any]) -> bool:
-        """Learn a journal's line; whether it is one of these. Raises KeyError, TypeError and ValueError."""
+        """Record a journal line; returns whether it is one of this class's lines. Raises KeyError, TypeError and
+        ValueError.
+        """
         if "asked" in line:
             found = line["asked"]
             for scene in found["scenes"]:
@@ -64,7 +68,8 @@ class Asked:
         elif "failed" in line:
             found = line["failed"]
             scene, spec = found["order"]
-            # Of what failed nothing was measured: whichever version tells it, the other columns are empty.
+            # Failed rows have no measurements: the other columns stay empty, whichever version of the journal wrote the
+            # line.
             row = blank() | {"machine": ""} | found["row"]
             self.failures[found["run"], found["scene"], row["spec"]] = (int(scene), int(spec)), row
         else:
@@ -72,11 +77,11 @@ class Asked:
         return True
 
     def _ask(self, place: Place, specs: Iterable[str]) -> None:
-        """Add what is not yet asked of a scene; each time that a run goes on it asks for all again."""
+        """Add configurations that are new for a scene; a resumed run requests all of its configurations again."""
         self.specs[place] = list(dict.fromkeys([*self.specs.get(place, ()), *specs]))
 
     def merge(self, other: Asked) -> None:
-        """Take over what another journal knows."""
+        """Add the contents of another journal."""
         for place, specs in other.specs.items():
             self._ask(place, specs)
         self.names |= other.names
@@ -84,14 +89,14 @@ class Asked:
         self.failures |= other.failures
 
     def failures_left(self, there: There) -> Iterator[tuple[tuple[int, int], Row]]:
-        """The rows of failures that nobody mended, each with its order."""
+        """The rows of failures that no later run replaced, each with its order."""
         for (run, scene, spec), found in self.failures.items():
             wanted = [spec] if spec else self.specs.get((run, scene), [])
             if self._lost((run, scene), wanted, there) or not wanted:
                 yield found
 
     def missing(self, there: There) -> Iterator[str]:
-        """What is neither finished nor failed, a line for each scene."""
+        """One line per scene with configurations that are neither finished nor failed."""
         for place, specs in self.specs.items():
             failed = {spec for run, scene, spec in self.failures if (run, scene) == place}
             if place not in self.names and "" in failed:
@@ -102,6 +107,6 @@ class Asked:
                 yield f"{self.names.get(place, place[1])}: missing {share}: {some(lost)}"
 
     def _lost(self, place: Place, specs: Iterable[str], there: There) -> list[str]:
-        """Which of the configurations have no finished row."""
+        """The configurations without a finished row."""
         name = self.names.get(place)
         return [spec for spec in specs if not {(place[0], name, spec), ("", name, spec)} & there]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The drawings of the report's plots, with matplotlib. Each takes a figure and rows of one scene."""
+"""The plots of the report, drawn with matplotlib. Each function takes a figure and the rows of one scene."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from . import ksweep
 from .costs import PARTS, Fit
 
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#5b6472")
-"""Told apart by people with any kind of colour vision (Okabe and Ito 2008), without the yellow that white swallows."""
+"""Distinguishable with any kind of colour vision (Okabe and Ito 2008), without the yellow that vanishes on white."""
 
 MARKERS = "osD^vP*Xh<>pd8"
 
@@ -26,10 +26,10 @@ INK = "#1c1f24"
 GREY = "#8a93a3"
 
 LABELLED = 12
-"""With more lines than this a legend names them in columns below the plot."""
+"""Largest number of lines with a legend beside the plot; beyond it the legend stands in columns below."""
 
 LONG = 24
-"""Longer names take the place of the plot beside them."""
+"""Longest name, in characters, that fits beside a plot."""
 
 SPEEDS = (
     "Speed of each ray set: median, and from the slowest to the fastest round. Structures are in the order of their "
@@ -37,7 +37,7 @@ SPEEDS = (
 )
 BUILD = (
     "Build against tracing, both in seconds. Along a grey line the sum of both is the same; the black line joins the "
-    "structures that none other beats in both (the Pareto front). For more rays the front moves up, for fewer down."
+    "structures that no other beats in both (the Pareto front). For more rays the front moves up, for fewer down."
 )
 ERROR = (
     "Error against run time, against a converged picture. All structures render the same picture, so at equal samples "
@@ -51,24 +51,24 @@ SCALING = (
 )
 K_SWEEP = (
     "Time relative to the kd-tree against k, median over the seeds, from the smallest to the largest. Dashed: the "
-    "medians that Hoobergs (2019) published for the scene that comes nearest to this one, where the file is there."
+    "medians that Hoobergs (2019) published for the most similar scene, if their file is present."
 )
 COSTS = (
-    "Measured time per ray, and what one fit over all structures makes of its steps and tests: the bars use the same "
-    "cost per step and per test for every structure. A dot far from the end of its bar is what these counts miss."
+    "Measured time per ray, and its fit by the steps and tests of all structures: the bars use the same cost per step "
+    "and per test for every structure. The distance of a dot from the end of its bar is not explained by these counts."
 )
 OFFSETS = (
     "Wrong answers on the grid of touching boxes, moved away from the origin: with the error bounds that every "
-    "structure has, and with the same walk without them. A triangle at the bottom stands for no wrong ray; it lies at "
-    "the rate that so many rays exclude with 95 % confidence."
+    "structure has, and with the same traversal without them. A triangle at the bottom marks no wrong ray; it lies at "
+    "the rate that this number of rays excludes with 95 % confidence."
 )
 
 APART = ("embree", "brute")
-"""The yardstick and the reference, in grey."""
+"""The yardstick and the reference, drawn in grey."""
 
 MAPS = (
-    "Nodes visited and triangles tested by the ray of each pixel, all on one scale, in the order of their means. Rays "
-    "that a tile or a beam takes together share its work evenly; those of traversal=auto are counted one by one."
+    "Nodes visited and triangles tested by the ray of each pixel, all on one scale, in the order of their means. The "
+    "rays of a tile or a beam share its work evenly; those of traversal=auto are counted one by one."
 )
 MAP_COLUMNS = 7
 
@@ -77,7 +77,9 @@ Styles = dict[str, tuple[str, str]]
 
 
 def styles(rows: Sequence[Row]) -> Styles:
-    """A configuration keeps its colour and marker in all plots of a scene. Families of names share a colour."""
+    """A colour and a marker for each configuration, the same in all plots of a scene. Families of names
+    share a colour.
+    """
     families = [name for name in dict.fromkeys(_family(row["spec"]) for row in rows) if name not in APART]
     found: Styles = {}
     members: dict[str, int] = {}
@@ -99,6 +101,7 @@ def speeds(figure: Any, rows: Sequence[Row]) -> None:
     sets = list(dict.fromkeys(name for row in rows for name in row["rays"]))
     ordered = sorted(rows, key=lambda row: -tracing_seconds(row))
     panels = figure.subplots(1, len(sets), sharey=True, squeeze=False)[0]
+    # Draw one panel per ray set, slowest structure at the bottom.
     for axes, name in zip(panels, sets, strict=True):
         for place, row in enumerate(ordered):
             speed = (row["rays"].get(name) or {}).get("mrays_s")
@@ -118,21 +121,23 @@ def speeds(figure: Any, rows: Sequence[Row]) -> None:
 
 
 def tracing_seconds(row: Row) -> float:
-    """One million rays of each set, together."""
+    """Seconds to trace one million rays of each set, summed."""
     return float(sum(1.0 / one["mrays_s"]["med"] for one in row["rays"].values() if one["mrays_s"]))
 
 
 def build_against_tracing(figure: Any, rows: Sequence[Row], styles: Styles) -> None:
-    """Build seconds against the time that one million rays of each set take together."""
+    """Build seconds against the seconds to trace one million rays of each set."""
     axes = figure.subplots()
     points = [(row["spec"], row["build_s"]["med"], tracing_seconds(row)) for row in rows if tracing_seconds(row)]
     for spec, build, tracing in points:
         colour, marker = styles[spec]
         axes.plot(max(build, 1e-5), tracing, marker, color=colour, markersize=7, label=spec, zorder=3)
     logarithmic(axes)
+    # Draw the Pareto front of build against tracing.
     low, high = axes.get_xlim(), axes.get_ylim()
     front = pareto([(max(build, 1e-5), tracing) for _, build, tracing in points])
     axes.plot(*zip(*front, strict=True), "-", color=INK, linewidth=1.2, zorder=2)
+    # Draw lines of equal total time, labelled at their right end inside the axes.
     xs = np.geomspace(low[0], low[1], 200)
     for total in (digit * 10.0**power for power in range(-5, 5) for digit in (1, 2, 5)):
         inside = (xs < total) & (total - xs < high[1]) & (total - xs > high[0])
@@ -142,6 +147,7 @@ def build_against_tracing(figure: Any, rows: Sequence[Row], styles: Styles) -> N
             axes.annotate(f"{total:g} s", (xs[inside][-1], ys[-1]), (2, 3), textcoords="offset points", color=GREY)
     axes.set_xlim(low)
     axes.set_ylim(high)
+    # Name the structures on the front.
     for spec, build, tracing in points:
         if (max(build, 1e-5), tracing) in front:
             axes.annotate(spec, (max(build, 1e-5), tracing), (5, 5), textcoords="offset points", fontsize=8)
@@ -151,7 +157,7 @@ def build_against_tracing(figure: Any, rows: Sequence[Row], styles: Styles) -> N
 
 
 def pareto(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
-    """The points that none other beats in both coordinates, from left to right."""
+    """The points that no other point beats in both coordinates, from left to right."""
     front: list[tuple[float, float]] = []
     for x, y in sorted(points):
         if not front or y < front[-1][1]:
@@ -160,7 +166,7 @@ def pareto(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
 
 
 def error_against_time(figure: Any, rows: Sequence[Row], styles: Styles) -> None:
-    """RMSE against seconds, without and with the build, and relMSE, with the slopes −1/2 and −1."""
+    """RMSE against seconds, without and with the build, and relMSE, with reference slopes −1/2 and −1."""
     kinds = (("rmse", False), ("rmse", True), ("relmse", False))
     panels = figure.subplots(1, len(kinds))
     longest = max((row["curve"] for row in rows), key=len)
@@ -171,6 +177,7 @@ def error_against_time(figure: Any, rows: Sequence[Row], styles: Styles) -> None
             colour, marker = styles[row["spec"]]
             errors = [point[key] for point in row["curve"]]
             axes.plot(seconds, errors, marker + "-", color=colour, label=row["spec"], markersize=5, linewidth=1)
+        # Draw the slope of independent samples through the longest curve.
         power = -0.5 if key == "rmse" else -1.0
         if len(longest) > 1 and not with_build:
             ends = [longest[i]["seconds"] for i in (0, -1)]
@@ -191,6 +198,7 @@ def time_against_rays(figure: Any, rows: Sequence[Row], styles: Styles) -> None:
         counts = [point["rays"] for point in row["scaling"]]
         seconds = [point["seconds"] for point in row["scaling"]]
         axes.plot(counts, seconds, marker + "-", color=colour, label=row["spec"], markersize=5, linewidth=1)
+    # Draw a line of constant time per ray below the fastest structure.
     fastest = min(rows, key=lambda row: row["scaling"][-1]["seconds"] / row["scaling"][-1]["rays"])["scaling"]
     first, last = fastest[0]["rays"], fastest[-1]["rays"]
     start = 0.7 * fastest[-1]["seconds"] * first / last
@@ -219,7 +227,7 @@ def k_sweep(figure: Any, scene: str, base: str, lines: Sequence[ksweep.Line], pu
 
 
 def fitted_costs(figure: Any, fit: Fit) -> None:
-    """Bars of the fitted parts, one on the other, and dots where the measured times lie."""
+    """Stacked bars of the fitted parts, and dots at the measured times."""
     axes = figure.subplots()
     order = np.argsort(fit.measured)[::-1]
     places = np.arange(len(order))
@@ -230,6 +238,7 @@ def fitted_costs(figure: Any, fit: Fit) -> None:
             each = fit.nanoseconds[key]
             axes.barh(places, width, 0.7, left, color=COLOURS[(0, 4, 5)[number]], label=f"{label}, {each:.1f} ns each")
             left = left + width
+    # Mark the measured times, which the stacked bars approximate.
     axes.plot(fit.measured[order], places, "o", color=INK, markersize=4, label="measured")
     axes.set_yticks(places, [fit.specs[i] for i in order])
     axes.set_ylim(-0.7, len(order) - 0.3)
@@ -242,10 +251,11 @@ def fitted_costs(figure: Any, fit: Fit) -> None:
 
 
 def wrong_against_offset(figure: Any, rows: Sequence[Row], styles: Styles) -> None:
-    """Shares of wrong rays against the offset; none at all as a triangle at the rate that can be excluded."""
+    """Share of wrong rays against the offset; no wrong ray is a triangle at the rate excluded with 95 % confidence."""
     axes = figure.subplots()
     places = {point["offset"]: number for number, point in enumerate(rows[0]["offsets"])}
     bounded = [row for row in rows if not is_unguarded(row["spec"])]
+    # Draw a line for each traversal without error bounds. Rule of three: 0 wrong of n rays excludes a rate above 3/n.
     for row in rows:
         key = "wrong" if is_unguarded(row["spec"]) else "wrong_unguarded"
         points = [point for point in row["offsets"] if point[key] is not None]
@@ -255,6 +265,7 @@ def wrong_against_offset(figure: Any, rows: Sequence[Row], styles: Styles) -> No
             xs = [places[p["offset"]] for p in points]
             axes.plot(xs, shares, marker + "-", color=colour, markersize=5, linewidth=1, label=row["spec"])
     rays = rows[0]["offsets"][0]["rays"]
+    # Draw the worst of all structures with error bounds as one series.
     if bounded:
         worst = {offset: max(row["offsets"][place]["wrong"] for row in bounded) for offset, place in places.items()}
         for offset, wrong in worst.items():
@@ -273,7 +284,7 @@ def wrong_against_offset(figure: Any, rows: Sequence[Row], styles: Styles) -> No
 
 
 def cost_maps(figure: Any, rows: Sequence[Row]) -> None:
-    """A picture for each structure, on one scale."""
+    """A picture for each structure, all on one colour scale."""
     maps = sorted(((costmap.unpacked(row["map"]), row["spec"]) for row in rows), key=lambda one: one[0].mean())
     high = costmap.scale_end([values for values, _ in maps])
     columns = min(MAP_COLUMNS, len(maps))
@@ -290,19 +301,19 @@ def cost_maps(figure: Any, rows: Sequence[Row]) -> None:
 
 
 def _short(spec: str) -> str:
-    """A name that fits over a small picture."""
+    """A name short enough for a small picture's title."""
     return spec if len(spec) <= LONG else f"{spec[: LONG - 1]}…"
 
 
 def cost_map_height(rows: Sequence[Row]) -> float:
-    """Inches that the maps of so many structures take."""
+    """Height in inches of the maps of all rows."""
     columns = min(MAP_COLUMNS, len(rows))
     height, width = rows[0]["map"]["height"], rows[0]["map"]["width"]
     return -(-len(rows) // columns) * (9.6 / columns * float(height / width) + 0.32) + 0.7
 
 
 def logarithmic(axes: Any) -> None:
-    """Both axes logarithmic, with plain numbers and a grid; an axis on which all is zero stays as it is."""
+    """Make both axes logarithmic, with plain numbers and a grid; an axis with only zeros stays linear."""
     for name, axis, least in (("x", axes.xaxis, axes.dataLim.minposx), ("y", axes.yaxis, axes.dataLim.minposy)):
         if not axes.has_data() or np.isfinite(least):
             axes.set(**{f"{name}scale": "log"})
@@ -316,7 +327,7 @@ def _plain(value: float) -> str:
 
 
 def _plain_numbers(axis: Any) -> None:
-    """0.1, 1, 10 where powers of ten would be hard to read, and minor ticks only where there is one decade or less."""
+    """Label an axis 0.1, 1, 10 instead of with powers of ten, and label minor ticks if it spans one decade or less."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     plain = FuncFormatter(lambda value, _: _plain(value))
@@ -328,7 +339,7 @@ def _plain_numbers(axis: Any) -> None:
 
 
 def _legend(where: Any, count: int, handles_of: Any = None, *, title: str | None = None) -> None:
-    """Beside the plot for a few, in columns below it for many."""
+    """Place the legend beside the plot if it is short, else in columns below it."""
     handles, labels = (handles_of or where).get_legend_handles_labels()
     below = where if hasattr(where, "subplots") else where.figure
     if below is where or count > LABELLED or max(map(len, labels)) > LONG:
@@ -338,12 +349,12 @@ def _legend(where: Any, count: int, handles_of: Any = None, *, title: str | None
 
 
 def _columns(labels: Sequence[str]) -> int:
-    """As many as the page has room for."""
+    """Number of legend columns that fit the page."""
     return max(1, min(5, 150 // (max(map(len, labels)) + 6)))
 
 
 def room_for_legend(labels: Sequence[str]) -> float:
-    """Inches that the legend of these lines takes below a plot."""
+    """Height in inches that this legend takes below a plot."""
     if len(labels) <= LABELLED and max(map(len, labels)) <= LONG:
         return 0.0
     return 0.17 * -(-len(labels) // _columns(labels))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a step and a triangle test cost on this machine, fitted to the measured times of all structures of a scene."""
+"""Costs of a step and of a triangle test on this machine, fitted to the measured times of all structures of a scene."""
 
 from __future__ import annotations
 
@@ -15,15 +15,16 @@ from ..measure.rows import Row
 from ..measure.timing import COUNTERS
 
 PARTS = {"steps_axis": "axis steps", "steps_oblique": "oblique steps", "tests": "triangle tests"}
-"""What a ray does that costs time, and what it is called."""
+"""Counters that take part in the fit, with their labels."""
 
 LEAST_ROWS = 4
-"""Fewer structures than this say nothing about what all have in common."""
+"""Smallest number of structures for a fit."""
 
 
 @dataclass(frozen=True)
 class Fit:
-    """nanoseconds: of one of each of PARTS. measured: (rows,) ns per ray, over all ray sets. parts: (rows, parts) ns.
+    """A linear cost model. nanoseconds: cost of one of each of PARTS. measured: (rows,) ns per ray, mean over the ray
+    sets. parts: (rows, parts) ns.
 
     explained: the share of the variance of the measured times that the fit explains.
     """
@@ -36,7 +37,7 @@ class Fit:
 
 
 def fit(rows: Sequence[Row]) -> Fit | None:
-    """The fit over one scene's rows without those that are silent, or None when there are too few of them."""
+    """The fit over one scene's rows, silent ones excluded; None with fewer than LEAST_ROWS rows."""
     assert set(PARTS) <= set(COUNTERS)
     found = [(row["spec"], *_per_ray(row)) for row in rows if row["rays"] and not is_silent(row)]
     kept = [(spec, counts, time) for spec, counts, time in found if counts is not None and time > 0]
@@ -44,7 +45,7 @@ def fit(rows: Sequence[Row]) -> Fit | None:
         return None
     counts = np.array([one for _, one, _ in kept], np.float64)
     times = np.array([time for _, _, time in kept])
-    # Relative to each time, so that the slowest structure does not decide everything.
+    # Minimize relative errors, so that the slowest structure does not dominate.
     each = least_squares(counts / times[:, None], np.ones(len(times)))
     parts = counts * each
     spread = float(((times - times.mean()) ** 2).sum())
@@ -53,7 +54,7 @@ def fit(rows: Sequence[Row]) -> Fit | None:
 
 
 def is_silent(row: Row) -> bool:
-    """Whether some of its rays were timed in another walk than they were counted in: that fits nothing."""
+    """Whether some rays were counted in another traversal than the timed one, so that counts and times do not match."""
     return not all(counting.tells(row, name) for name, one in row["rays"].items() if one["mrays_s"])
 
 
@@ -67,7 +68,7 @@ def _per_ray(row: Row) -> tuple[NDArray[np.float64] | None, float]:
 
 
 def least_squares(matrix: NDArray[np.float64], right: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The x >= 0 with the least |matrix x - right|, by trying which of its few components are zero."""
+    """The x >= 0 that minimizes |matrix x - right|, by trying all subsets of its few components."""
     columns = range(matrix.shape[1])
     best, best_error = np.zeros(matrix.shape[1]), float((right**2).sum())
     for size in range(1, matrix.shape[1] + 1):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Sweeps over k: times relative to the kd-tree's, medians over seeds."""
+"""Sweeps over k: trace times relative to the kd-tree's, as medians over the seeds."""
 
 from __future__ import annotations
 
@@ -13,7 +13,11 @@ from ..structures.specs import structure_of
 
 @dataclass(frozen=True)
 class Line:
-    """Per k the smallest, median and largest time over the seeds, in percent of the base. label: what it is called."""
+    """One configuration of a sweep: smallest, median and largest time over the seeds for each k, in percent of the
+    base.
+
+    label: its name in the plot's legend.
+    """
 
     structure: str
     k: tuple[int, ...]
@@ -24,10 +28,12 @@ class Line:
 
 
 def lines(rows: Sequence[Row]) -> tuple[str, list[Line]]:
-    """The base, and a line for each configuration of one scene that was measured with two or more k.
+    """The base's configuration, and a line for each configuration of one scene that was measured with two or more k.
 
-    Times are in units of the anchor's, so that rows of different hours and machines can be put in one line.
+    Times are relative to the anchor's in the same round, so that rows of different hours and machines are comparable.
+    Returns an empty name and no lines when no row can serve as the base.
     """
+    # Group the times by configuration and k.
     base = base_of(rows)
     if base is None:
         return "", []

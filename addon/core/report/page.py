@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The report as one HTML page that opens offline, sorts and prints. Every number links to its place in `bench.json`."""
+"""The report as one self-contained HTML page that sorts and prints. Every number links to its place in `bench.json`."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from . import plots
 from .report import by_scene, findings, heading, image_total, set_names, worth, worth_it
 
 MOST_ROWS_INSIDE = 200
-"""With more rows their whole content stays in `bench.json` and the numbers link to there."""
+"""Largest number of rows whose full content is in the page; beyond it the numbers link to `bench.json`."""
 
 
 MOST_ROWS_SHOWN = 60
-"""A longer table scrolls within the page."""
+"""Largest number of rows before a table scrolls within the page."""
 
 
 @dataclass(frozen=True)
 class Cell:
-    """A number of a table. at: where in its row; value: None where there is none; bold: none is better."""
+    """A number of a table. at: path within its row; value: None if missing; bold: among the best."""
 
     text: str
     value: float | None
@@ -38,7 +38,7 @@ class Cell:
 
 @dataclass(frozen=True)
 class Column:
-    """A column: its title, the group over it, and what it means."""
+    """A column: its title, the group above it, and its meaning."""
 
     title: str
     group: str
@@ -55,12 +55,13 @@ ERRORS = {
 
 
 def as_html(document: dict[str, Any], published: Published | None = None) -> str:
-    """The whole report as one page. published: results of the thesis, set beside ours."""
+    """The whole report as one page. published: results of the thesis, shown beside ours."""
     rows: list[Row] = document["rows"]
     number = {id(row): index for index, row in enumerate(rows)}
     inside = len(rows) <= MOST_ROWS_INSIDE
     parts = [_missing(document.get("missing") or [])]
     parts.append(_overview(rows))
+    # One section per scene: findings, table, omissions and plots.
     for place, (scene, own) in enumerate(by_scene(rows).items(), 1):
         parts.append(f'<section id="scene-{place}"><h2>{_safe(scene)}</h2>')
         parts.append(f"<p>{_safe(heading(scene, own))}.</p>")
@@ -85,13 +86,13 @@ def as_html(document: dict[str, Any], published: Published | None = None) -> str
 
 
 INTRODUCTION = """Every time is shown with the error measured for the same configuration. A shaded line with a cross
-gave answers that differ from the reference. Embree is the yardstick; its arithmetic is another, so it may differ in the
-last digits and on shared edges. A column's title sorts by it; a number leads to its place in <code>bench.json</code>.
+gave answers that differ from the reference. Embree is the yardstick; its arithmetic differs, so it may deviate in the
+last digits and on shared edges. Click a column's title to sort by it, a number to find it in <code>bench.json</code>.
 """
 
 
 def filled(title: str, introduction: str, document: dict[str, Any], body: str) -> str:
-    """A page with the looks of all reports. introduction, body: HTML; document: tells version and machine."""
+    """A page in the common layout of all reports. introduction, body: HTML; document: contains version and machine."""
     found = resources.files(__package__ or "").joinpath("page.html").read_text(encoding="utf-8")
     parts = {"TITLE": _safe(title), "FACTS": _safe(_facts(document)), "INTRODUCTION": introduction, "BODY": body}
     for name, text in parts.items():
@@ -100,22 +101,22 @@ def filled(title: str, introduction: str, document: dict[str, Any], body: str) -
 
 
 def _missing(lines: Sequence[str]) -> str:
-    """What was asked and is not here."""
+    """The requested rows that are missing."""
     if not lines:
         return ""
     items = "".join(f"<li>{_safe(line)}</li>" for line in lines)
-    return f"<p><b>This report is not complete: rows are missing that were asked for.</b></p><ul>{items}</ul>"
+    return f"<p><b>This report is incomplete: requested rows are missing.</b></p><ul>{items}</ul>"
 
 
 def _overview(rows: Sequence[Row]) -> str:
-    """What several scenes say together."""
+    """The finding over all scenes; "" for fewer than two."""
     scenes = by_scene(rows)
     both = [scene for scene, own in scenes.items() if worth(own) is not None]
     if len(scenes) < 2 or not both:
         return ""
     where = " where both were measured" if len(both) < len(scenes) else ""
     better, open_ones = worth_it(rows), worth_it(rows, "")
-    unsure = f"; on {len(open_ones)} it is too close to tell: {', '.join(open_ones)}" if open_ones else ""
+    unsure = f"; on {len(open_ones)} the difference is within noise: {', '.join(open_ones)}" if open_ones else ""
     return (
         f'<ul class="findings"><li>The build and one picture of 1024 × 1024 pixels with 16 samples are faster with a '
         f"tree with oblique planes than with kd on {len(better)} of {len(both)} scenes{where}"
@@ -137,15 +138,15 @@ def _facts(document: dict[str, Any]) -> str:
 
 def _columns(rows: Sequence[Row]) -> list[Column]:
     columns = [
-        Column("s", "build", "seconds, median; on one thread the processor's, else by the clock"),
+        Column("s", "build", "seconds, median; processor time on one thread, else wall-clock time"),
         Column("MB", "memory", "nodes and leaves"),
-        Column("peak", "memory", "the most that a build took in a process of its own, megabytes"),
+        Column("peak", "memory", "peak of a build in a process of its own, megabytes"),
     ]
     columns.append(
         Column(
             "s",
             "image",
-            "the build, and a picture of 1024 × 1024 pixels with 16 samples, reckoned from smaller ones, seconds",
+            "the build, and a picture of 1024 × 1024 pixels with 16 samples, predicted from smaller ones, seconds",
         )
     )
     for name in set_names(rows):
@@ -181,6 +182,7 @@ def _cell(value: float | None, at: str, digits: int, *, bold: bool = False) -> C
 
 def _table(rows: Sequence[Row], number: dict[int, int], inside: bool) -> str:
     columns, sets = _columns(rows), set_names(rows)
+    # Count the columns of each group for the header.
     groups: list[list[Any]] = []
     for column in columns:
         if groups and groups[-1][0] == column.group:
@@ -193,6 +195,7 @@ def _table(rows: Sequence[Row], number: dict[int, int], inside: bool) -> str:
         for column in columns
     )
     best = _best(rows, sets)
+    # Write one line per row, with a link to it.
     body = []
     for row in rows:
         kind = "yardstick" if row["spec"] == yardstick.SPEC else "" if agrees(row) else "wrong"
@@ -205,12 +208,12 @@ def _table(rows: Sequence[Row], number: dict[int, int], inside: bool) -> str:
         f'<div class="{kind}"><table class="sortable"><thead><tr><td></td>{over}</tr>'
         f'<tr><th scope="col"><button type="button">structure</button></th>{head}</tr></thead>'
         f"<tbody>{''.join(body)}</tbody></table></div>"
-        '<p class="note">Bold: the fastest without errors, and those too close to tell apart.</p>'
+        '<p class="note">Bold: the fastest without errors, and those equal to it within noise.</p>'
     )
 
 
 def _best(rows: Sequence[Row], sets: Sequence[str]) -> set[tuple[int, str]]:
-    """Rows and ray sets that are the fastest, or equal to it as far as noise tells; none with wrong answers."""
+    """Pairs of a row's id and a ray set that are fastest, or equal within noise; none with wrong answers."""
     ours = [row for row in rows if row["spec"] != yardstick.SPEC]
     found = set()
     for name in sets:
@@ -232,7 +235,7 @@ def _target(index: int, at: str, inside: bool) -> str:
 
 
 def _left_out(rows: Sequence[Row]) -> str:
-    """What failed and what was not needed; what several structures share is said once."""
+    """Failures and omissions, each with the structures it applies to."""
     reasons: dict[str, list[str]] = {}
     for row in rows:
         for text in [*([row["error"]] if row["error"] else []), *row["left_out"], *row["too_slow"]]:
@@ -245,7 +248,7 @@ def _left_out(rows: Sequence[Row]) -> str:
 
 
 def _thesis(rows: Sequence[Row], published: Published | None) -> str:
-    """The tables of the thesis, ours beside the published numbers."""
+    """The tables of the thesis, our numbers beside the published ones."""
     found = thesis.tables(by_scene(rows), published)
     if not found:
         return ""
@@ -257,6 +260,7 @@ def _thesis(rows: Sequence[Row], published: Published | None) -> str:
     )
     parts = [intro]
     for table in found:
+        # Write published numbers in italics beside ours.
         parts.append(f"<h3>{_safe(table.title)}</h3>")
         width = 2 * len(table.columns)
         over = "".join(f'<th colspan="{width}" scope="colgroup">{_safe(scene)}</th>' for scene in table.scenes)
@@ -274,13 +278,13 @@ def _thesis(rows: Sequence[Row], published: Published | None) -> str:
 
 
 def _beside(cell: tuple[thesis.Numbers, thesis.Numbers], count: int) -> str:
-    """Cells of what was measured and of what was published."""
+    """Cells of the measured and of the published numbers."""
     ours, theirs = (["–" if math.isnan(value) else f"{value:,.0f}" for value in part] or ["–"] * count for part in cell)
     return "".join(f"<td>{text}</td>" for text in ours) + "".join(f"<td><em>{text}</em></td>" for text in theirs)
 
 
 def _machines(document: dict[str, Any]) -> str:
-    """Where the rows were measured, if in more than one place."""
+    """The measuring machines, if there are several."""
     machines = document.get("machines") or {}
     if len(machines) < 2:
         return ""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The plots of the report as SVG. They need matplotlib, which Blender lacks; without it there are none."""
+"""Plots of the report as SVG. They need matplotlib, which Blender lacks; without it there are none."""
 
 from __future__ import annotations
 
@@ -37,15 +37,15 @@ STYLE: Any = {
 
 
 MOST_DRAWN = 48
-"""With more configurations only the fastest of each structure is drawn."""
+"""Largest number of configurations that are all drawn; beyond it only the fastest of each structure."""
 
 FAR = 30.0
-"""A structure this many times slower than the fastest would press all others together."""
+"""Factor over the fastest structure's time beyond which a structure is omitted, as it would compress the scale."""
 
 
 @dataclass(frozen=True)
 class Picture:
-    """A figure of the page. svg: the element; caption: what it shows and how to read it."""
+    """A figure of the page. svg: the element; caption: its content and how to read it."""
 
     title: str
     svg: str
@@ -53,7 +53,7 @@ class Picture:
 
 
 def problem() -> str | None:
-    """Why there are no plots, or None."""
+    """The reason why there are no plots, or None."""
     return None if importlib.util.find_spec("matplotlib") else "matplotlib is not installed in this Python"
 
 
@@ -62,6 +62,7 @@ def scene_figures(rows: Sequence[Row], published: Published | None = None) -> li
     everything = [row for row in rows if row["rays"]]
     if problem() or not everything:
         return []
+    # Select the rows of each figure.
     measured = _fastest_of_each(everything) if len(everything) > MOST_DRAWN else everything
     styles = charts.styles(measured)
     ours = [row for row in measured if row["spec"] != yardstick.SPEC]
@@ -69,7 +70,7 @@ def scene_figures(rows: Sequence[Row], published: Published | None = None) -> li
     remark = f" Too slow to be drawn in scale: {', '.join(far)}." if far else ""
     if len(measured) < len(everything):
         remark += " Of each structure its fastest configuration is drawn."
-    # Only *Speed* marks what answers wrongly; elsewhere its times would pass for those of the others.
+    # Only *Speed* marks wrong answers; in other figures their times would look valid.
     ours_close = [row for row in close if row["spec"] != yardstick.SPEC and agrees(row)]
     curves = [row for row in ours if row["curve"] and agrees(row)]
     views = [row for row in close if row["scaling"] and len(row["scaling"]) > 1 and _counts(row)]
@@ -84,12 +85,14 @@ def scene_figures(rows: Sequence[Row], published: Published | None = None) -> li
     def add(title: str, caption: str, height: float, draw: Callable[[Any], None]) -> None:
         found.append(Picture(title, svg(draw, height), caption))
 
+    # Add the figures that have data, in the order of the page.
     if curves:
         add("Error against run time", charts.ERROR, 4.4 + below, lambda f: charts.error_against_time(f, curves, styles))
     add("Speed", charts.SPEEDS + remark, 1.1 + 0.22 * len(close), lambda f: charts.speeds(f, close))
     if len(ours_close) > 1:
         draw = partial(charts.build_against_tracing, rows=ours_close, styles=styles)
         add("Build against tracing", charts.BUILD + remark, 4.8 + below, draw)
+    # Add the figures of optional measurements.
     if lines:
         draw = partial(charts.k_sweep, scene=rows[0]["scene"], base=base, lines=lines, published=published)
         room = charts.room_for_legend([line.label for line in lines])
@@ -113,7 +116,7 @@ def scene_figures(rows: Sequence[Row], published: Published | None = None) -> li
 
 
 def _fastest_of_each(rows: Sequence[Row]) -> list[Row]:
-    """One configuration of each structure; one with wrong answers only where there is no other."""
+    """The fastest configuration of each structure; one with wrong answers only if there is no other."""
     best: dict[str, Row] = {}
     for row in rows:
         known = best.setdefault(row["structure"], row)
@@ -123,12 +126,12 @@ def _fastest_of_each(rows: Sequence[Row]) -> list[Row]:
 
 
 def _counts(row: Row) -> bool:
-    """Whether a row's times can be compared with others': the yardstick's, or those of right answers."""
+    """Whether a row's times are comparable: the yardstick's, or those of correct answers."""
     return row["spec"] == yardstick.SPEC or agrees(row)
 
 
 def _without_outliers(rows: Sequence[Row]) -> tuple[list[Row], list[str]]:
-    """The rows whose tracing takes no more than FAR times the fastest, and the names of the others."""
+    """The rows whose tracing takes at most FAR times the fastest, and the names of the others."""
     times = [charts.tracing_seconds(row) for row in rows]
     right = [time for row, time in zip(rows, times, strict=True) if time and _counts(row)]
     limit = FAR * min(right or [time for time in times if time], default=0.0)
@@ -137,12 +140,12 @@ def _without_outliers(rows: Sequence[Row]) -> tuple[list[Row], list[str]]:
 
 
 def figure(draw: Callable[[Any], None], height: float) -> str:
-    """One plot as an SVG element. draw: told the axes. height: inches, at a width of nine."""
+    """One plot as an SVG element. draw: called with the axes. height: inches, at a width of 9.6."""
     return svg(lambda page: draw(page.add_subplot()), height)
 
 
 def svg(draw: Callable[[Any], None], height: float) -> str:
-    """A figure as an SVG element. draw: told the figure. height: inches, at a width of nine."""
+    """A figure as an SVG element. draw: called with the figure. height: inches, at a width of 9.6."""
     import matplotlib as mpl
     from matplotlib.figure import Figure
 
@@ -152,5 +155,5 @@ def svg(draw: Callable[[Any], None], height: float) -> str:
         text = io.StringIO()
         figure.savefig(text, format="svg", metadata={"Date": None})
     found = text.getvalue()
-    # Inside a page, the element alone; the prologue belongs to files.
+    # Drop the XML prologue, which only belongs to files.
     return found[found.index("<svg") :]

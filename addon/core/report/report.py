@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Benchmark rows as text for a terminal, as CSV, and in sentences.
+"""Benchmark rows as text for a terminal, as CSV, and as sentences.
 
-No time is shown without the error measured for the same configuration.
+Every time is shown with the error measured for the same configuration.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def table(rows: Sequence[Row]) -> str:
 
 
 def heading(scene: str, rows: Sequence[Row]) -> str:
-    """What a scene's table is about, in one line."""
+    """The heading of a scene's table, in one line."""
     checked = max((row["errors"]["rays"] for row in rows if row["errors"]), default=0)
     reference = next((row["errors"]["reference"] for row in rows if row["errors"]), "nothing")
     ours = {row["threads"] for row in rows if row["spec"] != yardstick.SPEC and row["threads"]}
@@ -84,6 +84,7 @@ def cells(rows: Sequence[Row]) -> tuple[list[str], list[list[str]]]:
         "checked",
     ]
     lines = []
+    # Format one line per row; missing numbers are dashes.
     for row in rows:
         line = [row["spec"], _number(row["build_s"] and row["build_s"]["med"], 3)]
         line += [_number(row["first_s"] and row["first_s"]["med"], 3)] if first else []
@@ -105,7 +106,7 @@ def _number(value: float | None, digits: int) -> str:
 
 
 def as_csv(rows: Sequence[Row]) -> str:
-    """The rows with one column per number; nested keys are joined by dots. Pictures are only in `bench.json`."""
+    """The rows with one column per number; nested keys are joined by dots. Cost maps are only in `bench.json`."""
     flat = [dict(_flatten("", {key: value for key, value in row.items() if key != "map"})) for row in rows]
     columns = list(dict.fromkeys(name for row in flat for name in row))
     text = io.StringIO()
@@ -126,7 +127,7 @@ def _flatten(prefix: str, value: Any) -> Iterable[tuple[str, Any]]:
 
 
 def findings(rows: Sequence[Row]) -> list[str]:
-    """What one scene's rows say, in sentences."""
+    """The findings of one scene's rows, as sentences."""
     measured = [row for row in rows if row["errors"] and row["spec"] != yardstick.SPEC]
     sentences = [*_about_errors(measured), *_about_moved(measured)]
     right = [row for row in measured if agrees(row)]
@@ -136,7 +137,7 @@ def findings(rows: Sequence[Row]) -> list[str]:
             sentences.append(f"{name.capitalize()} rays: {_about_ranking(found, name)}")
             if found.apart:
                 specs = ", ".join(row["spec"] for row in found.apart)
-                sentences[-1] += f" Nothing relates the times of {specs} to theirs."
+                sentences[-1] += f" The times of {specs} are not comparable with theirs."
     sentences += [
         *_about_first_pictures(right),
         *_about_totals(right),
@@ -150,15 +151,16 @@ def findings(rows: Sequence[Row]) -> list[str]:
 
 
 def _about_errors(measured: Sequence[Row]) -> Iterator[str]:
+    # Report errors first, because rows with wrong answers are not ranked.
     wrong = [row["spec"] for row in measured if not agrees(row)]
     if wrong:
-        yield f"Answers that differ from the reference, which is why they are ranked nowhere: {', '.join(wrong)}."
+        yield f"Answers that differ from the reference, and are therefore not ranked: {', '.join(wrong)}."
     elif measured:
         reference = measured[0]["errors"]["reference"]
-        # The reference is compared with itself on a few rays only.
+        # The reference is compared with itself on only a few rays.
         others = [row for row in measured if row["spec"] != reference] or measured
         checked = min(row["errors"]["rays"] for row in others)
-        # Of no events in n trials the rate is below 3/n with 95 % confidence.
+        # Rule of three: no event in n trials excludes a rate above 3/n with 95 % confidence.
         yield (
             f"All {len(others)} structures agree with {reference} on every ray compared, at least {checked:,} each: "
             f"fewer than one ray in {checked // 3:,} is answered wrongly, with 95 % confidence."
@@ -166,7 +168,7 @@ def _about_errors(measured: Sequence[Row]) -> Iterator[str]:
 
 
 def _about_moved(measured: Sequence[Row]) -> Iterator[str]:
-    """Wrong answers on the moved grids, which are none of the scene's."""
+    """Wrong answers on the moved grids, which are separate from the scene."""
     worst = {row["spec"]: max(row["offsets"], key=lambda point: point["wrong"]) for row in measured if row["offsets"]}
     wrong = [f"{spec} {p['wrong']:,} of {p['rays']:,}" for spec, p in worst.items() if p["wrong"]]
     if wrong:
@@ -177,7 +179,7 @@ def _about_moved(measured: Sequence[Row]) -> Iterator[str]:
 
 
 def _about_first_pictures(measured: Sequence[Row]) -> Iterator[str]:
-    """How soon the camera rays are answered when rays build the tree, and when it is built before."""
+    """Time until the camera rays are answered, for lazily built trees against the same tree built at once."""
     timed = {row["spec"]: row for row in measured if row.get("first_s")}
     for spec, row in timed.items():
         at_once = timed.get(eager(spec))
@@ -191,7 +193,7 @@ def _about_first_pictures(measured: Sequence[Row]) -> Iterator[str]:
 
 
 def _about_totals(measured: Sequence[Row]) -> Iterator[str]:
-    """Build and tracing together, for who builds once and traces little."""
+    """Build and tracing together, relevant for one build and few rays."""
     found = ranking.rank(measured, ranking.TRACING)
     if found is None:
         return
@@ -203,9 +205,9 @@ def _about_totals(measured: Sequence[Row]) -> Iterator[str]:
         )
     elif found.equal:
         specs = ", ".join(row["spec"] for row in found.equal)
-        text += f", which cannot be told from those with {specs} (the noise is {100 * found.noise:.1f} %)"
+        text += f", equal within noise to those with {specs} (the noise is {100 * found.noise:.1f} %)"
     if found.ranked and found.second is not None:
-        # Seconds of other rounds, on a machine that drifts, may say the opposite of the ratio by the anchor.
+        # Seconds of other rounds, on a drifting machine, may contradict the ratio relative to the anchor.
         is_beside = ranking.together(found.best, found.second)
         other = _total(found.second) if is_beside else f"{found.times:.2f} times as long with {found.second['spec']}"
         text += f"{',' if found.equal else ''} and {other}, the next"
@@ -213,23 +215,23 @@ def _about_totals(measured: Sequence[Row]) -> Iterator[str]:
 
 
 def _total(row: Row) -> str:
-    """Seconds of the build and of one million rays of each set, whose they are, and those of the build."""
+    """Seconds of the build and of one million rays of each set, with the configuration and the build's part."""
     built = building(row)
     total = built + sum(1.0 / one["mrays_s"]["med"] for one in row["rays"].values() if one["mrays_s"])
     return f"{_seconds(total)} with {row['spec']} (build {_seconds(built)})"
 
 
 def _about_pictures(measured: Sequence[Row]) -> Iterator[str]:
-    """Equal pictures, and how long they take."""
+    """Whether pictures are equal, and the time they take."""
     drawn = [row for row in measured if row["curve"]]
     if len(drawn) < 2:
         return
-    # With so many samples that half of them had the time.
+    # The largest sample count that at least half of them reached.
     samples = sorted(row["curve"][-1]["spp"] for row in drawn)[len(drawn) // 2]
     times = sorted((p["seconds"], row["spec"]) for row in drawn for p in row["curve"] if p["spp"] == samples)
     (quickest, _), (slowest, _) = times[0], times[-1]
     yield (
-        f"The pictures of {len(drawn)} structures are the same, to the last bit; with {samples} "
+        f"The pictures of {len(drawn)} structures are equal bit for bit; with {samples} "
         f"{'sample' if samples == 1 else 'samples'} per pixel that took {_seconds(quickest)} to "
         f"{_seconds(slowest)}."
     )
@@ -240,7 +242,9 @@ def _about_pictures(measured: Sequence[Row]) -> Iterator[str]:
 
 
 def about_slopes(points: Sequence[Mapping[str, Any]], alone: Sequence[Mapping[str, Any]]) -> Iterator[str]:
-    """How the error falls with the samples: of pictures, and of means of independent samples, each with `rmse`."""
+    """Convergence of the error with the samples, for pictures and for means of independent samples,
+    each with `rmse`.
+    """
     if len(points) < 3:
         return
     own = curve.slope(points)
@@ -250,22 +254,22 @@ def about_slopes(points: Sequence[Mapping[str, Any]], alone: Sequence[Mapping[st
     if len(alone) > 2:
         apart = curve.slope(alone)
         text += (
-            f"; that of independent samples falls to the power {_signed(apart)}, where theory says −0.50 "
+            f"; that of independent samples falls to the power {_signed(apart)}, in theory −0.50 "
             f"({curve.judged(apart)})"
         )
         if own < apart:
-            text += ": the difference is what spreading the samples gains"
+            text += ": the difference is the gain of stratified samples"
     yield text + "."
 
 
 def about_sweeps(rows: Sequence[Row]) -> Iterator[str]:
-    """Whether a tree that sweeps along more directions than the axes is worth its build for one picture."""
+    """Whether a tree with oblique planes repays its build within one picture."""
     found = worth(rows)
     if found is None:
         return
     took = _seconds(image_total(found.best) or 0.0)
     text = (
-        f"The build and one picture of {IMAGE}, reckoned from smaller ones, take {took} with {found.best['spec']}, "
+        f"The build and one picture of {IMAGE}, predicted from smaller ones, take {took} with {found.best['spec']}, "
         f"the best of {found.among} {'tree' if found.among == 1 else 'trees'} with oblique planes{_beside_kd(found)}"
     )
     whole = ranking.rank([row for row in rows if image_total(row) is not None], ranking.PICTURE)
@@ -276,20 +280,20 @@ def about_sweeps(rows: Sequence[Row]) -> Iterator[str]:
 
 
 def _beside_kd(found: Worth) -> str:
-    """How that compares with kd: by seconds of the same rounds, else by the ratio, which they could contradict."""
+    """Comparison with kd: by seconds if timed in the same rounds, else by the ratio, which seconds could contradict."""
     is_beside = ranking.together(found.best, found.plain)
     if found.verdict and not is_beside:
         times = statistics.median(ranking.against(found.best, found.plain, ranking.PICTURE))
         return f", {found.verdict} than with kd, which takes {times:.2f} times as long"
     plain = f"the {_seconds(image_total(found.plain) or 0.0)} with kd" if is_beside else "kd"
-    return f", {found.verdict} than {plain}" if found.verdict else f"; too close to tell from {plain}"
+    return f", {found.verdict} than {plain}" if found.verdict else f"; equal within noise to {plain}"
 
 
 IMAGE = "1024 × 1024 pixels with 16 samples"
 
 
 def image_total(row: Row) -> float | None:
-    """Seconds of a row's build and one picture together, medians; None where no picture was made."""
+    """Median seconds of a row's build plus one picture; None without a picture."""
     seconds = row.get("image_s")
     if seconds is None or not row["build_s"]:
         return None
@@ -299,7 +303,7 @@ def image_total(row: Row) -> float | None:
 
 @dataclass(frozen=True)
 class Worth:
-    """The best of `among` trees with oblique planes beside `kd`. verdict: faster, slower, or nothing beyond noise."""
+    """The best of `among` trees with oblique planes, against `kd`. verdict: faster, slower, or "" within noise."""
 
     best: Row
     plain: Row
@@ -308,12 +312,12 @@ class Worth:
 
 
 def _oblique(row: Row) -> bool:
-    """Whether the tree holds oblique planes: where all normals are along the axes it is a kd-tree."""
+    """Whether the tree contains oblique planes: if all normals are axes, it is a kd-tree."""
     return bool((row["statistics"] or {}).get("nodes_oblique"))
 
 
 def worth(rows: Sequence[Row]) -> Worth | None:
-    """How build and picture with the best tree with oblique planes compare with those with kd; None without either."""
+    """Build plus picture of the best tree with oblique planes against those of kd; None if either is missing."""
     totals = [(whole, row) for row in rows if agrees(row) and (whole := image_total(row)) is not None]
     plain = next((row for _, row in totals if row["spec"] == "kd"), None)
     sweeps = [(whole, row) for whole, row in totals if _oblique(row)]
@@ -329,9 +333,9 @@ def worth(rows: Sequence[Row]) -> Worth | None:
 
 
 def worth_it(rows: Sequence[Row], verdict: str = "faster") -> list[str]:
-    """The scenes on which build and picture are faster with some tree with oblique planes than with kd, beyond noise.
+    """The scenes on which build plus picture are faster with a tree with oblique planes than with kd, beyond noise.
 
-    verdict: or those of another verdict of `Worth`.
+    verdict: select another verdict of `Worth`.
     """
     found = {scene: worth(own) for scene, own in by_scene(rows).items()}
     return [scene for scene, one in found.items() if one is not None and one.verdict == verdict]
@@ -342,8 +346,8 @@ def _about_yardstick(rows: Sequence[Row]) -> Iterator[str]:
         errors = row["errors"]
         if row["spec"] == yardstick.SPEC and errors:
             yield (
-                f"Embree, the yardstick, misses {errors['false_miss']:,} and invents {errors['false_hit']:,} hits on "
-                f"{errors['rays']:,} rays."
+                f"Embree, the yardstick, has {errors['false_miss']:,} false misses and {errors['false_hit']:,} false "
+                f"hits on {errors['rays']:,} rays."
             )
 
 
@@ -357,7 +361,7 @@ def _about_ranking(found: ranking.Ranking, name: str) -> str:
     noise = f"the noise is {100 * found.noise:.1f} %"
     if found.equal:
         specs = ", ".join(row["spec"] for row in found.equal)
-        text = f"{best} and {specs} cannot be told apart ({noise})"
+        text = f"{best} and {specs} are equal within noise ({noise})"
         if found.second is not None:
             text += f"; the next, {found.second['spec']}, is {found.times:.2f} times slower than {best}"
     else:
@@ -370,7 +374,7 @@ def _about_ranking(found: ranking.Ranking, name: str) -> str:
 
 
 def _because(found: ranking.Ranking, name: str) -> str:
-    """What of the counters goes the way of the time: fewer steps, fewer tests, or neither; nothing without steps."""
+    """The counters that explain a ranking: fewer steps, fewer tests, or neither; "" without step counts."""
     if found.second is None:
         return ""
     best, other = (dict(row["rays"][name]) for row in (found.best, found.second))
@@ -378,16 +382,16 @@ def _because(found: ranking.Ranking, name: str) -> str:
         return ""
     silent = [row["spec"] for row in (found.best, found.second) if not counting.tells(row, name)]
     if silent:
-        return f"; counters do not tell why: rays of {' and '.join(silent)} are {counting.ONE_BY_ONE}"
+        return f"; counters do not explain it: rays of {' and '.join(silent)} are {counting.ONE_BY_ONE}"
     words = {"steps": "steps", "tests": "triangle tests"}
     fewer = [key for key in words if best[key] < 0.95 * other[key]]
     told = " and ".join(f"{best[key]:.1f} {words[key]} per ray against {other[key]:.1f}" for key in fewer)
     if told:
-        return f", because {found.best['spec']} makes {told}"
+        return f", because {found.best['spec']} needs {told}"
     if not best["steps"]:
         return ""
     return (
-        f", because its steps are cheaper: it makes about as many of them, or more ({best['steps']:.1f} against "
+        f", because its steps are cheaper: it needs about as many of them, or more ({best['steps']:.1f} against "
         f"{other['steps']:.1f}), and about as many tests, or more ({best['tests']:.1f} against {other['tests']:.1f})"
     )
 

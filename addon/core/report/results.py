@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The folder of a benchmark: finished rows that survive an interruption, and files that are whole or not there."""
+"""The output folder of a benchmark: a journal of rows that survives interruption, and files written atomically."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ JOURNAL = "rows.jsonl"
 
 
 class FolderError(OSError):
-    """The folder cannot be written, or a file in it not be read. The message names it."""
+    """The folder cannot be written, or a file in it cannot be read. The message names it."""
 
 
 def write(path: Path, text: str) -> None:
@@ -38,9 +38,9 @@ def write(path: Path, text: str) -> None:
 
 
 def write_all(files: Mapping[Path, str]) -> None:
-    """Write files so that none is ever seen half-written, and afterwards all are new, or after an error all are old.
+    """Write files atomically: none is ever visible half-written, and after an error all old ones are back in place.
 
-    Raises FolderError, which names the file that cannot be written, and old ones that could not be put back.
+    Raises FolderError, which names the file that cannot be written, and old files that could not be restored.
     """
     complete: list[tuple[Path, Path]] = []
     try:
@@ -55,7 +55,7 @@ def write_all(files: Mapping[Path, str]) -> None:
                     file.write(text)
                     file.flush()
                     os.fsync(file.fileno())
-                # mkstemp makes files that only their owner can read; a report is for whom the user's others are for.
+                # mkstemp makes files that only their owner can read; give the report the user's default permissions.
                 Path(temporary).chmod(0o666 & ~_umask())
         _put_in_place(complete)
     except BaseException:
@@ -65,13 +65,14 @@ def write_all(files: Mapping[Path, str]) -> None:
 
 
 def _put_in_place(complete: Sequence[tuple[Path, Path]]) -> None:
-    """Give new files (temporary name, name) their names, all of them or none. Raises FolderError.
+    """Rename new files (temporary name, name) to their names, all or none. Raises FolderError.
 
-    What fails here is what nobody could know before, such as a file that another program keeps to itself. Old files
-    have a second name until all is done.
+    Errors here cannot be detected earlier, such as a file locked by another program. Old files keep a second name until
+    all renames are done.
     """
     old: list[tuple[Path, Path | None]] = []
     try:
+        # Give each old file a second name, then rename the new one.
         for new, path in complete:
             kept = new.with_name(new.name + ".old") if os.path.lexists(path) else None
             old.append((path, kept))
@@ -80,6 +81,7 @@ def _put_in_place(complete: Sequence[tuple[Path, Path]]) -> None:
                     _put_aside(path, kept)
                 new.replace(path)
     except BaseException as error:
+        # After an error, give all old files their names back.
         failed = [line for path, kept in old if (line := _put_back(path, kept))]
         if failed and isinstance(error, Exception):
             raise FolderError("; ".join(filter(None, [str(error), *failed]))) from error
@@ -91,23 +93,23 @@ def _put_in_place(complete: Sequence[tuple[Path, Path]]) -> None:
 
 def _put_aside(path: Path, kept: Path) -> None:
     """Give an old file a second name."""
-    if not path.is_symlink():  # systems differ in what a link to a link is
+    if not path.is_symlink():  # systems differ in hard links to symbolic links
         with contextlib.suppress(OSError):
             kept.hardlink_to(path)
             return
-    # No links here, or not to a file of another user: for a moment it has only the second name.
+    # Hard links may be unsupported, or denied for another user's file: for a moment the file has only its second name.
     path.replace(kept)
 
 
 def _put_back(path: Path, kept: Path | None) -> str:
-    """Let an old file have its name again, or remove the new one if there was none. Returns what failed, or nothing."""
+    """Restore an old file's name, or remove the new file if there was none. Returns what failed, or ""."""
     try:
         if kept is None:
             path.unlink(missing_ok=True)
         elif not os.path.lexists(kept):
-            pass  # it did not come to that
+            pass  # the loop ended before this file was set aside
         elif path.exists() and path.samefile(kept):
-            _remove(kept)  # it was not replaced, and a rename between two names of one file does nothing
+            _remove(kept)  # not replaced yet; a rename between two names of one file does nothing
         else:
             kept.replace(path)
     except OSError:
@@ -116,20 +118,20 @@ def _put_back(path: Path, kept: Path | None) -> str:
 
 
 def _remove(path: Path) -> None:
-    """Remove a temporary name. Where that fails, what led here is to be told, and not this."""
+    """Remove a temporary name. Errors are ignored in favour of the one that led here."""
     with contextlib.suppress(OSError):
         path.unlink(missing_ok=True)
 
 
 def _check_target(path: Path) -> None:
-    """Raise FolderError where a new file cannot take this name."""
+    """Raise FolderError if a new file cannot take this name."""
     if path.is_dir():
         raise FolderError(f"{path}: cannot be written: it is a folder")
 
 
 @contextlib.contextmanager
 def _naming(path: Path) -> Iterator[None]:
-    """What keeps a file from being written becomes a FolderError with its name, not that of what stands in for it."""
+    """Turn an OSError into a FolderError with the file's final name, not that of its temporary file."""
     try:
         yield
     except FolderError:
@@ -139,14 +141,14 @@ def _naming(path: Path) -> Iterator[None]:
 
 
 def _umask() -> int:
-    """What the user keeps others from doing with new files. Python tells it only while it sets another one."""
+    """The user's umask. Python can only read it by setting another one."""
     kept = os.umask(0o077)
     os.umask(kept)
     return kept
 
 
 def prepare_folder(folder: Path) -> None:
-    """Make the folder and prove that it can be written. Raises FolderError."""
+    """Create the folder and check that it is writable. Raises FolderError."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
@@ -157,7 +159,7 @@ def prepare_folder(folder: Path) -> None:
 
 @contextlib.contextmanager
 def writing(folder: Path | None) -> Iterator[None]:
-    """What cannot be written here, a full disk above all, becomes a FolderError with the folder's name."""
+    """Turn an OSError, such as a full disk, into a FolderError with the folder's name."""
     try:
         yield
     except FolderError:
@@ -171,7 +173,7 @@ def _unwritten(path: Path | None, error: OSError) -> FolderError:
 
 
 def machine(native: Native) -> dict[str, Any]:
-    """What the numbers depend on besides the program. `name` is what rows call it."""
+    """Properties of the machine that the numbers depend on. `name` identifies it in rows."""
     return {
         "name": platform.node(),
         "system": platform.platform(),
@@ -183,7 +185,7 @@ def machine(native: Native) -> dict[str, Any]:
 
 
 def native_fingerprint(native: Native) -> str:
-    """A hash of the compiled module: rows measured with another build of it are not taken over."""
+    """A hash of the compiled module: rows measured with another build of it are not reused."""
     folder = Path(native.__file__ or "").parent
     own = sorted(p for p in folder.glob("halfspace_native*") if p.suffix in {".so", ".pyd"})
     digest = hashlib.sha256(native.__version__.encode())
@@ -193,13 +195,15 @@ def native_fingerprint(native: Native) -> str:
 
 
 def key(*parts: Any) -> str:
-    """A short name for everything that a row depends on."""
+    """A short hash of everything that a row depends on."""
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:24]
 
 
 @dataclass(frozen=True)
 class Entry:
-    """A finished row. order: its place among all rows that the same command line asks for. run: of which `Asked`."""
+    """A finished row. order: its place among all rows of the same command line. run: the run it belongs to, see
+    `Asked`.
+    """
 
     key: str
     order: tuple[int, int]
@@ -208,16 +212,16 @@ class Entry:
 
     @property
     def is_benchmark(self) -> bool:
-        """Whether it is a row of a benchmark: other commands may share the folder, and keep rows of their own."""
+        """Whether it is a row of a benchmark; other commands may keep rows of their own in the same folder."""
         return "scene" in self.row
 
 
 class Journal:
     """Finished rows, one JSON line each, appended as they come.
 
-    shard: the name of this process's part of a sweep; parts that share a folder write files of their own, and each
-    knows the rows of all. machines: by name, those on which the rows were measured. options: of the last run. asked:
-    what all runs were asked for; empty in journals of earlier versions. Raises FolderError.
+    shard: the name of this process's part of a sweep; parts that share a folder write their own files, and each reads
+    the rows of all. machines: by name, those on which the rows were measured. options: of the last run. asked: the
+    requested work of all runs; empty in journals of earlier versions. Raises FolderError.
     """
 
     def __init__(self, folder: Path, shard: str = "") -> None:
@@ -227,13 +231,13 @@ class Journal:
         self.options: dict[str, Any] = {}
         self.asked = Asked()
         self.disagreements: list[str] = []
-        # Whether the last line is unfinished. It is ended by the next one: who only reads leaves the file as it is.
+        # Whether the last line is incomplete. The next line ends it, so that a mere reader leaves the file unchanged.
         self._torn = False
         for path in sorted(folder.glob("rows*.jsonl")):
             self._read(path)
 
     def add(self, entry: Entry, machine: dict[str, Any]) -> None:
-        """Keep a finished row, on disk before this returns. Raises FolderError."""
+        """Append a finished row and flush it to disk before returning. Raises FolderError."""
         if self.machines.get(machine["name"]) != machine:
             self._append({"machine": machine})
             self.machines[machine["name"]] = machine
@@ -241,21 +245,21 @@ class Journal:
         self.entries[entry.key] = entry
 
     def begin(self, options: dict[str, Any]) -> None:
-        """Tell which options the rows to come have."""
+        """Record the options of the rows to come."""
         if self.options != options:
             self._append({"options": options})
             self.options = options
 
     def ask(self, run: str, scenes: Sequence[str], specs: Sequence[str]) -> None:
-        """Tell which rows a run is asked for: these configurations of all these scenes, with the options told."""
+        """Record the requested rows of a run: these configurations of all these scenes, with the recorded options."""
         self._tell(self.asked.begun(run, scenes, specs, self.options))
 
     def reach(self, run: str, scene: str, name: str) -> None:
-        """Tell that a scene of a run could be read, and what its rows call it."""
+        """Record that a scene of a run was read, and its name in rows."""
         self._tell(self.asked.reached(run, scene, name))
 
     def fail(self, run: str, scene: str, order: tuple[int, int], row: Kept) -> None:
-        """Tell of a row, or with no configuration of a scene, that failed; it is no finished one."""
+        """Record a row that failed, or a whole scene if its configuration is empty."""
         self._tell(self.asked.failed(run, scene, order, row))
 
     def _tell(self, line: dict[str, Any]) -> None:
@@ -263,11 +267,11 @@ class Journal:
         self._append(line)
 
     def missing(self) -> list[str]:
-        """What was asked and is neither finished nor failed, a line for each scene."""
+        """One line per scene with configurations that are neither finished nor failed."""
         return list(self.asked.missing(self._there()))
 
     def rows(self) -> list[Kept]:
-        """The finished rows and those of failures that nobody mended, in order."""
+        """The finished rows and those of failures that no later run replaced, in order."""
         found = [(entry.order, entry.row) for entry in self.entries.values() if entry.is_benchmark]
         found += self.asked.failures_left(self._there())
         return [row for _, row in sorted(found, key=lambda item: item[0])]
@@ -277,7 +281,7 @@ class Journal:
         return {(entry.run, entry.row["scene"], entry.row["spec"]) for entry in own}
 
     def lacking(self) -> dict[str, str]:
-        """By key, what rows of a benchmark have not that a report needs: those of another version of the program."""
+        """By key, the missing columns of benchmark rows that a report needs: rows of another version of the program."""
         found = {}
         for key, entry in self.entries.items():
             column = lacks(entry.row) if entry.is_benchmark else None
@@ -287,7 +291,7 @@ class Journal:
         return found
 
     def merge(self, other: Journal) -> None:
-        """Take over the rows of another journal, in memory only."""
+        """Add the rows of another journal, in memory only."""
         self.machines |= other.machines
         self.asked.merge(other.asked)
         self.disagreements += other.disagreements
@@ -296,11 +300,12 @@ class Journal:
             self._take(entry)
 
     def _take(self, entry: Entry) -> None:
+        """Add an entry; a duplicate with other results is recorded as a disagreement."""
         known = self.entries.setdefault(entry.key, entry)
         if not entry.is_benchmark:
             return
         if (lacks(known.row) is None) != (lacks(entry.row) is None):
-            # Measured again, because a report needs more than one of them tells.
+            # Keep the complete one of two measurements of the same row.
             self.entries[entry.key] = known if lacks(known.row) is None else entry
             return
         if without_times(known.row) != without_times(entry.row):
@@ -323,10 +328,10 @@ class Journal:
                     scene, spec = found["order"]
                     entry = Entry(found["key"], (int(scene), int(spec)), found["row"], found.get("run", ""))
                     if not entry.is_benchmark:
-                        self.entries[entry.key] = entry  # the last: it was measured again where one lacked something
+                        self.entries[entry.key] = entry  # the last measurement wins
                     self._take(entry)
             except (ValueError, KeyError, TypeError):
-                # The line that was being written when the process ended; its row is measured again.
+                # An incomplete line, left by a process that was interrupted; its row is measured again.
                 continue
         if path == self._path:
             self._torn = bool(text) and not text.endswith("\n")
@@ -353,11 +358,11 @@ def document(
 ) -> dict[str, Any]:
     """The content of bench.json. machine: where it was written; machines: where the rows were measured, by name.
 
-    native: a hash of the compiled module that the writer had; rows of a run were measured with the same build, those of
-    a merge with the builds of their machines.
+    native: a hash of the writer's compiled module; rows of a run were measured with the same build, those of a merge
+    with the builds of their machines.
 
-    machines: all that are known; where rows name theirs, the others are left out. missing: what was asked and is not
-    among the rows; without such the key is not there.
+    machines: all known ones; if rows name theirs, the others are omitted. missing: requested rows that are absent;
+    without any, the key is omitted.
     """
     here = machine(native)
     named = {row["machine"] for row in rows if "machine" in row}

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The built-in scene `grid`: touching boxes on a lattice, and rays that go where a careless walk loses them.
+"""The built-in scene `grid`: touching boxes on a lattice, and rays that a traversal without error bounds loses.
 
-Every inner wall is there twice, so nearly every hit is a tie; all planes pass through lattice coordinates, and most
+Every inner wall is present twice, so nearly every hit is a tie; all planes pass through lattice coordinates, and most
 rays run along an axis, inside a wall, through an edge or through a corner.
 """
 
@@ -20,9 +20,9 @@ RAYS = 1 << 20
 
 
 def workload(boxes: int = BOXES, rays: int = RAYS, seed: int = 1) -> Workload:
-    """The lattice of `boxes`³ unit boxes, with a view of it and its own set of rays, called `walls`."""
+    """The lattice of `boxes`³ unit boxes, with a view of it and its own ray set `walls`."""
     vertices, triangles = _boxes(boxes)
-    # From inside a box: from outside, no bounced ray would meet anything again.
+    # Start inside a box: from outside, no bounced ray would hit anything.
     eye = np.full(3, boxes // 2) + np.array([0.25, 0.125, 0.5])
     view = View(eye, eye + np.array([0.5, 0.75, 0.0]), np.array([0.0, 0.0, 1.0]), 70.0)
     return Workload("grid", vertices, triangles, view, extra=(walls(boxes, rays, seed),))
@@ -31,8 +31,8 @@ def workload(boxes: int = BOXES, rays: int = RAYS, seed: int = 1) -> Workload:
 def walls(boxes: int, count: int, seed: int) -> RaySet:
     """About `count` rays, an eighth of each kind; directions are not of unit length.
 
-    Kinds: along an axis anywhere; along an axis in a wall; along an edge; in a wall in any direction; to a corner;
-    to a point on an edge; from a corner along a diagonal or an axis; anything.
+    Kinds: along an axis anywhere; along an axis in a wall; along an edge; in a wall in any direction; to a corner; to a
+    point on an edge; from a corner along a diagonal or an axis; random.
     """
     rng = np.random.default_rng(seed)
     each = -(-count // 8)
@@ -46,7 +46,7 @@ def walls(boxes: int, count: int, seed: int) -> RaySet:
         return rng.integers(0, boxes + 1, (each, 3)).astype(np.float64)
 
     def along_axis() -> F64:
-        # Times a sign, so that the zeros have both signs too.
+        # Multiply by a sign, so that the zeros have both signs too.
         direction = np.zeros((each, 3))
         direction[row, axis] = 1.0
         return direction * rng.choice([-1.0, 1.0], each)[:, None]
@@ -56,10 +56,11 @@ def walls(boxes: int, count: int, seed: int) -> RaySet:
         return points
 
     def towards(origins: F64, targets: F64) -> tuple[F64, F64]:
-        # Exact in f32, so that the ray really meets its target.
+        # Round to values exact in float32, so that the ray passes exactly through its target.
         origins = np.round(origins * 256.0) / 256.0
         return origins, targets - origins
 
+    # Combine the kinds from lattice and random coordinates.
     in_wall = rng.normal(size=(each, 3))
     in_wall[row, axis] = 0.0
     edge_points = with_lattice(with_lattice(anywhere(), axis), (axis + 1) % 3)
@@ -77,12 +78,13 @@ def walls(boxes: int, count: int, seed: int) -> RaySet:
     ]
     origins: F32 = np.concatenate([kind[0] for kind in kinds]).astype(np.float32)
     directions: F32 = np.concatenate([kind[1] for kind in kinds]).astype(np.float32)
-    # A target may be the origin itself; such a ray has no direction.
+    # A target may equal the origin; give such a ray a direction.
     directions[~directions.any(axis=1)] = 1.0
     return RaySet("walls", origins, directions, np.full(len(origins), np.inf, np.float32))
 
 
 def _boxes(boxes: int) -> tuple[F32, I32]:
+    """Vertices and triangles of the lattice; each box has its own 8 vertices and 12 triangles."""
     corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
     sides = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
     halves = np.array([t for a, b, c, d in sides for t in ((a, b, c), (a, c, d))])

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Geometry as Blender has it: each mesh once, and the places where it stands.
+"""Geometry as Blender stores it: each mesh once, and its instances.
 
-The alternative to `scene.Geometry`, which has every triangle in its place. Pictures are the same, bit for bit; memory
-goes with the meshes instead of with the places, and an edit rebuilds only the trees of the meshes that it changed.
+The alternative to `scene.Geometry`, which stores every triangle of every instance. Pictures are equal bit for bit;
+memory grows with the meshes instead of the instances, and an edit rebuilds only the trees of the meshes it changed.
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 TREE_BYTES = 160
-"""What a structure takes per triangle, roughly: leaves name a triangle two or three times, 40 bytes each."""
+"""Approximate bytes of a structure per triangle: leaves reference a triangle two or three times, 40 bytes each."""
 
 PLACE_BYTES = 600
-"""What an instance takes, here and in the native module: its matrices, box and name."""
+"""Bytes of an instance, here and in the native module: its matrices, box and name."""
 
 WORTH = 256 << 20
-"""Two levels are chosen for a picture when they save this many bytes: rays are slower through them."""
+"""Saved bytes from which two levels are chosen for a picture: rays are slower through them."""
 
 LARGE = 100_000
-"""In the viewport they are chosen from this many triangles on, because an edit rebuilds only what it changed."""
+"""Triangles from which two levels are chosen in the viewport, where an edit then rebuilds only what it changed."""
 
 MODES = ("auto", "flatten", "two-level")
 
@@ -39,8 +39,8 @@ MODES = ("auto", "flatten", "two-level")
 class Mesh:
     """A mesh in its own space.
 
-    vertices: (n, 3) float32. triangles: (m, 3) int32. slots: (m,) int32, the material slot of each triangle, None when
-    all are 0. corner_normals: (m, 3, 3) float32, None for flat. Raises SceneError.
+    vertices: (n, 3) float32. triangles: (m, 3) int32. slots: (m,) int32, material slot of each triangle, None if all
+    are 0. corner_normals: (m, 3, 3) float32, None for flat shading. Raises SceneError.
     """
 
     vertices: F32
@@ -61,7 +61,7 @@ class Mesh:
 
     @cached_property
     def shape(self) -> bytes:
-        """A digest of what a tree over the triangles depends on."""
+        """A digest of the arrays that a tree over the triangles depends on."""
         digest = hashlib.blake2b(digest_size=16)
         for array in (self.vertices, self.triangles):
             digest.update(str(array.shape).encode())
@@ -71,13 +71,13 @@ class Mesh:
 
 @dataclass(frozen=True, eq=False)
 class InstancedGeometry:
-    """Meshes in places, in the scene frame.
+    """Instances of meshes, in the scene frame.
 
-    mesh: (k,) int32, which mesh stands there. matrices: (k, 4, 4) float64, mesh to scene frame. names: of the k
-    objects. materials: (s,) int32 into the scene's, the slots of one instance after another; first_material: (k + 1,)
-    int32, where each instance's begin. normal_matrices: (k, 3, 3) float32, what turns normals to the scene, row by row;
-    keeps_length: (k,) bool, whether they stay unit vectors. origin: as in `Geometry`. Triangles are numbered as in the
-    flattened geometry: all of the first instance, then all of the second. Raises SceneError.
+    mesh: (k,) int32, index of each instance's mesh. matrices: (k, 4, 4) float64, mesh to scene frame. names: of the k
+    objects. materials: (s,) int32, indices into the scene's materials, the slots of one instance after another;
+    first_material: (k + 1,) int32, first slot of each instance. normal_matrices: (k, 3, 3) float32, normals to the
+    scene frame, row by row; keeps_length: (k,) bool, whether they preserve length. origin: as in `Geometry`. Triangles
+    are numbered as in the flattened geometry: all of the first instance, then all of the second. Raises SceneError.
     """
 
     meshes: tuple[Mesh, ...]
@@ -109,7 +109,7 @@ class InstancedGeometry:
         return int(per_mesh[self.mesh].sum()) if len(self.mesh) else 0
 
     def same_triangles(self, other: InstancedGeometry) -> bool:
-        """Whether a tree over the one is a tree over the other."""
+        """Whether a tree over one geometry is also a tree over the other."""
         return (
             [mesh.shape for mesh in self.meshes] == [mesh.shape for mesh in other.meshes]
             and np.array_equal(self.mesh, other.mesh)
@@ -117,12 +117,12 @@ class InstancedGeometry:
         )
 
     def runs(self) -> list[tuple[int, str]]:
-        """How many triangles come from which object, in order."""
+        """Number of triangles and name of each instance, in order."""
         sizes = [len(mesh.triangles) for mesh in self.meshes]
         return [(sizes[mesh], name) for mesh, name in zip(self.mesh.tolist(), self.names, strict=True)]
 
     def faulty_triangles(self) -> dict[str, int]:
-        """How many triangles of each object can never be hit, as its mesh has them."""
+        """Number of degenerate triangles per object, which can never be hit."""
         per_mesh = [int(np.count_nonzero(faulty(mesh.vertices, mesh.triangles))) for mesh in self.meshes]
         counts: dict[str, int] = {}
         for name, mesh in zip(self.names, self.mesh, strict=True):
@@ -132,11 +132,11 @@ class InstancedGeometry:
 
     @property
     def size(self) -> int:
-        """Triangles that trees have to be built over: those of each mesh once."""
+        """Triangles that trees are built over: those of each mesh once."""
         return sum(len(mesh.triangles) for mesh in self.meshes)
 
     def surfaces(self) -> dict[str, Any]:
-        """What the renderer needs to know of them, as `native.RenderScene` takes it."""
+        """The shading data of the instances, as the arguments of `native.RenderScene`."""
         return {
             "meshes": [{"material_index": mesh.slots, "corner_normals": mesh.corner_normals} for mesh in self.meshes],
             "materials": self.materials,
@@ -151,21 +151,23 @@ AnyGeometry = Geometry | InstancedGeometry
 
 @dataclass(frozen=True)
 class Layout:
-    """Whether a scene keeps its instances, and why, in one line."""
+    """Whether a scene keeps its instances, and the reason in one line."""
 
     two_level: bool
     reason: str
 
 
 def choose(mode: str, meshes: list[tuple[int, int]], *, smooth: bool, interactive: bool) -> Layout:
-    """Flatten or keep instances.
+    """Decide whether to flatten or to keep instances.
 
-    mode: one of MODES. meshes: triangles and instances of each. smooth: whether normals are kept. interactive: for a
-    viewport, whose scenes are edited.
+    mode: one of MODES. meshes: triangles and instances of each mesh. smooth: whether normals are stored. interactive:
+    for a viewport, whose scene is edited.
     """
+    # Count triangles with and without instancing.
     flat = sum(triangles * places for triangles, places in meshes)
     unique = sum(triangles for triangles, _ in meshes)
     places = sum(count for _, count in meshes)
+    # Estimate the bytes saved: tree, two copies of indices, vertices and slots, and normals, less the instances' own.
     each = TREE_BYTES + 2 * (12 + 6 + 4) + (2 * 36 if smooth else 0)
     saved = (flat - unique) * each - places * PLACE_BYTES
     if mode == "flatten" or not flat:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The ray sets of a benchmark, made from one view and one seed.
+"""The ray sets of a benchmark, generated from one view and one seed.
 
 *primary*: one ray per pixel centre of a pinhole view, in 8×8-pixel tiles; *shadow*: any-hit rays from the primary hits
 to one point light; *diffuse*: one cosine-weighted bounce per primary hit, in scanline order; *shuffled*: the same in
@@ -23,31 +23,31 @@ if TYPE_CHECKING:
 
 
 NAMES = ("primary", "shadow", "diffuse", "shuffled")
-"""The sets in the order in which they are reported."""
+"""The sets in the order of the report."""
 
 MOST_SEED = 1 << 31
-"""The largest seed of rays on a command line: pictures take the seeds after it, up to 32 bits."""
+"""Exclusive limit on ray seeds of a command line: pictures use the seeds after it, up to 32 bits."""
 
 TILE = 8
-"""Pixels along the side of a tile."""
+"""Side of a tile in pixels."""
 
 OFFSET = 2e-5
-"""How far origins are moved off the surface, as a share of the scene's diagonal."""
+"""Distance of origins from the surface, as a share of the scene's diagonal."""
 
 SHORT_OF_LIGHT = 1e-4
-"""Shadow rays end this share of their length before the light, which itself blocks nothing."""
+"""Share of their length by which shadow rays end before the light, so that no surface at the light blocks them."""
 
 
 PIXEL_BYTES, HIT_BYTES = 112, 400
-"""What making the primary rays takes at most, for each pixel, and what the sets that start from hits take beside it."""
+"""Peak bytes per pixel of making the primary rays, and of the sets that start at hits in addition."""
 
 
 @dataclass(frozen=True, eq=False)
 class RaySet:
     """Rays that are traced together.
 
-    origins, directions: (n, 3) float32, directions of unit length unless the set says otherwise. t_max: (n,) float32,
-    inf where the ray does not end. any_hit: asked with `occluded`. order: what `closest` is told of their order.
+    origins, directions: (n, 3) float32, directions of unit length unless the set states otherwise. t_max: (n,) float32,
+    inf for unbounded rays. any_hit: traced with `occluded`. order: the argument `order` of `closest`.
     """
 
     name: str
@@ -65,7 +65,7 @@ class RaySet:
         return {"t_max": self.t_max, "order": self.order, "threads": threads}
 
     def take(self, indices: NDArray[np.int64]) -> RaySet:
-        """These rays only; for tiles the indices must keep every 64 rays together."""
+        """The rays with these indices; for tiles the indices must keep every 64 rays together."""
         return RaySet(
             self.name,
             self.origins[indices],
@@ -88,8 +88,8 @@ def make(
     """The named sets, in the order of NAMES, then the scene's own.
 
     tracer: a native structure over the workload's triangles; it finds the primary hits. size: width and height in
-    pixels, multiples of 8. offset: how far origins are moved off the surface, as a share of the diagonal. Sets that
-    need hits are empty when nothing is seen.
+    pixels, multiples of 8. offset: distance of origins from the surface, as a share of the diagonal. Sets that need
+    hits are empty if no primary ray hits. Raises ValueError for a wrong size.
     """
     width, height = size
     if width % TILE or height % TILE or width <= 0 or height <= 0:
@@ -105,7 +105,7 @@ def make(
 
 
 def bytes_needed(size: tuple[int, int], names: Sequence[str]) -> int:
-    """About how much memory `make` takes for these sets. size: width and height in pixels."""
+    """Approximate bytes that `make` needs for these sets. size: width and height in pixels."""
     width, height = size
     return width * height * (PIXEL_BYTES + HIT_BYTES * bool(set(names) - {"primary"}))
 
@@ -130,7 +130,9 @@ def blocks(count: int, wanted: int, seed: int) -> NDArray[np.int64]:
 
 
 def frames(normals: F64) -> tuple[F64, F64]:
-    """Two unit vectors across each unit normal (Duff et al. 2017, "Building an Orthonormal Basis, Revisited")."""
+    """Two unit vectors orthogonal to each unit normal (Duff et al. 2017, "Building an Orthonormal
+    Basis, Revisited").
+    """
     sign = np.copysign(1.0, normals[:, 2])
     a = -1.0 / (sign + normals[:, 2])
     b = normals[:, 0] * normals[:, 1] * a
@@ -142,7 +144,7 @@ def frames(normals: F64) -> tuple[F64, F64]:
 def pinhole(view: View, size: tuple[int, int], aspect: float) -> F64:
     """Unit directions through all pixel centres, in scanline order from the top left: (pixels, 3) float64.
 
-    size: width and height in pixels. aspect: width by height of the picture, whatever the shape of its pixels.
+    size: width and height in pixels. aspect: width by height of the picture, independent of the shape of its pixels.
     """
     width, height = size
     right, up, forward = view.axes()
@@ -162,7 +164,8 @@ def _secondary(
     seed: int,
     offset: float,
 ) -> dict[str, RaySet]:
-    """Shadow, diffuse and shuffled rays. Hit points come from barycentric coordinates in f64."""
+    """Shadow, diffuse and shuffled rays. Hit points come from barycentric coordinates in float64."""
+    # Find hit points, and geometric normals that face the ray.
     found = tracer.closest(primary.origins, primary.directions)
     corners = workload.vertices.astype(np.float64)[workload.triangles[np.maximum(found.triangle, 0)]]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -174,6 +177,7 @@ def _secondary(
     diagonal = workload.diagonal()
     points = corners[:, 0] * (1 - u - v) + corners[:, 1] * u + corners[:, 2] * v + offset * diagonal * normals
 
+    # Aim a shadow ray from each hit, in tile order, at the light.
     light = _light(workload.view, tracer, diagonal)
     seen = tiles[hit[tiles]]
     origins = points[seen].astype(np.float32)
@@ -188,8 +192,9 @@ def _secondary(
     )
 
     rng = np.random.default_rng(seed)
-    # One pair per pixel, seen or not, so that a pixel's bounce does not depend on its neighbours.
+    # Draw one pair per pixel, hit or not, so that a pixel's bounce does not depend on its neighbours.
     xi = rng.random((len(hit), 2))[hit]
+    # Sample the hemisphere with a cosine-weighted density.
     radius, angle = np.sqrt(xi[:, 0]), 2 * np.pi * xi[:, 1]
     first, second = frames(normals[hit])
     bounce = (
@@ -203,7 +208,7 @@ def _secondary(
 
 
 def _light(view: View, tracer: Tracer, diagonal: float) -> F64:
-    """A place in open space: half way along the free part of the view axis, then upwards by most of the free way."""
+    """A point in open space: half way along the free part of the view axis, then up by most of the free distance."""
 
     def free(origin: F64, direction: F64) -> float:
         found = tracer.closest(origin.astype(np.float32)[None], direction.astype(np.float32)[None])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The scene as checked, frozen arrays: what the native core is given, and what survives Blender's own data.
+"""The scene as validated, frozen arrays: the input of the native core, independent of the lifetime of Blender's data.
 
 Everything is in the *scene frame*: Blender's world moved by `-Geometry.origin` (f64), so that scenes far from the
 world's origin keep their precision when positions are rounded to f32.
@@ -28,7 +28,7 @@ class SceneError(ValueError):
 
 
 def check(name: str, array: Any, dtype: Any, shape: tuple[int | None, ...]) -> None:
-    """Raise SceneError unless `array` has this dtype and shape (None: any length) and lies in one C-ordered piece."""
+    """Raise SceneError unless `array` has this dtype and shape (None: any length) and is C-contiguous."""
     if not isinstance(array, np.ndarray) or array.dtype != dtype:
         found = getattr(array, "dtype", type(array).__name__)
         raise SceneError(f"{name}: expected {np.dtype(dtype)}, got {found}")
@@ -40,10 +40,10 @@ def check(name: str, array: Any, dtype: Any, shape: tuple[int | None, ...]) -> N
 
 
 def faulty(vertices: F32, triangles: I32) -> NDArray[np.bool_]:
-    """Which of the triangles, (m,), have no area or a vertex that is not finite."""
+    """(m,) bool: triangles without area or with a non-finite vertex."""
     finite = np.isfinite(vertices).all(axis=1)
     found = np.zeros(len(triangles), bool) if finite.all() else ~finite[triangles].all(axis=1)
-    # Nearly all others have an area that f32 sees along one axis or another. Only the rest are asked in f64.
+    # Nearly all others have an area that is certain in f32 in one coordinate plane. Compute only the rest in f64.
     doubtful = np.flatnonzero(~found)
     columns = [np.ascontiguousarray(column) for column in vertices.T]
     for x, y in ((0, 1), (1, 2), (2, 0)):
@@ -55,14 +55,16 @@ def faulty(vertices: F32, triangles: I32) -> NDArray[np.bool_]:
 
 
 CLEAR = np.float32(2.0**-20)
-"""Differences, products and their difference are rounded four times, each by at most 2^-24 of the products' sum."""
+"""Derived: differences, products and their difference are rounded four times, each by at most 2^-24 of the products'
+sum.
+"""
 
 TINY = np.float32(1e-30)
-"""Far above what underflow can take from a product."""
+"""Derived: far above what underflow can remove from a product."""
 
 
 def _plainly_sound(x: F32, y: F32, triangles: I32) -> NDArray[np.bool_]:
-    """Which triangles, (m,), certainly have an area in the plane of these finite coordinates, each (n,)."""
+    """(m,) bool: triangles that certainly have an area in the plane of these finite coordinates, each (n,)."""
     a, b, c = triangles.T
     x0, y0 = x[a], y[a]
     with np.errstate(invalid="ignore", over="ignore"):
@@ -74,7 +76,7 @@ def _plainly_sound(x: F32, y: F32, triangles: I32) -> NDArray[np.bool_]:
 
 @dataclass(frozen=True)
 class Source:
-    """Where a run of triangles comes from: the same mesh, placed once for each name.
+    """The origin of a run of triangles: one mesh, placed once for each name.
 
     Triangles `start` to `start + count * len(names)`; the i-th `count` of them belong to the object `names[i]`.
     """
@@ -86,10 +88,10 @@ class Source:
 
 @dataclass(frozen=True)
 class ObjectFrame:
-    """An object as its textures see it.
+    """An object's coordinate frames for textures.
 
-    to_object: (3, 4), scene frame to the object's own space. generated: (2, 3), what is added to a position there and
-    what it is then multiplied by, so that the object's box becomes 0 to 1.
+    to_object: (3, 4), scene frame to object space. generated: (2, 3), offset added to a position in object space, then
+    scale, which map the object's box to 0 to 1.
     """
 
     to_object: tuple[tuple[float, ...], ...]
@@ -101,12 +103,11 @@ class Geometry:
     """The triangles of a scene.
 
     vertices: (n, 3) float32, scene frame. triangles: (m, 3) int32. material_index: (m,) int32 into the scene's
-    materials. corner_normals: (m, 3, 3) float32 unit vectors, or None when every triangle is flat. uvs: (m, 3, 2)
-    float32, NaN where a mesh has none, or None when nobody asked. layers: what materials read at the corners, each
-    (m, 3, 2 to 4) float32, or None for one that no mesh has. objects, and object_index, (m,) uint32 into them: the
-    objects as textures see them, or None when no material asks. origin: (3,) float64, the world position of the scene
-    frame's origin.
-    sources: ascending, without gaps. Raises SceneError.
+    materials. corner_normals: (m, 3, 3) float32 unit vectors, or None if every triangle is flat. uvs: (m, 3, 2)
+    float32, NaN where a mesh has none, or None if not requested. layers: corner attributes that materials read, each
+    (m, 3, 2 to 4) float32, or None if no mesh has it. objects, and object_index, (m,) uint32 into them: the objects'
+    frames for textures, or None if no material needs them. origin: (3,) float64, the world position of the scene
+    frame's origin. sources: ascending, without gaps. Raises SceneError.
     """
 
     vertices: F32
@@ -121,6 +122,7 @@ class Geometry:
     sources: tuple[Source, ...] = ()
 
     def __post_init__(self) -> None:
+        # Check shapes and types, then ranges.
         count = len(self.triangles)
         check("vertices", self.vertices, np.float32, (None, 3))
         check("triangles", self.triangles, np.int32, (None, 3))
@@ -139,6 +141,7 @@ class Geometry:
             raise SceneError(f"triangles: an index is out of range for {len(self.vertices)} vertices")
         if not np.isfinite(self.origin).all():
             raise SceneError("origin: expected finite numbers")
+        # Freeze the arrays, which sessions share.
         for array in (
             self.vertices,
             self.triangles,
@@ -152,25 +155,25 @@ class Geometry:
                 array.flags.writeable = False
 
     def runs(self) -> list[tuple[int, str]]:
-        """How many triangles come from which object, in order."""
+        """Number of triangles and object name of each run, in order."""
         return [(source.count, name) for source in self.sources for name in source.names]
 
     @property
     def count(self) -> int:
-        """Triangles."""
+        """Number of triangles."""
         return len(self.triangles)
 
     @property
     def size(self) -> int:
-        """Triangles that trees have to be built over."""
+        """Number of triangles that trees are built over."""
         return len(self.triangles)
 
     def faulty_triangles(self) -> dict[str, int]:
-        """How many triangles of each object can never be hit: without area, or with a vertex that is not finite."""
+        """Number of degenerate triangles per object, which can never be hit: no area, or a non-finite vertex."""
         return self.count_by_object(faulty(self.vertices, self.triangles))
 
     def count_by_object(self, mask: NDArray[np.bool_]) -> dict[str, int]:
-        """The number of marked triangles of each object that has some. mask: (m,) bool."""
+        """The number of marked triangles of each object that has any. mask: (m,) bool."""
         counts: dict[str, int] = {}
         for source in self.sources:
             marked = mask[source.start : source.start + source.count * len(source.names)]
@@ -182,7 +185,7 @@ class Geometry:
 
     @staticmethod
     def empty() -> Geometry:
-        """A scene without a triangle, which shows its background."""
+        """A scene without triangles, which shows only its background."""
         return Geometry(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32), np.zeros(0, np.int32))
 
 
@@ -191,9 +194,9 @@ class Camera:
     """A perspective or parallel camera that looks along its -Z with +Y up.
 
     to_world: (4, 4) float64 without scale, camera to scene frame. window: left, right, bottom, top of the full frame,
-    at distance 1 (perspective) or in scene units (orthographic); shift, sensor fit and pixel aspect are in it.
-    aperture_radius: 0 is a pinhole; else with so many blades (fewer than 3: round), turned by so many radians, so many
-    times as high as wide, and sharp at focus_distance along -Z.
+    at distance 1 (perspective) or in scene units (orthographic); includes shift, sensor fit and pixel aspect.
+    aperture_radius: 0 is a pinhole. aperture_blades: number of blades, fewer than 3 is round. aperture_rotation:
+    radians. aperture_ratio: height by width. focus_distance: along -Z.
     """
 
     kind: str
@@ -217,9 +220,9 @@ class Camera:
 
 @dataclass(frozen=True, eq=False)
 class Image:
-    """A texture. pixels: (h, w, 4) float32, rows from the bottom; no rows where the image is missing.
+    """A texture. pixels: (h, w, 4) float32, rows from the bottom; zero rows if the image is missing.
 
-    srgb: whether colours are encoded, to be decoded after filtering, as Cycles does; else they are linear.
+    srgb: whether colours are sRGB-encoded and decoded after filtering, as in Cycles; otherwise they are linear.
     """
 
     name: str
@@ -238,16 +241,16 @@ Step = Mapping[str, Any]
 
 
 Hidden = tuple[str, ...]
-"""The rays that do not see a thing: camera, shadow, diffuse, glossy, transmission."""
+"""Kinds of rays that ignore an object: camera, shadow, diffuse, glossy, transmission."""
 
 
 @dataclass(frozen=True)
 class Closure:
     """A shader node with its share of a material.
 
-    kind: principled, diffuse, glossy, glass, refraction, transparent or emission. inputs: operands by name, "weight"
-    among them; what is missing has Blender's default. normal: the shading normal, or None for the surface's own.
-    multiscatter: whether rough reflections lose no energy.
+    kind: principled, diffuse, glossy, glass, refraction, transparent or emission. inputs: operands by name, including
+    "weight"; missing ones have Blender's defaults. normal: the shading normal, or None for the surface's own.
+    multiscatter: whether rough reflections conserve energy.
     """
 
     kind: str
@@ -259,17 +262,17 @@ class Closure:
     def glows(self) -> bool:
         """Whether it may emit light."""
         emission = self.inputs.get("emission", 0.0)
-        # A step of the program may emit; of constants it is known.
+        # An operand computed by a step may emit; a constant emits if it is not zero.
         return isinstance(emission, int) or bool(np.any(emission))
 
     def as_dict(self) -> dict[str, Any]:
-        """What the native module takes."""
+        """The closure as the native module takes it."""
         return {"kind": self.kind, **self.inputs, "normal": self.normal, "multiscatter": self.multiscatter}
 
 
 @dataclass(frozen=True)
 class Material:
-    """A surface: closures whose inputs a program computes from point to point.
+    """A surface: closures whose inputs are computed per point by a program.
 
     Without closures, a Principled BSDF with the constant values here; `emission` includes its strength.
     """
@@ -293,17 +296,17 @@ class Material:
         return any(self.emission) or any(closure.glows for closure in self.closures)
 
     def as_dict(self) -> dict[str, Any]:
-        """What the native module takes."""
+        """The material as the native module takes it."""
         values = {item.name: getattr(self, item.name) for item in fields(self)}
         return {**values, "closures": [closure.as_dict() for closure in self.closures], "program": list(self.program)}
 
 
 @dataclass(frozen=True, eq=False)
 class Light:
-    """A lamp that shines along its -Z. name: what messages call it, the object's.
+    """A lamp that shines along its -Z. name: its object's, for messages.
 
-    power: linear RGB in W (sun: W/m²) as Blender means energy × colour. radius, size, size_y in scene units; angle,
-    spot_size (full cone) in radians; shape as in Blender: SQUARE, RECTANGLE, DISK, ELLIPSE.
+    power: linear RGB in W (sun: W/m²), Blender's energy × colour. radius, size, size_y in scene units; angle, spot_size
+    (full cone) in radians; shape as in Blender: SQUARE, RECTANGLE, DISK, ELLIPSE.
     """
 
     kind: str
@@ -318,7 +321,7 @@ class Light:
     size_y: float = 0.0
     casts_shadow: bool = True
     hidden_from: Hidden = ("camera",)
-    # Of the object, for errors. A renamed lamp shines as before.
+    # Excluded from comparison: a renamed lamp emits the same light.
     name: str = field(default="", compare=False)
 
     def __post_init__(self) -> None:
@@ -332,7 +335,7 @@ class Light:
 class World:
     """The background; `color` is linear RGB and includes its strength.
 
-    Where it varies, `program` computes it from the direction, and `radiance` is the operand that holds it.
+    If it varies, `program` computes it from the direction, and `radiance` is the operand with the result.
     """
 
     color: RGB = (0.0, 0.0, 0.0)
@@ -343,7 +346,7 @@ class World:
 
 @dataclass(frozen=True)
 class Numbers:
-    """The numbers that the user gives objects and materials for passes that tell them apart; 0 where nothing is said.
+    """Pass indices of objects and materials; 0 where not set.
 
     objects: by name. materials: one for each of the scene's materials.
     """
@@ -355,7 +358,9 @@ class Numbers:
         return any(self.objects.values()) or any(self.materials)
 
     def arrays(self, runs: list[tuple[int, str]]) -> dict[str, NDArray[Any]]:
-        """What the native module takes. runs: how many triangles come from which object, in order."""
+        """The indices as the native module takes them. runs: number of triangles and object name of
+        each run, in order.
+        """
         first = np.concatenate([[0], np.cumsum([count for count, _ in runs], dtype=np.int64)])[: len(runs)]
         return {
             "first": first.astype(np.int32),
@@ -382,7 +387,7 @@ class Scene:
             raise SceneError(f"material_index: an index is out of range for {len(self.materials)} materials")
 
     def for_passes(self) -> dict[str, Any] | None:
-        """What the native module needs for passes alone, None if nothing."""
+        """The data that only passes need, as the native module takes it; None if there is none."""
         uvs = self.geometry.uvs if isinstance(self.geometry, Geometry) else None
         if not self.numbers and uvs is None:
             return None

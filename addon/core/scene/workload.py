@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a benchmark runs on: triangles and a view of them, from a file or built in."""
+"""The input of a benchmark: triangles and a view of them, from a file or built in."""
 
 from __future__ import annotations
 
@@ -21,26 +21,26 @@ if TYPE_CHECKING:
 
 
 SCENES = Path(__file__).resolve().parents[4] / "shared" / "scenes"
-"""Scenes that are not part of the project lie here, beside it, and are called by their names where they are there."""
+"""Folder of scenes outside the project, which are named without a path if they exist."""
 
 RENDERED = (".blend", ".npz")
-"""What can be rendered: a scene of Blender, or a bare geometry."""
+"""Suffixes of renderable files: a Blender scene, or a bare geometry."""
 
 
 class WorkloadError(ValueError):
-    """A scene cannot be used. The message names the file and what is wrong, in one line."""
+    """A scene cannot be used. The message names the file and the problem, in one line."""
 
 
 FARTHEST = 1e37
-"""Coordinates of a view, which rays must be able to begin at and to cross in f32."""
+"""Largest coordinate of a view: rays must be able to start there and to cross it in f32."""
 
 
 @dataclass(frozen=True, eq=False)
 class View:
     """A pinhole view. eye, target, up: (3,) float64, scene frame; vertical_fov: degrees, 0 to 180 exclusive.
 
-    crop: the part of a square film that is seen, as left, right, top, bottom from 0 to 1, from its top left corner; the
-    angle is that of the whole film. None: all of a film of the picture's own shape.
+    crop: the visible part of a square film, as left, right, top, bottom from 0 to 1, from its top left corner; the
+    angle is that of the whole film. None: all of a film with the picture's aspect ratio. Raises WorkloadError.
     """
 
     eye: F64
@@ -73,7 +73,7 @@ class View:
         return right, np.cross(right, forward), forward
 
     def window(self, aspect: float) -> tuple[float, float, float, float]:
-        """Left, right, bottom, top of what is seen, at distance 1 ahead. aspect: width by height of the picture."""
+        """Left, right, bottom, top of the visible part, at distance 1 ahead. aspect: width by height of the picture."""
         tangent = float(np.tan(np.radians(self.vertical_fov) / 2))
         if self.crop is None:
             return -tangent * aspect, tangent * aspect, -tangent, tangent
@@ -85,8 +85,9 @@ class View:
 class Workload:
     """A scene for measuring.
 
-    vertices: (n, 3) float32. triangles: (m, 3) int32. extra: ray sets of the scene's own, beside those of the view.
-    render_scene: the scene with materials and lights (`core.scene.Scene`) and its camera, where the file has them.
+    vertices: (n, 3) float32. triangles: (m, 3) int32. extra: the scene's own ray sets, in addition to those of the
+    view. render_scene: the scene with materials and lights (`core.scene.Scene`) and its camera, if the file has them.
+    Raises WorkloadError.
     """
 
     name: str
@@ -126,7 +127,7 @@ class Workload:
         return digest.hexdigest()
 
     def diagonal(self) -> float:
-        """The length of the box around all finite vertices that a triangle uses."""
+        """Length of the diagonal of the box around all finite vertices that a triangle uses."""
         low, high = bounds(self.vertices, self.triangles)
         return float(np.linalg.norm(high - low))
 
@@ -139,7 +140,7 @@ def bounds(vertices: F32, triangles: I32) -> tuple[F64, F64]:
 
 
 def left_out(workload: Workload, dropped: int) -> list[str]:
-    """In a line or none, how many triangles a structure leaves out and why. dropped: as its statistics count them."""
+    """A line, or none, on the number of triangles that a structure omits and why. dropped: from its statistics."""
     if not dropped:
         return []
     finite = np.isfinite(workload.vertices).all(axis=1)
@@ -150,7 +151,7 @@ def left_out(workload: Workload, dropped: int) -> list[str]:
 
 
 def framing_view(vertices: F32, triangles: I32) -> View:
-    """A view of the whole scene from the front, the right and above, for files without a camera."""
+    """A view of the whole scene from the front, right and above, for files without a camera."""
     low, high = bounds(vertices, triangles)
     centre, radius = (low + high) / 2, max(float(np.linalg.norm(high - low)) / 2, 1e-6)
     direction = np.array([0.6, -1.0, 0.5])
@@ -160,10 +161,11 @@ def framing_view(vertices: F32, triangles: I32) -> View:
 
 
 def find(name: str, suffixes: Sequence[str] = (".npz",), built_in: Sequence[str] = ()) -> str | Path:
-    """What a command line calls a scene: one of `built_in`, a file that can be opened, or a name in SCENES.
+    """Resolve a scene of a command line: one of `built_in`, a readable file, or a name in SCENES.
 
-    Returns the first as it is, else the path. Raises WorkloadError, which tells all choices.
+    Returns a built-in name unchanged, else the path. Raises WorkloadError, which lists all choices.
     """
+    # Try a built-in name, then a file, then a shared scene.
     if name in built_in:
         return name
     path, problem = Path(name), "there is no such scene"
@@ -182,28 +184,29 @@ def find(name: str, suffixes: Sequence[str] = (".npz",), built_in: Sequence[str]
 
 
 def distinct(found: Mapping[str, str | Path]) -> list[str]:
-    """What the command line calls the scenes, each once. Raises WorkloadError where two have one name: reports would
-    take their rows for those of one.
+    """The scenes of a command line, each once. Raises WorkloadError if two files have one name, because reports would
+    merge their rows.
 
-    found: what `find` returned, by what the command line calls it.
+    found: results of `find`, by the names on the command line.
     """
     known: dict[str, tuple[str, str | Path]] = {}
     for scene, one in found.items():
         name, place = (one, one) if isinstance(one, str) else (one.stem, one.resolve())
+        # Distinguish files by their resolved path.
         other, taken = known.setdefault(name, (scene, place))
         if taken != place:
             raise WorkloadError(
-                f"{scene}: has the name of {other}; expected different ones, by which reports tell them"
+                f"{scene}: has the name of {other}; expected different names, which identify them in reports"
             )
     return [scene for scene, _ in known.values()]
 
 
 def load_npz(path: Path, *, memory_limit: int | None = None, published: bool = False) -> Workload:
-    """A scene from numpy's format, keys as in docs/manual.md. Raises WorkloadError.
+    """A scene in NumPy's format; docs/manual.md lists the keys. Raises WorkloadError.
 
-    memory_limit: bytes that its arrays may take; they are packed, and may be a thousand times larger than the file.
-    published: as it was measured in a publication, where the file says what that was: without the triangles that stand
-    for quadrics, and only the part of the film that was rendered.
+    memory_limit: bytes that its arrays may use; they are compressed, and may be a thousand times larger than the file.
+    published: as it was measured in a publication, where the file records it: without the triangles that stand for
+    quadrics, and only the rendered part of the film.
     """
     arrays = _arrays(path, (*_KEYS, *_PUBLISHED) if published else _KEYS, memory_limit)
     with _naming(path):
@@ -212,7 +215,7 @@ def load_npz(path: Path, *, memory_limit: int | None = None, published: bool = F
 
 
 def load_both(path: Path) -> tuple[Workload, Workload]:
-    """A scene and what of it was published, of one reading, as `load_npz` gives them. Raises WorkloadError."""
+    """A scene and its published part, from one reading, as by `load_npz`. Raises WorkloadError."""
     arrays = _arrays(path, (*_KEYS, *_PUBLISHED), None)
     with _naming(path):
         whole = _whole(path.stem, arrays)
@@ -220,9 +223,9 @@ def load_both(path: Path) -> tuple[Workload, Workload]:
 
 
 def _arrays(path: Path, wanted: Sequence[str], memory_limit: int | None) -> dict[str, Any]:
-    """The wanted arrays, as far as the file has them. Raises WorkloadError."""
+    """Those of the wanted arrays that the file has. Raises WorkloadError."""
     try:
-        # Opened here, because numpy leaves a broken file open.
+        # Open it here, because NumPy leaves a damaged file open.
         with path.open("rb") as raw, np.load(raw, allow_pickle=False) as file:
             unpacked = sum(member.file_size for member in file.zip.infolist())
             if memory_limit is not None and unpacked > memory_limit:
@@ -240,7 +243,7 @@ def _arrays(path: Path, wanted: Sequence[str], memory_limit: int | None) -> dict
 
 @contextlib.contextmanager
 def _naming(path: Path) -> Iterator[None]:
-    """What is wrong with a file's arrays is told with its name."""
+    """Add the file's name to errors about its arrays."""
     try:
         yield
     except ValueError as error:
@@ -248,15 +251,15 @@ def _naming(path: Path) -> Iterator[None]:
 
 
 def _whole(name: str, arrays: Mapping[str, Any]) -> Workload:
-    """The scene that these arrays make up. Raises ValueError."""
+    """The scene in these arrays. Raises ValueError."""
     camera = {key: _real(arrays[key], key).astype(np.float64) for key in _KEYS if key.startswith("camera_")}
     eye, target, up = (camera[f"camera_{k}"].reshape(-1) for k in ("eye", "target", "up"))
     view = View(eye, target, up, float(camera["camera_vfov_deg"].reshape(())))
-    with np.errstate(over="ignore"):  # what is beyond float32 becomes infinite, and is dropped
+    with np.errstate(over="ignore"):  # values beyond float32 become infinite and are dropped
         vertices = np.ascontiguousarray(_real(arrays["vertices"], "vertices"), np.float32)
     if arrays["triangles"].dtype.kind not in "iu":
         raise WorkloadError(f"triangles: expected whole numbers, got {arrays['triangles'].dtype}")
-    if arrays["triangles"].size:  # before they become int32, in which others may look as if they were in range
+    if arrays["triangles"].size:  # check before the conversion to int32, which may wrap large values into the range
         least, most = int(arrays["triangles"].min()), int(arrays["triangles"].max())
         if not 0 <= least <= most < len(vertices):
             raise WorkloadError(f"triangles: an index is out of range for {len(vertices)} vertices")
@@ -264,7 +267,7 @@ def _whole(name: str, arrays: Mapping[str, Any]) -> Workload:
 
 
 def _as_published(whole: Workload, arrays: Mapping[str, Any]) -> Workload:
-    """What of a scene was measured in a publication, as far as its file says."""
+    """The part of a scene that was measured in a publication, where its file records it."""
     triangles, view, notes = whole.triangles, whole.view, []
     if "triangle_from_quadric" in arrays:
         stand_in = arrays["triangle_from_quadric"]
@@ -273,14 +276,14 @@ def _as_published(whole: Workload, arrays: Mapping[str, Any]) -> Workload:
                 f"triangle_from_quadric: expected {len(triangles)} whole numbers, got {stand_in.dtype} {stand_in.shape}"
             )
         triangles = np.ascontiguousarray(triangles[stand_in == 0])
-        notes.append(f"triangles that stand for quadrics are left out: {len(whole.triangles) - len(triangles):,}")
+        notes.append(f"triangles that replace quadrics are left out: {len(whole.triangles) - len(triangles):,}")
     if "camera_crop" in arrays:
         left, right, top, bottom = map(float, _numbers(arrays["camera_crop"], "camera_crop", 4))
         if "camera_right" in arrays and _numbers(arrays["camera_right"], "camera_right", 3) @ view.axes()[0] < 0:
-            # Of the mirror image: the same rays lie on the other side.
+            # A mirrored image has the same rays on the other side.
             left, right = 1 - right, 1 - left
         view = replace(view, crop=(left, right, top, bottom))
-        notes.append(f"of the film only {right - left:.0%} by {bottom - top:.0%} is seen, as published")
+        notes.append(f"only {right - left:.0%} by {bottom - top:.0%} of the film is visible, as published")
     return replace(whole, triangles=triangles, view=view, notes=tuple(notes))
 
 
@@ -296,7 +299,7 @@ def _real(array: Any, key: str) -> Any:
 
 
 def _numbers(array: Any, key: str, count: int) -> F64:
-    """The array as so many finite numbers. Raises WorkloadError."""
+    """The array as `count` finite numbers. Raises WorkloadError."""
     numbers = _real(array, key).astype(np.float64)
     if numbers.shape != (count,) or not np.isfinite(numbers).all():
         raise WorkloadError(f"{key}: expected {count} finite numbers, got {numbers.tolist()}")

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The picture of a 3D view: coarse at once, refined while nothing changes. It waits for nothing; no window freezes.
+"""The picture of a 3D view: coarse at once, refined while nothing changes. No call blocks, so no window freezes.
 
-Two kinds of work go on at a time, each on threads of its own. *Preparing*: a structure that is built quickly shows the
-scene until the chosen one is there; which one it is cannot be seen, since all give one image. *Tracing*: one sample in
-large pixels, then in smaller ones, then all samples in the view's own pixels.
+Two kinds of work run concurrently, each on its own threads. *Preparing* builds a fast-building structure first and then
+the chosen one; both give the same image. *Tracing* renders one sample in large pixels, then in smaller ones, then all
+samples at the view's own resolution.
 """
 
 from __future__ import annotations
@@ -27,39 +27,40 @@ if TYPE_CHECKING:
     from .stock import Stock
 
 QUICK = ((20_000, "bvh-sah"), (300_000, "bih"))
-"""From how many triangles on which structure shows a scene first; below, the chosen one is there as soon.
+"""Numbers of triangles from which a structure shows a scene first; below them the chosen one is built as soon.
 
-On Sponza the first picture comes after 0.15 s with `bvh-sah`, 0.27 s with `bih`, which is built three times as quickly
-and traced four times as slowly, and 0.5 s with `kd`.
+Measured on Sponza: the first picture takes 0.15 s with `bvh-sah`, 0.27 s with `bih`, which builds three times as fast
+but traces four times as slowly, and 0.5 s with `kd`.
 """
 
 COARSEST = 16
-"""Largest pixels, in pixels of the view."""
+"""Largest pixel size, in pixels of the view."""
 
 FIRST_SCALE = 8
-"""Before it is known how fast the scene is."""
+"""Pixel size before the speed of the scene is known."""
 
 MOVING_SECONDS = 0.05
-"""What a picture may take while the view moves."""
+"""Target seconds of a picture while the view moves."""
 
 PATIENCE = 0.25
-"""A coarse picture of a view that has changed meanwhile is finished and shown, unless it takes longer than this; the
-next size is at most so much work."""
+"""Age in seconds up to which a coarse picture of an outdated view is finished and shown; also the limit on the work of
+the next refinement.
+"""
 
 SHOW_SECONDS = 0.1
-"""A refined picture is shown at most so often, and less often where showing is dear:"""
+"""Shortest interval in seconds between two refined pictures; longer if drawing is expensive:"""
 
 DRAWING_SHARE = 10
-"""one part of the time goes into showing, so many into tracing."""
+"""ratio of tracing time to drawing time."""
 
 BEGUN = 0.1
-"""A picture that is less than so far is begun again with a better structure."""
+"""Progress below which a picture is restarted when a better structure is ready."""
 
 
 @dataclass(frozen=True)
 class View:
-    """What a region of the window shows. border: x0, y0, x1, y1 in its pixels, half open; None for all. pixel: the
-    smallest size of a pixel, in pixels of the region.
+    """The visible part of a window region. border: x0, y0, x1, y1 in its pixels, half open; None for all. pixel: the
+    smallest pixel size, in pixels of the region.
     """
 
     camera: Camera
@@ -71,9 +72,10 @@ class View:
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """pixels: flat float32 RGBA, rows from the bottom, of the part x0, y0, x1, y1 of a view of width × height.
+    """A rendered picture. pixels: flat float32 RGBA, rows from the bottom, of the part x0, y0, x1, y1 of a view of
+    width × height.
 
-    what: of which edit and which move. scale: how large its pixels are in pixels of the region.
+    what: the numbers of its edit and its move. scale: its pixel size in pixels of the region.
     """
 
     pixels: F32
@@ -87,7 +89,7 @@ class Picture:
 
 @dataclass(frozen=True, eq=False)
 class _Ready:
-    """A scene that can be traced. building: kept so that its structure lives, and others may share it."""
+    """A traceable scene. building: kept so that its structure lives and can be shared."""
 
     edit: int
     session: Session
@@ -95,14 +97,14 @@ class _Ready:
 
 
 class _Preparing:
-    """Building one structure after the other over one scene, each for the renderer as soon as it is there."""
+    """Builds one structure after another over one scene, and makes each available to the renderer when it is done."""
 
     def __init__(
         self, native: Native, stock: Stock, scene: Scene, specs: list[str], limit: int | None, edit: int
     ) -> None:
         self.ended = False
         self.shown = False
-        """Whether the first structure is there."""
+        """Whether the first structure is ready."""
         self._native, self._stock, self._scene, self._limit, self._edit = native, stock, scene, limit, edit
         self._specs = specs
         self._joining: Background | None = None
@@ -114,11 +116,11 @@ class _Preparing:
 
     @property
     def progress(self) -> tuple[str, float]:
-        """The spec of the structure that is being built, and how far it is."""
+        """The configuration that is being built, and its progress, 0 to 1."""
         return self._specs[0], self._building.progress
 
     def advance(self) -> _Ready | None:
-        """What has become ready since the last call. Raises what the native module raises."""
+        """The scene that became ready since the last call, or None. Raises the native module's exceptions."""
         if self._joining is None:
             if not self._building.wait(0):
                 return None
@@ -138,7 +140,9 @@ class _Preparing:
 
 @dataclass(frozen=True, eq=False)
 class _Job:
-    """A native render of one view. what: of which edit and which move. first: nothing of these was shown before."""
+    """A native render of one view. what: the numbers of its edit and its move. first: no picture of these was shown
+    yet.
+    """
 
     native: RenderJob
     view: View
@@ -154,20 +158,21 @@ class _Job:
 
     @property
     def pixels(self) -> int:
-        """Pixel samples in all."""
+        """Pixel samples in total."""
         width, height = self.settings.size
         return width * height * self.settings.samples
 
 
 class Preview:
-    """One view of a scene, moved on by `advance`, which must be called often while `busy`."""
+    """The preview of one scene and view. Call `advance` often while `busy`."""
 
     def __init__(self, native: Native, stock: Stock) -> None:
         self.picture: Picture | None = None
         self.problem = ""
-        """Why there is no picture, or nothing."""
+        """The reason why there is no picture, or ""."""
         self.showing_seconds = 0.0
-        """What it takes to bring a picture into the window; told by whoever does."""
+        """Seconds to draw a picture into the window; set by the caller."""
+        # The scene and its settings, as of the last edit.
         self._native, self._stock = native, stock
         self._scene: Scene | None = None
         self._settings = RenderSettings(1, 1)
@@ -176,6 +181,7 @@ class Preview:
         self._edits = 0
         self._preparing: _Preparing | None = None
         self._ready: _Ready | None = None
+        # The view, the running render, and those being cancelled.
         self._view: View | None = None
         self._moves = 0
         self._job: _Job | None = None
@@ -189,14 +195,14 @@ class Preview:
             self.stop()
 
     def stop(self) -> None:
-        """Ask all work to end, and do not wait for it."""
+        """Request the end of all work without waiting for it."""
         self._preparing = None
         self._drop()
 
     def edit(self, scene: Scene, spec: str, memory_limit: int | None, settings: RenderSettings) -> None:
-        """Take over the scene and how to render it; size, border and passes of the settings do not count.
+        """Set the scene and how to render it; size, border and passes of the settings are ignored.
 
-        What has not changed costs nothing.
+        Unchanged arguments have no effect.
         """
         before = (self._spec, self._memory_limit, self._settings)
         if before == (spec, memory_limit, settings) and same(self._scene, scene):
@@ -204,24 +210,24 @@ class Preview:
         self._scene, self._spec, self._memory_limit, self._settings = scene, spec, memory_limit, settings
         self._edits += 1
         self.problem = ""
-        # A quick structure is finished and shown first, else a thing that is dragged would never be seen.
+        # Let a fast-building structure finish and show first; otherwise an object that is dragged would never be seen.
         if self._preparing is None or self._preparing.shown:
             self._prepare()
 
     def look(self, view: View) -> None:
-        """Take over what is seen."""
+        """Set the visible view."""
         if not same(self._view, view):
             self._view = view
             self._moves += 1
 
     @property
     def busy(self) -> bool:
-        """Whether `advance` has anything to do."""
+        """Whether `advance` has work to do."""
         return self._preparing is not None or self._job is not None or bool(self._leaving)
 
     @property
     def samples(self) -> tuple[int, int]:
-        """Samples of each of the view's own pixels so far, and wanted."""
+        """Samples per pixel at full resolution so far, and in total."""
         job = self._job
         done = self._settings.samples
         if job is not None:
@@ -232,26 +238,26 @@ class Preview:
 
     @property
     def preparing(self) -> tuple[str, float] | None:
-        """The spec of the structure that is being built, and how far it is, 0 to 1."""
+        """The configuration that is being built and its progress, 0 to 1, or None."""
         return None if self._preparing is None else self._preparing.progress
 
     def advance(self) -> bool:
-        """Begin what can begin, take what has come. Returns whether there is something new to show."""
+        """Start and finish work without blocking. Returns whether there is something new to show."""
         self._leaving = [job for job in self._leaving if not job.native.finished]
         try:
             self._take_structure()
             return self._trace()
         except Exception as error:
-            # Whatever the native module refuses is shown to the user; the next edit tries again.
+            # Show any exception of the native module to the user; the next edit tries again.
             self.problem = " ".join(str(error).split()) or type(error).__name__
             self.stop()
             self._ready = None
             return True
 
     def _prepare(self) -> None:
-        """Begin to prepare the newest scene."""
+        """Start to prepare the newest scene."""
         assert self._scene is not None
-        self._preparing = None  # which frees or stops what nobody else uses
+        self._preparing = None  # frees, or stops, what is not shared
         specs = [self._spec]
         geometry = self._scene.geometry
         quick = [spec for triangles, spec in QUICK if triangles <= geometry.size]
@@ -261,6 +267,7 @@ class Preview:
         self._preparing = _Preparing(self._native, self._stock, self._scene, specs, self._memory_limit, self._edits)
 
     def _take_structure(self) -> None:
+        """Take a structure that became ready, and prepare the next edit if the scene changed meanwhile."""
         if self._preparing is None or (ready := self._preparing.advance()) is None:
             return
         better = self._ready is not None and self._ready.edit == ready.edit
@@ -270,9 +277,10 @@ class Preview:
         if ready.edit != self._edits:
             self._prepare()
         elif better and self._job is not None and self._job.native.progress < BEGUN:
-            self._drop()  # it is begun again with the better structure, which soon makes good for it
+            self._drop()  # restarted with the better structure, which soon regains the lost time
 
     def _trace(self) -> bool:
+        """Finish, continue or replace the running render; returns whether there is something new to show."""
         if self._ready is None or self._view is None:
             return False
         wanted = (self._ready.edit, self._moves)
@@ -284,11 +292,12 @@ class Preview:
                 pause = max(SHOW_SECONDS, DRAWING_SHARE * self.showing_seconds)
                 return time.monotonic() - self._shown >= pause and self._show(job)
             elif job.first and (job.age < PATIENCE or job.scale == COARSEST):
-                return False  # a picture of a moment ago is better than none
+                return False  # an outdated picture is better than none
             else:
                 if job.first:
                     self._rate = min(self._rate, job.pixels / job.age) / 4
                 self._drop()
+        # Start the coarse picture of a new view, or the next refinement.
         if self._finished is None or self._finished[0] != wanted:
             self._start(wanted, self._coarse(), first=True)
         elif self._finished[1] > self._view.pixel:
@@ -296,7 +305,7 @@ class Preview:
         return new
 
     def _end(self, job: _Job) -> bool:
-        """Take what a job that has ended leaves."""
+        """Record the speed of a finished job, and show it. Raises RuntimeError with the job's error."""
         self._job = None
         if job.native.error is not None:
             raise RuntimeError(job.native.error)
@@ -305,7 +314,7 @@ class Preview:
         return self._show(job)
 
     def _show(self, job: _Job) -> bool:
-        """Copy what a job has so far; False when it has nothing new."""
+        """Copy a job's current picture; False if it has no new samples."""
         samples = job.native.samples_done
         old = self.picture
         if samples == 0 or (
@@ -322,13 +331,14 @@ class Preview:
         return True
 
     def _start(self, what: tuple[int, int], scale: int, *, first: bool) -> None:
+        """Start a render of the current view with pixels of this size."""
         view, ready = self._view, self._ready
         assert view is not None
         assert ready is not None
         width, height = max(view.width // scale, 1), max(view.height // scale, 1)
         border = None
         if view.border is not None:
-            # Every pixel that the border touches, at least one.
+            # Include every pixel that the border touches, at least one.
             x0, y0, x1, y1 = view.border
             x0, y0 = min(x0 // scale, width - 1), min(y0 // scale, height - 1)
             border = (x0, y0, min(max(-(-x1 // scale), x0 + 1), width), min(max(-(-y1 // scale), y0 + 1), height))
@@ -344,14 +354,14 @@ class Preview:
         self._job = _Job(native, view, settings, scale, what, first, time.monotonic())
 
     def _drop(self) -> None:
-        """Ask the running job to stop. It is kept until it has, because forgetting it waits for that."""
+        """Cancel the running job. It is kept until it has ended, because deleting it would wait for that."""
         if self._job is not None:
             self._job.native.cancel()
             self._leaving.append(self._job)
             self._job = None
 
     def _coarse(self) -> int:
-        """The size of pixels in which the view can be shown while it moves."""
+        """The pixel size at which the view can be rendered within MOVING_SECONDS."""
         assert self._view is not None
         scale = self._view.pixel
         while scale < COARSEST and (
@@ -361,7 +371,7 @@ class Preview:
         return scale
 
     def _finer(self, scale: int) -> int:
-        """The size of pixels after `scale`: at most half, less where that takes no patience."""
+        """The pixel size after `scale`: at most half, smaller if that takes less than PATIENCE."""
         assert self._view is not None
         scale = max(scale // 2, self._view.pixel)
         while scale > self._view.pixel and self._seconds(max(scale // 2, self._view.pixel)) < PATIENCE:
@@ -369,7 +379,7 @@ class Preview:
         return scale
 
     def _seconds(self, scale: int) -> float:
-        """What one sample in pixels of this size may take."""
+        """Expected seconds of one sample with pixels of this size."""
         view = self._view
         assert view is not None
         x0, y0, x1, y1 = view.border or (0, 0, view.width, view.height)

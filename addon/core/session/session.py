@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Building a structure and rendering with it: long native work, watched from Python and stopped on demand."""
+"""Building a structure and rendering with it: long native work, observed from Python and cancelled on demand."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ if TYPE_CHECKING:
     from ..structures.settings import RenderSettings
 
 POLL_SECONDS = 0.05
-"""How often long work is looked at; a cancel is noticed after at most this time."""
+"""Interval of progress checks in seconds; a cancel takes effect after at most this time."""
 
 KeepGoing = Callable[[float], bool]
 """Called with the progress 0..1; returns False to stop the work."""
 
 
 class Cancelled(Exception):
-    """The user stopped the work."""
+    """The user cancelled the work."""
 
 
 class RenderError(RuntimeError):
@@ -38,7 +38,7 @@ class RenderError(RuntimeError):
 
 
 class _Work:
-    """What the thread of a build does, and what it leaves behind. It knows nobody who waits for it."""
+    """The work of a build's thread and its results. It holds no reference to its waiter, which may thus be freed."""
 
     def __init__(self, native: Native, spec: str, threads: int, memory_limit: int | None) -> None:
         self.structure: AnyStructure | None = None
@@ -71,7 +71,7 @@ class _Work:
         if before > 0:
             self.monitor = self._native.Monitor()
         self.part = (before, share)
-        if self.cancelled:  # now, or between two meshes
+        if self.cancelled:  # cancelled before this build or between two meshes
             self.monitor.cancel()
         return self._native.build(
             triangles.vertices, triangles.triangles, self._spec, monitor=self.monitor, **self._options
@@ -79,10 +79,10 @@ class _Work:
 
 
 class Building:
-    """A structure that is being built on a thread of its own, so that the caller's thread stays free.
+    """A structure that is being built on its own thread.
 
-    Over instances it is a structure of each mesh, those that are known already taken as they are, and a tree over the
-    places. Forgetting it stops the work, so whoever needs the structure keeps it; several may.
+    For instances it is one structure per mesh, reused where known, and a tree over the instances. Deleting this object
+    cancels the work, so every user of the structure keeps a reference.
     """
 
     def __init__(
@@ -95,9 +95,10 @@ class Building:
         memory_limit: int | None = None,
         trees: Trees = TREES,
     ) -> None:
-        """Begin to build `spec` over these triangles; 0 threads means one per core.
+        """Start to build `spec` over these triangles; 0 threads means one per core.
 
-        memory_limit: bytes that the build may take; None leaves it to the native module. trees: of meshes.
+        memory_limit: bytes that the build may use; None for the native module's limit. trees: cache of the meshes'
+        structures.
         """
         self.geometry = geometry
         self.spec = spec
@@ -108,7 +109,7 @@ class Building:
         self._thread.start()
 
     def __del__(self) -> None:
-        if hasattr(self, "_thread"):  # else it never began
+        if hasattr(self, "_thread"):  # the constructor failed before the thread began
             self._work.cancel()
 
     @property
@@ -119,31 +120,31 @@ class Building:
 
     @property
     def meshes(self) -> list[Structure]:
-        """The structures of the meshes, of instances: whoever holds on to them spares the next build theirs."""
+        """The structures of the meshes of instances; keeping them lets the next build reuse them."""
         return self._work.meshes
 
     @property
     def meshes_built(self) -> int:
-        """How many of them were not known."""
+        """The number of those structures that were built anew."""
         return self._work.meshes_built
 
     @property
     def usable(self) -> bool:
-        """Whether the structure is there or still to come: neither failed nor stopped."""
+        """Whether the structure exists or is being built: neither failed nor cancelled."""
         return self._work.error is None and not self._work.cancelled
 
     def wait(self, seconds: float) -> bool:
-        """Wait at most so long for the end, whichever it is. Returns whether it has come."""
+        """Wait at most `seconds` for the end. Returns whether the work has ended."""
         self._thread.join(seconds)
         return not self._thread.is_alive()
 
     def cancel(self) -> None:
-        """Stop the work, and wait for that: at most the native module's tenth of a second."""
+        """Cancel the work and wait for its end, which the native module reaches within a tenth of a second."""
         self._work.cancel()
         self._thread.join()
 
     def result(self) -> AnyStructure:
-        """The structure, after the end. Raises whatever the native module raised."""
+        """The structure, after waiting for the end. Raises the native module's exception."""
         self._thread.join()
         if self._work.error is not None:
             raise self._work.error
@@ -160,16 +161,16 @@ def build(
     keep_going: KeepGoing,
     **options: Unpack[BuildOptions],
 ) -> Building:
-    """The finished build of the native structure `spec` over these triangles; `keep_going` is asked meanwhile.
+    """Build the native structure `spec` over these triangles to the end, calling `keep_going` meanwhile.
 
-    Raises Cancelled, or whatever the native module raises.
+    Raises Cancelled, or the native module's exceptions.
     """
     building = Building(native, geometry, spec, trees=trees, **options)
     try:
         while not building.wait(POLL_SECONDS):
             if not keep_going(building.progress):
                 raise Cancelled
-    except BaseException:  # an interrupt from the keyboard too
+    except BaseException:  # also KeyboardInterrupt
         building.cancel()
         raise
     building.result()
@@ -199,7 +200,8 @@ class SceneArguments(TypedDict, total=False):
 
 
 def arguments(scene: Scene) -> SceneArguments:
-    """What the native `RenderScene` takes beside the structure."""
+    """The arguments of the native `RenderScene` except the structure."""
+    # Pass either instances with their surfaces, or flattened triangles with their attributes.
     geometry = scene.geometry
     carried: SceneArguments
     if isinstance(geometry, InstancedGeometry):
@@ -225,11 +227,13 @@ def arguments(scene: Scene) -> SceneArguments:
 
 
 LIGHT = re.compile(r"lights\[(\d+)\]")
-"""How messages of the native module begin that are about a light."""
+"""Prefix of the native module's messages about a light."""
 
 
 def render_scene(native: Native, structure: AnyStructure, scene: Scene) -> RenderScene:
-    """The native `RenderScene` over this structure. Raises what it raises; an error about a light tells its name."""
+    """The native `RenderScene` over this structure. Raises its exceptions, with the light's name where one is
+    concerned.
+    """
     try:
         return native.RenderScene(structure, **arguments(scene))
     except ValueError as error:
@@ -242,13 +246,13 @@ def render_scene(native: Native, structure: AnyStructure, scene: Scene) -> Rende
 
 @dataclass(frozen=True)
 class Session:
-    """A structure, and the scene around it in the form that the native renderer walks."""
+    """A structure, and the scene around it in the native renderer's form."""
 
     native: Native
     structure: AnyStructure
     render_scene: RenderScene
     building: Building | None = None
-    """What the structure came from, where the session built it itself."""
+    """The structure's build, if the session made it."""
 
     @classmethod
     def start(
@@ -261,29 +265,29 @@ class Session:
         keep_going: KeepGoing,
         **options: Unpack[BuildOptions],
     ) -> Session:
-        """Build the structure and hand over materials, lights and world. Raises as `build` does."""
+        """Build the structure and pass on materials, lights and world. Raises as `build` does."""
         building = build(native, scene.geometry, spec, trees=trees, keep_going=keep_going, **options)
         return replace(cls.over(native, scene, building.result()), building=building)
 
     @classmethod
     def over(cls, native: Native, scene: Scene, structure: AnyStructure) -> Session:
-        """The same over a structure of this scene that is built already."""
+        """A session over a finished structure of this scene."""
         return cls(native, structure, render_scene(native, structure, scene))
 
     @property
     def left_out(self) -> list[str]:
-        """What this scene lacks and therefore does not pay for, one reason per line."""
+        """Features that this scene lacks and therefore does not pay for, one reason per line."""
         return list(self.render_scene.left_out)
 
     def render(self, camera: Camera, settings: RenderSettings) -> RenderJob:
-        """The running native job for one picture. Returns at once."""
+        """Start a native job for one picture and return it at once."""
         return self.native.render(self.render_scene, asdict(camera), settings.as_dict(), threads=settings.threads)
 
 
 def watch(job: RenderJob, *, milliseconds: int, keep_going: KeepGoing, show: Callable[[], None]) -> None:
     """Wait for a job, calling `show` about every `milliseconds` while it works.
 
-    `keep_going` is asked more often, so that a cancel never waits for a picture. Raises Cancelled or RenderError.
+    `keep_going` is called more often, so that a cancel never waits for a picture. Raises Cancelled or RenderError.
     """
     step = max(1, round(POLL_SECONDS * 1000))
     elapsed = 0
@@ -295,7 +299,7 @@ def watch(job: RenderJob, *, milliseconds: int, keep_going: KeepGoing, show: Cal
             if elapsed >= milliseconds:
                 elapsed = 0
                 show()
-    except BaseException:  # an interrupt from the keyboard too
+    except BaseException:  # also KeyboardInterrupt
         job.cancel()
         job.wait(1000)
         raise

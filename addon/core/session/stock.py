@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Structures that somebody uses now, so that whoever needs the same one takes it.
+"""Shared structures that are in use, so that equal ones are built only once.
 
-That is four quads of a view, a final render beside it, the next frame of an animation in which only the camera moves.
+Users are the four quads of a view, a final render beside them, and the next frame of an animation in which only the
+camera moves.
 """
 
 from __future__ import annotations
@@ -19,13 +20,13 @@ if TYPE_CHECKING:
 
 
 class Stock:
-    """Knows the builds that are alive, and keeps none: the last user who forgets one frees or stops it."""
+    """Weak references to all live builds: deleting the last user's reference frees or cancels a build."""
 
     def __init__(self) -> None:
         self._buildings: weakref.WeakSet[Building] = weakref.WeakSet()
 
     def find(self, geometry: AnyGeometry, spec: str, memory_limit: int | None = None) -> Building | None:
-        """A build of `spec` over just these triangles, whether it has ended or not."""
+        """A running or finished build of `spec` over exactly these triangles, or None."""
         for building in tuple(self._buildings):
             alike = building.spec == spec and building.memory_limit == memory_limit and building.usable
             if alike and _same_triangles(building.geometry, geometry):
@@ -33,7 +34,7 @@ class Stock:
         return None
 
     def take(self, native: Native, geometry: AnyGeometry, spec: str, **options: Unpack[BuildOptions]) -> Building:
-        """The same, begun now if there is none."""
+        """The same, started now if there is none."""
         building = self.find(geometry, spec, options.get("memory_limit"))
         if building is None:
             building = Building(native, geometry, spec, **options)
@@ -50,4 +51,4 @@ def _same_triangles(old: AnyGeometry, new: AnyGeometry) -> bool:
 
 
 STOCK = Stock()
-"""Blender's. A tree depends on its triangles and its spec alone, so it does not matter who asked first."""
+"""Blender's stock. A tree depends only on its triangles and its spec, so all users can share it."""

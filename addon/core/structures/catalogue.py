@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The native registry of structures as dataclasses. Every list of structures or parameters is made from this."""
+"""The native registry of structures as dataclasses; every list of structures or parameters derives from it."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ Value = int | float | str
 
 @dataclass(frozen=True)
 class Parameter:
-    """One key of a configuration string, with what a user interface needs to offer it.
+    """One key of a configuration string, with the texts and limits that a user interface needs.
 
-    kind: "integer", "float" or "choice". `minimum` and `maximum` bound a number; `options` names the values of a
+    kind: "integer", "float" or "choice". `minimum` and `maximum` bound a number; `options` lists the values of a
     choice.
     """
 
@@ -32,7 +32,7 @@ class Parameter:
     options: tuple[str, ...] = ()
 
     def clamp(self, value: Value) -> Value:
-        """The nearest value that this parameter accepts."""
+        """The nearest valid value; the default for an unknown choice."""
         if self.kind == "choice":
             return value if value in self.options else self.default
         number = float(value)
@@ -47,7 +47,7 @@ class Parameter:
 class Structure:
     """One acceleration structure: `id` for configuration strings, `code` for saved files (never reused).
 
-    aliases: other names of the id, those that other authors gave it.
+    aliases: further names for the id, used by other authors.
     """
 
     id: str
@@ -60,12 +60,12 @@ class Structure:
     aliases: tuple[str, ...] = ()
 
     def parameter(self, name: str) -> Parameter | None:
-        """The parameter of this name, or None when this structure has none."""
+        """The parameter of this name, or None."""
         return next((p for p in self.parameters if p.name == name), None)
 
 
 class Catalogue:
-    """All structures, in the registry's order."""
+    """All structures, in the order of the registry."""
 
     def __init__(self, structures: Iterable[Structure]) -> None:
         self.structures = tuple(structures)
@@ -76,16 +76,16 @@ class Catalogue:
         return self._by_id[structure_id]
 
     def get(self, structure_id: str) -> Structure | None:
-        """The structure of this id or other name, if there is one."""
+        """The structure of this id or alias, or None."""
         return self._by_id.get(structure_id) or self._by_alias.get(structure_id)
 
     @property
     def default(self) -> Structure:
-        """What a new scene starts with: the kd-tree, the structure that all others are compared with."""
+        """The structure of a new scene: the kd-tree, which all others are compared with."""
         return self._by_id.get("kd", self.structures[0])
 
     def parameters(self) -> dict[str, Parameter]:
-        """One parameter per name, wide enough for every structure that has a parameter of this name."""
+        """One parameter per name, with limits and options wide enough for every structure that has it."""
         merged: dict[str, Parameter] = {}
         for structure in self.structures:
             for parameter in structure.parameters:
@@ -96,7 +96,7 @@ class Catalogue:
 
 @cache
 def load() -> Catalogue:
-    """The catalogue of the compiled module. Raises native.NativeError when there is none."""
+    """The catalogue of the compiled module. Raises native.NativeError if the module is missing."""
     return Catalogue(_structure(row) for row in native.load().structures())
 
 
@@ -128,6 +128,7 @@ def _parameter(row: Mapping[str, Any]) -> Parameter:
 
 
 def _widen(a: Parameter, b: Parameter) -> Parameter:
+    """The union of two parameters' limits and options, with the texts of the first."""
     return Parameter(
         name=a.name,
         label=a.label,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Every name under which the sources know a structure, as a configuration."""
+"""Named structures of the literature, as configurations."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from .catalogue import Catalogue, Parameter, Value
 
 @dataclass(frozen=True)
 class Preset:
-    """name: as the source writes it. spec: the configuration that it stands for."""
+    """A named structure. name: as the source writes it. spec: its configuration."""
 
     name: str
     spec: str
@@ -54,7 +54,7 @@ PRESETS = tuple(
         ("BIH, four planes", "bih4"),
         ("BIH, n-ary", "bih-n:n=4"),
         ("BIH by SAH", "bih-sah"),
-        ("BIH walked as BVH", "bih-bvh"),
+        ("BIH traversed as BVH", "bih-bvh"),
         ("BIH, oblique", "bih-obl"),
         ("BVH", "bvh-sah"),
         ("BVH, two boxes a node", "bvh-sah:width=2"),
@@ -74,12 +74,12 @@ PRESETS = tuple(
 
 
 def offered(catalogue: Catalogue) -> tuple[Preset, ...]:
-    """The presets whose structure and parameters are all in the catalogue."""
+    """The presets whose structure and parameters the catalogue contains."""
     return tuple(preset for preset in PRESETS if _known(catalogue, preset.spec))
 
 
 def settings(catalogue: Catalogue, spec: str) -> tuple[str, dict[str, Value]]:
-    """The id of a configuration's structure, and the values of all of its parameters. Raises specs.SpecError."""
+    """The id of a configuration's structure, and the values of all its parameters. Raises specs.SpecError."""
     structure = catalogue.get(specs.structure_of(spec))
     if structure is None:
         known = ", ".join(one.id for one in catalogue.structures)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the user asks for: a structure with its parameters, and a picture with its size and quality."""
+"""User settings: a structure with its parameters, and a picture with its size and quality."""
 
 from __future__ import annotations
 
@@ -23,8 +23,7 @@ class SettingsError(ValueError):
 def spec(structure: Structure, values: Mapping[str, Value]) -> str:
     """The configuration string `id:key=value,...` of a structure.
 
-    Only keys that this structure has, whose value differs from its default, are written; values are brought into
-    range.
+    Contains only parameters of this structure that differ from their defaults; values are clamped.
     """
     keys: dict[str, Value] = {}
     for parameter in structure.parameters:
@@ -35,12 +34,12 @@ def spec(structure: Structure, values: Mapping[str, Value]) -> str:
 
 
 def memory_limit(megabytes: int) -> int | None:
-    """What a build may take, in bytes, from a setting in which 0 leaves it to the native module."""
+    """Memory limit of a build in bytes, from a setting in which 0 means the native module's limit (None)."""
     return megabytes * 1_000_000 if megabytes else None
 
 
 def same(a: Value, b: Value) -> bool:
-    """Whether two values are the same number or name, as far as f32 can tell, in which Blender stores numbers."""
+    """Whether two values are equal; numbers in f32, the precision in which Blender stores them."""
     if isinstance(a, float) or isinstance(b, float):
         return bool(np.float32(a) == np.float32(b))
     return a == b
@@ -55,7 +54,7 @@ def _text(value: Value) -> str:
 
 @dataclass(frozen=True)
 class Mist:
-    """How the mist pass grows, in scene units; falloff as in Blender: QUADRATIC, LINEAR, INVERSE_QUADRATIC."""
+    """Growth of the mist pass, in scene units; falloff as in Blender: QUADRATIC, LINEAR, INVERSE_QUADRATIC."""
 
     start: float = 5.0
     depth: float = 25.0
@@ -64,12 +63,13 @@ class Mist:
 
 @dataclass(frozen=True)
 class RenderSettings:
-    """One picture. border: (x0, y0, x1, y1) pixels of the full frame, half open, y from the bottom; None: all of it.
+    """Settings of one picture. border: (x0, y0, x1, y1) pixels of the full frame, half open, y from the bottom; None:
+    all.
 
     integrator: path, whitted (direct light, mirrors and clear glass) or ao (openness within ambient_distance).
-    clamp_indirect: most that a sample may add after its first bounce, 0 = no limit. passes: names of the arrays wanted.
-    noise_threshold: error at which a block of pixels gets no more samples, 0 = all get all. time_limit: seconds after
-    which no samples begin, 0 = no limit. threads: 0 means one per core. Raises SettingsError.
+    clamp_indirect: largest contribution of a sample after its first bounce, 0 = no limit. passes: names of the output
+    arrays. noise_threshold: error below which a block of pixels gets no more samples, 0 = none is skipped. time_limit:
+    seconds after which no samples begin, 0 = no limit. threads: 0 means one per core. Raises SettingsError.
     """
 
     width: int
@@ -99,14 +99,14 @@ class RenderSettings:
 
     @property
     def size(self) -> tuple[int, int]:
-        """Width and height of the picture that comes out, in pixels."""
+        """Width and height of the rendered part in pixels."""
         if self.border is None:
             return self.width, self.height
         x0, y0, x1, y1 = self.border
         return x1 - x0, y1 - y0
 
     def as_dict(self) -> dict[str, Any]:
-        """What the native `render` takes."""
+        """The settings as the native `render` takes them."""
         return {
             "width": self.width,
             "height": self.height,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Lists of configurations: from what a user writes to one configuration string per measurement."""
+"""Lists of configurations: from user input to one configuration string per measurement."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ if TYPE_CHECKING:
 
 
 class SpecError(ValueError):
-    """A structure, family, parameter or range is unknown or wrong. The message says what there is, in one line."""
+    """An unknown or wrong structure, family, parameter or range. The message lists the choices in one line."""
 
 
 def split(text: str) -> list[str]:
     """The configurations in a comma-separated list; a comma inside `id:key=value,key=value` does not separate."""
     specs: list[str] = []
     for part in (part.strip() for part in text.split(",")):
-        # Only a further key=value of the configuration before has a '=' and no ':' ahead of it.
+        # Only a further key=value of the preceding configuration has a '=' without a ':' before it.
         if specs and "=" in part and ":" not in part.partition("=")[0]:
             specs[-1] += "," + part
         elif part:
@@ -36,49 +36,50 @@ def structure_of(spec: str) -> str:
 
 
 def parameters(spec: str) -> str:
-    """What a configuration says after its structure: `key=value,...`, empty where it says nothing."""
+    """The part of a configuration after its structure: `key=value,...`, or ""."""
     return spec.partition(":")[2]
 
 
 def pairs(spec: str) -> list[tuple[str, str]]:
-    """The keys and values that a configuration gives, in its order and as it writes them."""
+    """The keys and values of a configuration, in its order and spelling."""
     return [(key.strip(), value.strip()) for key, _, value in _parts(spec)]
 
 
 def _parts(spec: str) -> list[tuple[str, str, str]]:
-    """Key, `=` and value of all that a configuration gives; without the `=` where it lacks one."""
+    """Key, `=` and value of each part of a configuration; the `=` is empty where it is missing."""
     return [part.partition("=") for part in parameters(spec).split(",") if part]
 
 
 def joined(name: str, *given: str) -> str:
-    """The configuration of a structure, or one with some keys already, with these `key=value`."""
+    """A configuration with these `key=value` appended to a structure or to a configuration that has some already."""
     more = ",".join(filter(None, given))
     return f"{name}{',' if parameters(name) else ':' * (':' not in name)}{more}" if more else name
 
 
 SWEEP = "bsp-sweep"
-"""The thesis's name for all trees whose directions are chosen anew at each node."""
+"""The thesis's name for all trees whose directions are selected per node."""
 
 SWEEP_IDS = ("bsp-random", "bsp-wn", "bsp-cn", "bsp-hybrid")
-"""What their ids begin with."""
+"""Prefixes of their ids."""
 
 MOST = 100_000
-"""Configurations that one list may grow to, and values of one option."""
+"""Limit on the configurations of one list, and on the values of one option."""
 
 SHOWN = 20
-"""Values of a list that a message names."""
+"""Largest number of list values in a message."""
 
 
 def is_whole(text: str) -> bool:
-    """Whether the text is a whole number that `int` reads: digits as ASCII has them, and not too many."""
+    """Whether the text is a non-negative integer for `int`: ASCII digits, at most 18."""
     return text.isascii() and text.isdecimal() and len(text) <= 18
 
 
 def numbers(text: str, option: str = "") -> list[str]:
-    """The values in a list with ranges of whole numbers: "2-4,8" or "2..4,8" is 2, 3, 4, 8.
+    """The values in a list with ranges of integers: "2-4,8" or "2..4,8" is 2, 3, 4, 8.
 
-    option: of a command line, whose text it is. Raises SpecError, which names it.
+    option: name of the command-line option, for messages. Raises SpecError.
     """
+    # Stop as soon as the lists are too long.
     try:
         return _at_most(_values(part.strip()) for part in text.split(","))
     except SpecError as error:
@@ -88,7 +89,7 @@ def numbers(text: str, option: str = "") -> list[str]:
 
 
 def _at_most(lists: Iterable[list[str]]) -> list[str]:
-    """All of these lists together. Raises SpecError as soon as they are too many."""
+    """The concatenation of these lists. Raises SpecError as soon as it exceeds MOST values."""
     found: list[str] = []
     for one in lists:
         found += one
@@ -114,7 +115,7 @@ def _values(part: str) -> list[str]:
 
 
 def _spread_out(spec: str) -> list[str]:
-    """The configurations that one with ranges stands for: `kd:k=2..4` or `kd:k=2|4`. Raises SpecError."""
+    """Expand a configuration with ranges: `kd:k=2..4` or `kd:k=2|4`. Raises SpecError."""
     if ".." not in parameters(spec) and "|" not in parameters(spec):
         return [spec]
     choices = []
@@ -134,16 +135,17 @@ def expand(
     ranges: Mapping[str, Sequence[str]],
     left_out: list[str] | None = None,
 ) -> list[str]:
-    """The configurations that `--structures` and ranges of parameters ask for, each once, in order.
+    """The configurations selected by `--structures` and parameter ranges, each once, in order.
 
-    text: configurations, in which `k=2..10` and `k=2|6` stand for several, names of families, or "all"; a structure
-    may be called by another name of it. structures: the native registry. ranges: parameter to values; a structure that
-    lacks the parameter, or whose configuration sets it, is taken as it is, and one that allows some of the values only
-    gets those; left_out: told of the others, in lines. Raises SpecError.
+    text: configurations, in which `k=2..10` and `k=2|6` stand for several, names of families, or "all"; aliases of
+    structures are accepted. structures: the native registry. ranges: parameter to values; a structure that lacks the
+    parameter, or whose configuration sets it, is taken unchanged, and values out of a structure's range are skipped.
+    left_out: gets one line for each structure with skipped values. Raises SpecError.
     """
     rows = {row["id"]: row for row in structures}
     ids = {alias: row["id"] for row in structures for alias in row.get("aliases", ())}
     chosen: list[str] = []
+    # Resolve names, aliases and families.
     for written in split(text):
         name = ids.get(structure_of(written), structure_of(written))
         part = joined(name, parameters(written))
@@ -161,11 +163,12 @@ def expand(
             raise SpecError(f"these are more than {MOST:,} configurations")
     if not chosen:
         raise SpecError("no structure is named")
+    # Reject ranges of parameters that no chosen structure has.
     unused = set(ranges) - {p["name"] for spec in chosen for p in rows[structure_of(spec)]["parameters"]}
     if unused:
         raise SpecError(f"none of the structures {_shortened(chosen, ', ')} has the parameter {min(unused)!r}")
     told = left_out if left_out is not None else []
-    # Counted before they are made: some forty structures with many seeds each are millions.
+    # Count before expanding: some forty structures with many seeds each are millions.
     inside = _Inside(rows, ranges)
     taken: dict[str, dict[str, list[str]]] = {}
     count = 0
@@ -178,9 +181,9 @@ def expand(
 
 
 def prove(native: Native, chosen: Sequence[str]) -> list[str]:
-    """Prove by a tiny build that each configuration is valid. Raises SpecError.
+    """Validate each configuration by a tiny build. Raises SpecError.
 
-    Returns them without those that are another one in other words, such as `kd:traversal=auto` after `kd`.
+    Returns them without duplicates in other words, such as `kd:traversal=auto` after `kd`.
     """
     corners, triangle = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32), np.array([[0, 1, 2]], np.int32)
     found: dict[str, str] = {}
@@ -193,7 +196,7 @@ def prove(native: Native, chosen: Sequence[str]) -> list[str]:
 
 
 def _families(row: Mapping[str, Any]) -> list[str]:
-    """The names under which a structure is chosen together with others."""
+    """The names that select a structure together with others."""
     sweep = [SWEEP] * row["id"].startswith(SWEEP_IDS)
     return [row["family"], f"family:{row['family']}", "all", *sweep]
 
@@ -210,14 +213,16 @@ def values(spec: str, structures: Sequence[Mapping[str, Any]]) -> dict[str, Any]
 
 
 class _Inside:
-    """For each structure the values of `ranges` that its parameters allow, judged once for all its configurations."""
+    """For each structure the values of `ranges` within its parameters' limits, computed once for all its
+    configurations.
+    """
 
     def __init__(self, rows: Mapping[str, Any], ranges: Mapping[str, Sequence[str]]) -> None:
         self._rows, self._ranges = rows, ranges
         self._known: dict[str, dict[str, tuple[list[str], str]]] = {}
 
     def of(self, structure: str) -> dict[str, tuple[list[str], str]]:
-        """By parameter that it has, the values allowed and, where there are others, words about those."""
+        """By parameter of the structure, the allowed values, and a text about the others, or ""."""
         if structure not in self._known:
             known = {parameter["name"]: parameter for parameter in self._rows[structure]["parameters"]}
             self._known[structure] = {
@@ -233,12 +238,12 @@ class _Inside:
         for value in wanted:
             (allowed if _inside(value, low, high) else others).append(value)
         words = f"{key}={_shortened(others)}: it goes from {low:g} to {high:g}" if others else ""
-        # Repeats are one configuration, and count as one.
+        # Drop repeats, which would be the same configuration.
         return list(dict.fromkeys(allowed)), words
 
 
 def _allowed(spec: str, inside: _Inside, left_out: list[str]) -> dict[str, list[str]]:
-    """The values that each parameter takes in turn which the structure has and the configuration does not set."""
+    """The values of each swept parameter that the structure has and the configuration does not set."""
     given = {key for key, _ in pairs(spec)}
     allowed: dict[str, list[str]] = {}
     for key, (found, others) in inside.of(structure_of(spec)).items():
@@ -253,7 +258,7 @@ def _allowed(spec: str, inside: _Inside, left_out: list[str]) -> dict[str, list[
 
 
 def _shortened(texts: Sequence[str], comma: str = ",") -> str:
-    """A list of values, of which a reader sees no more than a line."""
+    """A list of values, shortened to one line."""
     more = len(texts) - SHOWN
     return comma.join(texts[:SHOWN]) + (f" and {more} more" if more > 0 else "")
 
@@ -265,7 +270,7 @@ def _with_values(spec: str, allowed: Mapping[str, Sequence[str]]) -> Iterator[st
 
 
 def _inside(value: str, low: Any, high: Any) -> bool:
-    """Whether a parameter may have this value; what is no number is for its build to judge."""
+    """Whether a value is within a parameter's limits; non-numbers are left to the build to reject."""
     try:
         number = float(value)
     except ValueError:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Trees of meshes, kept from one picture to the next: only what changed is built again."""
+"""Structures of meshes, shared between pictures, so that only changed meshes are built again."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ if TYPE_CHECKING:
 
 
 class Trees:
-    """Knows the native structures of meshes that somebody uses now, by what the meshes contain, and keeps none.
+    """Weak references to the native structures of meshes in use, keyed by the meshes' content.
 
-    So it does not matter how an edit, a frame change or an undo made a mesh what it is; and two objects with copies of
-    one mesh share a tree. Any thread may ask.
+    A structure is thus reused however an edit, a frame change or an undo restored its mesh, and copies of one mesh
+    share a structure. Thread-safe.
     """
 
     def __init__(self) -> None:
@@ -28,10 +28,10 @@ class Trees:
     def of(
         self, geometry: InstancedGeometry, spec: str, build: Callable[[Mesh, float, float], Structure]
     ) -> tuple[list[Structure], int]:
-        """The structure of each mesh, to be held on to, and how many of them were not known.
+        """The structure of each mesh, which the caller must keep, and the number of those that were built.
 
-        build: makes the structure of a mesh; it is also told which share of the work was done before, and which is its
-        own, both 0 to 1.
+        build: builds the structure of a mesh; its other arguments are the share of the work done before, and its own
+        share, both 0 to 1.
         """
         keys = [(mesh.shape, spec) for mesh in geometry.meshes]
         with self._lock:
@@ -50,4 +50,4 @@ class Trees:
 
 
 TREES = Trees()
-"""Blender's. A tree depends on its triangles and its spec alone, so it does not matter who asked first."""
+"""Blender's cache. A tree depends only on its triangles and its spec, so all users can share it."""

@@ -114,7 +114,7 @@ def test_choosing_sets_structure_and_parameters(seen: Any) -> None:
 def test_what_is_measured_instead_of_the_picture_is_said(seen: Any, operator: str) -> None:
     seen.camera.data.type = "ORTHO"
     assert getattr(bpy.ops.halfspace, operator)() == {"FINISHED"}
-    said = "want of a perspective camera"
+    said = "No perspective camera"
     assert said in bpy.data.texts["Halfspace comparison, Scene"].as_string()
     for panel in compare_panels.CLASSES:
         assert said in " ".join(draw_all(panel, scene=seen).log)
@@ -127,7 +127,7 @@ def test_a_choice_that_was_measured_on_another_view_says_so(seen: Any) -> None:
     bpy.ops.render.render()
     report = reports.last(seen)
     assert report is not None
-    assert [line for line in report.reasons if "want of a perspective camera" in line]
+    assert [line for line in report.reasons if "No perspective camera" in line]
 
 
 def test_a_result_is_old_once_the_scene_has_changed(seen: Any) -> None:
@@ -273,7 +273,7 @@ def test_a_result_of_a_scene_that_is_gone_is_said(seen: Any) -> None:
     window.context.scene = bpy.data.scenes.new("Other")
     bpy.data.scenes.remove(seen)
     assert until_it_ends(operator, kind, window.context) == {"CANCELLED"}
-    assert operator.said == ["The scene that was measured is gone"]
+    assert operator.said == ["The measured scene was deleted"]
     assert not comparing._found
     assert not bpy.data.texts
 

@@ -171,4 +171,4 @@ def test_a_view_that_is_not_the_camera_s_is_said(seen: Any, operator: Any, built
     said: list[str] = []
     itself = SimpleNamespace(width=64, report=lambda _kind, line: said.append(line))
     assert operator.execute(itself, bpy.context) == {"FINISHED"}
-    assert [line for line in said if "want of a perspective camera" in line]
+    assert [line for line in said if "No perspective camera" in line]

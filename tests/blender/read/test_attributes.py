@@ -87,9 +87,7 @@ def test_more_attributes_than_fit_over_the_whole_scene_are_refused_before_any_is
     monkeypatch.setattr(layers, "read_layers", lambda *_: pytest.fail("they were copied"))
     # The triangles and their corners alone would have room: 12 triangles of 8 vertices, flat.
     monkeypatch.setattr(halfspace_native, "free_memory", lambda: 12 * 8 + 16 * 12)
-    with pytest.raises(
-        SceneError, match=r"12 triangles .* does not fit; let materials read fewer different attributes"
-    ):
+    with pytest.raises(SceneError, match=r"12 triangles .* does not fit; use fewer different attributes in materials"):
         read()
 
 
@@ -124,7 +122,7 @@ def test_layers_are_counted_as_they_are_read(box: Any, kind: str) -> None:
 @pytest.mark.parametrize(
     ("most", "free", "advice"),
     [
-        (1 << 29, 12 * 8 + 16 * 12, "let materials read fewer different attributes"),
+        (1 << 29, 12 * 8 + 16 * 12, "use fewer different attributes in materials"),
         (1 << 29, 12 * 8 + 16 * 12 - 1, "make fewer copies"),
         (11, 1 << 40, "make fewer copies"),
     ],

@@ -97,7 +97,7 @@ def test_all_claims_are_measured_and_shown(tmp_path: Path, capsys: pytest.Captur
         assert not row["error"].startswith("0 of 0 ")
         assert row["why"]
         if row["why"].startswith("per ray: kd "):
-            assert "are counted one by one, though they may go together" in row["why"], "kd takes them together"
+            assert "are counted one by one, though they may be traced together" in row["why"], "kd takes them together"
     for claim in claims_table.CLAIMS:
         assert f'id="{claim.id}"' in page
     assert "http" not in page.replace("http://www.w3.org", "").replace("http://purl.org", "").replace(
@@ -132,8 +132,8 @@ def test_the_page_says_what_its_numbers_are(tmp_path: Path, monkeypatch: pytest.
         command.save(tmp_path, halfspace_native, found, quick=quick)
         page = (tmp_path / "claims.html").read_text()
         assert f"Rays: the median of {count} passes" in page
-        assert f"the shortest of {count + 1} walks by the clock, summed" in page
-        assert f"Builds: the median of {count}, or of as many as begin within 60 seconds" in page
+        assert f"the shortest of {count + 1} passes for each chunk of rays, in wall-clock time, summed" in page
+        assert f"Builds: the median of {count}, or of those that begin within 60 seconds" in page
 
 
 def test_builds_are_medians_of_as_many_as_there_is_time_for(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -188,7 +188,7 @@ def test_a_scene_that_is_put_there_or_changes_is_measured(tmp_path: Path) -> Non
         assert command.main(asked) == 0
         return [row["measured"] for row in json.loads((tmp_path / "claims.json").read_text())["rows"]]
 
-    assert measured() == ["the scene utah-teapot-plane is not there"] * 2
+    assert measured() == ["the scene utah-teapot-plane is missing"] * 2
     save_scene(tmp_path / "utah-teapot-plane.npz", claims_scenes.scattered())
     first = measured()
     assert all("ns per ray" in text for text in first)

@@ -160,7 +160,7 @@ def test_the_memory_of_a_build_is_told(tmp_path: Path) -> None:
 
 
 def test_a_tree_that_rays_build_is_no_point(tmp_path: Path) -> None:
-    with pytest.raises(growth.LazyError, match="kd:lazy=1 is built by rays in part"):
+    with pytest.raises(growth.LazyError, match="kd:lazy=1 is built lazily"):
         list(growth.measure(halfspace_native, ["kd:lazy=1"], Options(sizes=(500,), size=(32, 32))))
 
 
@@ -208,7 +208,7 @@ def test_what_failed_first_hides_nothing_of_what_did_not() -> None:
     [
         (["--structures", "octopus"], "unknown structure 'octopus'"),
         (["--structures", "kd:max_depth=999"], "max_depth"),
-        (["--structures", "kd,kd:lazy=1"], "--structures: kd:lazy=1 is built by rays in part"),
+        (["--structures", "kd,kd:lazy=1"], "--structures: kd:lazy=1 is built lazily"),
         (["--triangles", "many"], "expected a number"),
         (["--triangles", "10"], "--triangles: expected 400 to"),
         (["--triangles", "1e12"], "--triangles: expected 400 to"),

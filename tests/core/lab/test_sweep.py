@@ -82,7 +82,7 @@ def test_parts_merge_to_the_whole(scenes: list[str], tmp_path: Path, whole: list
     # The same command line without a part finds the rows of its folder, and measures the others.
     capsys.readouterr()
     assert bench.main([*scenes, *OPTIONS, "--out", folders[0]]) == 0
-    assert "rows are there already" in capsys.readouterr().out
+    assert "rows exist already" in capsys.readouterr().out
     assert table(Path(folders[0])) == whole
 
 
@@ -122,7 +122,7 @@ def test_rows_of_runs_with_other_rays_are_not_merged(scenes: list[str], tmp_path
     assert bench.main([scenes[1], *quick, third, "--ray-seed", "9"]) == 0
     capsys.readouterr()
     assert bench.main([first, second, "--merge", "--out", str(tmp_path / "out")]) == 2
-    assert "soup-1: its rows are of runs with different --ray-seed;" in capsys.readouterr().err
+    assert "soup-1: its rows belong to runs with different --ray-seed;" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
     smaller = Path(scenes[0]).with_name("other") / Path(scenes[0]).name
     smaller.parent.mkdir()

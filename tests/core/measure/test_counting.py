@@ -92,9 +92,11 @@ def said(*rows: dict[str, Any]) -> str:
 
 def test_counters_of_another_walk_explain_nothing() -> None:
     rows = row("a", 4.0), row("b", 2.0)
-    assert "because its steps are cheaper: it makes about as many" in said(*rows)
+    assert "because its steps are cheaper: it needs about as many" in said(*rows)
     rows[0]["rays"]["primary"]["counts_timed_walk"] = False
-    assert "counters do not tell why: rays of a are counted one by one, though they may go together." in said(*rows)
+    assert "counters do not explain it: rays of a are counted one by one, though they may be traced together." in said(
+        *rows
+    )
     assert "because" not in said(*rows)
 
 
@@ -114,7 +116,7 @@ def test_times_of_walks_that_are_not_counted_are_not_fitted() -> None:
     if plots.problem() is None:
         (picture,) = (one for one in plots.scene_figures(rows) if one.title == "Fitted costs")
         assert (
-            "Left out, as their rays are counted one by one, though they may go together: bsp-wn:k=3."
+            "Left out, as their rays are counted one by one, though they may be traced together: bsp-wn:k=3."
             in picture.caption
         )
 
@@ -123,4 +125,4 @@ def test_claims_say_which_of_their_counters_are_of_another_walk() -> None:
     structures = halfspace_native.structures()
     assert counting.remark({"kd": "kd:traversal=dir", "boxes": "bvh-sah"}, structures) == ""
     told = counting.remark({"a tree": "kd", "boxes": "bvh-sah"}, structures)
-    assert told == " (rays of a tree are counted one by one, though they may go together)"
+    assert told == " (rays of a tree are counted one by one, though they may be traced together)"

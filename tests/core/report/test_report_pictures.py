@@ -39,7 +39,7 @@ def test_where_oblique_planes_pay_for_one_picture_is_said() -> None:
         pictured(one, 1.0)
     text = page.as_html(document(both))
     assert "on 0 of 2 scenes;" in text
-    assert "on 1 it is too close to tell: other" in text
+    assert "on 1 the difference is within noise: other" in text
 
 
 def test_scenes_without_both_kinds_of_trees_are_not_counted() -> None:
@@ -64,7 +64,7 @@ def test_oblique_planes_are_not_faster_by_less_than_noise_nor_by_luck() -> None:
     for one, seconds in zip(rows, (10.0, 9.5, 9.8, 10.4), strict=True):
         pictured(one, seconds, spread=0.08)
     assert report.worth_it(rows) == []
-    assert "bsp-wn:k=3, the best of 3 trees with oblique planes; too close to tell from the" in about_pictures(rows)
+    assert "bsp-wn:k=3, the best of 3 trees with oblique planes; equal within noise to the" in about_pictures(rows)
     # Faster in each pair of rounds, but the machine's own noise is larger.
     for one, seconds in zip(rows, (10.0, 9.7, 9.8, 10.4), strict=True):
         pictured(one, seconds, spread=0.001)
@@ -79,7 +79,7 @@ def test_oblique_planes_are_not_faster_by_less_than_noise_nor_by_luck() -> None:
     for one, seconds in zip(rows, (10.0, 1.0, 2.0, 3.0), strict=True):
         one["image_s"], one["image"] = dict.fromkeys(("min", "med", "max"), seconds), None
     assert report.worth_it(rows) == []
-    assert "too close to tell" in about_pictures(rows)
+    assert "equal within noise" in about_pictures(rows)
     for one in rows:
         one["image_s"] = one["image_s"]["med"]
     assert report.image_total(rows[1]) == pytest.approx(1.2), "as in reports of earlier versions"
@@ -112,7 +112,7 @@ def test_pictures_of_different_processes_are_related_by_the_tree_beside_them() -
     rows[1]["image"]["anchor_rounds_s"] = []
     pictured(rows[0], 100.0)
     assert report.worth_it(rows) == [], "nothing relates them"
-    assert "with oblique planes; too close to tell from kd" in about_pictures(rows)
+    assert "with oblique planes; equal within noise to kd" in about_pictures(rows)
 
 
 def test_of_builds_with_rays_noise_is_told_too() -> None:
@@ -130,7 +130,7 @@ def test_of_builds_with_rays_noise_is_told_too() -> None:
     later["build_s"] = apart[0]["build_s"]
     later["rays"]["primary"]["anchor_rounds"] = [16.0] * 7
     assert "260 ms with a (build 10 ms) and 2.08 times as long with b, the next" in told(apart[0], later)
-    assert "cannot be told from those with b" in told(row("a", 2.02), row("b", 2.0))
+    assert "equal within noise to those with b" in told(row("a", 2.02), row("b", 2.0))
     few = row("a", 4.0), row("b", 2.0)
     for one in few:
         for key in ("rounds", "anchor_rounds"):

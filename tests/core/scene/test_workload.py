@@ -47,8 +47,8 @@ def test_what_was_published_of_a_scene_is_read_where_it_is_asked_for(tmp_path: P
     assert (len(whole.triangles), whole.view.crop, whole.notes) == (3, None, ())
     assert published.triangles.tolist() == [[0, 1, 2], [1, 2, 0]]
     assert published.notes == (
-        "triangles that stand for quadrics are left out: 1",
-        "of the film only 25% by 75% is seen, as published",
+        "triangles that replace quadrics are left out: 1",
+        "only 25% by 75% of the film is visible, as published",
     )
     assert len({one.fingerprint() for one in (whole, published, replace(published, view=whole.view))}) == 3
 

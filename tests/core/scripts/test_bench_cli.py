@@ -189,7 +189,7 @@ def test_two_scenes_of_one_name_are_refused(scene: Path, tmp_path: Path, capsys:
     other.parent.mkdir()
     other.write_bytes(scene.read_bytes())
     assert bench.main([str(scene), str(other), *QUICK]) == 2
-    assert "expected different ones, by which reports tell them" in capsys.readouterr().err
+    assert "expected different names, which identify them in reports" in capsys.readouterr().err
     # The same file twice is one scene, however it is called.
     again = str(other.parent / ".." / scene.name)
     assert bench.main([str(scene), str(scene), again, *QUICK, "--out", str(tmp_path / "out")]) == 0
@@ -306,7 +306,7 @@ def test_the_thesis_is_repeated_on_what_of_a_scene_it_measured(
         out = tmp_path / preset
         assert bench.main(["--preset", preset, *FAST, *asked, "--out", str(out)]) == 0
         assert document(out)["rows"][-1]["triangles"] == kept
-        assert ("that stand for quadrics are left out:" in capsys.readouterr().out) == (kept < count)
+        assert ("that replace quadrics are left out:" in capsys.readouterr().out) == (kept < count)
 
 
 @pytest.mark.parametrize("name", ["thesis", "directions"])

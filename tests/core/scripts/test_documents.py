@@ -35,7 +35,7 @@ FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 INLINE = re.compile(r"`([^`\n]+)`")
 LINK = re.compile(r"\]\(([^)\s]+)\)")
 HEADING = re.compile(r"^#+ (.+)$", re.MULTILINE)
-PLACE = re.compile(r"(addon|docs|native|scripts|tests)/[\w./-]*")
+PLACE = re.compile(r"(addon|docs|lab|native|requirements|scripts|tests)/[\w./-]*")
 SPEC = re.compile(r"([a-z][a-z0-9-]*):[a-z_]+=[^\s|…]*")
 
 
@@ -124,7 +124,7 @@ def check_script(words: list[str]) -> None:
     if path.name == "run.py":
         return
     if path.name == "test.py":
-        checks = [*script(path).CHECKS, script(path).RUST]
+        checks = [*script(path).CARGO_CHECKS, *script(path).PYTHON_CHECKS]
         unknown = [word for word in words[1:] if not any(name.startswith(word) for name in checks)]
         if unknown:
             raise Problem(f"no check begins with {unknown[0]}")
