@@ -119,7 +119,8 @@ def front(path: Path, planes: Path) -> None:
     import bpy
     import numpy as np
 
-    from addon.blender import pictures, scenes
+    from addon.blender.measure import pictures
+    from lab.pictures import scenes
 
     right = pictures.load(planes)[..., :3]
     height, width = right.shape[:2]
