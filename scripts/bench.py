@@ -259,7 +259,7 @@ def read_published(asked: argparse.Namespace) -> thesis.Published | None:
 
 
 def read_options(asked: argparse.Namespace, configurations: int) -> benchmark.Options:
-    """The options, checked; the time is shared out among so many configurations. Raises UsageError."""
+    """The options, checked; the time is divided equally among the configurations. Raises UsageError."""
     preset = PRESETS.get(asked.preset or "", {})
     sets = tuple(name.strip() for name in (asked.rays or preset.get("rays") or ",".join(rays.NAMES)).split(","))
     unknown = [name for name in sets if name not in rays.NAMES]
