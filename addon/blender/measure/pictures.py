@@ -42,7 +42,7 @@ def load(path: Path) -> F32:
         image.colorspace_settings.name = "Non-Color"
         width, height = image.size
         if not width * height:  # Blender reports that only on standard error
-            raise OSError(f"{path}: cannot be read: it is no picture, or written in part only, as on a full disk")
+            raise OSError(f"{path}: cannot be read: it is no picture, or incomplete, as on a full disk")
         values = np.empty(width * height * 4, np.float32)
         image.pixels.foreach_get(values)
     finally:

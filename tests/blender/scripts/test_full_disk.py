@@ -38,7 +38,7 @@ def test_the_old_picture_stays(tmp_path: Path, room: int, command: list[str], na
     assert "Traceback" not in done.stderr
     assert last.startswith(f"{command[0].removesuffix('.py')}: ")
     assert told in last
-    assert "in part only" in last
+    assert "incomplete" in last
     assert old.read_bytes() == b"old"
     assert list(tmp_path.iterdir()) == [old]
 

@@ -47,7 +47,7 @@ def test_a_part_of_a_picture_leaves_the_old_one(name: str, whole: bytes, tmp_pat
     path = tmp_path / name
     path.write_bytes(b"old")
     for length in range(len(whole)):
-        with pytest.raises(OSError, match="in part only") as told, picture_files.replacing(path) as fresh:
+        with pytest.raises(OSError, match="incomplete") as told, picture_files.replacing(path) as fresh:
             fresh.write_bytes(whole[:length])
         assert str(told.value).startswith(f"{path}: cannot be written: ")
         assert path.read_bytes() == b"old"
