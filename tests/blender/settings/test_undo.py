@@ -34,7 +34,7 @@ def seen(scene: Any, add: Any, monkeypatch: pytest.MonkeyPatch) -> Any:
         ("compare", {}, lambda: [text.name for text in bpy.data.texts if text.name.startswith(compare_files.TEXT)]),
         ("choose", {}, lambda: [text.name for text in bpy.data.texts if text.name.startswith(compare_files.TEXT)]),
         ("cost_map", {"width": 32}, lambda: [image.name for image in bpy.data.images if image.name == cost_maps.IMAGE]),
-        ("manual", {"section": "The structures"}, lambda: [t.name for t in bpy.data.texts if t.name == manual.TEXT]),
+        ("manual", {"section": "Structure"}, lambda: [t.name for t in bpy.data.texts if t.name == manual.TEXT]),
     ],
 )
 def test_what_an_operator_adds_to_the_file_is_a_step_of_its_own(
