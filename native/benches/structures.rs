@@ -3,12 +3,11 @@
 //! equal to brute force, then it is timed.
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use halfspace_native::build::Monitor;
-use halfspace_native::oracle::cases::{Random, aimed, grid, ray, soup};
-use halfspace_native::registry::TREES;
-use halfspace_native::spec::Config;
-use halfspace_native::structure::Structure;
-use halfspace_native::traverse::{Hit, Tracer};
+use halfspace::base::Monitor;
+use halfspace::oracle::cases::{Random, aimed, grid, ray, soup};
+use halfspace::ray::{Hit, Tracer};
+use halfspace::registry::{self, TREES};
+use halfspace::structure::Structure;
 use std::hint::black_box;
 
 fn structures(criterion: &mut Criterion) {
@@ -26,7 +25,7 @@ fn structures(criterion: &mut Criterion) {
     let build = |id: &str| {
         Structure::build(
             scene.clone(),
-            Config::parse(id).unwrap(),
+            registry::parse(id).unwrap(),
             1,
             &Monitor::new(),
         )

@@ -1,12 +1,10 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Builds a kd-tree over four triangles, traces one ray and prints its nearest hit: `cargo run --example minimal`.
 
-use halfspace_native::build::Monitor;
-use halfspace_native::error::Error;
-use halfspace_native::scene::Triangles;
-use halfspace_native::spec::Config;
-use halfspace_native::structure::Structure;
-use halfspace_native::traverse::{Hit, Ray, Tracer};
+use halfspace::base::{Monitor, error::Error};
+use halfspace::ray::{Hit, Ray, Tracer};
+use halfspace::scene::Triangles;
+use halfspace::{registry, structure::Structure};
 use std::sync::Arc;
 
 fn main() -> Result<(), Error> {
@@ -19,7 +17,7 @@ fn main() -> Result<(), Error> {
     ];
     let triangles = vec![[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]];
     let scene = Arc::new(Triangles::new(vertices, triangles)?);
-    let structure = Structure::build(scene, Config::parse("kd")?, 1, &Monitor::new())?;
+    let structure = Structure::build(scene, registry::parse("kd")?, 1, &Monitor::new())?;
 
     let ray = Ray {
         o: [0.25, 0.25, 2.0],

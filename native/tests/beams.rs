@@ -1,18 +1,18 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Tiles of rays, walked as beams: every pixel is the single ray's, whatever the camera.
 
-use halfspace_native::build::Monitor;
-use halfspace_native::oracle::cases::{
-    Random, Size, box_triangles, cases, grid, lattice_rays, ray, soup,
-};
-use halfspace_native::scene::Triangles;
-use halfspace_native::spec::Config;
-use halfspace_native::structure::{Layout, Structure};
-use halfspace_native::traverse::{Hit, Order, Ray, RayCounters, Tracer, plane_beam};
+use halfspace::base::Monitor;
+use halfspace::nodes::octree_nodes::Octree;
+use halfspace::oracle::cases::{Random, Size, box_triangles, cases, grid, lattice_rays, ray, soup};
+use halfspace::ray::{Hit, Order, Ray, RayCounters, Tracer};
+use halfspace::registry;
+use halfspace::scene::Triangles;
+use halfspace::structure::Structure;
+use halfspace::trace::beam::planes as plane_beam;
 use std::sync::Arc;
 
 fn build(scene: &Arc<Triangles>, spec: &str) -> Structure {
-    let config = Config::parse(spec).unwrap();
+    let config = registry::parse(spec).unwrap();
     Structure::build(scene.clone(), config, 1, &Monitor::new()).unwrap()
 }
 
@@ -224,11 +224,8 @@ fn every_walk_ends_after_as_many_cells_as_the_grid_has_planes() {
     }
     for spec in ["octree-net", "octree-samet", "octree-glassner"] {
         let structure = build(&scene, &format!("{spec}:leaf_size=0"));
-        let (Layout::OctreeNet(tree) | Layout::OctreeSamet(tree) | Layout::OctreeGlassner(tree)) =
-            &structure.built().layout
-        else {
-            panic!("{spec} is walked from leaf to leaf");
-        };
+        let tree = structure.built().tree.as_ref().unwrap();
+        let tree = tree.downcast_ref::<Octree>().unwrap();
         let mut hits = vec![Hit::MISS; rays.len()];
         let mut counters = vec![RayCounters::default(); rays.len()];
         structure.closest(&rays, &mut hits, Some(&mut counters));

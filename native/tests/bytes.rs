@@ -4,7 +4,7 @@
 
 mod harness;
 
-use halfspace_native::oracle::cases::Random;
+use halfspace::oracle::cases::Random;
 use std::time::{Duration, Instant};
 
 /// Byte strings per target where nobody asks for more.

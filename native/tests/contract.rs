@@ -2,24 +2,21 @@
 //! What every structure promises, for every row of the registry and every way of walking it: the
 //! answers of brute force bit for bit, sound trees, the same tree on any number of threads.
 
-use halfspace_native::build::Monitor;
-use halfspace_native::error::Error;
-use halfspace_native::oracle::cases::{
-    Case, Random, Size, aimed, cases, grid, lattice_rays, ray, soup,
-};
-use halfspace_native::oracle::exact_closest;
-use halfspace_native::oracle::levels;
-use halfspace_native::registry::{Kind, TREES};
-use halfspace_native::scene::Triangles;
-use halfspace_native::spec::Config;
-use halfspace_native::structure::Structure;
-use halfspace_native::traverse::{Hit, Ray, RayCounters, Tracer};
-use halfspace_native::validate::validate;
+use halfspace::base::Monitor;
+use halfspace::base::error::Error;
+use halfspace::inspect::validate::validate;
+use halfspace::oracle::cases::{Case, Random, Size, aimed, cases, grid, lattice_rays, ray, soup};
+use halfspace::oracle::{exact_closest, levels};
+use halfspace::ray::{Hit, Ray, RayCounters, Tracer};
+use halfspace::registry::{self, TREES};
+use halfspace::scene::Triangles;
+use halfspace::structure::Structure;
+use halfspace::structure::row::Kind;
 use rayon::prelude::*;
 use std::sync::Arc;
 
 fn build(scene: &Arc<Triangles>, spec: &str, threads: usize) -> Structure {
-    let config = Config::parse(spec).unwrap();
+    let config = registry::parse(spec).unwrap();
     Structure::build(scene.clone(), config, threads, &Monitor::new()).unwrap()
 }
 
@@ -198,8 +195,8 @@ fn trees_do_not_depend_on_the_number_of_threads() {
             build(&scene, &spec, 2),
         );
         for other in [&two, &again] {
-            assert!(one.built().layout == other.built().layout, "{spec}: nodes");
-            assert!(one.built().blocks == other.built().blocks, "{spec}: leaves");
+            assert!(one.built().same_nodes(other.built()), "{spec}: nodes");
+            assert!(one.built().leaves == other.built().leaves, "{spec}: leaves");
         }
     }
 }
@@ -264,7 +261,7 @@ fn a_cancelled_build_ends_with_an_error() {
     for spec in specs() {
         let monitor = Monitor::new();
         monitor.cancel();
-        let result = Structure::build(scene.clone(), Config::parse(&spec).unwrap(), 1, &monitor);
+        let result = Structure::build(scene.clone(), registry::parse(&spec).unwrap(), 1, &monitor);
         assert_eq!(result.err(), Some(Error::Cancelled), "{spec}");
     }
 }
@@ -278,7 +275,7 @@ fn a_build_beyond_its_memory_is_refused() {
         let within = |limit: u64, threads: usize| {
             let monitor = Monitor::new();
             monitor.limit_memory(limit);
-            let config = Config::parse(&spec).unwrap();
+            let config = registry::parse(&spec).unwrap();
             Structure::build(scene.clone(), config, threads, &monitor)
         };
         for threads in [1, 2] {
@@ -338,7 +335,10 @@ fn extreme_parameters_build_right_trees() {
             let ends = match param.kind {
                 Kind::Integer { min, max } => vec![min.to_string(), max.to_string()],
                 Kind::Float { min, max } => vec![min.to_string(), max.to_string()],
-                Kind::Choice(options) => options.iter().map(ToString::to_string).collect(),
+                Kind::Choice(_) | Kind::Described(_) => {
+                    let options = param.kind.options().unwrap();
+                    options.iter().map(ToString::to_string).collect()
+                }
             };
             for end in ends.iter().filter(|_| param.name != "robust") {
                 let spec = format!("{}:{}={end}", tree.id, param.name);

@@ -2,14 +2,14 @@
 //! Random input of every kind: no configuration string and no triangles may end in a panic, and every
 //! structure answers like brute force.
 
-use halfspace_native::build::Monitor;
-use halfspace_native::error::Error;
-use halfspace_native::oracle::exact_closest;
-use halfspace_native::registry::{Kind, ParamSpec, TREES};
-use halfspace_native::scene::Triangles;
-use halfspace_native::spec::Config;
-use halfspace_native::structure::Structure;
-use halfspace_native::traverse::{Hit, Order, Ray, Tracer};
+use halfspace::base::Monitor;
+use halfspace::base::error::Error;
+use halfspace::oracle::exact_closest;
+use halfspace::ray::{Hit, Order, Ray, Tracer};
+use halfspace::registry::{self, TREES};
+use halfspace::scene::Triangles;
+use halfspace::structure::Structure;
+use halfspace::structure::row::{Kind, ParamSpec};
 use proptest::prelude::*;
 use std::sync::Arc;
 
@@ -44,7 +44,7 @@ fn value(param: &'static ParamSpec) -> BoxedStrategy<String> {
     match param.kind {
         Kind::Integer { min, max } => (min..=max).prop_map(|x| x.to_string()).boxed(),
         Kind::Float { min, max } => (min..=max).prop_map(|x| x.to_string()).boxed(),
-        Kind::Choice(options) => prop::sample::select(options)
+        Kind::Choice(_) | Kind::Described(_) => prop::sample::select(param.kind.options().unwrap())
             .prop_map(str::to_owned)
             .boxed(),
     }
@@ -72,7 +72,7 @@ fn spec() -> impl Strategy<Value = String> {
 fn build(scene: &Arc<Triangles>, spec: &str) -> Structure {
     Structure::build(
         scene.clone(),
-        Config::parse(spec).unwrap(),
+        registry::parse(spec).unwrap(),
         1,
         &Monitor::new(),
     )
@@ -109,7 +109,7 @@ proptest! {
             }));
         }
         let scene = Arc::new(Triangles::new(corners, indices).unwrap());
-        let config = Config::parse(&spec).unwrap();
+        let config = registry::parse(&spec).unwrap();
         let structure = match Structure::build(scene.clone(), config, 1, &Monitor::new()) {
             // A value that is in its range may still not go with another: tiles with narrow nodes.
             Err(Error::Spec(_)) => return Ok(()),
@@ -146,13 +146,13 @@ proptest! {
             "(kd|kd-sah|brute)?:?([a-z_]{0,12}=?[-+.0-9a-z]{0,24},?){0,4}",
         ]
     ) {
-        let _ = Config::parse(&text);
+        let _ = registry::parse(&text);
     }
 
     #[test]
     fn what_is_valid_reads_back_from_its_canonical_text(spec in spec()) {
-        let config = Config::parse(&spec).unwrap();
-        let again = Config::parse(&config.canonical()).unwrap();
+        let config = registry::parse(&spec).unwrap();
+        let again = registry::parse(&config.canonical()).unwrap();
         prop_assert_eq!(config.canonical(), again.canonical());
         prop_assert!(config.values().zip(again.values()).all(|(a, b)| a == b));
     }

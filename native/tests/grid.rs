@@ -2,13 +2,13 @@
 //! Uniform grids where their walls meet: triangles that reach a corner of cells from one side, and rays that only
 //! just touch them there.
 
-use halfspace_native::build::Monitor;
-use halfspace_native::build::grid::Grid;
-use halfspace_native::oracle::cases::{Random, ray, soup};
-use halfspace_native::spec::Config;
-use halfspace_native::structure::{Layout, Structure};
-use halfspace_native::traverse::{Hit, Ray, Tracer};
-use halfspace_native::validate::validate;
+use halfspace::base::Monitor;
+use halfspace::inspect::validate::validate;
+use halfspace::nodes::grid::Grid;
+use halfspace::oracle::cases::{Random, ray, soup};
+use halfspace::ray::{Hit, Ray, Tracer};
+use halfspace::registry;
+use halfspace::structure::Structure;
 
 type Corners = [[f32; 3]; 3];
 
@@ -16,7 +16,7 @@ type Corners = [[f32; 3]; 3];
 const SIDE: usize = 6;
 
 fn build(triangles: &[Corners], spec: &str) -> Structure {
-    let config = Config::parse(spec).unwrap();
+    let config = registry::parse(spec).unwrap();
     Structure::build(soup(triangles.concat()), config, 1, &Monitor::new()).unwrap()
 }
 
@@ -34,10 +34,8 @@ fn outline(low: [f32; 3], high: [f32; 3]) -> Vec<Corners> {
 }
 
 fn grid(structure: &Structure) -> &Grid {
-    let Layout::Grid(grid) = &structure.built().layout else {
-        panic!("a grid")
-    };
-    grid
+    let tree = structure.built().tree.as_ref().unwrap();
+    tree.downcast_ref::<Grid>().unwrap()
 }
 
 /// How many cells a grid has, and how many places triangles have in them.

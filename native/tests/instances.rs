@@ -3,19 +3,18 @@
 //! whatever structure the meshes have.
 
 use fearless_simd::Level;
-use halfspace_native::build::Monitor;
-use halfspace_native::geom::Transform;
-use halfspace_native::instances::{Instance, Instances};
-use halfspace_native::oracle::cases::{Random, Size, aimed, cases, grid, lattice_rays, soup};
-use halfspace_native::registry::TREES;
-use halfspace_native::scene::Triangles;
-use halfspace_native::spec::Config;
-use halfspace_native::structure::Structure;
-use halfspace_native::traverse::{Hit, Ray, RayCounters, Tracer};
+use halfspace::base::Monitor;
+use halfspace::geom::Transform;
+use halfspace::oracle::cases::{Random, Size, aimed, cases, grid, lattice_rays, soup};
+use halfspace::ray::{Hit, Ray, RayCounters, Tracer};
+use halfspace::registry::{self, TREES};
+use halfspace::scene::Triangles;
+use halfspace::structure::Structure;
+use halfspace::structure::instances::{Instance, Instances};
 use std::sync::Arc;
 
 fn build(scene: &Arc<Triangles>, spec: &str) -> Arc<Structure> {
-    let config = Config::parse(spec).unwrap();
+    let config = registry::parse(spec).unwrap();
     Arc::new(Structure::build(scene.clone(), config, 1, &Monitor::new()).unwrap())
 }
 
@@ -170,7 +169,7 @@ fn specs() -> Vec<String> {
     let mut specs = Vec::new();
     for tree in TREES {
         specs.push(tree.id.to_owned());
-        let others = tree.traversals().iter().skip(1);
+        let others = tree.traversals().into_iter().skip(1);
         specs.extend(
             others
                 .filter(|t| !t.starts_with("tile"))

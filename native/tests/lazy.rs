@@ -2,27 +2,26 @@
 //! Trees that rays have built: the tree is that of a build at once, whoever builds it and in whatever order, and
 //! the answers are those of brute force while it grows.
 
-use halfspace_native::build::Monitor;
-use halfspace_native::build::lazy_tree::{Part, Unbuilt};
-use halfspace_native::error::Error;
-use halfspace_native::oracle::cases::{Case, Random, Size, aimed, cases, grid, soup};
-use halfspace_native::registry::TREES;
-use halfspace_native::scene::Triangles;
-use halfspace_native::spec::Config;
-use halfspace_native::structure::Structure;
-use halfspace_native::traverse::{Hit, Order, Ray, RayCounters, Tracer};
-use halfspace_native::validate::validate;
+use halfspace::base::Monitor;
+use halfspace::base::error::Error;
+use halfspace::inspect::validate::validate;
+use halfspace::nodes::lazy_tree::{Part, Unbuilt};
+use halfspace::oracle::cases::{Case, Random, Size, aimed, cases, grid, soup};
+use halfspace::ray::{Hit, Order, Ray, RayCounters, Tracer};
+use halfspace::registry::{self, TREES};
+use halfspace::scene::Triangles;
+use halfspace::structure::Structure;
 use std::sync::{Arc, Barrier};
 
 fn build(scene: &Arc<Triangles>, spec: &str, threads: usize) -> Structure {
-    let config = Config::parse(spec).unwrap();
+    let config = registry::parse(spec).unwrap();
     Structure::build(scene.clone(), config, threads, &Monitor::new()).unwrap()
 }
 
 /// Every structure that rays can have built, at once and lazily.
 fn specs() -> Vec<(String, String)> {
     let lazy = |tree: &&_| {
-        let tree: &halfspace_native::registry::StructureSpec = tree;
+        let tree: &halfspace::structure::row::StructureSpec = tree;
         tree.params.iter().any(|p| p.name == "lazy")
     };
     let specs: Vec<_> = (TREES.iter().filter(lazy))
@@ -48,8 +47,8 @@ fn wrong(hits: &[Hit], expected: &[Hit]) -> usize {
 
 fn same_tree(eager: &Structure, lazy: &Structure, about: &str) {
     let (eager, lazy) = (eager.built(), lazy.built());
-    assert!(eager.layout == lazy.layout, "{about}: nodes");
-    assert!(eager.blocks == lazy.blocks, "{about}: leaves");
+    assert!(eager.same_nodes(lazy), "{about}: nodes");
+    assert!(eager.leaves == lazy.leaves, "{about}: leaves");
     // The expected cost is summed in another order.
     let cost = (eager.shape.sah_cost - lazy.shape.sah_cost).abs();
     assert!(cost <= 1e-4 * eager.shape.sah_cost, "{about}: cost");
@@ -177,7 +176,7 @@ fn a_tree_whose_whole_has_no_room_is_refused_before_rays_come() {
         let within = |limit: usize| {
             let monitor = Monitor::new();
             monitor.limit_memory(limit as u64);
-            Structure::build(scene.clone(), Config::parse(&spec).unwrap(), 1, &monitor)
+            Structure::build(scene.clone(), registry::parse(&spec).unwrap(), 1, &monitor)
         };
         let ample = build(&scene, &spec, 1);
         let start = ample.bytes();
@@ -207,6 +206,6 @@ fn walks_of_a_tree_in_one_piece_say_why_it_is_built_at_once() {
         }
         assert!(build(&scene, &at_once, 1).left_out().is_empty());
     }
-    let bad = Config::parse("kd:lazy=2").unwrap_err().to_string();
+    let bad = registry::parse("kd:lazy=2").unwrap_err().to_string();
     assert!(bad.contains("lazy=2 is not one of 0, 1"), "{bad}");
 }

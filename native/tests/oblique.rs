@@ -1,16 +1,15 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! What trees with oblique planes promise beyond the contract of all structures.
 
-use halfspace_native::build::Monitor;
-use halfspace_native::oracle::cases::{Case, Random, Size, cases, grid, soup};
-use halfspace_native::registry::TREES;
-use halfspace_native::scene::Triangles;
-use halfspace_native::spec::Config;
-use halfspace_native::structure::Structure;
+use halfspace::base::Monitor;
+use halfspace::oracle::cases::{Case, Random, Size, cases, grid, soup};
+use halfspace::registry::{self, TREES};
+use halfspace::scene::Triangles;
+use halfspace::structure::Structure;
 use std::sync::Arc;
 
 fn build(scene: &Arc<Triangles>, spec: &str) -> Structure {
-    let config = Config::parse(spec).unwrap();
+    let config = registry::parse(spec).unwrap();
     Structure::build(scene.clone(), config, 2, &Monitor::new()).unwrap()
 }
 
@@ -29,12 +28,9 @@ fn scattered(count: usize) -> Arc<Triangles> {
 
 fn same_tree(scene: &Arc<Triangles>, a: &str, b: &str) {
     let (one, other) = (build(scene, a), build(scene, b));
+    assert!(one.built().same_nodes(other.built()), "{a} and {b}: nodes");
     assert!(
-        one.built().layout == other.built().layout,
-        "{a} and {b}: nodes"
-    );
-    assert!(
-        one.built().blocks == other.built().blocks,
+        one.built().leaves == other.built().leaves,
         "{a} and {b}: leaves"
     );
 }
@@ -115,7 +111,7 @@ fn fewer_directions_are_told() {
         same_tree(&scene, &thesis, &format!("{thesis},enough=0,k_small=1"));
         let all = build(&scene, &format!("{id}:enough=0,k_small=1"));
         assert!(
-            build(&scene, &enough).built().layout != all.built().layout,
+            !build(&scene, &enough).built().same_nodes(all.built()),
             "{id}"
         );
     }
@@ -139,7 +135,7 @@ fn seeds_choose_the_tree() {
         let spec = |seed: u32| format!("{spec},seed={seed}");
         same_tree(&scene, &spec(3), &spec(3));
         let (one, other) = (build(&scene, &spec(3)), build(&scene, &spec(4)));
-        assert!(one.built().layout != other.built().layout, "{}", tree.id);
+        assert!(!one.built().same_nodes(other.built()), "{}", tree.id);
     }
 }
 
@@ -181,7 +177,7 @@ fn bad_values_name_the_key_and_its_range() {
         ("bsp-wn:seed=-1", "seed=-1 is not a whole number from 0"),
         ("rbsp:set=star", "set=star is not one of cube, spiral"),
     ] {
-        let message = Config::parse(spec).unwrap_err().to_string();
+        let message = registry::parse(spec).unwrap_err().to_string();
         assert!(message.contains(part), "{spec}: {message}");
     }
 }

@@ -1,18 +1,17 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! One scene, many structures, one identical image.
 
-use halfspace_native::build::Monitor;
-use halfspace_native::registry::TREES;
-use halfspace_native::render::camera::CameraParams;
-use halfspace_native::render::job::Job;
-use halfspace_native::render::lights::{LightKind, LightParams};
-use halfspace_native::render::material::MaterialParams;
-use halfspace_native::render::scene::{RenderScene, SceneParams};
-use halfspace_native::render::settings::{Pass, Settings};
-use halfspace_native::render::visibility::Visibility;
-use halfspace_native::scene::Triangles;
-use halfspace_native::spec::Config;
-use halfspace_native::structure::Structure;
+use halfspace::base::Monitor;
+use halfspace::registry::{self, TREES};
+use halfspace::render::camera::CameraParams;
+use halfspace::render::job::Job;
+use halfspace::render::lights::{LightKind, LightParams};
+use halfspace::render::material::MaterialParams;
+use halfspace::render::scene::{RenderScene, SceneParams};
+use halfspace::render::settings::{Pass, Settings};
+use halfspace::render::visibility::Visibility;
+use halfspace::scene::Triangles;
+use halfspace::structure::Structure;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -105,7 +104,7 @@ fn every_structure_renders_the_same_image() {
         ..Default::default()
     };
     let render = |spec: &str, threads: usize| {
-        let config = Config::parse(spec).unwrap();
+        let config = registry::parse(spec).unwrap();
         let structure =
             Structure::build(Arc::clone(&triangles), config, 1, &Monitor::new()).unwrap();
         let params = scene_params(triangles.len());

@@ -1,19 +1,18 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Walks repeated without triangle tests visit what they visited with them.
 
-use halfspace_native::build::Monitor;
-use halfspace_native::error::Error;
-use halfspace_native::oracle::cases::{Random, aimed, grid, lattice_rays, ray, soup};
-use halfspace_native::registry::TREES;
-use halfspace_native::scene::Triangles;
-use halfspace_native::spec::Config;
-use halfspace_native::structure::Structure;
-use halfspace_native::traverse::replay::CHUNK;
-use halfspace_native::traverse::{Hit, RayCounters, Tracer};
+use halfspace::base::Monitor;
+use halfspace::base::error::Error;
+use halfspace::oracle::cases::{Random, aimed, grid, lattice_rays, ray, soup};
+use halfspace::ray::replay::CHUNK;
+use halfspace::ray::{Hit, RayCounters, Tracer};
+use halfspace::registry::{self, TREES};
+use halfspace::scene::Triangles;
+use halfspace::structure::Structure;
 use std::sync::Arc;
 
 fn build(scene: &Arc<Triangles>, spec: &str) -> Structure {
-    let config = Config::parse(spec).unwrap();
+    let config = registry::parse(spec).unwrap();
     Structure::build(scene.clone(), config, 1, &Monitor::new()).unwrap()
 }
 
@@ -27,10 +26,10 @@ fn every_walk_repeats_itself_without_triangles() {
     let kd = build(&scene, "kd").record(rays.clone(), false).unwrap();
     for tree in TREES.iter().filter(|tree| tree.id != "brute") {
         // Recordings are of single rays.
-        let single = |way: &&&str| !way.starts_with("tile") && !["p4", "p8", "p16"].contains(way);
+        let single = |way: &&str| !way.starts_with("tile") && !["p4", "p8", "p16"].contains(way);
         let ways = tree
             .traversals()
-            .iter()
+            .into_iter()
             .filter(single)
             .map(|w| format!(":traversal={w}"));
         for way in ways.chain([String::new()]) {

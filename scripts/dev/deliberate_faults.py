@@ -29,23 +29,23 @@ EXACT = ("contract", "brute_force_answers_like_exact_arithmetic")
 """Brute force against exact arithmetic: faults that all structures share."""
 
 ENDS = ("contract", "the_ends_of_the_interval_count_and_nothing_beyond")
-PACKETS = ("lib", "packets_lose_nothing_on_hard_scenes")
-AFAR = ("lib", "traverse::candidates::tests::no_tiny_triangle_is_rejected_from_afar")
-AFAR_BEAMS = ("lib", "traverse::lanes::tests::no_tiny_triangle_is_rejected_from_afar")
-BLOCK = ("lib", "traverse::candidates::tests::no_hit_is_ever_rejected")
-VERDICT = ("lib", "geom::verdict::tests")
-INTEGERS = ("lib", "geom::exact")
+PACKETS = ("packets", "packets_lose_nothing_on_hard_scenes")
+AFAR = ("lib", "candidates::tests::no_tiny_triangle_is_rejected_from_afar")
+AFAR_BEAMS = ("lib", "lanes::tests::no_tiny_triangle_is_rejected_from_afar")
+BLOCK = ("lib", "candidates::tests::no_hit_is_ever_rejected")
+VERDICT = ("lib", "verdict::tests")
+INTEGERS = ("lib", "exact")
 BEAMS = ("beams", "pixels_are_those_of_single_rays_at_every_size")
 STABILITY = ("tests/core/lab/test_stability.py", "lie")
 
-_FRAME = "native/src/traverse/frame.rs"
-_FRAME_RAY = "native/src/traverse/frame_ray.rs"
-_QUERY = "native/src/traverse/query.rs"
-_RAY = "native/src/traverse/ray.rs"
-_STREAM = "native/src/traverse/stream.rs"
-_CANDIDATES = "native/src/traverse/candidates.rs"
-_VERDICT = "native/src/geom/verdict.rs"
-_MONITOR = "native/src/build/monitor.rs"
+_FRAME = "native/ray/src/frame.rs"
+_FRAME_RAY = "native/ray/src/frame_ray.rs"
+_QUERY = "native/ray/src/query.rs"
+_RAY = "native/ray/src/ray.rs"
+_STREAM = "native/trace/src/stream/mod.rs"
+_CANDIDATES = "native/leaf/src/candidates/mod.rs"
+_VERDICT = "native/geom/src/verdict.rs"
+_MONITOR = "native/base/src/monitor.rs"
 
 FAULTS = (
     Fault("plane distances without their error bound", _FRAME, "self.robust * slack", "0.0 * slack", ALL),
@@ -65,7 +65,7 @@ FAULTS = (
     ),
     Fault(
         "the far child first",
-        "native/src/build/plane_tree.rs",
+        "native/nodes/src/plane_tree.rs",
         "signs.wrapping_shr(link) & 1",
         "!signs.wrapping_shr(link) & 1",
         ALL,
@@ -81,42 +81,42 @@ FAULTS = (
     ),
     Fault(
         "one kind of octree link wrong",
-        "native/src/build/octree_nodes.rs",
+        "native/nodes/src/octree_nodes.rs",
         "self.node(node.parent()).children() + across",
         "self.node(node.parent()).children() + node.octant()",
         ALL,
     ),
     Fault(
         "octree traversals stop before the last cell",
-        "native/src/traverse/octree_step.rs",
+        "native/trace/src/single/octants/step.rs",
         "next[axis] == grid.size",
         "next[axis] + 1 >= grid.size",
         ALL,
     ),
     Fault(
         "the empty child marked on the wrong side",
-        "native/src/build/plane_tree.rs",
+        "native/nodes/src/plane_tree.rs",
         "EMPTY << (place & 1)",
         "EMPTY << (1 - (place & 1))",
         ALL,
     ),
     Fault(
         "triangles in the split plane lost",
-        "native/src/build/sweep/mod.rs",
+        "native/builders/src/sweep/mod.rs",
         "min < at || max <= at",
         "min < at",
         ALL,
     ),
     Fault(
         "bins of a sweep skipped that hold the cheapest plane",
-        "native/src/build/sweep/bins.rs",
+        "native/builders/src/sweep/bins.rs",
         "(starts[bin] + planar[bin]) as f32",
         "(starts[bin + 1] + planar[bin + 1]) as f32",
         ("lib", "build::sweep::tests"),
     ),
     Fault(
         "triangles cut to the wrong side of a cell",
-        "native/src/build/clip.rs",
+        "native/geom/src/clip.rs",
         "bounds.max[k].min(round_up(high))",
         "bounds.max[k].min(round_up(0.5 * (low + high)))",
         ("lib", "build::clip::tests"),
@@ -154,14 +154,14 @@ FAULTS = (
     ),
     Fault(
         "the rounding of short edges not multiplied by the offset, for rays in beams",
-        "native/src/traverse/lanes.rs",
+        "native/leaf/src/lanes.rs",
         "2.0 * UV_ERROR * size + UNDERFLOW",
         "2.0 * UV_ERROR * size",
         AFAR_BEAMS,
     ),
     Fault(
         "wrong signs not counted, for rays in beams",
-        "native/src/traverse/lanes.rs",
+        "native/leaf/src/lanes.rs",
         "T_ERROR * size * size + det",
         "T_ERROR * size * size",
         AFAR_BEAMS,
@@ -176,12 +176,12 @@ FAULTS = (
     ),
     Fault(
         "128 bits trusted with more than they hold",
-        "native/src/geom/exact.rs",
+        "native/geom/src/exact/mod.rs",
         "2 * points + direction <= SIGN_PLACES",
         "2 * points <= SIGN_PLACES",
         INTEGERS,
     ),
-    Fault("carries lost in fixed point", "native/src/geom/exact/wide.rs", "all >> LIMB", "0", INTEGERS),
+    Fault("carries lost in fixed point", "native/geom/src/exact/wide.rs", "all >> LIMB", "0", INTEGERS),
     Fault(
         "weights as certain as if the origin were near",
         _VERDICT,
@@ -192,14 +192,14 @@ FAULTS = (
     Fault("distances as certain as if f64 were exact", _VERDICT, "(first * (size * size))", "(0.0 * first)", VERDICT),
     Fault(
         "weights of sixteen rays as certain as if f64 were exact",
-        "native/src/traverse/tile_verdict.rs",
+        "native/trace/src/tile/verdict.rs",
         "error * (four * ((first + size) * size))",
         "error * (0.0 * four * first)",
         ("lib", "traverse::late::tests"),
     ),
     Fault(
         "cut triangles lost where many are split at once",
-        "native/src/build/plane_objects.rs",
+        "native/builders/src/plane_objects/mod.rs",
         "joined.cut.extend(part.cut);",
         "joined.cut.truncate(part.cut.len());",
         ("lib", "plane_objects::tests::many_objects"),
@@ -208,63 +208,63 @@ FAULTS = (
     Fault("the ends of the interval left out", _VERDICT, "high < span[0]", "high <= span[0]", ENDS),
     Fault(
         "boxes without their error bound",
-        "native/src/traverse/box_tree.rs",
+        "native/trace/src/slabs.rs",
         "-shift + ray.slack[k]",
         "-shift",
         ALL,
     ),
     Fault(
         "cell boundaries of the sorted grid on the wrong side",
-        "native/src/build/grid_order.rs",
+        "native/builders/src/grid_order.rs",
         "at.ceil() - 1.0",
         "at.floor()",
         ("lib", "build::grid_order::tests"),
     ),
     Fault(
         "oblique planes crossed at the soonest where they are left",
-        "native/src/traverse/slant_tree.rs",
+        "native/trace/src/single/objects/slanted.rs",
         "slabs.latest(direction, near)",
         "slabs.soonest(direction, near)",
         ALL,
     ),
     Fault(
         "triangles beyond the oblique plane of their node",
-        "native/src/build/slanted.rs",
+        "native/builders/src/slanted.rs",
         "around(below, k).1",
         "around(below, k).1.next_down().next_down()",
         ALL,
     ),
     Fault(
         "pixels hidden before one plane given up",
-        "native/src/traverse/plane_beam.rs",
+        "native/trace/src/beam/planes.rs",
         "open != piece.pixels",
         "false",
         BEAMS,
     ),
     Fault(
         "pixels of a cut beam lost",
-        "native/src/traverse/plane_beam.rs",
+        "native/trace/src/beam/planes.rs",
         "!outside",
         "outside",
         BEAMS,
     ),
     Fault(
         "shadow beams past the upper half of each cell",
-        "native/src/traverse/shaft_tree.rs",
+        "native/trace/src/beam/shaft_tree.rs",
         "!u64::from(empty)",
         "1",
         ("beams", "shadow_beams_answer_like_single_rays_and_mostly_at_once"),
     ),
     Fault(
         "cubes that a triangle touches rejected",
-        "native/src/build/overlap.rs",
+        "native/geom/src/overlap.rs",
         "low > limit",
         "low > 0.99 * limit",
         ("lib", "build::overlap::tests"),
     ),
     Fault(
         "triangles that are not finite kept",
-        "native/src/scene.rs",
+        "native/scene/src/triangles.rs",
         "v.as_flattened().iter().map(|x| x * 0.0).sum::<f32>() == 0.0",
         "true",
         ("lib", "scene::tests"),
@@ -313,49 +313,49 @@ FAULTS = (
     ),
     Fault(
         "rays of a packet not split by their signs",
-        "native/src/traverse/packet.rs",
+        "native/trace/src/packet/mod.rs",
         "*own == signs",
         "true",
         ALL,
     ),
     Fault(
         "odd rays in packets with others",
-        "native/src/traverse/packet/fill.rs",
+        "native/trace/src/packet/fill.rs",
         "ordinary.to_bitmask() & filled",
         "filled",
         PACKETS,
     ),
     Fault(
         "triangles skipped that some rays of a packet see edge-on",
-        "native/src/traverse/packet_leaf.rs",
+        "native/trace/src/packet/leaf.rs",
         "(one_sided & (outside | beyond))",
         "(outside | beyond)",
         PACKETS,
     ),
     Fault(
         "packets that look no farther than their middle",
-        "native/src/traverse/packet_leaf.rs",
+        "native/trace/src/packet/leaf.rs",
         "(det + det_half).mul_add(far, doubt)",
         "(det - det_half).mul_add(far, doubt)",
         PACKETS,
     ),
     Fault(
         "uncertain steps along ropes",
-        "native/src/traverse/plane_rope.rs",
+        "native/trace/src/single/planes/rope.rs",
         "moments[k].low > next.high",
         "true",
         ALL,
     ),
     Fault(
         "heights of points without their error bound",
-        "native/src/traverse/plane_ta_b_poly.rs",
+        "native/trace/src/single/planes/ta_b_poly.rs",
         "frame.oblique_pad + wild",
         "0.0 * frame.oblique_pad",
         ALL,
     ),
     Fault(
         "cells left before it is certain",
-        "native/src/traverse/grid_step.rs",
+        "native/trace/src/single/grid.rs",
         "axes[k].leaves(may[k][0]) < now",
         "true",
         ("grid", "triangles_that_reach_a_corner"),
@@ -372,23 +372,23 @@ FAULTS = (
     Fault("sure hits outside the interval", _QUERY, "low > from && high < to", "low < high", ENDS),
     Fault(
         "triangles that planes cut end at the plane",
-        "native/src/build/plane_objects.rs",
+        "native/builders/src/plane_objects/mod.rs",
         "parts[1].min[axis] = split",
         "parts[1].min[axis] = parts[1].max[axis]",
-        ("lib", "every_point_of_a_triangle_lies_in_the_box_of_a_leaf_that_holds_it"),
+        ("plane_boxes", "every_point_of_a_triangle_lies_in_the_box_of_a_leaf_that_holds_it"),
     ),
     Fault(
         "triangles cut by oblique planes count for one side only",
-        "native/src/build/oblique_part.rs",
+        "native/geom/src/oblique_part.rs",
         "high.min(-low) <= self.little",
         "high.max(-low) >= self.little",
         ("lib", "every_point_of_the_triangle_is_in_the_part_on_its_side"),
     ),
     Fault(
         "box trees traversed with the leaves of plane trees",
-        "native/src/structure/tracing.rs",
-        "(self.walked()).map_or(&built.blocks, |boxes| &boxes.blocks)",
-        "(self.walked()).map_or(&built.blocks, |_| &built.blocks)",
+        "native/structure/src/row.rs",
+        "derived.leaves.as_deref().unwrap_or(&self.leaves)",
+        "&self.leaves",
         ALL,
     ),
     Fault(
@@ -396,21 +396,21 @@ FAULTS = (
         _STREAM,
         "first + rays",
         "first",
-        ("lib", "batches_of_any_size_answer_like_brute_force"),
+        ("streams", "batches_of_any_size_answer_like_brute_force"),
     ),
     Fault(
         "groups of a list after the eighth forgotten",
         _STREAM,
         "masks.iter().enumerate()",
         "masks[..masks.len().min(8)].iter().enumerate()",
-        ("lib", "rays_that_meet_everything_answer_like_brute_force"),
+        ("streams", "rays_that_meet_everything_answer_like_brute_force"),
     ),
     Fault(
         "directions within a wall recognised by the frame's rounded direction",
         _STREAM,
         "map(own.d, |d| f32::from(u8::from(d != 0.0 || !scene)))",
         "map(own.d, |d| f32::from(u8::from(d.abs() > 1e-44 || !scene)))",
-        ("lib", "a_direction_that_rounds_to_zero_in_the_frame_is_not_in_the_wall"),
+        ("streams", "a_direction_that_rounds_to_zero_in_the_frame_is_not_in_the_wall"),
     ),
 )
 

@@ -2,25 +2,26 @@
 //! What any bytes must survive: every decoder of input and every builder, fed with numbers made from the bytes.
 //! The targets of `cargo fuzz` and the driver in `tests/bytes.rs` share this file.
 
-use halfspace_native::build::Monitor;
-use halfspace_native::error::Error;
-use halfspace_native::oracle::exact_closest;
-use halfspace_native::registry::{Kind, TREES};
-use halfspace_native::render::camera::{CameraParams, Projection};
-use halfspace_native::render::filter::FilterKind;
-use halfspace_native::render::indices::Indices;
-use halfspace_native::render::job::Job;
-use halfspace_native::render::lens::LensParams;
-use halfspace_native::render::lights::{AreaShape, LightKind, LightParams};
-use halfspace_native::render::material::MaterialParams;
-use halfspace_native::render::scene::{RenderScene, SceneParams};
-use halfspace_native::render::settings::{Falloff, Integrator, Mist, Pass, Settings};
-use halfspace_native::render::visibility::Visibility;
-use halfspace_native::scene::Triangles;
-use halfspace_native::spec::Config;
-use halfspace_native::structure::Structure;
-use halfspace_native::traverse::{Hit, Order, Ray, Tracer};
-use halfspace_native::validate::validate;
+use halfspace::base::Monitor;
+use halfspace::base::error::Error;
+use halfspace::inspect::validate::validate;
+use halfspace::oracle::exact_closest;
+use halfspace::ray::{Hit, Order, Ray, Tracer};
+use halfspace::registry::{self, TREES};
+use halfspace::render::camera::{CameraParams, Projection};
+use halfspace::render::filter::FilterKind;
+use halfspace::render::indices::Indices;
+use halfspace::render::job::Job;
+use halfspace::render::lens::LensParams;
+use halfspace::render::lights::{AreaShape, LightKind, LightParams};
+use halfspace::render::material::MaterialParams;
+use halfspace::render::scene::{RenderScene, SceneParams};
+use halfspace::render::settings::{Falloff, Integrator, Mist, Pass, Settings};
+use halfspace::render::visibility::Visibility;
+use halfspace::scene::Triangles;
+use halfspace::structure::Structure;
+use halfspace::structure::row::Kind;
+use halfspace::structure::spec::Config;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -82,14 +83,15 @@ impl Bytes<'_> {
                 (0, Kind::Float { min, max }) => {
                     (min + f64::from(self.byte()) / 255.0 * (max - min)).to_string()
                 }
-                (0, Kind::Choice(options)) => {
+                (0, Kind::Choice(_) | Kind::Described(_)) => {
+                    let options = param.kind.options().expect("it is a choice");
                     options[usize::from(self.byte()) % options.len()].to_owned()
                 }
                 _ => continue,
             };
             pairs.push(format!("{}={value}", param.name));
         }
-        Config::parse(&format!("{}:{}", tree.id, pairs.join(","))).expect("a valid configuration")
+        registry::parse(&format!("{}:{}", tree.id, pairs.join(","))).expect("a valid configuration")
     }
 
     /// Up to 63 triangles over up to 255 vertices.
@@ -122,7 +124,7 @@ fn built(scene: &Arc<Triangles>, config: Config) -> Structure {
     monitor.limit_memory(MEMORY);
     match Structure::build(scene.clone(), config, 1, &monitor) {
         // A value that is in its range may still not go with another.
-        Err(Error::Spec(_)) => built(scene, Config::parse("kd").expect("valid")),
+        Err(Error::Spec(_)) => built(scene, registry::parse("kd").expect("valid")),
         built => built.expect("small input needs little memory"),
     }
 }
@@ -130,9 +132,9 @@ fn built(scene: &Arc<Triangles>, config: Config) -> Structure {
 /// Any text as a configuration: it is refused, or it reads back from its own canonical text.
 pub fn spec(bytes: &[u8]) {
     let text = String::from_utf8_lossy(bytes);
-    match Config::parse(&text) {
+    match registry::parse(&text) {
         Ok(config) => {
-            let again = Config::parse(&config.canonical()).expect("canonical text is valid");
+            let again = registry::parse(&config.canonical()).expect("canonical text is valid");
             assert_eq!(config.canonical(), again.canonical());
         }
         Err(error) => assert!(matches!(error, Error::Spec(_)), "{error:?}"),
@@ -168,7 +170,7 @@ pub fn build_closest(bytes: &[u8]) {
     assert_eq!(validate(&structure), Vec::<String>::new(), "{name}");
     let brute = built(
         &scene,
-        Config::parse("brute").expect("brute force is there"),
+        registry::parse("brute").expect("brute force is there"),
     );
     let mut expected = vec![Hit::MISS; rays.len()];
     let mut found = expected.clone();
@@ -273,7 +275,7 @@ pub fn render(bytes: &[u8]) {
         },
         ..SceneParams::default()
     };
-    let structure = built(&scene, Config::parse("kd").expect("the kd-tree is there"));
+    let structure = built(&scene, registry::parse("kd").expect("the kd-tree is there"));
     let Ok(scene) = RenderScene::new(Arc::new(structure), params) else {
         return;
     };

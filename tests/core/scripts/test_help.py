@@ -12,7 +12,7 @@ from typing import Any
 import halfspace_native as native
 import pytest
 
-STUB = Path(__file__).resolve().parents[3] / "native" / "halfspace_native.pyi"
+STUB = Path(__file__).resolve().parents[3] / "native" / "python" / "halfspace_native.pyi"
 
 Described = tuple[str, Any, str, ast.FunctionDef | None]
 """A name, what stands under it in the module, its text in the stub, and its declaration if it is a function."""

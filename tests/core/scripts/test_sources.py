@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import ast
+from typing import Any
 
 import environment
 import pytest
@@ -25,10 +26,12 @@ def test_the_versions_in_all_files_are_one() -> None:
 
     from addon.core.base import native
 
-    files = {"pyproject.toml": "project", "native/Cargo.toml": "package"}
+    def read(name: str) -> dict[str, Any]:
+        return tomllib.loads((ROOT / name).read_text(encoding="utf-8"))
+
     versions = {
-        name: tomllib.loads((ROOT / name).read_text(encoding="utf-8"))[table]["version"]
-        for name, table in files.items()
+        "project": read("pyproject.toml")["project"]["version"],
+        "crates": read("native/Cargo.toml")["workspace"]["package"]["version"],
+        "manifest": read("blender_manifest.toml")["version"],
     }
-    versions["manifest"] = tomllib.loads((ROOT / "blender_manifest.toml").read_text(encoding="utf-8"))["version"]
     assert set(versions.values()) == {native.VERSION}, versions

@@ -1,0 +1,257 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Partitions of objects by the surface area heuristic: every position along each axis for few objects, 32 bins of
+//! centres for many (Wald 2007, On fast construction of SAH-based bounding volume hierarchies).
+
+use crate::object::{self, Node, Object, ObjectPolicy, Parting};
+use halfspace_geom::Aabb;
+use halfspace_nodes::cost::Costs;
+use rayon::prelude::*;
+
+/// Nodes of at most this number of objects try every partition along each axis.
+const SWEEP: usize = 96;
+
+/// Number of bins per axis.
+const BINS: usize = 32;
+
+/// Nodes of at least this number of objects fill their bins in parallel.
+const PARALLEL: usize = 1 << 15;
+
+/// Partitions objects where the surface area heuristic is lowest.
+pub struct SurfaceArea {
+    /// Costs of the operations of a traversal.
+    pub costs: Costs,
+    /// Largest number of triangles in a leaf, unless all centres coincide.
+    pub leaf_max: usize,
+}
+
+/// A partition and its cost, in units of area times triangle tests.
+#[derive(Clone, Copy)]
+struct Best {
+    cost: f64,
+    axis: usize,
+    at: f32,
+}
+
+impl ObjectPolicy for SurfaceArea {
+    type Region = ();
+
+    fn root(&self, _: Aabb) {}
+
+    fn part(&self, node: &Node<'_, ()>) -> Parting<()> {
+        let n = node.objects.len();
+        let (bounds, centres) = node.measure();
+        // Try every partition of few objects, and bins of many.
+        let best = if n <= SWEEP {
+            self.sweep(node.objects, &centres)
+        } else {
+            self.bins(node.objects, &centres)
+        };
+        let Some(best) = best else {
+            return Parting::Leaf; // all centres coincide
+        };
+        // Make a leaf if that is allowed and no partition is cheaper.
+        let area = bounds.area();
+        let split = f64::from(self.costs.step) * area + best.cost;
+        if n <= self.leaf_max && split >= self.leaf(n) * area {
+            return Parting::Leaf;
+        }
+        Parting::Centre {
+            axis: best.axis,
+            at: best.at,
+            regions: [(); 2],
+        }
+    }
+}
+
+impl SurfaceArea {
+    /// Returns whether the partition `parts` of the objects `whole` costs less than one leaf.
+    pub fn pays(&self, whole: &[Object], parts: &[Vec<Object>; 2]) -> bool {
+        let cost = |objects: &[Object]| object::around(objects).area() * self.leaf(objects.len());
+        let step = f64::from(self.costs.step) * object::around(whole).area();
+        step + cost(&parts[0]) + cost(&parts[1]) < cost(whole)
+    }
+
+    #[expect(clippy::cast_precision_loss, reason = "a price")]
+    fn leaf(&self, n: usize) -> f64 {
+        f64::from(self.costs.leaf(n as f32))
+    }
+
+    /// Returns the best of all partitions between different centres, or `None` if all centres coincide.
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "the lowest eight bits are the place of one of few objects"
+    )]
+    fn sweep(&self, objects: &[Object], centres: &Aabb) -> Option<Best> {
+        let n = objects.len();
+        let mut best: Option<Best> = None;
+        let mut order = [0_u64; SWEEP];
+        let mut areas = [0.0; SWEEP];
+        for axis in 0..3 {
+            if centres.min[axis] >= centres.max[axis] {
+                continue;
+            }
+            // Sort the objects by their centres, as integer keys with the object's index in the low byte.
+            let order = &mut order[..n];
+            for (i, (key, object)) in order.iter_mut().zip(objects).enumerate() {
+                *key = u64::from(ascending(object.centre(axis))) << 8 | i as u64;
+            }
+            // The order of equal centres does not matter: no partition lies between them.
+            order.sort_unstable();
+            let object = |key: u64| &objects[usize::from(key as u8)];
+            // Accumulate the areas from above, then sweep from below and evaluate each partition.
+            let mut above = Aabb::EMPTY;
+            for i in (1..n).rev() {
+                above = above.union(&object(order[i]).bounds);
+                areas[i] = above.area();
+            }
+            let mut below = Aabb::EMPTY;
+            for i in 1..n {
+                let last = object(order[i - 1]);
+                below = below.union(&last.bounds);
+                // Only partitions between different centres can be reproduced from `at`.
+                let at = last.centre(axis);
+                if at == object(order[i]).centre(axis) {
+                    continue;
+                }
+                let cost = below.area() * self.leaf(i) + areas[i] * self.leaf(n - i);
+                if best.is_none_or(|b| cost < b.cost) {
+                    best = Some(Best { cost, axis, at });
+                }
+            }
+        }
+        best
+    }
+
+    /// Returns the best of the partitions between bins of centres.
+    fn bins(&self, objects: &[Object], centres: &Aabb) -> Option<Best> {
+        let grid = Grid::new(*centres);
+        // Sort the objects into bins, in parallel for many objects.
+        let bins = if objects.len() < PARALLEL {
+            grid.fill(objects)
+        } else {
+            objects
+                .par_chunks(PARALLEL / 4)
+                .map(|objects| grid.fill(objects))
+                .reduce(|| [[Bin::EMPTY; BINS]; 3], join)
+        };
+        let mut best: Option<Best> = None;
+        for (axis, bins) in bins.iter().enumerate() {
+            if centres.min[axis] >= centres.max[axis] {
+                continue;
+            }
+            // Accumulate the costs from above, then sweep from below and evaluate each boundary between bins.
+            let mut costs = [0.0; BINS];
+            let mut above = Bin::EMPTY;
+            for i in (1..BINS).rev() {
+                above = above.union(&bins[i]);
+                costs[i] = above.cost(self);
+            }
+            let mut below = Bin::EMPTY;
+            for i in 1..BINS {
+                let parts = bins[i - 1].count > 0;
+                below = below.union(&bins[i - 1]);
+                let cost = below.cost(self) + costs[i];
+                if parts && below.count < objects.len() && best.is_none_or(|b| cost < b.cost) {
+                    // An empty bin repeats the previous boundary.
+                    let at = below.last;
+                    best = Some(Best { cost, axis, at });
+                }
+            }
+        }
+        best
+    }
+}
+
+/// Maps a float to an integer of the same order, that of [`f32::total_cmp`].
+#[inline(always)]
+fn ascending(x: f32) -> u32 {
+    let bits = x.to_bits();
+    if bits >> 31 == 0 {
+        bits | 1 << 31
+    } else {
+        !bits
+    }
+}
+
+/// The objects whose centres fall between two heights.
+#[derive(Clone, Copy)]
+struct Bin {
+    bounds: Aabb,
+    /// Their largest centre: a partition at it reproduces the bins without computing them again.
+    last: f32,
+    count: usize,
+}
+
+impl Bin {
+    const EMPTY: Self = Self {
+        bounds: Aabb::EMPTY,
+        last: f32::NEG_INFINITY,
+        count: 0,
+    };
+
+    fn union(&self, other: &Self) -> Self {
+        Self {
+            bounds: self.bounds.union(&other.bounds),
+            last: self.last.max(other.last),
+            count: self.count + other.count,
+        }
+    }
+
+    fn cost(&self, prices: &SurfaceArea) -> f64 {
+        if self.count == 0 {
+            0.0
+        } else {
+            self.bounds.area() * prices.leaf(self.count)
+        }
+    }
+}
+
+fn join(mut a: [[Bin; BINS]; 3], b: [[Bin; BINS]; 3]) -> [[Bin; BINS]; 3] {
+    for (a, b) in a.as_flattened_mut().iter_mut().zip(b.as_flattened()) {
+        *a = a.union(b);
+    }
+    a
+}
+
+/// Origin and scale of the bins along each axis.
+struct Grid {
+    low: [f32; 3],
+    scale: [f32; 3],
+}
+
+impl Grid {
+    #[expect(clippy::cast_precision_loss, reason = "a small number")]
+    fn new(centres: Aabb) -> Self {
+        let scale = |k: usize| {
+            // All centres fall into the first bin along an axis where they coincide.
+            let scale = BINS as f32 / (centres.max[k] - centres.min[k]);
+            if scale.is_finite() { scale } else { 0.0 }
+        };
+        Self {
+            low: centres.min,
+            scale: [scale(0), scale(1), scale(2)],
+        }
+    }
+
+    fn fill(&self, objects: &[Object]) -> [[Bin; BINS]; 3] {
+        let mut bins = [[Bin::EMPTY; BINS]; 3];
+        // Add each object to one bin per axis; the last bin also takes the largest centre.
+        for object in objects {
+            for (k, bins) in bins.iter_mut().enumerate() {
+                let centre = object.centre(k);
+                #[expect(
+                    clippy::cast_possible_truncation,
+                    clippy::cast_sign_loss,
+                    reason = "saturates, and is clamped"
+                )]
+                // The bin may be off by rounding, but equal centres share a bin.
+                let i = ((centre - self.low[k]) * self.scale[k]) as usize;
+                let bin = &mut bins[i.min(BINS - 1)];
+                bin.bounds = bin.bounds.union(&object.bounds);
+                bin.last = bin.last.max(centre);
+                bin.count += 1;
+            }
+        }
+        bins
+    }
+}

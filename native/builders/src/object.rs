@@ -1,0 +1,397 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The object-partition loop: builds every tree in which each triangle lies in exactly one leaf.
+//!
+//! A tree supplies only a policy that proposes a partition of a node's objects ([`ObjectPolicy`]); bounds,
+//! in-place partitioning, limited depth and parallelism are implemented here, once. The result is a pure function
+//! of the triangles and the policy, for any number of threads.
+
+use halfspace_base::error::Result;
+use halfspace_base::{Monitor, footprint};
+use halfspace_geom::Aabb;
+use halfspace_nodes::object_tree::{Item, ObjectTree};
+use halfspace_nodes::plane_tree::MAX_DEPTH;
+use halfspace_ray::frame::Frame;
+use halfspace_scene::Triangles;
+use rayon::prelude::*;
+
+/// Progress is reported for subtrees of fewer than this number of objects.
+pub const TASK: usize = 4096;
+
+/// Number of tasks per thread, to balance their different durations.
+const TASKS: usize = 8;
+
+/// Nodes of at least this number of objects are measured in parallel.
+const PARALLEL: usize = 1 << 15;
+
+/// A triangle during the build.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Object {
+    /// Its box, in the structure's frame.
+    pub bounds: Aabb,
+    /// Its number in the scene.
+    pub id: u32,
+}
+
+impl Object {
+    /// Returns the middle of its box along axis `k`, rounded; always the same number for the same object.
+    #[inline(always)]
+    pub fn centre(&self, k: usize) -> f32 {
+        0.5 * self.bounds.min[k] + 0.5 * self.bounds.max[k]
+    }
+}
+
+/// A node that is about to be partitioned.
+pub struct Node<'a, R> {
+    /// The node's objects.
+    pub objects: &'a [Object],
+    /// Data of the policy, which it passed on when it partitioned the parent.
+    pub region: &'a R,
+}
+
+impl<R> Node<'_, R> {
+    /// Returns the boxes around the objects and around their centres.
+    pub fn measure(&self) -> (Aabb, Aabb) {
+        if self.objects.len() < PARALLEL {
+            return measure(self.objects);
+        }
+        let join = |a: (Aabb, Aabb), b: (Aabb, Aabb)| (a.0.union(&b.0), a.1.union(&b.1));
+        self.objects
+            .par_chunks(PARALLEL / 4)
+            .map(measure)
+            .reduce(|| (Aabb::EMPTY, Aabb::EMPTY), join)
+    }
+}
+
+/// Returns the boxes around objects and around their centres, on the calling thread.
+pub fn measure(objects: &[Object]) -> (Aabb, Aabb) {
+    let mut both = (Aabb::EMPTY, Aabb::EMPTY);
+    for object in objects {
+        both.0 = both.0.union(&object.bounds);
+        both.1.grow([0, 1, 2].map(|k| object.centre(k)));
+    }
+    both
+}
+
+/// Partition of a node's objects.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Parting<R> {
+    /// None: the node becomes a leaf.
+    Leaf,
+    /// Objects with their centre at or below `at` go below, the others above.
+    Centre {
+        /// Axis of the comparison.
+        axis: usize,
+        /// Largest centre below.
+        at: f32,
+        /// Data of the policy for the two children.
+        regions: [R; 2],
+    },
+    /// The half with the smaller centres goes below; possible for any two or more objects.
+    Median {
+        /// Axis along which the centres are compared.
+        axis: usize,
+        /// Data of the policy for the two children.
+        regions: [R; 2],
+    },
+}
+
+/// The policy of an object tree: the only part in which object trees differ.
+pub trait ObjectPolicy: Sync {
+    /// Data that a node passes to its children.
+    type Region: Clone + Send;
+    /// Returns the data of the root; `bounds` is the scene's box.
+    fn root(&self, bounds: Aabb) -> Self::Region;
+    /// Proposes the partition of a node of at least two objects. If the proposal leaves a side empty, or the depth
+    /// limit is near, the loop takes the median along the same axis.
+    fn part(&self, node: &Node<'_, Self::Region>) -> Parting<Self::Region>;
+}
+
+struct Builder<'a, P> {
+    policy: &'a P,
+    monitor: &'a Monitor,
+    /// Number of objects from which nodes are built on two threads.
+    parallel: usize,
+}
+
+/// Returns the number of objects from which a node of a tree of `count` objects is built on two threads, in the
+/// current rayon pool.
+pub fn parallel_from(count: usize) -> usize {
+    match rayon::current_num_threads() {
+        1 => usize::MAX,
+        threads => (count / (TASKS * threads)).max(TASK),
+    }
+}
+
+/// Appends the items of two children, in parallel if `both` is set; returns the index of the second child's first
+/// item.
+pub fn grow_both<T: Send>(
+    (items, both): (&mut Vec<T>, bool),
+    below: impl FnOnce(&mut Vec<T>) -> Result<()> + Send,
+    above: impl FnOnce(&mut Vec<T>) -> Result<()> + Send,
+) -> Result<usize> {
+    if !both {
+        // In sequence, both children append to the same list.
+        below(items)?;
+        let second = items.len();
+        above(items)?;
+        return Ok(second);
+    }
+    // The second child writes to a list of its own, which is appended: the result is the same.
+    let mut others = Vec::new();
+    let (first, last) = rayon::join(|| below(items), || above(&mut others));
+    first?;
+    last?;
+    let second = items.len();
+    items.append(&mut others);
+    Ok(second)
+}
+
+/// Appends the tree over `objects`. `at` holds the policy's data for its root and the root's depth.
+///
+/// # Errors
+/// Those of [`build`].
+pub fn build_part<P: ObjectPolicy>(
+    objects: &mut [Object],
+    at: (P::Region, usize),
+    (policy, monitor): (&P, &Monitor),
+    items: &mut Vec<Item>,
+) -> Result<()> {
+    let builder = Builder {
+        policy,
+        monitor,
+        parallel: usize::MAX,
+    };
+    builder.node(objects, at, items)
+}
+
+/// Returns the live triangles of `scene` as objects, in the frame `frame`.
+pub fn gather(scene: &Triangles, frame: &Frame) -> Vec<Object> {
+    let object = |&id: &u32| Object {
+        bounds: Aabb::of_triangle(scene.corners(id).map(|p| frame.point(p))),
+        id,
+    };
+    scene.live().par_iter().map(object).collect()
+}
+
+/// Builds a tree over the live triangles of `scene`, in the frame `frame`, in the current rayon pool.
+///
+/// # Errors
+/// [`halfspace_base::error::Error::Cancelled`] and [`halfspace_base::error::Error::Memory`] as the monitor returns them.
+pub fn build<P: ObjectPolicy>(
+    scene: &Triangles,
+    frame: &Frame,
+    policy: &P,
+    monitor: &Monitor,
+) -> Result<ObjectTree> {
+    build_over(gather(scene, frame), frame.bounds(), policy, monitor)
+}
+
+/// Builds a tree over any objects within `bounds`.
+///
+/// # Errors
+/// Those of [`build`].
+pub fn build_over<P: ObjectPolicy>(
+    mut objects: Vec<Object>,
+    bounds: Aabb,
+    policy: &P,
+    monitor: &Monitor,
+) -> Result<ObjectTree> {
+    let builder = Builder {
+        policy,
+        monitor,
+        parallel: parallel_from(objects.len()),
+    };
+    // Partition the objects in place, then read off their numbers in the order of the leaves.
+    let region = policy.root(bounds);
+    let mut items = Vec::with_capacity(objects.len() / 2);
+    builder.subtree(&mut objects, (region, 0, 1.0), &mut items)?;
+    let ids = objects.iter().map(|object| object.id).collect();
+    Ok(ObjectTree { items, ids })
+}
+
+impl<P: ObjectPolicy> Builder<'_, P> {
+    /// Appends a subtree, given the policy's data, its depth and its share of the whole work.
+    fn subtree(
+        &self,
+        objects: &mut [Object],
+        (region, depth, work): (P::Region, usize, f64),
+        items: &mut Vec<Item>,
+    ) -> Result<()> {
+        let at = (region, depth);
+        // Report progress and memory for small subtrees as a whole.
+        if objects.len() < TASK {
+            let before = items.len();
+            self.node(objects, at, items)?;
+            let made = items.len() - before;
+            self.monitor.take(footprint::boxes::<Item>(made))?;
+            self.monitor.advance(work);
+            return Ok(());
+        }
+        let Some((split, regions, axis)) = self.split(objects, &at)? else {
+            self.monitor.advance(work);
+            items.push(leaf(objects));
+            return Ok(());
+        };
+        let place = items.len();
+        items.push(Item::inner(axis));
+        // Divide the work in proportion to the objects.
+        let share = split as f64 / objects.len() as f64;
+        let both = objects.len() >= self.parallel;
+        let (below, above) = objects.split_at_mut(split);
+        let [first, second] = regions;
+        let tasks = (
+            (first, depth + 1, work * share),
+            (second, depth + 1, work * (1.0 - share)),
+        );
+        // Build both children, and link them to the item reserved above.
+        let distance = grow_both(
+            (items, both),
+            |items| self.subtree(below, tasks.0, items),
+            |items| self.subtree(above, tasks.1, items),
+        )?;
+        Item::link(&mut items[place..], distance - place);
+        Ok(())
+    }
+
+    /// Appends a subtree without reporting progress. The depth of the recursion is that of the tree.
+    fn node(
+        &self,
+        objects: &mut [Object],
+        at: (P::Region, usize),
+        items: &mut Vec<Item>,
+    ) -> Result<()> {
+        let Some((split, regions, axis)) = self.split(objects, &at)? else {
+            items.push(leaf(objects));
+            return Ok(());
+        };
+        let place = items.len();
+        items.push(Item::inner(axis));
+        let depth = at.1 + 1;
+        let (below, above) = objects.split_at_mut(split);
+        let [first, second] = regions;
+        // The child below follows directly, the child above after all of its items.
+        self.node(below, (first, depth), items)?;
+        let distance = items.len() - place;
+        self.node(above, (second, depth), items)?;
+        Item::link(&mut items[place..], distance);
+        Ok(())
+    }
+
+    /// Partitions a node's objects in place. Returns the number of objects below, the policy's data for the
+    /// children, and the axis; `None` for a leaf.
+    #[expect(
+        clippy::type_complexity,
+        reason = "three results, named in the sentence above"
+    )]
+    fn split(
+        &self,
+        objects: &mut [Object],
+        (region, depth): &(P::Region, usize),
+    ) -> Result<Option<(usize, [P::Region; 2], usize)>> {
+        self.monitor.check()?;
+        if objects.len() < 2 {
+            return Ok(None);
+        }
+        // Apply the proposal, or take the median where it must not or cannot be applied.
+        let parting = self.policy.part(&Node { objects, region });
+        // The median reaches single objects in this number of levels; nearer to the depth limit nothing else is
+        // allowed.
+        let last_resort = MAX_DEPTH - depth <= objects.len().next_power_of_two().ilog2() as usize;
+        let (axis, regions, split) = match parting {
+            Parting::Leaf => return Ok(None),
+            Parting::Centre { axis, at, regions } if !last_resort => {
+                (axis, regions, part_by(objects, |o| o.centre(axis) <= at))
+            }
+            Parting::Centre { axis, regions, .. } | Parting::Median { axis, regions } => {
+                (axis, regions, 0)
+            }
+        };
+        let split = if split == 0 || split == objects.len() {
+            median(objects, axis)
+        } else {
+            split
+        };
+        Ok(Some((split, regions, axis)))
+    }
+}
+
+/// Returns the box around objects.
+pub fn around(objects: &[Object]) -> Aabb {
+    (objects.iter()).fold(Aabb::EMPTY, |all, object| all.union(&object.bounds))
+}
+
+/// Returns a leaf of these objects.
+pub fn leaf(objects: &[Object]) -> Item {
+    Item::leaf(around(objects), objects.len())
+}
+
+/// Moves the objects for which `below` holds to the front; returns their number.
+pub fn part_by<T>(objects: &mut [T], below: impl Fn(&T) -> bool) -> usize {
+    let (mut first, mut end) = (0, objects.len());
+    loop {
+        while first < end && below(&objects[first]) {
+            first += 1;
+        }
+        while first < end && !below(&objects[end - 1]) {
+            end -= 1;
+        }
+        if first == end {
+            return first;
+        }
+        objects.swap(first, end - 1);
+    }
+}
+
+/// Moves the half with the smaller centres to the front, equal ones by number; returns its size.
+fn median(objects: &mut [Object], axis: usize) -> usize {
+    let half = objects.len() / 2;
+    objects.select_nth_unstable_by(half, |a, b| {
+        a.centre(axis)
+            .total_cmp(&b.centre(axis))
+            .then(a.id.cmp(&b.id))
+    });
+    half
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use halfspace_leaf::keep::Keep;
+    use halfspace_leaf::leaves::Leaves;
+    use halfspace_nodes::box_tree::BoxTree;
+    use halfspace_nodes::nested;
+
+    /// A policy that separates one object at a time, as long as the loop permits.
+    struct Chain;
+
+    impl ObjectPolicy for Chain {
+        type Region = ();
+        fn root(&self, _: Aabb) {}
+        fn part(&self, node: &Node<'_, ()>) -> Parting<()> {
+            Parting::Centre {
+                axis: 0,
+                at: node.measure().1.min[0],
+                regions: [(); 2],
+            }
+        }
+    }
+
+    #[test]
+    fn depth_is_bounded_whatever_the_policy_wants() {
+        let mut vertices = Vec::new();
+        for i in 0..1000 {
+            let x = f32::from(i16::try_from(i).unwrap());
+            vertices.extend([[x, 0.0, 0.0], [x + 0.5, 1.0, 0.0], [x + 0.5, 0.0, 1.0]]);
+        }
+        let indices = (0..1000).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+        let scene = Triangles::new(vertices, indices).unwrap();
+        let frame = Frame::new(scene.bounds());
+        let tree = build(&scene, &frame, &Chain, &Monitor::new()).unwrap();
+        let boxes = BoxTree::<2>::new(&tree, &mut Leaves::new(Keep::Corners)).unwrap();
+        let shape = nested::shape(&boxes, frame.bounds());
+        assert_eq!((shape.leaves, shape.depth_max), (1000, MAX_DEPTH));
+        let mut ids = tree.ids.clone();
+        ids.sort_unstable();
+        assert_eq!(ids, scene.live());
+    }
+}

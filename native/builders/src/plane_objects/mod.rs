@@ -1,0 +1,388 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Builds an object tree from a tree of split planes: the planes separate the triangles, and each node gets the
+//! box of its triangles.
+//!
+//! If a plane cuts a triangle, each side gets its part, or one side gets the whole triangle, whichever costs least
+//! by the surface area heuristic; boxes may overlap, unlike cells (Stich, Friedrich and Dietrich 2009, Spatial
+//! splits in bounding volume hierarchies, section 4.3, reference unsplitting). Below the leaves of the planes, and
+//! where a plane is not worth its step, triangles are partitioned as objects.
+
+use crate::binned::SurfaceArea;
+use crate::object::{self, Object, around};
+use halfspace_base::Monitor;
+use halfspace_base::error::Result;
+use halfspace_geom::Aabb;
+use halfspace_geom::clip::clipped_bounds;
+use halfspace_geom::oblique_part::Cutter;
+use halfspace_nodes::cost::Costs;
+use halfspace_nodes::object_tree::{Item, ObjectTree};
+use halfspace_nodes::plane_tree::{MAX_DEPTH, Node, PlaneTree};
+use halfspace_ray::frame::{AXIS_PAD, Frame};
+use halfspace_scene::Triangles;
+use rayon::prelude::*;
+
+/// Costs, and the partition of objects below the planes.
+const OBJECTS: SurfaceArea = SurfaceArea {
+    costs: Costs::BOXES,
+    leaf_max: 16,
+};
+
+/// Distance beyond a plane, per unit of the scene's largest coordinate, up to which a triangle is not cut: planes
+/// through vertices and edges are rounded, and the parts they would cut off are rounding errors.
+const LITTLE: f32 = 4.0 * AXIS_PAD;
+
+/// Nodes of more objects than this are built on two threads.
+const PARALLEL: usize = 4096;
+
+/// Share of the work on boxes that is done here; the layout of the boxes takes the rest.
+pub const SHARE: f64 = 0.75;
+
+/// Number of objects that one thread splits at a time in large nodes, and between two checks for cancellation.
+const PATIENCE: usize = 1 << 14;
+
+/// Builds the tree over the live triangles of `scene`.
+///
+/// # Errors
+/// [`halfspace_base::error::Error::Cancelled`] and [`halfspace_base::error::Error::Memory`] as the monitor returns them.
+pub fn build(
+    planes: &PlaneTree,
+    (scene, frame): (&Triangles, &Frame),
+    monitor: &Monitor,
+) -> Result<ObjectTree> {
+    let builder = Builder {
+        planes,
+        scene,
+        frame,
+        monitor,
+        magnitude: frame.bounds().magnitude(),
+    };
+    // Start with all triangles at the root of the tree of planes.
+    let objects = object::gather(scene, frame);
+    let mut tree = ObjectTree::default();
+    builder.node(objects, (planes.root(), 0, Some(SHARE)), &mut tree)?;
+    Ok(tree)
+}
+
+/// The objects of a node, classified by the node's plane.
+#[derive(Debug, Default, PartialEq)]
+struct Sides {
+    /// Objects on one side, below and above.
+    apart: [Vec<Object>; 2],
+    /// Objects that the plane cuts, with boxes that contain their parts below and above.
+    cut: Vec<(Object, [Aabb; 2])>,
+}
+
+impl Sides {
+    /// Adds an object with the boxes around its parts. An object without a part below is not added but returned
+    /// with its part above.
+    fn take(&mut self, whole: Object, parts: [Aabb; 2]) -> Option<Object> {
+        let [below, above] = parts;
+        // Classify the object by which parts are not empty.
+        match parts.map(|part| part.is_empty()) {
+            [false, false] => self.cut.push((whole, parts)),
+            [false, true] => self.apart[0].push(Object {
+                bounds: below,
+                ..whole
+            }),
+            [true, false] => {
+                return Some(Object {
+                    bounds: above,
+                    ..whole
+                });
+            }
+            // Rounding left no part on either side: keep the whole object.
+            [true, true] => return Some(whole),
+        }
+        None
+    }
+
+    /// Concatenates the classified objects.
+    fn joined(parts: Vec<Self>) -> Self {
+        let all = |side: usize| parts.iter().map(|part| part.apart[side].len()).sum();
+        let mut joined = Self {
+            apart: [Vec::with_capacity(all(0)), Vec::with_capacity(all(1))],
+            cut: Vec::new(),
+        };
+        for part in parts {
+            for (all, own) in joined.apart.iter_mut().zip(part.apart) {
+                all.extend(own);
+            }
+            joined.cut.extend(part.cut);
+        }
+        joined
+    }
+
+    /// Assigns each cut object to both sides, or whole to one of them, one after another, by the boxes so far.
+    /// `cut` returns the tight boxes around the parts of an object that goes to both sides.
+    fn share_out(
+        mut self,
+        cut: impl Fn(&Object, [Aabb; 2]) -> [Aabb; 2],
+        monitor: &Monitor,
+    ) -> Result<[Vec<Object>; 2]> {
+        // Start with the boxes of all parts, as if every object went to both sides.
+        let mut bounds = [0, 1].map(|side| {
+            let parts = self.cut.iter().map(|(_, parts)| parts[side]);
+            parts.fold(around(&self.apart[side]), |all, part| all.union(&part))
+        });
+        // Number of objects on each side, if every cut object goes to both.
+        let mut count = [0, 1].map(|side| (self.apart[side].len() + self.cut.len()) as f64);
+        for (seen, (whole, parts)) in std::mem::take(&mut self.cut).into_iter().enumerate() {
+            if seen % PATIENCE == PATIENCE - 1 {
+                monitor.check()?;
+            }
+            // Compare the costs of both sides with those of one side.
+            let grown = bounds.map(|own| own.union(&whole.bounds));
+            let cost = |areas: [f64; 2], less: [f64; 2]| {
+                areas[0] * (count[0] - less[0]) + areas[1] * (count[1] - less[1])
+            };
+            let [below, above] = bounds.map(|own| own.area());
+            let both = cost([below, above], [0.0, 0.0]);
+            let only_below = cost([grown[0].area(), above], [0.0, 1.0]);
+            let only_above = cost([below, grown[1].area()], [1.0, 0.0]);
+            // Clip the object only if it goes to both sides.
+            if both <= only_below && both <= only_above {
+                let parts = cut(&whole, parts);
+                if parts.iter().any(Aabb::is_empty) {
+                    count[usize::from(!parts[0].is_empty())] -= 1.0;
+                    let above = self.take(whole, parts);
+                    self.apart[1].extend(above);
+                    continue;
+                }
+                // Put each part on its side.
+                for (side, bounds) in parts.into_iter().enumerate() {
+                    self.apart[side].push(Object { bounds, ..whole });
+                }
+            } else {
+                // Put the whole object on the cheaper side.
+                let side = usize::from(only_above < only_below);
+                bounds[side] = grown[side];
+                count[1 - side] -= 1.0;
+                self.apart[side].push(whole);
+            }
+        }
+        Ok(self.apart)
+    }
+}
+
+struct Builder<'a> {
+    planes: &'a PlaneTree,
+    scene: &'a Triangles,
+    frame: &'a Frame,
+    monitor: &'a Monitor,
+    /// The scene's largest coordinate.
+    magnitude: f32,
+}
+
+impl Builder<'_> {
+    /// Appends the tree over objects, given their node in the tree of planes, their depth and their share of the
+    /// whole work. The share is `None` in small subtrees, whose ancestor reports for all of them: a report per
+    /// leaf would make threads contend. The depth of the recursion is that of the tree.
+    fn node(
+        &self,
+        mut objects: Vec<Object>,
+        (mut place, depth, work): (u32, usize, Option<f64>),
+        tree: &mut ObjectTree,
+    ) -> Result<()> {
+        loop {
+            self.monitor.check()?;
+            let node = self.planes.node(place);
+            let (Node::Axis { children, .. } | Node::Oblique { children, .. }) = node else {
+                return self.objects(objects, (depth, work), tree);
+            };
+            // Split the objects by the node's plane; skip planes with all objects on one side.
+            let whole = (objects.len() <= OBJECTS.leaf_max).then(|| objects.clone());
+            let parted = self.part(objects, &node)?;
+            match parted {
+                [below, above] if above.is_empty() => (objects, place) = (below, children),
+                [below, above] if below.is_empty() => (objects, place) = (above, children + 1),
+                parted => {
+                    return match whole {
+                        Some(whole) if !OBJECTS.pays(&whole, &parted) => {
+                            self.objects(whole, (depth, work), tree)
+                        }
+                        _ => self.inner(parted, (children, depth, work), tree),
+                    };
+                }
+            }
+        }
+    }
+
+    /// Appends an inner node with its subtrees.
+    fn inner(
+        &self,
+        [below, above]: [Vec<Object>; 2],
+        (children, depth, work): (u32, usize, Option<f64>),
+        tree: &mut ObjectTree,
+    ) -> Result<()> {
+        let before = tree.sizes();
+        let count = below.len() + above.len();
+        let place = tree.items.len();
+        // The axis of these nodes is not used.
+        tree.items.push(Item::inner(0));
+        // Build small subtrees in sequence and report them at once.
+        let above_at = if count <= PARALLEL {
+            self.node(below, (children, depth + 1, None), tree)?;
+            let above_at = tree.items.len();
+            self.node(above, (children + 1, depth + 1, None), tree)?;
+            self.tell(work, before, tree)?;
+            above_at
+        // Build large subtrees on two threads.
+        } else {
+            let _held = self.monitor.hold(count * size_of::<Object>())?;
+            // The second thread writes to a tree of its own, which is appended.
+            let mut other = ObjectTree::default();
+            let work = work.unwrap_or(0.0);
+            let part = work * below.len() as f64 / count as f64;
+            let (first, last) = rayon::join(
+                || self.node(below, (children, depth + 1, Some(part)), tree),
+                || {
+                    self.node(
+                        above,
+                        (children + 1, depth + 1, Some(work - part)),
+                        &mut other,
+                    )
+                },
+            );
+            first?;
+            last?;
+            let above_at = tree.items.len();
+            tree.items.append(&mut other.items);
+            tree.ids.append(&mut other.ids);
+            above_at
+        };
+        Item::link(&mut tree.items[place..], above_at - place);
+        Ok(())
+    }
+
+    /// Appends the tree over objects that no plane splits. If the tree might exceed the depth limit, the objects
+    /// become one leaf.
+    fn objects(
+        &self,
+        mut objects: Vec<Object>,
+        (depth, work): (usize, Option<f64>),
+        tree: &mut ObjectTree,
+    ) -> Result<()> {
+        let before = tree.sizes();
+        let most = 2 * objects.len() * size_of::<Item>();
+        // Only large lists are worth reporting while they are partitioned.
+        let many = objects.len() > PARALLEL;
+        let _held = many.then(|| self.monitor.hold(most)).transpose()?;
+        // Halving reaches single objects in this number of levels.
+        let levels = objects.len().next_power_of_two().ilog2() as usize;
+        if depth + levels <= MAX_DEPTH {
+            let at = ((), depth);
+            object::build_part(&mut objects, at, (&OBJECTS, self.monitor), &mut tree.items)?;
+        } else {
+            tree.items.push(object::leaf(&objects));
+        }
+        tree.ids.extend(objects.iter().map(|object| object.id));
+        self.tell(work, before, tree)
+    }
+
+    /// Reports a share of the work, if this node has one, and the memory that the tree has taken since it had the
+    /// given numbers of items and ids.
+    fn tell(
+        &self,
+        work: Option<f64>,
+        (items, ids): (usize, usize),
+        tree: &ObjectTree,
+    ) -> Result<()> {
+        let Some(work) = work else {
+            return Ok(());
+        };
+        self.monitor.advance(work);
+        // Includes the node above, which is not reported otherwise.
+        let made = (tree.items.len() - items + 1) * size_of::<Item>();
+        self.monitor
+            .take(made + (tree.ids.len() - ids) * size_of::<u32>())
+    }
+
+    /// Splits objects by the plane of a node.
+    fn part(&self, objects: Vec<Object>, node: &Node) -> Result<[Vec<Object>; 2]> {
+        let many = objects.len() >= 2 * PATIENCE;
+        // Bytes per object: a copy, and the classified object, cut or not.
+        let most = 2 * size_of::<Object>() + size_of::<(Object, [Aabb; 2])>();
+        let held = many.then(|| self.monitor.hold(objects.len() * most));
+        let _held = held.transpose()?;
+        let sides = if many {
+            self.sides_of_many(objects, node)?
+        } else {
+            self.sides(objects, node)?
+        };
+        match node {
+            // Most objects that an axis-aligned plane cuts stay whole, so they are clipped only if they do not.
+            Node::Axis { .. } => sides.share_out(
+                |object, parts| {
+                    let corners = self.corners(object);
+                    parts.map(|part| {
+                        let bounds = clipped_bounds(corners, &part, self.magnitude);
+                        bounds.unwrap_or(Aabb::EMPTY)
+                    })
+                },
+                self.monitor,
+            ),
+            _ => sides.share_out(|_, parts| parts, self.monitor),
+        }
+    }
+
+    /// Like [`Self::sides`], in parallel: near the root there are few nodes and many objects.
+    fn sides_of_many(&self, objects: Vec<Object>, node: &Node) -> Result<Sides> {
+        let pieces = objects.par_chunks(PATIENCE);
+        let sides: Result<Vec<_>> = pieces
+            .map(|piece| self.sides(piece.to_vec(), node))
+            .collect();
+        drop(objects);
+        Ok(Sides::joined(sides?))
+    }
+
+    /// Classifies objects by the plane of a node. Those above keep the memory of the list.
+    fn sides(&self, mut objects: Vec<Object>, node: &Node) -> Result<Sides> {
+        self.monitor.check()?;
+        let little = LITTLE * self.magnitude;
+        let mut sides = Sides::default();
+        match *node {
+            Node::Axis { axis, split, .. } => objects.retain(|object| {
+                // Distances by which the object extends below and above the plane.
+                let below = split - object.bounds.min[axis];
+                let above = object.bounds.max[axis] - split;
+                if below.min(above) <= little {
+                    // An object in the plane belongs below, as in the tree of planes.
+                    if below < above {
+                        return true;
+                    }
+                    sides.apart[0].push(*object);
+                } else {
+                    // Cut the box only; the triangle is clipped later if necessary.
+                    let mut parts = [object.bounds; 2];
+                    parts[0].max[axis] = split;
+                    parts[1].min[axis] = split;
+                    sides.cut.push((*object, parts));
+                }
+                false
+            }),
+            Node::Oblique { normal, offset, .. } => {
+                // Clip each triangle to both sides of an oblique plane.
+                let mut cutter = Cutter::new((normal, offset), self.magnitude, little);
+                objects.retain_mut(|object| {
+                    let parts = cutter.parts(self.corners(object), &object.bounds);
+                    let above = sides.take(*object, parts);
+                    above.is_some_and(|above| {
+                        *object = above;
+                        true
+                    })
+                });
+            }
+            Node::Leaf { .. } => unreachable!("leaves have no plane"),
+        }
+        sides.apart[1] = objects;
+        Ok(sides)
+    }
+
+    /// Returns the vertices of an object's triangle in the structure's frame.
+    fn corners(&self, object: &Object) -> [[f32; 3]; 3] {
+        (self.scene.corners(object.id)).map(|p| self.frame.point(p))
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The policy of a tree of split planes: the directions to try at each node.
+
+use crate::piece::Piece;
+use halfspace_geom::Aabb;
+use halfspace_geom::cell::{Cell, Direction, Plane};
+
+/// The policy of a plane tree: the only part in which plane trees differ.
+pub trait PlanePolicy: Sync {
+    /// Type of the cells: boxes if all planes are axis-aligned, otherwise convex polytopes.
+    type Cell: Cell;
+    /// Data that a node keeps per triangle.
+    type Piece: Piece;
+    /// Returns the cell of the whole scene.
+    fn root(&self, bounds: Aabb) -> Self::Cell;
+    /// Appends the directions to sweep at a node to the empty `out`. Of equally cheap planes, that of the earlier
+    /// direction is chosen.
+    fn directions(&self, node: &Node<'_, Self::Piece>, out: &mut Vec<Direction>);
+    /// Appends single planes to try in addition to the sweeps to the empty `out`.
+    fn planes(&self, _: &Node<'_, Self::Piece>, _: &mut Vec<Plane>) {}
+    /// Appends further directions to `out`; called only if the cheapest plane of [`Self::directions`] costs more
+    /// than [`crate::space::Params::enough`].
+    fn further(&self, _: &Node<'_, Self::Piece>, _: &mut Vec<Direction>) {}
+    /// Appends directions for a node that would otherwise become a leaf to the empty `out`.
+    fn more(&self, _: &Node<'_, Self::Piece>, _: &mut Vec<Direction>) {}
+    /// Appends directions to the empty `out` for a node that is too large for a leaf and that no plane of
+    /// [`Self::directions`] splits.
+    fn last_resort(&self, _: &Node<'_, Self::Piece>, _: &mut Vec<Direction>) {}
+}
+
+/// View of a node that a policy gets.
+#[derive(Debug, Clone, Copy)]
+pub struct Node<'a, P> {
+    /// The node's triangles.
+    pub pieces: &'a [P],
+    /// Depth of the node; the root has depth 0.
+    pub depth: usize,
+    /// Random number of the node, which depends only on its path from the root. The policy's random choices depend
+    /// on it.
+    pub key: u64,
+}

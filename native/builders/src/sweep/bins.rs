@@ -1,0 +1,290 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Sweeps of many triangles: the direction is divided into bins, and only bins that may contain the cheapest plane
+//! are opened.
+//!
+//! A plane inside a bin has at least the triangles below it that start in lower bins, and at least those above it
+//! that end in higher bins; its parts have at least the surface areas of the parts at the bin's ends. Each bin
+//! thus has a lower bound on its costs, and bins are opened in ascending order of it until the next bound exceeds
+//! the best cost so far. The result equals that of sorting everything, but usually only a few hundredths are
+//! sorted.
+
+use crate::sweep::{Batch, Profile, Scratch, Ties, merge};
+use fearless_simd::{Simd, SimdBase, f32x8};
+
+/// Approximate number of triangles per bin, and largest number of bins.
+const PER_BIN: usize = 8;
+const MOST: usize = 256;
+
+/// Buffers, reused between sweeps.
+#[derive(Debug, Default)]
+pub struct Bins {
+    table: Table,
+    /// Heights of each list of the table, sorted by bin.
+    sorted: [Vec<f32>; 4],
+    order: Vec<u32>,
+}
+
+/// Counts and lower bounds of the bins, known before any is opened.
+#[derive(Debug, Default)]
+struct Table {
+    /// Starts, ends, planar triangles and further candidates: number of each in lower bins.
+    before: [Vec<u32>; 4],
+    /// Lower bound on the cost of the children, per bin.
+    least: Vec<f32>,
+}
+
+/// Maps heights to bins. The map is monotonic, so that heights in different bins compare as their bins do.
+#[derive(Clone, Copy)]
+struct Ruler {
+    low: f32,
+    scale: f32,
+    last: f32,
+    /// Number of bins.
+    count: usize,
+}
+
+impl Ruler {
+    /// Makes bins for a number of triangles; `None` if the direction is too short for any.
+    #[inline(always)]
+    fn new(profile: &Profile, triangles: usize) -> Option<Self> {
+        let count = (triangles / PER_BIN).clamp(8, MOST).next_multiple_of(8);
+        let extent = profile.high - profile.low;
+        let scale = count as f32 / extent;
+        (extent > 0.0 && scale.is_finite()).then_some(Self {
+            low: profile.low,
+            scale,
+            last: (count - 1) as f32,
+            count,
+        })
+    }
+
+    /// Returns the bin of a height.
+    #[inline(always)]
+    fn bin(self, at: f32) -> usize {
+        let place = ((at - self.low) * self.scale - 0.5).max(0.0).min(self.last);
+        // Adding 2^23 leaves the nearest integer in the low bits, without a conversion that checks for overflow.
+        const WHOLE: f32 = (1 << 23) as f32;
+        (place + WHOLE).to_bits() as usize & 0x3ff
+    }
+}
+
+/// The heights of a sweep.
+#[derive(Clone, Copy)]
+struct Heights<'a> {
+    min: &'a [f32],
+    max: &'a [f32],
+    extra: &'a [f32],
+    ties: Ties,
+}
+
+impl Heights<'_> {
+    /// Returns whether a triangle with these ends counts as lying in one plane.
+    #[inline(always)]
+    fn is_planar(self, min: f32, max: f32) -> bool {
+        self.ties == Ties::Clean && min == max
+    }
+}
+
+/// Tries all planes that may be the cheapest.
+#[inline(always)]
+pub fn search<S: Simd>(batch: &mut Batch<'_, S>, scratch: &mut Scratch) {
+    let Some(ruler) = Ruler::new(batch.profile, scratch.min.len()) else {
+        return crate::sweep::sorted(batch, scratch);
+    };
+    let heights = Heights {
+        min: &scratch.min,
+        max: &scratch.max,
+        extra: &scratch.extra,
+        ties: batch.ties,
+    };
+    // Bound the cost of each bin.
+    let Bins {
+        table,
+        sorted,
+        order,
+    } = &mut scratch.bins;
+    table.count(heights, ruler);
+    table.price(batch, ruler);
+
+    // Order the bins by their lower bounds, without those that cannot improve on the best plane.
+    order.clear();
+    order.extend(
+        (0..ruler.count)
+            .filter(|&bin| table.filled(bin) && !table.hopeless(batch, bin))
+            .map(|bin| bin as u32),
+    );
+    if order.is_empty() {
+        return;
+    }
+    let least = &table.least;
+    order.sort_unstable_by(|&a, &b| {
+        least[a as usize]
+            .total_cmp(&least[b as usize])
+            .then(a.cmp(&b))
+    });
+
+    // Sort the heights into bins only now that some bin must be opened.
+    fill(sorted, &table.before, heights, ruler);
+    for &bin in &*order {
+        let bin = bin as usize;
+        if !table.hopeless(batch, bin) {
+            table.open(batch, sorted, bin);
+        }
+    }
+}
+
+impl Table {
+    /// Counts the heights in each bin, then accumulates them to the numbers below each bin.
+    #[inline(always)]
+    fn count(&mut self, heights: Heights<'_>, ruler: Ruler) {
+        for before in &mut self.before {
+            before.clear();
+            before.resize(ruler.count + 1, 0);
+        }
+        // Count the heights of each list per bin.
+        let [starts, ends, planar, further] = &mut self.before;
+        for (&min, &max) in heights.min.iter().zip(heights.max) {
+            if heights.is_planar(min, max) {
+                planar[ruler.bin(min) + 1] += 1;
+            } else {
+                starts[ruler.bin(min) + 1] += 1;
+                ends[ruler.bin(max) + 1] += 1;
+            }
+        }
+        for &at in heights.extra {
+            further[ruler.bin(at) + 1] += 1;
+        }
+        // Prefix sums give the numbers in lower bins.
+        for before in &mut self.before {
+            let mut sum = 0;
+            for n in before.iter_mut() {
+                sum += *n;
+                *n = sum;
+            }
+        }
+    }
+
+    /// Returns the number of triangles.
+    #[inline(always)]
+    fn all(&self) -> u32 {
+        let [starts, _, planar, _] = &self.before;
+        starts[starts.len() - 1] + planar[planar.len() - 1]
+    }
+
+    /// Returns whether a bin contains a candidate.
+    #[inline(always)]
+    fn filled(&self, bin: usize) -> bool {
+        self.before.iter().any(|b| b[bin] < b[bin + 1])
+    }
+
+    /// Computes the lower bound of each bin, eight bins at a time.
+    #[inline(always)]
+    fn price<S: Simd>(&mut self, batch: &Batch<'_, S>, ruler: Ruler) {
+        let (simd, profile, costs) = (batch.simd, batch.profile, batch.pricing.costs);
+        let (all, count) = (self.all(), ruler.count);
+        let extent = profile.high - profile.low;
+        let [starts, ends, planar, _] = &self.before;
+        self.least.clear();
+        for first in (0..count).step_by(8) {
+            let (mut low, mut below, mut above) = ([0.0; 8], [0.0; 8], [0.0; 8]);
+            // Ends and least numbers of triangles of eight bins.
+            for lane in 0..8 {
+                let bin = first + lane;
+                low[lane] = profile.low + extent * (bin as f32 / count as f32);
+                below[lane] = (starts[bin] + planar[bin]) as f32;
+                above[lane] = (all - ends[bin + 1] - planar[bin + 1]) as f32;
+            }
+            // Widen the bins by a margin for the rounding of shares.
+            let room = f32x8::splat(simd, 1e-5 * extent);
+            let low = f32x8::from_slice(simd, &low);
+            let high = low + f32x8::splat(simd, extent / count as f32);
+            let share_below = profile.shares_x8(simd, low - room).0;
+            let share_above = profile.shares_x8(simd, high + room).1;
+            let below = costs.leaf_x8(simd, f32x8::from_slice(simd, &below));
+            let above = costs.leaf_x8(simd, f32x8::from_slice(simd, &above));
+            let mut least = [0.0; 8];
+            (share_below * below + share_above * above).store_slice(&mut least);
+            self.least.extend(least);
+        }
+    }
+
+    /// Returns whether no plane of a bin can be cheaper than the best so far.
+    #[inline(always)]
+    fn hopeless<S: Simd>(&self, batch: &Batch<'_, S>, bin: usize) -> bool {
+        let pricing = batch.pricing;
+        let [starts, ends, planar, _] = &self.before;
+        let inner = self.least[bin];
+        let (below, above) = (
+            starts[bin] + planar[bin],
+            self.all() - ends[bin + 1] - planar[bin + 1],
+        );
+        // The bonus for an empty child lowers the bound.
+        let factor = if below == 0 || above == 0 {
+            pricing.costs.empty
+        } else {
+            1.0
+        };
+        (0..2).all(|i| {
+            let limit = batch.best[i].map_or(pricing.limits[i], |b| b.cost);
+            let cost = (pricing.steps[i] + inner) * factor;
+            // Allow for the rounding of shares and costs.
+            pricing.steps[i] == f32::INFINITY || cost * (1.0 - 1e-4) > limit
+        })
+    }
+
+    /// Tries the planes of a bin.
+    #[inline(always)]
+    fn open<S: Simd>(&self, batch: &mut Batch<'_, S>, sorted: &mut [Vec<f32>; 4], bin: usize) {
+        let [starts, ends, planar, further] = sorted;
+        // Range of the bin in each list.
+        let part = |list: usize| {
+            let before = &self.before[list];
+            before[bin] as usize..before[bin + 1] as usize
+        };
+        let counted = |list: usize| self.before[list][bin];
+        // Triangles below and above the whole bin.
+        let below = counted(0) + counted(2);
+        let above = self.all() - counted(1) - counted(2);
+        merge(
+            batch,
+            [
+                &mut starts[part(0)],
+                &mut ends[part(1)],
+                &mut planar[part(2)],
+                &mut further[part(3)],
+            ],
+            (below, above),
+        );
+        batch.flush();
+    }
+}
+
+/// Sorts the heights into bins; `before` holds the offset of each bin.
+#[inline(always)]
+fn fill(sorted: &mut [Vec<f32>; 4], before: &[Vec<u32>; 4], heights: Heights<'_>, ruler: Ruler) {
+    let count = ruler.count;
+    // Next free slot of each bin and list.
+    let mut next: [[u32; MOST]; 4] = [[0; MOST]; 4];
+    for ((sorted, before), next) in sorted.iter_mut().zip(before).zip(&mut next) {
+        sorted.clear();
+        sorted.resize(before[count] as usize, 0.0);
+        next[..count].copy_from_slice(&before[..count]);
+    }
+    // Counting sort by bin.
+    let mut put = |list: usize, at: f32| {
+        let place = &mut next[list][ruler.bin(at)];
+        sorted[list][*place as usize] = at;
+        *place += 1;
+    };
+    for (&min, &max) in heights.min.iter().zip(heights.max) {
+        if heights.is_planar(min, max) {
+            put(2, min);
+        } else {
+            put(0, min);
+            put(1, max);
+        }
+    }
+    for &at in heights.extra {
+        put(3, at);
+    }
+}

@@ -1,0 +1,126 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The cells of leaves as polyhedra, those with the most triangles first. They show where a tree fails to separate
+//! triangles.
+
+use halfspace_geom::Aabb;
+use halfspace_geom::region::{Face, Region};
+use halfspace_nodes::cells::{Cells, each_leaf};
+use halfspace_ray::frame::Frame;
+use halfspace_structure::Structure;
+
+/// Cells of leaves in the scene's frame.
+#[derive(Debug, Clone, Default)]
+pub struct LeafCells {
+    /// The faces of all cells.
+    pub faces: Faces,
+    /// Number of triangles in each leaf.
+    pub counts: Vec<u32>,
+    /// Depth of each leaf; the root has depth 0.
+    pub depths: Vec<u32>,
+    /// Number of cells left out because `max_count` was reached.
+    pub hidden: usize,
+}
+
+/// Faces of a list of cells, one cell after another.
+#[derive(Debug, Clone)]
+pub struct Faces {
+    /// Vertices of all faces.
+    pub vertices: Vec<[f32; 3]>,
+    /// Index into `vertices` of each face's first vertex, then the length of `vertices`.
+    pub offsets: Vec<u32>,
+    /// Index of each cell's first face, then the number of faces.
+    pub cells: Vec<u32>,
+}
+
+impl Default for Faces {
+    fn default() -> Self {
+        Self {
+            vertices: Vec::new(),
+            offsets: vec![0],
+            cells: vec![0],
+        }
+    }
+}
+
+impl Faces {
+    /// Appends a cell with these faces, given in the frame of the structure, transformed to the scene by `frame`.
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "what is drawn is bounded, and f32"
+    )]
+    pub fn push(&mut self, faces: &[Face], frame: &Frame) {
+        for face in faces {
+            let corners = face.iter().map(|p| frame.to_scene(p.map(|x| x as f32)));
+            self.vertices.extend(corners);
+            self.offsets.push(self.vertices.len() as u32);
+        }
+        self.cells.push(self.offsets.len() as u32 - 1);
+    }
+}
+
+/// Returns the cells of the leaves with at least `least` triangles, at most `max_count` of them, by descending
+/// number of triangles, then in the order of the tree.
+pub fn leaf_cells(structure: &Structure, least: usize, max_count: usize) -> LeafCells {
+    let built = structure.built();
+    let bounds = built.frame.bounds();
+    let (chosen, all) = match built.tree.as_ref().and_then(|tree| tree.cells()) {
+        Some(_) if bounds.is_empty() => (Vec::new(), 0),
+        Some(cells) => fullest(cells, bounds, least, max_count),
+        None => alone(structure, least, max_count),
+    };
+    let mut out = LeafCells {
+        hidden: all - chosen.len(),
+        ..LeafCells::default()
+    };
+    // Append the faces of each chosen cell.
+    for (count, depth, region) in chosen {
+        out.faces.push(&region.faces(), &built.frame);
+        #[expect(clippy::cast_possible_truncation, reason = "fewer than 2^28")]
+        out.counts.push(count as u32);
+        #[expect(clippy::cast_possible_truncation, reason = "at most 60")]
+        out.depths.push(depth as u32);
+    }
+    out
+}
+
+type Chosen = (usize, usize, Region);
+
+/// Returns the only cell of a structure without a tree, the scene's box, and the number of matching cells.
+fn alone(structure: &Structure, least: usize, max_count: usize) -> (Vec<Chosen>, usize) {
+    let built = structure.built();
+    let count = built.shape.references;
+    if count < least || built.frame.bounds().is_empty() {
+        return (Vec::new(), 0);
+    }
+    let only = (count, 0, Region::of_scene(built.frame.bounds()));
+    (std::iter::once(only).take(max_count).collect(), 1)
+}
+
+/// Count, depth and region of the chosen leaves, and the number of all leaves with at least `least` triangles.
+fn fullest(tree: &dyn Cells, bounds: Aabb, least: usize, max_count: usize) -> (Vec<Chosen>, usize) {
+    // First the numbers alone, because regions of millions of leaves would take much memory.
+    let mut order = Vec::new();
+    let mut number = 0_usize;
+    each_leaf(tree, bounds, |leaf| {
+        if leaf.count >= least {
+            order.push((leaf.count, number));
+        }
+        number += 1;
+    });
+    let all = order.len();
+    order.sort_unstable_by_key(|&(count, number)| (std::cmp::Reverse(count), number));
+    order.truncate(max_count);
+    let mut wanted: Vec<_> = order.iter().map(|&(_, number)| number).collect();
+    wanted.sort_unstable();
+    let mut chosen = Vec::with_capacity(wanted.len());
+    let mut next = wanted.into_iter().peekable();
+    number = 0;
+    each_leaf(tree, bounds, |leaf| {
+        if next.next_if_eq(&number).is_some() {
+            chosen.push((leaf.count, leaf.depth, leaf.region.clone()));
+        }
+        number += 1;
+    });
+    chosen.sort_by_key(|&(count, ..)| std::cmp::Reverse(count));
+    (chosen, all)
+}

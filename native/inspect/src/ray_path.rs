@@ -1,0 +1,229 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The path of one ray through a structure: cells visited in order, planes crossed, triangles tested.
+//!
+//! The traversal itself records the leaves it tested, in its own order. The cells, empty ones included, and planes
+//! that the ray passes are computed separately in plain f64, so that tests can compare the two.
+
+use halfspace_geom::Aabb;
+use halfspace_geom::region::{Face, Line, Region};
+use halfspace_nodes::cells::{Cells, each_leaf};
+use halfspace_ray::path::Path;
+use halfspace_ray::{Hit, Ray, RayCounters};
+use halfspace_structure::Structure;
+use std::collections::HashMap;
+
+/// A leaf on the path of a ray.
+#[derive(Debug, Clone)]
+pub struct Visit {
+    /// Region that the leaf covers, in the structure's frame.
+    pub region: Region,
+    /// Depth of the leaf; the root has depth 0.
+    pub depth: usize,
+    /// Interval of `t` in which the ray is inside, in units of the ray's direction. Both NaN for a leaf that the
+    /// ray misses but the traversal tested, which the error bounds permit.
+    pub span: (f64, f64),
+    /// Index of the leaf's first block.
+    pub first: u32,
+    /// Number of triangles in the leaf.
+    pub count: usize,
+    /// Whether the traversal tested the triangles.
+    pub tested: bool,
+}
+
+/// A plane that the ray crosses inside the node that the plane splits.
+#[derive(Debug, Clone)]
+pub struct Crossing {
+    /// Ray parameter of the crossing, in units of the direction.
+    pub t: f64,
+    /// Kind of the plane, as in [`crate::polygons`].
+    pub kind: u8,
+    /// Depth of the node; the root has depth 0.
+    pub depth: usize,
+    /// The plane, clipped to the node's region.
+    pub face: Face,
+}
+
+/// The path of one ray.
+#[derive(Debug, Clone)]
+pub struct RayPath {
+    /// Nearest hit of the ray.
+    pub hit: Hit,
+    /// Counters of the traversal.
+    pub counters: RayCounters,
+    /// Leaves on the path: tested ones in the order of the traversal, the others merged between them by entry
+    /// distance.
+    pub visits: Vec<Visit>,
+    /// Planes on the path, nearest first.
+    pub crossings: Vec<Crossing>,
+}
+
+/// Follows a ray to its nearest hit, or out of the scene.
+pub fn ray_path(structure: &Structure, ray: &Ray) -> RayPath {
+    let (hit, path) = structure.path(ray);
+    let built = structure.built();
+    let scale = built.frame.point([1.0; 3]).map(f64::from);
+    // Scale the ray to the structure's frame, where the regions are.
+    let line = Line {
+        origin: std::array::from_fn(|k| f64::from(ray.o[k]) * scale[k]),
+        direction: std::array::from_fn(|k| f64::from(ray.d[k]) * scale[k]),
+    };
+    let follow = Follow {
+        bounds: built.frame.bounds(),
+        line,
+        span: (f64::from(ray.t_min), f64::from(ray.t_max.min(hit.t))),
+        path: &path,
+    };
+    match built.traversed().0.and_then(|tree| tree.cells()) {
+        Some(cells) => {
+            let (visits, crossings) = follow.run(cells);
+            RayPath {
+                hit,
+                counters: path.counters,
+                visits,
+                crossings,
+            }
+        }
+        None => alone(structure, &line, (hit, &path)),
+    }
+}
+
+/// Returns the path through a structure without a tree, whose only cell is the scene's box.
+fn alone(structure: &Structure, line: &Line, (hit, path): (Hit, &Path)) -> RayPath {
+    let built = structure.built();
+    let region = Region::of_scene(built.frame.bounds());
+    let whole = (f64::NEG_INFINITY, f64::INFINITY);
+    let tested = path.counters.tests > 0;
+    // The only leaf is visited if the line meets the scene's box.
+    let visits = region.interval(line, whole).map(|span| Visit {
+        region: region.clone(),
+        depth: 0,
+        span,
+        first: 0,
+        count: built.shape.references,
+        tested,
+    });
+    RayPath {
+        hit,
+        counters: path.counters,
+        visits: visits.into_iter().collect(),
+        crossings: Vec::new(),
+    }
+}
+
+/// Task that intersects a line with all regions of a tree.
+struct Follow<'a> {
+    bounds: Aabb,
+    line: Line,
+    span: (f64, f64),
+    path: &'a Path,
+}
+
+impl Follow<'_> {
+    fn run(&self, tree: &dyn Cells) -> (Vec<Visit>, Vec<Crossing>) {
+        let (passed, mut crossings) = self.pass(tree);
+        crossings.sort_by(|a, b| a.t.total_cmp(&b.t));
+        (self.merge(tree, passed), crossings)
+    }
+
+    /// Every leaf and every plane that the line passes within the span.
+    fn pass(&self, tree: &dyn Cells) -> (Vec<Visit>, Vec<Crossing>) {
+        let (mut passed, mut crossings) = (Vec::new(), Vec::new());
+        if self.bounds.is_empty() {
+            return (passed, crossings);
+        }
+        let (top, whole) = tree.root(self.bounds);
+        let mut waiting = Vec::new();
+        if let Some(span) = whole.interval(&self.line, self.span) {
+            waiting.push((top, whole, span, 0));
+        }
+        while let Some((place, region, span, depth)) = waiting.pop() {
+            let found = tree.node(place, &region);
+            if let Some((first, count)) = found.leaf {
+                let visit = Visit {
+                    region,
+                    depth,
+                    span,
+                    first,
+                    count,
+                    tested: false,
+                };
+                passed.push(visit);
+                continue;
+            }
+            // Record the split planes that the ray crosses inside the node.
+            for (plane, kind) in &found.planes {
+                let t = self.line.crosses(plane);
+                if span.0 < t && t < span.1 {
+                    crossings.push(Crossing {
+                        t,
+                        kind: *kind,
+                        depth,
+                        face: region.section(plane),
+                    });
+                }
+            }
+            for (child, part) in found.children {
+                if let Some(within) = part.interval(&self.line, span) {
+                    waiting.push((child, part, within, depth + 1));
+                }
+            }
+        }
+        // Order the leaves along the ray.
+        passed.sort_by(|a, b| a.span.0.total_cmp(&b.span.0));
+        (passed, crossings)
+    }
+
+    /// The tested leaves in the order of the walk, those passed untested between them. A cell that is
+    /// only touched in a point counts when it was tested.
+    fn merge(&self, tree: &dyn Cells, passed: Vec<Visit>) -> Vec<Visit> {
+        let mut tested: HashMap<u32, Visit> = HashMap::new();
+        let mut others = Vec::new();
+        for visit in passed {
+            let walked = self.path.leaves.iter().any(|leaf| leaf.0 == visit.first);
+            if visit.count > 0 && walked {
+                tested.insert(visit.first, visit);
+            } else if visit.span.0 < visit.span.1 {
+                others.push(visit);
+            }
+        }
+        // Error bounds may make the traversal test leaves that the line misses.
+        let missing = self.path.leaves.iter().any(|l| !tested.contains_key(&l.0));
+        if missing {
+            self.find_missing(tree, &mut tested);
+        }
+        // Merge the two lists: each untested leaf precedes the first tested leaf that the line enters later.
+        let mut visits = Vec::new();
+        let mut others = others.into_iter().peekable();
+        for (first, _) in &self.path.leaves {
+            let Some(mut visit) = tested.remove(first) else {
+                continue;
+            };
+            visit.tested = true;
+            while let Some(other) = others.next_if(|other| other.span.0 < visit.span.0) {
+                visits.push(other);
+            }
+            visits.push(visit);
+        }
+        visits.extend(others);
+        visits
+    }
+
+    /// Looks through the whole tree for the leaves that the walk tested and the line passes by.
+    fn find_missing(&self, tree: &dyn Cells, tested: &mut HashMap<u32, Visit>) {
+        each_leaf(tree, self.bounds, |leaf| {
+            let wanted = self.path.leaves.iter().any(|l| l.0 == leaf.first);
+            if leaf.count > 0 && wanted && !tested.contains_key(&leaf.first) {
+                // The line does not meet the leaf, so it has no interval there.
+                let visit = Visit {
+                    region: leaf.region.clone(),
+                    depth: leaf.depth,
+                    span: (f64::NAN, f64::NAN),
+                    first: leaf.first,
+                    count: leaf.count,
+                    tested: true,
+                };
+                tested.insert(leaf.first, visit);
+            }
+        });
+    }
+}

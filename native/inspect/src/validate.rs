@@ -1,0 +1,116 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The invariants of a built structure, checked from outside: what holds whatever built it.
+
+use halfspace_geom::cell::Direction;
+use halfspace_nodes::tree::Body;
+use halfspace_ray::{Hit, Order, Ray, Tracer};
+use halfspace_structure::Structure;
+use std::collections::BTreeSet;
+
+/// Rays of a tile.
+const TILE: usize = 64;
+
+/// Broken invariants, one sentence each; empty for a sound structure.
+pub fn validate(structure: &Structure) -> Vec<String> {
+    let (built, scene) = (structure.built(), structure.scene());
+    let mut broken = Vec::new();
+    let shape = structure.shape();
+    let body = Body {
+        scene,
+        frame: &built.frame,
+        blocks: &built.leaves,
+        shape: &shape,
+    };
+    let mut ids = BTreeSet::new();
+    match &built.tree {
+        None => ids.extend(built.leaves.ids(0, shape.references)),
+        Some(tree) => {
+            tree.validate(&body, &mut broken);
+            tree.leaves(&mut |first, count| ids.extend(built.leaves.ids(first, count)));
+        }
+    }
+    for derived in &built.derived {
+        let blocks = derived.leaves.as_deref().unwrap_or(&built.leaves);
+        derived.tree.validate(&Body { blocks, ..body }, &mut broken);
+    }
+    if built.plan.tiles.is_some() {
+        tiles(structure, &mut broken);
+    }
+    if ids.len() != scene.live().len() {
+        broken.push(format!(
+            "{} triangles are in some leaf, but {} can be hit",
+            ids.len(),
+            scene.live().len()
+        ));
+    }
+    broken
+}
+
+/// Where the planes of the root meet, in the scene's frame; its middle along axes without a plane.
+fn crossing(structure: &Structure) -> [f32; 3] {
+    let built = structure.built();
+    let bounds = built.frame.bounds();
+    let mut point = [0, 1, 2].map(|k| 0.5 * bounds.min[k] + 0.5 * bounds.max[k]);
+    if let Some(cells) = built.tree.as_ref().and_then(|tree| tree.cells()) {
+        let (root, region) = cells.root(bounds);
+        for (plane, _) in cells.node(root, &region).planes {
+            if let Direction::Axis(axis) = plane.direction {
+                point[axis] = plane.offset;
+            }
+        }
+    }
+    built.frame.to_scene(point)
+}
+
+/// Every pixel of a tile has the answer of the single ray. Views from a corner of cells, and from the lowest corner of
+/// the scene, in all directions; and parallel ones.
+fn tiles(structure: &Structure, broken: &mut Vec<String>) {
+    let bounds = structure.scene().bounds();
+    if bounds.is_empty() {
+        return;
+    }
+    let size: [f32; 3] = std::array::from_fn(|k| bounds.max[k] - bounds.min[k]);
+    for apex in [crossing(structure), bounds.min] {
+        for face in 0..6 {
+            let (axis, sign) = (face / 2, if face % 2 == 1 { 1.0 } else { -1.0 });
+            let mut rays = Vec::with_capacity(4 * TILE);
+            for pixel in 0..2 * TILE {
+                let place = [pixel % 16, pixel / 16].map(|i| i as f32 / 8.0 - 1.0);
+                let mut d = [sign; 3];
+                (d[(axis + 1) % 3], d[(axis + 2) % 3]) = (place[0], place[1]);
+                let mut ray = Ray {
+                    o: apex,
+                    d,
+                    t_min: 0.0,
+                    t_max: f32::INFINITY,
+                };
+                rays.push(ray);
+                // The same window, and parallel rays from it.
+                ray.o = std::array::from_fn(|k| apex[k] + 0.5 * d[k] * size[k]);
+                ray.d = [0.0; 3];
+                ray.d[axis] = sign;
+                rays.push(ray);
+            }
+            // The first kind before the second.
+            let rays: Vec<_> = (0..2)
+                .flat_map(|kind| rays.iter().skip(kind).step_by(2))
+                .copied()
+                .collect();
+            let mut hits = [(); 2].map(|()| vec![Hit::MISS; rays.len()]);
+            structure.closest(&rays, &mut hits[0], None);
+            structure.closest_ordered(&rays, &mut hits[1], None, Order::Tiles);
+            let bits = |h: &Hit| (h.t.to_bits(), h.triangle, h.u.to_bits(), h.v.to_bits());
+            let wrong = hits[0]
+                .iter()
+                .zip(&hits[1])
+                .filter(|(a, b)| bits(a) != bits(b));
+            match wrong.count() {
+                0 => {}
+                n => broken.push(format!(
+                    "{n} of {} rays have other answers in tiles from {apex:?}",
+                    rays.len()
+                )),
+            }
+        }
+    }
+}

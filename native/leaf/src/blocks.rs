@@ -1,0 +1,369 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Leaf storage: triangles in blocks of up to eight, which the f32 test takes at once.
+//!
+//! A block of `n` triangles is `1 + 10 n` words: the largest edge component `E` of the block; nine rows of `n`
+//! floats (the three vertices, x y z each); `n` triangle ids. Rows have no padding: vector loads read past the
+//! end of a row and the surplus lanes are ignored.
+//!
+//! Candidates that [`crate::candidates`] cannot reject go to the exact test ([`halfspace_geom::verdict`]).
+
+use crate::candidates::{Candidates, Edges, Surely};
+use crate::keep::{Keep, write_lane};
+use fearless_simd::Simd;
+use halfspace_geom::bound::{keep_max, keep_min};
+use halfspace_geom::vec3::map;
+use halfspace_ray::frame::Frame;
+use halfspace_ray::query::{Best, Counters, Query};
+use halfspace_ray::{FrameRay, Ray};
+use halfspace_scene::Triangles;
+use prefetch_index::prefetch_index;
+
+/// Triangles per block.
+pub const LANES: usize = 8;
+
+/// Words per triangle: nine coordinates and an id.
+pub const WORDS: usize = 10;
+
+/// Words that the test may read from the start of any block, whatever its number of triangles. All loads then
+/// lie provably inside one slice, whose bounds are checked once per block.
+pub const SPAN: usize = 1 + WORDS * LANES + LANES;
+
+/// Words in a cache line.
+const LINE: usize = 16;
+
+/// The leaf triangles of a structure, in one array of 32-bit words.
+#[derive(Debug, Clone, Default)]
+pub struct Blocks {
+    words: Vec<f32>,
+    /// Scale of the frame the vertices are stored in: 1 for the scene's own frame, 0 while there are no blocks.
+    scale: f32,
+    keep: Keep,
+}
+
+impl PartialEq for Blocks {
+    /// Compares bit patterns: ids are stored as floats and may read as NaN.
+    fn eq(&self, other: &Self) -> bool {
+        let bits = |blocks: &Self| blocks.words.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
+        bits(self) == bits(other)
+    }
+}
+
+impl Blocks {
+    /// An empty array. Call [`Self::seal`] after the last leaf.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// An array whose first `words` words `fill` writes, in the layout given by `keep`; already sealed.
+    pub fn filled(frame: &Frame, keep: Keep, words: usize, fill: impl FnOnce(&mut [f32])) -> Self {
+        let mut blocks = Self {
+            words: vec![0.0; words + SPAN],
+            scale: frame.scale(),
+            keep,
+        };
+        fill(&mut blocks.words[..words]);
+        blocks
+    }
+
+    /// Appends the triangles of one leaf, in blocks; returns the leaf's word offset.
+    ///
+    /// # Panics
+    /// If the array exceeds 2^32 words, which the builders' budgets exclude.
+    pub fn push_leaf(&mut self, scene: &Triangles, frame: &Frame, ids: &[u32]) -> u32 {
+        self.scale = frame.scale();
+        let at = self.words.len();
+        self.words.resize(at + Keep::Corners.words(ids.len()), 0.0);
+        Keep::Corners.write(&mut self.words[at..], scene, frame, ids);
+        u32::try_from(at).expect("leaf data is bounded by the budget")
+    }
+
+    /// Appends the words that loads may read past the last block.
+    pub fn seal(&mut self) {
+        self.words.resize(self.words.len() + SPAN, 0.0);
+        self.words.shrink_to_fit();
+    }
+
+    /// Word offset of triangle `index` within its leaf; `index` is a multiple of [`LANES`], so a block starts
+    /// there.
+    #[expect(clippy::cast_possible_truncation, reason = "bounded by the scene")]
+    pub fn place(index: usize) -> u32 {
+        (index / LANES * (1 + WORDS * LANES)) as u32
+    }
+
+    /// Whether vertices are stored in a frame other than the scene's.
+    #[inline(always)]
+    fn scaled(&self) -> bool {
+        self.scale != 1.0
+    }
+
+    /// Size of the words in bytes.
+    pub fn bytes(&self) -> usize {
+        self.words.len() * size_of::<f32>()
+    }
+
+    /// Prefetches the first block of the leaf at word offset `first`. The number of cache lines is constant
+    /// although small leaves need fewer: a loop without a branch costs less.
+    #[inline(always)]
+    pub fn fetch_ahead(&self, first: u32) {
+        for line in 0..SPAN.div_ceil(LINE) {
+            prefetch_index(&self.words, first as usize + LINE * line);
+        }
+    }
+
+    /// The ids of the `count` triangles of the leaf at word offset `first`.
+    pub fn ids(&self, first: u32, count: usize) -> Vec<u32> {
+        let mut at = first as usize;
+        if self.keep == Keep::Indices {
+            let words = self.words[at..at + 4 * count].chunks(4);
+            return words.map(|triangle| triangle[3].to_bits()).collect();
+        }
+        let mut ids = Vec::with_capacity(count);
+        while ids.len() < count {
+            let n = (count - ids.len()).min(LANES);
+            let row = at + 1 + 9 * n;
+            ids.extend(self.words[row..row + n].iter().map(|x| x.to_bits()));
+            at += 1 + WORDS * n;
+        }
+        ids
+    }
+
+    /// Calls `see` with the id and the vertices, in the frame, of each triangle of a leaf stored as
+    /// [`Keep::Corners`].
+    #[inline(always)]
+    pub fn each(&self, (first, count): (u32, usize), mut see: impl FnMut(u32, [[f32; 3]; 3])) {
+        let mut at = first as usize;
+        let mut left = count;
+        while left > 0 {
+            let n = left.min(LANES);
+            // Copy the vertices of each lane out of the block's rows.
+            let block: &[f32; SPAN] = self.words[at..]
+                .first_chunk()
+                .expect("sealed: no block is the last");
+            for lane in 0..n {
+                let at = |r: usize| block[1 + r * n + lane];
+                let corners = [
+                    [at(0), at(1), at(2)],
+                    [at(3), at(4), at(5)],
+                    [at(6), at(7), at(8)],
+                ];
+                see(block[1 + 9 * n + lane].to_bits(), corners);
+            }
+            at += 1 + WORDS * n;
+            left -= n;
+        }
+    }
+
+    /// The block of `n` triangles at word offset `at`, and the offset of the next block.
+    #[inline(always)]
+    pub fn block(&self, at: u32, n: usize) -> (&[f32; SPAN], u32) {
+        let block = self.words[at as usize..]
+            .first_chunk()
+            .expect("sealed: no block is the last");
+        #[expect(clippy::cast_possible_truncation, reason = "at most 81")]
+        (block, at + (1 + WORDS * n) as u32)
+    }
+
+    /// The vertices of the triangle whose words begin at `from` and are `n` apart.
+    #[inline(always)]
+    pub fn corners_at(&self, from: usize, n: usize) -> [[f32; 3]; 3] {
+        let words = self.block_words(from);
+        let corner = |k: usize| [words[k * n], words[(k + 1) * n], words[(k + 2) * n]];
+        [corner(0), corner(3), corner(6)]
+    }
+
+    /// The id of the triangle whose words begin at `from` and are `n` apart.
+    #[inline(always)]
+    pub fn id_at(&self, from: usize, n: usize) -> u32 {
+        self.block_words(from)[9 * n].to_bits()
+    }
+
+    /// The words of the block at word offset `at`, and the words that loads may read past it.
+    #[inline(always)]
+    pub fn block_words(&self, at: usize) -> &[f32; SPAN] {
+        self.words[at..]
+            .first_chunk()
+            .expect("sealed: no block is the last")
+    }
+
+    /// The vertices of triangle `id` in the scene's frame; `corners` are its vertices in this frame.
+    #[inline(always)]
+    pub fn scene_corners(
+        &self,
+        scene: &Triangles,
+        id: u32,
+        corners: [[f32; 3]; 3],
+    ) -> [[f32; 3]; 3] {
+        if self.scaled() {
+            scene.corners(id)
+        } else {
+            corners
+        }
+    }
+
+    /// Intersects a ray with the leaf (word offset, number of triangles), and returns whether the traversal may
+    /// end.
+    ///
+    /// `ray` is the ray, the ray in the frame and the distance at which it leaves the leaf's cell: a hit beyond
+    /// that distance lies in another leaf too. The leaf is stored as [`Keep::Corners`].
+    #[inline(always)]
+    pub fn test<S: Simd, Q: Query, C: Counters>(
+        &self,
+        simd: S,
+        leaf: (u32, usize),
+        scene: &Triangles,
+        ray: (&Ray, &FrameRay, f32),
+        best: &mut Best,
+        counters: &mut C,
+    ) -> bool {
+        self.test_kind::<S, Q, C, false>(simd, leaf, scene, ray, best, counters)
+    }
+
+    /// [`Self::test`] for leaves of either [`Keep`].
+    #[inline(always)]
+    pub fn test_any<S: Simd, Q: Query, C: Counters>(
+        &self,
+        simd: S,
+        leaf: (u32, usize),
+        scene: &Triangles,
+        ray: (&Ray, &FrameRay, f32),
+        best: &mut Best,
+        counters: &mut C,
+    ) -> bool {
+        self.test_kind::<S, Q, C, true>(simd, leaf, scene, ray, best, counters)
+    }
+
+    /// [`Self::test`] (`ANY` false) or [`Self::test_any`] (`ANY` true).
+    #[inline(always)]
+    fn test_kind<S: Simd, Q: Query, C: Counters, const ANY: bool>(
+        &self,
+        simd: S,
+        (first, count): (u32, usize),
+        scene: &Triangles,
+        (ray, frame, leave): (&Ray, &FrameRay, f32),
+        best: &mut Best,
+        counters: &mut C,
+    ) -> bool {
+        // In a replay, return the recorded answer of this leaf instead of testing its triangles.
+        if C::REPLAY {
+            return best.take::<Q>(frame, counters.replay());
+        }
+        counters.visit(first, count);
+        let indices = ANY && self.keep == Keep::Indices;
+        let mut at = first as usize;
+        let mut left = count;
+        let mut fetched = [0.0; SPAN];
+        // Test the leaf block by block, each against the reach that the blocks before it left.
+        while left > 0 {
+            let n = left.min(LANES);
+            counters.tests(n);
+            let block = if indices {
+                self.fetch(scene, &self.words[at..at + 4 * n], &mut fetched);
+                &fetched
+            } else {
+                self.words[at..]
+                    .first_chunk()
+                    .expect("sealed: no block is the last")
+            };
+            // Bound all triangles by the errors of the block's largest; most blocks end here.
+            let reach = keep_min(leave, best.reach);
+            let mut open = Candidates::new(simd, &Edges::new(simd, block, n), frame, reach);
+            if open.any() {
+                // Computing the edges again is cheaper than keeping them in registers through `any`.
+                let surely = open.refine::<Q, C>(simd, &Edges::new(simd, block, n), frame);
+                let ends = self.settle::<S, Q, C>(
+                    simd,
+                    (open, &surely),
+                    (block, n, scene),
+                    (ray, frame, frame.certain(ray)),
+                    best,
+                    counters,
+                );
+                if ends {
+                    return true;
+                }
+            }
+            at += if indices { 4 * n } else { 1 + WORDS * n };
+            left -= n;
+        }
+        false
+    }
+
+    /// Passes the candidates of a block of `n` triangles to the exact test, nearest first; returns whether the
+    /// traversal may end.
+    #[inline(always)]
+    pub fn settle<S: Simd, Q: Query, C: Counters>(
+        &self,
+        simd: S,
+        (mut open, surely): (Candidates<S>, &Surely),
+        (block, n, scene): (&[f32; SPAN], usize, &Triangles),
+        (ray, frame, certain): (&Ray, &FrameRay, [f32; 2]),
+        best: &mut Best,
+        counters: &mut C,
+    ) -> bool {
+        while let Some(lane) = open.next::<Q, C>(surely) {
+            let id = block[1 + 9 * n + lane].to_bits();
+            // Defer the exact test if f32 already proves the hit.
+            let held = match surely.range(lane) {
+                Some(range) => best.hold::<Q>(
+                    (ray, frame, certain),
+                    id,
+                    range,
+                    #[inline(always)]
+                    || self.corners_in(block, (lane, n), scene),
+                ),
+                _ => None,
+            };
+            // Run it now if f32 proves nothing, or cannot order the two nearest triangles.
+            let ends = match held {
+                Some(ends) => ends,
+                None => best.offer::<Q, C>(
+                    (ray, frame),
+                    id,
+                    #[inline(always)]
+                    || self.corners_in(block, (lane, n), scene),
+                    counters,
+                ),
+            };
+            if ends {
+                return true;
+            }
+            open.drop_beyond(simd, best.reach);
+        }
+        false
+    }
+
+    /// The vertices, in the scene's frame, of the triangle in `lane` of a block of `n`.
+    #[inline(always)]
+    fn corners_in(
+        &self,
+        block: &[f32; SPAN],
+        (lane, n): (usize, usize),
+        scene: &Triangles,
+    ) -> [[f32; 3]; 3] {
+        let at = |r: usize| block[1 + r * n + lane];
+        let corners = [
+            [at(0), at(1), at(2)],
+            [at(3), at(4), at(5)],
+            [at(6), at(7), at(8)],
+        ];
+        self.scene_corners(scene, at(9).to_bits(), corners)
+    }
+
+    /// Gathers the vertices of triangles stored as [`Keep::Indices`] into a block in the frame.
+    #[inline(always)]
+    fn fetch(&self, scene: &Triangles, words: &[f32], block: &mut [f32; SPAN]) {
+        let vertices = scene.vertices();
+        let n = words.len() / 4;
+        let mut size = 0.0;
+        for lane in 0..n.min(LANES) {
+            let triangle = &words[4 * lane..4 * lane + 4];
+            let corners = map([0, 1, 2], |i| {
+                let p = vertices[triangle[i].to_bits() as usize];
+                map(p, |x| x * self.scale)
+            });
+            let own = write_lane(block, (lane, n), triangle[3].to_bits(), corners);
+            size = keep_max(own, size);
+        }
+        block[0] = size;
+    }
+}

@@ -1,0 +1,345 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The f32 test of a ray against a block of up to eight triangles at once.
+//!
+//! It is the test of Möller and Trumbore 1997 with an error bound on each of its quantities. It rejects a
+//! triangle only if the bounds prove a miss, and marks those remaining triangles that the bounds prove to be
+//! hit.
+
+use crate::blocks::{LANES, SPAN};
+use fearless_simd::{Simd, SimdBase, SimdFloat, SimdMask, f32x8};
+use halfspace_geom::bound::{keep_max, keep_min};
+use halfspace_ray::FrameRay;
+use halfspace_ray::frame::{PRUNE, U};
+use halfspace_ray::query::{Counters, Query};
+
+// With |d| < 2 per component, |e| <= E, |o - v| <= S and all inputs of the test rounded once, the roundings of
+// each quantity add up to less than (per component bounds, worst case of signs):
+//   d x e2: 12 u E      s x e1: 8 u S E
+//   det = e1 . (d x e2): 84 u E^2       u = s . (d x e2): 84 u S E
+//   v = d . (s x e1): 84 u S E          t = e2 . (s x e1): 48 u S E^2
+// A determinant smaller than its error may have the wrong sign, and then all signs are wrong. But then the true
+// weights of a hit, which add up to the determinant, are as small, and so is t times it. Three times the
+// determinant's error on the other bounds covers that case.
+/// Error bound of a determinant per `E^2`: derived above, 84 u with room for the bound's own roundings.
+pub const DET_ERROR: f32 = 96.0 * U;
+// All weights get twice this bound: for the third, where its vector is put together first, that covers 196 u S
+// E (see [`halfspace_trace::tile::leaf`]).
+/// Half the error bound of a weight per `S E`: derived above.
+pub const UV_ERROR: f32 = 104.0 * U;
+/// Error bound of `t` times the determinant per `S E^2`: derived above, 48 u with room.
+pub const T_ERROR: f32 = 64.0 * U;
+
+/// Absolute part of every bound, for products that lost bits below the normal numbers. It also appears in
+/// factors of offsets, because those bits are multiplied by the offset too.
+pub const UNDERFLOW: f32 = 1e-36;
+
+/// Error bounds of the test of a block, for distances up to a reach.
+#[derive(Clone, Copy)]
+struct Errors {
+    /// Error bound of a weight.
+    uv: f32,
+    /// Bound on how far `t` exceeds the determinant times the reach, or times any shorter distance.
+    doubt: f32,
+    /// Absolute part of both bounds: [`UNDERFLOW`], or NaN if some product may have overflowed.
+    floor: f32,
+}
+
+impl Errors {
+    /// Computes the bounds for the triangles of a block and distances up to `reach`.
+    #[inline(always)]
+    fn new<S: Simd>(edges: &Edges<S>, ray: &FrameRay, reach: f32) -> Self {
+        let size = edges.size;
+        // A vertex of a triangle that is hit within reach, or behind the origin if the ray interval starts
+        // there, is at most this distance plus the triangle's size away.
+        let farthest = keep_max(-ray.t_min, reach);
+        // The first branch is the second one without blur and drift, in fewer operations: they cost as much as
+        // those on all triangles of the block. Ray streams compute the terms that depend on the block alone
+        // once for all rays of a list.
+        let (det, uv, t, floor) = if ray.place.is_none() {
+            // 0, or NaN if some product may have overflowed: NaN bounds reject nothing.
+            let zero_or_nan = 0.0 * ((ray.span + size) * edges.overflow);
+            let lever = keep_min(2.0 * farthest, ray.span) + zero_or_nan;
+            let uv = lever * edges.uv[0] + edges.uv[1];
+            let t = lever * edges.t[0] + edges.t[1];
+            (edges.det, uv, t, zero_or_nan + UNDERFLOW)
+        } else {
+            // In an instance's space offsets and edges carry the blur as an error. The errors of the rows of a
+            // determinant add up, each multiplied by 6 for its products and by the size of the other rows.
+            let (blur, drift) = (ray.blur, 6.0 * ray.drift);
+            let size = size + blur;
+            let span = keep_min((2.0 + drift) * farthest + size, ray.span) + blur;
+            let floor = UNDERFLOW + 0.0 * (64.0 * span * size * keep_max(size, 1.0));
+            let det = ((DET_ERROR + drift) * size + 24.0 * blur) * size + UNDERFLOW;
+            let t = (T_ERROR * span * size + 6.0 * blur * (size + 2.0 * span)) * size + floor;
+            let uv = 2.0 * ((UV_ERROR + drift) * span * size + 12.0 * blur * (span + size))
+                + 3.0 * det
+                + floor;
+            (det, uv, t, floor)
+        };
+        // If the determinant has the wrong sign, the error of `t` is proportional to the distance of the hit,
+        // which may lie behind the origin.
+        let doubt = t + 3.0 * det * farthest;
+        Self { uv, doubt, floor }
+    }
+}
+
+/// The triangles of one block that the ray may hit, with what later rejections need.
+pub struct Candidates<S: Simd> {
+    /// Mask of the candidates.
+    lanes: u64,
+    /// The determinant and the distance times it, with signs such that the determinant is positive.
+    det: f32x8<S>,
+    t: f32x8<S>,
+    /// The least of the three weights, each times the determinant.
+    least: f32x8<S>,
+    errors: Errors,
+}
+
+/// The triangles of a block that the ray provably hits.
+pub struct Surely {
+    lanes: u64,
+    /// Lower and upper bounds on their distances. The lower row also holds, for late verdicts, the estimates
+    /// that order all candidates.
+    range: [[f32; LANES]; 2],
+}
+
+impl Surely {
+    /// No triangle.
+    pub const NOTHING: Self = Self {
+        lanes: 0,
+        range: [[0.0; LANES]; 2],
+    };
+
+    /// The bounds on the distance of the hit in a lane, or `None` if the hit is not proven.
+    #[inline(always)]
+    pub fn range(&self, lane: usize) -> Option<[f32; 2]> {
+        let [low, high] = &self.range;
+        (self.lanes >> lane & 1 == 1).then(|| [low[lane], high[lane]])
+    }
+}
+
+/// The part of the test that does not depend on the ray: the triangles of a block, one per lane, and the
+/// coefficients of their error bounds.
+pub struct Edges<S: Simd> {
+    /// The first vertex.
+    corner: [f32x8<S>; 3],
+    /// The edges from the first vertex to the second and to the third.
+    sides: [[f32x8<S>; 3]; 2],
+    /// Number of triangles.
+    count: usize,
+    /// The largest edge component in the block.
+    size: f32,
+    /// Overflow factor: if it overflows when multiplied by the distance to a vertex, some product of the test
+    /// may have.
+    overflow: f32,
+    /// Error bound of a determinant.
+    det: f32,
+    /// Error bound of a weight, linear in the offset: `uv[0] * x + uv[1]` for offsets up to `x` plus the size.
+    uv: [f32; 2],
+    /// Error bound of `t`, in the same form. The underflow of small edges multiplied by a long offset is less
+    /// than the term for the determinant's sign.
+    t: [f32; 2],
+    /// The largest edge component of each triangle.
+    sizes: f32x8<S>,
+}
+
+impl<S: Simd> Edges<S> {
+    /// Computes the edges and bounds of a block of `n` triangles.
+    #[inline(always)]
+    pub fn new(simd: S, block: &[f32; SPAN], n: usize) -> Self {
+        let row = |r: usize| f32x8::from_slice(simd, &block[1 + r * n..1 + r * n + LANES]);
+        let v = [row(0), row(1), row(2)];
+        let sides = [
+            [row(3) - v[0], row(4) - v[1], row(5) - v[2]],
+            [row(6) - v[0], row(7) - v[1], row(8) - v[2]],
+        ];
+        // Compute the coefficients of the error bounds, which are linear in the ray's offset.
+        let size = block[0];
+        let det = DET_ERROR * (size * size) + UNDERFLOW;
+        let [uv, t] = [2.0 * UV_ERROR * size, T_ERROR * (size * size)];
+        Self {
+            corner: v,
+            sides,
+            count: n,
+            size,
+            overflow: 64.0 * size * keep_max(size, 1.0),
+            det,
+            uv: [uv + UNDERFLOW, uv * size + (3.0 * det + UNDERFLOW)],
+            t: [t, t * size + UNDERFLOW],
+            sizes: largest(sides[0]).max(largest(sides[1])),
+        }
+    }
+
+    /// The ray's origin minus the first vertex.
+    #[inline(always)]
+    fn offset(&self, simd: S, ray: &FrameRay) -> [f32x8<S>; 3] {
+        let splat = |x: f32| f32x8::splat(simd, x);
+        [
+            splat(ray.o[0]) - self.corner[0],
+            splat(ray.o[1]) - self.corner[1],
+            splat(ray.o[2]) - self.corner[2],
+        ]
+    }
+}
+
+/// The largest absolute component of each of eight vectors.
+#[inline(always)]
+fn largest<S: Simd>(v: [f32x8<S>; 3]) -> f32x8<S> {
+    v[0].abs().max(v[1].abs()).max(v[2].abs())
+}
+
+impl<S: Simd> Candidates<S> {
+    /// Whether any candidate is left.
+    #[inline(always)]
+    pub fn any(&self) -> bool {
+        self.lanes != 0
+    }
+
+    /// Rejects every triangle that the ray provably misses between its start and `reach`, by bounds for the
+    /// block's largest triangle.
+    #[inline(always)]
+    pub fn new(simd: S, edges: &Edges<S>, ray: &FrameRay, reach: f32) -> Self {
+        let splat = |x: f32| f32x8::splat(simd, x);
+        // Broadcast the ray; `s` is the offset, `a` and `b` are the edges `e1` and `e2`.
+        let (dx, dy, dz) = (splat(ray.d[0]), splat(ray.d[1]), splat(ray.d[2]));
+        let [sx, sy, sz] = edges.offset(simd, ray);
+        let [[ax, ay, az], [bx, by, bz]] = edges.sides;
+
+        // p = d x e2, q = s x e1
+        let px = dy.mul_sub(bz, dz * by);
+        let py = dz.mul_sub(bx, dx * bz);
+        let pz = dx.mul_sub(by, dy * bx);
+        let qx = sy.mul_sub(az, sz * ay);
+        let qy = sz.mul_sub(ax, sx * az);
+        let qz = sx.mul_sub(ay, sy * ax);
+        let det = ax.mul_add(px, ay.mul_add(py, az * pz));
+        let u = sx.mul_add(px, sy.mul_add(py, sz * pz));
+        let v = dx.mul_add(qx, dy.mul_add(qy, dz * qz));
+        let t = bx.mul_add(qx, by.mul_add(qy, bz * qz));
+
+        // Flip signs so that the determinant is positive.
+        let sign = splat(1.0).copysign(det);
+        let (det, u, v, t) = (det * sign, u * sign, v * sign, t * sign);
+        let least = u.min(v).min(det - u - v);
+
+        // Reject if a weight is provably negative or the distance provably exceeds the reach.
+        let errors = Errors::new(edges, ray, reach);
+        let limit = det.mul_add(splat(reach), splat(errors.doubt));
+        let rejected = least.simd_lt(splat(-errors.uv)) | t.simd_gt(limit);
+        Self {
+            lanes: !rejected.to_bitmask() & ((1 << edges.count) - 1),
+            det,
+            t,
+            least,
+            errors,
+        }
+    }
+
+    /// Rejects more candidates: by bounds for each triangle's own size, hits behind the origin, and triangles
+    /// coplanar with the ray. Returns which of the rest the ray provably hits, and the bounds on their
+    /// distances.
+    #[inline(always)]
+    pub fn refine<Q: Query, C: Counters>(
+        &mut self,
+        simd: S,
+        edges: &Edges<S>,
+        ray: &FrameRay,
+    ) -> Surely {
+        let splat = |x: f32| f32x8::splat(simd, x);
+        let s = edges.offset(simd, ray);
+        let floor = splat(self.errors.floor);
+        // Recompute the bound of a weight with the size and the offset of each triangle; the terms are those of
+        // [`Errors::new`].
+        let (size, span) = (edges.sizes, largest(s));
+        let uv_error = if ray.place.is_none() {
+            let sides = size * (size * splat(3.0 * DET_ERROR)) + floor;
+            span.mul_add(size * splat(2.0 * UV_ERROR) + splat(UNDERFLOW), sides)
+        } else {
+            let (blur, drift) = (ray.blur, 6.0 * ray.drift);
+            let (size, span) = (size + splat(blur), span + splat(blur));
+            let blurred = (span + size * splat(4.0)).mul_add(splat(24.0 * blur), floor);
+            size.mul_add(
+                size * splat(3.0 * (DET_ERROR + drift)),
+                size.mul_add(span * splat(2.0 * (UV_ERROR + drift)), blurred),
+            )
+        };
+        // Reject hits behind the origin, unless the ray interval starts there.
+        let behind = if ray.t_min >= -1e-30 {
+            -self.errors.doubt
+        } else {
+            f32::NEG_INFINITY
+        };
+        let outside = self.least.simd_lt(-uv_error);
+        let rejected = outside | self.t.simd_lt(splat(behind));
+        self.lanes &= !rejected.to_bitmask();
+        // Reject triangles in the plane of an axis-parallel wall that contains the ray. The exact test would
+        // find the same at length; differences of floats are zero only if the coordinates are equal.
+        if ray.still.contains(&0.0) {
+            let [a, b] = edges.sides;
+            let apart = |k: usize| {
+                let offset = s[k].abs().max(a[k].abs()).max(b[k].abs());
+                offset.max(splat(ray.still[k]))
+            };
+            let nearest = apart(0).min(apart(1)).min(apart(2));
+            self.lanes &= !nearest.simd_eq(splat(0.0)).to_bitmask();
+        }
+        // Mark proven hits, if the query can use them.
+        let mut surely = Surely::NOTHING;
+        if (C::LATE || C::QUICK && Q::ANY) && ray.place.is_none() {
+            let det_error = size * (size * splat(DET_ERROR)) + splat(UNDERFLOW);
+            let sides = size * (size * splat(T_ERROR)) + splat(UNDERFLOW);
+            let t_error = span.mul_add(sides, floor);
+            // All three weights provably have one sign, and their sum is not near zero.
+            let sure = self.least.simd_gt(uv_error) & self.det.simd_gt(det_error * splat(4.0));
+            surely.lanes = sure.to_bitmask();
+            let low = (self.t - t_error) / (self.det + det_error) * splat(2.0 - PRUNE);
+            let high = (self.t + t_error) / (self.det - det_error) * splat(PRUNE);
+            low.store_slice(&mut surely.range[0]);
+            high.store_slice(&mut surely.range[1]);
+        } else if C::LATE {
+            // Estimates suffice to order the candidates.
+            (self.t / self.det).store_slice(&mut surely.range[0]);
+        }
+        surely
+    }
+
+    /// Removes and returns the lane of the nearest candidate by estimated distance, or of any candidate for
+    /// any-hit queries.
+    #[inline(always)]
+    pub fn next<Q: Query, C: Counters>(&mut self, surely: &Surely) -> Option<usize> {
+        if self.lanes == 0 {
+            return None;
+        }
+        let mut lane = self.lanes.trailing_zeros() as usize;
+        let mut others = self.lanes & (self.lanes - 1);
+        if !Q::ANY && others != 0 {
+            let mut distances = surely.range[0];
+            if !C::LATE {
+                (self.t / self.det).store_slice(&mut distances);
+            }
+            // Search the other lanes for a smaller distance.
+            while others != 0 {
+                let other = others.trailing_zeros() as usize;
+                if distances[other] < distances[lane] {
+                    lane = other;
+                }
+                others &= others - 1;
+            }
+        }
+        self.lanes &= !(1 << lane);
+        Some(lane)
+    }
+
+    /// Drops the triangles that provably lie beyond `reach`.
+    #[inline(always)]
+    pub fn drop_beyond(&mut self, simd: S, reach: f32) {
+        if self.lanes != 0 {
+            let doubt = f32x8::splat(simd, self.errors.doubt);
+            let limit = self.det.mul_add(f32x8::splat(simd, reach), doubt);
+            self.lanes &= !self.t.simd_gt(limit).to_bitmask();
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

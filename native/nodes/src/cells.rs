@@ -1,0 +1,83 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Nodes as convex regions, whatever the layout: for drawing, for leaf depths and for following a ray. Rays that are
+//! timed never come here.
+
+use halfspace_geom::Aabb;
+use halfspace_geom::cell::Plane;
+use halfspace_geom::region::Region;
+
+/// Kind of an oblique plane. Kinds 0, 1 and 2 are the planes of an axis.
+pub const OBLIQUE: u8 = 3;
+/// Kind of a plane that bounds a child of an interval hierarchy.
+pub const SLAB: u8 = 4;
+/// Kind of a middle plane of an octant.
+pub const OCTANT: u8 = 5;
+/// Kind of a face of a box.
+pub const BOX: u8 = 6;
+
+/// Names a node within its tree; each layout gives the four words a meaning of its own.
+pub type NodeId = [u32; 4];
+
+/// A node as seen from outside.
+#[derive(Debug, Clone, Default)]
+pub struct NodeView {
+    /// For a leaf, the position of its first block and its number of triangles.
+    pub leaf: Option<(u32, usize)>,
+    /// For an inner node, the planes that it stores, each with its kind.
+    pub planes: Vec<(Plane, u8)>,
+    /// The children and their regions.
+    pub children: Vec<(NodeId, Region)>,
+    /// Whether the node stores the boxes of its children rather than planes.
+    pub boxes: bool,
+}
+
+impl NodeView {
+    /// A leaf of `count` triangles.
+    pub fn leaf(first: u32, count: usize) -> Self {
+        Self {
+            leaf: Some((first, count)),
+            ..Self::default()
+        }
+    }
+}
+
+/// A tree as nodes that cover regions.
+pub trait Cells {
+    /// The root and its region; `bounds` is the box of the scene in the frame of the tree.
+    fn root(&self, bounds: Aabb) -> (NodeId, Region);
+
+    /// The node with this name and this region.
+    fn node(&self, id: NodeId, region: &Region) -> NodeView;
+}
+
+/// A leaf on a visit of all leaves.
+#[derive(Debug, Clone, Copy)]
+pub struct LeafCell<'a> {
+    /// Position of its first block.
+    pub first: u32,
+    /// Number of triangles.
+    pub count: usize,
+    /// Depth; the root has depth 0.
+    pub depth: usize,
+    /// The cell.
+    pub region: &'a Region,
+}
+
+/// Visits all leaves in the order of the tree.
+pub fn each_leaf(tree: &dyn Cells, bounds: Aabb, mut see: impl FnMut(LeafCell<'_>)) {
+    let (root, whole) = tree.root(bounds);
+    let mut open = vec![(root, whole, 0)];
+    while let Some((id, region, depth)) = open.pop() {
+        let view = tree.node(id, &region);
+        if let Some((first, count)) = view.leaf {
+            see(LeafCell {
+                first,
+                count,
+                depth,
+                region: &region,
+            });
+        }
+        let children = view.children.into_iter().rev();
+        open.extend(children.map(|(id, region)| (id, region, depth + 1)));
+    }
+}

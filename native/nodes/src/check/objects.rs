@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Invariants of object trees: each triangle once, inside the bounds of every node above it.
+
+use crate::nested::{Look, Nested, visit};
+use crate::plane_tree::MAX_DEPTH;
+use crate::tree::Body;
+use halfspace_geom::Aabb;
+use std::collections::BTreeSet;
+
+/// Object trees hold each triangle once, inside every box and between all planes on its path.
+pub fn object_tree(body: &Body<'_>, tree: &dyn Nested, broken: &mut Vec<String>) {
+    let scene = body.scene;
+    let mut seen = BTreeSet::new();
+    let (mut inner, mut leaves, mut references) = (0, 0, 0);
+    visit(
+        tree,
+        body.frame.bounds(),
+        |(place, region), depth, look, children| {
+            if depth > MAX_DEPTH {
+                broken.push(format!("a node lies at depth {depth}, beyond {MAX_DEPTH}"));
+            }
+            let Look::Leaf { first, count } = look else {
+                inner += 1;
+                if !tree.nests(place) {
+                    broken.push(format!(
+                        "the bounds of {region:?} do not hold its children's"
+                    ));
+                }
+                for (_, child) in children {
+                    if !contains(region, child) {
+                        broken.push(format!(
+                            "the region {child:?} leaves its parent's {region:?}"
+                        ));
+                    }
+                }
+                return;
+            };
+            leaves += 1;
+            references += count;
+            for id in body.blocks.ids(first, count) {
+                if !seen.insert(id) {
+                    broken.push(format!("triangle {id} lies in two leaves"));
+                }
+                let corners = scene.corners(id).map(|p| body.frame.point(p));
+                let held = tree.holds(place, corners);
+                if !held || !contains(region, &Aabb::of_triangle(corners)) {
+                    broken.push(format!(
+                        "triangle {id} lies partly outside its leaf's region"
+                    ));
+                }
+            }
+        },
+    );
+    let shape = body.shape;
+    let counted = (inner, leaves, references);
+    let stated = (shape.nodes_axis, shape.leaves, shape.references);
+    if counted != stated {
+        broken.push(format!(
+            "inner nodes, leaves and references are {counted:?}, the statistics say {stated:?}"
+        ));
+    }
+}
+
+/// Whether the second box lies inside the first.
+pub fn contains(outer: &Aabb, inner: &Aabb) -> bool {
+    inner.is_empty() || (0..3).all(|k| outer.min[k] <= inner.min[k] && inner.max[k] <= outer.max[k])
+}

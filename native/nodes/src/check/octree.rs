@@ -1,0 +1,152 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Checks octrees: cells, contents of leaves, neighbour links.
+
+use crate::octree_nodes::{Node, OUTSIDE, Octree};
+use crate::tree::Body;
+use halfspace_geom::overlap::TriangleBox;
+use std::collections::BTreeSet;
+
+/// Broken invariants, in words.
+pub fn octree(body: &Body<'_>, tree: &Octree, broken: &mut Vec<String>) {
+    let shape = body.shape;
+    let cube = tree.cube();
+    let (mut inner, mut leaves, mut references, mut linked) = (0, 0, 0, 0);
+    tree.visit(|index, node, place| {
+        // Check level and parent.
+        if node.level() > cube.depth {
+            broken.push(format!("node {index} lies below level {}", cube.depth));
+        }
+        let parent = tree.node(node.parent());
+        if index != 0
+            && (parent.level() + 1 != node.level()
+                || parent.children() + node.octant() != index
+                || !parent.is_inner())
+        {
+            broken.push(format!("node {index} is not its parent's child"));
+        }
+        // Compute the same planes in f64, where they are exact.
+        let cell = tree.cell(node, place);
+        let unit = f64::from(cube.side) / f64::from(1_u32 << cube.depth);
+        let edge = f64::from(1_u32 << (cube.depth - node.level())) * unit;
+        for (k, steps) in place.into_iter().enumerate() {
+            let low = f64::from(cube.corner[k]) + f64::from(steps) * unit;
+            if f64::from(cell.min[k]) != low || f64::from(cell.max[k]) != low + edge {
+                broken.push(format!("node {index}: its walls are not floats"));
+            }
+        }
+        // Check the mask of empty octants of an inner node.
+        if node.is_inner() {
+            inner += 1;
+            for octant in 0..8 {
+                let child = tree.node(node.children() + octant);
+                let empty = !child.is_inner() && child.blocks().1 == 0;
+                if empty != (node.empty_octants() >> octant & 1 == 1) {
+                    broken.push(format!("node {index}: octant {octant} is wrongly marked"));
+                }
+            }
+            return;
+        }
+        // Check the triangles and the links of a leaf.
+        leaves += 1;
+        references += node.blocks().1;
+        contents(body, tree, (index, node, place), broken);
+        if tree.has_links() {
+            linked += tree
+                .links(node.place())
+                .iter()
+                .filter(|&&l| l != OUTSIDE)
+                .count();
+            links(tree, (index, node, place), broken);
+        }
+    });
+    // Compare the counts with the structure's statistics.
+    let counted = (inner, leaves, references, linked);
+    let stated = (
+        shape.nodes_axis,
+        shape.leaves,
+        shape.references,
+        shape.links,
+    );
+    if counted != stated {
+        broken.push(format!(
+            "inner nodes, leaves, references and links are {counted:?}, the statistics say {stated:?}"
+        ));
+    }
+}
+
+/// Checks that a leaf holds each of its triangles once, and only triangles within the error margin of its cell.
+fn contents(
+    body: &Body<'_>,
+    tree: &Octree,
+    (index, node, place): (u32, Node, [u32; 3]),
+    broken: &mut Vec<String>,
+) {
+    let (first, count) = node.blocks();
+    let ids = body.blocks.ids(first, count);
+    if ids.iter().collect::<BTreeSet<_>>().len() != ids.len() {
+        broken.push(format!("leaf {index} holds a triangle twice"));
+    }
+    // Allow twice the margin: one was applied by the builder, one covers rounding here.
+    let frame = body.frame;
+    let cell = tree.cell(node, place);
+    let half = 0.5 * (f64::from(cell.max[0]) - f64::from(cell.min[0]));
+    let centre = cell.min.map(|x| f64::from(x) + half);
+    let margin = f64::from(tree.cube().step_margin(frame));
+    // Each triangle must meet the cell, enlarged by the margin.
+    for id in ids {
+        let corners = body.scene.corners(id).map(|p| frame.point(p));
+        let magnitude = frame.bounds().magnitude();
+        if !TriangleBox::new(corners, magnitude).meets(centre, half + 2.0 * margin) {
+            broken.push(format!("leaf {index}: triangle {id} lies outside its cell"));
+        }
+    }
+}
+
+/// Checks that each link leads to the node across its face, found from the root by position, and that the
+/// neighbour's opposite link leads back to the leaf or to an ancestor of it.
+fn links(tree: &Octree, (index, leaf, place): (u32, Node, [u32; 3]), broken: &mut Vec<String>) {
+    let depth = tree.cube().depth;
+    let edge = 1_u32 << (depth - leaf.level());
+    for (face, link) in tree.links(leaf.place()).iter().enumerate() {
+        let (axis, up) = (face / 2, face % 2 == 1);
+        // Position of the smallest cell across the face.
+        let mut across = place;
+        let end = if up { 1 << depth } else { 0 };
+        if place[axis] + if up { edge } else { 0 } == end {
+            if *link != OUTSIDE {
+                broken.push(format!("leaf {index}: link {face} should lead outside"));
+            }
+            continue;
+        }
+        // Descend from the root to the node across the face, at most as deep as the leaf.
+        across[axis] = if up {
+            place[axis] + edge
+        } else {
+            place[axis] - 1
+        };
+        let mut expected = 0;
+        while tree.node(expected).is_inner() && tree.node(expected).level() < leaf.level() {
+            let node = tree.node(expected);
+            let bit = depth - node.level() - 1;
+            expected = node.children() + (0..3).map(|k| (across[k] >> bit & 1) << k).sum::<u32>();
+        }
+        if *link != expected {
+            broken.push(format!(
+                "leaf {index}: link {face} leads to {link}, not {expected}"
+            ));
+            continue;
+        }
+        // Follow the ancestors of this leaf to the target of the neighbour's link.
+        let neighbour = tree.node(expected);
+        if !neighbour.is_inner() {
+            let back = tree.links(neighbour.place())[face ^ 1];
+            let mut ancestor = index;
+            while ancestor != 0 && ancestor != back {
+                ancestor = tree.node(ancestor).parent();
+            }
+            if ancestor != back {
+                broken.push(format!("leaf {index}: neighbour {link} does not link back"));
+            }
+        }
+    }
+}

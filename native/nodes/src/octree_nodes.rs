@@ -1,0 +1,290 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Octrees as traversals read them: 16 bytes per node, eight children in consecutive nodes.
+//!
+//! Word 0 is the index of an inner node's first child, or of a leaf's first block. Word 1 is the parent. Word 2
+//! holds the level in its low five bits, the octant within the parent in the next three, and above them the number
+//! of triangles, with all bits set for an inner node. Word 3 is an inner node's mask of octants that are empty
+//! leaves, or a leaf's index among the leaves, which addresses its links.
+
+use crate::octants::{Cube, FAR, Item, Octants};
+use crate::shape::{Measure, Shape};
+use halfspace_base::error::{Error, Result};
+use halfspace_geom::Aabb;
+use halfspace_leaf::blocks::Blocks;
+use halfspace_ray::frame::Frame;
+use halfspace_scene::Triangles;
+
+/// Link across a face of the root.
+pub const OUTSIDE: u32 = u32::MAX;
+
+const LEVEL_BITS: u32 = 5;
+const COUNT_SHIFT: u32 = 8;
+/// Value of the count of an inner node.
+const INNER: u32 = (1 << 24) - 1;
+
+/// A node.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Node([u32; 4]);
+
+impl Node {
+    /// Returns whether the node has children.
+    #[inline(always)]
+    pub fn is_inner(self) -> bool {
+        self.0[2] >> COUNT_SHIFT == INNER
+    }
+
+    /// Returns the index of an inner node's first child.
+    #[inline(always)]
+    pub fn children(self) -> u32 {
+        self.0[0]
+    }
+
+    /// Returns the mask of an inner node's octants that are empty leaves.
+    #[inline(always)]
+    pub fn empty_octants(self) -> u32 {
+        self.0[3]
+    }
+
+    /// Returns the index of a leaf's first block and its number of triangles.
+    #[inline(always)]
+    pub fn blocks(self) -> (u32, usize) {
+        (self.0[0], (self.0[2] >> COUNT_SHIFT) as usize)
+    }
+
+    /// Returns a leaf's index among the leaves.
+    #[inline(always)]
+    pub fn place(self) -> usize {
+        self.0[3] as usize
+    }
+
+    /// Returns the parent; the root is its own parent.
+    #[inline(always)]
+    pub fn parent(self) -> u32 {
+        self.0[1]
+    }
+
+    /// Returns the level; 0 for the root.
+    #[inline(always)]
+    pub fn level(self) -> u32 {
+        self.0[2] & ((1 << LEVEL_BITS) - 1)
+    }
+
+    /// Returns the octant of the node within its parent.
+    #[inline(always)]
+    pub fn octant(self) -> u32 {
+        self.0[2] >> LEVEL_BITS & 7
+    }
+}
+
+/// An octree over a scene.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Octree {
+    nodes: Vec<Node>,
+    links: Vec<[u32; 6]>,
+    cube: Cube,
+    far: f32,
+}
+
+impl Octree {
+    /// Lays out a tree and writes the triangles of its leaves to `blocks`.
+    ///
+    /// # Errors
+    /// [`Error::Memory`] when the tree has more nodes or leaf data than its links can address.
+    pub fn new(
+        octants: &Octants,
+        cube: Cube,
+        (scene, frame): (&Triangles, &Frame),
+        blocks: &mut Blocks,
+    ) -> Result<Self> {
+        let (nodes, references) = (octants.items.len(), octants.ids.len());
+        // Check that the fields of a node can hold all values.
+        let most = octants.items.iter().map(|item| match item {
+            Item::Inner => 0,
+            Item::Leaf(count) => *count,
+        });
+        if nodes >= 1 << 30 || references >= 1 << 28 || most.max().unwrap_or(0) >= INNER {
+            return Err(Error::Memory(format!(
+                "the tree would have {nodes} nodes and {references} references; fewer than 2^30 and 2^28 \
+                 are possible, and 2^24 in a leaf"
+            )));
+        }
+        let mut tree = Self {
+            nodes: Vec::with_capacity(nodes),
+            links: Vec::new(),
+            cube,
+            far: FAR * frame.bounds().magnitude(),
+        };
+        tree.nodes.push(Node::default());
+        let mut ids = octants.ids.as_slice();
+        let mut leaves = 0;
+        // Nodes still to fill, with parent and level; the next one last.
+        let mut waiting = vec![(0_usize, 0_usize, 0_u32)];
+        for item in &octants.items {
+            let (place, parent, level) = waiting.pop().expect("preorder: every node has a place");
+            #[expect(clippy::cast_possible_truncation, reason = "checked above")]
+            // Eight consecutive children follow the root, so the index gives the octant.
+            let (octant, up) = if place == 0 {
+                (0, 0)
+            } else {
+                ((place as u32 - 1) & 7, parent as u32)
+            };
+            let head = level | octant << LEVEL_BITS;
+            // Write the node; an inner node reserves its eight children, an empty leaf sets its bit in the parent.
+            tree.nodes[place] = Node(match *item {
+                Item::Leaf(count) => {
+                    if count == 0 && place != 0 {
+                        tree.nodes[parent].0[3] |= 1 << octant;
+                    }
+                    let (own, rest) = ids.split_at(count as usize);
+                    ids = rest;
+                    leaves += 1;
+                    let first = blocks.push_leaf(scene, frame, own);
+                    [first, up, head | count << COUNT_SHIFT, leaves - 1]
+                }
+                Item::Inner => {
+                    // Reserve the children, and visit them in preorder.
+                    let first = tree.nodes.len();
+                    tree.nodes.resize(first + 8, Node::default());
+                    waiting.extend((0..8).rev().map(|o| (first + o, place, level + 1)));
+                    #[expect(clippy::cast_possible_truncation, reason = "checked above")]
+                    let first = first as u32;
+                    [first, up, head | INNER << COUNT_SHIFT, 0]
+                }
+            });
+        }
+        blocks.seal();
+        Ok(tree)
+    }
+
+    /// Adds six links to each leaf, one to the neighbour across each face: the leaf that covers the face,
+    /// otherwise the inner node of the leaf's size (Endl and Sommer 1994). The link across the face on side `s` of
+    /// axis `k` has index `2 k + s`.
+    ///
+    /// Links are computed from the root down: a neighbour within the same parent is a sibling; any other one is a
+    /// child of the parent's neighbour, or that neighbour itself if it has no children.
+    pub fn with_links(mut self) -> Self {
+        let mut all = vec![[OUTSIDE; 6]; self.nodes.len()];
+        let mut leaves = vec![[OUTSIDE; 6]; self.nodes.iter().filter(|n| !n.is_inner()).count()];
+        // Children have larger indices than their parents, so one pass suffices.
+        for (index, node) in self.nodes.iter().enumerate() {
+            if index != 0 {
+                // Compute the six links of each node from those of its parent.
+                for (face, link) in (0_u32..).zip(0..6) {
+                    let bit = 1 << (face >> 1);
+                    let across = node.octant() ^ bit;
+                    let leaves_parent = u32::from(node.octant() & bit != 0) == face & 1;
+                    all[index][link] = if leaves_parent {
+                        match all[node.parent() as usize][link] {
+                            OUTSIDE => OUTSIDE,
+                            wide if self.node(wide).is_inner() => {
+                                self.node(wide).children() + across
+                            }
+                            wide => wide,
+                        }
+                    } else {
+                        self.node(node.parent()).children() + across
+                    };
+                }
+            }
+            if !node.is_inner() {
+                leaves[node.place()] = all[index];
+            }
+        }
+        self.links = leaves;
+        self
+    }
+
+    /// Returns a node; 0 is the root.
+    #[inline(always)]
+    pub fn node(&self, index: u32) -> Node {
+        self.nodes[index as usize]
+    }
+
+    /// Returns the links of the leaf with index `place` among the leaves; see [`Self::with_links`].
+    #[inline(always)]
+    pub fn links(&self, place: usize) -> &[u32; 6] {
+        &self.links[place]
+    }
+
+    /// Returns whether leaves have links.
+    pub fn has_links(&self) -> bool {
+        !self.links.is_empty()
+    }
+
+    /// Returns the root cell and the grid of the smallest cells.
+    #[inline(always)]
+    pub fn cube(&self) -> &Cube {
+        &self.cube
+    }
+
+    /// Returns whether traversals from cell to cell are correct for rays from this origin; see
+    /// [`Cube::step_margin`].
+    #[inline(always)]
+    pub fn is_near(&self, o: [f32; 3]) -> bool {
+        o[0].abs().max(o[1].abs()).max(o[2].abs()) <= self.far
+    }
+
+    /// Returns the size in bytes.
+    pub fn bytes(&self) -> usize {
+        self.nodes.len() * size_of::<Node>() + self.links.len() * size_of::<[u32; 6]>()
+    }
+
+    /// Calls `see` for all nodes, parents before children, each with its index and the position of its lowest
+    /// corner on the grid of the smallest cells.
+    pub fn visit(&self, mut see: impl FnMut(u32, Node, [u32; 3])) {
+        let mut waiting = vec![(0, [0; 3])];
+        while let Some((index, place)) = waiting.pop() {
+            let node = self.node(index);
+            see(index, node, place);
+            if node.is_inner() {
+                let half = 1 << (self.cube.depth - node.level() - 1);
+                waiting.extend((0..8).rev().map(|octant| {
+                    let place = std::array::from_fn(|k| place[k] + half * (octant >> k & 1));
+                    (node.children() + octant, place)
+                }));
+            }
+        }
+    }
+
+    /// Returns the cell of a node whose lowest corner is at `place`.
+    pub fn cell(&self, node: Node, place: [u32; 3]) -> Aabb {
+        let min = self.cube.low(place);
+        let edge = self.cube.edge(node.level());
+        Aabb {
+            min,
+            max: min.map(|x| x + edge),
+        }
+    }
+
+    /// Measures the tree. An inner node counts as three axis-aligned steps in the cost.
+    pub fn shape(&self, frame: &Frame) -> Shape {
+        let bounds = frame.bounds();
+        let whole = bounds.area().max(f64::MIN_POSITIVE);
+        let mut measure = Measure::default();
+        self.visit(|_, node, place| {
+            let mut cell = self.cell(node, place);
+            // Clip the cell to the scene's box: the cost model has no rays outside it.
+            for k in 0..3 {
+                cell.min[k] = cell.min[k].max(bounds.min[k]);
+                cell.max[k] = cell.max[k].min(bounds.max[k]);
+            }
+            let share = if cell.is_empty() {
+                0.0
+            } else {
+                cell.area() / whole
+            };
+            if node.is_inner() {
+                // Count the node once, and its other two planes as steps.
+                measure.axis(share);
+                measure.steps(2.0 * share);
+            } else {
+                measure.leaf(node.blocks().1, node.level() as usize, share);
+            }
+        });
+        let links = self.links.iter().flatten();
+        Shape {
+            links: links.filter(|&&link| link != OUTSIDE).count(),
+            ..measure.finish()
+        }
+    }
+}

@@ -1,0 +1,212 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Plane trees as traversals read them: 8 bytes per node.
+//!
+//! Word 0 is the split of an axis node, the index of an oblique node's plane, or the index of a leaf's first
+//! block. Word 1 holds the node's kind in its low three bits (0, 1, 2: an axis; 3: a leaf; 4: oblique), a mask of
+//! children that are empty leaves in the next two, and above them the index of the first of two consecutive
+//! children, which is even, or the number of triangles. The sibling of a child is therefore one bit away, a cache
+//! line holds four pairs, an oblique plane's 16 bytes exist only for oblique nodes, and a ray can skip an empty
+//! child without reading it.
+
+use crate::preorder::{Item, Preorder};
+use halfspace_base::error::{Error, Result};
+use halfspace_geom::cell::Direction;
+use halfspace_leaf::blocks::Blocks;
+use halfspace_ray::frame::Frame;
+use halfspace_scene::Triangles;
+
+/// Largest depth of a tree. Traversals keep at most one child per level on their stack.
+pub const MAX_DEPTH: usize = 60;
+
+/// Marks a leaf as the entrance of a subtree that is built later: replaces the number of triangles, and the index
+/// of the first block is the subtree's index among those of its tree.
+pub const ENTRANCE: usize = (1 << (32 - LOW_BITS)) - 1;
+
+const LEAF: u32 = 3;
+const OBLIQUE: u32 = 4;
+const KIND: u32 = 7;
+/// Flag of an inner node whose lower child is an empty leaf; shifted by one for the upper child.
+const EMPTY: u32 = 8;
+const LOW_BITS: u32 = 5;
+
+/// A node, decoded.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Node {
+    /// Split by `x[axis] = split`.
+    Axis {
+        /// Axis of the plane: 0, 1 or 2.
+        axis: usize,
+        /// Height of the plane.
+        split: f32,
+        /// Index of the child below; the one above follows.
+        children: u32,
+        /// Bit 0: the child below is an empty leaf; bit 1: the one above is.
+        empty: u32,
+        /// Word 1 of the node, for [`near_child`].
+        link: u32,
+    },
+    /// Split by `normal . x = offset`.
+    Oblique {
+        /// Normal of about unit length.
+        normal: [f32; 3],
+        /// Height of the plane along the normal.
+        offset: f32,
+        /// Index of the child below; the one above follows.
+        children: u32,
+        /// Bit 0: the child below is an empty leaf; bit 1: the one above is.
+        empty: u32,
+    },
+    /// A leaf.
+    Leaf {
+        /// Index of its first block.
+        first: u32,
+        /// Number of triangles.
+        count: usize,
+    },
+}
+
+/// A tree of split planes over a scene.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PlaneTree {
+    nodes: Vec<[u32; 2]>,
+    planes: Vec<[f32; 4]>,
+}
+
+/// Returns the child of an axis node that a ray enters first; the other is one bit away. `signs` holds the ray's
+/// sign bits as bits 0, 1 and 2 of each byte.
+///
+/// The address of the next node depends on this at every step. The shift uses the low five bits of the link, axis
+/// and empty mask alike, as its count, so no table lookup and no mask delay it.
+#[inline(always)]
+pub fn near_child(link: u32, signs: u32) -> u32 {
+    (link >> LOW_BITS) ^ (signs.wrapping_shr(link) & 1)
+}
+
+impl PlaneTree {
+    /// Lays out a tree and writes the triangles of its leaves to `blocks`.
+    ///
+    /// # Errors
+    /// [`Error::Memory`] when the tree has more nodes or leaf data than its links can address.
+    pub fn new(
+        preorder: &Preorder,
+        scene: &Triangles,
+        frame: &Frame,
+        blocks: &mut Blocks,
+    ) -> Result<Self> {
+        let (nodes, references) = (preorder.items.len(), preorder.ids.len());
+        if nodes >= 1 << 27 || references >= 1 << 28 {
+            return Err(Error::Memory(format!(
+                "the tree would have {nodes} nodes and {references} references; fewer than 2^27 and 2^28 \
+                 are possible"
+            )));
+        }
+        // The root's pair has an unused second node, so that all pairs start at even indices.
+        let mut tree = Self {
+            nodes: vec![[0; 2]; 2],
+            planes: Vec::new(),
+        };
+        let mut ids = preorder.ids.as_slice();
+        let mut parts = 0;
+        // Nodes still to fill, with their parent; the next one last, because preorder visits below before above.
+        let mut places = vec![(0_usize, None)];
+        for item in &preorder.items {
+            let (place, parent) = places.pop().expect("preorder: every node has a place");
+            match *item {
+                Item::Leaf { count, .. } => {
+                    // Mark an empty leaf in its parent, so that rays can skip it.
+                    if let (0, Some(parent)) = (count, parent) {
+                        let parent: &mut [u32; 2] = &mut tree.nodes[parent];
+                        parent[1] |= EMPTY << (place & 1);
+                    }
+                    // Write the triangles of the leaf.
+                    let (own, rest) = ids.split_at(count as usize);
+                    ids = rest;
+                    let first = blocks.push_leaf(scene, frame, own);
+                    tree.nodes[place] = [first, count << LOW_BITS | LEAF];
+                }
+                Item::Later => {
+                    tree.nodes[place] = [parts, (ENTRANCE as u32) << LOW_BITS | LEAF];
+                    parts += 1;
+                }
+                Item::Inner { plane, .. } => {
+                    // Reserve a pair for the children.
+                    let children = tree.nodes.len();
+                    tree.nodes.extend([[0; 2]; 2]);
+                    places.extend([(children + 1, Some(place)), (children, Some(place))]);
+                    let link = u32::try_from(children).expect("bounded by the budget") << LOW_BITS;
+                    // Store an axis-aligned plane in the node, an oblique one in a separate list.
+                    tree.nodes[place] = match plane.direction {
+                        Direction::Axis(axis) => [plane.offset.to_bits(), link | axis as u32],
+                        Direction::Oblique([x, y, z]) => {
+                            tree.planes.push([x, y, z, plane.offset]);
+                            let index = tree.planes.len() - 1;
+                            let index = u32::try_from(index).expect("fewer than the nodes");
+                            [index, link | OBLIQUE]
+                        }
+                    };
+                }
+            }
+        }
+        blocks.seal();
+        tree.nodes.shrink_to_fit();
+        tree.planes.shrink_to_fit();
+        Ok(tree)
+    }
+
+    /// Returns the index of the root.
+    #[inline(always)]
+    pub fn root(&self) -> u32 {
+        0
+    }
+
+    /// Decodes a node.
+    #[inline(always)]
+    pub fn node(&self, index: u32) -> Node {
+        let [word, link] = self.nodes[index as usize];
+        match link & KIND {
+            axis @ 0..=2 => Node::Axis {
+                axis: axis as usize,
+                split: f32::from_bits(word),
+                children: link >> LOW_BITS,
+                empty: (link / EMPTY) & 3,
+                link,
+            },
+            OBLIQUE => {
+                // The first word is the index of the plane.
+                let [x, y, z, offset] = self.planes[word as usize];
+                Node::Oblique {
+                    normal: [x, y, z],
+                    offset,
+                    children: link >> LOW_BITS,
+                    empty: (link / EMPTY) & 3,
+                }
+            }
+            _ => Node::Leaf {
+                first: word,
+                count: (link >> LOW_BITS) as usize,
+            },
+        }
+    }
+
+    /// Returns the number of node slots; the one next to the root is unused.
+    pub fn places(&self) -> usize {
+        self.nodes.len()
+    }
+
+    /// Returns the size in bytes.
+    pub fn bytes(&self) -> usize {
+        size_of_val(&*self.nodes) + size_of_val(&*self.planes)
+    }
+
+    /// Calls `see` for all nodes, the child below first, with index, node and depth.
+    pub fn visit(&self, mut see: impl FnMut(u32, Node, usize)) {
+        let mut waiting = vec![(self.root(), 0)];
+        while let Some((index, depth)) = waiting.pop() {
+            let node = self.node(index);
+            see(index, node, depth);
+            if let Node::Axis { children, .. } | Node::Oblique { children, .. } = node {
+                waiting.extend([(children + 1, depth + 1), (children, depth + 1)]);
+            }
+        }
+    }
+}

@@ -1,0 +1,113 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Access to plane trees for their traversals: trees in one piece, or trees of parts that are built by the
+//! first ray that reaches them.
+
+use crate::lazy_tree::{LazyTree, Part};
+use crate::plane_tree::{ENTRANCE, Node, PlaneTree};
+use halfspace_leaf::blocks::Blocks;
+use halfspace_scene::Triangles;
+
+/// Contents of a leaf.
+pub enum Inside<'a, T> {
+    /// Triangles, stored in these blocks.
+    Triangles(&'a Blocks),
+    /// The root of another part.
+    Part(T),
+}
+
+/// A tree of split planes.
+pub trait Planes: Copy + Sync {
+    /// A reference to a node, with the part of the tree it belongs to.
+    type At: Copy;
+
+    /// Whether the blocks of a leaf depend on its part of the tree.
+    const PARTS: bool;
+
+    /// The root.
+    fn root(self) -> Self::At;
+
+    /// Returns the decoded node.
+    fn node(self, at: Self::At) -> Node;
+
+    /// The node with number `index` in the same part of the tree.
+    fn sibling(self, at: Self::At, index: u32) -> Self::At;
+
+    /// Returns the contents of a leaf: its reference, first block and number of triangles. `blocks` are those
+    /// of a tree in one piece.
+    fn inside<'a>(
+        self,
+        leaf: (Self::At, u32, usize),
+        triangles: (&Triangles, &'a Blocks),
+    ) -> Inside<'a, Self::At>
+    where
+        Self: 'a;
+}
+
+impl Planes for &PlaneTree {
+    type At = u32;
+    const PARTS: bool = false;
+
+    #[inline(always)]
+    fn root(self) -> u32 {
+        PlaneTree::root(self)
+    }
+
+    #[inline(always)]
+    fn node(self, at: u32) -> Node {
+        PlaneTree::node(self, at)
+    }
+
+    #[inline(always)]
+    fn sibling(self, _: u32, index: u32) -> u32 {
+        index
+    }
+
+    #[inline(always)]
+    fn inside<'a>(
+        self,
+        _: (u32, u32, usize),
+        (_, blocks): (&Triangles, &'a Blocks),
+    ) -> Inside<'a, u32>
+    where
+        Self: 'a,
+    {
+        Inside::Triangles(blocks)
+    }
+}
+
+impl<'t> Planes for &'t LazyTree {
+    type At = (&'t Part, u32);
+    const PARTS: bool = true;
+
+    #[inline(always)]
+    fn root(self) -> Self::At {
+        (self.top(), self.top().tree.root())
+    }
+
+    #[inline(always)]
+    fn node(self, (part, index): Self::At) -> Node {
+        part.tree.node(index)
+    }
+
+    #[inline(always)]
+    fn sibling(self, (part, _): Self::At, index: u32) -> Self::At {
+        (part, index)
+    }
+
+    #[inline(always)]
+    fn inside<'a>(
+        self,
+        ((part, _), first, count): (Self::At, u32, usize),
+        (scene, _): (&Triangles, &'a Blocks),
+    ) -> Inside<'a, Self::At>
+    where
+        Self: 'a,
+    {
+        if count == ENTRANCE {
+            let part = part.enter(first, scene);
+            Inside::Part((part, part.tree.root()))
+        } else {
+            Inside::Triangles(&part.blocks)
+        }
+    }
+}

@@ -1,0 +1,133 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Bounding interval hierarchies: two parallel planes per node give the end of the child below and the start of
+//! the child above (Wächter and Keller 2006).
+//!
+//! The traversal is that of a kd-tree whose split plane is pulled apart: it visits the near child, the far
+//! child, both or, if the ray passes between the planes, neither. Nodes with one child are a fifth case. Planes
+//! are coordinates of triangles and therefore exact; each distance is moved outwards by the frame's `slack`, so
+//! no child is skipped in which the ray might hit.
+
+use crate::nested::{Look, Nested, Place};
+use crate::object_tree::{self, ObjectTree};
+use crate::plane_tree::MAX_DEPTH;
+use crate::slab_node::{Kind, MOST, SlabNode};
+use halfspace_base::error::{Error, Result};
+use halfspace_geom::Aabb;
+use halfspace_geom::tighten::{Sides, Tighten};
+use halfspace_leaf::leaves::Leaves;
+
+/// A bounding interval hierarchy over a scene.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct SlabTree<N> {
+    /// Nodes; the root is the first.
+    pub nodes: Vec<N>,
+}
+
+impl<N: SlabNode> SlabTree<N> {
+    /// Lays out a binary tree over a scene with these bounds, its leaves in `leaves`. Where `tighten` finds it
+    /// worthwhile, a node first cuts off empty space: with a node of one child if `only` is set, else with an
+    /// empty leaf on the other side.
+    ///
+    /// # Errors
+    /// [`Error::Memory`] if the tree has more nodes than links can address.
+    pub fn new(
+        binary: &ObjectTree,
+        bounds: Aabb,
+        (tighten, only): (Tighten, bool),
+        leaves: &mut Leaves,
+    ) -> Result<Self> {
+        binary.check_size()?;
+        let firsts = binary.firsts();
+        let heights = binary.heights();
+        let sides = if only { N::ONLY } else { Sides::One };
+        let mut nodes = Vec::with_capacity(binary.items.len() + binary.items.len() / 2);
+        nodes.push(N::EMPTY);
+        // Nodes to fill: number, index in `binary`, end of its triangles, region and depth.
+        let mut open = vec![(0, 0, binary.ids.len(), bounds, 0)];
+        while let Some((place, from, end, region, depth)) = open.pop() {
+            let link = nodes.len();
+            if link + 2 > MOST {
+                return Err(Error::Memory(format!("the tree would have {MOST} nodes")));
+            }
+            let item = &binary.items[from].bounds;
+            let cut = if depth + usize::from(heights[from]) < MAX_DEPTH {
+                tighten.cut(sides, &region, item)
+            } else {
+                None
+            };
+            // Cut off empty space first, and lay the same item out again inside.
+            if let Some(cut) = cut {
+                let (axis, child) = (cut.axis, (from, end, cut.inside, depth + 1));
+                nodes[place] = if only {
+                    nodes.push(N::EMPTY);
+                    open.push((link, child.0, child.1, child.2, child.3));
+                    N::only(link, &cut)
+                } else {
+                    nodes.extend([N::EMPTY; 2]);
+                    open.push((link + cut.full, child.0, child.1, child.2, child.3));
+                    let mut children = [(*item, 0); 2];
+                    // Place the empty side's plane where no ray comes.
+                    (children[0].0.max[axis], children[1].0.min[axis]) = if cut.full == 0 {
+                        (cut.inside.max[axis], f32::MAX)
+                    } else {
+                        (f32::MIN, cut.inside.min[axis])
+                    };
+                    N::pair(axis, link, &region, children)
+                };
+                continue;
+            }
+            // Lay out the item itself.
+            nodes[place] = match binary.kind(from) {
+                object_tree::Kind::Leaf { count } => {
+                    N::leaf(leaves.push(firsts[from], count), count)
+                }
+                object_tree::Kind::Inner {
+                    axis,
+                    children: [below, above],
+                } => {
+                    nodes.extend([N::EMPTY; 2]);
+                    // Count the triangles of both children, and fill the node.
+                    let middle = firsts[above] as usize;
+                    let children = [
+                        (binary.items[below].bounds, middle - firsts[from] as usize),
+                        (binary.items[above].bounds, end - middle),
+                    ];
+                    let node = N::pair(axis, link, &region, children);
+                    let [low, high] = node.parts(axis, &region);
+                    open.push((link + 1, above, end, high, depth + 1));
+                    open.push((link, below, middle, low, depth + 1));
+                    node
+                }
+            };
+        }
+        nodes.shrink_to_fit();
+        Ok(Self { nodes })
+    }
+}
+
+impl<N: SlabNode> Nested for SlabTree<N> {
+    fn top(&self) -> Place {
+        (0, 0)
+    }
+
+    /// A place is the node's number.
+    fn look(&self, (place, _): Place, region: &Aabb, children: &mut Vec<(Place, Aabb)>) -> Look {
+        let node = self.nodes[place as usize];
+        match node.kind() {
+            Kind::Leaf { first, count } => Look::Leaf { first, count },
+            Kind::Only { axis, link } => {
+                children.push(((link, 0), node.parts(axis, region)[0]));
+                Look::Slabs { axis }
+            }
+            Kind::Pair { axis, link } => {
+                let [below, above] = node.parts(axis, region);
+                children.extend([((link, 0), below), ((link + 1, 0), above)]);
+                Look::Slabs { axis }
+            }
+        }
+    }
+
+    fn bytes(&self) -> usize {
+        size_of_val(&*self.nodes)
+    }
+}

@@ -1,0 +1,693 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Halfspace's native core: acceleration structures over triangles, rays through them, rendering.
+
+Usable without Blender. Arrays are NumPy's; what is called F32 accepts float32 and float64, the
+latter rounded once. Every error names the argument, the first bad index and what was expected.
+Long calls release the GIL.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Literal, TypedDict, overload
+
+import numpy as np
+import numpy.typing as npt
+
+__version__: str
+"""The version of the module; the add-on refuses to work with another."""
+
+F32 = npt.NDArray[np.float32] | npt.NDArray[np.float64]
+Indices = npt.NDArray[np.int32] | npt.NDArray[np.uint32] | npt.NDArray[np.int64]
+
+class ShapeError(ValueError):
+    """An array has the wrong shape or type, or an index is out of range."""
+
+class NonFiniteError(ValueError):
+    """A number is NaN, or infinite where a finite one is needed."""
+
+class SpecError(ValueError):
+    """A configuration string or a setting is not understood or out of range."""
+
+class Cancelled(RuntimeError):
+    """The work was cancelled through its monitor."""
+
+class Parameter(TypedDict):
+    """A parameter of a structure: key, label, what more of it costs, unit, type and range.
+
+    kind: "integer" or "float" with min and max, or "choice" with options; the others are None.
+    """
+
+    name: str
+    label: str
+    doc: str
+    unit: str
+    kind: Literal["integer", "float", "choice"]
+    default: int | float | str
+    min: int | float | None
+    max: int | float | None
+    options: list[str] | None
+
+class StructureRow(TypedDict):
+    """A row of the registry. code is saved in .blend files and never reused. aliases: other names of the id."""
+
+    id: str
+    aliases: list[str]
+    code: int
+    label: str
+    family: str
+    summary: str
+    paper: str
+    parameters: list[Parameter]
+    traversals: list[str]
+
+class Statistics(TypedDict):
+    """What a build made.
+
+    build_seconds: by the clock. bytes: nodes and leaves of all layouts, without the scene's own arrays; leaves, depths,
+    references and cost are those of the planes where rays go through boxes made from them.
+    references: triangles in all leaves together. links: from leaves to their neighbours, where a
+    structure stores them. depth_max, depth_mean: of the leaves, the root at 0. leaf_max: triangles
+    in the largest leaf. leaves_large: leaves of more than 64. sah_cost: expected cost of a random ray in the
+    thesis's units (80 a triangle, 1 an axis step, 5 an oblique step), the same for all structures.
+    parts_built, parts_waiting: with lazy=1 the subtrees that rays have had built, and those that wait at the
+    ends of what is built; all other numbers are then of what is built so far. left_out: what the scene did not
+    need, each with its reason. dropped_triangles: those without area or with a vertex that is not finite.
+    """
+
+    build_seconds: float
+    bytes: int
+    nodes_axis: int
+    nodes_oblique: int
+    leaves: int
+    leaves_empty: int
+    leaf_max: int
+    leaves_large: int
+    references: int
+    links: int
+    depth_max: int
+    depth_mean: float
+    sah_cost: float
+    parts_built: int
+    parts_waiting: int
+    left_out: list[str]
+    dropped_triangles: int
+
+class SplitPolygons(TypedDict):
+    """Split planes cut to their cells, breadth first.
+
+    vertices: (v, 3) float32, scene frame. offsets: (p + 1,) uint32, where each polygon begins.
+    depth: (p,) uint32. kind: (p,) uint8, 0 1 2 the plane of an axis, 3 oblique, 4 slab pair,
+    5 octant, 6 the face of a box around the triangles of a node. hidden: how many more there are within max_depth.
+    """
+
+    vertices: npt.NDArray[np.float32]
+    offsets: npt.NDArray[np.uint32]
+    depth: npt.NDArray[np.uint32]
+    kind: npt.NDArray[np.uint8]
+    hidden: int
+
+def level() -> str:
+    """The SIMD level chosen for this machine: avx512, avx2, sse4.2, neon or fallback."""
+
+def free_memory() -> int:
+    """Memory limit of a build that is given none, in bytes: seven eighths of the machine's free memory."""
+
+def structures() -> list[StructureRow]:
+    """The registry: every structure and its parameters, in display order."""
+
+class Monitor:
+    """Progress and cancellation of a build; usable from any thread."""
+
+    progress: float
+    """Fraction of the work that is done, 0..1."""
+    cancelled: bool
+    """Whether cancel() was called."""
+    def __init__(self) -> None: ...
+    def cancel(self) -> None:
+        """Requests the build to stop; it raises Cancelled within a tenth of a second."""
+
+class Hits:
+    """The results of closest(), one per ray.
+
+    t: (n,) float32, distance in units of the direction, correctly rounded; inf = miss.
+    triangle: (n,) int32, -1 = miss; among triangles at the same t the one with the smallest index.
+    u, v: (n,) float32, weights of the second and third corner: the point is
+    (1 - u - v) a + u b + v c. Each access makes a new array.
+    counters: None, or per ray (n,) uint32 under "steps", "steps_axis", "steps_oblique", "leaves", "leaves_empty",
+    "tests", "verdicts", "spared" (1: answered without a traversal of its own); from TA-B also the cases of ray and
+    split plane, "case_n1" to "case_n5" (origin below the plane: 1 away from it, 2 along it, 3 towards it but the
+    cell ends before, 4 through it inside the cell, 5 through it before the cell), "case_p1" to "case_p5" (above),
+    "case_z1" (in the plane: upwards), "case_z2" (downwards), "case_z3" (along); from beam-hh "beam_visits" (nodes
+    visited by the beam whose first ray this is), "beam_cuts" (number of times a polygon split the beam) and
+    "beam_singles" (1: the ray was traced on its own).
+    on_boundary: None, or from exact_closest (n,) bool: whether the ray passes exactly through an edge or a vertex
+    of the triangle it hits.
+    """
+
+    t: npt.NDArray[np.float32]
+    triangle: npt.NDArray[np.int32]
+    u: npt.NDArray[np.float32]
+    v: npt.NDArray[np.float32]
+    counters: dict[str, npt.NDArray[np.uint32]] | None
+    on_boundary: npt.NDArray[np.bool_] | None
+    def __len__(self) -> int: ...
+
+class Faces(TypedDict):
+    """Convex cells in the scene's frame."""
+
+    vertices: F32
+    """(v, 3), the corners of all faces."""
+    offsets: npt.NDArray[np.uint32]
+    """(f + 1,), where each face begins in `vertices`."""
+    cells: npt.NDArray[np.uint32]
+    """(c + 1,), where each cell begins among the faces."""
+
+class LeafCells(Faces):
+    """Leaves, the fullest first."""
+
+    count: npt.NDArray[np.uint32]
+    """(c,), triangles in each leaf."""
+    depth: npt.NDArray[np.uint32]
+    """(c,), 0 for the root."""
+    hidden: int
+    """Leaves left out because of max_count."""
+
+class Visits(Faces):
+    """Leaves on the way of a ray: those tested in the order of the walk, those passed untested between them.
+
+    With traversal=boxes leaves are boxes, which may overlap.
+    """
+
+    enter: npt.NDArray[np.float64]
+    leave: npt.NDArray[np.float64]
+    """(c,), in units of the direction; NaN where only the allowance for rounding led the walk there."""
+    depth: npt.NDArray[np.uint32]
+    tested: npt.NDArray[np.bool_]
+    triangles: npt.NDArray[np.uint32]
+    """Those of all leaves, one after another."""
+    triangle_offsets: npt.NDArray[np.uint32]
+    """(c + 1,), where each leaf begins in `triangles`."""
+    corners: F32
+    """(3 t, 3), the three corners of each of `triangles`."""
+
+class Crossings(TypedDict):
+    """Planes on the way of a ray, the nearest first, each cut to the node that it splits; none with traversal=boxes."""
+
+    vertices: F32
+    offsets: npt.NDArray[np.uint32]
+    """(p + 1,), where each plane's polygon begins in `vertices`."""
+    t: npt.NDArray[np.float64]
+    kind: npt.NDArray[np.uint8]
+    """(p,), as in SplitPolygons."""
+    depth: npt.NDArray[np.uint32]
+
+class RayPath(TypedDict):
+    """The way of one ray."""
+
+    t: float
+    triangle: int
+    """-1 = miss; t, u and v as in Hits."""
+    u: float
+    v: float
+    counters: dict[str, int]
+    """As in Hits, for this ray."""
+    visits: Visits
+    crossings: Crossings
+
+class Structure:
+    """A structure built over triangles. Immutable; any number of threads may ask it."""
+
+    spec: str
+    """The configuration, with only what differs from the defaults."""
+    statistics: Statistics
+    """Numbers of the build."""
+    counted_as: str
+    """Name of the traversal of single rays, which counters count where rays go together and are not counted so."""
+
+    def closest(
+        self,
+        origins: F32,
+        directions: F32,
+        t_min: float | F32 | None = None,
+        t_max: float | F32 | None = None,
+        *,
+        order: Literal["none", "tile8"] = "none",
+        threads: int = 0,
+        counters: bool = False,
+    ) -> Hits:
+        """The nearest triangle that each ray meets; the same bits for every structure.
+
+        origins, directions: (n, 3), scene frame; directions of any length, a zero direction meets
+        nothing. t_min, t_max: the closed interval that counts, in units of the direction, one
+        number or (n,), negative behind the origin; 0 and inf when not given. A hit whose distance
+        is beyond all floats is none. order: "tile8" promises that every 64 consecutive
+        rays are an 8x8-pixel tile. threads: 0 = one per core.
+        Raises ShapeError, NonFiniteError (NaN or infinite rays, found as they are traced; NaN distances), SpecError
+        (order).
+        """
+
+    @overload
+    def occluded(
+        self,
+        origins: F32,
+        directions: F32,
+        t_min: float | F32 | None = None,
+        t_max: float | F32 | None = None,
+        *,
+        order: Literal["none", "tile8"] = "none",
+        threads: int = 0,
+        counters: Literal[False] = False,
+    ) -> npt.NDArray[np.bool_]:
+        """Whether each ray meets anything at all: (n,) bool; with counters=True a pair of that
+        and the counters of Hits. Arguments and errors as for closest().
+        """
+    @overload
+    def occluded(
+        self,
+        origins: F32,
+        directions: F32,
+        t_min: float | F32 | None = None,
+        t_max: float | F32 | None = None,
+        *,
+        order: Literal["none", "tile8"] = "none",
+        threads: int = 0,
+        counters: Literal[True],
+    ) -> tuple[npt.NDArray[np.bool_], dict[str, npt.NDArray[np.uint32]]]: ...
+    def record(
+        self,
+        origins: F32,
+        directions: F32,
+        t_min: float | F32 | None = None,
+        t_max: float | F32 | None = None,
+        *,
+        any_hit: bool = False,
+    ) -> Recording:
+        """Traces the rays one by one, on one thread, and records what every leaf answers, so that the
+        walks can be repeated without triangle tests.
+
+        any_hit: as occluded() does, else as closest(). Arguments and errors as for closest(); also
+        SpecError for "brute", which walks nothing.
+        """
+
+    def validate(self) -> list[str]:
+        """Broken invariants in words; empty for a sound structure. Takes time, for tests."""
+
+    def split_polygons(self, max_depth: int = 60, max_count: int = 20_000) -> SplitPolygons:
+        """The split planes of nodes down to max_depth, at most max_count of them, breadth first.
+
+        Raises SpecError for numbers below 0.
+        """
+
+    def leaf_cells(self, min_triangles: int = 1, max_count: int = 20_000) -> LeafCells:
+        """The cells of leaves with at least min_triangles, the fullest first, at most max_count.
+
+        Raises SpecError for numbers below 0.
+        """
+
+    def trace_path(
+        self,
+        origin: Sequence[float],
+        direction: Sequence[float],
+        t_min: float = 0.0,
+        t_max: float = ...,
+    ) -> RayPath:
+        """The way of one ray to its nearest hit: what the walk itself tested, and what lies on the way.
+
+        origin, direction: three numbers each, scene frame. t_min, t_max: as for closest(); inf when not given.
+        Raises NonFiniteError.
+        """
+
+class Recording:
+    """Rays and what each leaf of a structure answered to them, from Structure.record()."""
+
+    @property
+    def counters(self) -> dict[str, npt.NDArray[np.uint32]]:
+        """What each ray cost when it was recorded, as Hits.counters."""
+
+    def replay(self) -> npt.NDArray[np.float64]:
+        """Walks the rays again on the calling thread, through the same nodes in the same order but with
+        the recorded answers in place of triangle tests.
+
+        The seconds of each 1024 rays, the last of the rest: the time of traversal alone, from the ray
+        in the structure's frame to the last leaf. To compare walks on a busy machine take the median of
+        each chunk over several replays, interleaved, and add them up. RuntimeError if a ray visits
+        other leaves than recorded, which is a bug.
+        """
+
+    def __len__(self) -> int: ...
+
+def build(
+    vertices: F32,
+    triangles: Indices,
+    spec: str = "kd",
+    *,
+    threads: int = 0,
+    monitor: Monitor | None = None,
+    memory_limit: int | None = None,
+) -> Structure:
+    """Builds a structure over triangles.
+
+    vertices: (n, 3). triangles: (m, 3) indices; those without area or not finite are dropped and
+    counted, and all keep their numbers. spec: "id" or "id:key=value,...", see structures(). The
+    result is a function of these alone, on any number of threads; 0 = one per core.
+    memory_limit: bytes that the build may take beside the scene, counted while it works; None = seven
+    eighths of what the machine has free when it begins. With lazy=1 what rays will have built is estimated.
+    Raises SpecError, ShapeError, Cancelled, and MemoryError when the limit is met or the tree cannot be
+    addressed; RuntimeError for an internal error.
+    """
+
+class InstanceStatistics(TypedDict):
+    """Statistics of instances.
+
+    build_seconds: time to build the tree over the instances. bytes: memory, including the structures of the meshes;
+    bytes_instances: the instances and the tree over them. nodes_axis: nodes of that tree. instances, meshes: their
+    number. triangles: of all instances together. dropped_instances: those whose transform is singular, not finite or
+    out of the range of float32. dropped_triangles: in the meshes of all others. left_out: as in Statistics.
+    """
+
+    build_seconds: float
+    bytes: int
+    bytes_instances: int
+    nodes_axis: int
+    instances: int
+    meshes: int
+    triangles: int
+    dropped_instances: list[int]
+    dropped_triangles: int
+    left_out: list[str]
+
+class Instances:
+    """Instances of meshes in two levels: a tree over the instances above the structures of the meshes. Immutable; any
+    number of threads may trace it at once.
+
+    Results equal bit for bit those of a structure over flattened(), and triangles have the same indices: first
+    those of instance 0, then those of instance 1 and so on.
+    """
+
+    statistics: InstanceStatistics
+    """Statistics of the build and of the meshes."""
+
+    def __len__(self) -> int:
+        """Number of instances, including dropped ones."""
+
+    def closest(
+        self,
+        origins: F32,
+        directions: F32,
+        t_min: float | F32 | None = None,
+        t_max: float | F32 | None = None,
+        *,
+        order: Literal["none", "tile8"] = "none",
+        threads: int = 0,
+        counters: bool = False,
+    ) -> Hits:
+        """Like Structure.closest(). Steps include those of the tree over the instances."""
+
+    @overload
+    def occluded(
+        self,
+        origins: F32,
+        directions: F32,
+        t_min: float | F32 | None = None,
+        t_max: float | F32 | None = None,
+        *,
+        order: Literal["none", "tile8"] = "none",
+        threads: int = 0,
+        counters: Literal[False] = False,
+    ) -> npt.NDArray[np.bool_]:
+        """Like Structure.occluded()."""
+    @overload
+    def occluded(
+        self,
+        origins: F32,
+        directions: F32,
+        t_min: float | F32 | None = None,
+        t_max: float | F32 | None = None,
+        *,
+        order: Literal["none", "tile8"] = "none",
+        threads: int = 0,
+        counters: Literal[True],
+    ) -> tuple[npt.NDArray[np.bool_], dict[str, npt.NDArray[np.uint32]]]: ...
+    def flattened(self) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.int32]]:
+        """Vertices (n, 3) and triangles (m, 3) of the scene with all instances copied: a vertex becomes x * m[0] + y *
+        m[1] + z * m[2] + m[3] for each row m of the matrix, in float64 and in this order, then rounded to float32.
+        Mirrored instances swap the second and third corner of each triangle. Dropped instances have NaN vertices.
+        Raises MemoryError.
+        """
+
+def build_instances(
+    structures: Sequence[Structure],
+    mesh: npt.NDArray[np.int32],
+    matrices: npt.NDArray[np.float64],
+    *,
+    threads: int = 0,
+    monitor: Monitor | None = None,
+    memory_limit: int | None = None,
+) -> Instances:
+    """Builds a tree over instances; the structures of the meshes are shared, not copied.
+
+    structures: of the meshes, in mesh space; their configurations may differ. mesh: (k,) int32, the mesh of each
+    instance. matrices: (k, 4, 4) or (k, 3, 4) float64, mesh to scene. threads, monitor, memory_limit: as for
+    build().
+    Instances whose matrix is singular, not finite or out of the range of float32 are dropped and listed in the
+    statistics. Raises ShapeError (also for more than 2**31 - 2 triangles), Cancelled, MemoryError.
+    """
+
+def exact_closest(
+    vertices: F32,
+    triangles: Indices,
+    origins: F32,
+    directions: F32,
+    t_min: float | F32 | None = None,
+    t_max: float | F32 | None = None,
+    *,
+    threads: int = 0,
+) -> Hits:
+    """The nearest hit by exact integer arithmetic, O(n) per ray: for small inputs.
+
+    Arguments and errors as for build() and Structure.closest().
+    """
+
+class Case(TypedDict):
+    """A generated scene and rays that test numerical extremes.
+
+    extremes: the extreme cases that it covers, e.g. "X16". vertices: (n, 3) float32; cases about
+    invalid input have some that are not finite. triangles: (m, 3) uint32. origins, directions: (r, 3) float32,
+    finite. t_min, t_max: (r,) float32.
+    """
+
+    name: str
+    summary: str
+    extremes: list[str]
+    vertices: npt.NDArray[np.float32]
+    triangles: npt.NDArray[np.uint32]
+    origins: npt.NDArray[np.float32]
+    directions: npt.NDArray[np.float32]
+    t_min: npt.NDArray[np.float32]
+    t_max: npt.NDArray[np.float32]
+
+def cases(size: Literal["small", "large"] = "small", *, seed: int = 7) -> list[Case]:
+    """The generated scenes and rays for which every structure must return the hits of brute force.
+
+    size: "small": hundreds of triangles and rays per case; "large": tens of thousands. seed: 0 to 2**64 - 1, seeds
+    the random parts. Raises SpecError if either is out of range.
+    """
+
+def ulp_distance(a: npt.NDArray[np.float32], b: npt.NDArray[np.float32]) -> npt.NDArray[np.int64]:
+    """Number of float32 steps between a and b, (n,) each, counted through zero.
+
+    Two NaN are 0 apart, NaN and a number 2**63 - 1. Raises ShapeError if the lengths differ.
+    """
+
+class RenderStatistics(TypedDict):
+    """Statistics of a render so far; final once it has ended.
+
+    seconds: wall-clock time. rays_primary: camera rays; rays_shadow: rays to lights; those continued
+    behind a transparent surface count again; rays_secondary: rays after a bounce or through a
+    transparent surface. mrays_s: all rays per second, in millions. steps, tests: inner nodes
+    visited and triangles tested by camera rays; None unless "Traversal Steps" or "Triangle Tests"
+    is among the passes, because an uncounted traversal is faster.
+    """
+
+    seconds: float
+    rays_primary: int
+    rays_shadow: int
+    rays_secondary: int
+    mrays_s: float
+    steps: int | None
+    tests: int | None
+
+class RenderScene:
+    """A scene to render: a structure with materials, lights and background, without the camera.
+
+    Lengths and positions are in the structure's space, colours are linear RGB. Unknown keys raise an error, so that
+    misspelt ones are not ignored.
+
+    structure: a Structure or Instances; shared, not copied.
+    material_index: (m,) int32, the material of each of the structure's m triangles, including dropped ones;
+        None = the first for all.
+    materials: dictionaries, all keys optional, the defaults being Blender's Principled BSDF:
+        "name" (for messages), "base_color" (3,), "metallic" 0..1, "roughness" 0..1, "ior" > 0,
+        "transmission" 0..1, "specular" (0.5: the layer that "ior" gives, 0: no layer), "emission" (3,)
+        radiance on both sides, "alpha" (0 = invisible). An empty list is one default material.
+        What varies over a surface is given by "program" and "closures" instead. A program is a list
+        of steps, dictionaries with "op", "args" and the settings of the operation; an argument is
+        the index of an earlier step (an int) or a constant (a float, or three or four floats). A
+        closure has a "kind" (principled, diffuse, glossy, glass, refraction, transparent,
+        emission), inputs of the names above and "weight", "color", "specular_tint", "coat_weight",
+        "coat_roughness", "coat_ior", "coat_tint", each an argument as in a program, and "normal",
+        "multiscatter" (True). At most 8 closures, 4 of them principled. "hidden_from" names the kinds of rays
+        that pass through its surfaces: camera, shadow, diffuse, glossy, transmission.
+    corner_normals: (m, 3, 3) float32, shading normals of each triangle's corners, any length;
+        None = flat.
+    surfaces: for Instances, in place of these two; None = the first material and flat: "meshes", a list of
+        {"material_index": (m,) int32 slots or None, "corner_normals": (m, 3, 3) float32 in the mesh's space or None};
+        "materials" (s,) int32, the materials of the slots, instance after instance; "first_material" (k + 1,) int32,
+        where each instance's slots begin; slots beyond its last use the last one; "normal_matrix" (k, 3, 3) float32,
+        the inverse transpose that transforms normals to the scene, row by row; "keeps_length" (k,) bool, whether it
+        preserves unit length.
+    lights: dictionaries with "kind" ("point", "sun", "spot", "area"), "to_world" (4, 4), "power"
+        (3,), and, as the kind needs, "radius", "angle", "spot_size", "spot_blend", "shape"
+        ("SQUARE", "RECTANGLE", "DISK", "ELLIPSE"), "size", "size_y"; "casts_shadow" (True).
+        A light shines along its -Z. Angles are full angles in radians. Brightness is that of
+        Cycles: power P gives a point or spot light the radiant intensity P / 4π W/sr, an area
+        light the radiance P / (π area) on one side, a sun the irradiance P in W/m². Rays of all kinds except those
+        in "hidden_from" (default ("camera",)) see a light with a size, and it lights the lobes that scatter
+        such rays. Lights without power are left out.
+    world: {"color": (3,)}, radiance of the background; None = black. With "program" and "radiance",
+        an argument as in a material, the radiance of each direction. "hidden_from" as for materials.
+    images: dictionaries of "name", "pixels", (h, w, 4) float32, rows from the bottom, and "srgb",
+        whether colours are decoded after interpolation. An image without pixels is missing: pink.
+    layers: (m, 3, 2 to 4) float32 arrays, attributes of the corners for programs, or None for a missing one.
+    objects: dictionaries of "to_object", (3, 4), scene to object space, and "generated",
+        (2, 3), offset and then factor that map object space to 0..1 in the object's box.
+    object_index: (m,) uint32, the object of each triangle; None = the first for all.
+    origin: (3,), the world position of the scene's origin.
+    indices: object and material indices for the passes of that name; None = all 0. "first" (n,) int32,
+        the first triangle of each run of triangles of one object, ascending from 0; "object" (n,) float32, the
+        index of each run's object; "material" float32, the index of each material; "uvs" (m, 3, 2) float32, NaN
+        for triangles without, or None, for the UV pass.
+
+    Raises ShapeError (array of the wrong shape or type, index out of range), NonFiniteError,
+    SpecError (a number out of range, a missing or unknown key); each names the key and its index.
+    Releases the GIL while it compiles the scene.
+    """
+
+    def __init__(
+        self,
+        structure: Structure | Instances,
+        *,
+        material_index: npt.NDArray[np.int32] | None = None,
+        materials: Sequence[Mapping[str, Any]] | None = None,
+        corner_normals: npt.NDArray[np.float32] | None = None,
+        surfaces: Mapping[str, Any] | None = None,
+        lights: Sequence[Mapping[str, Any]] | None = None,
+        world: Mapping[str, Any] | None = None,
+        images: Sequence[Mapping[str, Any]] | None = None,
+        layers: Sequence[npt.NDArray[np.float32] | None] | None = None,
+        objects: Sequence[Mapping[str, Any]] | None = None,
+        object_index: npt.NDArray[np.uint32] | None = None,
+        origin: tuple[float, float, float] | None = None,
+        indices: Mapping[str, Any] | None = None,
+    ) -> None: ...
+    @property
+    def left_out(self) -> list[str]:
+        """Features that this scene does not need and its paths do not compute, each with its reason, such as "shadow
+        rays: no lights".
+        """
+
+class RenderJob:
+    """A render on its own threads, or its result.
+
+    Deleting it cancels the render and waits for its threads. All methods may be called from any
+    Python thread.
+    """
+
+    def wait(self, milliseconds: int) -> bool:
+        """Waits until the render has ended, at most the given time; True if it has ended: done, failed or cancelled.
+        Releases the GIL. SpecError for a negative time.
+        """
+
+    def cancel(self) -> None:
+        """Requests the render to stop, which takes at most 0.1 s, and returns at once. The samples so far stay
+        readable.
+        """
+
+    @property
+    def progress(self) -> float:
+        """Fraction of all pixel samples that are done, 0..1."""
+
+    @property
+    def finished(self) -> bool:
+        """Whether the render has ended: done, failed or cancelled."""
+
+    @property
+    def cancelled(self) -> bool:
+        """Whether the render was cancelled before it was done. False until it has stopped."""
+
+    @property
+    def samples_done(self) -> int:
+        """Number of samples that every pixel has, or no longer needs."""
+
+    @property
+    def error(self) -> str | None:
+        """The error that ended the render, or None."""
+
+    @property
+    def passes(self) -> dict[str, int]:
+        """The passes that are filled, with their number of channels."""
+
+    @property
+    def statistics(self) -> RenderStatistics:
+        """Statistics of the render so far."""
+
+    def copy_into(self, name: str, out: npt.NDArray[np.float32]) -> None:
+        """Writes the current state of a pass: rows from the bottom up, channels innermost.
+
+        out: float32, one-dimensional, C-contiguous, width * height * channels elements, where
+            width and height are those of the border. Pixels without a sample yet are zero.
+        "Combined" is the mean so far, premultiplied RGBA, scene linear. "Depth" (along the view axis, 1e10 =
+        nothing hit), "Position", "Object Index" and "Material Index" are those of the first sample, because a mean
+        across an edge belongs to no surface; "Normal" and "UV" (with 1 as third channel) are means, not
+        renormalised. "Mist" is a mean, 1 where nothing is hit, "Denoising Albedo" the mean albedo of the first
+        surface. "Traversal Steps", "Triangle Tests" and "Leaf Depth" (of the last leaf tested) are means per camera
+        ray. "Sample Count" is the number of samples of each pixel.
+
+        Raises SpecError (a pass that is unknown or not filled), ShapeError (type, size, contiguity or a read-only
+        array). Releases the GIL.
+        """
+
+def render(
+    scene: RenderScene,
+    camera: Mapping[str, Any],
+    settings: Mapping[str, Any],
+    *,
+    threads: int = 0,
+) -> RenderJob:
+    """Starts a render and returns at once.
+
+    camera: "kind" ("perspective", "orthographic"), "to_world" (4, 4) (the camera looks along its
+        -Z, +Y is up; scale is ignored), "window" (left, right, bottom, top) of the full frame at
+        distance 1 (perspective) or in scene units (orthographic), "clip_start" and "clip_end" as
+        depths along -Z. Depth of field: "aperture_radius" (0: none) in scene units, "aperture_blades" (0: round),
+        "aperture_rotation" in radians, "aperture_ratio" (1: as high as wide), "focus_distance" along -Z.
+    settings: "width" and "height" of the full frame in pixels; "border" (x0, y0, x1, y1) in pixels
+        from the lower left, half open, or None; "samples" per pixel: cost in proportion;
+        "integrator" ("path", "whitted": direct light, mirrors and clear glass, or "ao": openness within
+        "ambient_distance" (inf));
+        "max_bounces" (4): 0 = direct light only, as in Cycles; "clamp_indirect" (0): upper limit of what a sample
+        adds after its first bounce, as the mean of its channels, 0 = no limit; "seed" (0);
+        "film_transparent" (False); "passes" (["Combined"]), names as in RenderJob.passes; "step_samples" (None):
+        samples (at most 64) between two updates of a tile, None = 1, 1, 2, 4, then 8; "filter"
+        ("blackman_harris", or "box") and "filter_width" (1.5), as in Cycles. "noise_threshold" (0: off): blocks of
+        8 x 8 pixels with less noise get no more samples, after "min_samples" (0: derived from the threshold), which is
+        biased. "time_limit" (0: none): seconds after which no samples begin, once each pixel has one. "mist":
+        {"start" (5), "depth" (25), "falloff" ("QUADRATIC", "LINEAR", "INVERSE_QUADRATIC")} of the pass.
+    threads: 0 = one per core.
+
+    The image depends only on scene, camera and settings, bit for bit: not on the structure, the number of threads
+    or step_samples; and a border shows the same pixels as the full frame. With a noise threshold a border may stop
+    other blocks; with a time limit the image depends on the machine.
+
+    Raises SpecError, ShapeError or NonFiniteError naming the key. An error during the render does not raise: see
+    RenderJob.error.
+    """

@@ -1,0 +1,206 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Instances of structures.
+
+use crate::arrays::{check_copy, describe};
+use crate::errors::raise;
+use crate::hits::Hits;
+use crate::monitor::{self, Monitor};
+use crate::rays::RayArrays;
+use crate::structure::Structure;
+use crate::trace;
+use crate::whole::{MemoryLimit, Threads};
+use halfspace_base::error::{Error, Result, caught};
+use halfspace_geom::Transform;
+use halfspace_structure::instances;
+use numpy::{PyReadonlyArray1, PyReadonlyArray3, PyUntypedArrayMethods, ToPyArray};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use std::sync::Arc;
+
+/// Instances of meshes in two levels: a tree over the instances above the structures of the meshes. Immutable; any
+/// number of threads may trace it at once.
+///
+/// Results equal bit for bit those of a structure over flattened(), and triangles have the same indices: first
+/// those of instance 0, then those of instance 1 and so on.
+#[pyclass(frozen)]
+pub struct Instances(pub Arc<instances::Instances>);
+
+#[pymethods]
+impl Instances {
+    /// Like Structure.closest(). Steps include those of the tree over the instances.
+    #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, order="none", threads=Threads::ALL, counters=false), text_signature = "($self, origins, directions, t_min=None, t_max=None, *, order='none', threads=0, counters=False)")]
+    #[expect(clippy::too_many_arguments, reason = "Python keywords")]
+    fn closest(
+        &self,
+        py: Python<'_>,
+        origins: &Bound<'_, PyAny>,
+        directions: &Bound<'_, PyAny>,
+        t_min: Option<&Bound<'_, PyAny>>,
+        t_max: Option<&Bound<'_, PyAny>>,
+        order: &str,
+        threads: Threads,
+        counters: bool,
+    ) -> PyResult<Hits> {
+        let rays = RayArrays::new(origins, directions, t_min, t_max, order).map_err(raise)?;
+        trace::closest(py, (&*self.0, &[]), &rays, threads, counters)
+    }
+
+    /// Like Structure.occluded().
+    #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, order="none", threads=Threads::ALL, counters=false), text_signature = "($self, origins, directions, t_min=None, t_max=None, *, order='none', threads=0, counters=False)")]
+    #[expect(clippy::too_many_arguments, reason = "Python keywords")]
+    fn occluded<'py>(
+        &self,
+        py: Python<'py>,
+        origins: &Bound<'_, PyAny>,
+        directions: &Bound<'_, PyAny>,
+        t_min: Option<&Bound<'_, PyAny>>,
+        t_max: Option<&Bound<'_, PyAny>>,
+        order: &str,
+        threads: Threads,
+        counters: bool,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let rays = RayArrays::new(origins, directions, t_min, t_max, order).map_err(raise)?;
+        trace::occluded(py, (&*self.0, &[]), &rays, threads, counters)
+    }
+
+    /// Number of instances, including dropped ones.
+    fn __len__(&self) -> usize {
+        self.0.len()
+    }
+
+    /// Statistics of the build and of the meshes.
+    #[getter]
+    fn statistics<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        use halfspace_ray::Tracer;
+        let all = &*self.0;
+        let mesh_bytes: usize = all.meshes().iter().map(|mesh| mesh.bytes()).sum();
+        let dict = PyDict::new(py);
+        dict.set_item("build_seconds", all.build_seconds())?;
+        dict.set_item("bytes", mesh_bytes + all.bytes())?;
+        dict.set_item("bytes_instances", all.bytes())?;
+        dict.set_item("nodes_axis", all.nodes())?;
+        dict.set_item("instances", all.len())?;
+        dict.set_item("meshes", all.meshes().len())?;
+        dict.set_item("triangles", all.count())?;
+        dict.set_item("dropped_instances", all.dropped().collect::<Vec<_>>())?;
+        let dropped: usize = (all.places().iter())
+            .map(|place| all.meshes()[place.mesh as usize].scene().dropped())
+            .sum();
+        dict.set_item("dropped_triangles", dropped)?;
+        // Collect what the meshes leave out, without repetitions.
+        let mut left_out = Vec::<String>::new();
+        for mesh in all.meshes() {
+            for line in mesh.left_out() {
+                if !left_out.contains(line) {
+                    left_out.push(line.clone());
+                }
+            }
+        }
+        dict.set_item("left_out", left_out)?;
+        Ok(dict)
+    }
+
+    /// Vertices (n, 3) and triangles (m, 3) of the scene with all instances copied: a vertex becomes x * m[0] + y *
+    /// m[1] + z * m[2] + m[3] for each row m of the matrix, in float64 and in this order, then rounded to float32.
+    /// Mirrored instances swap the second and third corner of each triangle. Dropped instances have NaN vertices.
+    /// Raises MemoryError.
+    fn flattened<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
+        let (vertices, triangles) = py.detach(|| self.0.flattened()).map_err(raise)?;
+        let triangles: Vec<[i32; 3]> = (triangles.iter())
+            .map(|triangle| triangle.map(u32::cast_signed))
+            .collect();
+        let rows = |array: Bound<'py, PyAny>| array.call_method1("reshape", ((-1, 3),));
+        Ok((
+            rows(vertices.as_flattened().to_pyarray(py).into_any())?,
+            rows(triangles.as_flattened().to_pyarray(py).into_any())?,
+        ))
+    }
+}
+
+/// Reads transforms from a (k, 4, 4) or (k, 3, 4) array of float64.
+fn transforms(value: &Bound<'_, PyAny>) -> Result<Vec<Transform>> {
+    // Check type and shape; the last row of a (4, 4) matrix is ignored.
+    let wrong = || {
+        Error::Shape(format!(
+            "matrices: expected a (k, 4, 4) or (k, 3, 4) float64 array, got {}",
+            describe(value)
+        ))
+    };
+    let array: PyReadonlyArray3<'_, f64> = value.extract().map_err(|_| wrong())?;
+    if !matches!(array.shape()[1..], [3 | 4, 4]) {
+        return Err(wrong());
+    }
+    check_copy("matrices", &*array, size_of::<f64>())?;
+    let row = |m: &numpy::ndarray::ArrayView2<'_, f64>, i: usize| [0, 1, 2, 3].map(|j| m[[i, j]]);
+    Ok((array.as_array().outer_iter())
+        .map(|m| Transform::from_rows([0, 1, 2].map(|i| row(&m, i))))
+        .collect())
+}
+
+/// Builds a tree over instances; the structures of the meshes are shared, not copied.
+///
+/// structures: of the meshes, in mesh space; their configurations may differ. mesh: (k,) int32, the mesh of each
+/// instance. matrices: (k, 4, 4) or (k, 3, 4) float64, mesh to scene. threads, monitor, memory_limit: as for
+/// build().
+/// Instances whose matrix is singular, not finite or out of the range of float32 are dropped and listed in the
+/// statistics. Raises ShapeError (also for more than 2**31 - 2 triangles), Cancelled, MemoryError.
+#[pyfunction]
+#[pyo3(signature = (structures, mesh, matrices, *, threads=Threads::ALL, monitor=None, memory_limit=None), text_signature = "(structures, mesh, matrices, *, threads=0, monitor=None, memory_limit=None)")]
+#[pyo3(name = "build_instances")]
+fn build(
+    py: Python<'_>,
+    structures: Vec<PyRef<'_, Structure>>,
+    mesh: &Bound<'_, PyAny>,
+    matrices: &Bound<'_, PyAny>,
+    threads: Threads,
+    monitor: Option<&Monitor>,
+    memory_limit: Option<MemoryLimit>,
+) -> PyResult<Instances> {
+    // Convert the arguments to what the build takes.
+    let limit = monitor::memory_limit(memory_limit);
+    let meshes: Vec<_> = (structures.iter()).map(|one| Arc::clone(&one.0)).collect();
+    let numbers: PyReadonlyArray1<'_, i32> = mesh
+        .extract()
+        .map_err(|_| {
+            Error::Shape(format!(
+                "mesh: expected a (k,) int32 array, got {}",
+                describe(mesh)
+            ))
+        })
+        .map_err(raise)?;
+    let transforms = transforms(matrices).map_err(raise)?;
+    if numbers.len() != transforms.len() {
+        return Err(raise(Error::Shape(format!(
+            "matrices: expected one per instance, {}, got {}",
+            numbers.len(),
+            transforms.len()
+        ))));
+    }
+    let instances: Vec<_> = (numbers.as_array().iter().zip(transforms))
+        .map(|(&mesh, transform)| instances::Instance {
+            // A negative index becomes a huge one, which the build reports as out of range.
+            mesh: mesh.cast_unsigned(),
+            transform,
+        })
+        .collect();
+    // Build on a pool of its own, without the GIL; a panic becomes an error.
+    let monitor = monitor::watching(monitor, limit);
+    let built = py
+        .detach(|| {
+            caught(|| {
+                let pool = rayon::ThreadPoolBuilder::new()
+                    .num_threads(threads.0)
+                    .build()
+                    .map_err(|e| Error::Memory(format!("threads: {e}")))?;
+                pool.install(|| instances::Instances::build(meshes, &instances, &monitor))
+            })
+        })
+        .map_err(raise)?;
+    Ok(Instances(Arc::new(built)))
+}
+
+/// Adds instances to the module.
+pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add_class::<Instances>()?;
+    module.add_function(wrap_pyfunction!(build, module)?)
+}

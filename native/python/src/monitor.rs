@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Monitoring of builds, and their memory limit.
+
+use crate::whole::MemoryLimit;
+use halfspace_base::memory;
+use halfspace_base::monitor::Monitor as BuildMonitor;
+use pyo3::prelude::*;
+use std::sync::Arc;
+
+/// Progress and cancellation of a build; usable from any thread.
+#[pyclass(frozen)]
+pub struct Monitor(pub Arc<BuildMonitor>);
+
+#[pymethods]
+impl Monitor {
+    #[new]
+    fn new() -> Self {
+        Self(Arc::new(BuildMonitor::new()))
+    }
+
+    /// Fraction of the work that is done, 0..1.
+    #[getter]
+    fn progress(&self) -> f64 {
+        self.0.progress()
+    }
+
+    /// Whether cancel() was called.
+    #[getter]
+    fn cancelled(&self) -> bool {
+        self.0.is_cancelled()
+    }
+
+    /// Requests the build to stop; it raises Cancelled within a tenth of a second.
+    fn cancel(&self) {
+        self.0.cancel();
+    }
+}
+
+/// Returns the memory limit of a build in bytes.
+pub fn memory_limit(asked: Option<MemoryLimit>) -> u64 {
+    asked.map_or_else(memory::default_limit, |limit| limit.0)
+}
+
+/// Returns the given monitor, or a new one, with this memory limit.
+pub fn watching(given: Option<&Monitor>, limit: u64) -> Arc<BuildMonitor> {
+    let monitor = given.map_or_else(|| Arc::new(BuildMonitor::new()), |m| m.0.clone());
+    monitor.limit_memory(limit);
+    monitor
+}
+
+/// Adds monitors to the module.
+pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add_class::<Monitor>()
+}

@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The registry as dictionaries for Python.
+
+use halfspace_structure::row::{Kind, ParamSpec, StructureSpec};
+use halfspace_structure::spec::Value;
+use halfspace_trees::registry::{TREES, aliases};
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyList};
+
+/// Sets a key to the value of a parameter.
+fn set_value(dict: &Bound<'_, PyDict>, key: &str, value: &Value) -> PyResult<()> {
+    match value {
+        Value::Integer(x) => dict.set_item(key, x),
+        Value::Float(x) => dict.set_item(key, x),
+        Value::Choice(x) => dict.set_item(key, x),
+    }
+}
+
+/// Converts a parameter; absent limits and options are None.
+fn parameter<'py>(py: Python<'py>, param: &ParamSpec) -> PyResult<Bound<'py, PyDict>> {
+    let dict = PyDict::new(py);
+    dict.set_item("name", param.name)?;
+    dict.set_item("label", param.label)?;
+    dict.set_item("doc", param.full_doc())?;
+    dict.set_item("unit", param.unit)?;
+    set_value(&dict, "default", &param.default)?;
+    for key in ["min", "max", "options"] {
+        dict.set_item(key, py.None())?;
+    }
+    match param.kind {
+        Kind::Integer { min, max } => {
+            dict.set_item("kind", "integer")?;
+            dict.set_item("min", min)?;
+            dict.set_item("max", max)?;
+        }
+        Kind::Float { min, max } => {
+            dict.set_item("kind", "float")?;
+            dict.set_item("min", min)?;
+            dict.set_item("max", max)?;
+        }
+        Kind::Choice(_) | Kind::Described(_) => {
+            dict.set_item("kind", "choice")?;
+            dict.set_item("options", param.kind.options())?;
+        }
+    }
+    Ok(dict)
+}
+
+/// Converts a structure.
+fn row<'py>(py: Python<'py>, spec: &StructureSpec) -> PyResult<Bound<'py, PyDict>> {
+    let dict = PyDict::new(py);
+    dict.set_item("id", spec.id)?;
+    dict.set_item("aliases", PyList::new(py, aliases(spec.id))?)?;
+    dict.set_item("code", spec.code)?;
+    dict.set_item("label", spec.label)?;
+    dict.set_item("family", spec.family)?;
+    dict.set_item("summary", spec.summary)?;
+    dict.set_item("paper", spec.paper)?;
+    let parameters = PyList::empty(py);
+    for param in spec.all_params() {
+        parameters.append(parameter(py, param)?)?;
+    }
+    dict.set_item("parameters", parameters)?;
+    dict.set_item("traversals", spec.traversals())?;
+    Ok(dict)
+}
+
+/// The registry: every structure and its parameters, in display order.
+#[pyfunction]
+fn structures(py: Python<'_>) -> PyResult<Bound<'_, PyList>> {
+    let list = PyList::empty(py);
+    for spec in TREES {
+        list.append(row(py, spec)?)?;
+    }
+    Ok(list)
+}
+
+/// Adds `structures` to the module.
+pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add_function(wrap_pyfunction!(structures, module)?)
+}

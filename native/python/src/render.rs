@@ -1,0 +1,333 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Scenes to render, and renders in progress.
+
+use crate::arrays::describe;
+use crate::errors::raise;
+use crate::instances::Instances;
+use crate::structure::Structure;
+use crate::whole::{Milliseconds, Threads};
+use crate::{render_args, scene_args, shader_args, surface_args};
+use halfspace_base::error::{Error, Result};
+use halfspace_render::job::Job;
+use halfspace_render::scene::{self, SceneParams, SharedTracer};
+use halfspace_render::settings::Pass;
+use numpy::{PyArray1, PyArrayMethods};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use std::sync::Arc;
+use std::time::Duration;
+
+/// A scene to render: a structure with materials, lights and background, without the camera.
+///
+/// Lengths and positions are in the structure's space, colours are linear RGB. Unknown keys raise an error, so that
+/// misspelt ones are not ignored.
+///
+/// structure: a Structure or Instances; shared, not copied.
+/// material_index: (m,) int32, the material of each of the structure's m triangles, including dropped ones;
+///     None = the first for all.
+/// materials: dictionaries, all keys optional, the defaults being Blender's Principled BSDF:
+///     "name" (for messages), "base_color" (3,), "metallic" 0..1, "roughness" 0..1, "ior" > 0,
+///     "transmission" 0..1, "specular" (0.5: the layer that "ior" gives, 0: no layer), "emission" (3,)
+///     radiance on both sides, "alpha" (0 = invisible). An empty list is one default material.
+///     What varies over a surface is given by "program" and "closures" instead. A program is a list
+///     of steps, dictionaries with "op", "args" and the settings of the operation; an argument is
+///     the index of an earlier step (an int) or a constant (a float, or three or four floats). A
+///     closure has a "kind" (principled, diffuse, glossy, glass, refraction, transparent,
+///     emission), inputs of the names above and "weight", "color", "specular_tint", "coat_weight",
+///     "coat_roughness", "coat_ior", "coat_tint", each an argument as in a program, and "normal",
+///     "multiscatter" (True). At most 8 closures, 4 of them principled. "hidden_from" names the kinds of rays
+///     that pass through its surfaces: camera, shadow, diffuse, glossy, transmission.
+/// corner_normals: (m, 3, 3) float32, shading normals of each triangle's corners, any length;
+///     None = flat.
+/// surfaces: for Instances, in place of these two; None = the first material and flat: "meshes", a list of
+///     {"material_index": (m,) int32 slots or None, "corner_normals": (m, 3, 3) float32 in the mesh's space or None};
+///     "materials" (s,) int32, the materials of the slots, instance after instance; "first_material" (k + 1,) int32,
+///     where each instance's slots begin; slots beyond its last use the last one; "normal_matrix" (k, 3, 3) float32,
+///     the inverse transpose that transforms normals to the scene, row by row; "keeps_length" (k,) bool, whether it
+///     preserves unit length.
+/// lights: dictionaries with "kind" ("point", "sun", "spot", "area"), "to_world" (4, 4), "power"
+///     (3,), and, as the kind needs, "radius", "angle", "spot_size", "spot_blend", "shape"
+///     ("SQUARE", "RECTANGLE", "DISK", "ELLIPSE"), "size", "size_y"; "casts_shadow" (True).
+///     A light shines along its -Z. Angles are full angles in radians. Brightness is that of
+///     Cycles: power P gives a point or spot light the radiant intensity P / 4π W/sr, an area
+///     light the radiance P / (π area) on one side, a sun the irradiance P in W/m². Rays of all kinds except those
+///     in "hidden_from" (default ("camera",)) see a light with a size, and it lights the lobes that scatter
+///     such rays. Lights without power are left out.
+/// world: {"color": (3,)}, radiance of the background; None = black. With "program" and "radiance",
+///     an argument as in a material, the radiance of each direction. "hidden_from" as for materials.
+/// images: dictionaries of "name", "pixels", (h, w, 4) float32, rows from the bottom, and "srgb",
+///     whether colours are decoded after interpolation. An image without pixels is missing: pink.
+/// layers: (m, 3, 2 to 4) float32 arrays, attributes of the corners for programs, or None for a missing one.
+/// objects: dictionaries of "to_object", (3, 4), scene to object space, and "generated",
+///     (2, 3), offset and then factor that map object space to 0..1 in the object's box.
+/// object_index: (m,) uint32, the object of each triangle; None = the first for all.
+/// origin: (3,), the world position of the scene's origin.
+/// indices: object and material indices for the passes of that name; None = all 0. "first" (n,) int32,
+///     the first triangle of each run of triangles of one object, ascending from 0; "object" (n,) float32, the
+///     index of each run's object; "material" float32, the index of each material; "uvs" (m, 3, 2) float32, NaN
+///     for triangles without, or None, for the UV pass.
+///
+/// Raises ShapeError (array of the wrong shape or type, index out of range), NonFiniteError,
+/// SpecError (a number out of range, a missing or unknown key); each names the key and its index.
+/// Releases the GIL while it compiles the scene.
+#[pyclass(frozen)]
+pub struct RenderScene(Arc<scene::RenderScene>);
+
+#[pymethods]
+impl RenderScene {
+    #[new]
+    #[pyo3(signature = (structure, *, material_index=None, materials=None, corner_normals=None, surfaces=None, lights=None, world=None, indices=None, images=None, layers=None, objects=None, object_index=None, origin=None))]
+    #[expect(clippy::too_many_arguments, reason = "Python keywords")]
+    fn new(
+        py: Python<'_>,
+        structure: &Bound<'_, PyAny>,
+        material_index: Option<&Bound<'_, PyAny>>,
+        materials: Option<&Bound<'_, PyAny>>,
+        corner_normals: Option<&Bound<'_, PyAny>>,
+        surfaces: Option<&Bound<'_, PyDict>>,
+        lights: Option<&Bound<'_, PyAny>>,
+        world: Option<&Bound<'_, PyDict>>,
+        indices: Option<&Bound<'_, PyDict>>,
+        images: Option<&Bound<'_, PyAny>>,
+        layers: Option<&Bound<'_, PyAny>>,
+        objects: Option<&Bound<'_, PyAny>>,
+        object_index: Option<&Bound<'_, PyAny>>,
+        origin: Option<[f64; 3]>,
+    ) -> PyResult<Self> {
+        // Rays are traced through a single structure or through instances.
+        let (tracer, placed): (SharedTracer, _) = match structure.cast::<Instances>() {
+            Err(_) => {
+                let structure = structure
+                    .cast::<Structure>()
+                    .map_err(|_| {
+                        let got = describe(structure);
+                        Error::Spec(format!(
+                            "structure: expected a Structure or Instances, got {got}"
+                        ))
+                    })
+                    .map_err(raise)?;
+                (Arc::clone(&structure.get().0) as SharedTracer, None)
+            }
+            Ok(instances) => {
+                let instances = &instances.get().0;
+                let (meshes, each) = surface_args::surfaces(surfaces, instances).map_err(raise)?;
+                (
+                    Arc::clone(instances) as SharedTracer,
+                    Some((Arc::clone(instances), meshes, each)),
+                )
+            }
+        };
+        // Convert all parts before the scene is compiled without the GIL.
+        let params = SceneParams {
+            placed,
+            material_index: material_index
+                .map(surface_args::material_index)
+                .transpose()
+                .map_err(raise)?,
+            materials: scene_args::materials(materials).map_err(raise)?,
+            corner_normals: corner_normals
+                .map(surface_args::corner_normals)
+                .transpose()
+                .map_err(raise)?,
+            images: shader_args::images(images).map_err(raise)?,
+            varying: shader_args::varying(layers, objects, object_index, origin).map_err(raise)?,
+            lights: scene_args::lights(lights).map_err(raise)?,
+            world: scene_args::world(world).map_err(raise)?,
+            indices: surface_args::indices(indices).map_err(raise)?,
+        };
+        let scene = py
+            .detach(|| scene::RenderScene::new(tracer, params))
+            .map_err(raise)?;
+        Ok(Self(Arc::new(scene)))
+    }
+
+    /// Features that this scene does not need and its paths do not compute, each with its reason, such as "shadow
+    /// rays: no lights".
+    #[getter]
+    fn left_out(&self) -> Vec<String> {
+        self.0.features().left_out()
+    }
+}
+
+/// A render on its own threads, or its result.
+///
+/// Deleting it cancels the render and waits for its threads. All methods may be called from any
+/// Python thread.
+#[pyclass(frozen)]
+pub struct RenderJob(Job);
+
+#[pymethods]
+impl RenderJob {
+    /// Waits until the render has ended, at most the given time; True if it has ended: done, failed or cancelled.
+    /// Releases the GIL. SpecError for a negative time.
+    fn wait(&self, py: Python<'_>, milliseconds: Milliseconds) -> bool {
+        py.detach(|| self.0.wait(Duration::from_millis(milliseconds.0)))
+    }
+
+    /// Requests the render to stop, which takes at most 0.1 s, and returns at once. The samples so far stay
+    /// readable.
+    fn cancel(&self) {
+        self.0.cancel();
+    }
+
+    /// Fraction of all pixel samples that are done, 0..1.
+    #[getter]
+    fn progress(&self) -> f64 {
+        self.0.progress()
+    }
+
+    /// Whether the render has ended: done, failed or cancelled.
+    #[getter]
+    fn finished(&self) -> bool {
+        self.0.is_finished()
+    }
+
+    /// Whether the render was cancelled before it was done. False until it has stopped.
+    #[getter]
+    fn cancelled(&self) -> bool {
+        self.0.is_cancelled()
+    }
+
+    /// Number of samples that every pixel has, or no longer needs.
+    #[getter]
+    fn samples_done(&self) -> u32 {
+        self.0.samples_done()
+    }
+
+    /// The error that ended the render, or None.
+    #[getter]
+    fn error(&self) -> Option<String> {
+        self.0.error()
+    }
+
+    /// The passes that are filled, with their number of channels.
+    #[getter]
+    fn passes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let dict = PyDict::new(py);
+        for pass in self.0.passes() {
+            dict.set_item(pass.name(), pass.channels())?;
+        }
+        Ok(dict)
+    }
+
+    /// Statistics of the render so far.
+    #[getter]
+    fn statistics<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        // Traversal work is None unless a pass counts it.
+        let statistics = self.0.statistics();
+        let work = statistics.work;
+        let counted = |n: u64| self.0.counts().then_some(n);
+        #[expect(clippy::cast_precision_loss, reason = "a rate")]
+        let rate = work.rays() as f64 / 1e6 / statistics.seconds.max(1e-9);
+        let dict = PyDict::new(py);
+        dict.set_item("seconds", statistics.seconds)?;
+        dict.set_item("rays_primary", work.rays_primary)?;
+        dict.set_item("rays_shadow", work.rays_shadow)?;
+        dict.set_item("rays_secondary", work.rays_secondary)?;
+        dict.set_item("mrays_s", rate)?;
+        dict.set_item("steps", counted(work.steps))?;
+        dict.set_item("tests", counted(work.tests))?;
+        Ok(dict)
+    }
+
+    /// Writes the current state of a pass: rows from the bottom up, channels innermost.
+    ///
+    /// out: float32, one-dimensional, C-contiguous, width * height * channels elements, where
+    ///     width and height are those of the border. Pixels without a sample yet are zero.
+    /// "Combined" is the mean so far, premultiplied RGBA, scene linear. "Depth" (along the view axis, 1e10 =
+    /// nothing hit), "Position", "Object Index" and "Material Index" are those of the first sample, because a mean
+    /// across an edge belongs to no surface; "Normal" and "UV" (with 1 as third channel) are means, not
+    /// renormalised. "Mist" is a mean, 1 where nothing is hit, "Denoising Albedo" the mean albedo of the first
+    /// surface. "Traversal Steps", "Triangle Tests" and "Leaf Depth" (of the last leaf tested) are means per camera
+    /// ray. "Sample Count" is the number of samples of each pixel.
+    ///
+    /// Raises SpecError (a pass that is unknown or not filled), ShapeError (type, size, contiguity or a read-only
+    /// array). Releases the GIL.
+    fn copy_into(&self, py: Python<'_>, name: &str, out: &Bound<'_, PyAny>) -> PyResult<()> {
+        let pass = pass(name).map_err(raise)?;
+        let wrong = |what: &str| {
+            Error::Shape(format!(
+                "out: expected a {what} float32 array, got {}",
+                describe(out)
+            ))
+        };
+        let array = out
+            .cast::<PyArray1<f32>>()
+            .map_err(|_| wrong("one-dimensional"))
+            .map_err(raise)?;
+        let mut array = array
+            .try_readwrite()
+            .map_err(|_| wrong("writable"))
+            .map_err(raise)?;
+        let slice = array
+            .as_slice_mut()
+            .map_err(|_| wrong("C-contiguous"))
+            .map_err(raise)?;
+        // No thread holds a lock of the film while it waits for the interpreter, so releasing the GIL cannot
+        // deadlock.
+        py.detach(|| self.0.copy_into(pass, slice)).map_err(raise)?;
+        Ok(())
+    }
+}
+
+/// Parses the name of a pass; the message names the argument of copy_into().
+fn pass(name: &str) -> Result<Pass> {
+    Pass::named(name).map_err(|error| {
+        let text = error.to_string();
+        Error::Spec(text.replacen("settings['passes']", "name", 1))
+    })
+}
+
+/// Starts a render and returns at once.
+///
+/// camera: "kind" ("perspective", "orthographic"), "to_world" (4, 4) (the camera looks along its
+///     -Z, +Y is up; scale is ignored), "window" (left, right, bottom, top) of the full frame at
+///     distance 1 (perspective) or in scene units (orthographic), "clip_start" and "clip_end" as
+///     depths along -Z. Depth of field: "aperture_radius" (0: none) in scene units, "aperture_blades" (0: round),
+///     "aperture_rotation" in radians, "aperture_ratio" (1: as high as wide), "focus_distance" along -Z.
+/// settings: "width" and "height" of the full frame in pixels; "border" (x0, y0, x1, y1) in pixels
+///     from the lower left, half open, or None; "samples" per pixel: cost in proportion;
+///     "integrator" ("path", "whitted": direct light, mirrors and clear glass, or "ao": openness within
+///     "ambient_distance" (inf));
+///     "max_bounces" (4): 0 = direct light only, as in Cycles; "clamp_indirect" (0): upper limit of what a sample
+///     adds after its first bounce, as the mean of its channels, 0 = no limit; "seed" (0);
+///     "film_transparent" (False); "passes" (["Combined"]), names as in RenderJob.passes; "step_samples" (None):
+///     samples (at most 64) between two updates of a tile, None = 1, 1, 2, 4, then 8; "filter"
+///     ("blackman_harris", or "box") and "filter_width" (1.5), as in Cycles. "noise_threshold" (0: off): blocks of
+///     8 x 8 pixels with less noise get no more samples, after "min_samples" (0: derived from the threshold), which is
+///     biased. "time_limit" (0: none): seconds after which no samples begin, once each pixel has one. "mist":
+///     {"start" (5), "depth" (25), "falloff" ("QUADRATIC", "LINEAR", "INVERSE_QUADRATIC")} of the pass.
+/// threads: 0 = one per core.
+///
+/// The image depends only on scene, camera and settings, bit for bit: not on the structure, the number of threads
+/// or step_samples; and a border shows the same pixels as the full frame. With a noise threshold a border may stop
+/// other blocks; with a time limit the image depends on the machine.
+///
+/// Raises SpecError, ShapeError or NonFiniteError naming the key. An error during the render does not raise: see
+/// RenderJob.error.
+#[pyfunction]
+#[pyo3(signature = (scene, camera, settings, *, threads=Threads::ALL), text_signature = "(scene, camera, settings, *, threads=0)")]
+fn render(
+    py: Python<'_>,
+    scene: &RenderScene,
+    camera: &Bound<'_, PyDict>,
+    settings: &Bound<'_, PyDict>,
+    threads: Threads,
+) -> PyResult<RenderJob> {
+    let (camera, settings) = (
+        render_args::camera(camera).map_err(raise)?,
+        render_args::settings(settings).map_err(raise)?,
+    );
+    let scene = Arc::clone(&scene.0);
+    let job = py
+        .detach(|| Job::start(scene, &camera, settings, threads.0))
+        .map_err(raise)?;
+    Ok(RenderJob(job))
+}
+
+/// Adds rendering to the module.
+pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add_class::<RenderScene>()?;
+    module.add_class::<RenderJob>()?;
+    module.add_function(wrap_pyfunction!(render, module)?)
+}

@@ -1,0 +1,276 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Building, statistics, validation, what there is to see.
+
+use crate::errors::raise;
+use crate::hits::{self, Hits};
+use crate::monitor::{self, Monitor};
+use crate::rays::RayArrays;
+use crate::whole::{MaxCount, MaxDepth, MemoryLimit, MinTriangles, Threads};
+use crate::{arrays, seeing, trace};
+use halfspace_base::error::{Error, caught};
+use halfspace_inspect::validate;
+use halfspace_ray::{Ray, replay};
+use halfspace_scene::Triangles;
+use halfspace_structure::structure;
+use halfspace_trees::registry;
+use numpy::{PyArray1, ToPyArray};
+use pyo3::exceptions::PyRuntimeError;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use std::sync::Arc;
+
+/// Rays and what each leaf of a structure answered to them, from Structure.record().
+#[pyclass(frozen)]
+pub struct Recording {
+    structure: Arc<structure::Structure>,
+    recording: replay::Recording,
+}
+
+#[pymethods]
+impl Recording {
+    /// What each ray cost when it was recorded, as Hits.counters.
+    #[getter]
+    fn counters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        hits::counters(py, self.structure.cases(), &self.recording.counters)
+    }
+
+    /// Walks the rays again on the calling thread, through the same nodes in the same order but with
+    /// the recorded answers in place of triangle tests.
+    ///
+    /// The seconds of each 1024 rays, the last of the rest: the time of traversal alone, from the ray
+    /// in the structure's frame to the last leaf. To compare walks on a busy machine take the median of
+    /// each chunk over several replays, interleaved, and add them up. RuntimeError if a ray visits
+    /// other leaves than recorded, which is a bug.
+    fn replay<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let (seconds, strayed) = py.detach(|| self.structure.replay(&self.recording));
+        if strayed > 0 {
+            return Err(PyRuntimeError::new_err(format!(
+                "{strayed} rays did not visit the leaves that were recorded"
+            )));
+        }
+        Ok(seconds.to_pyarray(py))
+    }
+
+    fn __len__(&self) -> usize {
+        self.recording.rays.len()
+    }
+}
+
+/// A structure built over triangles. Immutable; any number of threads may ask it.
+#[pyclass(frozen, weakref)]
+pub struct Structure(pub Arc<structure::Structure>);
+
+#[pymethods]
+impl Structure {
+    /// The configuration, with only what differs from the defaults.
+    #[getter]
+    fn spec(&self) -> String {
+        self.0.config().canonical()
+    }
+
+    /// Name of the traversal of single rays, which counters count where rays go together and are not counted so.
+    #[getter]
+    fn counted_as(&self) -> &'static str {
+        self.0.counted_as()
+    }
+
+    /// The nearest triangle that each ray meets; the same bits for every structure.
+    ///
+    /// origins, directions: (n, 3), scene frame; directions of any length, a zero direction meets
+    /// nothing. t_min, t_max: the closed interval that counts, in units of the direction, one
+    /// number or (n,), negative behind the origin; 0 and inf when not given. A hit whose distance
+    /// is beyond all floats is none. order: "tile8" promises that every 64 consecutive
+    /// rays are an 8x8-pixel tile. threads: 0 = one per core.
+    /// Raises ShapeError, NonFiniteError (NaN or infinite rays, found as they are traced; NaN distances), SpecError
+    /// (order).
+    #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, order="none", threads=Threads::ALL, counters=false), text_signature = "($self, origins, directions, t_min=None, t_max=None, *, order='none', threads=0, counters=False)")]
+    #[expect(clippy::too_many_arguments, reason = "Python keywords")]
+    fn closest(
+        &self,
+        py: Python<'_>,
+        origins: &Bound<'_, PyAny>,
+        directions: &Bound<'_, PyAny>,
+        t_min: Option<&Bound<'_, PyAny>>,
+        t_max: Option<&Bound<'_, PyAny>>,
+        order: &str,
+        threads: Threads,
+        counters: bool,
+    ) -> PyResult<Hits> {
+        let rays = RayArrays::new(origins, directions, t_min, t_max, order).map_err(raise)?;
+        trace::closest(py, (&*self.0, self.0.cases()), &rays, threads, counters)
+    }
+
+    /// Whether each ray meets anything at all: (n,) bool; with counters=True a pair of that
+    /// and the counters of Hits. Arguments and errors as for closest().
+    #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, order="none", threads=Threads::ALL, counters=false), text_signature = "($self, origins, directions, t_min=None, t_max=None, *, order='none', threads=0, counters=False)")]
+    #[expect(clippy::too_many_arguments, reason = "Python keywords")]
+    fn occluded<'py>(
+        &self,
+        py: Python<'py>,
+        origins: &Bound<'_, PyAny>,
+        directions: &Bound<'_, PyAny>,
+        t_min: Option<&Bound<'_, PyAny>>,
+        t_max: Option<&Bound<'_, PyAny>>,
+        order: &str,
+        threads: Threads,
+        counters: bool,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let rays = RayArrays::new(origins, directions, t_min, t_max, order).map_err(raise)?;
+        trace::occluded(py, (&*self.0, self.0.cases()), &rays, threads, counters)
+    }
+
+    /// Traces the rays one by one, on one thread, and records what every leaf answers, so that the
+    /// walks can be repeated without triangle tests.
+    ///
+    /// any_hit: as occluded() does, else as closest(). Arguments and errors as for closest(); also
+    /// SpecError for "brute", which walks nothing.
+    #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, any_hit=false))]
+    fn record(
+        &self,
+        py: Python<'_>,
+        origins: &Bound<'_, PyAny>,
+        directions: &Bound<'_, PyAny>,
+        t_min: Option<&Bound<'_, PyAny>>,
+        t_max: Option<&Bound<'_, PyAny>>,
+        any_hit: bool,
+    ) -> PyResult<Recording> {
+        let arguments = RayArrays::new(origins, directions, t_min, t_max, "none").map_err(raise)?;
+        let rays = arguments.rays().all().map_err(raise)?;
+        let recording = py.detach(|| self.0.record(rays, any_hit)).map_err(raise)?;
+        Ok(Recording {
+            structure: self.0.clone(),
+            recording,
+        })
+    }
+
+    /// Numbers of the build.
+    #[getter]
+    fn statistics<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let dict = PyDict::new(py);
+        let progress = self.0.progress();
+        let shape = progress.shape;
+        dict.set_item("build_seconds", self.0.build_seconds())?;
+        dict.set_item("bytes", self.0.bytes())?;
+        dict.set_item("nodes_axis", shape.nodes_axis)?;
+        dict.set_item("nodes_oblique", shape.nodes_oblique)?;
+        dict.set_item("leaves", shape.leaves)?;
+        dict.set_item("leaves_empty", shape.leaves_empty)?;
+        dict.set_item("leaf_max", shape.leaf_max)?;
+        dict.set_item("leaves_large", shape.leaves_large)?;
+        dict.set_item("references", shape.references)?;
+        dict.set_item("links", shape.links)?;
+        dict.set_item("depth_max", shape.depth_max)?;
+        dict.set_item("depth_mean", shape.depth_mean)?;
+        dict.set_item("sah_cost", shape.sah_cost)?;
+        dict.set_item("parts_built", progress.built)?;
+        dict.set_item("parts_waiting", progress.waiting)?;
+        dict.set_item("left_out", self.0.left_out())?;
+        dict.set_item("dropped_triangles", self.0.scene().dropped())?;
+        Ok(dict)
+    }
+
+    /// Broken invariants in words; empty for a sound structure. Takes time, for tests.
+    fn validate(&self, py: Python<'_>) -> Vec<String> {
+        py.detach(|| validate::validate(&self.0))
+    }
+
+    /// The split planes of nodes down to max_depth, at most max_count of them, breadth first.
+    ///
+    /// Raises SpecError for numbers below 0.
+    #[pyo3(signature = (max_depth=MaxDepth(60), max_count=MaxCount(20_000)), text_signature = "($self, max_depth=60, max_count=20000)")]
+    fn split_polygons<'py>(
+        &self,
+        py: Python<'py>,
+        max_depth: MaxDepth,
+        max_count: MaxCount,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        seeing::planes(py, &self.0, max_depth.0, max_count.0)
+    }
+
+    /// The cells of leaves with at least min_triangles, the fullest first, at most max_count.
+    ///
+    /// Raises SpecError for numbers below 0.
+    #[pyo3(signature = (min_triangles=MinTriangles(1), max_count=MaxCount(20_000)), text_signature = "($self, min_triangles=1, max_count=20000)")]
+    fn leaf_cells<'py>(
+        &self,
+        py: Python<'py>,
+        min_triangles: MinTriangles,
+        max_count: MaxCount,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        seeing::cells(py, &self.0, min_triangles.0, max_count.0)
+    }
+
+    /// The way of one ray to its nearest hit: what the walk itself tested, and what lies on the way.
+    ///
+    /// origin, direction: three numbers each, scene frame. t_min, t_max: as for closest(); inf when not given.
+    /// Raises NonFiniteError.
+    #[pyo3(signature = (origin, direction, t_min=0.0, t_max=f32::INFINITY), text_signature = "($self, origin, direction, t_min=0.0, t_max=...)")]
+    fn trace_path<'py>(
+        &self,
+        py: Python<'py>,
+        origin: [f32; 3],
+        direction: [f32; 3],
+        t_min: f32,
+        t_max: f32,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        for (name, limit) in [("t_min", t_min), ("t_max", t_max)] {
+            if limit.is_nan() {
+                return Err(raise(Error::NonFinite(format!(
+                    "{name}: NaN is no distance"
+                ))));
+            }
+        }
+        halfspace_ray::rays::check_finite("origin", &[origin]).map_err(raise)?;
+        halfspace_ray::rays::check_finite("direction", &[direction]).map_err(raise)?;
+        let ray = Ray {
+            o: origin,
+            d: direction,
+            t_min,
+            t_max,
+        };
+        seeing::path(py, &self.0, &ray)
+    }
+}
+
+/// Builds a structure over triangles.
+///
+/// vertices: (n, 3). triangles: (m, 3) indices; those without area or not finite are dropped and
+/// counted, and all keep their numbers. spec: "id" or "id:key=value,...", see structures(). The
+/// result is a function of these alone, on any number of threads; 0 = one per core.
+/// memory_limit: bytes that the build may take beside the scene, counted while it works; None = seven
+/// eighths of what the machine has free when it begins. With lazy=1 what rays will have built is estimated.
+/// Raises SpecError, ShapeError, Cancelled, and MemoryError when the limit is met or the tree cannot be
+/// addressed; RuntimeError for an internal error.
+#[pyfunction]
+#[pyo3(signature = (vertices, triangles, spec="kd", *, threads=Threads::ALL, monitor=None, memory_limit=None), text_signature = "(vertices, triangles, spec='kd', *, threads=0, monitor=None, memory_limit=None)")]
+fn build(
+    py: Python<'_>,
+    vertices: &Bound<'_, PyAny>,
+    triangles: &Bound<'_, PyAny>,
+    spec: &str,
+    threads: Threads,
+    monitor: Option<&Monitor>,
+    memory_limit: Option<MemoryLimit>,
+) -> PyResult<Structure> {
+    let limit = monitor::memory_limit(memory_limit);
+    let config = registry::parse(spec).map_err(raise)?;
+    let vertices = arrays::points("vertices", vertices).map_err(raise)?;
+    let indices = arrays::indices("triangles", triangles, vertices.len()).map_err(raise)?;
+    let monitor = monitor::watching(monitor, limit);
+    let built = py
+        .detach(|| {
+            caught(|| {
+                let scene = Arc::new(Triangles::new(vertices, indices)?);
+                structure::Structure::build(scene, config, threads.0, &monitor)
+            })
+        })
+        .map_err(raise)?;
+    Ok(Structure(Arc::new(built)))
+}
+
+/// Adds building to the module.
+pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add_class::<Structure>()?;
+    module.add_class::<Recording>()?;
+    module.add_function(wrap_pyfunction!(build, module)?)
+}

@@ -1,0 +1,396 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The frame in which traversals run in f32, and the conversion of rays to it with their error bounds.
+//!
+//! A scene whose largest coordinate is far from 1 is scaled by a power of two, which changes no bit of a
+//! mantissa; a ray's direction is scaled so that its largest component lies in [1, 2). In this frame products
+//! of three coordinates neither overflow nor underflow, and the bounds below hold. `u` is the unit roundoff of
+//! f32, 2^-24.
+
+pub use crate::frame_ray::FrameRay;
+use crate::ray::{Hit, Ray};
+use fearless_simd::{Simd, SimdFloat};
+use halfspace_geom::bound::{keep_max, keep_min};
+use halfspace_geom::vec3::{Vec3, dot, map, widen};
+use halfspace_geom::{Aabb, transform};
+use halfspace_scene::Place;
+
+/// Unit roundoff of f32, 2^-24.
+pub const U: f32 = 1.0 / 16_777_216.0;
+
+/// Relative slack for pruning by the best hit: 1 + 2^-20. Derived: it covers three roundings of `t` and the
+/// scale of the frame.
+pub const PRUNE: f32 = 1.0 + 1.0 / 1_048_576.0;
+
+/// [`FrameRay::pad`] per unit of coordinate. Derived: a plane distance `(p - o) / d` has an error of hardly
+/// more than 3 u, the point it stands for one of less than 5 u multiplied by `|o| + |p|`; the rest is room for
+/// the additions.
+pub const AXIS_PAD: f32 = 8.0 * U;
+
+/// [`FrameRay::oblique_pad`] per unit of the span. Derived: 8 sqrt(3) 2 u for a height `n . (o + t d) - c` with
+/// `|n| <= 1`, rounded up.
+pub const OBLIQUE_PAD: f32 = 28.0 * U;
+
+/// Added where products may have lost a subnormal part; larger than the smallest normal float.
+const TINY: f32 = 1e-37;
+
+/// The smallest positive float multiplied by the factor `to_frame`, plus what rounding may add.
+///
+/// The sum is rounded to f32, not the product: the product is subnormal for most rays, and some processors take
+/// a hundred cycles to produce a subnormal number.
+#[inline(always)]
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "rounded to f32, and TINY is more than that"
+)]
+pub fn last_place(to_frame: f64) -> f32 {
+    (f64::from(f32::from_bits(1)) * to_frame + f64::from(TINY)) as f32
+}
+
+/// [`last_place`] for one ray per lane. The product takes two factors with `TINY` added in between, so that no
+/// intermediate result is subnormal.
+#[inline(always)]
+pub fn last_places<S: Simd, V: SimdFloat<S, Element = f32>>(simd: S, to_frame: V) -> V {
+    const FIRST: f32 = 1.0 / (1_u128 << 75) as f32;
+    const SECOND: f32 = 1.0 / (1_u128 << 74) as f32;
+    let lifted = to_frame.mul_add(V::splat(simd, FIRST), V::splat(simd, TINY / SECOND));
+    lifted * V::splat(simd, SECOND)
+}
+
+/// A power-of-two scale and the scene's bounding box after scaling.
+#[derive(Debug, Clone, Copy)]
+pub struct Frame {
+    /// Factor from scene to frame coordinates, a power of two.
+    scale: f32,
+    bounds: Aabb,
+    /// Largest absolute coordinate of `bounds`.
+    magnitude: f32,
+    /// Scale of all error bounds: 1 or 0.
+    robust: f32,
+}
+
+impl Frame {
+    /// The frame of a scene with these bounds. The scale is 1 for empty scenes and for magnitudes from 2^-30 to
+    /// 2^40.
+    pub fn new(bounds: Aabb) -> Self {
+        let magnitude = bounds.magnitude();
+        // Scale only scenes whose products of three coordinates may overflow or underflow.
+        let ordinary =
+            magnitude == 0.0 || (2.0_f32.powi(-30)..=2.0_f32.powi(40)).contains(&magnitude);
+        let scale = if ordinary {
+            1.0
+        } else {
+            (1.0 / power_of_two(magnitude)).min(2.0_f32.powi(126))
+        };
+        let scaled = |p: [f32; 3]| p.map(|x| x * scale);
+        let bounds = if bounds.is_empty() {
+            bounds
+        } else {
+            Aabb {
+                min: scaled(bounds.min),
+                max: scaled(bounds.max),
+            }
+        };
+        Self {
+            scale,
+            bounds,
+            magnitude: bounds.magnitude(),
+            robust: 1.0,
+        }
+    }
+
+    /// The same frame with error bounds on or off. Without them traversals run as published, for measuring how
+    /// often rounding makes those fail.
+    pub fn with_robust(mut self, robust: bool) -> Self {
+        self.robust = f32::from(u8::from(robust));
+        self
+    }
+
+    /// Scale of all error bounds: 1, or 0 for traversals as published.
+    #[inline(always)]
+    pub fn robust(&self) -> f32 {
+        self.robust
+    }
+
+    /// Converts a point of the scene to this frame.
+    #[inline(always)]
+    pub fn point(&self, p: [f32; 3]) -> [f32; 3] {
+        [p[0] * self.scale, p[1] * self.scale, p[2] * self.scale]
+    }
+
+    /// The power of two by which coordinates are scaled.
+    #[inline(always)]
+    pub fn scale(&self) -> f32 {
+        self.scale
+    }
+
+    /// Whether frame coordinates equal scene coordinates bit for bit.
+    #[inline(always)]
+    pub fn is_scene(&self) -> bool {
+        self.scale == 1.0
+    }
+
+    /// Converts a point of this frame to the scene.
+    pub fn to_scene(&self, p: [f32; 3]) -> [f32; 3] {
+        p.map(|x| x / self.scale)
+    }
+
+    /// The scene's box in this frame.
+    pub fn bounds(&self) -> Aabb {
+        self.bounds
+    }
+
+    /// [`FrameRay::pad`] and [`FrameRay::oblique_pad`] for all rays from origin `o`, in a frame that
+    /// [`Self::is_scene`]: per axis the distance beyond which a plane provably lies on one side of the origin,
+    /// and the error bound of the origin's height over an oblique plane that meets the scene.
+    pub fn pads(&self, o: [f32; 3]) -> ([f32; 3], f32) {
+        let far = o[0].abs().max(o[1].abs()).max(o[2].abs());
+        let pad = map(o, |x| self.robust * AXIS_PAD * (x.abs() + self.magnitude));
+        (pad, self.robust * OBLIQUE_PAD * (far + self.magnitude))
+    }
+
+    /// The power of two by which a ray's direction is divided. Returns `None` if the ray needs the slow path: a
+    /// scaled frame, a component that is not finite, a direction near the ends of the range.
+    #[inline(always)]
+    pub fn unit_of(&self, ray: &Ray) -> Option<f32> {
+        let longest = ray.d[0].abs().max(ray.d[1].abs()).max(ray.d[2].abs());
+        // Infinity and NaN times 0 are NaN; any of them makes the sum differ from 0.
+        let zeros = [
+            ray.o[0] * 0.0 + ray.d[0] * 0.0,
+            ray.o[1] * 0.0 + ray.d[1] * 0.0,
+            ray.o[2] * 0.0 + ray.d[2] * 0.0,
+        ];
+        let finite = zeros[0] + zeros[1] + zeros[2] == 0.0;
+        let plain = longest > 2.0 * f32::MIN_POSITIVE && longest < 1e38;
+        // Clear sign and mantissa: what is left is the power of two.
+        (finite && plain && self.is_scene())
+            .then(|| f32::from_bits(longest.to_bits() & 0x7f80_0000))
+    }
+
+    /// A ray's interval in this frame, widened by its rounding; `unit` is [`Self::unit_of`] the ray.
+    #[inline(always)]
+    pub fn interval(&self, ray: &Ray, unit: f32) -> [f32; 2] {
+        let limits = self.limits(unit);
+        [limits.lower(ray.t_min), limits.reach(ray.t_max)]
+    }
+
+    /// A frame ray with only those fields set that [`FrameRay::reach`] reads.
+    #[inline(always)]
+    pub fn limits_of(&self, ray: &Ray) -> FrameRay<'static> {
+        match self.unit_of(ray) {
+            Some(unit) => self.limits(unit),
+            None => self.ray(ray).unwrap_or(FrameRay::NOTHING),
+        }
+    }
+
+    /// [`Self::limits_of`] a ray whose direction is divided by `unit`.
+    #[inline(always)]
+    fn limits(&self, unit: f32) -> FrameRay<'static> {
+        let mut out = FrameRay {
+            to_frame: f64::from(unit) * f64::from(self.scale),
+            ..FrameRay::NOTHING
+        };
+        out.last_place = last_place(out.to_frame);
+        out
+    }
+
+    /// Converts a ray to this frame and clips it to the scene's bounding box. Returns `None` if the ray
+    /// provably misses the box, if its direction is zero, or if a component is not finite.
+    #[inline(always)]
+    pub fn ray(&self, ray: &Ray) -> Option<FrameRay<'static>> {
+        let longest = ray.d[0].abs().max(ray.d[1].abs()).max(ray.d[2].abs());
+        // Infinity and NaN times 0 are NaN.
+        let finite = (0..3).map(|k| ray.o[k] * 0.0 + ray.d[k] * 0.0).sum::<f32>() == 0.0;
+        if longest == 0.0 || !finite {
+            return None;
+        }
+        let unit = power_of_two(longest);
+        // The reciprocal of a power of two is a power of two, unless it overflows.
+        let d = if unit > f32::MIN_POSITIVE {
+            let inverse = 1.0 / unit;
+            map(ray.d, |x| x * inverse)
+        } else {
+            map(ray.d, |x| x / unit)
+        };
+        let mut out = FrameRay {
+            o: self.point(ray.o),
+            d,
+            to_frame: f64::from(unit) * f64::from(self.scale),
+            ..FrameRay::NOTHING
+        };
+        // Only the scene's own coordinates may be compared for equality.
+        if self.is_scene() {
+            out.still = map(ray.d, |d| f32::from(u8::from(d != 0.0)));
+        }
+        self.complete(ray, out, [0.0; 3])
+    }
+
+    /// Converts a ray of the scene to the space of an instance of this frame's mesh; `known` is the best hit
+    /// the ray has so far.
+    ///
+    /// The ray is transformed in f64 and its direction is not normalized, so `t` means the same in both spaces.
+    /// The traversal must find the triangles that the ray hits *as transformed to the scene* and rounded there;
+    /// transformed back, their vertices are within [`Place::corner_error`] of the mesh's own. That, the errors
+    /// of the transform and the rounding of the ray to f32 add up to `blur`, by which every error bound of the
+    /// traversal grows.
+    #[inline]
+    pub fn placed<'a>(&self, ray: &Ray, place: &'a Place, known: Hit) -> Placed<'a> {
+        // Transform origin and direction to the mesh, with error bounds, and scale the direction by a power of
+        // two.
+        let scale = f64::from(self.scale);
+        let back = |x: f32, k: usize| f64::from(x) - place.in_mesh.transform.offset[k];
+        let from = [back(ray.o[0], 0), back(ray.o[1], 1), back(ray.o[2], 2)];
+        let (o, o_error) = place.inverse.vector(from);
+        let (d, d_error) = place.inverse.vector(widen(ray.d));
+        let unit = transform::power_of_two(d[0].abs().max(d[1].abs()).max(d[2].abs()));
+        if unit == 0.0 {
+            return Placed::Blind;
+        }
+        let d = map(d, |x| x / unit);
+        let d_error = map(d_error, |x| x / unit);
+
+        // Move a far origin along the ray to near the mesh, so that rounding to f32 loses little.
+        let bounds = self.bounds;
+        let end = |k: usize| (f64::from(bounds.min[k]), f64::from(bounds.max[k]));
+        let middle = |k: usize| 0.5 * (end(k).0 + end(k).1);
+        let half = |k: usize| 0.5 * (end(k).1 - end(k).0);
+        let size = |v: Vec3| dot(v, v).sqrt();
+        let way = map([0, 1, 2], |k: usize| middle(k) - o[k] * scale);
+        let ahead = dot(way, d) / dot(d, d) - 1.25 * size([half(0), half(1), half(2)]) / size(d);
+        let shift = if ahead > 0.0 { ahead } else { 0.0 };
+
+        let mut out = FrameRay {
+            to_frame: unit * scale,
+            shift,
+            first: place.first,
+            known,
+            place: Some(&place.in_mesh),
+            ..FrameRay::NOTHING
+        };
+        // Round origin and direction to f32, and bound their errors.
+        let (mut origin_error, mut speed_error) = ([0.0; 3], [0.0; 3]);
+        let (mut far, mut doubt) = (0.0_f64, 0.0_f64);
+        for k in 0..3 {
+            let start = o[k] * scale;
+            let moved = start + shift * d[k];
+            out.o[k] = moved as f32;
+            out.d[k] = d[k] as f32;
+            let rounding = 4.0 * f64::EPSILON * (start.abs() + (shift * d[k]).abs());
+            origin_error[k] = o_error[k] * scale
+                + shift * d_error[k]
+                + rounding
+                + f64::from(U) * moved.abs()
+                + f64::MIN_POSITIVE
+                + f64::from(f32::from_bits(1));
+            speed_error[k] = d_error[k] + f64::from(U) * d[k].abs() + f64::from(f32::from_bits(1));
+            far = far.max(moved.abs() + place.corner_error[k] * scale + origin_error[k]);
+            doubt = doubt.max(speed_error[k]);
+        }
+        // The largest component of the direction is at least 1 - doubt, so no point of the mesh is farther
+        // along the ray than this.
+        let farthest = 1.02 * (far + f64::from(self.magnitude));
+        if !(doubt < 0.01 && farthest < 1e37) {
+            return Placed::Blind;
+        }
+        // Add up the errors of a coordinate at any distance: origin, vertices, and direction times distance.
+        let mut blur = [0.0; 3];
+        for k in 0..3 {
+            let corner = place.corner_error[k] * scale;
+            let coordinate = origin_error[k] + corner + farthest * speed_error[k];
+            blur[k] = up(coordinate);
+            // Bounds both offsets from the origin and edges.
+            out.blur = out.blur.max(up(origin_error[k] + 2.0 * corner));
+        }
+        out.drift = up(doubt);
+        match self.complete(ray, out, blur) {
+            Some(ray) => Placed::Walk(ray),
+            None => Placed::Miss,
+        }
+    }
+
+    /// Fills in the error bounds of a ray, and clips it to the scene's box. Its coordinates, anywhere in the
+    /// scene, have errors of at most `blur` before they are rounded. Returns `None` if nothing of the ray is
+    /// left.
+    #[inline(always)]
+    fn complete<'a>(
+        &self,
+        ray: &Ray,
+        mut out: FrameRay<'a>,
+        blur: [f32; 3],
+    ) -> Option<FrameRay<'a>> {
+        let (o, d) = (out.o, out.d);
+        let far = o[0].abs().max(o[1].abs()).max(o[2].abs());
+        let sum = far + self.magnitude;
+        let blurred = blur[0].max(blur[1]).max(blur[2]);
+        out.span = sum;
+        out.oblique_pad = self.robust * (OBLIQUE_PAD * sum + 2.0 * blurred);
+        out.last_place = last_place(out.to_frame);
+        let mut near = f32::NEG_INFINITY;
+        let mut exit = f32::INFINITY;
+        // Over any distance up to `span` a slower direction moves by less than u times the padding, so it
+        // counts as parallel to the planes of its axis. If this underflows, 1 / 0 makes distances infinite or
+        // NaN, and traversals then skip nothing.
+        let parallel = U / sum;
+        for k in 0..3 {
+            // Bound the error of a coordinate, and from it that of a distance.
+            let pad = AXIS_PAD * (o[k].abs() + self.magnitude) + blur[k];
+            let slowest = parallel * pad;
+            let dk = if d[k].abs() < slowest {
+                slowest.copysign(d[k])
+            } else {
+                d[k]
+            };
+            out.inv[k] = 1.0 / dk;
+            let slack = pad * out.inv[k].abs();
+            out.pad[k] = self.robust * pad;
+            out.slack[k] = self.robust * slack;
+            out.negative[k] = u32::from(d[k].is_sign_negative());
+            // Clip to the slab of this axis, moved outwards.
+            let low = (self.bounds.min[k] - o[k]) * out.inv[k];
+            let high = (self.bounds.max[k] - o[k]) * out.inv[k];
+            let (enter, leave) = if out.negative[k] == 1 {
+                (high, low)
+            } else {
+                (low, high)
+            };
+            near = keep_max(enter - slack, near);
+            exit = keep_min(leave + slack, exit);
+        }
+        // Intersect with the ray's own interval and the known hit.
+        out.signs = (out.negative[0] | out.negative[1] << 1 | out.negative[2] << 2) * 0x0101_0101;
+        out.t_min = keep_max(out.lower(ray.t_min), near);
+        out.t_max = keep_min(out.reach(keep_min(out.known.t, ray.t_max)), exit);
+        if out.t_min > out.t_max || ray.t_min > ray.t_max {
+            None
+        } else {
+            Some(out)
+        }
+    }
+}
+
+/// The result of converting a ray to an instance's space.
+pub enum Placed<'a> {
+    /// The ray provably misses the mesh.
+    Miss,
+    /// The ray has to traverse the mesh's structure.
+    Walk(FrameRay<'a>),
+    /// The error bounds do not hold: every triangle needs the exact test.
+    Blind,
+}
+
+/// Rounds an upper bound up to f32.
+#[inline(always)]
+#[expect(clippy::cast_possible_truncation, reason = "rounded upwards")]
+fn up(x: f64) -> f32 {
+    (x * (1.0 + 1e-6)) as f32 + f32::MIN_POSITIVE
+}
+
+/// The largest power of two not above `x`, which is positive and finite.
+#[inline(always)]
+fn power_of_two(x: f32) -> f32 {
+    if x.is_normal() {
+        f32::from_bits(x.to_bits() & 0x7f80_0000)
+    } else {
+        // Subnormal: the highest set bit.
+        f32::from_bits(1 << (31 - x.to_bits().leading_zeros()))
+    }
+}

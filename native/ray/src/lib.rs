@@ -1,0 +1,15 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Rays and what is known about them: frames, hits, counters, recordings.
+
+pub mod cases;
+pub mod frame;
+pub mod frame_ray;
+pub mod path;
+pub mod query;
+pub mod ray;
+pub mod rays;
+pub mod replay;
+
+pub use frame_ray::FrameRay;
+pub use ray::{Hit, Order, Ray, RayCounters, Tracer};
+pub use rays::Rays;

@@ -1,0 +1,21 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The record of one ray's traversal, for drawing its path.
+
+use crate::query::{Count, Notes};
+use crate::ray::RayCounters;
+
+/// What one traversal visited.
+#[derive(Debug, Clone, Default)]
+pub struct Path {
+    /// The counters of the traversal.
+    pub counters: RayCounters,
+    /// The leaves whose triangles were tested, in order: first block and number of triangles.
+    pub leaves: Vec<(u32, usize)>,
+}
+
+impl Path {
+    /// A counter that adds to `counters` and appends to `leaves`.
+    pub fn count(&mut self) -> Count<'_> {
+        Count(&mut self.counters, Notes::Leaves(&mut self.leaves))
+    }
+}

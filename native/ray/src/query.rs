@@ -1,0 +1,378 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Queries and counters: compile-time parameters of every traversal. Nearest hit and any-hit thus share one
+//! source text, and a traversal without counters contains no counting code.
+
+use crate::cases::CASES;
+use crate::frame_ray::FrameRay;
+use crate::ray::{Hit, Ray, RayCounters};
+use crate::replay::Record;
+use halfspace_geom::bound::keep_min;
+use halfspace_geom::verdict::verdict_within;
+
+/// The question put to a walk.
+pub trait Query: Send + Sync + std::fmt::Debug + 'static {
+    /// Whether the first hit found, in any order, ends the walk.
+    const ANY: bool;
+
+    /// What callers get for a ray.
+    type Answer: Copy + Send;
+
+    /// The answer that a hit or [`Hit::MISS`] stands for.
+    fn answer(hit: Hit) -> Self::Answer;
+}
+
+/// The nearest hit.
+#[derive(Debug)]
+pub struct Closest;
+
+/// Any hit at all.
+#[derive(Debug)]
+pub struct Any;
+
+impl Query for Closest {
+    const ANY: bool = false;
+    type Answer = Hit;
+
+    #[inline(always)]
+    fn answer(hit: Hit) -> Hit {
+        hit
+    }
+}
+
+impl Query for Any {
+    const ANY: bool = true;
+    type Answer = bool;
+
+    #[inline(always)]
+    fn answer(hit: Hit) -> bool {
+        hit.is_hit()
+    }
+}
+
+/// Observer of a traversal's events; by default each event is ignored.
+pub trait Counters {
+    /// Whether counts of tests and verdicts may differ from those of the plain algorithm: an any-hit ray then
+    /// needs no verdict on a hit that f32 has proven.
+    const QUICK: bool = false;
+    /// Whether, in addition, the verdict on a hit that f32 has proven may be deferred to the end of the
+    /// traversal, when no other hit can be nearer. The traversal then ends with [`Best::answer`].
+    const LATE: bool = false;
+
+    /// An inner node with an axis-aligned plane, a box, a slab pair or an octant was visited.
+    #[inline(always)]
+    fn step_axis(&mut self) {}
+    /// An inner node with an oblique plane was visited.
+    #[inline(always)]
+    fn step_oblique(&mut self) {}
+    /// A leaf with this many triangles was visited.
+    #[inline(always)]
+    fn leaf(&mut self, triangles: usize) {
+        let _ = triangles;
+    }
+    /// This many triangles were tested in f32.
+    #[inline(always)]
+    fn tests(&mut self, triangles: usize) {
+        let _ = triangles;
+    }
+    /// A candidate was put to the exact verdict.
+    #[inline(always)]
+    fn verdict(&mut self) {}
+    /// A case of ray and plane, as an index into [`RayCounters::cases`]; evaluated only if it is counted.
+    #[inline(always)]
+    fn case(&mut self, _: impl FnOnce() -> usize) {}
+
+    /// Whether leaves return recorded hits instead of testing their triangles.
+    const REPLAY: bool = false;
+    /// A leaf, possibly empty, is about to be tested; its blocks begin at `first`.
+    #[inline(always)]
+    fn visit(&mut self, first: u32, triangles: usize) {
+        let _ = (first, triangles);
+    }
+    /// A better hit was found.
+    #[inline(always)]
+    fn improved(&mut self, _: Hit) {}
+    /// Returns the recorded hit of the next leaf.
+    #[inline(always)]
+    fn replay(&mut self) -> Option<Hit> {
+        None
+    }
+
+    /// The ray was decided without a traversal of its own.
+    #[inline(always)]
+    fn spared(&mut self) {}
+}
+
+/// Counts nothing, at no cost.
+#[derive(Clone, Copy)]
+pub struct NoCount;
+
+impl Counters for NoCount {
+    const QUICK: bool = true;
+}
+
+/// [`NoCount`] for traversals with deferred verdicts.
+pub struct NoCountLate;
+
+impl Counters for NoCountLate {
+    const QUICK: bool = true;
+    const LATE: bool = true;
+}
+
+/// What is recorded of a traversal in addition to its counters. A value and not a type parameter, so that
+/// counting, recording and path queries share one compiled traversal.
+pub enum Notes<'a> {
+    /// Nothing.
+    Nothing,
+    /// The hits of the leaves.
+    Answers(&'a mut Record),
+    /// The leaves with triangles to test: first block and number of triangles.
+    Leaves(&'a mut Vec<(u32, usize)>),
+}
+
+/// Adds to the counters of one ray, and records.
+pub struct Count<'a>(pub &'a mut RayCounters, pub Notes<'a>);
+
+impl Counters for Count<'_> {
+    #[inline(always)]
+    fn step_axis(&mut self) {
+        self.0.steps_axis += 1;
+    }
+    #[inline(always)]
+    fn step_oblique(&mut self) {
+        self.0.steps_oblique += 1;
+    }
+    #[inline(always)]
+    fn leaf(&mut self, triangles: usize) {
+        if triangles == 0 {
+            self.0.leaves_empty += 1;
+        } else {
+            self.0.leaves += 1;
+        }
+    }
+    #[inline(always)]
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "a leaf holds fewer than 2^29 triangles"
+    )]
+    fn tests(&mut self, triangles: usize) {
+        self.0.tests += triangles as u32;
+    }
+    #[inline(always)]
+    fn verdict(&mut self) {
+        self.0.verdicts += 1;
+    }
+    #[inline(always)]
+    fn case(&mut self, case: impl FnOnce() -> usize) {
+        self.0.cases[case() % CASES] += 1;
+    }
+    #[inline(always)]
+    fn visit(&mut self, first: u32, triangles: usize) {
+        match &mut self.1 {
+            Notes::Answers(record) => record.visit(),
+            // An empty leaf has the first block of the leaf after it.
+            Notes::Leaves(leaves) if triangles > 0 => leaves.push((first, triangles)),
+            _ => {}
+        }
+    }
+    #[inline(always)]
+    fn improved(&mut self, hit: Hit) {
+        if let Notes::Answers(record) = &mut self.1 {
+            record.improved(hit);
+        }
+    }
+    #[inline(always)]
+    fn spared(&mut self) {
+        self.0.spared += 1;
+    }
+}
+
+/// A triangle that the ray certainly hits, and whose exact verdict is deferred.
+#[derive(Clone, Copy)]
+pub struct Deferred {
+    /// Its number in the structure; [`Hit::NONE`] if there is none.
+    pub triangle: u32,
+    /// Its vertices in the scene.
+    pub corners: [[f32; 3]; 3],
+    /// Lower bound on the distance, in the frame's units.
+    pub low: f32,
+}
+
+impl Deferred {
+    const NOTHING: Self = Self {
+        triangle: Hit::NONE,
+        corners: [[0.0; 3]; 3],
+        low: f32::INFINITY,
+    };
+}
+
+/// The best hit of a traversal so far, and the distance up to which it must search.
+pub struct Best {
+    hit: Hit,
+    /// A proven hit that may be better.
+    held: Deferred,
+    /// Upper bound, in the frame's units, on the distance of any hit that could still be better.
+    pub reach: f32,
+}
+
+impl Best {
+    /// The state at the start of a ray: no hit, or the one found before the traversal.
+    #[inline(always)]
+    pub fn new(ray: &FrameRay) -> Self {
+        Self {
+            hit: ray.known,
+            held: Deferred::NOTHING,
+            reach: ray.t_max,
+        }
+    }
+
+    /// No hit, for traversals that keep `reach` elsewhere.
+    #[inline(always)]
+    pub fn blank() -> Self {
+        Self {
+            hit: Hit::MISS,
+            held: Deferred::NOTHING,
+            reach: f32::INFINITY,
+        }
+    }
+
+    /// A final hit found elsewhere.
+    #[inline(always)]
+    pub fn known(hit: Hit) -> Self {
+        Self {
+            hit,
+            held: Deferred::NOTHING,
+            reach: f32::NEG_INFINITY,
+        }
+    }
+
+    /// Applies the exact verdict to one candidate and returns whether the traversal may end.
+    ///
+    /// The vertices are those of the ray's space; if that is an instance's, the verdict transforms them into
+    /// the scene. Distances are compared after rounding, so that ties are those the caller sees.
+    #[inline(always)]
+    pub fn offer<Q: Query, C: Counters>(
+        &mut self,
+        (ray, frame): (&Ray, &FrameRay),
+        id: u32,
+        corners: impl FnOnce() -> [[f32; 3]; 3],
+        counters: &mut C,
+    ) -> bool {
+        let id = frame.first + id;
+        // A triangle in several leaves is a candidate in each.
+        if id == self.hit.triangle {
+            return false;
+        }
+        counters.verdict();
+        // Transform the vertices of instances, then compute the exact hit.
+        let span = [ray.t_min, keep_min(self.hit.t, ray.t_max)];
+        let corners = match frame.place {
+            None => corners(),
+            Some(place) => match place.corners(corners()) {
+                Some(corners) => corners,
+                None => return false,
+            },
+        };
+        let Some(found) = verdict_within(ray.o, ray.d, corners, span) else {
+            return false;
+        };
+        if !ray.reaches(found.t) {
+            return false;
+        }
+        // Keep the hit if it is nearer, or as near with a smaller number.
+        if Hit::precedes((found.t, id), (self.hit.t, self.hit.triangle)) {
+            self.hit = Hit {
+                t: found.t,
+                triangle: id,
+                u: found.u,
+                v: found.v,
+            };
+            self.reach = keep_min(frame.reach(found.t), self.reach);
+            counters.improved(self.hit);
+        }
+        Q::ANY
+    }
+
+    /// Takes a triangle that the ray certainly hits between the distances `low` and `high`, in the frame's
+    /// units; `from` and `to` are [`FrameRay::certain`]. Returns whether the traversal may end, or `None` if
+    /// only the verdict can decide.
+    ///
+    /// If one of two such triangles is certainly nearer, however both distances are rounded, the other is
+    /// dropped: for most rays only one triangle needs a verdict.
+    #[inline(always)]
+    pub fn hold<Q: Query>(
+        &mut self,
+        (ray, frame, [from, to]): (&Ray, &FrameRay, [f32; 2]),
+        id: u32,
+        [low, high]: [f32; 2],
+        corners: impl FnOnce() -> [[f32; 3]; 3],
+    ) -> Option<bool> {
+        // NaN bounds make the comparison false: nothing is certain then.
+        if !(low > from && high < to) {
+            return None;
+        }
+        debug_assert_eq!(frame.first, 0, "not in an instance's space");
+        if Q::ANY {
+            // An any-hit query does not return the distance.
+            self.hit = Hit {
+                t: ray.t_max,
+                triangle: id,
+                u: 0.0,
+                v: 0.0,
+            };
+            return Some(true);
+        }
+        if id == self.hit.triangle || id == self.held.triangle {
+            return Some(false);
+        }
+        let far = frame.beyond(high);
+        // With nothing deferred the lower bound is infinite, and every triangle is nearer.
+        if far >= self.held.low {
+            return None;
+        }
+        // Defer this triangle in place of the one before, which is certainly farther.
+        self.held = Deferred {
+            triangle: id,
+            corners: corners(),
+            low,
+        };
+        self.reach = keep_min(far, self.reach);
+        Some(false)
+    }
+
+    /// Takes a recorded hit; returns whether the traversal may end.
+    #[inline(always)]
+    pub fn take<Q: Query>(&mut self, frame: &FrameRay, hit: Option<Hit>) -> bool {
+        let Some(hit) = hit else {
+            return false;
+        };
+        self.hit = hit;
+        self.reach = frame.reach(hit.t);
+        Q::ANY
+    }
+
+    /// The best hit of a traversal without deferred verdicts.
+    #[inline(always)]
+    pub fn hit(&self) -> Hit {
+        debug_assert_eq!(self.held.triangle, Hit::NONE, "a verdict is still to come");
+        self.hit
+    }
+
+    /// The triangle whose verdict is deferred, if there is no decided hit.
+    #[inline(always)]
+    pub fn held(&self) -> Option<&Deferred> {
+        (self.held.triangle != Hit::NONE && !self.hit.is_hit()).then_some(&self.held)
+    }
+
+    /// The best hit at the end of a traversal, after the deferred verdict.
+    #[inline(always)]
+    pub fn answer(&mut self, ray: (&Ray, &FrameRay)) -> Hit {
+        if self.held.triangle != Hit::NONE {
+            let Deferred {
+                triangle, corners, ..
+            } = std::mem::replace(&mut self.held, Deferred::NOTHING);
+            self.offer::<Closest, _>(ray, triangle, || corners, &mut NoCount);
+            debug_assert!(self.hit.is_hit(), "the ray certainly hits it");
+        }
+        self.hit
+    }
+}

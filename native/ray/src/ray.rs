@@ -1,0 +1,155 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The public types of ray tracing: rays, hits, counters and the trait of everything that traces them.
+
+use crate::cases::CASES;
+use halfspace_geom::Aabb;
+use halfspace_scene::Triangles;
+
+/// A ray `o + t d` with `t` in the closed interval `[t_min, t_max]`.
+// Field order matters: tiles load the first and the last four numbers of a ray as one vector each.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[repr(C)]
+pub struct Ray {
+    /// Origin, scene frame.
+    pub o: [f32; 3],
+    /// Direction, of any length; a ray with a zero direction hits nothing.
+    pub d: [f32; 3],
+    /// Smallest distance of a hit, in units of `d`.
+    pub t_min: f32,
+    /// Largest distance of a hit, in units of `d`; may be infinite.
+    pub t_max: f32,
+}
+
+impl Ray {
+    /// Whether `t` lies in the ray's interval and is finite. An infinite distance stands for a miss; a distance
+    /// beyond the range of f32, on either side of the origin, is rejected likewise.
+    #[inline(always)]
+    pub fn reaches(&self, t: f32) -> bool {
+        self.t_min <= t && t <= self.t_max && t.abs() < f32::INFINITY
+    }
+}
+
+/// The nearest hit of a ray. Of several hits at equal `t`, that of the smallest triangle number.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Hit {
+    /// Distance in units of the direction, correctly rounded; infinite for a miss.
+    pub t: f32,
+    /// Number of the triangle; [`Hit::NONE`] for a miss.
+    pub triangle: u32,
+    /// Barycentric weight of the second vertex.
+    pub u: f32,
+    /// Barycentric weight of the third vertex.
+    pub v: f32,
+}
+
+impl Hit {
+    /// The triangle number of a miss.
+    pub const NONE: u32 = u32::MAX;
+    /// The hit of a ray that hits nothing.
+    pub const MISS: Self = Self {
+        t: f32::INFINITY,
+        triangle: Self::NONE,
+        u: 0.0,
+        v: 0.0,
+    };
+
+    /// Whether this is a hit.
+    pub fn is_hit(&self) -> bool {
+        self.triangle != Self::NONE
+    }
+
+    /// Whether the first hit (distance, triangle) precedes the second: it is nearer, or as near with a smaller
+    /// number. [`Hit::NONE`] is larger than all numbers.
+    #[inline(always)]
+    pub fn precedes((t, id): (f32, u32), (best_t, best_id): (f32, u32)) -> bool {
+        t < best_t || (t == best_t && id < best_id)
+    }
+}
+
+/// Work counters of one ray.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct RayCounters {
+    /// Inner nodes with an axis-aligned plane (or a box, a slab pair, an octant).
+    pub steps_axis: u32,
+    /// Inner nodes with an oblique plane.
+    pub steps_oblique: u32,
+    /// Leaves with triangles.
+    pub leaves: u32,
+    /// Leaves without triangles.
+    pub leaves_empty: u32,
+    /// Triangles tested in f32.
+    pub tests: u32,
+    /// Exact verdicts on candidates. Traversals without counters need fewer: none for shadow rays whose hit f32
+    /// has proven, and mostly one for rays in streams or in flight.
+    pub verdicts: u32,
+    /// Counters of particular traversals: cases of ray and plane ([`crate::cases::NAMES`]), or events of beams
+    /// ([`halfspace_trace::beam::planes::NAMES`]).
+    pub cases: [u32; CASES],
+    /// 1 if the ray needed no traversal of its own: the shadow cache held its blocker, or its shadow beam was
+    /// empty.
+    pub spared: u32,
+}
+
+impl RayCounters {
+    /// Adds the counters of another traversal.
+    pub fn add(&mut self, other: &Self) {
+        self.steps_axis += other.steps_axis;
+        self.steps_oblique += other.steps_oblique;
+        self.leaves += other.leaves;
+        self.leaves_empty += other.leaves_empty;
+        self.tests += other.tests;
+        self.verdicts += other.verdicts;
+        for (case, more) in self.cases.iter_mut().zip(other.cases) {
+            *case += more;
+        }
+        self.spared += other.spared;
+    }
+}
+
+/// The order of a batch's rays: a hint that changes no result.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Order {
+    /// In no particular order.
+    #[default]
+    None,
+    /// Each 64 consecutive rays are those of a tile of 8 x 8 pixels, row by row, mostly with a common origin.
+    Tiles,
+}
+
+/// Everything that traces batches of rays against a scene.
+pub trait Tracer: Sync {
+    /// The triangles as one array, if they are stored as one.
+    fn triangles(&self) -> Option<&Triangles> {
+        None
+    }
+    /// Number of triangles, including those that can never be hit; hits refer to smaller numbers.
+    fn count(&self) -> usize;
+    /// Vertices of a triangle in the scene.
+    fn corners(&self, id: u32) -> [[f32; 3]; 3];
+    /// Writes the nearest hit of each ray, on the calling thread. All slices have the same length.
+    fn closest(&self, rays: &[Ray], hits: &mut [Hit], counters: Option<&mut [RayCounters]>);
+    /// [`Self::closest`] with a hint on the order of the rays. The hits are the same, the speed may differ.
+    fn closest_ordered(
+        &self,
+        rays: &[Ray],
+        hits: &mut [Hit],
+        counters: Option<&mut [RayCounters]>,
+        order: Order,
+    ) {
+        let _ = order;
+        self.closest(rays, hits, counters);
+    }
+    /// Bounding box of the scene if batches are faster when rays with near origins are consecutive, else
+    /// `None`.
+    fn near_rays(&self) -> Option<Aabb> {
+        None
+    }
+    /// Writes for each ray the depth of the last leaf tested in the search for its nearest hit, for display; 0
+    /// if there is none or if depths are unknown.
+    fn leaf_depths(&self, rays: &[Ray], depths: &mut [u32]) {
+        let _ = rays;
+        depths.fill(0);
+    }
+    /// Writes whether each ray hits anything, on the calling thread. All slices have the same length.
+    fn occluded(&self, rays: &[Ray], occluded: &mut [bool], counters: Option<&mut [RayCounters]>);
+}

@@ -1,0 +1,205 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Rays in arrays, as callers have them: checked and gathered into [`Ray`]s a chunk at a time.
+
+use crate::ray::{Order, Ray};
+use halfspace_base::error::{Error, Result};
+use prefetch_index::prefetch_index;
+use std::ops::Range;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Distance of prefetches, in rays, where rays are gathered in random order.
+const FAR: usize = 16;
+
+/// A distance for each ray.
+#[derive(Clone, Copy)]
+pub enum Limits<'a> {
+    /// The same for all.
+    Same(f32),
+    /// One each.
+    Each(&'a [f32]),
+}
+
+/// Rays in arrays, one entry per ray in each.
+#[derive(Clone, Copy)]
+pub struct Rays<'a> {
+    /// Where they begin.
+    pub origins: &'a [[f32; 3]],
+    /// Where they go.
+    pub directions: &'a [[f32; 3]],
+    /// Smallest distances that count.
+    pub t_min: Limits<'a>,
+    /// Largest distances that count.
+    pub t_max: Limits<'a>,
+    /// What is known of how they follow each other.
+    pub order: Order,
+}
+
+/// Whether all rays are finite, as far as threads have looked. Each part is looked at right before it is traced, when the
+/// caches are about to hold it anyway: to read all rays twice takes longer than some need for tracing.
+#[derive(Default)]
+pub struct Finite(AtomicBool);
+
+impl Finite {
+    /// Whether those in a range of places are to be traced: not once there is one that is not finite.
+    pub fn allows(&self, rays: &Rays<'_>, range: Range<usize>) -> bool {
+        if !rays.are_finite(range) {
+            self.0.store(true, Ordering::Relaxed);
+        }
+        !self.0.load(Ordering::Relaxed)
+    }
+
+    /// Passes when all rays were traced.
+    ///
+    /// # Errors
+    /// [`Error::NonFinite`] naming the first that is not finite.
+    pub fn end(self, rays: &Rays<'_>) -> Result<()> {
+        if !self.0.into_inner() {
+            return Ok(());
+        }
+        rays.check()?;
+        // Somebody has written into the arrays meanwhile.
+        Err(Error::NonFinite(
+            "origins, directions: some were not finite".into(),
+        ))
+    }
+}
+
+impl<'a> Rays<'a> {
+    /// All of them.
+    ///
+    /// # Errors
+    /// [`Error::NonFinite`] naming the first that is not finite.
+    pub fn all(&self) -> Result<Vec<Ray>> {
+        self.check()?;
+        let mut rays = vec![BLANK; self.origins.len()];
+        self.put(0, &mut rays);
+        Ok(rays)
+    }
+
+    /// Passes when all are finite.
+    ///
+    /// # Errors
+    /// [`Error::NonFinite`] naming the first that is not.
+    pub fn check(&self) -> Result<()> {
+        check_finite("origins", self.origins)?;
+        check_finite("directions", self.directions)
+    }
+
+    /// Whether those in a range of places are finite.
+    fn are_finite(&self, range: Range<usize>) -> bool {
+        are_finite(&self.origins[range.clone()]) && are_finite(&self.directions[range])
+    }
+
+    /// Those in a range of places.
+    pub fn part(&self, range: Range<usize>) -> Self {
+        let limits = |limits: Limits<'a>| match limits {
+            Limits::Same(t) => Limits::Same(t),
+            Limits::Each(t) => Limits::Each(&t[range.clone()]),
+        };
+        Self {
+            origins: &self.origins[range.clone()],
+            directions: &self.directions[range.clone()],
+            t_min: limits(self.t_min),
+            t_max: limits(self.t_max),
+            ..*self
+        }
+    }
+
+    /// Overwrites `rays` with those at these places.
+    pub fn put_those(&self, places: &[u32], rays: &mut [Ray]) {
+        let at = |limits: Limits<'_>, i: usize| match limits {
+            Limits::Same(t) => t,
+            Limits::Each(t) => t[i],
+        };
+        for (k, (ray, &place)) in rays.iter_mut().zip(places).enumerate() {
+            // They lie in no order, and the processor does not look that far ahead by itself.
+            if let Some(&later) = places.get(k + FAR) {
+                let i = later as usize;
+                prefetch_index(self.origins, i);
+                prefetch_index(self.directions, i);
+                for limits in [self.t_min, self.t_max] {
+                    if let Limits::Each(t) = limits {
+                        prefetch_index(t, i);
+                    }
+                }
+            }
+            let i = place as usize;
+            *ray = Ray {
+                o: self.origins[i],
+                d: self.directions[i],
+                t_min: at(self.t_min, i),
+                t_max: at(self.t_max, i),
+            };
+        }
+    }
+
+    /// Overwrites `rays` with those from the `first` on.
+    // Field by field, and with the kinds of limits told apart outside the loops: rays that are put together
+    // first and copied then take longer to bring in than to trace in tiles.
+    pub fn put(&self, first: usize, rays: &mut [Ray]) {
+        let range = first..first + rays.len();
+        let ends = self.origins[range.clone()]
+            .iter()
+            .zip(&self.directions[range.clone()]);
+        for (ray, (o, d)) in rays.iter_mut().zip(ends) {
+            ray.o = *o;
+            ray.d = *d;
+        }
+        match self.t_min {
+            Limits::Same(t_min) => rays.iter_mut().for_each(|ray| ray.t_min = t_min),
+            Limits::Each(t_min) => {
+                for (ray, t_min) in rays.iter_mut().zip(&t_min[range.clone()]) {
+                    ray.t_min = *t_min;
+                }
+            }
+        }
+        match self.t_max {
+            Limits::Same(t_max) => rays.iter_mut().for_each(|ray| ray.t_max = t_max),
+            Limits::Each(t_max) => {
+                for (ray, t_max) in rays.iter_mut().zip(&t_max[range]) {
+                    ray.t_max = *t_max;
+                }
+            }
+        }
+    }
+}
+
+/// What buffers of rays hold before they are filled.
+pub const BLANK: Ray = Ray {
+    o: [0.0; 3],
+    d: [0.0; 3],
+    t_min: 0.0,
+    t_max: 0.0,
+};
+
+/// Returns the index of the first number with a property. Tests whole groups without branches first, because nearly
+/// always none has it.
+#[inline(always)]
+pub fn first(numbers: &[f32], is: impl Fn(f32) -> bool) -> Option<usize> {
+    // A group is long enough to be tested with SIMD, and short enough to be searched again.
+    const GROUP: usize = 256;
+    numbers
+        .chunks(GROUP)
+        .position(|group| group.iter().fold(false, |any, &x| any | is(x)))
+        .and_then(|group| {
+            let before = group * GROUP;
+            let found = numbers[before..].iter().position(|&x| is(x))?;
+            Some(before + found)
+        })
+}
+
+/// Whether all coordinates are finite.
+pub fn are_finite(points: &[[f32; 3]]) -> bool {
+    first(points.as_flattened(), |x| !x.is_finite()).is_none()
+}
+
+/// Checks that all coordinates are finite; the message names the first row that is not.
+pub fn check_finite(name: &str, points: &[[f32; 3]]) -> Result<()> {
+    match first(points.as_flattened(), |x| !x.is_finite()).map(|i| i / 3) {
+        None => Ok(()),
+        Some(i) => Err(Error::NonFinite(format!(
+            "{name}[{i}]: {:?} is not finite",
+            points[i]
+        ))),
+    }
+}

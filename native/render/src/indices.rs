@@ -1,0 +1,108 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Per-surface data that only passes need: object and material indices, and UVs.
+
+use crate::check::{Error, Result};
+
+/// Object and material indices, and UVs. All are 0 by default.
+#[derive(Debug, Clone, Default)]
+pub struct Indices {
+    /// First triangle of each run of triangles that belong to one object, ascending from 0.
+    pub first: Vec<u32>,
+    /// Index of each run's object.
+    pub object: Vec<f32>,
+    /// Index of each material.
+    pub material: Vec<f32>,
+    /// UVs of each triangle's corners, NaN for triangles without; empty if there are none at all.
+    pub uvs: Vec<[[f32; 2]; 3]>,
+}
+
+impl Indices {
+    /// Checks the arrays against each other and against the number of triangles.
+    /// # Errors
+    /// [`Error::Shape`] if a length does not match or the runs do not ascend.
+    pub fn check(&self, triangles: usize) -> Result<()> {
+        if !self.uvs.is_empty() && self.uvs.len() != triangles {
+            return Err(Error::Shape(format!(
+                "indices['uvs'] must have one entry per triangle: {triangles}, got {}",
+                self.uvs.len()
+            )));
+        }
+        if self.first.len() != self.object.len() {
+            return Err(Error::Shape(format!(
+                "indices: {} runs, but {} objects",
+                self.first.len(),
+                self.object.len()
+            )));
+        }
+        if self.first.first().is_some_and(|&first| first != 0) || !self.first.is_sorted() {
+            return Err(Error::Shape(
+                "indices['first'] must ascend from 0".to_owned(),
+            ));
+        }
+        Ok(())
+    }
+
+    /// Returns the indices of a triangle's object and material.
+    #[inline]
+    pub fn of(&self, triangle: usize, material: u32) -> (f32, f32) {
+        // Find the last run that begins at or before the triangle; empty runs are skipped.
+        let run = self
+            .first
+            .partition_point(|&first| first as usize <= triangle);
+        let object = run.checked_sub(1).map_or(0.0, |run| self.object[run]);
+        let material = self.material.get(material as usize);
+        (object, material.copied().unwrap_or(0.0))
+    }
+
+    /// Returns the UV at barycentric coordinates (u, v) of a triangle and 1, or zeros if it has no UVs.
+    #[inline]
+    pub fn uv(&self, triangle: usize, u: f32, v: f32) -> [f32; 3] {
+        let Some([a, b, c]) = self.uvs.get(triangle) else {
+            return [0.0; 3];
+        };
+        // NaN marks triangles without UVs.
+        let at = |k: usize| a[k] * (1.0 - u - v) + b[k] * u + c[k] * v;
+        if a[0].is_nan() {
+            return [0.0; 3];
+        }
+        [at(0), at(1), 1.0]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn triangles_find_their_object() {
+        let indices = Indices {
+            first: vec![0, 3, 3, 10],
+            object: vec![5.0, 6.0, 7.0, 8.0],
+            material: vec![1.0, 2.0],
+            uvs: vec![[[0.0, 1.0], [4.0, 1.0], [0.0, 3.0]], [[f32::NAN; 2]; 3]],
+        };
+        indices.check(2).unwrap();
+        assert!(indices.check(3).is_err());
+        assert_eq!(indices.uv(0, 0.25, 0.5), [1.0, 2.0, 1.0]);
+        assert_eq!(indices.uv(1, 0.25, 0.5), [0.0; 3]);
+        assert_eq!(indices.uv(2, 0.25, 0.5), [0.0; 3]);
+        for (triangle, object) in [(0, 5.0), (2, 5.0), (3, 7.0), (9, 7.0), (10, 8.0), (99, 8.0)] {
+            assert_eq!(indices.of(triangle, 1), (object, 2.0));
+        }
+        assert_eq!(Indices::default().of(4, 0), (0.0, 0.0));
+        assert_eq!(indices.of(0, 9).1, 0.0);
+    }
+
+    #[test]
+    fn runs_that_do_not_ascend_are_refused() {
+        for first in [vec![1, 2], vec![0, 5, 4]] {
+            let object = vec![0.0; first.len()];
+            let wrong = Indices {
+                first,
+                object,
+                ..Default::default()
+            };
+            assert!(wrong.check(0).unwrap_err().to_string().contains("ascend"));
+        }
+    }
+}

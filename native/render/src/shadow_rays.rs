@@ -1,0 +1,165 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The shadow rays of a wavefront, each with the light that arrives if nothing occludes it.
+
+use crate::calls::{Calls, Stopped};
+use crate::film::PixelSample;
+use crate::integrator::Context;
+use crate::path::{MOST_PASSED, MOST_UNSEEN};
+use crate::place::RayKind;
+use crate::program::Value;
+use crate::surface::Surface;
+use crate::vector::Vec3;
+use halfspace_ray::{Hit, Ray};
+
+/// The light of a shadow ray and the pixel sample of the tile's batch it belongs to.
+#[derive(Clone, Copy)]
+struct Light {
+    slot: u32,
+    value: Vec3,
+    /// Number of transparent surfaces passed.
+    transparent: u16,
+    /// Number of surfaces passed that are invisible to shadow rays.
+    unseen: u16,
+}
+
+/// Shadow rays with their light.
+#[derive(Default)]
+pub struct ShadowRays {
+    rays: Vec<Ray>,
+    light: Vec<Light>,
+    blocked: Vec<bool>,
+    hits: Vec<Hit>,
+    /// Registers of a material's program, reused from point to point.
+    registers: Vec<Value>,
+}
+
+impl ShadowRays {
+    /// Removes all rays.
+    pub fn clear(&mut self) {
+        self.rays.clear();
+        self.light.clear();
+    }
+
+    /// Adds a ray. `value`: the light it brings to pixel sample `slot`.
+    #[inline(always)]
+    pub fn push(&mut self, ray: Ray, slot: u32, value: Vec3) {
+        self.rays.push(ray);
+        self.light.push(Light {
+            slot,
+            value,
+            transparent: 0,
+            unseen: 0,
+        });
+    }
+
+    /// Traces all rays, adds the light of those that are not occluded, and removes them. Returns the number of rays
+    /// traced.
+    ///
+    /// # Errors
+    /// [`Stopped`] if the render is cancelled.
+    pub fn cast(
+        &mut self,
+        context: &Context<'_>,
+        calls: &mut Calls,
+        samples: &mut [PixelSample],
+    ) -> Result<u64, Stopped> {
+        // Any-hit traversal is faster, but cannot see what it passes.
+        let cast = if context.scene.features().transparency {
+            self.cast_through(context, calls, samples)?
+        } else {
+            self.cast_opaque(context, calls, samples)?
+        };
+        self.clear();
+        Ok(cast)
+    }
+
+    /// Any-hit traversal: every surface is opaque.
+    fn cast_opaque(
+        &mut self,
+        context: &Context<'_>,
+        calls: &mut Calls,
+        samples: &mut [PixelSample],
+    ) -> Result<u64, Stopped> {
+        let Self {
+            rays,
+            light,
+            blocked,
+            ..
+        } = self;
+        let tracer = &*context.scene.tracer;
+        // Trace all rays, then add the light of those that arrive.
+        blocked.clear();
+        blocked.resize(rays.len(), false);
+        calls.cover(rays.len(), context.stop, |range| {
+            tracer.occluded(&rays[range.clone()], &mut blocked[range], None);
+        })?;
+        for (light, _) in light.iter().zip(blocked.iter()).filter(|(_, b)| !**b) {
+            samples[light.slot as usize].add(light.value);
+        }
+        Ok(rays.len() as u64)
+    }
+
+    /// Nearest-hit traversal, repeated from surface to surface: each one multiplies the light by its transparency.
+    fn cast_through(
+        &mut self,
+        context: &Context<'_>,
+        calls: &mut Calls,
+        samples: &mut [PixelSample],
+    ) -> Result<u64, Stopped> {
+        let Self {
+            rays,
+            light,
+            hits,
+            registers,
+            ..
+        } = self;
+        let scene = context.scene;
+        let mut cast = 0;
+        // Trace all remaining rays, then keep those that continue behind their hit.
+        while !rays.is_empty() {
+            cast += rays.len() as u64;
+            hits.clear();
+            hits.resize(rays.len(), Hit::MISS);
+            calls.cover(rays.len(), context.stop, |range| {
+                scene
+                    .tracer
+                    .closest(&rays[range.clone()], &mut hits[range], None);
+            })?;
+            let mut kept = 0;
+            for i in 0..rays.len() {
+                // A ray without a hit delivers what is left of its light.
+                let (ray, hit, mut carried) = (rays[i], hits[i], light[i]);
+                if !hit.is_hit() {
+                    samples[carried.slot as usize].add(carried.value);
+                    continue;
+                }
+                // Normalize: the direction's length is the distance to the light, which the program must not depend
+                // on.
+                let d = Vec3::from(ray.d).normalized();
+                let surface = Surface::of(scene, &hit, d);
+                // Filter the light by the surface, unless shadow rays do not see it.
+                if surface.material.visible.to(RayKind::Shadow) {
+                    let place = || surface.place(scene, d, RayKind::Shadow);
+                    let look = surface.material.look(&scene.images, place, registers);
+                    carried.value = carried.value * look.transparent;
+                    carried.transparent += 1;
+                } else {
+                    carried.unseen += 1;
+                }
+                // Continue while the light is above 0 and the interval is not exhausted.
+                if carried.transparent < MOST_PASSED
+                    && carried.unseen < MOST_UNSEEN
+                    && carried.value.max_component() > 0.0
+                    && ray.t_max > hit.t
+                {
+                    rays[kept] = surface.beyond(&ray, &hit);
+                    light[kept] = carried;
+                    kept += 1;
+                }
+            }
+            rays.truncate(kept);
+            light.truncate(kept);
+        }
+        Ok(cast)
+    }
+}

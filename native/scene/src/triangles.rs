@@ -1,0 +1,147 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The triangles of a scene, as arrays. This module depends on no structure.
+
+use halfspace_base::error::{Error, Result};
+use halfspace_geom::vec3::{map, widen};
+use halfspace_geom::{Aabb, exact};
+
+/// An indexed triangle soup. The number of a triangle is its index in the input, dropped triangles included.
+#[derive(Debug, Clone)]
+pub struct Triangles {
+    vertices: Vec<[f32; 3]>,
+    indices: Vec<[u32; 3]>,
+    live: Vec<u32>,
+    bounds: Aabb,
+}
+
+impl Triangles {
+    /// Checks the arrays and takes ownership. Triangles with a vertex that is not finite, or without area (decided
+    /// exactly), can never be hit; [`Self::live`] omits them.
+    ///
+    /// # Errors
+    /// [`Error::Shape`] when an index is out of range, or when there are more than 2^29 triangles.
+    pub fn new(vertices: Vec<[f32; 3]>, indices: Vec<[u32; 3]>) -> Result<Self> {
+        if indices.len() > 1 << 29 {
+            return Err(Error::Shape(format!(
+                "triangles: at most {} are possible, got {}",
+                1 << 29,
+                indices.len()
+            )));
+        }
+        // Check all indices.
+        let outside = |&&v: &&u32| v as usize >= vertices.len();
+        // Find the maximum in one pass; search for the first wrong index only if there is one.
+        if indices
+            .as_flattened()
+            .iter()
+            .max()
+            .filter(outside)
+            .is_some()
+        {
+            let wrong = |triangle: &[u32; 3]| triangle.iter().any(|v| outside(&v));
+            let i = indices.iter().position(wrong).expect("one of them");
+            let index = indices[i].iter().find(outside).expect("as asked");
+            return Err(Error::Shape(format!(
+                "triangles[{i}]: index {index} is out of range for {} vertices",
+                vertices.len()
+            )));
+        }
+        let mut scene = Self {
+            vertices,
+            live: Vec::with_capacity(indices.len()),
+            indices,
+            bounds: Aabb::EMPTY,
+        };
+        let count = u32::try_from(scene.indices.len()).expect("checked above");
+        // Keep the triangles that can be hit, and bound them.
+        for id in 0..count {
+            let corners = scene.corners(id);
+            if can_be_hit(corners) {
+                scene.live.push(id);
+                scene.bounds = scene.bounds.union(&Aabb::of_triangle(corners));
+            }
+        }
+        scene.live.shrink_to_fit();
+        Ok(scene)
+    }
+
+    /// Returns the number of triangles in the input, dropped ones included.
+    pub fn len(&self) -> usize {
+        self.indices.len()
+    }
+
+    /// Returns whether the input has no triangle.
+    pub fn is_empty(&self) -> bool {
+        self.indices.is_empty()
+    }
+
+    /// Returns the indices of the triangles that can be hit, ascending.
+    pub fn live(&self) -> &[u32] {
+        &self.live
+    }
+
+    /// Returns the number of dropped triangles: those without area or not finite.
+    pub fn dropped(&self) -> usize {
+        self.indices.len() - self.live.len()
+    }
+
+    /// Returns the box of all live triangles.
+    pub fn bounds(&self) -> Aabb {
+        self.bounds
+    }
+
+    /// Returns the vertex positions, shape (n, 3), in the scene's frame.
+    pub fn vertices(&self) -> &[[f32; 3]] {
+        &self.vertices
+    }
+
+    /// Returns the vertex indices of each triangle, shape (m, 3).
+    pub fn indices(&self) -> &[[u32; 3]] {
+        &self.indices
+    }
+
+    /// Returns the three vertices of triangle `id`.
+    #[inline(always)]
+    pub fn corners(&self, id: u32) -> [[f32; 3]; 3] {
+        map(self.indices[id as usize], |v| self.vertices[v as usize])
+    }
+}
+
+/// Returns whether a triangle is finite and has an area.
+fn can_be_hit(v: [[f32; 3]; 3]) -> bool {
+    // Infinity and NaN multiplied by zero are NaN.
+    v.as_flattened().iter().map(|x| x * 0.0).sum::<f32>() == 0.0
+        && !exact::is_degenerate(v.map(widen))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bad_triangles_are_dropped_and_the_rest_keep_their_numbers() {
+        let vertices = vec![
+            [0.0; 3],
+            [1.0, 0.0, 0.0],
+            [0.0, 1.0, 0.0],
+            [f32::NAN, 0.0, 0.0],
+            [2.0, 0.0, 0.0],
+        ];
+        let scene =
+            Triangles::new(vertices, vec![[0, 1, 3], [0, 1, 4], [0, 1, 2], [1, 1, 2]]).unwrap();
+        assert_eq!(
+            (scene.live(), scene.dropped(), scene.len()),
+            (&[2_u32][..], 3, 4)
+        );
+        assert_eq!(scene.bounds().max, [1.0, 1.0, 0.0]);
+    }
+
+    #[test]
+    fn an_index_out_of_range_names_the_triangle() {
+        let error = Triangles::new(vec![[0.0; 3]; 3], vec![[0, 1, 2], [0, 1, 3]]).unwrap_err();
+        assert_eq!(
+            error.to_string(),
+            "triangles[1]: index 3 is out of range for 3 vertices"
+        );
+    }
+}

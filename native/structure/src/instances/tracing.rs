@@ -1,0 +1,374 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Traversal of two-level scenes.
+//!
+//! Rays of a batch advance together: each traverses the upper tree to the next instance it meets, then all rays
+//! that wait for the same mesh traverse that mesh's structure as a batch, and so on. Any structure and traversal
+//! can therefore serve as the lower level unchanged.
+
+use crate::instances::Instances;
+use crate::outline::Outline;
+use crate::structure::Structure;
+use fearless_simd::Level;
+use halfspace_geom::Aabb;
+use halfspace_nodes::object_tree::Kind;
+use halfspace_ray::frame::Placed;
+use halfspace_ray::query::{Any, Best, Closest, Count, Notes, Query};
+use halfspace_ray::{FrameRay, Hit, Ray, RayCounters, Tracer};
+use halfspace_scene::{Place, Triangles};
+use halfspace_trace::slabs::Slabs;
+
+/// Number of rays that advance together.
+const TOGETHER: usize = 256;
+
+/// Flag of a stack entry that is a node of the upper tree, not an instance.
+const NODE: u32 = 1 << 31;
+
+/// Stack of nodes and instances still to visit with the ray's entry distance into each; the next one last.
+type Stack = Vec<(u32, f32)>;
+
+/// The state of a ray in the upper tree.
+struct Walker<'a> {
+    ray: &'a Ray,
+    /// Index of the ray in its group.
+    index: usize,
+    frame: FrameRay<'static>,
+    slabs: Slabs,
+    best: Best,
+}
+
+/// Rays that wait to traverse a mesh, and reused buffers for the batch.
+#[derive(Default)]
+struct Calls<'a> {
+    /// Mesh, index of the ray's state, and the ray in the instance's space.
+    waiting: Vec<(u32, usize, FrameRay<'a>)>,
+    rays: Vec<Ray>,
+    framed: Vec<FrameRay<'a>>,
+    counts: Vec<RayCounters>,
+}
+
+impl Instances {
+    /// Returns the same scene with its traversals on the given instruction set instead of the best one.
+    pub fn at_level(&self, level: Level) -> AtLevel<'_> {
+        AtLevel {
+            instances: self,
+            level,
+        }
+    }
+
+    /// Traces rays in groups of [`TOGETHER`]; `write` receives the index and hit of each ray once.
+    fn trace<Q: Query>(
+        &self,
+        level: Level,
+        rays: &[Ray],
+        mut write: impl FnMut(usize, Hit),
+        mut counters: Option<&mut [RayCounters]>,
+    ) {
+        let mut walkers = Vec::with_capacity(TOGETHER);
+        let mut stacks = vec![Vec::new(); TOGETHER.min(rays.len())];
+        let mut active = Vec::with_capacity(TOGETHER);
+        let mut calls = Calls::default();
+        for (group, rays) in rays.chunks(TOGETHER).enumerate() {
+            let first = group * TOGETHER;
+            walkers.clear();
+            // Start each ray at the root; rays that miss the scene's frame are done.
+            for (i, ray) in rays.iter().enumerate() {
+                let Some(frame) = self.frame.ray(ray) else {
+                    write(first + i, Hit::MISS);
+                    continue;
+                };
+                // Stacks are reused from group to group.
+                let stack: &mut Stack = &mut stacks[walkers.len()];
+                stack.clear();
+                if !self.tree.ids.is_empty() {
+                    stack.push((NODE, frame.t_min));
+                }
+                walkers.push(Walker {
+                    ray,
+                    index: i,
+                    slabs: Slabs::new(&frame),
+                    best: Best::new(&frame),
+                    frame,
+                });
+            }
+            active.clear();
+            active.extend(0..walkers.len());
+            // Advance all unfinished rays by one instance per round.
+            while !active.is_empty() {
+                let counters = counters.as_deref_mut();
+                let counters = counters.map(|all| &mut all[first..first + rays.len()]);
+                let rays = (&mut walkers[..], &mut stacks[..], &active[..]);
+                self.round::<Q>(level, rays, counters, &mut calls);
+                active.retain(|&i| {
+                    let walker: &Walker<'_> = &walkers[i];
+                    let found = walker.best.hit();
+                    // An any-hit ray is done at its first hit, others when their stack is empty.
+                    let done = stacks[i].is_empty() || (Q::ANY && found.is_hit());
+                    if done {
+                        write(first + walker.index, found);
+                    }
+                    !done
+                });
+            }
+        }
+    }
+
+    /// Advances every active ray to the next instance that it may hit, and traces it through that instance's mesh.
+    fn round<'a, Q: Query>(
+        &'a self,
+        level: Level,
+        (walkers, stacks, active): (&mut [Walker<'_>], &mut [Stack], &[usize]),
+        mut counters: Option<&mut [RayCounters]>,
+        calls: &mut Calls<'a>,
+    ) {
+        calls.waiting.clear();
+        for &i in active {
+            let walker = &mut walkers[i];
+            let mut unused = RayCounters::default();
+            let counters = counters
+                .as_deref_mut()
+                .map_or(&mut unused, |all| &mut all[walker.index]);
+            if let Some((mesh, ray)) = self.advance::<Q>(walker, &mut stacks[i], counters) {
+                calls.waiting.push((mesh, i, ray));
+            }
+        }
+        // Trace the rays of each mesh as one batch.
+        calls.waiting.sort_by_key(|call| call.0);
+        for call in calls.waiting.chunk_by(|a, b| a.0 == b.0) {
+            calls.rays.clear();
+            calls
+                .rays
+                .extend(call.iter().map(|(_, i, _)| *walkers[*i].ray));
+            calls.framed.clear();
+            calls.framed.extend(call.iter().map(|(.., ray)| *ray));
+            calls.counts.clear();
+            if counters.is_some() {
+                calls.counts.resize(call.len(), RayCounters::default());
+            }
+            let counted = counters.is_some().then_some(&mut calls.counts[..]);
+            // A hit shortens the interval of its ray.
+            let mut found = |place: usize, hit: Hit| walkers[call[place].1].found(hit);
+            self.meshes[call[0].0 as usize].cast_placed::<Q>(
+                level,
+                &calls.rays,
+                &calls.framed,
+                &mut found,
+                counted,
+            );
+            // Add the mesh's counters to those of each ray.
+            if let Some(all) = counters.as_deref_mut() {
+                for ((_, i, _), count) in call.iter().zip(&calls.counts) {
+                    all[walkers[*i].index].add(count);
+                }
+            }
+        }
+    }
+
+    /// Traverses the upper tree to the next instance whose mesh the ray must traverse. Returns the mesh and the
+    /// ray in the instance's space; `None` if the stack is empty or an any-hit ray is done.
+    fn advance<'a, Q: Query>(
+        &'a self,
+        walker: &mut Walker<'_>,
+        stack: &mut Stack,
+        counters: &mut RayCounters,
+    ) -> Option<(u32, FrameRay<'a>)> {
+        while let Some((code, enter)) = stack.pop() {
+            // Skip entries beyond the nearest hit, which may have changed since they were pushed.
+            if enter > walker.best.reach {
+                continue;
+            }
+            if code & NODE == 0 {
+                // Transform the ray to the instance's space, or handle the instance here.
+                let place = &self.places[code as usize];
+                let met = self.enter::<Q>(place, walker, counters);
+                if Q::ANY && walker.best.hit().is_hit() {
+                    stack.clear();
+                    return None;
+                }
+                if let Some(ray) = met {
+                    return Some((place.mesh, ray));
+                }
+                continue;
+            }
+            // Intersect the children of an inner node with the ray interval.
+            let node = (code & !NODE) as usize;
+            let range = (walker.frame.t_min, walker.best.reach);
+            let meet = |bounds: &Aabb| walker.slabs.meet(bounds, range);
+            counters.steps_axis += 1;
+            match self.tree.kind(node) {
+                Kind::Inner { children, .. } => {
+                    let [below, above] = children.map(|child| {
+                        let enter = meet(&self.tree.items[child].bounds)?;
+                        Some((self.code(child), enter))
+                    });
+                    match (below, above) {
+                        // Push the nearer child last, so that it is visited first.
+                        (Some(a), Some(b)) if a.1 <= b.1 => stack.extend([b, a]),
+                        (Some(a), Some(b)) => stack.extend([a, b]),
+                        (a, b) => stack.extend(a.or(b)),
+                    }
+                }
+                // Several instances whose boxes share one centre.
+                Kind::Leaf { count } => {
+                    let first = self.tree_firsts[node] as usize;
+                    let enter = meet(&self.tree.items[node].bounds);
+                    // Visit the instances in any order: they have the same box.
+                    let ids = &self.tree.ids[first..first + count];
+                    stack.extend(
+                        enter
+                            .into_iter()
+                            .flat_map(|at| ids.iter().map(move |&id| (id, at))),
+                    );
+                }
+            }
+        }
+        None
+    }
+
+    /// Returns the stack entry of a node: the instance itself if the node is a leaf with a single instance.
+    fn code(&self, node: usize) -> u32 {
+        match self.tree.kind(node) {
+            Kind::Leaf { count: 1 } => self.tree.ids[self.tree_firsts[node] as usize],
+            #[expect(clippy::cast_possible_truncation, reason = "fewer nodes than 2^31")]
+            _ => NODE | node as u32,
+        }
+    }
+
+    /// Transforms a ray to an instance's space. Tests the mesh's triangles without area on the way, because no
+    /// tree holds them; tests all triangles if the transformed ray has no usable error bound.
+    fn enter<'a, Q: Query>(
+        &self,
+        place: &'a Place,
+        walker: &mut Walker<'_>,
+        counters: &mut RayCounters,
+    ) -> Option<FrameRay<'a>> {
+        let mesh = &self.meshes[place.mesh as usize];
+        let outline = mesh.outline();
+        if !outline.flat.is_empty() && enter_flat::<Q>(mesh, place, walker, counters) {
+            return None;
+        }
+        // Transform the ray with error bounds.
+        match mesh.frame().placed(walker.ray, place, walker.best.hit()) {
+            Placed::Miss => None,
+            Placed::Walk(framed) => Some(framed),
+            Placed::Blind => {
+                // Without a usable error bound, test all triangles of the mesh.
+                let framed = FrameRay::blind(place, walker.best.hit());
+                walker.offer::<Q>(&framed, mesh.scene(), mesh.scene().live(), counters);
+                None
+            }
+        }
+    }
+}
+
+/// Tests the triangles without area of a mesh; returns whether the traversal may end.
+fn enter_flat<Q: Query>(
+    mesh: &Structure,
+    place: &Place,
+    walker: &mut Walker<'_>,
+    counters: &mut RayCounters,
+) -> bool {
+    let Outline {
+        flat, flat_frame, ..
+    } = mesh.outline();
+    // Transform the ray with the frame of these triangles.
+    let (framed, blind) = match flat_frame.placed(walker.ray, place, walker.best.hit()) {
+        Placed::Miss => return false,
+        Placed::Walk(framed) => (framed, false),
+        Placed::Blind => (FrameRay::blind(place, walker.best.hit()), true),
+    };
+    let slabs = Slabs::new(&framed);
+    // Test the groups whose box the ray meets.
+    flat.iter().any(|(bounds, ids)| {
+        let bounds = Aabb {
+            min: flat_frame.point(bounds.min),
+            max: flat_frame.point(bounds.max),
+        };
+        // Without finite error bounds every group must be tested.
+        let near = blind || slabs.meet(&bounds, (framed.t_min, framed.t_max)).is_some();
+        near && walker.offer::<Q>(&framed, mesh.scene(), ids, counters)
+    })
+}
+
+impl Walker<'_> {
+    /// Applies the exact verdict to triangles of a mesh; returns whether the traversal may end.
+    fn offer<Q: Query>(
+        &mut self,
+        framed: &FrameRay<'_>,
+        scene: &Triangles,
+        ids: &[u32],
+        counters: &mut RayCounters,
+    ) -> bool {
+        // Only the hit is shared: the reach of this copy is in the instance's space, that of the ray in the scene's.
+        let mut best = Best::known(self.best.hit());
+        let ended = ids.iter().any(|&id| {
+            counters.tests += 1;
+            let counters = &mut Count(counters, Notes::Nothing);
+            best.offer::<Q, _>((self.ray, framed), id, || scene.corners(id), counters)
+        });
+        self.found(best.hit());
+        ended
+    }
+
+    /// Replaces the nearest hit and shortens the ray interval to it.
+    fn found(&mut self, hit: Hit) {
+        let reach = self.frame.reach(hit.t).min(self.best.reach);
+        self.best = Best::known(hit);
+        self.best.reach = reach;
+    }
+}
+
+/// Two-level scene with traversals on a given instruction set.
+pub struct AtLevel<'a> {
+    instances: &'a Instances,
+    level: Level,
+}
+
+impl Tracer for AtLevel<'_> {
+    fn count(&self) -> usize {
+        self.instances.count()
+    }
+
+    fn corners(&self, id: u32) -> [[f32; 3]; 3] {
+        self.instances.corners(id)
+    }
+
+    fn closest(&self, rays: &[Ray], hits: &mut [Hit], counters: Option<&mut [RayCounters]>) {
+        assert_eq!(rays.len(), hits.len(), "one answer per ray");
+        let write = |i: usize, hit: Hit| hits[i] = hit;
+        self.instances
+            .trace::<Closest>(self.level, rays, write, counters);
+    }
+
+    fn occluded(&self, rays: &[Ray], occluded: &mut [bool], counters: Option<&mut [RayCounters]>) {
+        assert_eq!(rays.len(), occluded.len(), "one answer per ray");
+        let write = |i: usize, hit: Hit| occluded[i] = hit.is_hit();
+        self.instances
+            .trace::<Any>(self.level, rays, write, counters);
+    }
+}
+
+impl Tracer for Instances {
+    fn count(&self) -> usize {
+        *self.firsts.last().expect("one more than instances") as usize
+    }
+
+    fn corners(&self, id: u32) -> [[f32; 3]; 3] {
+        let (instance, local) = self.locate(id);
+        let corners = self.meshes[self.mesh_of[instance] as usize]
+            .scene()
+            .corners(local);
+        let placed = self
+            .place(instance)
+            .and_then(|place| place.in_mesh.corners(corners));
+        placed.unwrap_or([[f32::NAN; 3]; 3])
+    }
+
+    fn closest(&self, rays: &[Ray], hits: &mut [Hit], counters: Option<&mut [RayCounters]>) {
+        self.at_level(Level::new()).closest(rays, hits, counters);
+    }
+
+    fn occluded(&self, rays: &[Ray], occluded: &mut [bool], counters: Option<&mut [RayCounters]>) {
+        self.at_level(Level::new())
+            .occluded(rays, occluded, counters);
+    }
+}

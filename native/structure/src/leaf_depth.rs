@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The depth of the last leaf that each ray tests, for a render pass that shows it.
+
+use crate::structure::Structure;
+use halfspace_nodes::cells::each_leaf;
+use halfspace_ray::Ray;
+use std::collections::HashMap;
+
+/// Depth of each leaf that holds triangles, keyed by the index of its first block.
+#[derive(Debug, Default)]
+pub struct LeafDepths(HashMap<u32, u32>);
+
+impl LeafDepths {
+    /// The depths of all leaves that single rays test; none without a tree.
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "bounded by the depth limit"
+    )]
+    pub fn new(structure: &Structure) -> Self {
+        let built = structure.built();
+        let bounds = built.frame.bounds();
+        let mut depths = HashMap::new();
+        if let Some(cells) = built.traversed().0.and_then(|tree| tree.cells())
+            && !bounds.is_empty()
+        {
+            each_leaf(cells, bounds, |leaf| {
+                if leaf.count > 0 {
+                    depths.insert(leaf.first, leaf.depth as u32);
+                }
+            });
+        }
+        Self(depths)
+    }
+
+    /// The depth of the last leaf whose triangles were tested against this ray; 0 if none was.
+    pub fn of(&self, structure: &Structure, ray: &Ray) -> u32 {
+        let (_, path) = structure.path(ray);
+        let last = path.leaves.last().and_then(|(first, _)| self.0.get(first));
+        last.copied().unwrap_or(0)
+    }
+}

@@ -1,0 +1,116 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Packets return the hits of brute force for any sequence of rays, and so do tiles that leave rays to packets.
+
+mod common;
+
+use common::build;
+use halfspace::oracle::cases::{
+    Case, Random, Size, aimed, cases, grid, lattice_rays, ray, soup, strew,
+};
+use halfspace::oracle::levels;
+use halfspace::ray::{Hit, Order, Ray, RayCounters, Tracer};
+
+const SPECS: [&str; 9] = [
+    "kd:traversal=p16",
+    "kd-sah:traversal=p4",
+    "bsp-wn-plus-kd:traversal=p16",
+    "bvh-sah:traversal=p8",
+    "kd:traversal=tile8",
+    "bvh-sah:traversal=tile8",
+    // Traversals of the boxes around the cells.
+    "kd:traversal=auto",
+    "bsp-wn-plus-kd:traversal=auto",
+    "bsp-wn:traversal=auto",
+];
+
+/// Bit patterns of the nearest hits, and whether each ray is occluded.
+fn answers(
+    structure: &impl Tracer,
+    rays: &[Ray],
+    mut counters: Option<&mut [RayCounters]>,
+) -> (Vec<[u32; 4]>, Vec<bool>) {
+    let mut hits = vec![Hit::MISS; rays.len()];
+    let mut blocked = vec![false; rays.len()];
+    structure.closest_ordered(rays, &mut hits, counters.as_deref_mut(), Order::Tiles);
+    structure.occluded(rays, &mut blocked, counters);
+    let bits = |hit: &Hit| {
+        [
+            hit.t.to_bits(),
+            hit.triangle,
+            hit.u.to_bits(),
+            hit.v.to_bits(),
+        ]
+    };
+    (hits.iter().map(bits).collect(), blocked)
+}
+
+/// The rays of the case, and fans of 16 neighbouring rays from common origins to corners of triangles, points
+/// of their edges and points just outside. Every fifth ray is irregular.
+fn rays(case: &Case) -> Vec<Ray> {
+    let mut rays = case.rays.clone();
+    let bounds = case.scene.bounds();
+    let size = bounds.magnitude();
+    let starts = case.rays.iter().step_by(41).take(2).map(|ray| ray.o);
+    let above = std::array::from_fn(|k| bounds.max[k] + 0.3 * size);
+    for o in starts.chain([bounds.min, above]) {
+        // Aim a grid of 4 x 4 directions at each chosen triangle's parallelogram.
+        for id in case.scene.live().iter().step_by(7).take(8) {
+            let [a, b, c] = case.scene.corners(*id);
+            for i in 0..16_u8 {
+                let (s, t) = (f32::from(i % 4) / 3.0, f32::from(i / 4) / 3.0);
+                let at = |k: usize| a[k] + s * (b[k] - a[k]) + t * (c[k] - a[k]);
+                rays.push(ray(o, std::array::from_fn(|k| at(k) - o[k])));
+            }
+        }
+    }
+    strew(&mut rays, 5);
+    rays
+}
+
+#[test]
+fn packets_lose_nothing_on_hard_scenes() {
+    for case in cases(Size::Small, 8) {
+        let rays = rays(&case);
+        let expected = answers(&build(&case.scene, "brute"), &rays, None);
+        for spec in SPECS {
+            let structure = build(&case.scene, spec);
+            for (set, level) in levels() {
+                let found = answers(&structure.at_level(level), &rays, None);
+                let wrong = (0..rays.len())
+                    .find(|&i| found.0[i] != expected.0[i] || found.1[i] != expected.1[i]);
+                assert_eq!(
+                    wrong.map(|i| (rays[i], found.0[i], expected.0[i])),
+                    None,
+                    "{}, {spec}, {set}",
+                    case.name
+                );
+            }
+            let mut counters = vec![RayCounters::default(); rays.len()];
+            let counted = answers(&structure, &rays, Some(&mut counters));
+            assert!(counted == expected, "{}, {spec}, counted", case.name);
+        }
+    }
+}
+
+/// Packets as published, without error bounds, return wrong hits as single rays do; this proves that the
+/// comparison above can fail. Each ray occurs four times and none is irregular, so no group has a single ray.
+#[test]
+fn packets_without_bounds_are_caught() {
+    let scene = soup(grid(5, 0.0));
+    let mut random = Random(7);
+    let mut rays = lattice_rays(5, &mut random, 4000);
+    rays.extend(aimed(&scene, 4000, &mut random));
+    rays.retain(|ray| ray.d.iter().any(|d| d.abs() > 1e-3));
+    let rays: Vec<_> = rays.iter().flat_map(|ray| [*ray; 4]).collect();
+    let mut expected = vec![Hit::MISS; rays.len()];
+    build(&scene, "brute").closest(&rays, &mut expected, None);
+    for spec in [
+        "kd:robust=none,traversal=p4",
+        "kd:robust=none,traversal=p16",
+        "bsp-random:robust=none,traversal=p8",
+    ] {
+        let mut found = vec![Hit::MISS; rays.len()];
+        build(&scene, spec).closest(&rays, &mut found, None);
+        assert!(found != expected, "{spec}");
+    }
+}

@@ -1,0 +1,295 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The trees of objects, and the boxes, that are made from trees of planes.
+
+mod common;
+
+use common::build;
+use halfspace::base::Monitor;
+use halfspace::base::error::Result;
+use halfspace::builders::plane_boxes::PlaneBoxes;
+use halfspace::builders::plane_objects::{self, SHARE};
+use halfspace::geom::Aabb;
+use halfspace::nodes::nested::{Look, Nested};
+use halfspace::nodes::object_tree::{Kind, ObjectTree};
+use halfspace::nodes::plane_tree::PlaneTree;
+use halfspace::nodes::tree::{Body, Tree};
+use halfspace::nodes::views::PlaneBoxTree;
+use halfspace::oracle::cases::{Random, grid, soup};
+use halfspace::structure::Structure;
+use std::collections::BTreeSet;
+use std::sync::Arc;
+
+/// The tree of planes of a structure.
+fn planes(structure: &Structure) -> &PlaneTree {
+    let tree = structure.built().tree.as_deref();
+    let planes = tree.and_then(|tree| tree.downcast_ref());
+    planes.expect("a tree of planes")
+}
+
+/// Builds the tree of objects of a structure that is a tree of planes.
+fn objects(structure: &Structure, monitor: &Monitor) -> Result<ObjectTree> {
+    let scene = (&**structure.scene(), structure.frame());
+    plane_objects::build(planes(structure), scene, monitor)
+}
+
+/// The boxes that were made from the planes of a structure.
+fn boxes(structure: &Structure) -> &PlaneBoxTree {
+    let mut derived = structure.built().derived.iter();
+    derived
+        .find_map(|derived| derived.tree.downcast_ref())
+        .expect("boxes made from planes")
+}
+
+/// The leaves of a tree: a box and the triangles in it.
+fn leaves(tree: &ObjectTree) -> Vec<(Aabb, &[u32])> {
+    let firsts = tree.firsts();
+    let places = tree.items.iter().enumerate();
+    places
+        .filter_map(|(place, item)| match tree.kind(place) {
+            Kind::Leaf { count } => {
+                let first = firsts[place] as usize;
+                Some((item.bounds, &tree.ids[first..first + count]))
+            }
+            Kind::Inner { .. } => None,
+        })
+        .collect()
+}
+
+fn around_ids(structure: &Structure, ids: &[u32]) -> Aabb {
+    let boxes = ids
+        .iter()
+        .map(|&id| Aabb::of_triangle(structure.scene().corners(id)));
+    boxes.fold(Aabb::EMPTY, |all, own| all.union(&own))
+}
+
+fn random_points(seed: u64, count: usize) -> Vec<[f32; 3]> {
+    let mut random = Random(seed);
+    (0..count).map(|_| random.point(-1.0, 1.0)).collect()
+}
+
+/// Triangles a tenth as large as the scene.
+fn chips(seed: u64, count: usize) -> Vec<[f32; 3]> {
+    let mut random = Random(seed);
+    let mut chip = || {
+        let at = random.point(-1.0, 1.0);
+        [0, 1, 2].map(|_| {
+            let from = random.point(-0.1, 0.1);
+            [0, 1, 2].map(|k| at[k] + from[k])
+        })
+    };
+    (0..count).flat_map(|_| chip()).collect()
+}
+
+/// Slivers on one skew line, lying over each other.
+fn slivers(count: usize) -> Vec<[f32; 3]> {
+    let mut random = Random(11);
+    let mut point = || {
+        let t = random.unit();
+        [t, 0.7 * t, 0.3 * t]
+    };
+    (0..3 * count).map(|_| point()).collect()
+}
+
+#[test]
+fn leaves_hold_all_triangles_and_are_no_larger_than_these() {
+    for corners in [grid(3, 0.3), random_points(3, 900), Vec::new()] {
+        for spec in ["kd", "bsp-cn-plus-kd", "kd-sah:traversal=dir"] {
+            let structure = build(&soup(corners.clone()), spec);
+            let tree = objects(&structure, &Monitor::new()).unwrap();
+            let mut found = Vec::new();
+            for (bounds, ids) in leaves(&tree) {
+                let whole = around_ids(&structure, ids);
+                assert_eq!(whole.union(&bounds), whole, "{spec}");
+                let mut own = ids.to_vec();
+                own.sort_unstable();
+                own.dedup();
+                assert_eq!(own.len(), ids.len(), "{spec}: a triangle twice in a leaf");
+                found.extend(own);
+            }
+            found.sort_unstable();
+            found.dedup();
+            assert_eq!(found, structure.scene().live(), "{spec}");
+        }
+    }
+}
+
+#[test]
+fn every_point_of_a_triangle_lies_in_the_box_of_a_leaf_that_holds_it() {
+    let mut random = Random(17);
+    for corners in [slivers(150), random_points(5, 600), grid(3, 0.3)] {
+        for spec in [
+            "kd",
+            "rbsp",
+            "rbsp:clip=0",
+            "bsp-ize",
+            "bsp-random:ties=pbrt",
+        ] {
+            let structure = build(&soup(corners.clone()), spec);
+            let tree = objects(&structure, &Monitor::new()).unwrap();
+            let mut held = vec![Vec::new(); corners.len() / 3];
+            for (bounds, ids) in leaves(&tree) {
+                for &id in ids {
+                    held[id as usize].push(bounds);
+                }
+            }
+            for _ in 0..4000 {
+                let id = random.below(held.len());
+                let [a, b, c] = [0, 1, 2].map(|i| corners[3 * id + i]);
+                let (s, t) = (random.unit(), random.unit());
+                let p = [0, 1, 2]
+                    .map(|k: usize| a[k] + s * (b[k] - a[k]) + (1.0 - s) * t * (c[k] - a[k]));
+                // The point itself is rounded.
+                let holds = |bounds: &Aabb| {
+                    (0..3).all(|k| bounds.min[k] - 3e-7 <= p[k] && p[k] <= bounds.max[k] + 3e-7)
+                };
+                // Slivers without area are in no leaf.
+                let found = held[id].is_empty() || held[id].iter().any(holds);
+                assert!(found, "{spec}: {id} {p:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn leaves_are_small_where_oblique_planes_part_slivers() {
+    let structure = build(&soup(slivers(300)), "rbsp");
+    let tree = objects(&structure, &Monitor::new()).unwrap();
+    let leaves = leaves(&tree);
+    assert!(leaves.len() > 20, "{}", leaves.len());
+    let p = [0.5, 0.35, 0.15];
+    let holds = |bounds: &Aabb| (0..3).all(|k| bounds.min[k] <= p[k] && p[k] <= bounds.max[k]);
+    let there = leaves.iter().filter(|(bounds, _)| holds(bounds)).count();
+    assert!(4 * there < leaves.len(), "{there} of {}", leaves.len());
+}
+
+#[test]
+fn trees_are_the_same_whatever_the_number_of_threads() {
+    for spec in ["kd", "bsp-wn-plus-kd"] {
+        let structure = build(&soup(chips(5, 45_000)), spec);
+        let made = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+            (pool.unwrap()).install(|| objects(&structure, &Monitor::new()).unwrap())
+        };
+        let (one, three) = (made(1), made(3));
+        assert!(one.items == three.items && one.ids == three.ids, "{spec}");
+        let ids: BTreeSet<_> = one.ids.iter().copied().collect();
+        assert!(ids.into_iter().eq(0..45_000), "{spec}");
+    }
+}
+
+#[test]
+fn all_of_the_work_is_told_once() {
+    for (spec, count) in [
+        ("kd", 900),
+        ("bsp-wn-plus-kd", 45_000),
+        ("kd", 40),
+        ("kd", 0),
+    ] {
+        let structure = build(&soup(random_points(4, 3 * count)), spec);
+        let monitor = Monitor::new();
+        objects(&structure, &monitor).unwrap();
+        let done = monitor.advanced();
+        assert!((done - SHARE).abs() < 1e-6, "{spec}, {count}: {done}");
+    }
+}
+
+#[test]
+fn what_it_takes_counts() {
+    let structure = build(&soup(random_points(9, 900)), "kd");
+    let monitor = Monitor::new();
+    monitor.limit_memory(4_000_000);
+    let before = monitor.room();
+    let tree = objects(&structure, &monitor).unwrap();
+    let kept = size_of_val(&tree.items[..]) + size_of_val(&tree.ids[..]);
+    let counted = before - monitor.room();
+    assert!(
+        (kept as u64..2 * kept as u64).contains(&counted),
+        "{kept}: {counted}"
+    );
+    monitor.limit_memory(kept as u64 - 1);
+    assert!(objects(&structure, &monitor).is_err());
+    monitor.limit_memory(4_000_000);
+    monitor.cancel();
+    assert!(objects(&structure, &monitor).is_err());
+}
+
+#[test]
+fn each_leaf_stands_once_in_the_boxes_and_all_they_take_counts() {
+    let mut random = Random(31);
+    let corners: Vec<_> = (0..6000).map(|_| random.point(-1.0, 1.0)).collect();
+    let structure = build(&soup(corners), "kd");
+    let planes = planes(&structure);
+    let scene = (&**structure.scene(), structure.frame());
+    let made = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+        (pool.unwrap()).install(|| PlaneBoxes::new(planes, scene, &Monitor::new()).unwrap())
+    };
+    let (boxes, others) = (made(1), made(3));
+    assert!(boxes.tree == others.tree && boxes.blocks == others.blocks);
+
+    let (mut leaves, mut ids) = (BTreeSet::new(), BTreeSet::new());
+    let mut open = vec![(boxes.tree.top(), Aabb::EMPTY)];
+    while let Some((place, bounds)) = open.pop() {
+        if let Look::Leaf { first, count } = boxes.tree.look(place, &bounds, &mut open) {
+            assert!(leaves.insert(first), "twice");
+            ids.extend(boxes.blocks.ids(first, count));
+        }
+    }
+    assert!(ids.into_iter().eq(structure.scene().live().iter().copied()));
+
+    let monitor = Monitor::new();
+    PlaneBoxes::new(planes, scene, &monitor).unwrap();
+    assert!((monitor.advanced() - 1.0).abs() < 1e-6);
+
+    let limited = Monitor::new();
+    limited.limit_memory(boxes.bytes() as u64);
+    assert!(PlaneBoxes::new(planes, scene, &limited).is_err());
+    limited.limit_memory(4 * boxes.bytes() as u64);
+    assert!(PlaneBoxes::new(planes, scene, &limited).is_ok());
+}
+
+/// No answer would change without, only the time that rays take.
+#[test]
+fn all_rays_of_auto_go_through_boxes_whatever_the_planes_are() {
+    let mut random = Random(13);
+    let corners: Vec<_> = (0..900).map(|_| random.point(-1.0, 1.0)).collect();
+    for id in ["kd", "rbsp", "bsp-random", "bsp-wn", "bsp-ize"] {
+        let structure = build(&soup(corners.clone()), id);
+        assert!(structure.shape().nodes_oblique > 0 || id == "kd", "{id}");
+        let boxes = boxes(&structure);
+        let plan = &structure.built().plan;
+        let kernels = [
+            plan.placed.is_some(),
+            plan.closest.is_some(),
+            plan.tiles.is_some(),
+            plan.shadow.is_some(),
+        ];
+        assert_eq!(kernels, [true; 4], "{id}");
+        assert!(
+            Arc::strong_count(&boxes.0) > kernels.len(),
+            "{id}: shared by all kernels"
+        );
+    }
+}
+
+#[test]
+fn boxes_that_lie_elsewhere_are_told_of() {
+    let [structure, other] =
+        [0.3, 0.2].map(|size| build(&soup(grid(4, size)), "kd:traversal=boxes"));
+    let shape = structure.shape();
+    let check = |made: &Structure, broken: &mut Vec<String>| {
+        let body = Body {
+            scene: structure.scene(),
+            frame: structure.frame(),
+            blocks: made.leaves_traversed(),
+            shape: &shape,
+        };
+        boxes(made).validate(&body, broken);
+    };
+    let mut broken = Vec::new();
+    check(&structure, &mut broken);
+    assert!(broken.is_empty(), "{broken:?}");
+    check(&other, &mut broken);
+    let corners = broken.iter().filter(|line| line.contains("a corner of"));
+    assert!(corners.count() > 10, "{broken:?}");
+}

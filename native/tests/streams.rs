@@ -1,0 +1,113 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Streams of rays: the answers of brute force bit for bit, however many rays there are and however they crowd.
+
+mod common;
+
+use common::build;
+use halfspace::oracle::cases::{
+    Random, aimed, cloud, everywhere, lattice_rays, placed, ray, soup, strew,
+};
+use halfspace::oracle::levels;
+use halfspace::ray::{Hit, Ray, Tracer};
+use halfspace::scene::Triangles;
+use halfspace::trace::stream::STREAM;
+use std::sync::Arc;
+
+/// Structures whose nearest hits are found in streams.
+const SPECS: [&str; 3] = ["kd", "bsp-wn-plus-kd", "bvh-sah:traversal=auto"];
+
+fn closest(structure: &impl Tracer, rays: &[Ray]) -> Vec<[u32; 4]> {
+    let mut hits = vec![Hit::MISS; rays.len()];
+    structure.closest(rays, &mut hits, None);
+    let bits = |hit: &Hit| {
+        [
+            hit.t.to_bits(),
+            hit.triangle,
+            hit.u.to_bits(),
+            hit.v.to_bits(),
+        ]
+    };
+    hits.iter().map(bits).collect()
+}
+
+/// Every structure on every instruction set answers these rays like brute force, in batches of `size`. Returns the right
+/// answers.
+fn agree(scene: &Arc<Triangles>, rays: &[Ray], size: usize) -> Vec<[u32; 4]> {
+    let reference = closest(&build(scene, "brute"), rays);
+    for spec in SPECS {
+        let structure = build(scene, spec);
+        for (set, level) in levels() {
+            let structure = structure.at_level(level);
+            for (rays, expected) in rays.chunks(size).zip(reference.chunks(size)).take(60) {
+                let found = closest(&structure, rays);
+                assert_eq!(found, expected, "{spec}, {set}, {size} rays at once");
+            }
+        }
+    }
+    reference
+}
+
+/// Lists end within and at the ends of groups of sixteen, and streams of some octants end before those of others.
+#[test]
+fn batches_of_any_size_answer_like_brute_force() {
+    let mut random = Random(5);
+    let scene = soup(cloud(3000, 0.1, &mut random));
+    let mut rays = aimed(&scene, 1500, &mut random);
+    rays.extend(everywhere(700, &mut random));
+    strew(&mut rays, 9);
+    for size in [1, 2, 3, 8, 15, 16, 17, 31, 32, 33, 63, 100, 640, 2200] {
+        agree(&scene, &rays, size);
+    }
+}
+
+/// Each of these rays meets all of these boxes: no list is shorter than the one it comes from. There are more than walk
+/// together.
+#[test]
+fn rays_that_meet_everything_answer_like_brute_force() {
+    let mut random = Random(6);
+    let plates = (0..600).flat_map(|i| {
+        let z = i as f32 * 1e-3;
+        [[-8.0, -8.0, z], [8.0, -8.0, z + 0.7], [0.0, 8.0, z - 0.3]]
+    });
+    let scene = soup(plates.collect());
+    let rays: Vec<_> = (0..STREAM + 3000)
+        .map(|i| {
+            let [x, y, z] = random.point(-1.0, 1.0);
+            let side = if i % 3 == 0 { -4.0 } else { 4.0 };
+            ray([x, y, side], [0.1 * y, 0.1 * z, -side])
+        })
+        .collect();
+    let reference = agree(&scene, &rays, rays.len());
+    assert!(reference.iter().all(|hit| hit[1] != Hit::NONE));
+}
+
+/// Scaled frames, all rays of which are odd, and rays through edges and corners.
+#[test]
+fn streams_in_scaled_frames_answer_like_brute_force() {
+    let mut random = Random(7);
+    for scale in [1e-30, 1e-12, 1.0, 1e15, 1e30] {
+        let corners = cloud(400, 0.2, &mut random);
+        let scene = soup(placed(&corners, scale, [0.0; 3]));
+        let mut rays = aimed(&scene, 600, &mut random);
+        rays.extend(lattice_rays(3, &mut random, 200));
+        agree(&scene, &rays, rays.len());
+    }
+}
+
+/// In the frame's units such a direction lies in the wall; in the scene's it leaves it, and the ray meets it where it starts.
+#[test]
+fn a_direction_that_rounds_to_zero_in_the_frame_is_not_in_the_wall() {
+    let mut random = Random(8);
+    let mut corners = vec![[0.0, -1.0, -1.0], [0.0, 1.0, -1.0], [0.0, 0.0, 1.0]];
+    corners.extend(cloud(500, 0.1, &mut random));
+    let scene = soup(corners);
+    let rays: Vec<_> = (0..200)
+        .map(|i| {
+            let o = [0.0, 0.1 * random.unit(), -0.1 * random.unit()];
+            let along = [2.0, -3.0, 1e30, 5.0][i % 4];
+            ray(o, [f32::from_bits(1), 0.0, along])
+        })
+        .collect();
+    let reference = agree(&scene, &rays, rays.len());
+    assert!(reference.iter().all(|hit| hit[1] == 0), "all start in it");
+}

@@ -1,0 +1,148 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The kernels of beams: tiles of camera rays that go down a tree as one, and shadow rays of one light.
+
+use super::{octants, planes};
+use crate::batch::{Batch, TileWalk};
+use crate::kernel::{Kernel, store};
+use crate::single::octants::glassner::Location;
+use crate::single::octants::net::Links;
+use crate::single::octants::samet::Ascent;
+use crate::single::octants::{param, step};
+use crate::single::planes::dir;
+use halfspace_leaf::blocks::Blocks;
+use halfspace_nodes::octree_nodes::Octree;
+use halfspace_nodes::plane_tree::PlaneTree;
+use halfspace_ray::query::{Any, Closest};
+use halfspace_ray::{Hit, RayCounters};
+use std::fmt::Debug;
+use std::sync::Arc;
+
+/// Tiles of camera rays as beams.
+#[derive(Debug)]
+struct CameraBeams<T> {
+    tree: Arc<T>,
+    leaves: Arc<Blocks>,
+    /// Rays go on singly when fewer than this are left together.
+    least: u32,
+}
+
+/// A tree with beams of camera rays.
+trait BeamTree: Debug + Send + Sync + 'static {
+    /// The beams over the borrowed tree.
+    type Beams<'a>: TileWalk
+    where
+        Self: 'a;
+
+    /// Borrows the tree.
+    fn beams(&self, least: u32) -> Self::Beams<'_>;
+}
+
+impl BeamTree for Octree {
+    type Beams<'a> = octants::Walk<'a>;
+
+    fn beams(&self, least: u32) -> octants::Walk<'_> {
+        octants::Walk(self, least)
+    }
+}
+
+impl BeamTree for PlaneTree {
+    type Beams<'a> = planes::Walk<'a>;
+
+    fn beams(&self, least: u32) -> planes::Walk<'_> {
+        planes::Walk(self, least)
+    }
+}
+
+impl<T: BeamTree> Kernel<Closest> for CameraBeams<T> {
+    fn trace(&self, batch: &Batch<'_>, answers: &mut [Hit]) {
+        let launch = batch.on(&self.leaves);
+        launch.quick_tiles(&self.tree.beams(self.least), store::<Closest>(answers));
+    }
+
+    fn count(&self, batch: &Batch<'_>, answers: &mut [Hit], counters: &mut [RayCounters]) -> bool {
+        let (beams, launch) = (self.tree.beams(self.least), batch.on(&self.leaves));
+        launch.tiles(&beams, store::<Closest>(answers), Some(counters));
+        true
+    }
+}
+
+/// Camera rays as beams through octants; below `least` rays they go on singly.
+pub fn octants(tree: &Arc<Octree>, leaves: &Arc<Blocks>, least: u32) -> Arc<dyn Kernel<Closest>> {
+    Arc::new(CameraBeams {
+        tree: tree.clone(),
+        leaves: leaves.clone(),
+        least,
+    })
+}
+
+/// Camera rays as beams through split planes; below `least` rays they go on singly.
+pub fn planes(tree: &Arc<PlaneTree>, leaves: &Arc<Blocks>, least: u32) -> Arc<dyn Kernel<Closest>> {
+    Arc::new(CameraBeams {
+        tree: tree.clone(),
+        leaves: leaves.clone(),
+        least,
+    })
+}
+
+/// Defines a function that makes the kernel of shadow beams through a tree whose remaining rays go singly.
+macro_rules! shadow_beams {
+    ($(#[$doc:meta])* fn $constructor:ident($tree:ty) { |$kernel:ident| $single:expr }) => {
+        $(#[$doc])*
+        pub fn $constructor(tree: &Arc<$tree>, leaves: &Arc<Blocks>) -> Arc<dyn Kernel<Any>> {
+            #[derive(Debug)]
+            struct ShadowBeams {
+                tree: Arc<$tree>,
+                leaves: Arc<Blocks>,
+            }
+            impl Kernel<Any> for ShadowBeams {
+                fn trace(&self, batch: &Batch<'_>, answers: &mut [bool]) {
+                    let $kernel = self;
+                    let launch = batch.on(&self.leaves);
+                    launch.shadow_beams((&*self.tree, &$single), store::<Any>(answers), None);
+                }
+
+                fn count(
+                    &self,
+                    batch: &Batch<'_>,
+                    answers: &mut [bool],
+                    counters: &mut [RayCounters],
+                ) -> bool {
+                    let $kernel = self;
+                    let (single, write) = ($single, store::<Any>(answers));
+                    let launch = batch.on(&self.leaves);
+                    launch.shadow_beams((&*self.tree, &single), write, Some(counters));
+                    true
+                }
+            }
+            Arc::new(ShadowBeams {
+                tree: tree.clone(),
+                leaves: leaves.clone(),
+            })
+        }
+    };
+}
+
+shadow_beams! {
+    /// Shadow rays as beams through split planes.
+    fn shadow_planes(PlaneTree) { |kernel| dir::Walk(&*kernel.tree) }
+}
+
+shadow_beams! {
+    /// Shadow rays as beams through octants, single rays from the root.
+    fn shadow_param(Octree) { |kernel| param::Walk(&kernel.tree) }
+}
+
+shadow_beams! {
+    /// Shadow rays as beams through octants, single rays by links.
+    fn shadow_net(Octree) { |kernel| step::Walk(&kernel.tree, Links) }
+}
+
+shadow_beams! {
+    /// Shadow rays as beams through octants, single rays by the common ancestor.
+    fn shadow_samet(Octree) { |kernel| step::Walk(&kernel.tree, Ascent) }
+}
+
+shadow_beams! {
+    /// Shadow rays as beams through octants, single rays that locate each leaf from the root.
+    fn shadow_glassner(Octree) { |kernel| step::Walk(&kernel.tree, Location) }
+}

@@ -1,0 +1,334 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Shadow beams: rays to one light traverse a tree together, as González López and Gisbert Cantó announce but
+//! do not build.
+//!
+//! Seen from the light, the ends of its shadow rays are pixels on the six faces of a cube (on one plane, for a
+//! sun). Sorted by face and position they form beams of at most 64 rays that are narrow at both ends. A beam's
+//! shaft meets few cells; there, triangles are rejected that the shaft misses, and those whose plane has the
+//! whole beam on one side, as the receivers' own have. Mostly no triangle is left: the beam is empty, and one
+//! traversal decides all its rays.
+//!
+//! A remaining triangle is tested against the rays, eight at a time, then by the exact verdict; the last
+//! blocker is tested first. The rays of a beam that meets many cells or triangles are traced singly. No result
+//! changes.
+
+use crate::batch::{Launch, Walk, baseline};
+use crate::beam::bundle::{LANES, RAYS, Row, Rows, all, lanes, load};
+use crate::beam::light_cube;
+use crate::beam::shaft::{Extent, Shaft};
+use crate::beam::shaft_tree::ShaftTree;
+use crate::shadow_cache::ShadowCache;
+use fearless_simd::{Simd, dispatch};
+use halfspace_leaf::block_boxes::BlockBoxes;
+use halfspace_leaf::lanes::{Free, Plane};
+use halfspace_ray::query::{Any, Best, Count, Counters, NoCount, Notes};
+use halfspace_ray::{FrameRay, Hit, RayCounters};
+
+/// Fewest rays for which a beam is traced.
+const LEAST: u32 = 4;
+
+/// Rays per triangle that a beam may test; beyond it, its rays are traced singly.
+const RAYS_PER_TRIANGLE: u32 = 4;
+
+/// The rays of a beam.
+struct Beam {
+    /// Their indices in the batch.
+    ids: Vec<usize>,
+    framed: Vec<FrameRay<'static>>,
+    rays: Rows,
+    /// Start and end points between which each ray may be blocked.
+    start: [Row; 3],
+    end: [Row; 3],
+    reach: Row,
+    /// Mask of the undecided rays.
+    open: u64,
+    /// Error bound of the start and end points.
+    pad: f32,
+}
+
+impl Launch<'_> {
+    /// Finds any hit of each ray by beams through a spatial subdivision; `walk` traces rays singly.
+    pub fn shadow_beams<T: ShaftTree, W: Walk>(
+        &self,
+        (tree, walk): (&T, &W),
+        mut write: impl FnMut(usize, Hit),
+        counters: Option<&mut [RayCounters]>,
+    ) {
+        let sorted = light_cube::sorted(self.rays, self.scene.bounds());
+        match counters {
+            None => {
+                let mut none = vec![NoCount; self.rays.len()];
+                dispatch!(self.level, simd => {
+                    self.each_beam(simd, (tree, walk), &sorted, &mut write, &mut none);
+                });
+            }
+            Some(counters) => {
+                let mut counters: Vec<_> = counters
+                    .iter_mut()
+                    .map(|c| Count(c, Notes::Nothing))
+                    .collect();
+                baseline!(simd => {
+                    self.each_beam(simd, (tree, walk), &sorted, &mut write, &mut counters);
+                });
+            }
+        }
+    }
+
+    /// Traces the sorted rays beam by beam.
+    #[inline(always)]
+    fn each_beam<S: Simd, T: ShaftTree, W: Walk, C: Counters>(
+        &self,
+        simd: S,
+        (tree, walk): (&T, &W),
+        sorted: &[u64],
+        write: &mut impl FnMut(usize, Hit),
+        counters: &mut [C],
+    ) {
+        let mut scratch = walk.scratch();
+        let mut beam = Beam::new();
+        let mut waiting = Vec::with_capacity(64);
+        let mut cache = ShadowCache::new(self.scene.bounds());
+        for run in sorted.chunk_by(|a, b| light_cube::same_face(*a, *b)) {
+            for keys in run.chunks(RAYS) {
+                beam.fill(self, keys, write);
+                let Some(&first) = beam.ids.first() else {
+                    continue;
+                };
+                let entry = cache.entry(&self.rays[first]);
+                // Test the last blocker of this light first, then trace the beam.
+                let mut blocker = Hit::MISS;
+                if beam.open.count_ones() >= LEAST {
+                    let id = cache.blocker(entry);
+                    if id != Hit::NONE {
+                        let known = (id, self.scene.corners(id).map(|p| self.frame.point(p)));
+                        self.put(simd, &mut beam, known, &mut blocker, write, counters);
+                        for i in lanes(beam.everyone() & !beam.open) {
+                            counters[beam.ids[i]].spared();
+                        }
+                    }
+                    if beam.open.count_ones() >= LEAST {
+                        let tree = (tree, &mut waiting);
+                        self.follow(simd, tree, &mut beam, &mut blocker, write, counters);
+                    }
+                }
+                // Trace the undecided rays singly, with the latest blocker first.
+                for i in lanes(beam.open) {
+                    let id = beam.ids[i];
+                    let ray = (&self.rays[id], &beam.framed[i]);
+                    if let Some(hit) = self.blocked(blocker.triangle, ray, &mut counters[id]) {
+                        write(id, hit);
+                        continue;
+                    }
+                    let triangles = (self.scene, self.blocks);
+                    let count = &mut counters[id];
+                    let hit = walk.cast::<S, Any, C>(simd, triangles, ray, &mut scratch, count);
+                    blocker = hit;
+                    write(id, hit);
+                }
+                cache.remember(entry, &blocker);
+            }
+        }
+    }
+
+    /// Traces a beam through the tree; rays that stay open must be traced singly.
+    #[inline(always)]
+    fn follow<S: Simd, T: ShaftTree, C: Counters>(
+        &self,
+        simd: S,
+        (tree, waiting): (&T, &mut Vec<T::Place>),
+        beam: &mut Beam,
+        blocker: &mut Hit,
+        write: &mut impl FnMut(usize, Hit),
+        counters: &mut [C],
+    ) {
+        let shaft = beam.shaft(self.frame.bounds().magnitude());
+        let open = beam.open.count_ones();
+        let mut steps = T::STEPS_PER_RAY * open;
+        let mut triangles = open.div_ceil(RAYS_PER_TRIANGLE);
+        // Count the work of the beam for its first ray.
+        let charged = beam.ids[beam.open.trailing_zeros() as usize];
+        let mut empty = true;
+        waiting.clear();
+        waiting.push(tree.top(self.frame.bounds()));
+        // Visit the cells that the shaft meets, until a budget is used up.
+        while let Some(place) = waiting.pop() {
+            // A leaf: test the triangles that may block the beam.
+            if let Some((first, count)) = tree.step(simd, place, &shaft, waiting) {
+                counters[charged].leaf(count);
+                let (mut at, mut left) = (first as usize, count);
+                // Reject eight triangles at a time by their boxes, then each by its plane.
+                while left > 0 {
+                    let block = BlockBoxes::new(simd, self.blocks, at, left);
+                    counters[charged].tests(block.n);
+                    let met = shaft.meets(simd, &block.low, &block.high);
+                    for lane in lanes(met & ((1 << block.n) - 1)) {
+                        let triangle = block.triangle(lane);
+                        if beam.is_beside(simd, triangle.1) {
+                            continue;
+                        }
+                        if triangles == 0 {
+                            return;
+                        }
+                        triangles -= 1;
+                        empty = false;
+                        self.put(simd, beam, triangle, blocker, write, counters);
+                        if beam.open == 0 {
+                            return;
+                        }
+                    }
+                    at = block.next;
+                    left -= block.n;
+                    if steps == 0 {
+                        return;
+                    }
+                    steps -= 1;
+                }
+                continue;
+            }
+            counters[charged].step_axis();
+            if steps == 0 {
+                return;
+            }
+            steps -= 1;
+        }
+        // The whole shaft was searched: the open rays are unoccluded.
+        for i in lanes(beam.open) {
+            write(beam.ids[i], Hit::MISS);
+            if empty {
+                counters[beam.ids[i]].spared();
+            }
+        }
+        beam.open = 0;
+    }
+
+    /// Tests a triangle against the open rays; blocked rays are written and closed.
+    #[inline(always)]
+    fn put<S: Simd, C: Counters>(
+        &self,
+        simd: S,
+        beam: &mut Beam,
+        (id, corners): (u32, [[f32; 3]; 3]),
+        blocker: &mut Hit,
+        write: &mut impl FnMut(usize, Hit),
+        counters: &mut [C],
+    ) {
+        let free = Free::new(corners);
+        // Test eight rays at a time in f32, then put the candidates to the exact verdict.
+        for row in (0..beam.ids.len()).step_by(LANES) {
+            let bits = beam.open >> row & 0xff;
+            if bits == 0 {
+                continue;
+            }
+            let (o, d) = (all(simd, &beam.rays.o, row), all(simd, &beam.rays.d, row));
+            let found = free.candidates(simd, o, d, load(simd, &beam.reach, row)) & bits;
+            for lane in lanes(bits) {
+                counters[beam.ids[row + lane]].tests(1);
+            }
+            for lane in lanes(found) {
+                let (i, own) = (row + lane, beam.ids[row + lane]);
+                let ray = (&self.rays[own], &beam.framed[i]);
+                let mut best = Best::new(ray.1);
+                let blocked = best.offer::<Any, C>(
+                    ray,
+                    id,
+                    #[inline(always)]
+                    || self.blocks.scene_corners(self.scene, id, corners),
+                    &mut counters[own],
+                );
+                if blocked {
+                    beam.open &= !(1 << i);
+                    *blocker = best.hit();
+                    write(own, best.hit());
+                }
+            }
+        }
+    }
+}
+
+impl Beam {
+    /// A beam without rays.
+    fn new() -> Self {
+        Self {
+            ids: Vec::with_capacity(RAYS),
+            framed: Vec::with_capacity(RAYS),
+            rays: Rows::blank(),
+            start: [[0.0; RAYS]; 3],
+            end: [[0.0; RAYS]; 3],
+            reach: [0.0; RAYS],
+            open: 0,
+            pad: 0.0,
+        }
+    }
+
+    /// Takes the rays of some sorted keys; rays that miss the scene are written at once.
+    #[inline(always)]
+    fn fill(&mut self, batch: &Launch<'_>, keys: &[u64], write: &mut impl FnMut(usize, Hit)) {
+        self.ids.clear();
+        self.framed.clear();
+        self.pad = 0.0;
+        for key in keys {
+            #[expect(clippy::cast_possible_truncation, reason = "the low half")]
+            let id = *key as u32 as usize;
+            let Some(ray) = batch.frame.ray(&batch.rays[id]) else {
+                write(id, Hit::MISS);
+                continue;
+            };
+            let i = self.ids.len();
+            // Store the ray and the ends of its segment.
+            for k in 0..3 {
+                self.rays.o[k][i] = ray.o[k];
+                self.rays.d[k][i] = ray.d[k];
+                self.start[k][i] = ray.o[k] + ray.t_min * ray.d[k];
+                self.end[k][i] = ray.o[k] + ray.t_max * ray.d[k];
+                self.pad = self.pad.max(ray.pad[k]);
+            }
+            self.reach[i] = ray.t_max;
+            self.ids.push(id);
+            self.framed.push(ray);
+        }
+        self.open = self.everyone();
+    }
+
+    /// Mask of all rays.
+    fn everyone(&self) -> u64 {
+        match self.ids.len() {
+            0 => 0,
+            n => u64::MAX >> (RAYS - n),
+        }
+    }
+
+    /// The shaft of the open rays.
+    #[inline(always)]
+    fn shaft(&self, magnitude: f32) -> Shaft {
+        let (mut from, mut to) = (Extent::NOTHING, Extent::NOTHING);
+        for i in lanes(self.open) {
+            from.add([self.start[0][i], self.start[1][i], self.start[2][i]]);
+            to.add([self.end[0][i], self.end[1][i], self.end[2][i]]);
+        }
+        // No cell extends beyond the root cell, which is at most twice the scene and one cell wide.
+        Shaft::new(&from, &to, self.pad, 8.0 * magnitude)
+    }
+
+    /// Whether all open rays certainly lie on one side of a triangle's plane.
+    #[inline(always)]
+    fn is_beside<S: Simd>(&self, simd: S, corners: [[f32; 3]; 3]) -> bool {
+        let plane = Plane::new(corners);
+        let (mut above, mut below) = (true, true);
+        // Compare the starts and ends of eight rays at a time with the plane.
+        for row in (0..self.ids.len()).step_by(LANES) {
+            let own = self.open >> row & 0xff;
+            if own == 0 {
+                continue;
+            }
+            for points in [&self.start, &self.end] {
+                let sides = plane.sides(simd, all(simd, points, row), self.pad);
+                above &= sides[0] & own == own;
+                below &= sides[1] & own == own;
+            }
+            if !above && !below {
+                return false;
+            }
+        }
+        true
+    }
+}

@@ -1,0 +1,108 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The kernels of rays in flight: sixteen rays take turns, so that the memory of each is fetched while others step.
+
+use super::{Alone, Steps, boxes, planes};
+use crate::batch::Batch;
+use crate::kernel::{Kernel, store};
+use crate::single::single_rays;
+use halfspace_leaf::blocks::Blocks;
+use halfspace_nodes::box_tree::BoxTree;
+use halfspace_nodes::wide_tree::WideTree;
+use halfspace_ray::query::{Any, Closest, Query};
+use std::fmt::Debug;
+use std::sync::Arc;
+
+/// A tree that rays in flight step through.
+trait Steppable: Debug + Send + Sync + 'static {
+    /// The steps over the borrowed tree.
+    type Steps<'a>: Steps
+    where
+        Self: 'a;
+
+    /// Borrows the tree.
+    fn steps(&self) -> Self::Steps<'_>;
+
+    /// Size of the nodes in bytes.
+    fn bytes(&self) -> usize;
+}
+
+impl Steppable for WideTree {
+    type Steps<'a> = planes::Walk<'a>;
+
+    fn steps(&self) -> planes::Walk<'_> {
+        planes::Walk(self)
+    }
+
+    fn bytes(&self) -> usize {
+        WideTree::bytes(self)
+    }
+}
+
+impl Steppable for BoxTree<8> {
+    type Steps<'a> = boxes::Walk<'a>;
+
+    fn steps(&self) -> boxes::Walk<'_> {
+        boxes::Walk(self)
+    }
+
+    fn bytes(&self) -> usize {
+        size_of_val(&*self.nodes)
+    }
+}
+
+/// Rays in flight through a tree.
+#[derive(Debug)]
+struct InFlight<T> {
+    tree: Arc<T>,
+    leaves: Arc<Blocks>,
+}
+
+impl<Q: Query, T: Steppable> Kernel<Q> for InFlight<T> {
+    fn trace(&self, batch: &Batch<'_>, answers: &mut [Q::Answer]) {
+        let launch = batch.on(&self.leaves);
+        launch.fly::<_, Q>(&self.tree.steps(), store::<Q>(answers));
+    }
+
+    fn working_set(&self) -> Option<usize> {
+        Some(self.tree.bytes() + self.leaves.bytes())
+    }
+}
+
+/// Nearest hits of rays in flight through wide nodes of planes.
+pub fn wide_planes(tree: &Arc<WideTree>, leaves: &Arc<Blocks>) -> Arc<dyn Kernel<Closest>> {
+    Arc::new(InFlight {
+        tree: tree.clone(),
+        leaves: leaves.clone(),
+    })
+}
+
+/// Any hits of rays in flight through wide nodes of planes.
+pub fn shadow_wide_planes(tree: &Arc<WideTree>, leaves: &Arc<Blocks>) -> Arc<dyn Kernel<Any>> {
+    Arc::new(InFlight {
+        tree: tree.clone(),
+        leaves: leaves.clone(),
+    })
+}
+
+/// Nearest hits of rays in flight through nodes of eight boxes, [`BoxTree::by_corners`].
+pub fn wide_boxes(tree: &Arc<BoxTree<8>>, leaves: &Arc<Blocks>) -> Arc<dyn Kernel<Closest>> {
+    Arc::new(InFlight {
+        tree: tree.clone(),
+        leaves: leaves.clone(),
+    })
+}
+
+/// Any hits of rays in flight through nodes of eight boxes, [`BoxTree::by_corners`].
+pub fn shadow_wide_boxes(tree: &Arc<BoxTree<8>>, leaves: &Arc<Blocks>) -> Arc<dyn Kernel<Any>> {
+    Arc::new(InFlight {
+        tree: tree.clone(),
+        leaves: leaves.clone(),
+    })
+}
+
+single_rays! {
+    /// Single rays through wide nodes of planes.
+    fn single_wide_planes(WideTree) -> Alone<planes::Walk<'a>> {
+        |kernel| Alone(planes::Walk(&kernel.tree))
+    }
+}

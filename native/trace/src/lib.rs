@@ -1,0 +1,17 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Traversal kernels: each is one compiled way to answer a batch of rays over one tree.
+
+pub mod batch;
+pub mod beam;
+pub mod first_hit;
+pub mod flight;
+pub mod kernel;
+pub mod packet;
+pub mod pending;
+pub mod reorder;
+pub mod shadow_cache;
+pub mod single;
+pub mod slabs;
+pub mod stream;
+pub mod threads;
+pub mod tile;

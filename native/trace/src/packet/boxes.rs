@@ -1,0 +1,182 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Packet traversal of box trees: each box of a node is tested against all rays, one ray per lane. The next box
+//! is the one that the first active ray in it enters soonest.
+
+use crate::packet::walk::PacketTree;
+use crate::packet::{self, Group, MOST, Packet, Width, leaf as packet_leaf};
+use crate::pending::{Waits, make_room};
+use crate::single::objects::boxes as box_tree;
+use crate::tile::Row;
+use fearless_simd::{Select, Simd, SimdBase, SimdFloat};
+use halfspace_geom::bound::{keep_max_each, keep_min_each};
+use halfspace_leaf::blocks::Blocks;
+use halfspace_nodes::box_tree::{BoxTree, INNER};
+use halfspace_nodes::plane_tree::MAX_DEPTH;
+use halfspace_ray::Ray;
+use halfspace_ray::query::{Counters, Query};
+use halfspace_scene::Triangles;
+
+/// A stack entry: a box still to visit and the entry distance of each ray, infinite for rays that miss it.
+#[derive(Clone, Copy)]
+pub struct Pending {
+    /// Entry distance of the first ray that hits the box; the sort key.
+    first: f32,
+    link: u32,
+    count: u32,
+    enter: Row,
+}
+
+impl Waits for Pending {
+    #[inline(always)]
+    fn enter(&self) -> f32 {
+        self.first
+    }
+}
+
+impl<const W: usize> PacketTree for BoxTree<W> {
+    type Pending<'a> = Pending;
+    type Single<'a>
+        = box_tree::Walk<'a, W>
+    where
+        Self: 'a;
+
+    fn single(&self) -> Self::Single<'_> {
+        box_tree::Walk(self)
+    }
+
+    fn stack(&self) -> Vec<Pending> {
+        let blank = Pending {
+            first: 0.0,
+            link: 0,
+            count: 0,
+            enter: [0.0; MOST],
+        };
+        // Each level leaves at most all children but one on the stack, and the lowest level all of them.
+        vec![blank; (MAX_DEPTH + 1) * (W - 1) + 2 * W]
+    }
+
+    #[inline(always)]
+    fn follow_packet<S: Simd, Q: Query, C: Counters, L: Width>(
+        &self,
+        simd: S,
+        (_, blocks): (&Triangles, &Blocks),
+        rays: &[Ray],
+        (packet, group): (&mut Packet, Group),
+        stack: &mut [Pending],
+        counters: &mut [C],
+    ) {
+        let charged = packet.places[group.lead];
+        let slabs = slabs::<S, L>(simd, packet);
+        // Leaves need no exit distances of boxes, only the ends of the rays.
+        let ends = packet::load::<S, L>(simd, &packet.reach);
+        let mut enters = packet.enter(group);
+        let mut waiting = 0;
+        // Per child of the node: the mask of rays that hit it, and their entry distances.
+        let mut lanes_of = [0; W];
+        let mut entries = [[f32::INFINITY; MOST]; W];
+        let mut node = &self.nodes[0];
+        loop {
+            counters[charged].step_axis();
+            // Choose the near and the far plane row of each axis; all rays of a group share their direction
+            // signs.
+            let inside = packet::load::<S, L>(simd, &enters);
+            let reach = packet::load::<S, L>(simd, &packet.reach);
+            let base = waiting;
+            let side = |k: usize, far: u32| {
+                let back = group.signs >> k & 1;
+                &node.bounds[k + 3 * (back ^ far) as usize]
+            };
+            let near = [side(0, 0), side(1, 0), side(2, 0)];
+            let far = [side(0, 1), side(1, 1), side(2, 1)];
+            // Test all boxes before the first is pushed: a branch for each would often be mispredicted.
+            let mut met = 0_u32;
+            for child in 0..W {
+                let (mut enter, mut leave) = (inside, reach);
+                for (k, [inv, before, behind]) in slabs.into_iter().enumerate() {
+                    let (soon, late) = (near[k][child], far[k][child]);
+                    // NaN bounds nothing.
+                    enter = keep_max_each(L::Vector::splat(simd, soon).mul_add(inv, before), enter);
+                    leave = keep_min_each(L::Vector::splat(simd, late).mul_add(inv, behind), leave);
+                }
+                // Rays that miss this box are inactive in the subtree.
+                let outside = L::Vector::splat(simd, f32::INFINITY);
+                let entered = enter.simd_le(leave).select(enter, outside);
+                packet::store::<S, L>(entered, &mut entries[child]);
+                lanes_of[child] = packet::live::<S, L>(enter, leave);
+                met |= u32::from(lanes_of[child] != 0 && node.count[child] != 0) << child;
+            }
+            // Push the boxes that are hit, sorted by entry distance with the nearest on top.
+            while met != 0 {
+                let child = met.trailing_zeros() as usize % W;
+                met &= met - 1;
+                let (lanes, own) = (lanes_of[child], entries[child]);
+                let first = own[lanes.trailing_zeros() as usize % MOST];
+                let at = make_room(stack, base, &mut waiting, first);
+                stack[at] = Pending {
+                    first,
+                    link: node.link[child],
+                    count: node.count[child],
+                    enter: own,
+                };
+            }
+
+            // Pop the nearest box, and test leaves until an inner node comes up.
+            node = loop {
+                if waiting == 0 {
+                    return;
+                }
+                waiting -= 1;
+                // Drop rays whose best hit has come before this box since it was pushed.
+                let next = &stack[waiting];
+                let enter = packet::load::<S, L>(simd, &next.enter);
+                let reach = packet::load::<S, L>(simd, &packet.reach);
+                let lanes = packet::live::<S, L>(enter, reach) & group.lanes;
+                if lanes == 0 {
+                    continue;
+                }
+                if next.count == INNER {
+                    enters = next.enter;
+                    break &self.nodes[next.link as usize];
+                }
+                let leaf = (next.link, next.count as usize);
+                // Prefetch the leaf, and the entry that follows it.
+                blocks.fetch_ahead(leaf.0);
+                if let Some(further) = stack[..waiting].last() {
+                    self.fetch_ahead((further.link, further.count), blocks);
+                }
+                counters[charged].leaf(leaf.1);
+                let cell = (lanes, &ends);
+                packet_leaf::test::<S, Q, C, L>(simd, (blocks, rays), leaf, packet, cell, counters);
+            };
+        }
+    }
+}
+
+/// The coefficients of the slab tests, per axis: the factor of a plane's coordinate, and the terms added for
+/// entry and for exit planes. These are [`box_tree::Slabs`] with one ray per lane.
+#[inline(always)]
+pub fn slabs<S: Simd, L: Width>(simd: S, packet: &Packet) -> [[L::Vector<S>; 3]; 3] {
+    [
+        slab::<S, L>(simd, packet, 0),
+        slab::<S, L>(simd, packet, 1),
+        slab::<S, L>(simd, packet, 2),
+    ]
+}
+
+/// The coefficients for axis `k`.
+#[inline(always)]
+fn slab<S: Simd, L: Width>(simd: S, packet: &Packet, k: usize) -> [L::Vector<S>; 3] {
+    let splat = |x: f32| L::Vector::splat(simd, x);
+    let inv = packet::load::<S, L>(simd, &packet.inv[k]);
+    let slack = packet::load::<S, L>(simd, &packet.slack[k]);
+    let shift = packet::load::<S, L>(simd, &packet.o[k]) * inv;
+    // If a product with some coordinate may overflow, this axis bounds nothing.
+    let most = splat(f32::MAX);
+    let span = packet::load::<S, L>(simd, &packet.span) * inv;
+    let finite = span.abs().simd_le(most) & (slack + shift.abs()).simd_le(most);
+    [
+        finite.select(inv, splat(0.0)),
+        finite.select(-shift - slack, splat(f32::NEG_INFINITY)),
+        finite.select(slack - shift, splat(f32::INFINITY)),
+    ]
+}

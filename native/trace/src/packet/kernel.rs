@@ -1,0 +1,98 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The kernels of packets: 4, 8 or 16 rays, one to a lane, whatever their order.
+
+use super::walk::{PacketTree, Packets};
+use super::{Eight, Four, Sixteen, Width};
+use crate::batch::Batch;
+use crate::kernel::{Kernel, Uncounted, store};
+use halfspace_leaf::blocks::Blocks;
+use halfspace_nodes::box_tree::BoxTree;
+use halfspace_nodes::plane_tree::PlaneTree;
+use halfspace_ray::RayCounters;
+use halfspace_ray::query::{Any, Closest, Query};
+use std::fmt::Debug;
+use std::marker::PhantomData;
+use std::sync::Arc;
+
+/// Packets of the rays of `L`.
+#[derive(Debug)]
+struct InPackets<T, L> {
+    tree: Arc<T>,
+    leaves: Arc<Blocks>,
+    width: PhantomData<L>,
+}
+
+impl<T, L> InPackets<T, L> {
+    fn new(tree: &Arc<T>, leaves: &Arc<Blocks>) -> Self {
+        Self {
+            tree: tree.clone(),
+            leaves: leaves.clone(),
+            width: PhantomData,
+        }
+    }
+}
+
+impl<Q: Query, T, L> Kernel<Q> for InPackets<T, L>
+where
+    T: PacketTree + Debug + Send + 'static,
+    L: Width + Debug + Send + Sync,
+{
+    fn trace(&self, batch: &Batch<'_>, answers: &mut [Q::Answer]) {
+        let packets = Packets::<_, Q, L>::new(&*self.tree);
+        batch
+            .on(&self.leaves)
+            .quick_tiles(&packets, store::<Q>(answers));
+    }
+
+    fn count(
+        &self,
+        batch: &Batch<'_>,
+        answers: &mut [Q::Answer],
+        counters: &mut [RayCounters],
+    ) -> bool {
+        let packets = Packets::<_, Q, L>::new(&*self.tree);
+        let launch = batch.on(&self.leaves);
+        launch.tiles(&packets, store::<Q>(answers), Some(counters));
+        true
+    }
+}
+
+fn nearest<T: PacketTree + Debug + Send + 'static>(
+    tree: &Arc<T>,
+    leaves: &Arc<Blocks>,
+    rays: usize,
+) -> Arc<dyn Kernel<Closest>> {
+    match rays {
+        4 => Arc::new(InPackets::<_, Four>::new(tree, leaves)),
+        8 => Arc::new(InPackets::<_, Eight>::new(tree, leaves)),
+        _ => Arc::new(InPackets::<_, Sixteen>::new(tree, leaves)),
+    }
+}
+
+/// Nearest hits by packets of 4, 8 or 16 rays through split planes.
+pub fn planes(
+    tree: &Arc<PlaneTree>,
+    leaves: &Arc<Blocks>,
+    rays: usize,
+) -> Arc<dyn Kernel<Closest>> {
+    nearest(tree, leaves, rays)
+}
+
+/// Nearest hits by packets of 4, 8 or 16 rays through nodes of eight boxes.
+pub fn boxes(
+    tree: &Arc<BoxTree<8>>,
+    leaves: &Arc<Blocks>,
+    rays: usize,
+) -> Arc<dyn Kernel<Closest>> {
+    nearest(tree, leaves, rays)
+}
+
+/// Any hits by packets of 16 rays through split planes.
+pub fn shadow_planes(tree: &Arc<PlaneTree>, leaves: &Arc<Blocks>) -> Arc<dyn Kernel<Any>> {
+    Arc::new(Uncounted(InPackets::<_, Sixteen>::new(tree, leaves)))
+}
+
+/// Any hits by packets of 16 rays through nodes of eight boxes.
+pub fn shadow_boxes(tree: &Arc<BoxTree<8>>, leaves: &Arc<Blocks>) -> Arc<dyn Kernel<Any>> {
+    Arc::new(Uncounted(InPackets::<_, Sixteen>::new(tree, leaves)))
+}

@@ -1,0 +1,9 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Single rays through hierarchies of objects.
+
+pub mod boxes;
+pub mod dops;
+pub mod slab_boxes;
+pub mod slabs;
+pub mod slanted;
+pub mod wide_slabs;

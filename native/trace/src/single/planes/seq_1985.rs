@@ -1,0 +1,98 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The sequential traversal as published (Kaplan 1985), without error bounds, for measuring its failures and
+//! its speed. Renderers use [`crate::single::planes::seq`].
+//!
+//! The leaf of a point is located from the root; the next point lies a small step behind the ray's exit from
+//! the leaf's cell. A traversal whose distance no longer increases ends.
+
+use crate::batch;
+use crate::single::single_rays;
+use fearless_simd::Simd;
+use halfspace_geom::Aabb;
+use halfspace_leaf::blocks::Blocks;
+use halfspace_nodes::plane_tree::{Node, PlaneTree};
+use halfspace_ray::query::{Best, Counters, Query};
+use halfspace_ray::{FrameRay, Hit, Ray};
+use halfspace_scene::Triangles;
+
+/// The step behind a wall, relative to the scene's largest coordinate. Chosen: 16 u, above the rounding of a
+/// coordinate.
+const STEP: f32 = 1.0 / 1_048_576.0;
+
+/// The traversal of one tree within the scene's box.
+///
+/// # Panics
+/// On a tree with oblique planes; the registry offers this traversal for axis-aligned trees only.
+pub struct Walk<'a>(pub &'a PlaneTree, pub Aabb);
+
+impl batch::Walk for Walk<'_> {
+    type Scratch = ();
+
+    fn scratch(&self) {}
+
+    #[inline(always)]
+    fn cast<S: Simd, Q: Query, C: Counters>(
+        &self,
+        simd: S,
+        (scene, blocks): (&Triangles, &Blocks),
+        (ray, frame): (&Ray, &FrameRay),
+        (): &mut (),
+        counters: &mut C,
+    ) -> Hit {
+        let Self(tree, bounds) = self;
+        let step = STEP * bounds.magnitude();
+        let mut best = Best::new(frame);
+        let mut t = frame.t_min;
+        loop {
+            // Locate the leaf of the current point and its cell.
+            let point: [f32; 3] = std::array::from_fn(|k| frame.o[k] + t * frame.d[k]);
+            let mut cell = *bounds;
+            let mut node = tree.root();
+            let leaf = loop {
+                match tree.node(node) {
+                    Node::Axis {
+                        axis,
+                        split,
+                        children,
+                        ..
+                    } => {
+                        counters.step_axis();
+                        if point[axis] < split {
+                            (node, cell.max[axis]) = (children, split);
+                        } else {
+                            (node, cell.min[axis]) = (children + 1, split);
+                        }
+                    }
+                    Node::Oblique { .. } => unreachable!("this walk is for axis-aligned trees"),
+                    Node::Leaf { first, count } => break (first, count),
+                }
+            };
+            counters.leaf(leaf.1);
+            // Intersect the ray with the far walls of the cell.
+            let mut leave = frame.t_max;
+            for k in 0..3 {
+                let wall = if frame.negative[k] == 1 {
+                    cell.min[k]
+                } else {
+                    cell.max[k]
+                };
+                leave = leave.min((wall - frame.o[k]) * frame.inv[k]);
+            }
+            let ray = (ray, frame, leave);
+            let ends = blocks.test::<S, Q, C>(simd, leaf, scene, ray, &mut best, counters);
+            // As published: the first leaf with a hit inside its cell holds the nearest one.
+            let next = leave + step;
+            if ends || best.hit().is_hit() || next.is_nan() || next <= t || next > frame.t_max {
+                return best.hit();
+            }
+            t = next;
+        }
+    }
+}
+
+single_rays! {
+    /// The same as published, without error bounds. `bounds`: the scene's box in the frame.
+    fn seq_published(PlaneTree, bounds: Aabb) -> Walk<'a> {
+        |kernel| Walk(&kernel.tree, kernel.bounds)
+    }
+}

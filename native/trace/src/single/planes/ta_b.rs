@@ -1,0 +1,205 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The recursive ray traversal TA-B of Havran, Kopal, Bittner and Žára 1997, for axis-aligned trees.
+//!
+//! TA-B keeps the entry and exit *points* of the ray in the current cell instead of distances. Comparing one
+//! coordinate of each with the split plane distinguishes all cases in two comparisons; a distance is computed
+//! only if both children are visited.
+//!
+//! This form mirrors every axis along which the ray descends, so that the entry always has the smaller
+//! coordinate, and moves the two points apart by the error of a coordinate. A child is thus skipped only if the
+//! ray certainly does not enter it, still by two comparisons.
+//!
+//! For rays of the scene itself the distances alone would suffice: they are moved by the slack of the crossed
+//! plane, which exceeds the error of every coordinate of the point. For rays in an instance's space it does
+//! not, because their coordinates are inexact from the start.
+
+use crate::batch;
+use crate::pending::{Waits, next};
+use crate::single::single_rays;
+use fearless_simd::Simd;
+use halfspace_geom::bound::{keep_max, keep_min};
+use halfspace_leaf::blocks::Blocks;
+use halfspace_nodes::plane_tree::{MAX_DEPTH, Node, PlaneTree, near_child};
+use halfspace_ray::cases::{Turn, case};
+use halfspace_ray::query::{Best, Counters, Query};
+use halfspace_ray::{FrameRay, Hit, Ray};
+use halfspace_scene::Triangles;
+
+/// A segment of the ray: its interval, and its end points in mirrored coordinates, all moved outwards. The
+/// fourth coordinate only fills the vector register.
+#[derive(Clone, Copy, Default)]
+pub struct Segment {
+    entry: [f32; 4],
+    exit: [f32; 4],
+    enter: f32,
+    leave: f32,
+}
+
+impl Waits for (u32, Segment) {
+    #[inline(always)]
+    fn enter(&self) -> f32 {
+        self.1.enter
+    }
+}
+
+/// The ray in mirrored coordinates, in which all its speeds are positive.
+struct Mirrored {
+    /// Absolute direction components.
+    speed: [f32; 4],
+    /// Mirrored origin minus its error bound.
+    before: [f32; 4],
+    /// Mirrored origin plus its error bound.
+    after: [f32; 4],
+    /// The sign bits of the mirrored axes.
+    flip: [u32; 3],
+}
+
+impl Mirrored {
+    #[inline(always)]
+    fn new(ray: &FrameRay) -> Self {
+        let mut out = Self {
+            speed: [0.0; 4],
+            before: [0.0; 4],
+            after: [0.0; 4],
+            flip: [0; 3],
+        };
+        for k in 0..3 {
+            out.flip[k] = ray.negative[k] << 31;
+            let origin = f32::from_bits(ray.o[k].to_bits() ^ out.flip[k]);
+            out.speed[k] = ray.d[k].abs();
+            out.before[k] = origin - ray.pad[k];
+            out.after[k] = origin + ray.pad[k];
+        }
+        out
+    }
+
+    /// The entry point of a segment that begins at `t`. It increases with `t`, rounding included.
+    #[inline(always)]
+    fn entry(&self, t: f32) -> [f32; 4] {
+        let at = |k: usize| self.before[k] + t * self.speed[k];
+        [at(0), at(1), at(2), at(3)]
+    }
+
+    /// The exit point of a segment that ends at `t`.
+    #[inline(always)]
+    fn exit(&self, t: f32) -> [f32; 4] {
+        let at = |k: usize| self.after[k] + t * self.speed[k];
+        [at(0), at(1), at(2), at(3)]
+    }
+}
+
+/// The traversal of one tree.
+///
+/// # Panics
+/// On a tree with oblique planes; the registry offers this traversal for axis-aligned trees only.
+pub struct Walk<'a>(pub &'a PlaneTree);
+
+impl batch::Walk for Walk<'_> {
+    type Scratch = [(u32, Segment); MAX_DEPTH + 1];
+
+    fn scratch(&self) -> Self::Scratch {
+        [(0, Segment::default()); MAX_DEPTH + 1]
+    }
+
+    #[inline(always)]
+    fn cast<S: Simd, Q: Query, C: Counters>(
+        &self,
+        simd: S,
+        (scene, blocks): (&Triangles, &Blocks),
+        (ray, frame): (&Ray, &FrameRay),
+        stack: &mut Self::Scratch,
+        counters: &mut C,
+    ) -> Hit {
+        let tree = self.0;
+        let mut best = Best::new(frame);
+        let ray_up = Mirrored::new(frame);
+        // Begin with the part of the ray inside the scene's box.
+        let mut segment = Segment {
+            entry: ray_up.entry(frame.t_min),
+            exit: ray_up.exit(frame.t_max),
+            enter: frame.t_min,
+            leave: frame.t_max,
+        };
+        let mut waiting = 0;
+        let mut node = tree.root();
+        loop {
+            match tree.node(node) {
+                Node::Axis {
+                    axis,
+                    split,
+                    empty,
+                    link,
+                    ..
+                } => {
+                    counters.step_axis();
+                    let near = near_child(link, frame.signs);
+                    // Compare entry and exit with the mirrored plane.
+                    let height = f32::from_bits(split.to_bits() ^ ray_up.flip[axis]);
+                    // The case of visiting the near (0) or far (1) child only, for the counters.
+                    let turn = |far: u32| match frame.negative[axis] ^ far {
+                        0 => Turn::Below,
+                        _ => Turn::Above,
+                    };
+                    let which = |turn| case(frame.o[axis], frame.d[axis], split, turn);
+                    if segment.exit[axis] < height {
+                        counters.case(|| which(turn(0)));
+                        node = near; // N1 N2 N3 P5 and their mirror images: the plane is not reached
+                    } else if segment.entry[axis] > height {
+                        counters.case(|| which(turn(1)));
+                        node = near ^ 1; // P1 P2 P3 N5: the plane is behind
+                    } else {
+                        // N4 P4, and every Z case: visit both, the far child later; skip an empty one.
+                        counters.case(|| which(Turn::Both));
+                        // Compute the crossing, and move it outwards for both children.
+                        let distance = (split - frame.o[axis]) * frame.inv[axis];
+                        let slack = frame.slack[axis];
+                        let far_from = keep_max(distance - slack, segment.enter);
+                        let near_to = keep_min(distance + slack, segment.leave);
+                        let far = Segment {
+                            entry: ray_up.entry(far_from),
+                            enter: far_from,
+                            ..segment
+                        };
+                        if (empty >> (near & 1)) & 1 == 1 {
+                            (node, segment) = (near ^ 1, far);
+                        } else {
+                            if empty == 0 {
+                                stack[waiting] = (near ^ 1, far);
+                                waiting += 1;
+                            }
+                            segment.exit = ray_up.exit(near_to);
+                            segment.leave = near_to;
+                            node = near;
+                        }
+                    }
+                    continue;
+                }
+                Node::Oblique { .. } => unreachable!("TA-B walks axis-aligned trees"),
+                Node::Leaf { first, count } => {
+                    counters.leaf(count);
+                    if blocks.test::<S, Q, C>(
+                        simd,
+                        (first, count),
+                        scene,
+                        (ray, frame, segment.leave),
+                        &mut best,
+                        counters,
+                    ) {
+                        return best.hit();
+                    }
+                }
+            }
+            match next(stack, &mut waiting, best.reach) {
+                Some(part) => (node, segment) = part,
+                None => return best.hit(),
+            }
+        }
+    }
+}
+
+single_rays! {
+    /// Single rays by TA-B, with error bounds.
+    fn ta_b(PlaneTree) -> Walk<'a> {
+        |kernel| Walk(&kernel.tree)
+    }
+}

@@ -1,0 +1,187 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Batches of rays over threads: callers in Rust, the benches and Python share this way in.
+
+use crate::reorder;
+use crate::stream::STREAM;
+use halfspace_base::error::{Result, caught};
+use halfspace_base::memory::check_room;
+use halfspace_geom::Aabb;
+use halfspace_ray::rays::{BLANK, Finite};
+use halfspace_ray::{Hit, Order, Ray, RayCounters, Rays, Tracer};
+use std::num::NonZero;
+use std::sync::Mutex;
+use std::thread::Builder;
+
+/// Rays handed to a worker at once: as many as walk together in a stream. Tiles and shadow rays are as quick with half as
+/// many, enough to forget the cost of handing them over and to learn whether they go well in tiles.
+pub const CHUNK: usize = STREAM;
+
+/// Runs `work` on chunks of rays, their answers and their counters, on `threads` threads.
+///
+/// # Errors
+/// [`halfspace_base::error::Error::Memory`] where answers find no room, [`halfspace_base::error::Error::NonFinite`] naming the first ray that
+/// is not finite.
+pub fn in_chunks<T: Clone + Send>(
+    rays: Rays<'_>,
+    threads: usize,
+    counted: bool,
+    blank: T,
+    work: impl Fn(&[Ray], &mut [T], Option<&mut [RayCounters]>) + Sync,
+) -> Result<Answers<T>> {
+    let n = rays.origins.len();
+    let counter = if counted { size_of::<RayCounters>() } else { 0 };
+    check_room("origins", (n * (size_of::<T>() + counter)) as u64)?;
+    let mut answers = vec![blank; n];
+    let mut counts = if counted {
+        vec![RayCounters::default(); n]
+    } else {
+        Vec::new()
+    };
+    let mut counts_left = counts.as_mut_slice();
+    let chunks: Vec<_> = answers
+        .chunks_mut(CHUNK)
+        .enumerate()
+        .map(|(i, answers)| {
+            let own = if counted { answers.len() } else { 0 };
+            let (counts, rest) = std::mem::take(&mut counts_left).split_at_mut(own);
+            counts_left = rest;
+            (i * CHUNK, answers, counts)
+        })
+        .collect();
+    let finite = Finite::default();
+    share_out(chunks, threads, |buffer, (first, answers, counts)| {
+        if !finite.allows(&rays, first..first + answers.len()) {
+            return;
+        }
+        let buffer = &mut buffer[..answers.len()];
+        rays.put(first, buffer);
+        work(buffer, answers, counted.then_some(counts));
+    })?;
+    finite.end(&rays)?;
+    Ok((answers, counted.then_some(counts)))
+}
+
+/// Runs `work` on all parts, on `threads` threads, each with room for [`CHUNK`] rays.
+pub fn share_out<P: Send>(
+    parts: Vec<P>,
+    threads: usize,
+    work: impl Fn(&mut [Ray], P) + Sync,
+) -> Result<()> {
+    let threads = wanted(threads).min(parts.len()).max(1);
+    let queue = Mutex::new(parts.into_iter());
+    let worker = || {
+        let mut buffer = vec![BLANK; CHUNK];
+        loop {
+            let next = queue
+                .lock()
+                .unwrap_or_else(std::sync::PoisonError::into_inner)
+                .next();
+            let Some(part) = next else {
+                return;
+            };
+            work(&mut buffer, part);
+        }
+    };
+    caught(|| {
+        std::thread::scope(|scope| {
+            for _ in 1..threads {
+                // Where no more threads can start, those that did do all the work.
+                if Builder::new().spawn_scoped(scope, worker).is_err() {
+                    break;
+                }
+            }
+            worker();
+        });
+        Ok(())
+    })
+}
+
+/// How many threads are asked for; 0: as many as there are processors.
+pub fn wanted(threads: usize) -> usize {
+    if threads == 0 {
+        std::thread::available_parallelism().map_or(1, NonZero::get)
+    } else {
+        threads
+    }
+}
+
+/// Answers, one per ray, and counters, one per ray or none.
+pub type Answers<T> = (Vec<T>, Option<Vec<RayCounters>>);
+
+/// Nearest hits on `threads` threads, 0 for one per processor. Many rays in random order are traced in an order in which
+/// near rays follow one another, where that is faster.
+///
+/// # Errors
+/// [`halfspace_base::error::Error::Memory`] where answers find no room, [`halfspace_base::error::Error::NonFinite`] naming
+/// the first ray that is not finite.
+pub fn closest(
+    tracer: &dyn Tracer,
+    rays: Rays<'_>,
+    threads: usize,
+    counted: bool,
+) -> Result<Answers<Hit>> {
+    let order = rays.order;
+    if !counted
+        && order == Order::None
+        && let Some(bounds) = tracer.near_rays()
+        && reorder::scattered(rays.origins, &bounds)
+    {
+        return Ok((closest_reordered(tracer, rays, threads, &bounds)?, None));
+    }
+    in_chunks(rays, threads, counted, Hit::MISS, |rays, hits, counts| {
+        tracer.closest_ordered(rays, hits, counts, order);
+    })
+}
+
+/// Whether each ray hits anything, on `threads` threads, 0 for one per processor.
+///
+/// # Errors
+/// As [`closest`].
+pub fn occluded(
+    tracer: &dyn Tracer,
+    rays: Rays<'_>,
+    threads: usize,
+    counted: bool,
+) -> Result<Answers<bool>> {
+    in_chunks(rays, threads, counted, false, |rays, answers, counts| {
+        tracer.occluded(rays, answers, counts);
+    })
+}
+
+/// Nearest hits of rays in random order, which are walked in another: each thread puts its own share in order.
+fn closest_reordered(
+    tracer: &dyn Tracer,
+    rays: Rays<'_>,
+    threads: usize,
+    bounds: &Aabb,
+) -> Result<Vec<Hit>> {
+    let n = rays.origins.len();
+    let window = reorder::window(n, wanted(threads));
+    let in_order = n.min(window * wanted(threads)) * reorder::BYTES;
+    check_room("origins", (n * size_of::<Hit>() + in_order) as u64)?;
+    let mut hits = vec![Hit::MISS; n];
+    let windows = hits.chunks_mut(window).enumerate().collect();
+    let finite = Finite::default();
+    share_out(
+        windows,
+        threads,
+        |buffer, (i, hits): (usize, &mut [Hit])| {
+            let own = rays.part(i * window..i * window + hits.len());
+            if !finite.allows(&own, 0..hits.len()) {
+                return;
+            }
+            let places = reorder::order(own.origins, own.directions, bounds);
+            let mut found = vec![Hit::MISS; CHUNK];
+            for places in places.chunks(CHUNK) {
+                let (buffer, found) = (&mut buffer[..places.len()], &mut found[..places.len()]);
+                own.put_those(places, buffer);
+                tracer.closest(buffer, found, None);
+                for (&place, hit) in places.iter().zip(found) {
+                    hits[place as usize] = *hit;
+                }
+            }
+        },
+    )?;
+    finite.end(&rays)?;
+    Ok(hits)
+}

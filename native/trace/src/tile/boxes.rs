@@ -1,0 +1,150 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Traversal of box trees by tiles of rays with a common origin: interval arithmetic over the whole tile culls
+//! a box that no ray of the tile can hit. Boxes are visited nearest first, as for single rays.
+
+use crate::tile::leaf::Judge;
+use crate::tile::walk::TileTree;
+use crate::tile::{LANES, Tile, leaf as tile_leaf};
+use fearless_simd::Simd;
+use halfspace_leaf::blocks::Blocks;
+use halfspace_nodes::box_tree::{BoxTree, INNER, Wide};
+use halfspace_nodes::plane_tree::MAX_DEPTH;
+use halfspace_ray::Ray;
+use halfspace_ray::query::Counters;
+use halfspace_scene::Triangles;
+
+/// A stack entry: a box still to visit, the interval of distances in which rays of the tile may be inside it,
+/// and the box's link and count.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Waiting {
+    enter: f32,
+    leave: f32,
+    link: u32,
+    count: u32,
+}
+
+impl<const W: usize> TileTree for BoxTree<W> {
+    type Room = Vec<Waiting>;
+
+    fn room(&self) -> Vec<Waiting> {
+        vec![Waiting::default(); (MAX_DEPTH + 3) * W]
+    }
+
+    #[inline(always)]
+    fn follow<S: Simd, C: Counters, J: Judge<R>, const R: usize>(
+        &self,
+        simd: S,
+        (_, blocks): (&Triangles, &Blocks),
+        (tile, rays, judge): (&mut Tile<R>, &[Ray], &mut J),
+        stack: &mut Vec<Waiting>,
+        counters: &mut [C],
+    ) -> bool {
+        let stack = stack.as_mut_slice();
+        let mut waiting = 0;
+        let mut budget = J::BUDGET * R * LANES;
+        let mut node = &self.nodes[0];
+        loop {
+            // Intersect the tile with the boxes of all children.
+            counters[0].step_axis();
+            let mut enter = [0.0; W];
+            let mut leave = [0.0; W];
+            look(tile, node, (&mut enter, &mut leave));
+            let base = waiting;
+            let mut met = 0_u32;
+            for lane in 0..W {
+                // The inverted bounds of an empty slot do not cull a tile without a finite exit distance, so
+                // check the count.
+                let outside = node.count[lane] == 0 || enter[lane] > leave[lane];
+                met |= u32::from(!outside) << lane;
+            }
+            // Push the boxes that are hit by insertion, the nearest on top.
+            while met != 0 {
+                let lane = met.trailing_zeros() as usize % W;
+                met &= met - 1;
+                let mut at = waiting;
+                while at > base && stack[at - 1].enter < enter[lane] {
+                    stack[at] = stack[at - 1];
+                    at -= 1;
+                }
+                stack[at] = Waiting {
+                    enter: enter[lane],
+                    leave: leave[lane],
+                    link: node.link[lane],
+                    count: node.count[lane],
+                };
+                waiting += 1;
+            }
+            // Pop the nearest box, and test leaves until an inner node comes up.
+            node = loop {
+                if waiting == 0 {
+                    return true;
+                }
+                waiting -= 1;
+                let next = stack[waiting];
+                // Skip boxes behind the best hits of all rays.
+                if next.enter > tile.far {
+                    continue;
+                }
+                if next.count == INNER {
+                    break &self.nodes[next.link as usize];
+                }
+                let count = next.count as usize;
+                // Prefetch the leaf, and the entry that follows it.
+                blocks.fetch_ahead(next.link);
+                if let Some(further) = stack[..waiting].last() {
+                    self.fetch_ahead((further.link, further.count), blocks);
+                }
+                counters[0].leaf(count);
+                let kept = tile_leaf::test(
+                    simd,
+                    blocks,
+                    (next.link, count),
+                    (next.enter, next.leave),
+                    (&mut *tile, rays, &mut *judge),
+                    counters,
+                );
+                // Give up tiles whose rays diverge: a leaf costs four units of the budget, each kept candidate
+                // one.
+                match budget.checked_sub(4 + kept) {
+                    Some(left) => budget = left,
+                    None => return false,
+                }
+            };
+        }
+    }
+}
+
+/// Computes the interval of distances in which rays of the tile may be inside each box of a node.
+#[inline(always)]
+fn look<const W: usize, const R: usize>(
+    tile: &Tile<R>,
+    node: &Wide<W>,
+    (enter, leave): (&mut [f32; W], &mut [f32; W]),
+) {
+    // `pace` holds the least and the largest distance per unit of travel along an axis, downwards and upwards;
+    // `pad` bounds the error of a coordinate.
+    *enter = [tile.inside.0; W];
+    *leave = [tile.far; W];
+    for k in 0..3 {
+        let (low, high) = (&node.bounds[k], &node.bounds[3 + k]);
+        let [down, up] = tile.pace[k];
+        let (o, pad) = (tile.o[k], tile.pad[k]);
+        for lane in 0..W {
+            let floor = low[lane] - o - pad;
+            let ceiling = o - high[lane] - pad;
+            enter[lane] = enter[lane]
+                .max(floor.max(0.0) * up.least)
+                .max(ceiling.max(0.0) * down.least);
+        }
+        // The exit distance is bounded only if all rays move along the axis in the same direction.
+        if up.most < f32::INFINITY {
+            for lane in 0..W {
+                leave[lane] = leave[lane].min((high[lane] - o + pad) * up.most);
+            }
+        } else if down.most < f32::INFINITY {
+            for lane in 0..W {
+                leave[lane] = leave[lane].min((o - low[lane] + pad) * down.most);
+            }
+        }
+    }
+}

@@ -1,0 +1,123 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The kernels of tiles: camera rays from their origin, shadow rays from their light.
+
+use super::Lately;
+use super::walk::{ShadowTiles, TileTree, Tiles};
+use crate::batch::Batch;
+use crate::kernel::{Kernel, Uncounted, store};
+use halfspace_leaf::blocks::Blocks;
+use halfspace_nodes::box_tree::BoxTree;
+use halfspace_nodes::lazy_tree::LazyTree;
+use halfspace_nodes::plane_tree::PlaneTree;
+use halfspace_ray::RayCounters;
+use halfspace_ray::query::{Any, Closest};
+use std::fmt::Debug;
+use std::sync::Arc;
+
+/// Camera rays in tiles of `16 R`.
+#[derive(Debug)]
+struct CameraTiles<T, const R: usize> {
+    tree: Arc<T>,
+    leaves: Arc<Blocks>,
+    /// What earlier batches learned about tiles.
+    lately: Lately,
+}
+
+impl<T: TileTree + Debug + Send + 'static, const R: usize> Kernel<Closest> for CameraTiles<T, R> {
+    fn trace(&self, batch: &Batch<'_>, answers: &mut [halfspace_ray::Hit]) {
+        let tiles = Tiles::<_, R>(&*self.tree, Some(&self.lately));
+        let launch = batch.on(&self.leaves);
+        launch.quick_tiles(&tiles, store::<Closest>(answers));
+    }
+
+    fn count(
+        &self,
+        batch: &Batch<'_>,
+        answers: &mut [halfspace_ray::Hit],
+        counters: &mut [RayCounters],
+    ) -> bool {
+        // Counts must not depend on earlier batches.
+        let tiles = Tiles::<_, R>(&*self.tree, None);
+        let launch = batch.on(&self.leaves);
+        launch.tiles(&tiles, store::<Closest>(answers), Some(counters));
+        true
+    }
+}
+
+/// Shadow rays in tiles of 64, turned round: from their light.
+#[derive(Debug)]
+struct LightTiles<T> {
+    tree: Arc<T>,
+    leaves: Arc<Blocks>,
+    /// What earlier batches learned about tiles.
+    lately: Lately,
+}
+
+impl<T: TileTree + Debug + Send + 'static> Kernel<Any> for LightTiles<T> {
+    fn trace(&self, batch: &Batch<'_>, answers: &mut [bool]) {
+        let tiles = ShadowTiles::<_, 4>(&*self.tree, Some(&self.lately));
+        let launch = batch.on(&self.leaves);
+        launch.quick_tiles(&tiles, store::<Any>(answers));
+    }
+}
+
+fn camera<T, const R: usize>(tree: &Arc<T>, leaves: &Arc<Blocks>) -> CameraTiles<T, R> {
+    CameraTiles {
+        tree: tree.clone(),
+        leaves: leaves.clone(),
+        lately: Lately::default(),
+    }
+}
+
+fn light<T>(tree: &Arc<T>, leaves: &Arc<Blocks>) -> LightTiles<T> {
+    LightTiles {
+        tree: tree.clone(),
+        leaves: leaves.clone(),
+        lately: Lately::default(),
+    }
+}
+
+/// Camera rays in tiles of 64 through split planes.
+pub fn planes(tree: &Arc<PlaneTree>, leaves: &Arc<Blocks>) -> Arc<dyn Kernel<Closest>> {
+    Arc::new(camera::<_, 4>(tree, leaves))
+}
+
+/// Camera rays in tiles of 256 through split planes.
+pub fn large_planes(tree: &Arc<PlaneTree>, leaves: &Arc<Blocks>) -> Arc<dyn Kernel<Closest>> {
+    Arc::new(camera::<_, 16>(tree, leaves))
+}
+
+/// Camera rays in tiles of 64 through a tree that rays have built.
+pub fn lazy(tree: &Arc<LazyTree>, leaves: &Arc<Blocks>) -> Arc<dyn Kernel<Closest>> {
+    Arc::new(Uncounted(camera::<_, 4>(tree, leaves)))
+}
+
+/// Camera rays in tiles of 64 through nodes of eight boxes.
+pub fn boxes(tree: &Arc<BoxTree<8>>, leaves: &Arc<Blocks>) -> Arc<dyn Kernel<Closest>> {
+    Arc::new(camera::<_, 4>(tree, leaves))
+}
+
+/// The same without a counting version of its own: counts are those of single rays.
+pub fn boxes_uncounted(tree: &Arc<BoxTree<8>>, leaves: &Arc<Blocks>) -> Arc<dyn Kernel<Closest>> {
+    Arc::new(Uncounted(camera::<_, 4>(tree, leaves)))
+}
+
+/// Camera rays in tiles of 256 through nodes of eight boxes.
+pub fn large_boxes(tree: &Arc<BoxTree<8>>, leaves: &Arc<Blocks>) -> Arc<dyn Kernel<Closest>> {
+    Arc::new(camera::<_, 16>(tree, leaves))
+}
+
+/// Shadow rays in tiles of 64 through split planes.
+pub fn shadow_planes(tree: &Arc<PlaneTree>, leaves: &Arc<Blocks>) -> Arc<dyn Kernel<Any>> {
+    Arc::new(light(tree, leaves))
+}
+
+/// Shadow rays in tiles of 64 through a tree that rays have built.
+pub fn shadow_lazy(tree: &Arc<LazyTree>, leaves: &Arc<Blocks>) -> Arc<dyn Kernel<Any>> {
+    Arc::new(light(tree, leaves))
+}
+
+/// Shadow rays in tiles of 64 through nodes of eight boxes.
+pub fn shadow_boxes(tree: &Arc<BoxTree<8>>, leaves: &Arc<Blocks>) -> Arc<dyn Kernel<Any>> {
+    Arc::new(light(tree, leaves))
+}

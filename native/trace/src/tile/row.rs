@@ -1,0 +1,126 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Rows: sixteen rays in structure-of-arrays layout, one vector per quantity.
+
+use crate::tile::place;
+use fearless_simd::{Bytes, Simd, SimdBase, SimdMask, f32x4, f32x16, mask32x16, u32x16};
+use halfspace_ray::Ray;
+
+/// Number of rays of a row.
+pub const LANES: usize = 16;
+
+/// One number of each ray of a row.
+pub type Row = [f32; LANES];
+
+/// A vector of equal numbers.
+#[inline(always)]
+pub fn splat<S: Simd>(simd: S, x: f32) -> f32x16<S> {
+    f32x16::splat(simd, x)
+}
+
+/// Loads a row as a vector.
+#[inline(always)]
+pub fn load<S: Simd>(simd: S, row: &Row) -> f32x16<S> {
+    f32x16::from_slice(simd, row)
+}
+
+/// The bits of a mask.
+#[inline(always)]
+#[expect(clippy::cast_possible_truncation, reason = "there are 16 lanes")]
+pub fn bits<S: Simd>(mask: mask32x16<S>) -> u16 {
+    mask.to_bitmask() as u16
+}
+
+/// Mask of the lanes in which two vectors are bitwise equal.
+#[inline(always)]
+pub fn alike<S: Simd>(a: f32x16<S>, b: f32x16<S>) -> u16 {
+    bits(a.bitcast::<u32x16<S>>().simd_eq(b.bitcast::<u32x16<S>>()))
+}
+
+/// The quantities of sixteen rays, one vector each.
+pub struct Numbers<S: Simd> {
+    /// Origins, per axis.
+    pub o: [f32x16<S>; 3],
+    /// Directions, per axis.
+    pub d: [f32x16<S>; 3],
+    /// Smallest distances of hits.
+    pub t_min: f32x16<S>,
+    /// Largest distances of hits.
+    pub t_max: f32x16<S>,
+}
+
+impl<S: Simd> Numbers<S> {
+    /// Loads the rays of a row of a full tile.
+    #[inline(always)]
+    pub fn of_row(simd: S, rays: &[Ray], row: usize) -> Self {
+        let mut places = [0; LANES];
+        for (lane, own) in places.iter_mut().enumerate() {
+            *own = place(row, lane);
+        }
+        Self::at(simd, rays, &places)
+    }
+
+    /// Loads the rays with these indices.
+    #[inline(always)]
+    pub fn at(simd: S, rays: &[Ray], places: &[usize; LANES]) -> Self {
+        // Transpose four rays at a time, then join the quarters.
+        let a = four(simd, rays, [places[0], places[1], places[2], places[3]]);
+        let b = four(simd, rays, [places[4], places[5], places[6], places[7]]);
+        let c = four(simd, rays, [places[8], places[9], places[10], places[11]]);
+        let d = four(simd, rays, [places[12], places[13], places[14], places[15]]);
+        let mut all = [splat(simd, 0.0); 8];
+        for (i, all) in all.iter_mut().enumerate() {
+            *all = simd.combine_f32x8(
+                simd.combine_f32x4(a[i], b[i]),
+                simd.combine_f32x4(c[i], d[i]),
+            );
+        }
+        let [ox, oy, oz, dx, dy, dz, t_min, t_max] = all;
+        Self {
+            o: [ox, oy, oz],
+            d: [dx, dy, dz],
+            t_min,
+            t_max,
+        }
+    }
+}
+
+/// The eight quantities of four rays, by transposing two vectors of each ray.
+#[inline(always)]
+fn four<S: Simd>(simd: S, rays: &[Ray], [a, b, c, d]: [usize; 4]) -> [f32x4<S>; 8] {
+    let (a, b, c, d) = (&rays[a], &rays[b], &rays[c], &rays[d]);
+    let begins = [
+        begin(simd, a),
+        begin(simd, b),
+        begin(simd, c),
+        begin(simd, d),
+    ];
+    let ends = [end(simd, a), end(simd, b), end(simd, c), end(simd, d)];
+    let [ox, oy, oz, dx] = transposed(simd, begins);
+    let [dy, dz, t_min, t_max] = transposed(simd, ends);
+    [ox, oy, oz, dx, dy, dz, t_min, t_max]
+}
+
+/// The first four numbers of a ray, which are adjacent in memory.
+#[inline(always)]
+fn begin<S: Simd>(simd: S, ray: &Ray) -> f32x4<S> {
+    f32x4::from_slice(simd, &[ray.o[0], ray.o[1], ray.o[2], ray.d[0]])
+}
+
+/// The last four numbers of a ray.
+#[inline(always)]
+fn end<S: Simd>(simd: S, ray: &Ray) -> f32x4<S> {
+    f32x4::from_slice(simd, &[ray.d[1], ray.d[2], ray.t_min, ray.t_max])
+}
+
+/// The transpose of a 4 by 4 matrix.
+#[inline(always)]
+fn transposed<S: Simd>(simd: S, [a, b, c, d]: [f32x4<S>; 4]) -> [f32x4<S>; 4] {
+    let (even, odd) = (simd.zip_low_f32x4(a, c), simd.zip_low_f32x4(b, d));
+    let (even_high, odd_high) = (simd.zip_high_f32x4(a, c), simd.zip_high_f32x4(b, d));
+    [
+        simd.zip_low_f32x4(even, odd),
+        simd.zip_high_f32x4(even, odd),
+        simd.zip_low_f32x4(even_high, odd_high),
+        simd.zip_high_f32x4(even_high, odd_high),
+    ]
+}

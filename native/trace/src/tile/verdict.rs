@@ -1,0 +1,349 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The exact verdict for sixteen rays of a tile at a time, in f64 as far as f64 is certain: on one triangle for
+//! all rays, or on one for each. It repeats the arithmetic of [`halfspace_geom::verdict`] operation by operation,
+//! with error bounds at least as large.
+
+use crate::tile::{self, Held, LANES, Row, Tile, load, splat};
+use fearless_simd::{Select, Simd, SimdBase, SimdMask, f32x16, f64x8, mask32x16, mask64x8, u32x16};
+use halfspace_geom::vec3::widen;
+use halfspace_geom::verdict::{DETERMINANT_ERROR, FromOrigin};
+use halfspace_leaf::blocks::Blocks;
+use halfspace_ray::Hit;
+use halfspace_ray::frame::PRUNE;
+
+/// Half of a row, the number of f64 lanes.
+const HALF: usize = 8;
+
+type Vector<S> = [f64x8<S>; 3];
+
+/// Applies the verdict on one triangle to some rays of a row; returns the mask of those of which f64 is not
+/// certain.
+#[inline(always)]
+pub fn shared<S: Simd, const R: usize>(
+    simd: S,
+    tile: &mut Tile<R>,
+    (row, open): (usize, u16),
+    (id, triangle): (u32, &FromOrigin),
+) -> u16 {
+    // Copy the triangle's quantities to all lanes.
+    let [a, b, c] = triangle.normals;
+    let errors = triangle.errors;
+    let from = From {
+        normals: [vectors(simd, a), vectors(simd, b), vectors(simd, c)],
+        normal: vectors(simd, triangle.normal),
+        distance: all(simd, triangle.distance),
+        weight_error: all(simd, errors.weight),
+        sum_error: all(simd, errors.sum),
+        distance_error: all(simd, errors.distance),
+    };
+    let ids = u32x16::splat(simd, id);
+    take(simd, tile, (row, open), [from, from], ids)
+}
+
+/// Applies the verdict on their deferred triangles to the rays of a row; returns the mask of those of which f64
+/// is not certain. `last` caches the last triangle that all rays of a row shared, by its position in the
+/// blocks.
+#[inline(always)]
+pub fn each<S: Simd, const R: usize>(
+    simd: S,
+    blocks: &Blocks,
+    (tile, row): (&mut Tile<R>, usize),
+    last: &mut Option<(usize, FromOrigin)>,
+) -> u16 {
+    let held = tile.held.lanes[row];
+    let ids = u32x16::from_slice(simd, &tile.held.id[row]);
+    let first = held.trailing_zeros() as usize % LANES;
+    let id = tile.held.id[row][first];
+    // Use the verdict on one triangle if all rays share it.
+    if held & !tile::bits(ids.simd_eq(u32x16::splat(simd, id))) == 0 {
+        let (from, n) = tile.held.words(row, first);
+        let known = last.filter(|(place, _)| *place == from);
+        let (_, triangle) =
+            known.unwrap_or_else(|| (from, FromOrigin::new(tile.o, blocks.corners_at(from, n))));
+        *last = Some((from, triangle));
+        return shared(simd, tile, (row, held), (id, &triangle));
+    }
+    // Otherwise gather one triangle per lane.
+    let [a, b, c] = gathered(blocks, &tile.held, row);
+    let (a, b, c) = (wide(simd, &a), wide(simd, &b), wide(simd, &c));
+    let o = vectors(simd, widen(tile.o));
+    let low = From::seen(simd, o, [a[0], b[0], c[0]]);
+    let high = From::seen(simd, o, [a[1], b[1], c[1]]);
+    take(simd, tile, (row, held), [low, high], ids)
+}
+
+/// Vertices of the deferred triangles of a row's rays, per vertex and axis; zeros for other rays.
+#[inline(always)]
+#[expect(
+    clippy::needless_range_loop,
+    reason = "by iterators over arrays it takes five times as long"
+)]
+pub fn gathered<const R: usize>(blocks: &Blocks, held: &Held<R>, row: usize) -> [[Row; 3]; 3] {
+    let mut rows = [[[0.0; LANES]; 3]; 3];
+    for lane in 0..LANES {
+        if held.lanes[row] >> lane & 1 == 0 {
+            continue;
+        }
+        let (from, n) = held.words(row, lane);
+        let corners = blocks.corners_at(from, n);
+        for corner in 0..3 {
+            for k in 0..3 {
+                rows[corner][k][lane] = corners[corner][k];
+            }
+        }
+    }
+    rows
+}
+
+/// Masks of the rays of a row that hit a triangle inside their limits, and of those of which f64 is not
+/// certain. The rays have origins `o` of their own and directions `d` with components below 2; a distance along
+/// them multiplied by `to_scene` is one in the scene.
+#[inline(always)]
+pub fn any<S: Simd>(
+    simd: S,
+    (o, d, to_scene): (&[Row; 3], &[Row; 3], f64),
+    (t_min, t_max): (&Row, &Row),
+    corners: [[f32; 3]; 3],
+    open: u16,
+) -> (u16, u16) {
+    let [a, b, c] = corners;
+    let corners = [
+        vectors(simd, widen(a)),
+        vectors(simd, widen(b)),
+        vectors(simd, widen(c)),
+    ];
+    let (o, d, to_scene) = (wide(simd, o), wide(simd, d), all(simd, to_scene));
+    let low = half(simd, &From::seen(simd, o[0], corners), d[0], to_scene);
+    let high = half(simd, &From::seen(simd, o[1], corners), d[1], to_scene);
+    let join = |low: u16, high: u16| low | high << HALF;
+    let (miss, hit, well) = (
+        join(low.miss, high.miss),
+        join(low.hit, high.hit),
+        join(low.well, high.well),
+    );
+    // Compare bounds on the distance, rounded to f32, with the limits.
+    let early = simd.narrow_f64x8(low.early, high.early);
+    let late = simd.narrow_f64x8(low.late, high.late);
+    let (t_min, t_max) = (load(simd, t_min), load(simd, t_max));
+    let outside = tile::bits(late.simd_lt(t_min) | early.simd_gt(t_max)) & well;
+    let inside = tile::bits(early.simd_ge(t_min) & late.simd_le(t_max)) & well & hit;
+    let open = open & !(miss | outside);
+    (open & inside, open & !inside)
+}
+
+/// Computes the hits of sixteen rays as in [`any`], each with a triangle that it certainly hits. Returns the
+/// mask of those that f64 determines to the last bit, and their `t` and the weights of the second and third
+/// vertices.
+#[inline(always)]
+pub fn apart<S: Simd>(
+    simd: S,
+    (o, d, to_scene): (&[Row; 3], &[Row; 3], &[f64; LANES]),
+    corners: &[[Row; 3]; 3],
+) -> (u16, [Row; 3]) {
+    let (o, d) = (wide(simd, o), wide(simd, d));
+    let [a, b, c] = corners;
+    let (a, b, c) = (wide(simd, a), wide(simd, b), wide(simd, c));
+    let (below, above) = to_scene.split_at(HALF);
+    let low = From::seen(simd, o[0], [a[0], b[0], c[0]]);
+    let low = half(simd, &low, d[0], f64x8::from_slice(simd, below));
+    let high = From::seen(simd, o[1], [a[1], b[1], c[1]]);
+    let high = half(simd, &high, d[1], f64x8::from_slice(simd, above));
+    // The hit is certain if both bounds on its distance round to the same f32.
+    let early = simd.narrow_f64x8(low.early, high.early);
+    let late = simd.narrow_f64x8(low.late, high.late);
+    let certain = (low.hit & low.well) | (high.hit & high.well) << HALF;
+    let mut out = [[0.0; LANES]; 3];
+    // Adding zero turns -0.0 into 0.0.
+    (early + splat(simd, 0.0)).store_slice(&mut out[0]);
+    simd.narrow_f64x8(low.u, high.u).store_slice(&mut out[1]);
+    simd.narrow_f64x8(low.v, high.v).store_slice(&mut out[2]);
+    (certain & tile::bits(early.simd_eq(late)), out)
+}
+
+/// The quantities of the verdict on eight triangles, each seen from an origin, for directions with components
+/// below 2.
+#[derive(Clone, Copy)]
+struct From<S: Simd> {
+    normals: [Vector<S>; 3],
+    normal: Vector<S>,
+    distance: f64x8<S>,
+    weight_error: f64x8<S>,
+    sum_error: f64x8<S>,
+    distance_error: f64x8<S>,
+}
+
+impl<S: Simd> From<S> {
+    /// The quantities for eight origins and the vertices of eight triangles.
+    #[inline(always)]
+    fn seen(simd: S, o: Vector<S>, [a, b, c]: [Vector<S>; 3]) -> Self {
+        let [of_a, of_b, of_c] = [sub(c, b), sub(a, c), sub(b, a)];
+        let [a, b, c] = [sub(a, o), sub(b, o), sub(c, o)];
+        let normal = cross(of_b, of_c);
+        let (first, size) = (largest(a), largest(of_b).max(largest(of_c)));
+        let error = all(simd, DETERMINANT_ERROR);
+        let (twice, four) = (all(simd, 2.0), all(simd, 4.0));
+        Self {
+            normals: [cross(b, of_a), cross(c, of_b), cross(a, of_c)],
+            normal,
+            distance: dot(a, normal),
+            weight_error: error * (four * ((first + size) * size)),
+            sum_error: error * (twice * (size * size)),
+            distance_error: error * (first * (size * size)),
+        }
+    }
+}
+
+/// The two halves of rows, as f64.
+#[inline(always)]
+fn wide<S: Simd>(simd: S, rows: &[Row; 3]) -> [Vector<S>; 2] {
+    let [x, y, z] = rows;
+    let (x, y, z) = (
+        simd.widen_f32x16(load(simd, x)),
+        simd.widen_f32x16(load(simd, y)),
+        simd.widen_f32x16(load(simd, z)),
+    );
+    [[x.0, y.0, z.0], [x.1, y.1, z.1]]
+}
+
+#[inline(always)]
+fn all<S: Simd>(simd: S, x: f64) -> f64x8<S> {
+    f64x8::splat(simd, x)
+}
+
+#[inline(always)]
+fn vectors<S: Simd>(simd: S, v: [f64; 3]) -> Vector<S> {
+    [all(simd, v[0]), all(simd, v[1]), all(simd, v[2])]
+}
+
+#[inline(always)]
+fn sub<S: Simd>(a: Vector<S>, b: Vector<S>) -> Vector<S> {
+    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
+}
+
+#[inline(always)]
+fn largest<S: Simd>(v: Vector<S>) -> f64x8<S> {
+    v[0].abs().max(v[1].abs()).max(v[2].abs())
+}
+
+#[inline(always)]
+fn dot<S: Simd>(a: Vector<S>, b: Vector<S>) -> f64x8<S> {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+#[inline(always)]
+fn cross<S: Simd>(a: Vector<S>, b: Vector<S>) -> Vector<S> {
+    [
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    ]
+}
+
+/// Writes new values to some lanes of a row.
+#[inline(always)]
+fn keep<S: Simd>(simd: S, lanes: mask32x16<S>, new: f32x16<S>, row: &mut Row) {
+    let kept: f32x16<S> = lanes.select(new, load(simd, row));
+    kept.store_slice(row);
+}
+
+/// Takes the hits of the `open` rays of a row that f64 proves nearer than the best ones; returns the mask of
+/// the rays of which it is not certain.
+#[inline(always)]
+fn take<S: Simd, const R: usize>(
+    simd: S,
+    tile: &mut Tile<R>,
+    (row, open): (usize, u16),
+    triangles: [From<S>; 2],
+    ids: u32x16<S>,
+) -> u16 {
+    let d = wide(simd, &tile.d[row]);
+    let to_scene = all(simd, 1.0 / f64::from(tile.to_frame));
+    let low = half(simd, &triangles[0], d[0], to_scene);
+    let high = half(simd, &triangles[1], d[1], to_scene);
+    let open = open & !(low.miss | high.miss << HALF);
+    if open == 0 {
+        return 0;
+    }
+    let (hit, well) = (low.hit | high.hit << HALF, low.well | high.well << HALF);
+    let early = simd.narrow_f64x8(low.early, high.early);
+    let late = simd.narrow_f64x8(low.late, high.late);
+    let t_min = load(simd, &tile.t_min[row]);
+    let best = load(simd, &tile.t[row]);
+    // Drop hits that are certainly outside the interval, whatever their last bit.
+    let open = open & !(tile::bits(late.simd_lt(t_min) | early.simd_gt(best)) & well);
+    let certain = hit & well & tile::bits(early.simd_eq(late));
+    let nearer = tile::bits(early.simd_lt(best) & early.simd_ge(t_min));
+    let taken = open & certain & nearer;
+    if taken != 0 {
+        // Adding zero turns -0.0 into 0.0.
+        let t = early + splat(simd, 0.0);
+        let reach = t * splat(simd, tile.to_frame * PRUNE) + splat(simd, tile.last_place);
+        let reach = reach.min(load(simd, &tile.reach[row]));
+        let lanes = mask32x16::from_bitmask(simd, u64::from(taken));
+        keep(simd, lanes, reach, &mut tile.reach[row]);
+        keep(simd, lanes, t, &mut tile.t[row]);
+        let u = simd.narrow_f64x8(low.u, high.u);
+        keep(simd, lanes, u, &mut tile.u[row]);
+        let v = simd.narrow_f64x8(low.v, high.v);
+        keep(simd, lanes, v, &mut tile.v[row]);
+        let known = u32x16::from_slice(simd, &tile.id[row]);
+        let ids: u32x16<S> = lanes.select(ids, known);
+        ids.store_slice(&mut tile.id[row]);
+    }
+    // Uncertain hits, and ties.
+    open & !taken
+}
+
+/// The verdict of f64 on eight rays.
+struct Half<S: Simd> {
+    /// Mask of the rays that certainly miss.
+    miss: u16,
+    /// Mask of the rays whose lines certainly hit.
+    hit: u16,
+    /// Mask of the rays whose distance certainly lies between `early` and `late`.
+    well: u16,
+    early: f64x8<S>,
+    late: f64x8<S>,
+    u: f64x8<S>,
+    v: f64x8<S>,
+}
+
+/// Computes the verdict on eight rays.
+#[inline(always)]
+fn half<S: Simd>(simd: S, triangle: &From<S>, d: Vector<S>, to_scene: f64x8<S>) -> Half<S> {
+    let [a, b, c] = triangle.normals;
+    let w = [dot(d, a), dot(d, b), dot(d, c)];
+    // Decide by the signs of the weights, up to their error bound.
+    let (most, least) = (w[0].max(w[1]).max(w[2]), w[0].min(w[1]).min(w[2]));
+    let (above, below) = (triangle.weight_error, -triangle.weight_error);
+    let miss = most.simd_gt(above) & least.simd_lt(below);
+    let hit = least.simd_gt(above) | most.simd_lt(below);
+    // Bound the distance if the determinant is well conditioned.
+    let sum = dot(d, triangle.normal);
+    let epsilon = all(simd, 2.0 * f64::EPSILON);
+    let sum_error = triangle.sum_error;
+    let well = sum
+        .abs()
+        .simd_gt((sum_error + triangle.weight_error) * all(simd, FromOrigin::WELL_CONDITIONED));
+    let inverse = all(simd, 1.0) / sum;
+    let t = triangle.distance * inverse;
+    let error = triangle.distance_error + t.abs() * sum_error;
+    let slack = error * inverse.abs() * all(simd, 1.0 + 2e-6) + t.abs() * epsilon;
+    Half {
+        miss: bits(miss),
+        hit: bits(hit),
+        well: bits(well),
+        early: (t - slack) * to_scene,
+        late: (t + slack) * to_scene,
+        u: w[1] * inverse,
+        v: w[2] * inverse,
+    }
+}
+
+#[inline(always)]
+#[expect(clippy::cast_possible_truncation, reason = "eight lanes")]
+fn bits<S: Simd>(mask: mask64x8<S>) -> u16 {
+    mask.to_bitmask() as u16 & 0xff
+}
+
+const _: () = assert!(Hit::NONE == u32::MAX, "no triangle has a larger number");

@@ -1,0 +1,153 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Hierarchies of bounding boxes that grow object by object, walked with a heap: what object-oriented
+//! ray tracers of the early nineties used, among them the OORT library.
+
+use crate::bih::LEAVES;
+use crate::{objects, params};
+use halfspace_base::Monitor;
+use halfspace_base::error::Result;
+use halfspace_builders::insertion::{self, Growth, Search, WIDEST};
+use halfspace_builders::object;
+use halfspace_leaf::blocks::Blocks;
+use halfspace_leaf::leaves::Leaves;
+use halfspace_nodes::dop_tree::DopTree;
+use halfspace_nodes::nested;
+use halfspace_ray::frame::Frame;
+use halfspace_scene::Triangles;
+use halfspace_structure::row::{Kind, ParamSpec, StructureSpec};
+use halfspace_structure::spec::{Config, Value};
+use halfspace_structure::{Built, Plan};
+use halfspace_trace::kernel::SingleRays;
+use halfspace_trace::single::objects::dops;
+use std::sync::Arc;
+
+/// The registry's row.
+pub const SPEC: StructureSpec = StructureSpec {
+    id: "bbox-gs",
+    code: 50,
+    label: "Boxes by insertion",
+    family: "objects",
+    summary: "Boxes that grow triangle by triangle, each put where it costs least; walked with a heap.",
+    paper: "Goldsmith and Salmon 1987, Automatic creation of object hierarchies for ray tracing; Kay and \
+            Kajiya 1986, Ray tracing complex scenes",
+    params: PARAMS,
+    build: |scene, config, monitor| build(scene, config, monitor, Search::Greedy),
+};
+
+/// The row of the same with branch and bound.
+pub const BRANCH_AND_BOUND: StructureSpec = StructureSpec {
+    id: "bbox-gs-bnb",
+    code: 51,
+    label: "Boxes by insertion, best place",
+    summary: "As bbox-gs, but each triangle's best place of all is found, by branch and bound.",
+    paper: "Goldsmith and Salmon 1987, Automatic creation of object hierarchies for ray tracing; \
+            Bittner, Hapala and Havran 2015, Incremental BVH construction for ray tracing",
+    build: |scene, config, monitor| build(scene, config, monitor, Search::BranchAndBound),
+    ..SPEC
+};
+
+const PARAMS: &[ParamSpec] = &[SLABS, CHILDREN, LEAF_SIZE, LEAVES, params::ROBUST, SEED];
+
+const SLABS: ParamSpec = ParamSpec {
+    name: "slabs",
+    label: "Slabs",
+    doc: "Pairs of planes around each node: 3 are a box, 7 add the diagonals of the cube, 13 those of its \
+          faces too. More fit closer and cost memory and time at each node",
+    unit: "slabs",
+    kind: Kind::Choice(&["3", "7", "13"]),
+    default: Value::Choice("3"),
+};
+
+const CHILDREN: ParamSpec = ParamSpec {
+    name: "children",
+    label: "Children",
+    doc: "Nodes have at most this many children. More lets large triangles stay near the root",
+    unit: "nodes",
+    kind: Kind::Integer {
+        min: 2,
+        max: WIDEST as i64,
+    },
+    default: Value::Integer(WIDEST as i64),
+};
+
+const LEAF_SIZE: ParamSpec = ParamSpec {
+    name: "leaf_size",
+    label: "Leaf Size",
+    doc: "Subtrees of at most this many triangles become leaves; 1 is the published form. More saves \
+          memory and tests more",
+    unit: "triangles",
+    kind: Kind::Integer { min: 1, max: 64 },
+    default: Value::Integer(4),
+};
+
+const SEED: ParamSpec = ParamSpec {
+    name: "seed",
+    label: "Seed",
+    doc: "Shuffles the order in which triangles come, on which the tree depends",
+    unit: "",
+    kind: Kind::Integer {
+        min: 0,
+        max: 0x7fff_ffff,
+    },
+    default: Value::Integer(1),
+};
+
+fn build(scene: &Triangles, config: &Config, monitor: &Monitor, search: Search) -> Result<Built> {
+    let frame = Frame::new(scene.bounds());
+    let objects = object::gather(scene, &frame);
+    let growth = Growth {
+        search,
+        children: config.integer("children"),
+        seed: config.integer("seed") as u64,
+    };
+    let grown = insertion::grow(&objects, &growth, monitor)?;
+    let ids: Vec<_> = objects.iter().map(|object| object.id).collect();
+    let order = Inserted {
+        scene,
+        config,
+        frame,
+        grown: &grown,
+        ids: &ids,
+    };
+    match config.choice("slabs") {
+        "3" => order.lay_out(dops::dops3),
+        "7" => order.lay_out(dops::dops7),
+        _ => order.lay_out(dops::dops13),
+    }
+}
+
+/// Triangles in the tree that insertion has grown.
+struct Inserted<'a> {
+    scene: &'a Triangles,
+    config: &'a Config,
+    frame: Frame,
+    grown: &'a insertion::Grown,
+    ids: &'a [u32],
+}
+
+impl Inserted<'_> {
+    /// Lays the tree out with `D` slabs a node, writes its leaves and makes its plan.
+    fn lay_out<const D: usize>(
+        &self,
+        kernel: fn(&Arc<DopTree<D>>, &Arc<Blocks>) -> Arc<dyn SingleRays>,
+    ) -> Result<Built> {
+        let mut leaves = Leaves::new(params::keep(self.config));
+        let mut ids = Vec::with_capacity(self.ids.len());
+        let triangles = (self.scene, &self.frame, self.ids);
+        let leaf_size = self.config.integer("leaf_size");
+        let tree = DopTree::new(self.grown, triangles, leaf_size, (&mut leaves, &mut ids))?;
+        let shape = nested::shape(&tree, self.frame.bounds());
+        let leaves = Arc::new(leaves.write(self.scene, &self.frame, &ids));
+        let tree = Arc::new(tree);
+        let plan = Plan::single("heap", kernel(&tree, &leaves));
+        Ok(objects::built(
+            self.config,
+            self.frame,
+            tree,
+            leaves,
+            plan,
+            false,
+            shape,
+        ))
+    }
+}

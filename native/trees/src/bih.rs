@@ -1,0 +1,307 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Bounding interval hierarchies: one build, and a row for each form of the nodes (Wächter and Keller 2006).
+
+use crate::{objects, params};
+use halfspace_base::Monitor;
+use halfspace_base::error::Result;
+use halfspace_builders::global::Global;
+use halfspace_builders::{grid_order, object};
+use halfspace_geom::Aabb;
+use halfspace_geom::tighten::Tighten;
+use halfspace_leaf::blocks::Blocks;
+use halfspace_leaf::leaves::Leaves;
+use halfspace_nodes::Tree;
+use halfspace_nodes::cost::Costs;
+use halfspace_nodes::nested::{self, Nested};
+use halfspace_nodes::object_tree::ObjectTree;
+use halfspace_nodes::slab_tree::SlabTree;
+use halfspace_nodes::slab_wide::WideSlabs;
+use halfspace_ray::frame::Frame;
+use halfspace_scene::Triangles;
+use halfspace_structure::row::{Kind, ParamSpec, StructureSpec};
+use halfspace_structure::spec::{Config, Value};
+use halfspace_structure::{Built, Plan};
+use halfspace_trace::kernel::SingleRays;
+use halfspace_trace::single::objects::{slab_boxes, slabs, wide_slabs};
+use std::sync::Arc;
+
+/// Leaf size where a grid parts the triangles.
+const LEAF_SIZE: ParamSpec = ParamSpec {
+    name: "leaf_size",
+    label: "Leaf Size",
+    doc: "Nodes of at most this many triangles are not parted. More builds faster and tests more",
+    unit: "triangles",
+    kind: Kind::Integer { min: 1, max: 64 },
+    default: Value::Integer(6),
+};
+
+/// What leaves keep.
+pub const LEAVES: ParamSpec = ParamSpec {
+    name: "leaves",
+    label: "Leaves",
+    doc: "indices: leaves name triangles and corners, less than half the memory. corners: they hold \
+          copies, which are tested sooner and take longer to build",
+    unit: "",
+    kind: Kind::Choice(&["indices", "corners"]),
+    default: Value::Choice("indices"),
+};
+
+/// When empty space is cut off.
+pub const EMPTY: ParamSpec = ParamSpec {
+    name: "empty",
+    label: "Empty Space",
+    doc: "A node is put in to cut off empty space where less than this share of the surface is left. \
+          0 for never; more costs memory and steps and saves visits of leaves",
+    unit: "",
+    kind: Kind::Float { min: 0.0, max: 1.0 },
+    default: Value::Float(0.7),
+};
+
+/// When to cut off empty space, as the configuration says.
+pub fn tighten(config: &Config) -> Tighten {
+    Tighten(f64::from(config.float("empty")))
+}
+
+const WAYS: ParamSpec = ParamSpec {
+    name: "n",
+    label: "Width",
+    doc: "Intervals per node, all tested at once. More makes fewer, dearer steps; 2 is another name of bih4",
+    unit: "intervals",
+    kind: Kind::Choice(&["4", "2", "8"]),
+    default: Value::Choice("4"),
+};
+
+const WACHTER_KELLER: &str =
+    "Wächter and Keller 2006, Instant ray tracing: the bounding interval hierarchy";
+
+const WACHTER: &str = "Wächter and Keller 2006, Instant ray tracing: the bounding interval hierarchy; \
+                       Wächter 2008, Quasi-Monte Carlo light transport simulation by efficient ray tracing";
+
+/// The registry's row: two planes a node.
+pub const PLAIN: StructureSpec = StructureSpec {
+    id: "bih",
+    code: 40,
+    label: "Bounding interval hierarchy",
+    family: "objects",
+    summary: "Two planes a node, triangles divided by a regular grid: for scenes that change in each frame.",
+    paper: "Wächter and Keller 2006, Instant ray tracing: the bounding interval hierarchy; Ooi, \
+            McDonell and Sacks-Davis 1987, Spatial kd-tree; Zachmann 2002, Minimal hierarchical \
+            collision detection",
+    params: &[LEAF_SIZE, EMPTY, LEAVES, params::ROBUST],
+    build: |scene, config, monitor| {
+        let order = by_grid(scene, config, monitor, 2)?;
+        order.lay_out(
+            |binary, bounds, leaves| {
+                SlabTree::new(binary, bounds, (tighten(config), false), leaves)
+            },
+            slabs_of,
+        )
+    },
+};
+
+/// The registry's row: the surface area heuristic instead of the grid.
+pub const SURFACE_AREA: StructureSpec = StructureSpec {
+    id: "bih-sah",
+    code: 41,
+    label: "Interval hierarchy by surface area",
+    summary: "Two planes a node, triangles divided where the surface area heuristic is lowest.",
+    paper: "Wächter and Keller 2006, Instant ray tracing: the bounding interval hierarchy; Wald 2007, On \
+            fast construction of SAH-based bounding volume hierarchies",
+    params: &[
+        EMPTY,
+        LEAVES,
+        params::ROBUST,
+        params::step_cost(Costs::BLOCKS),
+        params::leaf_cost(Costs::BLOCKS),
+        params::triangle_cost(Costs::BLOCKS),
+        params::LEAF_MAX,
+    ],
+    build: |scene, config, monitor| {
+        let frame = Frame::new(scene.bounds());
+        let policy = params::surface_area(config, Costs::BLOCKS);
+        let binary = object::build(scene, &frame, &policy, monitor)?;
+        let order = Ordered {
+            scene,
+            config,
+            frame,
+            binary,
+        };
+        order.lay_out(
+            |binary, bounds, leaves| {
+                SlabTree::new(binary, bounds, (tighten(config), false), leaves)
+            },
+            slabs_of,
+        )
+    },
+    ..PLAIN
+};
+
+/// The registry's row: with the fifth case. Where much of a region is empty, a node with one child cuts it off on both
+/// sides: its two planes are where the child begins and where it ends.
+pub const FIFTH_CASE: StructureSpec = StructureSpec {
+    id: "bih5",
+    code: 42,
+    label: "Interval hierarchy, empty space cut",
+    summary: "As bih, and nodes of one child that cut off empty space on both sides.",
+    paper: WACHTER_KELLER,
+    build: |scene, config, monitor| {
+        let order = by_grid(scene, config, monitor, 2)?;
+        order.lay_out(
+            |binary, bounds, leaves| SlabTree::new(binary, bounds, (tighten(config), true), leaves),
+            slabs_of,
+        )
+    },
+    ..PLAIN
+};
+
+/// The registry's row: one plane a node, eight bytes. It bounds the child for which that saves more.
+pub const ONE_PLANE: StructureSpec = StructureSpec {
+    id: "bih1",
+    code: 43,
+    label: "Interval hierarchy, one plane",
+    summary: "One plane a node, which bounds one of the two children: the smallest nodes of all hierarchies.",
+    paper: WACHTER_KELLER,
+    build: |scene, config, monitor| {
+        let order = by_grid(scene, config, monitor, 2)?;
+        order.lay_out(
+            |binary, bounds, leaves| SlabTree::new(binary, bounds, (tighten(config), true), leaves),
+            |tree, leaves, _| slabs::single_slabs(tree, leaves),
+        )
+    },
+    ..PLAIN
+};
+
+/// The registry's row: four planes a node, twenty bytes. Each of the two children lies between two planes of its own.
+pub const FOUR_PLANES: StructureSpec = StructureSpec {
+    id: "bih4",
+    code: 44,
+    label: "Interval hierarchy, four planes",
+    summary: "Four planes a node: both children are bounded on both sides. Another name of bih-n with n=2.",
+    paper: WACHTER,
+    build: |scene, config, monitor| wide(scene, config, monitor, 2),
+    ..PLAIN
+};
+
+/// The registry's row: more than two children a node, all along one axis, all tested at once.
+pub const WIDE: StructureSpec = StructureSpec {
+    id: "bih-n",
+    code: 45,
+    label: "Interval hierarchy, wide",
+    summary: "Several intervals a node along one axis, tested at once.",
+    paper: WACHTER,
+    params: &[WAYS, LEAF_SIZE, EMPTY, LEAVES, params::ROBUST],
+    build: |scene, config, monitor| {
+        let ways = config.choice("n").parse().expect("a choice of numbers");
+        wide(scene, config, monitor, ways)
+    },
+    ..PLAIN
+};
+
+/// The registry's row: traversed as boxes.
+pub const AS_BOXES: StructureSpec = StructureSpec {
+    id: "bih-bvh",
+    code: 46,
+    label: "Interval hierarchy traversed as boxes",
+    summary: "The tree of bih; each ray makes the boxes of a box hierarchy from its planes on the way down.",
+    paper: "Wächter and Keller 2006, Instant ray tracing: the bounding interval hierarchy; Wald, Boulos and \
+            Shirley 2007, Ray tracing deformable scenes using dynamic bounding volume hierarchies",
+    build: |scene, config, monitor| {
+        let order = by_grid(scene, config, monitor, 2)?;
+        order.lay_out(
+            |binary, bounds, leaves| {
+                SlabTree::new(binary, bounds, (tighten(config), false), leaves)
+            },
+            slab_boxes::slab_boxes,
+        )
+    },
+    ..PLAIN
+};
+
+/// Triangles in the order of a binary tree over them.
+struct Ordered<'a> {
+    scene: &'a Triangles,
+    config: &'a Config,
+    frame: Frame,
+    binary: ObjectTree,
+}
+
+/// Orders the triangles by a grid, `ways` children to a node.
+fn by_grid<'a>(
+    scene: &'a Triangles,
+    config: &'a Config,
+    monitor: &Monitor,
+    ways: usize,
+) -> Result<Ordered<'a>> {
+    let frame = Frame::new(scene.bounds());
+    let policy = Global {
+        leaf_size: config.integer("leaf_size"),
+        ways,
+    };
+    // With more than two ways, the partition of a cell depends on what is empty.
+    let binary = if ways == 2 {
+        grid_order::build(scene, &frame, &policy, monitor)?
+    } else {
+        object::build(scene, &frame, &policy, monitor)?
+    };
+    Ok(Ordered {
+        scene,
+        config,
+        frame,
+        binary,
+    })
+}
+
+impl Ordered<'_> {
+    /// Lays the tree out, writes its leaves and makes its plan.
+    fn lay_out<T: Nested + Tree>(
+        &self,
+        nodes: impl FnOnce(&ObjectTree, Aabb, &mut Leaves) -> Result<T>,
+        kernel: impl FnOnce(&Arc<T>, &Arc<Blocks>, Aabb) -> Arc<dyn SingleRays>,
+    ) -> Result<Built> {
+        let mut leaves = Leaves::new(params::keep(self.config));
+        let bounds = self.frame.bounds();
+        let tree = nodes(&self.binary, bounds, &mut leaves)?;
+        let (shape, blocks) = rayon::join(
+            || nested::shape(&tree, bounds),
+            || leaves.write(self.scene, &self.frame, &self.binary.ids),
+        );
+        let (tree, leaves) = (Arc::new(tree), Arc::new(blocks));
+        let plan = Plan::single("intervals", kernel(&tree, &leaves, bounds));
+        Ok(objects::built(
+            self.config,
+            self.frame,
+            tree,
+            leaves,
+            plan,
+            false,
+            shape,
+        ))
+    }
+}
+
+fn slabs_of(
+    tree: &Arc<SlabTree<halfspace_nodes::slab_node::Double>>,
+    leaves: &Arc<Blocks>,
+    _: Aabb,
+) -> Arc<dyn SingleRays> {
+    slabs::slabs(tree, leaves)
+}
+
+fn wide(scene: &Triangles, config: &Config, monitor: &Monitor, ways: usize) -> Result<Built> {
+    let order = by_grid(scene, config, monitor, ways)?;
+    let tighten = tighten(config);
+    match ways {
+        2 => order.lay_out(
+            |binary, bounds, leaves| WideSlabs::new(binary, bounds, tighten, leaves),
+            |tree, leaves, _| wide_slabs::wide_slabs2(tree, leaves),
+        ),
+        4 => order.lay_out(
+            |binary, bounds, leaves| WideSlabs::new(binary, bounds, tighten, leaves),
+            |tree, leaves, _| wide_slabs::wide_slabs4(tree, leaves),
+        ),
+        _ => order.lay_out(
+            |binary, bounds, leaves| WideSlabs::new(binary, bounds, tighten, leaves),
+            |tree, leaves, _| wide_slabs::wide_slabs8(tree, leaves),
+        ),
+    }
+}

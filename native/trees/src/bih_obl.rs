@@ -1,0 +1,95 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! A bounding interval hierarchy whose two planes may lie along diagonals: what Wächter and Keller advise
+//! against, for measuring what it does.
+
+use crate::bih::{EMPTY, LEAVES};
+use crate::{objects, params};
+use halfspace_base::Monitor;
+use halfspace_base::error::Result;
+use halfspace_builders::slanted::{self, Policy};
+use halfspace_leaf::leaves::Leaves;
+use halfspace_nodes::cost::Costs;
+use halfspace_nodes::slant_tree::SlantTree;
+use halfspace_nodes::slanted_tree::DIRECTIONS;
+use halfspace_ray::frame::Frame;
+use halfspace_scene::Triangles;
+use halfspace_structure::row::{Kind, ParamSpec, StructureSpec};
+use halfspace_structure::spec::{Config, Value};
+use halfspace_structure::{Built, Plan};
+use halfspace_trace::single::objects::slanted::slanted as slanted_rays;
+use std::sync::Arc;
+
+const COSTS: Costs = Costs::BLOCKS;
+
+const K: ParamSpec = ParamSpec {
+    name: "k",
+    label: "K",
+    doc: "Directions tried at each node: the axes, then the diagonals of the cube, then those of its faces. \
+          More finds closer planes and builds in proportion longer; 3 leaves the axes alone",
+    unit: "directions",
+    kind: Kind::Integer {
+        min: 3,
+        max: DIRECTIONS as i64,
+    },
+    default: Value::Integer(DIRECTIONS as i64),
+};
+
+const OBLIQUE_STEP: ParamSpec = ParamSpec {
+    name: "oblique_step_cost",
+    label: "Oblique Step Cost",
+    doc: "Price of a step through a node with oblique planes. More gives fewer of them",
+    unit: "",
+    kind: Kind::Float { min: 0.0, max: 1e6 },
+    default: Value::Float(12.0),
+};
+
+/// The registry's row.
+pub const SPEC: StructureSpec = StructureSpec {
+    id: "bih-obl",
+    code: 49,
+    label: "Interval hierarchy, oblique",
+    family: "objects",
+    summary: "Two parallel planes a node, along an axis or a diagonal, where the surface area heuristic is lowest.",
+    paper: "Wächter and Keller 2006, Instant ray tracing: the bounding interval hierarchy, who advise against it; \
+            Klosowski et al. 1998, for the directions",
+    params: &[
+        K,
+        EMPTY,
+        LEAVES,
+        params::ROBUST,
+        params::step_cost(COSTS),
+        OBLIQUE_STEP,
+        params::leaf_cost(COSTS),
+        params::triangle_cost(COSTS),
+        params::LEAF_MAX,
+    ],
+    build,
+};
+
+fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built> {
+    let frame = Frame::new(scene.bounds());
+    let policy = Policy {
+        costs: Costs {
+            step: config.float("step_cost"),
+            leaf: config.float("leaf_cost"),
+            triangle: config.float("triangle_cost"),
+            ..COSTS
+        },
+        oblique_step: config.float("oblique_step_cost"),
+        leaf_max: config.integer("leaf_max"),
+        empty: config.float("empty"),
+        directions: config.integer("k"),
+    };
+    let built = slanted::build(scene, &frame, &policy, monitor)?;
+    let mut leaves = Leaves::new(params::keep(config));
+    let tree = SlantTree::new(&built, &mut leaves)?;
+    let leaves = Arc::new(leaves.write(scene, &frame, &built.ids));
+    let (tree, shape) = (Arc::new(tree), built.shape());
+    let plan = Plan::single("intervals", slanted_rays(&tree, &leaves));
+    let mut built = objects::built(config, frame, tree, leaves, plan, false, shape);
+    if shape.nodes_oblique == 0 {
+        let reason = "oblique planes: those along the axes were cheaper everywhere";
+        built.left_out.push(reason.to_owned());
+    }
+    Ok(built)
+}

@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Heckbert and Hanrahan's beams: the tree of `bsp-wn-plus-kd`, seen from the front to the back by beams that the
+//! polygons cut. Its planes are chosen by cost, along the axes and some of the polygons' normals, and not one
+//! through every polygon as those of Fuchs, Kedem and Naylor 1980: its fragments would outgrow memory on real scenes.
+
+use crate::bsp::normals::Arbitrary;
+use crate::bsp::{Variant, build as build_bsp, params};
+use halfspace_base::Monitor;
+use halfspace_base::error::Result;
+use halfspace_scene::Triangles;
+use halfspace_structure::Built;
+use halfspace_structure::row::{Kind, ParamSpec, StructureSpec};
+use halfspace_structure::spec::{Config, Value};
+
+const BEAM_LEAST: ParamSpec = ParamSpec {
+    name: "beam_least",
+    label: "Smallest Beam",
+    doc: "Rays that have hit nothing go on singly when fewer than this are left together. More ends beams \
+          earlier; 65 is never a beam, 1 always",
+    unit: "rays",
+    kind: Kind::Integer { min: 1, max: 65 },
+    default: Value::Integer(4),
+};
+
+/// The registry's row.
+pub const SPEC: StructureSpec = StructureSpec {
+    id: "beam-hh",
+    code: 80,
+    label: "BSP with beams",
+    family: "space",
+    summary: "A tree of swept planes, through which 64 camera rays go as one beam that each polygon cuts.",
+    paper: "Heckbert and Hanrahan 1984, Beam tracing polygonal objects; Fuchs, Kedem and Naylor 1980, for the order; \
+            Weiler and Atherton 1977, for the cuts",
+    params: &PARAMS,
+    build,
+};
+
+const PARAMS: [ParamSpec; params::KD] = params();
+
+/// Those of the tree; the threshold is in the place of the ways to walk, of which there is one.
+const fn params() -> [ParamSpec; params::KD] {
+    let mut all = params::kd(params::k(3, 6));
+    all[1] = BEAM_LEAST;
+    all
+}
+
+fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built> {
+    let seed = config.integer("seed") as u64;
+    let source = |normals| Arbitrary {
+        normals,
+        seed,
+        by_area: false,
+    };
+    build_bsp(scene, config, monitor, Variant::PlusKd, source)
+}

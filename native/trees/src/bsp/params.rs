@@ -1,0 +1,251 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Parameters of the trees with oblique planes.
+
+use crate::params::{
+    AREA_STOP, MAX_DEPTH, ROBUST, empty_factor, leaf_cost, step_cost, triangle_cost,
+};
+use crate::planes::ANY as TRAVERSAL;
+use halfspace_nodes::cost::Costs;
+use halfspace_structure::row::{Kind, ParamSpec};
+use halfspace_structure::spec::Value;
+
+/// Cost of a step through an oblique node, in the units of [`Costs::PLANES`]. Measured on killeroo, Sponza and
+/// Conference: higher costs were not faster, although a step itself takes about twice as long as an axis node's.
+const OBLIQUE_STEP: f32 = 22.0;
+
+/// Largest number of triangles in a leaf, unless no plane splits them.
+pub const LEAF_MOST: usize = 64;
+
+/// Returns parameter K with its smallest and its default value.
+pub const fn k(min: i64, usual: i64) -> ParamSpec {
+    ParamSpec {
+        name: "k",
+        label: "K",
+        doc: "Directions tried at each node, the axes included where they are tried. More finds better \
+              planes and builds in proportion longer",
+        unit: "directions",
+        kind: Kind::Integer { min, max: 32 },
+        default: Value::Integer(usual),
+    }
+}
+
+/// Parameter alpha.
+pub const ALPHA: ParamSpec = ParamSpec {
+    name: "alpha",
+    label: "Alpha",
+    doc: "Share of a triangle's price that a step through an oblique node costs for each triangle of the \
+          node. More keeps oblique planes away from the top of the tree (Ize, Wald and Parker 2008)",
+    unit: "",
+    kind: Kind::Float {
+        min: 0.0,
+        max: 1000.0,
+    },
+    default: Value::Float(0.1),
+};
+
+/// Parameter seed.
+pub const SEED: ParamSpec = ParamSpec {
+    name: "seed",
+    label: "Seed",
+    doc: "Which random choices are made. The same seed always builds the same tree",
+    unit: "",
+    kind: Kind::Integer {
+        min: 0,
+        max: 0xffff_ffff,
+    },
+    default: Value::Integer(0),
+};
+
+const COSTS: ParamSpec = ParamSpec {
+    name: "costs",
+    label: "Costs",
+    doc: "fitted: prices measured for leaves that test eight triangles at once. thesis: 80 a triangle, 1 an \
+          axis step, 5 an oblique step, one triangle per leaf, pbrt's stopping rule (Hoobergs 2019)",
+    unit: "",
+    kind: Kind::Choice(&["fitted", "thesis"]),
+    default: Value::Choice("fitted"),
+};
+
+const RULE: ParamSpec = ParamSpec {
+    name: "rule",
+    label: "Fallback Rule",
+    doc: "Where no plane pays at the linear price of oblique planes but one does at the fixed price: text \
+          takes that one, code takes the first attempt's, as the thesis's program does",
+    unit: "",
+    kind: Kind::Choice(&["text", "code"]),
+    default: Value::Choice("text"),
+};
+
+const TIES: ParamSpec = ParamSpec {
+    name: "ties",
+    label: "Ties",
+    doc: "Triangles that touch a plane. clean: stay on their side (Wald and Havran 2006). pbrt: starts sort \
+          before ends, so that some land on both sides, and planes of a sweep may lie next to a cell's end; larger \
+          trees",
+    unit: "",
+    kind: Kind::Choice(&["clean", "pbrt"]),
+    default: Value::Choice("clean"),
+};
+
+const SLAB: ParamSpec = ParamSpec {
+    name: "slab",
+    label: "Slabs",
+    doc: "Whether planes close to both sides of a flat group of triangles are tried, which keeps it away \
+          from rays that pass. Fewer tests on walls, a longer build",
+    unit: "",
+    kind: Kind::Choice(&["1", "0"]),
+    default: Value::Choice("1"),
+};
+
+const CLIP: ParamSpec = ParamSpec {
+    name: "clip",
+    label: "Clip",
+    doc: "Whether triangles are cut to their cells. Fewer tests where triangles are long, a longer build",
+    unit: "",
+    kind: Kind::Choice(&["1", "0"]),
+    default: Value::Choice("1"),
+};
+
+const EARLY: ParamSpec = ParamSpec {
+    name: "early",
+    label: "Early Stop",
+    doc: "Whether a node tries no further direction once a plane parts its triangles without cutting any. \
+          Builds faster, tests slightly more",
+    unit: "",
+    kind: Kind::Choice(&["0", "1"]),
+    default: Value::Choice("0"),
+};
+
+const AXES_DEPTH: ParamSpec = ParamSpec {
+    name: "axes_depth",
+    label: "Axes Above",
+    doc: "Nodes above this depth try the axes only. More builds faster",
+    unit: "levels",
+    kind: Kind::Integer { min: 0, max: 60 },
+    default: Value::Integer(0),
+};
+
+/// Nodes of at most this number of triangles are small.
+pub const SMALL: usize = 32;
+
+/// Parameter K at small nodes.
+pub const K_SMALL: ParamSpec = ParamSpec {
+    name: "k_small",
+    label: "K at Small Nodes",
+    doc: "Share of K that is tried at nodes of up to 32 triangles, but always one direction beside the axes. Most \
+          nodes are small; more builds slower and traces hardly faster. costs=thesis tries K everywhere",
+    unit: "of K",
+    kind: Kind::Float { min: 0.0, max: 1.0 },
+    default: Value::Float(0.66),
+};
+
+const ENOUGH: ParamSpec = ParamSpec {
+    name: "enough",
+    label: "Axes Enough",
+    doc: "Nodes of more than eight triangles where a plane along an axis costs less than this share of their leaf \
+          try no other direction. More builds faster; 0 tries all everywhere, as costs=thesis does",
+    unit: "",
+    kind: Kind::Float { min: 0.0, max: 1.0 },
+    default: Value::Float(0.6),
+};
+
+const OBLIQUE: ParamSpec = ParamSpec {
+    name: "oblique_cost",
+    label: "Oblique Cost",
+    doc: "Price of a step through a node with an oblique plane; where alpha asks for more, of the second \
+          attempt. More gives fewer oblique planes. costs=thesis has its own",
+    unit: "",
+    kind: Kind::Float { min: 0.0, max: 1e6 },
+    default: Value::Float(OBLIQUE_STEP as f64),
+};
+
+/// The costs of `costs=fitted` as parameters.
+const PRICES: [ParamSpec; 6] = [
+    step_cost(Costs::PLANES),
+    OBLIQUE,
+    leaf_cost(Costs::PLANES),
+    triangle_cost(Costs::PLANES),
+    empty_factor(Costs::PLANES),
+    AREA_STOP,
+];
+
+/// Concatenates two lists.
+const fn join<const A: usize, const B: usize, const N: usize>(
+    first: [ParamSpec; A],
+    second: [ParamSpec; B],
+) -> [ParamSpec; N] {
+    assert!(A + B == N);
+    let mut all = [TRAVERSAL; N];
+    let mut i = 0;
+    while i < N {
+        all[i] = if i < A { first[i] } else { second[i - A] };
+        i += 1;
+    }
+    all
+}
+
+/// Number of parameters of a variant without special axes.
+pub const USUAL: usize = 18;
+
+/// Number of parameters of a variant with the axes.
+pub const PLUS: usize = USUAL + 1;
+
+/// Number of parameters of a variant with cheap axis nodes.
+pub const KD: usize = PLUS + 2;
+
+/// Returns the parameters of a variant without special axes.
+pub const fn usual(k: ParamSpec) -> [ParamSpec; USUAL] {
+    join(
+        [
+            k, TRAVERSAL, SEED, K_SMALL, COSTS, TIES, SLAB, CLIP, EARLY, AXES_DEPTH, ROBUST,
+            MAX_DEPTH,
+        ],
+        PRICES,
+    )
+}
+
+/// Returns the parameters of a variant with the axes.
+pub const fn plus(k: ParamSpec) -> [ParamSpec; PLUS] {
+    join(
+        [
+            k, TRAVERSAL, SEED, K_SMALL, COSTS, TIES, SLAB, CLIP, EARLY, ENOUGH, AXES_DEPTH,
+            ROBUST, MAX_DEPTH,
+        ],
+        PRICES,
+    )
+}
+
+/// Returns the parameters of a variant with cheap axis nodes.
+pub const fn kd(k: ParamSpec) -> [ParamSpec; KD] {
+    join(
+        [
+            k, TRAVERSAL, ALPHA, SEED, K_SMALL, COSTS, RULE, TIES, SLAB, CLIP, EARLY, ENOUGH,
+            AXES_DEPTH, ROBUST, MAX_DEPTH,
+        ],
+        PRICES,
+    )
+}
+
+/// Number of parameters of a tree that sweeps only the axes.
+pub const SINGLE: usize = 14;
+
+/// Number of parameters of such a tree with cheap axis nodes.
+pub const SINGLE_KD: usize = SINGLE + 2;
+
+/// Returns the parameters of a tree that sweeps only the axes.
+pub const fn single(own: ParamSpec) -> [ParamSpec; SINGLE] {
+    join(
+        [own, TRAVERSAL, COSTS, TIES, SLAB, CLIP, ROBUST, MAX_DEPTH],
+        PRICES,
+    )
+}
+
+/// Returns the parameters of such a tree with cheap axis nodes.
+pub const fn single_kd(own: ParamSpec) -> [ParamSpec; SINGLE_KD] {
+    join(
+        [
+            own, TRAVERSAL, ALPHA, COSTS, RULE, TIES, SLAB, CLIP, ROBUST, MAX_DEPTH,
+        ],
+        PRICES,
+    )
+}

@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The uniform grid: equal cells, each with the triangles that reach into it, and no tree at all.
+
+use crate::params;
+use halfspace_base::Monitor;
+use halfspace_base::error::Result;
+use halfspace_builders::grid;
+use halfspace_leaf::blocks::Blocks;
+use halfspace_nodes::grid::Grid;
+use halfspace_nodes::shape::{Measure, Shape};
+use halfspace_ray::frame::Frame;
+use halfspace_scene::Triangles;
+use halfspace_structure::row::{Kind, ParamSpec, SHADOW, StructureSpec};
+use halfspace_structure::spec::{Config, Value};
+use halfspace_structure::{Built, Plan};
+use halfspace_trace::single;
+use std::sync::Arc;
+
+/// The registry's row.
+pub const SPEC: StructureSpec = StructureSpec {
+    id: "grid",
+    code: 70,
+    label: "Uniform grid",
+    family: "space",
+    summary: "Equal cells in rows and columns, walked from wall to wall.",
+    paper: "Amanatides and Woo 1987, A fast voxel traversal algorithm for ray tracing; Cleary and Wyvill 1988, \
+            Analysis of an algorithm for fast ray tracing using uniform space subdivision",
+    // Not a tree: no beam of shadow rays goes down in it.
+    params: &[DENSITY, params::ROBUST, SHADOW],
+    build,
+};
+
+const DENSITY: ParamSpec = ParamSpec {
+    name: "density",
+    label: "Density",
+    doc: "Cells per triangle. More tests fewer triangles in more steps, and costs memory in proportion, for \
+          empty cells too. There are fewer where \
+          thousands of triangles as large as the scene would take memory out of all proportion, and rays test more there",
+    unit: "cells per triangle",
+    kind: Kind::Float {
+        min: 0.001,
+        max: 64.0,
+    },
+    default: Value::Float(4.0),
+};
+
+/// Levels above a cell as the overlay shows them: slices, rows, cells.
+const DEPTH: usize = 3;
+
+fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built> {
+    monitor.check()?;
+    let frame = Frame::new(scene.bounds());
+    let mut blocks = Blocks::new();
+    let cells = f64::from(config.float("density")) * scene.live().len() as f64;
+    let grid = grid::build((scene, &frame), cells, &mut blocks, monitor)?;
+    let shape = shape(&grid, &frame);
+    let mut left_out = vec!["oblique planes: a grid divides along the axes".to_owned()];
+    let (made, asked) = (grid.number(), grid::asked(&frame.bounds(), cells));
+    if made < asked {
+        left_out.push(format!(
+            "cells: {made} of {asked}, large triangles would be in too many of them"
+        ));
+    }
+    let one: Vec<_> = (0..3).filter(|&k| grid.count(k) == 1).collect();
+    if !one.is_empty() {
+        let names: Vec<_> = one.iter().map(|&k| ["x", "y", "z"][k]).collect();
+        left_out.push(format!(
+            "walls across {}: one cell is enough there",
+            names.join(" and ")
+        ));
+    }
+    let (tree, leaves) = (Arc::new(grid), Arc::new(blocks));
+    let plan = Plan::single("steps", single::grid::grid(&tree, &leaves));
+    Ok(Built {
+        frame: frame.with_robust(config.robust()),
+        tree: Some(tree),
+        leaves,
+        derived: Vec::new(),
+        plan: plan.with_shadow(config.choice("shadow"), false, None),
+        shape,
+        left_out,
+        growing: None,
+    })
+}
+
+/// Measures a grid. Its cost is that of the cells that a random ray meets, a step each.
+fn shape(grid: &Grid, frame: &Frame) -> Shape {
+    let mut measure = Measure::default();
+    let whole = frame.bounds().area();
+    grid.visit(|place, (_, count)| {
+        let share = if whole > 0.0 {
+            grid.bounds(place).area() / whole
+        } else {
+            0.0
+        };
+        measure.steps(share);
+        measure.leaf(count, DEPTH, share);
+    });
+    measure.finish()
+}

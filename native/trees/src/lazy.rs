@@ -1,0 +1,95 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! kd- and BSP trees whose lower parts are built when the first ray needs them.
+
+use crate::kd::plane_tree;
+use halfspace_base::Monitor;
+use halfspace_base::error::Result;
+use halfspace_builders::space::{Params, PlanePolicy, lazy};
+use halfspace_leaf::blocks::Blocks;
+use halfspace_nodes::lazy_tree::{LazyTree, Progress};
+use halfspace_nodes::shape::Shape;
+use halfspace_ray::frame::Frame;
+use halfspace_scene::Triangles;
+use halfspace_structure::row::Growing;
+use halfspace_structure::spec::Config;
+use halfspace_structure::{Built, Plan};
+use halfspace_trace::single::planes::dir;
+use halfspace_trace::tile;
+use std::sync::Arc;
+
+/// Why the whole tree is built at once in spite of `lazy=1`, if it is.
+fn obstacle(config: &Config) -> Option<String> {
+    for (key, walks) in [
+        ("traversal", ["auto", "dir", "tile8"].as_slice()),
+        ("shadow", &["none", "cache"]),
+    ] {
+        let chosen = config.choice(key);
+        if !walks.contains(&chosen) {
+            return Some(format!("lazy: {key}={chosen} walks a tree in one piece"));
+        }
+    }
+    None
+}
+
+/// Builds what no ray needs to ask for, or the whole tree where the walk wants that.
+///
+/// # Errors
+/// As [`lazy::build`] and [`plane_tree`].
+pub fn build<P: PlanePolicy + Send + 'static>(
+    scene: &Triangles,
+    config: &Config,
+    policy: P,
+    params: &Params,
+    monitor: &Monitor,
+) -> Result<Built> {
+    if let Some(reason) = obstacle(config) {
+        let mut built = plane_tree(scene, config, &policy, params, monitor)?;
+        built.left_out.push(reason);
+        return Ok(built);
+    }
+    let frame = Frame::new(scene.bounds());
+    let tree = Arc::new(lazy::build(scene, frame, policy, params, monitor)?);
+    let leaves = Arc::new(Blocks::new());
+    let mut plan = Plan::single("dir", dir::lazy(&tree, &leaves));
+    if crate::params::traversal(config) != "dir" {
+        plan.tiles = Some(tile::kernel::lazy(&tree, &leaves));
+        plan.shadow = Some(tile::kernel::shadow_lazy(&tree, &leaves));
+    }
+    Ok(Built {
+        frame: frame.with_robust(config.robust()),
+        tree: None,
+        leaves,
+        derived: Vec::new(),
+        plan: plan.with_shadow(config.choice("shadow"), false, None),
+        // The shape of what is built at the time is that of `growing`.
+        shape: Shape::default(),
+        left_out: Vec::new(),
+        growing: Some(Arc::new(Lazy(tree))),
+    })
+}
+
+/// A tree that rays build.
+#[derive(Debug)]
+struct Lazy(Arc<LazyTree>);
+
+impl Growing for Lazy {
+    fn progress(&self) -> Progress {
+        self.0.progress()
+    }
+
+    fn whole(&self, scene: &Triangles, frame: &Frame, left_out: &[String]) -> Built {
+        let (tree, blocks, shape) =
+            (self.0.whole(scene, frame)).expect("the links of a tree reach all of it");
+        let (tree, leaves) = (Arc::new(tree), Arc::new(blocks));
+        Built {
+            frame: *frame,
+            plan: Plan::single("dir", dir::dir(&tree, &leaves)),
+            tree: Some(tree),
+            leaves,
+            derived: Vec::new(),
+            shape,
+            left_out: left_out.to_vec(),
+            growing: None,
+        }
+    }
+}

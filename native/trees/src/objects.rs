@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! What hierarchies over triangles share once their nodes are made.
+
+use halfspace_leaf::blocks::Blocks;
+use halfspace_nodes::Tree;
+use halfspace_nodes::shape::Shape;
+use halfspace_ray::frame::Frame;
+use halfspace_structure::spec::Config;
+use halfspace_structure::{Built, Plan};
+use std::sync::Arc;
+
+/// What hierarchies of objects leave out, whatever the scene.
+pub const NO_PLANES: &str = "split planes: this structure divides triangles, not space";
+
+/// A built hierarchy. The parameters `robust` and `shadow` are applied here. `cached`: whether the kernel for shadow rays
+/// looks into the shadow cache itself.
+pub fn built<T: Tree>(
+    config: &Config,
+    frame: Frame,
+    tree: Arc<T>,
+    leaves: Arc<Blocks>,
+    plan: Plan,
+    cached: bool,
+    shape: Shape,
+) -> Built {
+    Built {
+        frame: frame.with_robust(config.robust()),
+        tree: Some(tree),
+        leaves,
+        derived: Vec::new(),
+        plan: plan.with_shadow(config.choice("shadow"), cached, None),
+        shape,
+        left_out: vec![NO_PLANES.to_owned()],
+        growing: None,
+    }
+}

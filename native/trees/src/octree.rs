@@ -1,0 +1,216 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Octrees: one build, and one row for each way from a cell to the next.
+
+use halfspace_base::Monitor;
+use halfspace_base::error::Result;
+use halfspace_builders::octree::{self, Params};
+use halfspace_leaf::blocks::Blocks;
+use halfspace_nodes::octants::{Cube, MAX_DEPTH};
+use halfspace_nodes::octree_nodes::Octree;
+use halfspace_ray::frame::Frame;
+use halfspace_scene::Triangles;
+use halfspace_structure::row::{Kind, ParamSpec, StructureSpec};
+use halfspace_structure::spec::{Config, Value};
+use halfspace_structure::{Built, Plan};
+use halfspace_trace::beam;
+use halfspace_trace::single::octants::{glassner, net, param, samet};
+use std::sync::Arc;
+
+/// Depth limit.
+pub const MAX_DEPTH_PARAM: ParamSpec = ParamSpec {
+    name: "max_depth",
+    label: "Depth Limit",
+    doc: "Leaves lie no deeper; 0 chooses by the number of triangles. Each level more may cost four \
+          times the memory, and splits what small leaves could not",
+    unit: "levels",
+    kind: Kind::Integer {
+        min: 0,
+        max: MAX_DEPTH as i64,
+    },
+    default: Value::Integer(0),
+};
+
+/// Leaf size.
+pub const LEAF_SIZE: ParamSpec = ParamSpec {
+    name: "leaf_size",
+    label: "Leaf Size",
+    doc: "Cells of at most this many triangles are not halved. Around a corner that more triangles \
+          share, cells go down to the depth limit",
+    unit: "triangles",
+    kind: Kind::Integer { min: 0, max: 64 },
+    default: Value::Integer(2),
+};
+
+/// Budget.
+pub const REFERENCES: ParamSpec = ParamSpec {
+    name: "references",
+    label: "References",
+    doc: "Places in leaves per triangle that the tree may use; large scenes stop halving there. More \
+          costs memory in proportion, and soon more time in fetching it than it saves",
+    unit: "per triangle",
+    kind: Kind::Integer { min: 1, max: 64 },
+    default: Value::Integer(3),
+};
+
+/// The depth limit where the user gives none: enough for triangles of uneven size.
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "small"
+)]
+fn default_depth(triangles: usize) -> u32 {
+    (5.0 + 0.5 * (triangles.max(1) as f64).log2()).round() as u32
+}
+
+/// How rays traverse an octree, which decides what the build provides.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Method {
+    /// From the root down.
+    FromRoot,
+    /// From leaf to leaf by the common ancestor: leaves allow for the rounding of the steps.
+    Ascent,
+    /// The same, each leaf located from the root.
+    Location,
+    /// From leaf to leaf by stored links.
+    Links,
+    /// The same, and tiles of camera rays as beams.
+    Beams,
+}
+
+/// The threshold of the paper, which gives no number.
+const BEAM_LEAST: ParamSpec = ParamSpec {
+    name: "beam_least",
+    label: "Smallest Beam",
+    doc: "Rays go on singly when fewer than this are left together. More ends beams earlier; 65 is never \
+          a beam, 1 always",
+    unit: "rays",
+    kind: Kind::Integer { min: 1, max: 65 },
+    default: Value::Integer(4),
+};
+
+/// The registry's row: from the root down.
+pub const PARAM: StructureSpec = StructureSpec {
+    id: "octree-param",
+    code: 60,
+    label: "Octree, from the top",
+    family: "octants",
+    summary: "Cubes halved along all axes; rays go down from the root, octants in the order of the direction.",
+    paper: "Revelles, Ureña and Lastra 2000, An efficient parametric algorithm for octree traversal",
+    params: &[LEAF_SIZE, REFERENCES, MAX_DEPTH_PARAM],
+    build: |scene, config, monitor| build(scene, config, monitor, Method::FromRoot),
+};
+
+/// The registry's row: a name, not a structure of its own. The traversal is that of [`PARAM`].
+pub const ARVO: StructureSpec = StructureSpec {
+    id: "octree-arvo",
+    code: 61,
+    label: "Octree, linear time",
+    summary: "Another name of octree-param: that of the note that first described the traversal.",
+    paper: "Arvo 1988, Linear-time voxel walking for octrees (Ray Tracing News 1)",
+    ..PARAM
+};
+
+/// The registry's row: Samet-Net.
+pub const NET: StructureSpec = StructureSpec {
+    id: "octree-net",
+    code: 62,
+    label: "Octree with links",
+    summary: "Cubes halved along all axes; rays go from leaf to leaf by six stored links each.",
+    paper: "Endl and Sommer 1994, Classification of ray-generators in uniform subdivisions and octrees for ray tracing",
+    build: |scene, config, monitor| build(scene, config, monitor, Method::Links),
+    ..PARAM
+};
+
+/// The registry's row: T.Haces.
+pub const BEAM: StructureSpec = StructureSpec {
+    id: "octree-beam",
+    code: 65,
+    label: "Octree with beams",
+    summary: "The octree with links, on which 64 camera rays of a tile go as one beam until they part.",
+    paper: "González López and Gisbert Canto, Trazado de haces de rayos en escenas estructuradas espacialmente mediante árboles octales",
+    params: &[LEAF_SIZE, REFERENCES, MAX_DEPTH_PARAM, BEAM_LEAST],
+    build: |scene, config, monitor| build(scene, config, monitor, Method::Beams),
+    ..PARAM
+};
+
+/// The registry's row: Samet-Standard.
+pub const SAMET: StructureSpec = StructureSpec {
+    id: "octree-samet",
+    code: 63,
+    label: "Octree with ascent",
+    summary: "Cubes halved along all axes; rays find the next leaf by going up to the common ancestor and down again.",
+    paper: "Samet 1989, Implementing ray tracing with octrees and neighbor finding",
+    build: |scene, config, monitor| build(scene, config, monitor, Method::Ascent),
+    ..PARAM
+};
+
+/// The registry's row: the first octree for rays.
+pub const GLASSNER: StructureSpec = StructureSpec {
+    id: "octree-glassner",
+    code: 64,
+    label: "Octree with point location",
+    summary: "Cubes halved along all axes; rays locate every next leaf from the root.",
+    paper: "Glassner 1984, Space subdivision for fast ray tracing",
+    build: |scene, config, monitor| build(scene, config, monitor, Method::Location),
+    ..PARAM
+};
+
+/// Builds an octree, and makes its plan.
+fn build(scene: &Triangles, config: &Config, monitor: &Monitor, method: Method) -> Result<Built> {
+    let frame = Frame::new(scene.bounds());
+    let depth = match config.integer("max_depth") {
+        0 => default_depth(scene.live().len()),
+        depth => u32::try_from(depth).expect("in range"),
+    };
+    let steps = method != Method::FromRoot;
+    let cube = Cube::new(&frame, depth, steps);
+    let params = Params {
+        cube,
+        leaf_size: config.integer("leaf_size"),
+        budget: config.integer("references"),
+        margin: if steps { cube.step_margin(&frame) } else { 0.0 },
+    };
+    let octants = octree::build(scene, &frame, &params, monitor)?;
+    let mut blocks = Blocks::new();
+    let mut tree = Octree::new(&octants, cube, (scene, &frame), &mut blocks)?;
+    if matches!(method, Method::Links | Method::Beams) {
+        tree = tree.with_links();
+    }
+    let shape = tree.shape(&frame);
+    let (tree, leaves) = (Arc::new(tree), Arc::new(blocks));
+    Ok(Built {
+        frame,
+        plan: plan(&tree, &leaves, config, method),
+        tree: Some(tree),
+        leaves,
+        derived: Vec::new(),
+        shape,
+        left_out: vec!["oblique planes: an octree halves along the axes".to_owned()],
+        growing: None,
+    })
+}
+
+fn plan(tree: &Arc<Octree>, leaves: &Arc<Blocks>, config: &Config, method: Method) -> Plan {
+    let mut plan = match method {
+        Method::FromRoot => Plan::single("param", param::param(tree, leaves)),
+        Method::Links | Method::Beams => Plan::single("net", net::net(tree, leaves)),
+        Method::Ascent => Plan::single("samet", samet::samet(tree, leaves)),
+        Method::Location => Plan::single("glassner", glassner::glassner(tree, leaves)),
+    };
+    if method == Method::Beams {
+        let least = u32::try_from(config.integer("beam_least")).expect("in range");
+        plan.tiles = Some(beam::kernel::octants(tree, leaves, least));
+    }
+    let beams = match method {
+        Method::FromRoot => beam::kernel::shadow_param,
+        Method::Links | Method::Beams => beam::kernel::shadow_net,
+        Method::Ascent => beam::kernel::shadow_samet,
+        Method::Location => beam::kernel::shadow_glassner,
+    };
+    let choice = config.choice("shadow");
+    plan.with_shadow(
+        choice,
+        false,
+        (choice == "beam").then(|| beams(tree, leaves)),
+    )
+}

@@ -1,0 +1,183 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Parameters that several structures share, and what a configuration says by them.
+
+use halfspace_builders::binned::SurfaceArea;
+use halfspace_leaf::keep::Keep;
+use halfspace_nodes::cost::Costs;
+use halfspace_nodes::plane_tree;
+use halfspace_structure::row::{Kind, ParamSpec};
+use halfspace_structure::spec::{Config, Value};
+
+/// Whether a walk allows for rounding.
+pub const ROBUST: ParamSpec = ParamSpec {
+    name: "robust",
+    label: "Robustness",
+    doc: "widen: intervals grow by the rounding error, no hit is ever lost. none: as in textbooks, \
+          for measuring how often that fails; never for pictures",
+    unit: "",
+    kind: Kind::Choice(&["widen", "none"]),
+    default: Value::Choice("widen"),
+};
+
+/// Depth limit.
+pub const MAX_DEPTH: ParamSpec = ParamSpec {
+    name: "max_depth",
+    label: "Depth Limit",
+    doc: "Leaves lie no deeper; 0 chooses by the number of triangles. More costs memory and \
+          build time and rarely pays",
+    unit: "levels",
+    kind: Kind::Integer {
+        min: 0,
+        max: plane_tree::MAX_DEPTH as i64,
+    },
+    default: Value::Integer(0),
+};
+
+/// Leaf size.
+pub const LEAF_SIZE: ParamSpec = ParamSpec {
+    name: "leaf_size",
+    label: "Leaf Size",
+    doc: "Nodes of at most this many triangles are not split. More builds faster and tests more",
+    unit: "triangles",
+    kind: Kind::Integer { min: 0, max: 64 },
+    default: Value::Integer(1),
+};
+
+/// Largest leaf of hierarchies parted by the surface area heuristic.
+pub const LEAF_MAX: ParamSpec = ParamSpec {
+    name: "leaf_max",
+    label: "Largest Leaf",
+    doc: "Nodes of more triangles are always parted. More saves memory where triangles crowd",
+    unit: "triangles",
+    kind: Kind::Integer { min: 1, max: 4096 },
+    default: Value::Integer(64),
+};
+
+const fn cost(name: &'static str, label: &'static str, doc: &'static str, value: f32) -> ParamSpec {
+    ParamSpec {
+        name,
+        label,
+        doc,
+        unit: "",
+        kind: Kind::Float { min: 0.0, max: 1e6 },
+        default: Value::Float(value as f64),
+    }
+}
+
+/// Price of a step.
+pub const fn step_cost(costs: Costs) -> ParamSpec {
+    cost(
+        "step_cost",
+        "Step Cost",
+        "Price of a step through a node. More gives fewer, larger leaves",
+        costs.step,
+    )
+}
+
+/// Price of entering a leaf.
+pub const fn leaf_cost(costs: Costs) -> ParamSpec {
+    cost(
+        "leaf_cost",
+        "Leaf Cost",
+        "Price of entering a leaf with triangles. More gives fewer leaves",
+        costs.leaf,
+    )
+}
+
+/// Price of a triangle.
+pub const fn triangle_cost(costs: Costs) -> ParamSpec {
+    cost(
+        "triangle_cost",
+        "Triangle Cost",
+        "Price of testing a triangle. More gives smaller leaves, a larger tree and a longer build",
+        costs.triangle,
+    )
+}
+
+/// Factor for splits that cut off empty space.
+pub const fn empty_factor(costs: Costs) -> ParamSpec {
+    ParamSpec {
+        name: "empty_factor",
+        label: "Empty Factor",
+        doc: "Factor on the cost of a split that leaves one side empty. Less cuts off more empty \
+              space, at the price of longer walks",
+        unit: "",
+        kind: Kind::Float { min: 0.1, max: 1.0 },
+        default: Value::Float(costs.empty as f64),
+    }
+}
+
+/// Whether rays have the tree built.
+pub const LAZY: ParamSpec = ParamSpec {
+    name: "lazy",
+    label: "Lazy Build",
+    doc: "1: only the upper part is built at once, the rest where a ray comes for the first time. The first picture \
+          is there sooner, the tree and the answer are the same; rays outside tiles are traced one by one. Only with \
+          the traversals auto, dir and tile8; others build the whole tree at once. What rays build later is not \
+          counted as build time. The memory limit covers what is built before the first ray; where the whole, \
+          estimated from some subtrees built on trial, would not fit, nothing is built",
+    unit: "",
+    kind: Kind::Choice(&["0", "1"]),
+    default: Value::Choice("0"),
+};
+
+/// When a cell is too small to be parted.
+pub const AREA_STOP: ParamSpec = ParamSpec {
+    name: "area_stop",
+    label: "Area Stop",
+    doc: "A node of n of N triangles, 16 at most, becomes a leaf where n^2 N times its share of the scene's surface \
+          is no more than this: few rays come by. More gives a smaller tree and a shorter build",
+    unit: "",
+    kind: Kind::Float { min: 0.0, max: 1e6 },
+    default: Value::Float(16.0),
+};
+
+/// The chosen traversal; empty for a structure without that choice.
+pub fn traversal(config: &Config) -> &'static str {
+    match config.find("traversal") {
+        Some(Value::Choice(name)) => name,
+        _ => "",
+    }
+}
+
+/// Prices for leaves of blocks, from `step_cost`, `leaf_cost`, `triangle_cost` and `empty_factor`.
+///
+/// # Panics
+/// When the structure's row lacks one of these parameters.
+pub fn costs(config: &Config) -> Costs {
+    Costs {
+        step: config.float("step_cost"),
+        leaf: config.float("leaf_cost"),
+        triangle: config.float("triangle_cost"),
+        empty: config.float("empty_factor"),
+        ..Costs::BLOCKS
+    }
+}
+
+/// The surface area heuristic for objects, from `step_cost`, `leaf_cost`, `triangle_cost` and `leaf_max`; what these do
+/// not set is as in `costs`.
+///
+/// # Panics
+/// When the structure's row lacks one of these parameters.
+pub fn surface_area(config: &Config, costs: Costs) -> SurfaceArea {
+    SurfaceArea {
+        costs: Costs {
+            step: config.float("step_cost"),
+            leaf: config.float("leaf_cost"),
+            triangle: config.float("triangle_cost"),
+            ..costs
+        },
+        leaf_max: config.integer("leaf_max"),
+    }
+}
+
+/// What leaves keep of their triangles, from `leaves`.
+///
+/// # Panics
+/// When the structure's row lacks this parameter.
+pub fn keep(config: &Config) -> Keep {
+    match config.choice("leaves") {
+        "indices" => Keep::Indices,
+        _ => Keep::Corners,
+    }
+}
