@@ -221,6 +221,13 @@ FAULTS = (
         ("lib", "build::grid_order::tests"),
     ),
     Fault(
+        "turned boxes without their error bound",
+        "native/trace/src/single/objects/obb.rs",
+        "inv.abs() * splat(ray.oblique_pad)",
+        "inv.abs() * splat(0.0)",
+        ("lib", "single::objects::obb::tests"),
+    ),
+    Fault(
         "oblique planes crossed at the soonest where they are left",
         "native/trace/src/single/objects/slanted.rs",
         "slabs.latest(direction, near)",

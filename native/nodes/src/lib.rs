@@ -11,6 +11,7 @@ pub mod grid;
 pub mod lazy_tree;
 pub mod nested;
 pub mod next;
+pub mod obb_tree;
 pub mod object_tree;
 pub mod octants;
 pub mod octree_nodes;

@@ -1,0 +1,406 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Bounding volume hierarchies of oriented boxes with eight children per node. The boxes of all children of a node
+//! share one rotation, so a ray is rotated once per node (DOBB-BVH, arXiv 2506.22849).
+//!
+//! A node is stored as one of [`BoxTree`], but its rows of bounds are heights along the three rows of its rotation.
+//! The link to an inner node holds the number of that node's rotation, so the traversal fetches both together.
+//!
+//! Heights of vertices are computed in f64 and rounded outwards ([`outwards`]). A product of two f32 is exact in f64;
+//! two additions of terms whose absolute values sum to at most `sqrt(3) M` have an error of at most
+//! `2 sqrt(3) 2^-53 M < 2^-51 M`, where `M` is the scene's largest coordinate. The bounds hold for the rows as stored,
+//! which need neither be exactly orthogonal nor exactly of unit length: see [`Rotation::is_sound`].
+
+use crate::box_tree::{self, BoxTree, Wide};
+use crate::cells::{Cells, NodeId, NodeView, OBLIQUE, SLAB};
+use crate::plane_tree::MAX_DEPTH;
+use crate::shape::{Measure, Shape};
+use crate::tree::{Body, Tree, same};
+use halfspace_geom::Aabb;
+use halfspace_geom::cell::{Direction, Plane};
+use halfspace_geom::region::Region;
+use halfspace_geom::vec3::{Vec3, dot, widen};
+use std::collections::{BTreeSet, HashMap};
+
+/// Children per node.
+pub const WIDTH: usize = 8;
+
+/// A node whose bounds are heights along the rows of its rotation.
+pub type Node = Wide<WIDTH>;
+
+/// Set in the count of an inner node; the other bits are then the number of its rotation.
+pub const INNER: u32 = 1 << 31;
+
+/// Largest length of a row, squared: the error bounds have room for far more.
+const LONGEST: f64 = 1.0 + 1.0 / (1 << 20) as f64;
+
+/// A rotation in f32, about orthonormal.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Rotation {
+    /// Component `k` of the three rows, and a zero that fills the vector.
+    pub columns: [[f32; 4]; 3],
+}
+
+impl Rotation {
+    /// The rotation of axis-aligned nodes, number 0 in every tree.
+    pub const AXES: Self = Self::new([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
+
+    /// The rotation with these rows.
+    pub const fn new([a, b, c]: [[f32; 3]; 3]) -> Self {
+        Self {
+            columns: [
+                [a[0], b[0], c[0], 0.0],
+                [a[1], b[1], c[1], 0.0],
+                [a[2], b[2], c[2], 0.0],
+            ],
+        }
+    }
+
+    /// Row `k`: the direction of the boxes' edges number `k`.
+    pub fn row(&self, k: usize) -> [f32; 3] {
+        [0, 1, 2].map(|i: usize| self.columns[i][k])
+    }
+
+    /// Whether each row is short enough for the error bounds of heights. They need `|row| <= 1` with room for
+    /// `2^-20`, and nothing of the angles between rows.
+    pub fn is_sound(&self) -> bool {
+        (0..3).all(|k| {
+            let row = widen(self.row(k));
+            dot(row, row) <= LONGEST
+        })
+    }
+
+    fn bits(&self) -> [u32; 9] {
+        let rows = [self.row(0), self.row(1), self.row(2)];
+        std::array::from_fn(|i| rows[i / 3][i % 3].to_bits())
+    }
+}
+
+/// The rotation of one node, and its children's extents along the rows.
+#[derive(Debug, Clone)]
+pub struct Turn {
+    /// Index of the node.
+    pub node: u32,
+    /// Its rotation.
+    pub rotation: Rotation,
+    /// As [`Wide::bounds`], inverted for empty slots.
+    pub bounds: [[f32; WIDTH]; 6],
+}
+
+/// A hierarchy of oriented boxes over a scene. Node 0 is the root.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ObbTree {
+    /// The nodes.
+    pub nodes: Vec<Node>,
+    /// All different rotations; the first is [`Rotation::AXES`].
+    pub rotations: Vec<Rotation>,
+    /// The count of the link to node 0, which no node holds.
+    pub root: u32,
+}
+
+/// Rounds the interval of heights outwards to f32. `low` and `high` are f64 sums of three products of f32, of points
+/// whose coordinates are at most `magnitude`.
+#[expect(clippy::cast_possible_truncation, reason = "moved outwards")]
+pub fn outwards(low: f64, high: f64, magnitude: f32) -> [f32; 2] {
+    let error = 2.0_f64.powi(-51) * f64::from(magnitude);
+    // The step to the next float covers the rounding to f32 and that of this sum.
+    [
+        ((low - error) as f32).next_down(),
+        ((high + error) as f32).next_up(),
+    ]
+}
+
+impl ObbTree {
+    /// Turns nodes of a tree of axis-aligned boxes. Nodes without a turn keep their boxes.
+    ///
+    /// # Panics
+    /// For 2^31 different rotations, which the number of nodes excludes.
+    pub fn new(boxes: BoxTree<WIDTH>, turns: &[Turn]) -> Self {
+        let mut nodes = boxes.nodes;
+        let mut rotations = vec![Rotation::AXES];
+        let mut numbers = HashMap::from([(Rotation::AXES.bits(), 0)]);
+        let mut number_of = vec![0_u32; nodes.len()];
+        // Store each rotation once: the parts of a building share theirs.
+        for turn in turns {
+            let number = *numbers.entry(turn.rotation.bits()).or_insert_with(|| {
+                rotations.push(turn.rotation);
+                u32::try_from(rotations.len() - 1).expect("fewer than nodes")
+            });
+            number_of[turn.node as usize] = number;
+            nodes[turn.node as usize].bounds = turn.bounds;
+        }
+        // Write the number of each node's rotation into the link to the node.
+        for node in &mut nodes {
+            for (count, &link) in node.count.iter_mut().zip(&node.link) {
+                if *count == box_tree::INNER {
+                    *count = INNER | number_of[link as usize];
+                }
+            }
+        }
+        rotations.shrink_to_fit();
+        Self {
+            nodes,
+            rotations,
+            root: INNER | number_of[0],
+        }
+    }
+
+    /// The rotation of the inner node with this count in its link.
+    #[inline(always)]
+    pub fn rotation(&self, count: u32) -> &Rotation {
+        &self.rotations[(count & !INNER) as usize]
+    }
+
+    /// Number of nodes of each kind, leaves, depths and expected cost. The share of a node is the surface of its box
+    /// along its parent's rows over that of the scene's box, at most 1.
+    pub fn shape(&self, bounds: Aabb) -> Shape {
+        let mut measure = Measure::default();
+        let whole = bounds.area();
+        let mut open = vec![(0, self.root, 0, 1.0)];
+        while let Some((link, count, depth, share)) = open.pop() {
+            if count & INNER == 0 {
+                measure.leaf(count as usize, depth, share);
+                continue;
+            }
+            if count == INNER {
+                measure.axis(share);
+            } else {
+                measure.oblique(share);
+            }
+            let children = self.children(link).map(|(lane, link, count)| {
+                let area = box_of(&self.nodes[..], lane).area();
+                let share = if whole > 0.0 {
+                    (area / whole).min(1.0)
+                } else {
+                    0.0
+                };
+                (link, count, depth + 1, share)
+            });
+            open.extend(children);
+        }
+        measure.finish()
+    }
+
+    /// The children of a node: node and lane of its box, link, count. Empty slots are left out.
+    fn children(
+        &self,
+        node: u32,
+    ) -> impl DoubleEndedIterator<Item = ((u32, usize), u32, u32)> + '_ {
+        let stored = &self.nodes[node as usize];
+        (0..WIDTH)
+            .filter(|&lane| stored.count[lane] != 0)
+            .map(move |lane| ((node, lane), stored.link[lane], stored.count[lane]))
+    }
+
+    /// The six planes of a child's box: direction, height, and whether the child lies above.
+    fn walls(&self, (node, lane): (u32, usize), rotation: &Rotation) -> [(Plane, bool); 6] {
+        let aligned = *rotation == Rotation::AXES;
+        std::array::from_fn(|row| {
+            let k = row % 3;
+            let direction = if aligned {
+                Direction::Axis(k)
+            } else {
+                Direction::Oblique(rotation.row(k))
+            };
+            let offset = self.nodes[node as usize].bounds[row][lane];
+            (Plane { direction, offset }, row < 3)
+        })
+    }
+}
+
+/// The box of a child along the rows of its node's rotation.
+fn box_of(nodes: &[Node], (node, lane): (u32, usize)) -> Aabb {
+    let bounds = &nodes[node as usize].bounds;
+    Aabb {
+        min: [0, 1, 2].map(|k: usize| bounds[k][lane]),
+        max: [3, 4, 5].map(|k: usize| bounds[k][lane]),
+    }
+}
+
+/// The part of a region on one side of a plane: all of it where the plane does not cut it.
+fn cut(region: &Region, (plane, above): (Plane, bool)) -> Region {
+    if let (Some(bounds), Direction::Axis(k)) = (region.bounds(), plane.direction)
+        && !(bounds.min[k] <= plane.offset && plane.offset <= bounds.max[k])
+    {
+        return region.clone();
+    }
+    let [below, beyond] = region.split(plane);
+    if above { beyond } else { below }
+}
+
+impl Tree for ObbTree {
+    fn bytes(&self) -> usize {
+        size_of_val(&*self.nodes) + size_of_val(&*self.rotations)
+    }
+
+    fn cells(&self) -> Option<&dyn Cells> {
+        Some(self)
+    }
+
+    fn leaves(&self, see: &mut dyn FnMut(u32, usize)) {
+        let mut open = vec![(0, self.root)];
+        while let Some((link, count)) = open.pop() {
+            if count & INNER == 0 {
+                see(link, count as usize);
+            } else {
+                open.extend(
+                    self.children(link)
+                        .rev()
+                        .map(|(_, link, count)| (link, count)),
+                );
+            }
+        }
+    }
+
+    /// Checks that each triangle lies in exactly one leaf and inside every box on its path.
+    fn validate(&self, body: &Body<'_>, broken: &mut Vec<String>) {
+        for (number, rotation) in self.rotations.iter().enumerate() {
+            if !rotation.is_sound() {
+                broken.push(format!("a row of rotation {number} is too long"));
+            }
+        }
+        let mut seen = BTreeSet::new();
+        let (mut axis, mut oblique, mut leaves) = (0, 0, 0);
+        let mut open = vec![((0, self.root), Vec::new())];
+        while let Some(((link, count), path)) = open.pop() {
+            if path.len() > MAX_DEPTH || axis + oblique > self.nodes.len() {
+                broken.push(format!(
+                    "node {link} lies too deep, or the links form a circle"
+                ));
+                return;
+            }
+            if count & INNER != 0 {
+                *(if count == INNER {
+                    &mut axis
+                } else {
+                    &mut oblique
+                }) += 1;
+                let rotation = self.rotation(count);
+                for (lane, link, count) in self.children(link) {
+                    let mut path = path.clone();
+                    path.push((*rotation, box_of(&self.nodes, lane)));
+                    open.push(((link, count), path));
+                }
+                continue;
+            }
+            leaves += 1;
+            // Check the triangles of a leaf against all boxes on its path.
+            for id in body.blocks.ids(link, count as usize) {
+                if !seen.insert(id) {
+                    broken.push(format!("triangle {id} lies in two leaves"));
+                }
+                let corners = body.scene.corners(id).map(|p| widen(body.frame.point(p)));
+                if !path.iter().all(|step| holds(step, corners)) {
+                    broken.push(format!(
+                        "triangle {id} lies partly outside a box on its path"
+                    ));
+                }
+            }
+        }
+        let shape = body.shape;
+        let counted = (axis, oblique, leaves, seen.len());
+        let stated = (
+            shape.nodes_axis,
+            shape.nodes_oblique,
+            shape.leaves,
+            shape.references,
+        );
+        if counted != stated {
+            broken.push(format!(
+                "axis-aligned nodes, turned nodes, leaves and references are {counted:?}, the statistics say {stated:?}"
+            ));
+        }
+    }
+
+    fn same(&self, other: &dyn Tree) -> bool {
+        same(self, other)
+    }
+}
+
+/// Whether a triangle lies inside a box along the rows of a rotation, in f64: its rounding is far less than the step
+/// by which turned boxes are larger than what they hold, and axis-aligned ones need none.
+fn holds((rotation, bounds): &(Rotation, Aabb), corners: [Vec3; 3]) -> bool {
+    (0..3).all(|k| {
+        let row = widen(rotation.row(k));
+        corners.iter().all(|&p| {
+            let height = dot(row, p);
+            f64::from(bounds.min[k]) <= height && height <= f64::from(bounds.max[k])
+        })
+    })
+}
+
+/// A node is named by its link and its count, as nodes store them.
+impl Cells for ObbTree {
+    fn root(&self, bounds: Aabb) -> (NodeId, Region) {
+        ([0, self.root, 0, 0], Region::of_scene(bounds))
+    }
+
+    fn node(&self, [link, count, ..]: NodeId, region: &Region) -> NodeView {
+        if count & INNER == 0 {
+            return NodeView::leaf(link, count as usize);
+        }
+        let rotation = self.rotation(count);
+        let mut view = NodeView {
+            // Boxes that are polytopes are drawn by their planes.
+            boxes: count == INNER && region.bounds().is_some(),
+            ..NodeView::default()
+        };
+        let kind = if count == INNER { SLAB } else { OBLIQUE };
+        for (lane, link, count) in self.children(link) {
+            let walls = self.walls(lane, rotation);
+            if !view.boxes {
+                view.planes.extend(walls.map(|(plane, _)| (plane, kind)));
+            }
+            let inside = walls
+                .iter()
+                .fold(region.clone(), |part, &wall| cut(&part, wall));
+            view.children.push(([link, count, 0, 0], inside));
+        }
+        view
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The corners of a grid of large and small coordinates stay inside the rounded interval, by exact arithmetic: the
+    /// row and the points have so few bits that f64 holds every height exactly.
+    #[test]
+    fn rounded_heights_enclose_exact_ones() {
+        let row = [0.623_046_9_f32, -0.480_468_75, 0.617_187_5];
+        for i in 0..4096_u16 {
+            let p = [0, 4, 8]
+                .map(|shift: u16| f32::from(i >> shift & 15) * 2.0_f32.powi(i32::from(shift) - 20));
+            let exact = dot(widen(row), widen(p));
+            let [low, high] = outwards(exact, exact, 16.0);
+            assert!(f64::from(low) < exact && exact < f64::from(high), "{p:?}");
+        }
+    }
+
+    #[test]
+    fn rows_that_are_too_long_are_noticed() {
+        assert!(Rotation::AXES.is_sound());
+        let long = Rotation::new([[1.0, 0.01, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
+        assert!(!long.is_sound());
+    }
+
+    #[test]
+    fn equal_rotations_are_stored_once() {
+        let mut boxes = BoxTree::<WIDTH> {
+            nodes: vec![BoxTree::<WIDTH>::BLANK; 3],
+        };
+        boxes.nodes[0].link[..2].copy_from_slice(&[1, 2]);
+        boxes.nodes[0].count[..2].copy_from_slice(&[box_tree::INNER; 2]);
+        let turn = |node| Turn {
+            node,
+            rotation: Rotation::new([[0.6, 0.8, 0.0], [-0.8, 0.6, 0.0], [0.0, 0.0, 1.0]]),
+            bounds: BoxTree::<WIDTH>::BLANK.bounds,
+        };
+        let tree = ObbTree::new(boxes, &[turn(1), turn(2)]);
+        assert_eq!(tree.rotations.len(), 2);
+        assert_eq!(
+            (tree.root, tree.nodes[0].count[..3].to_vec()),
+            (INNER, vec![INNER | 1, INNER | 1, 0])
+        );
+    }
+}
