@@ -10,11 +10,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal, Protocol, TypedDict
 
-import numpy as np
-from numpy.typing import NDArray
-
 if TYPE_CHECKING:
     import halfspace_native
+    import numpy as np
     from halfspace_native import (
         Case,
         Hits,
@@ -32,6 +30,7 @@ if TYPE_CHECKING:
         StructureRow,
         Visits,
     )
+    from numpy.typing import NDArray
 
     AnyStructure = Structure | Instances
 

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -64,3 +65,14 @@ def test_a_set_up_that_fails_is_status_2(
     monkeypatch.setattr(environment, "prepare", fail)
     assert told(demo, [], capsys) == "The set-up failed: no network\n"
     assert not steps
+
+
+@pytest.mark.parametrize(("script", "argument", "status"), [("demo.py", "--help", 0), ("test.py", "no-such-check", 2)])
+def test_a_python_without_packages_starts_the_set_up(script: str, argument: str, status: int) -> None:
+    path = environment.ROOT / "scripts" / script
+    # A None in sys.modules makes each import of that package fail.
+    code = f"import runpy, sys; sys.modules['numpy'] = None; sys.argv = [{script!r}, {argument!r}]; "
+    code += f"sys.path.insert(0, {str(path.parent)!r}); runpy.run_path({str(path)!r}, run_name='__main__')"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == status, done.stderr
+    assert "Traceback" not in done.stderr
