@@ -172,14 +172,14 @@ class LeafCells(Faces):
     """Leaves left out because of max_count."""
 
 class Visits(Faces):
-    """Leaves on the way of a ray: those tested in the order of the walk, those passed untested between them.
+    """Leaves on the way of a ray: those tested in the order of the traversal, those passed untested between them.
 
     With traversal=boxes leaves are boxes, which may overlap.
     """
 
     enter: npt.NDArray[np.float64]
     leave: npt.NDArray[np.float64]
-    """(c,), in units of the direction; NaN where only the allowance for rounding led the walk there."""
+    """(c,), in units of the direction; NaN where only the error bound led the traversal there."""
     depth: npt.NDArray[np.uint32]
     tested: npt.NDArray[np.bool_]
     triangles: npt.NDArray[np.uint32]
@@ -282,10 +282,10 @@ class Structure:
         any_hit: bool = False,
     ) -> Recording:
         """Traces the rays one by one, on one thread, and records what every leaf answers, so that the
-        walks can be repeated without triangle tests.
+        traversals can be repeated without triangle tests.
 
         any_hit: as occluded() does, else as closest(). Arguments and errors as for closest(); also
-        SpecError for "brute", which walks nothing.
+        SpecError for "brute", which has no traversal.
         """
 
     def validate(self) -> list[str]:
@@ -310,7 +310,7 @@ class Structure:
         t_min: float = 0.0,
         t_max: float = ...,
     ) -> RayPath:
-        """The way of one ray to its nearest hit: what the walk itself tested, and what lies on the way.
+        """The path of one ray to its nearest hit: what its traversal tested, and what lies on its way.
 
         origin, direction: three numbers each, scene frame. t_min, t_max: as for closest(); inf when not given.
         Raises NonFiniteError.
@@ -324,11 +324,11 @@ class Recording:
         """What each ray cost when it was recorded, as Hits.counters."""
 
     def replay(self) -> npt.NDArray[np.float64]:
-        """Walks the rays again on the calling thread, through the same nodes in the same order but with
+        """Traces the rays again on the calling thread, through the same nodes in the same order but with
         the recorded answers in place of triangle tests.
 
         The seconds of each 1024 rays, the last of the rest: the time of traversal alone, from the ray
-        in the structure's frame to the last leaf. To compare walks on a busy machine take the median of
+        in the structure's frame to the last leaf. To compare traversals on a busy machine, take the median of
         each chunk over several replays, interleaved, and add them up. RuntimeError if a ray visits
         other leaves than recorded, which is a bug.
         """
@@ -349,7 +349,7 @@ def build(
     vertices: (n, 3). triangles: (m, 3) indices; those without area or not finite are dropped and
     counted, and all keep their numbers. spec: "id" or "id:key=value,...", see structures(). The
     result is a function of these alone, on any number of threads; 0 = one per core.
-    memory_limit: bytes that the build may take beside the scene, counted while it works; None = seven
+    memory_limit: bytes that the build may take besides the scene, counted while it works; None = seven
     eighths of what the machine has free when it begins. With lazy=1 what rays will have built is estimated.
     Raises SpecError, ShapeError, Cancelled, and MemoryError when the limit is met or the tree cannot be
     addressed; RuntimeError for an internal error.

@@ -92,7 +92,7 @@ fn fewer_directions_are_told() {
         let told = |spec: &str| {
             let left_out = build(&scene, spec).left_out().to_vec();
             let of = |part: &str| left_out.iter().any(|s| s.contains(part));
-            [of("beside the axes"), of("small nodes")]
+            [of("besides the axes"), of("small nodes")]
         };
         // The default spares so small a scene nothing.
         let enough = format!("{id}:enough=0.9");

@@ -83,7 +83,7 @@ pub fn resolution(bounds: &Aabb, cells: f64) -> [usize; 3] {
     out.map(|n| n as usize)
 }
 
-/// How many cells a box is divided into where about `cells` are asked for.
+/// Number of cells of a grid of about `cells` cells over a box.
 pub fn asked(bounds: &Aabb, cells: f64) -> usize {
     Filling::empty(bounds, cells).0.number()
 }

@@ -173,7 +173,7 @@ impl Follow<'_> {
         (passed, crossings)
     }
 
-    /// The tested leaves in the order of the walk, those passed untested between them. A cell that is
+    /// The tested leaves in the order of the traversal, those passed untested between them. A cell that is
     /// only touched in a point counts when it was tested.
     fn merge(&self, tree: &dyn Cells, passed: Vec<Visit>) -> Vec<Visit> {
         let mut tested: HashMap<u32, Visit> = HashMap::new();
@@ -208,7 +208,7 @@ impl Follow<'_> {
         visits
     }
 
-    /// Looks through the whole tree for the leaves that the walk tested and the line passes by.
+    /// Looks through the whole tree for the leaves that the traversal tested and the line passes by.
     fn find_missing(&self, tree: &dyn Cells, tested: &mut HashMap<u32, Visit>) {
         each_leaf(tree, self.bounds, |leaf| {
             let wanted = self.path.leaves.iter().any(|l| l.0 == leaf.first);

@@ -34,11 +34,11 @@ impl Recording {
         hits::counters(py, self.structure.cases(), &self.recording.counters)
     }
 
-    /// Walks the rays again on the calling thread, through the same nodes in the same order but with
+    /// Traces the rays again on the calling thread, through the same nodes in the same order but with
     /// the recorded answers in place of triangle tests.
     ///
     /// The seconds of each 1024 rays, the last of the rest: the time of traversal alone, from the ray
-    /// in the structure's frame to the last leaf. To compare walks on a busy machine take the median of
+    /// in the structure's frame to the last leaf. To compare traversals on a busy machine, take the median of
     /// each chunk over several replays, interleaved, and add them up. RuntimeError if a ray visits
     /// other leaves than recorded, which is a bug.
     fn replay<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray1<f64>>> {
@@ -120,10 +120,10 @@ impl Structure {
     }
 
     /// Traces the rays one by one, on one thread, and records what every leaf answers, so that the
-    /// walks can be repeated without triangle tests.
+    /// traversals can be repeated without triangle tests.
     ///
     /// any_hit: as occluded() does, else as closest(). Arguments and errors as for closest(); also
-    /// SpecError for "brute", which walks nothing.
+    /// SpecError for "brute", which has no traversal.
     #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, any_hit=false))]
     fn record(
         &self,
@@ -200,7 +200,7 @@ impl Structure {
         seeing::cells(py, &self.0, min_triangles.0, max_count.0)
     }
 
-    /// The way of one ray to its nearest hit: what the walk itself tested, and what lies on the way.
+    /// The path of one ray to its nearest hit: what its traversal tested, and what lies on its way.
     ///
     /// origin, direction: three numbers each, scene frame. t_min, t_max: as for closest(); inf when not given.
     /// Raises NonFiniteError.
@@ -237,7 +237,7 @@ impl Structure {
 /// vertices: (n, 3). triangles: (m, 3) indices; those without area or not finite are dropped and
 /// counted, and all keep their numbers. spec: "id" or "id:key=value,...", see structures(). The
 /// result is a function of these alone, on any number of threads; 0 = one per core.
-/// memory_limit: bytes that the build may take beside the scene, counted while it works; None = seven
+/// memory_limit: bytes that the build may take besides the scene, counted while it works; None = seven
 /// eighths of what the machine has free when it begins. With lazy=1 what rays will have built is estimated.
 /// Raises SpecError, ShapeError, Cancelled, and MemoryError when the limit is met or the tree cannot be
 /// addressed; RuntimeError for an internal error.

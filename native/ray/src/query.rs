@@ -9,9 +9,9 @@ use crate::replay::Record;
 use halfspace_geom::bound::keep_min;
 use halfspace_geom::verdict::verdict_within;
 
-/// The question put to a walk.
+/// What rays search: the nearest hit, or any hit.
 pub trait Query: Send + Sync + std::fmt::Debug + 'static {
-    /// Whether the first hit found, in any order, ends the walk.
+    /// Whether the first hit found, in any order, ends the traversal.
     const ANY: bool;
 
     /// What callers get for a ray.

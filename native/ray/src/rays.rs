@@ -134,8 +134,8 @@ impl<'a> Rays<'a> {
     }
 
     /// Overwrites `rays` with those from the `first` on.
-    // Field by field, and with the kinds of limits told apart outside the loops: rays that are put together
-    // first and copied then take longer to bring in than to trace in tiles.
+    // Fill field by field, and match the kinds of limits outside the loops: assembling whole rays and copying them
+    // takes longer than tracing them in tiles.
     pub fn put(&self, first: usize, rays: &mut [Ray]) {
         let range = first..first + rays.len();
         let ends = self.origins[range.clone()]

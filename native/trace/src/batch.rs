@@ -13,8 +13,8 @@ use halfspace_ray::{FrameRay, Hit, Ray, RayCounters};
 use halfspace_scene::Triangles;
 use std::time::{Duration, Instant};
 
-/// Runs the block with the instruction set that every build has. For walks that count or record, whose
-/// speed nobody reads: compiling each walk for every set is most of the time that the crate takes.
+/// Runs the block with the instruction set that every build has: for traversals that count or record, whose speed is
+/// not reported. Compiling them for every set takes most of the build time of this crate.
 macro_rules! baseline {
     ($simd:ident => $block:expr) => {{
         #[cfg(target_arch = "x86_64")]
@@ -32,11 +32,10 @@ macro_rules! baseline {
 }
 pub(crate) use baseline;
 
-/// So many rays are brought into the frame one after another before the first is walked: alone each would
-/// wait for its own divisions.
+/// Number of rays transformed into the frame before the first of them is traced, so that their divisions overlap.
 pub const AHEAD: usize = 8;
 
-/// A way of walking a tree with single rays.
+/// A traversal of a tree by single rays.
 pub trait Walk: Sync {
     /// Buffers that rays can share one after another, such as a stack.
     type Scratch;
@@ -55,7 +54,7 @@ pub trait Walk: Sync {
     ) -> Hit;
 }
 
-/// A way of walking a tree with tiles of rays.
+/// A traversal of a tree by tiles of rays.
 pub trait TileWalk: Sync {
     /// Rays of a tile at most.
     const RAYS: usize;
@@ -131,8 +130,8 @@ pub struct Launch<'a> {
     pub placed: Option<&'a [FrameRay<'a>]>,
 }
 
-/// Takes the answer of the ray with this place in the batch. Not a generic parameter, lest every walk is
-/// compiled for every caller.
+/// Takes the answer of the ray with this index in the batch. It is not a generic parameter, so a traversal is compiled
+/// once for all callers.
 pub type Write<'a> = &'a mut dyn FnMut(usize, Hit);
 
 impl<'a> Launch<'a> {
@@ -145,7 +144,7 @@ impl<'a> Launch<'a> {
         }
     }
 
-    /// The rays from `first` on in the frame of the structure, as many as there is room for.
+    /// The rays from `first` on in the frame of the structure, until `frames` is full.
     #[inline(always)]
     fn frame_ahead(&self, first: usize, frames: &mut [Option<FrameRay<'a>>; AHEAD]) {
         let left = self.rays.len() - first;
@@ -214,7 +213,7 @@ impl<'a> Launch<'a> {
         }
     }
 
-    /// Walks the only ray to its nearest hit, and tells what the walk did.
+    /// Traces the only ray to its nearest hit and returns the path of its traversal.
     ///
     /// # Panics
     /// When there is not one ray.
@@ -228,8 +227,8 @@ impl<'a> Launch<'a> {
         (nearest, path)
     }
 
-    /// Walks the rays one by one with what `count` counts into for each. Out of line, and its callers apart in values
-    /// only: one compiled walk serves them all.
+    /// Traces the rays one by one; `count` returns the counters of each. Out of line, and its callers differ in values
+    /// only, so one compiled traversal serves them all.
     #[inline(never)]
     fn counted<'c, W: Walk, Q: Query>(
         &self,

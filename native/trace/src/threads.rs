@@ -12,8 +12,8 @@ use std::num::NonZero;
 use std::sync::Mutex;
 use std::thread::Builder;
 
-/// Rays handed to a worker at once: as many as walk together in a stream. Tiles and shadow rays are as quick with half as
-/// many, enough to forget the cost of handing them over and to learn whether they go well in tiles.
+/// Number of rays that a worker takes at once: those of a stream. Tiles and shadow rays are as fast with half of that,
+/// which hides the cost of the hand-over and suffices to learn whether tiles succeed.
 pub const CHUNK: usize = STREAM;
 
 /// Runs `work` on chunks of rays, their answers and their counters, on `threads` threads.
@@ -96,7 +96,7 @@ pub fn share_out<P: Send>(
     })
 }
 
-/// How many threads are asked for; 0: as many as there are processors.
+/// Number of threads to start; 0 means one per processor.
 pub fn wanted(threads: usize) -> usize {
     if threads == 0 {
         std::thread::available_parallelism().map_or(1, NonZero::get)
@@ -148,7 +148,7 @@ pub fn occluded(
     })
 }
 
-/// Nearest hits of rays in random order, which are walked in another: each thread puts its own share in order.
+/// Nearest hits of rays in random order, traced in another: each thread sorts its own share.
 fn closest_reordered(
     tracer: &dyn Tracer,
     rays: Rays<'_>,

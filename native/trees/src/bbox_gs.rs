@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Hierarchies of bounding boxes that grow object by object, walked with a heap: what object-oriented
+//! Hierarchies of bounding boxes that grow object by object, traversed with a heap: what object-oriented
 //! ray tracers of the early nineties used, among them the OORT library.
 
 use crate::bih::LEAVES;
@@ -27,7 +27,7 @@ pub const SPEC: StructureSpec = StructureSpec {
     code: 50,
     label: "Boxes by insertion",
     family: "objects",
-    summary: "Boxes that grow triangle by triangle, each put where it costs least; walked with a heap.",
+    summary: "Boxes that grow triangle by triangle, each put where it costs least; a heap yields the nearest node.",
     paper: "Goldsmith and Salmon 1987, Automatic creation of object hierarchies for ray tracing; Kay and \
             Kajiya 1986, Ray tracing complex scenes",
     params: PARAMS,

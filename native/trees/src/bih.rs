@@ -29,7 +29,7 @@ use std::sync::Arc;
 const LEAF_SIZE: ParamSpec = ParamSpec {
     name: "leaf_size",
     label: "Leaf Size",
-    doc: "Nodes of at most this many triangles are not parted. More builds faster and tests more",
+    doc: "Nodes of at most this many triangles are not split. More builds faster and tests more",
     unit: "triangles",
     kind: Kind::Integer { min: 1, max: 64 },
     default: Value::Integer(6),
@@ -57,7 +57,7 @@ pub const EMPTY: ParamSpec = ParamSpec {
     default: Value::Float(0.7),
 };
 
-/// When to cut off empty space, as the configuration says.
+/// The threshold below which empty space is cut off, from the configuration.
 pub fn tighten(config: &Config) -> Tighten {
     Tighten(f64::from(config.float("empty")))
 }

@@ -37,7 +37,7 @@ const K: ParamSpec = ParamSpec {
 const OBLIQUE_STEP: ParamSpec = ParamSpec {
     name: "oblique_step_cost",
     label: "Oblique Step Cost",
-    doc: "Price of a step through a node with oblique planes. More gives fewer of them",
+    doc: "Cost of a step through a node with oblique planes. More gives fewer of them",
     unit: "",
     kind: Kind::Float { min: 0.0, max: 1e6 },
     default: Value::Float(12.0),

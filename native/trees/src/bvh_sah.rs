@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The bounding volume hierarchy of today's renderers: binned surface area heuristic, wide nodes,
-//! ordered walk. The yardstick that all other structures are held against.
+//! ordered traversal. The yardstick of all other structures.
 
 use crate::traversal::{Traversal, chosen, offer, parameter};
 use crate::{objects, params};

@@ -22,7 +22,7 @@ pub const SPEC: StructureSpec = StructureSpec {
     code: 70,
     label: "Uniform grid",
     family: "space",
-    summary: "Equal cells in rows and columns, walked from wall to wall.",
+    summary: "Equal cells in rows and columns, traversed from wall to wall.",
     paper: "Amanatides and Woo 1987, A fast voxel traversal algorithm for ray tracing; Cleary and Wyvill 1988, \
             Analysis of an algorithm for fast ray tracing using uniform space subdivision",
     // Not a tree: no beam of shadow rays goes down in it.

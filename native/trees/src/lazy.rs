@@ -25,13 +25,13 @@ fn obstacle(config: &Config) -> Option<String> {
     ] {
         let chosen = config.choice(key);
         if !walks.contains(&chosen) {
-            return Some(format!("lazy: {key}={chosen} walks a tree in one piece"));
+            return Some(format!("lazy: {key}={chosen} needs a tree in one piece"));
         }
     }
     None
 }
 
-/// Builds what no ray needs to ask for, or the whole tree where the walk wants that.
+/// Builds the upper part of the tree, or the whole tree where the traversal needs it.
 ///
 /// # Errors
 /// As [`lazy::build`] and [`plane_tree`].

@@ -89,7 +89,7 @@ const LEAVES: ParamSpec = ParamSpec {
 const OBLIQUE_STEP: ParamSpec = ParamSpec {
     name: "oblique_step_cost",
     label: "Turned Step Cost",
-    doc: "Price of a step through a turned node. More leaves more nodes along the axes",
+    doc: "Cost of a step through a turned node. More leaves more nodes along the axes",
     unit: "",
     kind: Kind::Float { min: 0.0, max: 1e6 },
     default: Value::Float(12.0),
@@ -265,7 +265,7 @@ struct Below {
     heights: Heights,
     /// Its largest triangle: area and id.
     largest: (f64, u32),
-    /// Price of entering its root: of a step, or of a leaf.
+    /// Cost of entering its root: of a step, or of a leaf.
     price: f64,
     /// Its turned nodes.
     turns: Vec<Turn>,

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Parameters that several structures share, and what a configuration says by them.
+//! Parameters that several structures share, and what their values in a configuration mean.
 
 use halfspace_builders::binned::SurfaceArea;
 use halfspace_leaf::keep::Keep;
@@ -8,7 +8,7 @@ use halfspace_nodes::plane_tree;
 use halfspace_structure::row::{Kind, ParamSpec};
 use halfspace_structure::spec::{Config, Value};
 
-/// Whether a walk allows for rounding.
+/// Whether a traversal uses error bounds.
 pub const ROBUST: ParamSpec = ParamSpec {
     name: "robust",
     label: "Robustness",
@@ -43,11 +43,11 @@ pub const LEAF_SIZE: ParamSpec = ParamSpec {
     default: Value::Integer(1),
 };
 
-/// Largest leaf of hierarchies parted by the surface area heuristic.
+/// Largest leaf of hierarchies split by the surface area heuristic.
 pub const LEAF_MAX: ParamSpec = ParamSpec {
     name: "leaf_max",
     label: "Largest Leaf",
-    doc: "Nodes of more triangles are always parted. More saves memory where triangles crowd",
+    doc: "Nodes of more triangles are always split. More saves memory where triangles crowd",
     unit: "triangles",
     kind: Kind::Integer { min: 1, max: 4096 },
     default: Value::Integer(64),
@@ -64,32 +64,32 @@ const fn cost(name: &'static str, label: &'static str, doc: &'static str, value:
     }
 }
 
-/// Price of a step.
+/// Cost of a step.
 pub const fn step_cost(costs: Costs) -> ParamSpec {
     cost(
         "step_cost",
         "Step Cost",
-        "Price of a step through a node. More gives fewer, larger leaves",
+        "Cost of a step through a node. More gives fewer, larger leaves",
         costs.step,
     )
 }
 
-/// Price of entering a leaf.
+/// Cost of entering a leaf.
 pub const fn leaf_cost(costs: Costs) -> ParamSpec {
     cost(
         "leaf_cost",
         "Leaf Cost",
-        "Price of entering a leaf with triangles. More gives fewer leaves",
+        "Cost of entering a leaf with triangles. More gives fewer leaves",
         costs.leaf,
     )
 }
 
-/// Price of a triangle.
+/// Cost of a triangle.
 pub const fn triangle_cost(costs: Costs) -> ParamSpec {
     cost(
         "triangle_cost",
         "Triangle Cost",
-        "Price of testing a triangle. More gives smaller leaves, a larger tree and a longer build",
+        "Cost of testing a triangle. More gives smaller leaves, a larger tree and a longer build",
         costs.triangle,
     )
 }
@@ -121,7 +121,7 @@ pub const LAZY: ParamSpec = ParamSpec {
     default: Value::Choice("0"),
 };
 
-/// When a cell is too small to be parted.
+/// When a cell is too small to be split.
 pub const AREA_STOP: ParamSpec = ParamSpec {
     name: "area_stop",
     label: "Area Stop",

@@ -20,7 +20,7 @@ pub const CASES: &[Recipe] = &[
     },
     Recipe {
         name: "cut corners",
-        summary: "planes at 45 degrees through the corners and edges of cells, and a float beside",
+        summary: "planes at 45 degrees through the corners and edges of cells, and one float off",
         extremes: &["X30", "X31", "X32"],
         make: cut_corners,
     },

@@ -14,7 +14,7 @@ pub const CASES: &[Recipe] = &[
     },
     Recipe {
         name: "giant and tiny",
-        summary: "one triangle 2^41 large beside small ones",
+        summary: "one triangle 2^41 large among small ones",
         extremes: &["X21", "X38"],
         make: giant,
     },

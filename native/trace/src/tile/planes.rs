@@ -29,7 +29,7 @@ const SPEED_ERROR: f32 = 16.0 * U;
 macro_rules! tiles_of_planes {
     ($tree:ty) => {
         impl TileTree for $tree {
-            /// As much as waits is laid out with the walk.
+            /// The stack is a local array of the traversal.
             type Room = ();
 
             fn room(&self) {}

@@ -37,7 +37,7 @@ pub const SPEC: StructureSpec = StructureSpec {
 
 const PARAMS: [ParamSpec; params::KD] = params();
 
-/// Those of the tree; the threshold is in the place of the ways to walk, of which there is one.
+/// The parameters of the tree; the threshold replaces the choice of traversals, since there is only one.
 const fn params() -> [ParamSpec; params::KD] {
     let mut all = params::kd(params::k(3, 6));
     all[1] = BEAM_LEAST;

@@ -72,7 +72,7 @@ pub const KD: StructureSpec = StructureSpec {
     code: 23,
     label: "RBSP + Kd",
     family: "space",
-    summary: "Planes along K directions that are the same at every node; the axes among them are cheap to walk.",
+    summary: "Planes along K directions that are the same at every node; the axes among them make cheap nodes.",
     paper: "Kammaje and Mora 2007; Budge et al. 2008; Hoobergs 2019",
     params: &KD_PARAMS,
     build: |scene, config, monitor| grow(scene, config, monitor, Variant::PlusKd),
@@ -96,8 +96,8 @@ const K: ParamSpec = ParamSpec {
 const PLAIN_PARAMS: [ParamSpec; params::USUAL] = with_set(params::usual(K), 2);
 const KD_PARAMS: [ParamSpec; params::KD] = with_set(params::kd(K), 3);
 
-/// Fixed directions need no seed: its place takes the set. Their first few are no choice of the node's, so small
-/// nodes try as many as others.
+/// Replaces the seed, which fixed directions do not need, by the set. Small nodes try all directions, since the first
+/// few are not chosen for the node.
 const fn with_set<const N: usize>(mut params: [ParamSpec; N], seed: usize) -> [ParamSpec; N] {
     params[seed] = SET;
     params[seed + 1] = ParamSpec {

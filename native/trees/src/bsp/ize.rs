@@ -38,7 +38,7 @@ pub const KD: StructureSpec = StructureSpec {
     code: 25,
     label: "BSP, Ize + Kd",
     family: "space",
-    summary: "Planes along the axes, cheap to walk, in the triangles and through their edges.",
+    summary: "Planes along the axes, at cheap nodes, in the triangles and through their edges.",
     paper: PAPER,
     params: &KD_PARAMS,
     build: |scene, config, monitor| grow(scene, config, monitor, Variant::PlusKd),

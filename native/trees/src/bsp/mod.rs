@@ -411,7 +411,7 @@ pub fn lay_out(
     // Report how many nodes tried only the axes.
     if preorder.first_only > 0 {
         left_out.push(format!(
-            "directions beside the axes: at {} of {} nodes, where a plane along an axis costs less than {} of a leaf",
+            "directions besides the axes: at {} of {} nodes, where a plane along an axis costs less than {} of a leaf",
             preorder.first_only,
             shape.nodes_axis + shape.nodes_oblique,
             config.float("enough"),

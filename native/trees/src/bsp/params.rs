@@ -33,7 +33,7 @@ pub const fn k(min: i64, usual: i64) -> ParamSpec {
 pub const ALPHA: ParamSpec = ParamSpec {
     name: "alpha",
     label: "Alpha",
-    doc: "Share of a triangle's price that a step through an oblique node costs for each triangle of the \
+    doc: "Share of a triangle's cost that a step through an oblique node costs for each triangle of the \
           node. More keeps oblique planes away from the top of the tree (Ize, Wald and Parker 2008)",
     unit: "",
     kind: Kind::Float {
@@ -59,7 +59,7 @@ pub const SEED: ParamSpec = ParamSpec {
 const COSTS: ParamSpec = ParamSpec {
     name: "costs",
     label: "Costs",
-    doc: "fitted: prices measured for leaves that test eight triangles at once. thesis: 80 a triangle, 1 an \
+    doc: "fitted: costs measured for leaves that test eight triangles at once. thesis: 80 a triangle, 1 an \
           axis step, 5 an oblique step, one triangle per leaf, pbrt's stopping rule (Hoobergs 2019)",
     unit: "",
     kind: Kind::Choice(&["fitted", "thesis"]),
@@ -69,7 +69,7 @@ const COSTS: ParamSpec = ParamSpec {
 const RULE: ParamSpec = ParamSpec {
     name: "rule",
     label: "Fallback Rule",
-    doc: "Where no plane pays at the linear price of oblique planes but one does at the fixed price: text \
+    doc: "Where no plane pays at the linear cost of oblique planes but one does at the fixed cost: text \
           takes that one, code takes the first attempt's, as the thesis's program does",
     unit: "",
     kind: Kind::Choice(&["text", "code"]),
@@ -132,7 +132,7 @@ pub const SMALL: usize = 32;
 pub const K_SMALL: ParamSpec = ParamSpec {
     name: "k_small",
     label: "K at Small Nodes",
-    doc: "Share of K that is tried at nodes of up to 32 triangles, but always one direction beside the axes. Most \
+    doc: "Share of K that is tried at nodes of up to 32 triangles, but always one direction besides the axes. Most \
           nodes are small; more builds slower and traces hardly faster. costs=thesis tries K everywhere",
     unit: "of K",
     kind: Kind::Float { min: 0.0, max: 1.0 },
@@ -152,7 +152,7 @@ const ENOUGH: ParamSpec = ParamSpec {
 const OBLIQUE: ParamSpec = ParamSpec {
     name: "oblique_cost",
     label: "Oblique Cost",
-    doc: "Price of a step through a node with an oblique plane; where alpha asks for more, of the second \
+    doc: "Cost of a step through a node with an oblique plane; where alpha asks for more, of the second \
           attempt. More gives fewer oblique planes. costs=thesis has its own",
     unit: "",
     kind: Kind::Float { min: 0.0, max: 1e6 },
