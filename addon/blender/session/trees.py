@@ -73,7 +73,7 @@ def moved(scene_uid: int, read: int) -> bool:
 def keep(scene: Any, structure: Any, geometry: Geometry, *, spec: str, label: str, read: int) -> Tree:
     """Keep a structure of this scene, built over this geometry, in place of the last one.
 
-    Of the geometry only the fields of `Tree` are kept: normals and UVs can take more memory than the triangles.
+    Only the fields of `Tree` are kept of the geometry: normals and UVs can take more memory than the triangles.
     """
     global _tree  # noqa: PLW0603 (one per Blender, as said above)
     uid, origin = scene.original.session_uid, geometry.origin.copy()

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Which kernel answers which batch of rays. A plan is made once, where the tree is made; after that nothing asks what
-//! kind of tree it is.
+//! Which kernel answers which batch of rays. A plan is made once, with the tree; no caller matches on the kind of
+//! the tree.
 
 use halfspace_ray::query::{Any, Closest};
 use halfspace_trace::kernel::{Kernel, SingleRays};

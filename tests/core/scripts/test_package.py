@@ -53,7 +53,7 @@ def test_everything_that_is_packaged_is_reached_by_the_extension(tmp_path: Path)
     beside = ["addon.LICENSE", "addon.blender_manifest.toml", "addon.manual.md"]
     assert imports.unreached(staged, "addon") == beside
     assert "addon.core.report.page.html" in staged
-    # The check can fail: a module that nobody imports, and one that loses its only importer.
+    # The check can fail: a module without importers, and one that loses its only importer.
     (tmp_path / "staged" / "core" / "measure" / "orphan.py").write_text("from . import accuracy\n", encoding="utf-8")
     sky = tmp_path / "staged" / "blender" / "read" / "sky.py"
     sky.write_text(sky.read_text(encoding="utf-8").replace("sky_bake.py", "nothing.py"), encoding="utf-8")
