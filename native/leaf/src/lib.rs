@@ -7,4 +7,7 @@ pub mod candidates;
 pub mod eight;
 pub mod keep;
 pub mod lanes;
+pub mod leaf;
 pub mod leaves;
+
+pub use leaf::{Job, Leaf};

@@ -4,12 +4,16 @@
 pub mod cases;
 pub mod frame;
 pub mod frame_ray;
+pub mod interval;
 pub mod path;
 pub mod query;
 pub mod ray;
+pub mod ray_ref;
 pub mod rays;
 pub mod replay;
 
 pub use frame_ray::FrameRay;
+pub use interval::Interval;
 pub use ray::{Hit, Order, Ray, RayCounters, Tracer};
+pub use ray_ref::{FramedScene, RayRef, RaySlice};
 pub use rays::Rays;

@@ -1,0 +1,19 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The part of a ray that lies in a region.
+
+/// Distances between which a ray is in a region, in the frame of the tree. Empty if `leave` lies before `enter`.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Interval {
+    /// Distance where the ray enters the region.
+    pub enter: f32,
+    /// Distance where the ray leaves the region.
+    pub leave: f32,
+}
+
+impl Interval {
+    /// The interval between two distances.
+    #[inline(always)]
+    pub fn new(enter: f32, leave: f32) -> Self {
+        Self { enter, leave }
+    }
+}
