@@ -65,7 +65,7 @@ FAULTS = (
     ),
     Fault(
         "the far child first",
-        "native/nodes/src/plane_tree.rs",
+        "native/nodes/src/planes/plane_tree.rs",
         "signs.wrapping_shr(link) & 1",
         "!signs.wrapping_shr(link) & 1",
         ALL,
@@ -81,7 +81,7 @@ FAULTS = (
     ),
     Fault(
         "one kind of octree link wrong",
-        "native/nodes/src/octree_nodes.rs",
+        "native/nodes/src/octants/octree_nodes.rs",
         "self.node(node.parent()).children() + across",
         "self.node(node.parent()).children() + node.octant()",
         ALL,
@@ -95,7 +95,7 @@ FAULTS = (
     ),
     Fault(
         "the empty child marked on the wrong side",
-        "native/nodes/src/plane_tree.rs",
+        "native/nodes/src/planes/plane_tree.rs",
         "EMPTY << (place & 1)",
         "EMPTY << (1 - (place & 1))",
         ALL,

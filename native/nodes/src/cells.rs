@@ -15,6 +15,12 @@ pub const OCTANT: u8 = 5;
 /// Kind of a face of a box.
 pub const BOX: u8 = 6;
 
+/// The kind of a plane perpendicular to an axis: the number of the axis.
+#[expect(clippy::cast_possible_truncation, reason = "an axis")]
+pub fn axis_kind(axis: usize) -> u8 {
+    axis as u8
+}
+
 /// Names a node within its tree; each layout gives the four words a meaning of its own.
 pub type NodeId = [u32; 4];
 

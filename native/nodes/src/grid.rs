@@ -1,7 +1,12 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Uniform grids: the walls of equal cells along each axis, and the leaf of each cell (Cleary and Wyvill 1988).
 
+use crate::cells::{Cells, NodeId, NodeView, axis_kind};
+use crate::check;
+use crate::tree::{Body, Tree, same};
 use halfspace_geom::Aabb;
+use halfspace_geom::cell::{Direction, Plane};
+use halfspace_geom::region::Region;
 
 /// A uniform grid over a scene.
 #[derive(Debug, Clone, PartialEq)]
@@ -74,5 +79,60 @@ impl Grid {
     pub fn bytes(&self) -> usize {
         let walls: usize = self.walls.iter().map(|walls| size_of_val(&**walls)).sum();
         walls + size_of_val(&*self.cells)
+    }
+}
+
+impl Tree for Grid {
+    fn bytes(&self) -> usize {
+        Grid::bytes(self)
+    }
+
+    fn cells(&self) -> Option<&dyn Cells> {
+        Some(self)
+    }
+
+    fn leaves(&self, see: &mut dyn FnMut(u32, usize)) {
+        self.visit(|_, (first, count)| see(first, count));
+    }
+
+    fn validate(&self, body: &Body<'_>, broken: &mut Vec<String>) {
+        check::grid::grid(body, self, broken);
+    }
+
+    fn same(&self, other: &dyn Tree) -> bool {
+        same(self, other)
+    }
+}
+
+/// A grid as a tree of three levels: slices along x, in each of them rows along y, and in those the cells. A node is
+/// named by its level and by one coordinate per level above it.
+impl Cells for Grid {
+    fn root(&self, bounds: Aabb) -> (NodeId, Region) {
+        ([0; 4], Region::of_scene(bounds))
+    }
+
+    fn node(&self, [level, x, y, z]: NodeId, region: &Region) -> NodeView {
+        let (axis, at) = (level as usize, [x, y, z]);
+        if axis == 3 {
+            let (first, count) = self.cell(at.map(|i| i as usize));
+            return NodeView::leaf(first, count);
+        }
+        let bounds = region.bounds().expect("a box within a grid");
+        let walls = self.walls(axis);
+        let planes = walls[1..self.count(axis)].iter().map(|&offset| {
+            let direction = Direction::Axis(axis);
+            (Plane { direction, offset }, axis_kind(axis))
+        });
+        let children = (0_u32..).zip(walls.windows(2)).map(|(number, walls)| {
+            let (mut at, mut part) = (at, bounds);
+            at[axis] = number;
+            (part.min[axis], part.max[axis]) = (walls[0], walls[1]);
+            ([level + 1, at[0], at[1], at[2]], region.part(part))
+        });
+        NodeView {
+            planes: planes.collect(),
+            children: children.collect(),
+            ..NodeView::default()
+        }
     }
 }

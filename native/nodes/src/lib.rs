@@ -1,32 +1,33 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Memory layouts of trees. A layout is data: it neither builds itself nor traces rays.
+//!
+//! | folder | layouts |
+//! | --- | --- |
+//! | [`planes`] | trees of split planes: 8 bytes per node, wide nodes, parts built on demand, ropes |
+//! | [`boxes`] | trees of boxes, of oriented boxes and of polytopes with fixed directions |
+//! | [`slabs`] | interval hierarchies, of axis-aligned and of oblique planes |
+//! | [`octants`] | octrees |
+//! | [`grid`] | uniform grids |
+//! | [`check`] | the invariants of each layout |
+//!
+//! The files on top belong to all layouts: [`tree`] and [`cells`] are their common face, [`nested`] that of trees of
+//! boxes and intervals, [`shape`] and [`cost`] their statistics.
 
-pub mod box_corners;
-pub mod box_tree;
+pub mod boxes;
 pub mod cells;
 pub mod check;
 pub mod cost;
-pub mod dop_tree;
 pub mod grid;
-pub mod lazy_tree;
 pub mod nested;
 pub mod next;
-pub mod obb_tree;
-pub mod object_tree;
 pub mod octants;
-pub mod octree_nodes;
-pub mod plane_tree;
 pub mod planes;
-pub mod preorder;
-pub mod ropes;
 pub mod shape;
-pub mod slab_node;
-pub mod slab_tree;
-pub mod slab_wide;
-pub mod slant_tree;
-pub mod slanted_tree;
+pub mod slabs;
 pub mod tree;
-pub mod views;
-pub mod wide_tree;
 
+pub use boxes::{box_corners, box_tree, dop_tree, obb_tree, object_tree, plane_boxes};
+pub use octants::octree_nodes;
+pub use planes::{lazy_tree, plane_tree, preorder, ropes, wide_tree};
+pub use slabs::{slab_node, slab_tree, slab_wide, slant_tree, slanted_tree};
 pub use tree::Tree;

@@ -2,8 +2,13 @@
 //! Object trees seen from outside, whatever their layout: for their shape, for validation and for
 //! drawing. Walks do not come here.
 
+use crate::cells::{Cells, NodeId, NodeView, SLAB};
+use crate::check;
 use crate::shape::{Measure, Shape};
+use crate::tree::{Body, Tree, same};
 use halfspace_geom::Aabb;
+use halfspace_geom::cell::{Direction, Plane};
+use halfspace_geom::region::Region;
 
 /// What is found at a node.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -91,4 +96,78 @@ pub fn shape<T: Nested + ?Sized>(tree: &T, bounds: Aabb) -> Shape {
         }
     });
     measure.finish()
+}
+
+/// Every layout of boxes or slabs.
+impl<T: Nested + PartialEq + std::fmt::Debug + Send + Sync + 'static> Tree for T {
+    fn bytes(&self) -> usize {
+        Nested::bytes(self)
+    }
+
+    fn cells(&self) -> Option<&dyn Cells> {
+        Some(self)
+    }
+
+    fn leaves(&self, see: &mut dyn FnMut(u32, usize)) {
+        // Regions do not matter here; this one contains every node.
+        let everywhere = Aabb {
+            min: [f32::MIN; 3],
+            max: [f32::MAX; 3],
+        };
+        visit(self, everywhere, |_, _, look, _| {
+            if let Look::Leaf { first, count } = look {
+                see(first, count);
+            }
+        });
+    }
+
+    fn validate(&self, body: &Body<'_>, broken: &mut Vec<String>) {
+        check::objects::object_tree(body, self, broken);
+    }
+
+    fn same(&self, other: &dyn Tree) -> bool {
+        same(self, other)
+    }
+}
+
+/// A node is named by its [`Place`].
+impl<T: Nested> Cells for T {
+    fn root(&self, bounds: Aabb) -> (NodeId, Region) {
+        let (a, b) = self.top();
+        ([a, b, 0, 0], Region::of_scene(bounds))
+    }
+
+    fn node(&self, [a, b, ..]: NodeId, region: &Region) -> NodeView {
+        let mut children = Vec::new();
+        let bounds = region.bounds().expect("a box within a tree of boxes");
+        let look = self.look((a, b), &bounds, &mut children);
+        let planes = match look {
+            Look::Leaf { first, count } => return NodeView::leaf(first, count),
+            Look::Boxes => Vec::new(),
+            // Only planes that cut something off the region are planes of this node.
+            Look::Slabs { axis } => (children.iter())
+                .filter(|(_, child)| !child.is_empty())
+                .flat_map(|(_, child)| {
+                    [
+                        (bounds.min[axis], child.min[axis]),
+                        (bounds.max[axis], child.max[axis]),
+                    ]
+                })
+                .filter(|(whole, part)| whole != part)
+                .map(|(_, offset)| {
+                    let direction = Direction::Axis(axis);
+                    (Plane { direction, offset }, SLAB)
+                })
+                .collect(),
+        };
+        let regions = children
+            .into_iter()
+            .map(|((a, b), bounds)| ([a, b, 0, 0], region.part(bounds)));
+        NodeView {
+            planes,
+            children: regions.collect(),
+            boxes: look == Look::Boxes,
+            leaf: None,
+        }
+    }
 }

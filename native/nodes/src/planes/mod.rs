@@ -2,6 +2,13 @@
 //! Access to plane trees for their traversals: trees in one piece, or trees of parts that are built by the
 //! first ray that reaches them.
 
+pub mod lazy_tree;
+pub mod plane_tree;
+pub mod preorder;
+pub mod ropes;
+pub mod views;
+pub mod wide_tree;
+
 use crate::lazy_tree::{LazyTree, Part};
 use crate::plane_tree::{ENTRANCE, Node, PlaneTree};
 use halfspace_leaf::blocks::Blocks;

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The cells of an octree on their grid, and the octants that a builder hands over.
 
+pub mod octree_nodes;
+mod views;
+
 use halfspace_ray::frame::{Frame, U};
 
 /// Largest depth: cells at this depth are a millionth of the root's side.
