@@ -41,7 +41,7 @@ fn grid(structure: &Structure) -> &Grid {
 /// How many cells a grid has, and how many places triangles have in them.
 fn cells_and_places(structure: &Structure) -> (usize, usize) {
     let (mut cells, mut places) = (0, 0);
-    grid(structure).visit(|_, (_, count)| {
+    grid(structure).visit(|_, halfspace::leaf::Leaf { count, .. }| {
         cells += 1;
         places += count;
     });

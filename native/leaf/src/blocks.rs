@@ -9,12 +9,13 @@
 
 use crate::candidates::{Candidates, Edges, Surely};
 use crate::keep::{Keep, write_lane};
+use crate::{Job, Leaf};
 use fearless_simd::Simd;
 use halfspace_geom::bound::{keep_max, keep_min};
 use halfspace_geom::vec3::map;
 use halfspace_ray::frame::Frame;
 use halfspace_ray::query::{Best, Counters, Query};
-use halfspace_ray::{FrameRay, Ray};
+use halfspace_ray::{FrameRay, Ray, RayRef};
 use halfspace_scene::Triangles;
 use prefetch_index::prefetch_index;
 
@@ -130,7 +131,7 @@ impl Blocks {
     /// Calls `see` with the id and the vertices, in the frame, of each triangle of a leaf stored as
     /// [`Keep::Corners`].
     #[inline(always)]
-    pub fn each(&self, (first, count): (u32, usize), mut see: impl FnMut(u32, [[f32; 3]; 3])) {
+    pub fn each(&self, Leaf { first, count }: Leaf, mut see: impl FnMut(u32, [[f32; 3]; 3])) {
         let mut at = first as usize;
         let mut left = count;
         while left > 0 {
@@ -200,94 +201,6 @@ impl Blocks {
         }
     }
 
-    /// Intersects a ray with the leaf (word offset, number of triangles), and returns whether the traversal may
-    /// end.
-    ///
-    /// `ray` is the ray, the ray in the frame and the distance at which it leaves the leaf's cell: a hit beyond
-    /// that distance lies in another leaf too. The leaf is stored as [`Keep::Corners`].
-    #[inline(always)]
-    pub fn test<S: Simd, Q: Query, C: Counters>(
-        &self,
-        simd: S,
-        leaf: (u32, usize),
-        scene: &Triangles,
-        ray: (&Ray, &FrameRay, f32),
-        best: &mut Best,
-        counters: &mut C,
-    ) -> bool {
-        self.test_kind::<S, Q, C, false>(simd, leaf, scene, ray, best, counters)
-    }
-
-    /// [`Self::test`] for leaves of either [`Keep`].
-    #[inline(always)]
-    pub fn test_any<S: Simd, Q: Query, C: Counters>(
-        &self,
-        simd: S,
-        leaf: (u32, usize),
-        scene: &Triangles,
-        ray: (&Ray, &FrameRay, f32),
-        best: &mut Best,
-        counters: &mut C,
-    ) -> bool {
-        self.test_kind::<S, Q, C, true>(simd, leaf, scene, ray, best, counters)
-    }
-
-    /// [`Self::test`] (`ANY` false) or [`Self::test_any`] (`ANY` true).
-    #[inline(always)]
-    fn test_kind<S: Simd, Q: Query, C: Counters, const ANY: bool>(
-        &self,
-        simd: S,
-        (first, count): (u32, usize),
-        scene: &Triangles,
-        (ray, frame, leave): (&Ray, &FrameRay, f32),
-        best: &mut Best,
-        counters: &mut C,
-    ) -> bool {
-        // In a replay, return the recorded answer of this leaf instead of testing its triangles.
-        if C::REPLAY {
-            return best.take::<Q>(frame, counters.replay());
-        }
-        counters.visit(first, count);
-        let indices = ANY && self.keep == Keep::Indices;
-        let mut at = first as usize;
-        let mut left = count;
-        let mut fetched = [0.0; SPAN];
-        // Test the leaf block by block, each against the reach that the blocks before it left.
-        while left > 0 {
-            let n = left.min(LANES);
-            counters.tests(n);
-            let block = if indices {
-                self.fetch(scene, &self.words[at..at + 4 * n], &mut fetched);
-                &fetched
-            } else {
-                self.words[at..]
-                    .first_chunk()
-                    .expect("sealed: no block is the last")
-            };
-            // Bound all triangles by the errors of the block's largest; most blocks end here.
-            let reach = keep_min(leave, best.reach);
-            let mut open = Candidates::new(simd, &Edges::new(simd, block, n), frame, reach);
-            if open.any() {
-                // Computing the edges again is cheaper than keeping them in registers through `any`.
-                let surely = open.refine::<Q, C>(simd, &Edges::new(simd, block, n), frame);
-                let ends = self.settle::<S, Q, C>(
-                    simd,
-                    (open, &surely),
-                    (block, n, scene),
-                    (ray, frame, frame.certain(ray)),
-                    best,
-                    counters,
-                );
-                if ends {
-                    return true;
-                }
-            }
-            at += if indices { 4 * n } else { 1 + WORDS * n };
-            left -= n;
-        }
-        false
-    }
-
     /// Passes the candidates of a block of `n` triangles to the exact test, nearest first; returns whether the
     /// traversal may end.
     #[inline(always)]
@@ -317,7 +230,7 @@ impl Blocks {
             let ends = match held {
                 Some(ends) => ends,
                 None => best.offer::<Q, C>(
-                    (ray, frame),
+                    RayRef { ray, frame },
                     id,
                     #[inline(always)]
                     || self.corners_in(block, (lane, n), scene),
@@ -365,5 +278,95 @@ impl Blocks {
             size = keep_max(own, size);
         }
         block[0] = size;
+    }
+}
+
+impl Job<'_> {
+    /// Intersects a ray with the triangles of a leaf, and returns whether the traversal may end.
+    ///
+    /// The ray leaves the leaf's cell at the distance `leave`: a hit beyond it lies in another leaf too. The leaf is
+    /// stored as [`Keep::Corners`].
+    #[inline(always)]
+    pub fn test<S: Simd, Q: Query, C: Counters>(
+        self,
+        simd: S,
+        leaf: Leaf,
+        ray: RayRef<'_>,
+        leave: f32,
+        best: &mut Best,
+        counters: &mut C,
+    ) -> bool {
+        self.test_kind::<S, Q, C, false>(simd, leaf, ray, leave, best, counters)
+    }
+
+    /// [`Self::test`] for leaves of either [`Keep`].
+    #[inline(always)]
+    pub fn test_any<S: Simd, Q: Query, C: Counters>(
+        self,
+        simd: S,
+        leaf: Leaf,
+        ray: RayRef<'_>,
+        leave: f32,
+        best: &mut Best,
+        counters: &mut C,
+    ) -> bool {
+        self.test_kind::<S, Q, C, true>(simd, leaf, ray, leave, best, counters)
+    }
+
+    /// [`Self::test`] (`ANY` false) or [`Self::test_any`] (`ANY` true).
+    #[inline(always)]
+    fn test_kind<S: Simd, Q: Query, C: Counters, const ANY: bool>(
+        self,
+        simd: S,
+        Leaf { first, count }: Leaf,
+        RayRef { ray, frame }: RayRef<'_>,
+        leave: f32,
+        best: &mut Best,
+        counters: &mut C,
+    ) -> bool {
+        // In a replay, return the recorded answer of this leaf instead of testing its triangles.
+        if C::REPLAY {
+            return best.take::<Q>(frame, counters.replay());
+        }
+        counters.visit(first, count);
+        let indices = ANY && self.blocks.keep == Keep::Indices;
+        let mut at = first as usize;
+        let mut left = count;
+        let mut fetched = [0.0; SPAN];
+        // Test the leaf block by block, each against the reach that the blocks before it left.
+        while left > 0 {
+            let n = left.min(LANES);
+            counters.tests(n);
+            let block = if indices {
+                self.blocks
+                    .fetch(self.scene, &self.blocks.words[at..at + 4 * n], &mut fetched);
+                &fetched
+            } else {
+                self.blocks.words[at..]
+                    .first_chunk()
+                    .expect("sealed: no block is the last")
+            };
+            // Bound all triangles by the errors of the block's largest; most blocks end here.
+            let reach = keep_min(leave, best.reach);
+            let mut open = Candidates::new(simd, &Edges::new(simd, block, n), frame, reach);
+            if open.any() {
+                // Computing the edges again is cheaper than keeping them in registers through `any`.
+                let surely = open.refine::<Q, C>(simd, &Edges::new(simd, block, n), frame);
+                let ends = self.blocks.settle::<S, Q, C>(
+                    simd,
+                    (open, &surely),
+                    (block, n, self.scene),
+                    (ray, frame, frame.certain(ray)),
+                    best,
+                    counters,
+                );
+                if ends {
+                    return true;
+                }
+            }
+            at += if indices { 4 * n } else { 1 + WORDS * n };
+            left -= n;
+        }
+        false
     }
 }

@@ -7,6 +7,7 @@ use crate::tree::{Body, Tree, same};
 use halfspace_geom::Aabb;
 use halfspace_geom::cell::{Direction, Plane};
 use halfspace_geom::region::Region;
+use halfspace_leaf::Leaf;
 
 /// A uniform grid over a scene.
 #[derive(Debug, Clone, PartialEq)]
@@ -51,9 +52,12 @@ impl Grid {
 
     /// Where a cell's blocks begin, and how many triangles they hold.
     #[inline(always)]
-    pub fn cell(&self, place: [usize; 3]) -> (u32, usize) {
+    pub fn cell(&self, place: [usize; 3]) -> Leaf {
         let [first, count] = self.cells[self.index(place)];
-        (first, count as usize)
+        Leaf {
+            first,
+            count: count as usize,
+        }
     }
 
     /// The box of a cell.
@@ -65,7 +69,7 @@ impl Grid {
     }
 
     /// Visits all cells, x fastest.
-    pub fn visit(&self, mut see: impl FnMut([usize; 3], (u32, usize))) {
+    pub fn visit(&self, mut see: impl FnMut([usize; 3], Leaf)) {
         for z in 0..self.count(2) {
             for y in 0..self.count(1) {
                 for x in 0..self.count(0) {
@@ -92,7 +96,7 @@ impl Tree for Grid {
     }
 
     fn leaves(&self, see: &mut dyn FnMut(u32, usize)) {
-        self.visit(|_, (first, count)| see(first, count));
+        self.visit(|_, Leaf { first, count }| see(first, count));
     }
 
     fn validate(&self, body: &Body<'_>, broken: &mut Vec<String>) {
@@ -114,7 +118,7 @@ impl Cells for Grid {
     fn node(&self, [level, x, y, z]: NodeId, region: &Region) -> NodeView {
         let (axis, at) = (level as usize, [x, y, z]);
         if axis == 3 {
-            let (first, count) = self.cell(at.map(|i| i as usize));
+            let Leaf { first, count } = self.cell(at.map(|i| i as usize));
             return NodeView::leaf(first, count);
         }
         let bounds = region.bounds().expect("a box within a grid");

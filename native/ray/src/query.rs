@@ -2,6 +2,7 @@
 //! Queries and counters: compile-time parameters of every traversal. Nearest hit and any-hit thus share one
 //! source text, and a traversal without counters contains no counting code.
 
+use crate::RayRef;
 use crate::cases::CASES;
 use crate::frame_ray::FrameRay;
 use crate::ray::{Hit, Ray, RayCounters};
@@ -252,7 +253,7 @@ impl Best {
     #[inline(always)]
     pub fn offer<Q: Query, C: Counters>(
         &mut self,
-        (ray, frame): (&Ray, &FrameRay),
+        RayRef { ray, frame }: RayRef<'_>,
         id: u32,
         corners: impl FnOnce() -> [[f32; 3]; 3],
         counters: &mut C,
@@ -365,7 +366,7 @@ impl Best {
 
     /// The best hit at the end of a traversal, after the deferred verdict.
     #[inline(always)]
-    pub fn answer(&mut self, ray: (&Ray, &FrameRay)) -> Hit {
+    pub fn answer(&mut self, ray: RayRef<'_>) -> Hit {
         if self.held.triangle != Hit::NONE {
             let Deferred {
                 triangle, corners, ..

@@ -5,11 +5,12 @@
 use crate::shadow_cache::ShadowCache;
 use fearless_simd::{Level, Simd, dispatch};
 use halfspace_leaf::blocks::{Blocks, LANES};
+use halfspace_leaf::{Job, Leaf};
 use halfspace_ray::frame::Frame;
 use halfspace_ray::path::Path;
 use halfspace_ray::query::{Any, Best, Closest, Count, Counters, NoCount, Notes, Query};
 use halfspace_ray::replay::{CHUNK, Record};
-use halfspace_ray::{FrameRay, Hit, Ray, RayCounters};
+use halfspace_ray::{FrameRay, Hit, Ray, RayCounters, RayRef, RaySlice};
 use halfspace_scene::Triangles;
 use std::time::{Duration, Instant};
 
@@ -47,8 +48,8 @@ pub trait Walk: Sync {
     fn cast<S: Simd, Q: Query, C: Counters>(
         &self,
         simd: S,
-        triangles: (&Triangles, &Blocks),
-        ray: (&Ray, &FrameRay),
+        triangles: Job<'_>,
+        ray: RayRef<'_>,
         scratch: &mut Self::Scratch,
         counters: &mut C,
     ) -> Hit;
@@ -70,8 +71,8 @@ pub trait TileWalk: Sync {
     fn cast_tile<S: Simd, C: Counters>(
         &self,
         simd: S,
-        triangles: (&Triangles, &Blocks),
-        rays: (&Frame, &[Ray]),
+        triangles: Job<'_>,
+        rays: RaySlice<'_>,
         scratch: &mut Self::Scratch,
         write: &mut impl FnMut(usize, Hit),
         counters: &mut [C],
@@ -278,8 +279,11 @@ impl<'a> Launch<'a> {
                 if let Some(framed) = framed {
                     walk.cast::<S, Q, _>(
                         simd,
-                        (self.scene, self.blocks),
-                        (ray, framed),
+                        Job {
+                            scene: self.scene,
+                            blocks: self.blocks,
+                        },
+                        RayRef { ray, frame: framed },
                         &mut scratch,
                         &mut replay,
                     );
@@ -312,15 +316,19 @@ impl<'a> Launch<'a> {
                     continue;
                 };
                 if Q::ANY
-                    && let Some(hit) = self.cached(&cache, (ray, framed), &mut counters)
+                    && let Some(hit) =
+                        self.cached(&cache, RayRef { ray, frame: framed }, &mut counters)
                 {
                     write(i, hit);
                     continue;
                 }
                 let hit = walk.cast::<S, Q, C>(
                     simd,
-                    (self.scene, self.blocks),
-                    (ray, framed),
+                    Job {
+                        scene: self.scene,
+                        blocks: self.blocks,
+                    },
+                    RayRef { ray, frame: framed },
                     &mut scratch,
                     &mut counters,
                 );
@@ -344,25 +352,20 @@ impl<'a> Launch<'a> {
     pub fn cached<C: Counters>(
         &self,
         cache: &Option<ShadowCache>,
-        ray: (&Ray, &FrameRay),
+        ray: RayRef<'_>,
         counters: &mut C,
     ) -> Option<Hit> {
         let cache = cache.as_ref()?;
-        self.blocked(cache.blocker(cache.entry(ray.0)), ray, counters)
+        self.blocked(cache.blocker(cache.entry(ray.ray)), ray, counters)
     }
 
     /// The hit with this triangle, if it blocks the ray.
     #[inline(always)]
-    pub fn blocked<C: Counters>(
-        &self,
-        id: u32,
-        ray: (&Ray, &FrameRay),
-        counters: &mut C,
-    ) -> Option<Hit> {
+    pub fn blocked<C: Counters>(&self, id: u32, ray: RayRef<'_>, counters: &mut C) -> Option<Hit> {
         if id == Hit::NONE {
             return None;
         }
-        let mut best = Best::new(ray.1);
+        let mut best = Best::new(ray.frame);
         counters.tests(1);
         let blocked = best.offer::<Any, C>(
             ray,
@@ -418,8 +421,14 @@ impl<'a> Launch<'a> {
             counters.extend((first..first + rays.len()).map(&mut counter));
             walk.cast_tile(
                 simd,
-                (self.scene, self.blocks),
-                (self.frame, rays),
+                Job {
+                    scene: self.scene,
+                    blocks: self.blocks,
+                },
+                RaySlice {
+                    frame: self.frame,
+                    rays,
+                },
                 &mut scratch,
                 &mut |i, hit| write(first + i, hit),
                 &mut counters,
@@ -447,8 +456,14 @@ impl<'a> Launch<'a> {
                 .map(|(i, (ray, counters))| {
                     let framed = self.framed(group * RAYS + i)?;
                     // Rays of a group go together, so the blockers are those of the group before.
-                    let known =
-                        self.cached(&cache, (ray, &framed), &mut Count(counters, Notes::Nothing));
+                    let known = self.cached(
+                        &cache,
+                        RayRef {
+                            ray,
+                            frame: &framed,
+                        },
+                        &mut Count(counters, Notes::Nothing),
+                    );
                     let best = known.map_or_else(|| Best::new(&framed), Best::known);
                     Some((framed, best, counters, known.is_some()))
                 })
@@ -480,7 +495,10 @@ impl<'a> Launch<'a> {
     ) {
         const TRIANGLES: usize = 32 * LANES;
         for first in (0..count).step_by(TRIANGLES) {
-            let part = (Blocks::place(first), TRIANGLES.min(count - first));
+            let part = Leaf {
+                first: Blocks::place(first),
+                count: TRIANGLES.min(count - first),
+            };
             for (ray, state) in rays.iter().zip(open.iter_mut()) {
                 let Some((framed, best, counters, done)) = state else {
                     continue;
@@ -488,11 +506,15 @@ impl<'a> Launch<'a> {
                 if !*done {
                     let mut count = Count(counters, Notes::Nothing);
                     let blocks = self.blocks;
-                    *done = blocks.test::<S, Q, _>(
+                    *done = Job {
+                        scene: self.scene,
+                        blocks,
+                    }
+                    .test::<S, Q, _>(
                         simd,
                         part,
-                        self.scene,
-                        (ray, framed, framed.t_max),
+                        RayRef { ray, frame: framed },
+                        framed.t_max,
                         best,
                         &mut count,
                     );

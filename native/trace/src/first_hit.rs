@@ -3,22 +3,22 @@
 //! hit is the nearest, unless rounding visits leaves out of order.
 
 use fearless_simd::Simd;
-use halfspace_leaf::blocks::Blocks;
+use halfspace_leaf::{Job, Leaf};
+use halfspace_ray::RayRef;
 use halfspace_ray::query::{Best, Counters, Query};
-use halfspace_ray::{FrameRay, Ray};
-use halfspace_scene::Triangles;
 
 /// Tests a leaf as [`Blocks::test`] does, and returns whether the traversal ends there: at the first hit if
 /// `PUBLISHED`, otherwise only if no later leaf can improve the answer.
 #[inline(always)]
 pub fn test<const PUBLISHED: bool, S: Simd, Q: Query, C: Counters>(
     simd: S,
-    leaf: (u32, usize),
-    (scene, blocks): (&Triangles, &Blocks),
-    ray: (&Ray, &FrameRay, f32),
+    leaf: Leaf,
+    Job { scene, blocks }: Job<'_>,
+    ray: RayRef<'_>,
+    leave: f32,
     best: &mut Best,
     counters: &mut C,
 ) -> bool {
-    let ends = blocks.test::<S, Q, C>(simd, leaf, scene, ray, best, counters);
+    let ends = Job { scene, blocks }.test::<S, Q, C>(simd, leaf, ray, leave, best, counters);
     ends || (PUBLISHED && best.hit().is_hit())
 }

@@ -5,6 +5,7 @@ use crate::params;
 use halfspace_base::Monitor;
 use halfspace_base::error::Result;
 use halfspace_builders::grid;
+use halfspace_leaf::Leaf;
 use halfspace_leaf::blocks::Blocks;
 use halfspace_nodes::grid::Grid;
 use halfspace_nodes::shape::{Measure, Shape};
@@ -87,7 +88,7 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built>
 fn shape(grid: &Grid, frame: &Frame) -> Shape {
     let mut measure = Measure::default();
     let whole = frame.bounds().area();
-    grid.visit(|place, (_, count)| {
+    grid.visit(|place, Leaf { count, .. }| {
         let share = if whole > 0.0 {
             grid.bounds(place).area() / whole
         } else {

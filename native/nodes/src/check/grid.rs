@@ -5,6 +5,7 @@
 use crate::grid::Grid;
 use crate::tree::Body;
 use halfspace_geom::Aabb;
+use halfspace_leaf::Leaf;
 
 /// Broken invariants, in words.
 pub fn grid(body: &Body<'_>, grid: &Grid, broken: &mut Vec<String>) {
@@ -23,7 +24,7 @@ pub fn grid(body: &Body<'_>, grid: &Grid, broken: &mut Vec<String>) {
     }
     let (mut cells, mut references) = (0, 0);
     // Each cell must hold each triangle once, in ascending order, and only triangles whose box touches it.
-    grid.visit(|place, (first, count)| {
+    grid.visit(|place, Leaf { first, count }| {
         cells += 1;
         references += count;
         let ids = body.blocks.ids(first, count);
@@ -47,7 +48,7 @@ pub fn grid(body: &Body<'_>, grid: &Grid, broken: &mut Vec<String>) {
             for z in around[2][0]..=around[2][1] {
                 for y in around[1][0]..=around[1][1] {
                     for x in around[0][0]..=around[0][1] {
-                        let (first, count) = grid.cell([x, y, z]);
+                        let Leaf { first, count } = grid.cell([x, y, z]);
                         if !body.blocks.ids(first, count).contains(&id) {
                             broken.push(format!("cell {:?} lacks triangle {id}", [x, y, z]));
                         }

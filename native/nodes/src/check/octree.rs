@@ -4,6 +4,7 @@
 use crate::octree_nodes::{Node, OUTSIDE, Octree};
 use crate::tree::Body;
 use halfspace_geom::overlap::TriangleBox;
+use halfspace_leaf::Leaf;
 use std::collections::BTreeSet;
 
 /// Broken invariants, in words.
@@ -39,7 +40,7 @@ pub fn octree(body: &Body<'_>, tree: &Octree, broken: &mut Vec<String>) {
             inner += 1;
             for octant in 0..8 {
                 let child = tree.node(node.children() + octant);
-                let empty = !child.is_inner() && child.blocks().1 == 0;
+                let empty = !child.is_inner() && child.blocks().count == 0;
                 if empty != (node.empty_octants() >> octant & 1 == 1) {
                     broken.push(format!("node {index}: octant {octant} is wrongly marked"));
                 }
@@ -48,7 +49,7 @@ pub fn octree(body: &Body<'_>, tree: &Octree, broken: &mut Vec<String>) {
         }
         // Check the triangles and the links of a leaf.
         leaves += 1;
-        references += node.blocks().1;
+        references += node.blocks().count;
         contents(body, tree, (index, node, place), broken);
         if tree.has_links() {
             linked += tree
@@ -81,7 +82,7 @@ fn contents(
     (index, node, place): (u32, Node, [u32; 3]),
     broken: &mut Vec<String>,
 ) {
-    let (first, count) = node.blocks();
+    let Leaf { first, count } = node.blocks();
     let ids = body.blocks.ids(first, count);
     if ids.iter().collect::<BTreeSet<_>>().len() != ids.len() {
         broken.push(format!("leaf {index} holds a triangle twice"));

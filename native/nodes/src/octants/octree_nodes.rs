@@ -10,6 +10,7 @@ use crate::octants::{Cube, FAR, Item, Octants};
 use crate::shape::{Measure, Shape};
 use halfspace_base::error::{Error, Result};
 use halfspace_geom::Aabb;
+use halfspace_leaf::Leaf;
 use halfspace_leaf::blocks::Blocks;
 use halfspace_ray::frame::Frame;
 use halfspace_scene::Triangles;
@@ -47,8 +48,11 @@ impl Node {
 
     /// Returns the index of a leaf's first block and its number of triangles.
     #[inline(always)]
-    pub fn blocks(self) -> (u32, usize) {
-        (self.0[0], (self.0[2] >> COUNT_SHIFT) as usize)
+    pub fn blocks(self) -> Leaf {
+        Leaf {
+            first: self.0[0],
+            count: (self.0[2] >> COUNT_SHIFT) as usize,
+        }
     }
 
     /// Returns a leaf's index among the leaves.
@@ -278,7 +282,7 @@ impl Octree {
                 measure.axis(share);
                 measure.steps(2.0 * share);
             } else {
-                measure.leaf(node.blocks().1, node.level() as usize, share);
+                measure.leaf(node.blocks().count, node.level() as usize, share);
             }
         });
         let links = self.links.iter().flatten();

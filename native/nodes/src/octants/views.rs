@@ -8,6 +8,7 @@ use crate::tree::{Body, Tree, same};
 use halfspace_geom::Aabb;
 use halfspace_geom::cell::{Direction, Plane};
 use halfspace_geom::region::Region;
+use halfspace_leaf::Leaf;
 
 impl Tree for Octree {
     fn bytes(&self) -> usize {
@@ -21,7 +22,7 @@ impl Tree for Octree {
     fn leaves(&self, see: &mut dyn FnMut(u32, usize)) {
         self.visit(|_, node, _| {
             if !node.is_inner() {
-                let (first, count) = node.blocks();
+                let Leaf { first, count } = node.blocks();
                 see(first, count);
             }
         });
@@ -46,7 +47,7 @@ impl Cells for Octree {
     fn node(&self, [index, x, y, z]: NodeId, region: &Region) -> NodeView {
         let (node, corner) = (Octree::node(self, index), [x, y, z]);
         if !node.is_inner() {
-            let (first, count) = node.blocks();
+            let Leaf { first, count } = node.blocks();
             return NodeView::leaf(first, count);
         }
         let half = 1 << (self.cube().depth - node.level() - 1);

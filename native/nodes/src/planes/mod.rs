@@ -12,7 +12,7 @@ pub mod wide_tree;
 use crate::lazy_tree::{LazyTree, Part};
 use crate::plane_tree::{ENTRANCE, Node, PlaneTree};
 use halfspace_leaf::blocks::Blocks;
-use halfspace_scene::Triangles;
+use halfspace_leaf::{Job, Leaf};
 
 /// Contents of a leaf.
 pub enum Inside<'a, T> {
@@ -39,13 +39,8 @@ pub trait Planes: Copy + Sync {
     /// The node with number `index` in the same part of the tree.
     fn sibling(self, at: Self::At, index: u32) -> Self::At;
 
-    /// Returns the contents of a leaf: its reference, first block and number of triangles. `blocks` are those
-    /// of a tree in one piece.
-    fn inside<'a>(
-        self,
-        leaf: (Self::At, u32, usize),
-        triangles: (&Triangles, &'a Blocks),
-    ) -> Inside<'a, Self::At>
+    /// Returns the contents of the leaf at `at`. The blocks of `job` are those of a tree in one piece.
+    fn inside<'a>(self, at: Self::At, leaf: Leaf, job: Job<'a>) -> Inside<'a, Self::At>
     where
         Self: 'a;
 }
@@ -70,15 +65,11 @@ impl Planes for &PlaneTree {
     }
 
     #[inline(always)]
-    fn inside<'a>(
-        self,
-        _: (u32, u32, usize),
-        (_, blocks): (&Triangles, &'a Blocks),
-    ) -> Inside<'a, u32>
+    fn inside<'a>(self, _: u32, _: Leaf, job: Job<'a>) -> Inside<'a, u32>
     where
         Self: 'a,
     {
-        Inside::Triangles(blocks)
+        Inside::Triangles(job.blocks)
     }
 }
 
@@ -104,14 +95,15 @@ impl<'t> Planes for &'t LazyTree {
     #[inline(always)]
     fn inside<'a>(
         self,
-        ((part, _), first, count): (Self::At, u32, usize),
-        (scene, _): (&Triangles, &'a Blocks),
+        (part, _): Self::At,
+        Leaf { first, count }: Leaf,
+        job: Job<'a>,
     ) -> Inside<'a, Self::At>
     where
         Self: 'a,
     {
         if count == ENTRANCE {
-            let part = part.enter(first, scene);
+            let part = part.enter(first, job.scene);
             Inside::Part((part, part.tree.root()))
         } else {
             Inside::Triangles(&part.blocks)

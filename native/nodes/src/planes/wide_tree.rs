@@ -9,6 +9,7 @@
 
 use crate::next::Next;
 use crate::plane_tree::{Node, PlaneTree};
+use halfspace_leaf::Leaf;
 use prefetch_index::prefetch_index;
 
 /// Number of planes of a node.
@@ -204,9 +205,12 @@ impl WideTree {
 
     /// First block and number of triangles of a leaf.
     #[inline(always)]
-    pub fn leaf(&self, child: u32) -> (u32, usize) {
+    pub fn leaf(&self, child: u32) -> Leaf {
         let [first, count] = self.leaves[(child & !LEAF) as usize];
-        (first, count as usize)
+        Leaf {
+            first,
+            count: count as usize,
+        }
     }
 
     /// Whether the other tree has the same nodes and leaves, bit for bit.

@@ -13,7 +13,7 @@ use halfspace_geom::Aabb;
 use halfspace_nodes::object_tree::Kind;
 use halfspace_ray::frame::Placed;
 use halfspace_ray::query::{Any, Best, Closest, Count, Notes, Query};
-use halfspace_ray::{FrameRay, Hit, Ray, RayCounters, Tracer};
+use halfspace_ray::{FrameRay, Hit, Ray, RayCounters, RayRef, Tracer};
 use halfspace_scene::{Place, Triangles};
 use halfspace_trace::slabs::Slabs;
 
@@ -303,7 +303,15 @@ impl Walker<'_> {
         let ended = ids.iter().any(|&id| {
             counters.tests += 1;
             let counters = &mut Count(counters, Notes::Nothing);
-            best.offer::<Q, _>((self.ray, framed), id, || scene.corners(id), counters)
+            best.offer::<Q, _>(
+                RayRef {
+                    ray: self.ray,
+                    frame: framed,
+                },
+                id,
+                || scene.corners(id),
+                counters,
+            )
         });
         self.found(best.hit());
         ended

@@ -20,12 +20,10 @@ use crate::single::octants::step::Grid;
 use fearless_simd::{Select, Simd, SimdBase, SimdFloat, SimdMask, f32x8, mask32x8};
 use halfspace_geom::bound::{keep_max_each, keep_min};
 use halfspace_geom::vec3::map;
-use halfspace_leaf::blocks::Blocks;
+use halfspace_leaf::{Job, Leaf};
 use halfspace_nodes::octree_nodes::{Node, OUTSIDE, Octree};
-use halfspace_ray::frame::Frame;
 use halfspace_ray::query::{Best, Closest, Counters};
-use halfspace_ray::{FrameRay, Hit, Ray};
-use halfspace_scene::Triangles;
+use halfspace_ray::{FrameRay, Hit, RayRef, RaySlice};
 
 /// The traversal of one tree, and the number of rays below which they continue singly.
 pub struct Walk<'a>(pub &'a Octree, pub u32);
@@ -67,8 +65,8 @@ impl TileWalk for Walk<'_> {
     fn cast_tile<S: Simd, C: Counters>(
         &self,
         simd: S,
-        triangles: (&Triangles, &Blocks),
-        (frame, rays): (&Frame, &[Ray]),
+        triangles: Job<'_>,
+        RaySlice { frame, rays }: RaySlice<'_>,
         scratch: &mut Scratch,
         write: &mut impl FnMut(usize, Hit),
         counters: &mut [C],
@@ -106,7 +104,7 @@ impl TileWalk for Walk<'_> {
             let grid = Grid::new(tree, signs);
             let first = group.trailing_zeros() as usize;
             let of = |rows: &[Row; 3]| [rows[0][first], rows[1][first], rows[2][first]];
-            let all = (frame, rays);
+            let all = RaySlice { frame, rays };
             if parallel {
                 let shared = Parallel(of(&beam.rows.rays.d));
                 start(simd, &grid, &shared, (beam, group));
@@ -126,7 +124,10 @@ impl TileWalk for Walk<'_> {
             for i in lanes(rest) {
                 // A ray that misses the scene has an empty interval.
                 let framed = frame.ray(&rays[i]).unwrap_or(FrameRay::NOTHING);
-                let ray = (&rays[i], &framed);
+                let ray = RayRef {
+                    ray: &rays[i],
+                    frame: &framed,
+                };
                 let count = &mut counters[i];
                 let hit = single.cast::<S, Closest, C>(simd, triangles, ray, &mut scratch, count);
                 beam.best[i] = Best::known(hit);
@@ -170,9 +171,9 @@ impl Walk<'_> {
     fn follow<S: Simd, C: Counters, B: Bundle>(
         &self,
         simd: S,
-        triangles: (&Triangles, &Blocks),
+        triangles: Job<'_>,
         shared: &B,
-        (grid, (frame, rays)): (&Grid, (&Frame, &[Ray])),
+        (grid, RaySlice { frame, rays }): (&Grid, RaySlice<'_>),
         (beam, group, waiting): (&mut Beam, u64, &mut Vec<(u32, u64)>),
         counters: &mut [C],
     ) {
@@ -223,16 +224,16 @@ impl Walk<'_> {
             // Intersect all rays with the planes ahead, and test them against the leaf's triangles.
             let next = map(low, |x| x + edge);
             let by_axis = leave(simd, (grid, next), shared, (beam, mask));
-            let (block, count) = node.blocks();
-            counters[first].leaf(count);
-            if count != 0 {
+            let leaf = node.blocks();
+            counters[first].leaf(leaf.count);
+            if leaf.count != 0 {
                 test(
                     simd,
                     triangles,
-                    (block, count),
+                    leaf,
                     shared,
                     (beam, mask),
-                    (frame, rays),
+                    RaySlice { frame, rays },
                     counters,
                 );
             }
@@ -387,15 +388,15 @@ fn advance<S: Simd, B: Bundle>(
 #[inline(always)]
 fn test<S: Simd, C: Counters, B: Bundle>(
     simd: S,
-    (scene, blocks): (&Triangles, &Blocks),
-    leaf: (u32, usize),
+    Job { scene, blocks }: Job<'_>,
+    leaf: Leaf,
     shared: &B,
     (beam, mask): (&mut Beam, u64),
-    (frame, rays): (&Frame, &[Ray]),
+    RaySlice { frame, rays }: RaySlice<'_>,
     counters: &mut [C],
 ) {
     for i in lanes(mask) {
-        counters[i].tests(leaf.1);
+        counters[i].tests(leaf.count);
     }
     blocks.each(leaf, |id, corners| {
         let seen = shared.see(corners);
@@ -411,7 +412,10 @@ fn test<S: Simd, C: Counters, B: Bundle>(
                 let i = row + lane;
                 // The exact test needs only the scale of distances in the frame.
                 let framed = frame.limits_of(&rays[i]);
-                let ray = (&rays[i], &framed);
+                let ray = RayRef {
+                    ray: &rays[i],
+                    frame: &framed,
+                };
                 let best = &mut beam.best[i];
                 best.offer::<Closest, C>(
                     ray,

@@ -21,12 +21,11 @@ use fearless_simd::Simd;
 use halfspace_geom::bound::keep_min;
 use halfspace_geom::vec3::{Vec3, dot, sub, widen};
 use halfspace_geom::view::{Line, Polygon, View};
-use halfspace_leaf::blocks::Blocks;
+use halfspace_leaf::{Job, Leaf};
 use halfspace_nodes::plane_tree::{Node, PlaneTree};
 use halfspace_ray::frame::Frame;
 use halfspace_ray::query::{Best, Closest, Counters};
-use halfspace_ray::{Hit, Ray};
-use halfspace_scene::Triangles;
+use halfspace_ray::{Hit, Ray, RayRef, RaySlice};
 
 /// Names of this traversal's entries in [`halfspace_ray::ray::RayCounters::cases`], in order: nodes and leaves visited
 /// by beams, splits of a beam along a triangle, and rays traced singly.
@@ -71,7 +70,7 @@ struct Tile<'a> {
     tree: &'a PlaneTree,
     /// Beams with fewer rays without a hit trace those singly.
     least: u32,
-    triangles: (&'a Triangles, &'a Blocks),
+    triangles: Job<'a>,
     frame: &'a Frame,
     rays: &'a [Ray],
     view: View,
@@ -102,8 +101,8 @@ impl TileWalk for Walk<'_> {
     fn cast_tile<S: Simd, C: Counters>(
         &self,
         simd: S,
-        triangles: (&Triangles, &Blocks),
-        (frame, rays): (&Frame, &[Ray]),
+        triangles: Job<'_>,
+        RaySlice { frame, rays }: RaySlice<'_>,
         (rows, best): &mut Self::Scratch,
         write: &mut impl FnMut(usize, Hit),
         counters: &mut [C],
@@ -158,7 +157,13 @@ impl TileWalk for Walk<'_> {
             };
             let ray = Ray { t_max, ..rays[i] };
             if let Some(framed) = frame.ray(&ray) {
-                let (ray, count) = ((&ray, &framed), &mut counters[i]);
+                let (ray, count) = (
+                    RayRef {
+                        ray: &ray,
+                        frame: &framed,
+                    },
+                    &mut counters[i],
+                );
                 let hit = single.cast::<S, Closest, C>(simd, triangles, ray, &mut scratch, count);
                 best[i] = Best::known(hit);
             }
@@ -252,7 +257,7 @@ impl Tile<'_> {
                 if count == 0 {
                     left.push(beam);
                 } else {
-                    let leaf = (first, count);
+                    let leaf = Leaf { first, count };
                     // Recursion leaves the instruction set of the caller: enter it again.
                     simd.vectorize(
                         #[inline(always)]
@@ -385,14 +390,14 @@ impl Tile<'_> {
     fn leaf<S: Simd, C: Counters>(
         &mut self,
         simd: S,
-        leaf: (u32, usize),
+        leaf: Leaf,
         beam: Beam,
         left: &mut Vec<Beam>,
         counters: &mut [C],
     ) {
-        let (scene, blocks) = self.triangles;
+        let Job { scene, blocks } = self.triangles;
         for i in lanes(beam.pixels) {
-            counters[i].tests(leaf.1);
+            counters[i].tests(leaf.count);
         }
         let shared = Common(self.eye);
         let mut pieces = vec![beam];
@@ -411,7 +416,13 @@ impl Tile<'_> {
                     let i = row + lane;
                     // The verdict takes the caller's ray; only the scale of its distances is needed.
                     let framed = self.frame.limits_of(&self.rays[i]);
-                    let (ray, best) = ((&self.rays[i], &framed), &mut self.best[i]);
+                    let (ray, best) = (
+                        RayRef {
+                            ray: &self.rays[i],
+                            frame: &framed,
+                        },
+                        &mut self.best[i],
+                    );
                     best.offer::<Closest, C>(
                         ray,
                         id,

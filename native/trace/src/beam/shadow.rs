@@ -19,10 +19,11 @@ use crate::beam::shaft::{Extent, Shaft};
 use crate::beam::shaft_tree::ShaftTree;
 use crate::shadow_cache::ShadowCache;
 use fearless_simd::{Simd, dispatch};
+use halfspace_leaf::Job;
 use halfspace_leaf::block_boxes::BlockBoxes;
 use halfspace_leaf::lanes::{Free, Plane};
 use halfspace_ray::query::{Any, Best, Count, Counters, NoCount, Notes};
-use halfspace_ray::{FrameRay, Hit, RayCounters};
+use halfspace_ray::{FrameRay, Hit, RayCounters, RayRef};
 
 /// Fewest rays for which a beam is traced.
 const LEAST: u32 = 4;
@@ -114,12 +115,18 @@ impl Launch<'_> {
                 // Trace the undecided rays singly, with the latest blocker first.
                 for i in lanes(beam.open) {
                     let id = beam.ids[i];
-                    let ray = (&self.rays[id], &beam.framed[i]);
+                    let ray = RayRef {
+                        ray: &self.rays[id],
+                        frame: &beam.framed[i],
+                    };
                     if let Some(hit) = self.blocked(blocker.triangle, ray, &mut counters[id]) {
                         write(id, hit);
                         continue;
                     }
-                    let triangles = (self.scene, self.blocks);
+                    let triangles = Job {
+                        scene: self.scene,
+                        blocks: self.blocks,
+                    };
                     let count = &mut counters[id];
                     let hit = walk.cast::<S, Any, C>(simd, triangles, ray, &mut scratch, count);
                     blocker = hit;
@@ -153,9 +160,9 @@ impl Launch<'_> {
         // Visit the cells that the shaft meets, until a budget is used up.
         while let Some(place) = waiting.pop() {
             // A leaf: test the triangles that may block the beam.
-            if let Some((first, count)) = tree.step(simd, place, &shaft, waiting) {
-                counters[charged].leaf(count);
-                let (mut at, mut left) = (first as usize, count);
+            if let Some(leaf) = tree.step(simd, place, &shaft, waiting) {
+                counters[charged].leaf(leaf.count);
+                let (mut at, mut left) = (leaf.first as usize, leaf.count);
                 // Reject eight triangles at a time by their boxes, then each by its plane.
                 while left > 0 {
                     let block = BlockBoxes::new(simd, self.blocks, at, left);
@@ -226,8 +233,11 @@ impl Launch<'_> {
             }
             for lane in lanes(found) {
                 let (i, own) = (row + lane, beam.ids[row + lane]);
-                let ray = (&self.rays[own], &beam.framed[i]);
-                let mut best = Best::new(ray.1);
+                let ray = RayRef {
+                    ray: &self.rays[own],
+                    frame: &beam.framed[i],
+                };
+                let mut best = Best::new(ray.frame);
                 let blocked = best.offer::<Any, C>(
                     ray,
                     id,

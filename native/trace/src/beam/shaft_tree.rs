@@ -4,6 +4,7 @@
 use crate::beam::shaft::Shaft;
 use fearless_simd::{Simd, SimdBase, f32x8};
 use halfspace_geom::Aabb;
+use halfspace_leaf::Leaf;
 use halfspace_nodes::octree_nodes::Octree;
 use halfspace_nodes::plane_tree::{Node, PlaneTree};
 
@@ -27,7 +28,7 @@ pub trait ShaftTree: Sync {
         place: Self::Place,
         shaft: &Shaft,
         waiting: &mut Vec<Self::Place>,
-    ) -> Option<(u32, usize)>;
+    ) -> Option<Leaf>;
 }
 
 impl ShaftTree for Octree {
@@ -48,7 +49,7 @@ impl ShaftTree for Octree {
         (index, low): Self::Place,
         shaft: &Shaft,
         waiting: &mut Vec<Self::Place>,
-    ) -> Option<(u32, usize)> {
+    ) -> Option<Leaf> {
         let node = self.node(index);
         if !node.is_inner() {
             return Some(node.blocks());
@@ -112,9 +113,9 @@ impl ShaftTree for PlaneTree {
         (index, cell): Self::Place,
         shaft: &Shaft,
         waiting: &mut Vec<Self::Place>,
-    ) -> Option<(u32, usize)> {
+    ) -> Option<Leaf> {
         let (children, empty, parts) = match self.node(index) {
-            Node::Leaf { first, count } => return Some((first, count)),
+            Node::Leaf { first, count } => return Some(Leaf { first, count }),
             Node::Axis {
                 axis,
                 split,

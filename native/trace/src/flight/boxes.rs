@@ -11,14 +11,14 @@ use crate::flight::{Steps, topmost};
 use crate::slabs::Slabs;
 use fearless_simd::{Bytes, Simd, SimdBase, SimdMask, f32x8, u8x32, u32x8};
 use halfspace_leaf::blocks::Blocks;
+use halfspace_leaf::{Job, Leaf};
 use halfspace_nodes::box_corners::rank;
 use halfspace_nodes::box_tree::{BoxTree, INNER};
 use halfspace_nodes::nested::Nested;
 use halfspace_nodes::next::Next;
 use halfspace_nodes::plane_tree::MAX_DEPTH;
 use halfspace_ray::query::{Best, Counters, Query};
-use halfspace_ray::{FrameRay, Ray};
-use halfspace_scene::Triangles;
+use halfspace_ray::{FrameRay, RayRef};
 
 /// Children per node.
 const CHILDREN: usize = 8;
@@ -158,16 +158,25 @@ impl Steps for Walk<'_> {
     fn leaf<S: Simd, Q: Query, C: Counters>(
         &self,
         simd: S,
-        (scene, blocks): (&Triangles, &Blocks),
-        (ray, frame): (&Ray, &FrameRay),
+        job: Job<'_>,
+        RayRef { ray, frame }: RayRef<'_>,
         (course, best): (&mut Course, &mut Best),
         counters: &mut C,
     ) {
         let (link, count) = course.next;
-        let leaf = (link, count as usize);
-        counters.leaf(leaf.1);
-        let own = (ray, frame, frame.t_max);
-        if blocks.test::<S, Q, C>(simd, leaf, scene, own, best, counters) {
+        let leaf = Leaf {
+            first: link,
+            count: count as usize,
+        };
+        counters.leaf(leaf.count);
+        if job.test::<S, Q, C>(
+            simd,
+            leaf,
+            RayRef { ray, frame },
+            frame.t_max,
+            best,
+            counters,
+        ) {
             course.next.1 = OVER;
         } else {
             course.pop(best.reach);

@@ -17,11 +17,11 @@ use crate::batch::{self, Launch};
 use crate::flight::late::Late;
 use crate::shadow_cache::ShadowCache;
 use fearless_simd::{Simd, dispatch};
+use halfspace_leaf::Job;
 use halfspace_leaf::blocks::Blocks;
 use halfspace_nodes::next::{KINDS, Next};
 use halfspace_ray::query::{Best, Counters, NoCount, NoCountLate, Query};
-use halfspace_ray::{FrameRay, Hit, Ray};
-use halfspace_scene::Triangles;
+use halfspace_ray::{FrameRay, Hit, RayRef};
 
 /// Number of rays in flight. Fewer leave latency exposed, more evict one another from the L1 cache. Measured on
 /// five scenes: 24 rays are within 2 %.
@@ -89,8 +89,8 @@ pub trait Steps: Sync {
     fn leaf<S: Simd, Q: Query, C: Counters>(
         &self,
         simd: S,
-        triangles: (&Triangles, &Blocks),
-        ray: (&Ray, &FrameRay),
+        triangles: Job<'_>,
+        ray: RayRef<'_>,
         course: (&mut Self::Course, &mut Best),
         counters: &mut C,
     );
@@ -110,14 +110,14 @@ impl<W: Steps> batch::Walk for Alone<W> {
     fn cast<S: Simd, Q: Query, C: Counters>(
         &self,
         simd: S,
-        triangles: (&Triangles, &Blocks),
-        ray: (&Ray, &FrameRay),
+        triangles: Job<'_>,
+        ray: RayRef<'_>,
         course: &mut Self::Scratch,
         counters: &mut C,
     ) -> Hit {
         let walk = &self.0;
-        let mut best = Best::new(ray.1);
-        walk.begin(ray.1, course);
+        let mut best = Best::new(ray.frame);
+        walk.begin(ray.frame, course);
         loop {
             // Take the steps one after another; nothing is sorted for a single ray.
             match walk.next(course) {
@@ -127,7 +127,7 @@ impl<W: Steps> batch::Walk for Alone<W> {
                 }
                 Next::GENERAL => {
                     counters.step_oblique();
-                    walk.general(simd, ray.1, course, best.reach);
+                    walk.general(simd, ray.frame, course, best.reach);
                 }
                 Next::LEAF => {
                     walk.leaf::<S, Q, C>(simd, triangles, ray, (course, &mut best), counters);
@@ -197,7 +197,10 @@ impl<'a> Launch<'a> {
         walk: &W,
         write: &mut impl FnMut(usize, Hit),
     ) {
-        let triangles = (self.scene, self.blocks);
+        let triangles = Job {
+            scene: self.scene,
+            blocks: self.blocks,
+        };
         let mut cache = self.cache::<Q>();
         let mut late = Late::default();
         let far = walk.bytes() > CLOSE;
@@ -231,7 +234,10 @@ impl<'a> Launch<'a> {
                             late.push(simd, ray, &flight.frame, held, write);
                         }
                         _ => {
-                            let hit = flight.best.answer((own, &flight.frame));
+                            let hit = flight.best.answer(RayRef {
+                                ray: own,
+                                frame: &flight.frame,
+                            });
                             if Q::ANY
                                 && let Some(cache) = &mut cache
                             {
@@ -288,7 +294,10 @@ impl<'a> Launch<'a> {
             for i in 0..leaves {
                 let ray = queues.ray(Next::LEAF, i);
                 let flight = &mut flights[ray as usize];
-                let own = (&self.rays[flight.place], &flight.frame);
+                let own = RayRef {
+                    ray: &self.rays[flight.place],
+                    frame: &flight.frame,
+                };
                 let course = (&mut flight.course, &mut flight.best);
                 walk.leaf::<S, Q, _>(simd, triangles, own, course, &mut NoCountLate);
                 queues.push(walk.next(&flight.course), ray);
@@ -322,7 +331,14 @@ impl<'a> Launch<'a> {
             };
             // Answer shadow rays that the cached blocker stops.
             if Q::ANY
-                && let Some(hit) = self.cached(cache, (ray, &framed), &mut NoCount)
+                && let Some(hit) = self.cached(
+                    cache,
+                    RayRef {
+                        ray,
+                        frame: &framed,
+                    },
+                    &mut NoCount,
+                )
             {
                 write(place, hit);
                 continue;

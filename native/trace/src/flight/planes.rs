@@ -12,13 +12,13 @@ use crate::flight::{Steps, topmost};
 use crate::slabs::Slabs;
 use fearless_simd::{Select, Simd, SimdBase, SimdFloat, SimdMask, f32x8, mask32x8, u8x32};
 use halfspace_geom::bound::{keep_max_each, keep_min, keep_min_each};
+use halfspace_leaf::Job;
 use halfspace_leaf::blocks::Blocks;
 use halfspace_nodes::next::Next;
 use halfspace_nodes::plane_tree::MAX_DEPTH;
 use halfspace_nodes::wide_tree::{Info, Line, OVER, PLANES, WideTree};
 use halfspace_ray::query::{Best, Counters, Query};
-use halfspace_ray::{FrameRay, Ray};
-use halfspace_scene::Triangles;
+use halfspace_ray::{FrameRay, RayRef};
 
 /// Number of children of a node.
 const CHILDREN: usize = 8;
@@ -183,22 +183,22 @@ impl Steps for Walk<'_> {
 
     #[inline(always)]
     fn fetch_leaf(&self, blocks: &Blocks, course: &Course) {
-        blocks.fetch_ahead(self.0.leaf(course.next.0).0);
+        blocks.fetch_ahead(self.0.leaf(course.next.0).first);
     }
 
     #[inline(always)]
     fn leaf<S: Simd, Q: Query, C: Counters>(
         &self,
         simd: S,
-        (scene, blocks): (&Triangles, &Blocks),
-        (ray, frame): (&Ray, &FrameRay),
+        job: Job<'_>,
+        RayRef { ray, frame }: RayRef<'_>,
         (course, best): (&mut Course, &mut Best),
         counters: &mut C,
     ) {
         let (child, _, leave) = course.next;
         let leaf = self.0.leaf(child);
-        counters.leaf(leaf.1);
-        if blocks.test::<S, Q, C>(simd, leaf, scene, (ray, frame, leave), best, counters) {
+        counters.leaf(leaf.count);
+        if job.test::<S, Q, C>(simd, leaf, RayRef { ray, frame }, leave, best, counters) {
             course.next.0 = OVER;
         } else {
             course.pop(best.reach);

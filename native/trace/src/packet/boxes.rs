@@ -9,12 +9,11 @@ use crate::single::objects::boxes as box_tree;
 use crate::tile::Row;
 use fearless_simd::{Select, Simd, SimdBase, SimdFloat};
 use halfspace_geom::bound::{keep_max_each, keep_min_each};
-use halfspace_leaf::blocks::Blocks;
+use halfspace_leaf::{Job, Leaf};
 use halfspace_nodes::box_tree::{BoxTree, INNER};
 use halfspace_nodes::plane_tree::MAX_DEPTH;
 use halfspace_ray::Ray;
 use halfspace_ray::query::{Counters, Query};
-use halfspace_scene::Triangles;
 
 /// A stack entry: a box still to visit and the entry distance of each ray, infinite for rays that miss it.
 #[derive(Clone, Copy)]
@@ -59,7 +58,7 @@ impl<const W: usize> PacketTree for BoxTree<W> {
     fn follow_packet<S: Simd, Q: Query, C: Counters, L: Width>(
         &self,
         simd: S,
-        (_, blocks): (&Triangles, &Blocks),
+        Job { blocks, .. }: Job<'_>,
         rays: &[Ray],
         (packet, group): (&mut Packet, Group),
         stack: &mut [Pending],
@@ -138,13 +137,16 @@ impl<const W: usize> PacketTree for BoxTree<W> {
                     enters = next.enter;
                     break &self.nodes[next.link as usize];
                 }
-                let leaf = (next.link, next.count as usize);
+                let leaf = Leaf {
+                    first: next.link,
+                    count: next.count as usize,
+                };
                 // Prefetch the leaf, and the entry that follows it.
-                blocks.fetch_ahead(leaf.0);
+                blocks.fetch_ahead(leaf.first);
                 if let Some(further) = stack[..waiting].last() {
                     self.fetch_ahead((further.link, further.count), blocks);
                 }
-                counters[charged].leaf(leaf.1);
+                counters[charged].leaf(leaf.count);
                 let cell = (lanes, &ends);
                 packet_leaf::test::<S, Q, C, L>(simd, (blocks, rays), leaf, packet, cell, counters);
             };

@@ -17,6 +17,7 @@
 
 use crate::packet::{MOST, Packet, Width, load, store};
 use fearless_simd::{Select, Simd, SimdBase, SimdFloat, SimdMask, f32x8, f32x16, mask32x16};
+use halfspace_leaf::Leaf;
 use halfspace_leaf::blocks::{Blocks, LANES as WIDE, SPAN};
 use halfspace_leaf::candidates::{DET_ERROR, T_ERROR, UNDERFLOW, UV_ERROR};
 use halfspace_leaf::eight::{Vector8, abs, corner_and_sides, cross, dot, largest, same, sub};
@@ -58,7 +59,7 @@ impl Seen {
 pub fn test<S: Simd, Q: Query, C: Counters, L: Width>(
     simd: S,
     blocks: (&Blocks, &[Ray]),
-    leaf: (u32, usize),
+    leaf: Leaf,
     packet: &mut Packet,
     cell: (u64, &L::Vector<S>),
     counters: &mut [C],
@@ -78,7 +79,7 @@ const BEFORE: f32 = 1e-18;
 fn each<S: Simd, Q: Query, C: Counters, L: Width>(
     simd: S,
     (blocks, rays): (&Blocks, &[Ray]),
-    (first, count): (u32, usize),
+    Leaf { first, count }: Leaf,
     packet: &mut Packet,
     (mut lanes, leave): (u64, &L::Vector<S>),
     counters: &mut [C],

@@ -9,13 +9,12 @@ use crate::single::planes::dir as plane_dir;
 use crate::tile::Row;
 use fearless_simd::{Select, Simd, SimdBase, SimdFloat, SimdMask};
 use halfspace_geom::bound::{keep_max_each, keep_min_each};
-use halfspace_leaf::blocks::Blocks;
+use halfspace_leaf::{Job, Leaf};
 use halfspace_nodes::lazy_tree::LazyTree;
 use halfspace_nodes::plane_tree::{MAX_DEPTH, Node, PlaneTree, near_child};
 use halfspace_nodes::planes::{Inside, Planes};
 use halfspace_ray::Ray;
 use halfspace_ray::query::{Counters, Query};
-use halfspace_scene::Triangles;
 
 /// A stack entry: a node and the interval of each ray in it.
 #[derive(Clone, Copy)]
@@ -51,7 +50,7 @@ macro_rules! packets_of_planes {
             fn follow_packet<'a, S: Simd, Q: Query, C: Counters, L: Width>(
                 &'a self,
                 simd: S,
-                triangles: (&Triangles, &Blocks),
+                triangles: Job<'_>,
                 rays: &[Ray],
                 packet: (&mut Packet, Group),
                 stack: &mut [Self::Pending<'a>],
@@ -71,7 +70,7 @@ packets_of_planes!(LazyTree);
 fn follow<S: Simd, T: Planes, Q: Query, C: Counters, L: Width>(
     simd: S,
     tree: T,
-    (scene, mut blocks): (&Triangles, &Blocks),
+    Job { scene, mut blocks }: Job<'_>,
     rays: &[Ray],
     (packet, group): (&mut Packet, Group),
     stack: &mut [Pending<T::At>],
@@ -120,7 +119,14 @@ fn follow<S: Simd, T: Planes, Q: Query, C: Counters, L: Width>(
                 (parts, empty)
             }
             Node::Leaf { first, count } => {
-                let own = match tree.inside((node, first, count), (scene, whole)) {
+                let own = match tree.inside(
+                    node,
+                    Leaf { first, count },
+                    Job {
+                        scene,
+                        blocks: whole,
+                    },
+                ) {
                     Inside::Triangles(own) => own,
                     Inside::Part(root) => {
                         node = root;
@@ -139,7 +145,7 @@ fn follow<S: Simd, T: Planes, Q: Query, C: Counters, L: Width>(
                     packet_leaf::test::<S, Q, C, L>(
                         simd,
                         (blocks, rays),
-                        (first, count),
+                        Leaf { first, count },
                         packet,
                         (lanes, &leave),
                         counters,

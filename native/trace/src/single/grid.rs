@@ -17,11 +17,10 @@ use crate::single::single_rays;
 use fearless_simd::Simd;
 use halfspace_geom::bound::{keep_max, keep_min};
 use halfspace_geom::vec3::map;
-use halfspace_leaf::blocks::Blocks;
+use halfspace_leaf::{Job, Leaf};
 use halfspace_nodes::grid::Grid;
 use halfspace_ray::query::{Best, Counters, Query};
-use halfspace_ray::{FrameRay, Hit, Ray};
-use halfspace_scene::Triangles;
+use halfspace_ray::{FrameRay, Hit, RayRef};
 
 /// The traversal of one grid.
 pub struct Walk<'a>(pub &'a Grid);
@@ -134,8 +133,8 @@ impl batch::Walk for Walk<'_> {
     fn cast<S: Simd, Q: Query, C: Counters>(
         &self,
         simd: S,
-        (scene, blocks): (&Triangles, &Blocks),
-        (ray, frame): (&Ray, &FrameRay),
+        job: Job<'_>,
+        RayRef { ray, frame }: RayRef<'_>,
         (): &mut (),
         counters: &mut C,
     ) -> Hit {
@@ -168,7 +167,7 @@ impl batch::Walk for Walk<'_> {
                 for y in fresh[1][0]..=fresh[1][1] {
                     for x in fresh[0][0]..=fresh[0][1] {
                         let place = [axes[0].place(x), axes[1].place(y), axes[2].place(z)];
-                        let (first, count) = grid.cell(place);
+                        let Leaf { first, count } = grid.cell(place);
                         counters.leaf(count);
                         if count == 0 {
                             continue;
@@ -176,9 +175,15 @@ impl batch::Walk for Walk<'_> {
                         // A hit counts up to the distance at which the ray has provably left the cell.
                         let sides = keep_min(axes[0].leaves(x), axes[1].leaves(y));
                         let leave = keep_min(sides, keep_min(axes[2].leaves(z), frame.t_max));
-                        let leaf = (first, count);
-                        let ray = (ray, frame, leave);
-                        if blocks.test::<S, Q, C>(simd, leaf, scene, ray, &mut best, counters) {
+                        let leaf = Leaf { first, count };
+                        if job.test::<S, Q, C>(
+                            simd,
+                            leaf,
+                            RayRef { ray, frame },
+                            leave,
+                            &mut best,
+                            counters,
+                        ) {
                             return best.hit();
                         }
                     }

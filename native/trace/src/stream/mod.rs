@@ -27,7 +27,7 @@ use halfspace_leaf::blocks::LANES;
 use halfspace_leaf::candidates::Edges;
 use halfspace_nodes::box_corners::rank;
 use halfspace_nodes::box_tree::{BoxTree, INNER, Wide};
-use halfspace_ray::Hit;
+use halfspace_ray::{Hit, RayRef};
 use prefetch_index::prefetch_index;
 
 mod course;
@@ -384,7 +384,13 @@ impl Launch<'_> {
                     Some(held) if self.frame.is_scene() => {
                         late.push(simd, (place, rays), &ray, held, &mut write);
                     }
-                    _ => write(place, course.best.answer((&rays[place], &ray))),
+                    _ => write(
+                        place,
+                        course.best.answer(RayRef {
+                            ray: &rays[place],
+                            frame: &ray,
+                        }),
+                    ),
                 }
             }
             late.settle(simd, rays, &mut write);

@@ -6,12 +6,11 @@ use crate::tile::leaf::Judge;
 use crate::tile::walk::TileTree;
 use crate::tile::{LANES, Tile, leaf as tile_leaf};
 use fearless_simd::Simd;
-use halfspace_leaf::blocks::Blocks;
+use halfspace_leaf::{Job, Leaf};
 use halfspace_nodes::box_tree::{BoxTree, INNER, Wide};
 use halfspace_nodes::plane_tree::MAX_DEPTH;
 use halfspace_ray::Ray;
 use halfspace_ray::query::Counters;
-use halfspace_scene::Triangles;
 
 /// A stack entry: a box still to visit, the interval of distances in which rays of the tile may be inside it,
 /// and the box's link and count.
@@ -34,7 +33,7 @@ impl<const W: usize> TileTree for BoxTree<W> {
     fn follow<S: Simd, C: Counters, J: Judge<R>, const R: usize>(
         &self,
         simd: S,
-        (_, blocks): (&Triangles, &Blocks),
+        Job { blocks, .. }: Job<'_>,
         (tile, rays, judge): (&mut Tile<R>, &[Ray], &mut J),
         stack: &mut Vec<Waiting>,
         counters: &mut [C],
@@ -98,7 +97,10 @@ impl<const W: usize> TileTree for BoxTree<W> {
                 let kept = tile_leaf::test(
                     simd,
                     blocks,
-                    (next.link, count),
+                    Leaf {
+                        first: next.link,
+                        count,
+                    },
                     (next.enter, next.leave),
                     (&mut *tile, rays, &mut *judge),
                     counters,

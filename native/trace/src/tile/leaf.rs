@@ -26,6 +26,7 @@
 
 use crate::tile::{Tile, bits, load, splat};
 use fearless_simd::{Select, Simd, SimdBase, SimdFloat, SimdMask, f32x4, f32x8, f32x16, mask32x4};
+use halfspace_leaf::Leaf;
 use halfspace_leaf::blocks::{Blocks, LANES as WIDE, SPAN};
 use halfspace_leaf::candidates::{DET_ERROR, T_ERROR, UNDERFLOW, UV_ERROR};
 use halfspace_leaf::eight::{corner_and_sides, cross, dot, largest, same, sub};
@@ -120,7 +121,7 @@ const ROW_ERROR: f32 = 8.0;
 pub fn test<S: Simd, C: Counters, J: Judge<R>, const R: usize>(
     simd: S,
     blocks: &Blocks,
-    leaf: (u32, usize),
+    leaf: Leaf,
     ends: (f32, f32),
     tile: (&mut Tile<R>, &[Ray], &mut J),
     counters: &mut [C],
@@ -137,7 +138,7 @@ pub fn test<S: Simd, C: Counters, J: Judge<R>, const R: usize>(
 fn each<S: Simd, C: Counters, const R: usize>(
     simd: S,
     blocks: &Blocks,
-    (first, count): (u32, usize),
+    Leaf { first, count }: Leaf,
     ends: (f32, f32),
     (tile, rays, judge): (&mut Tile<R>, &[Ray], &mut impl Judge<R>),
     counters: &mut [C],

@@ -13,14 +13,13 @@ use crate::tile::leaf::Judge;
 use crate::tile::walk::TileTree;
 use crate::tile::{LANES, Tile, leaf as tile_leaf, load, splat};
 use fearless_simd::{Select, Simd, SimdBase, SimdFloat, SimdMask, f32x16, mask32x16};
-use halfspace_leaf::blocks::Blocks;
+use halfspace_leaf::{Job, Leaf};
 use halfspace_nodes::lazy_tree::LazyTree;
 use halfspace_nodes::plane_tree::{MAX_DEPTH, Node, PlaneTree};
 use halfspace_nodes::planes::{Inside, Planes};
 use halfspace_ray::Ray;
 use halfspace_ray::frame::U;
 use halfspace_ray::query::Counters;
-use halfspace_scene::Triangles;
 
 /// Error bound of `n . d` for `|n| <= 1` and components of `d` below 2. Derived: 3 roundings of at most
 /// `sqrt(3) 2` each, and room.
@@ -38,7 +37,7 @@ macro_rules! tiles_of_planes {
             fn follow<S: Simd, C: Counters, J: Judge<R>, const R: usize>(
                 &self,
                 simd: S,
-                triangles: (&Triangles, &Blocks),
+                triangles: Job<'_>,
                 tile: (&mut Tile<R>, &[Ray], &mut J),
                 (): &mut (),
                 counters: &mut [C],
@@ -57,7 +56,7 @@ tiles_of_planes!(LazyTree);
 fn follow<S: Simd, T: Planes, C: Counters, J: Judge<R>, const R: usize>(
     simd: S,
     tree: T,
-    (scene, mut blocks): (&Triangles, &Blocks),
+    Job { scene, mut blocks }: Job<'_>,
     (tile, rays, judge): (&mut Tile<R>, &[Ray], &mut J),
     counters: &mut [C],
 ) -> bool {
@@ -121,7 +120,14 @@ fn follow<S: Simd, T: Planes, C: Counters, J: Judge<R>, const R: usize>(
                 continue;
             }
             Node::Leaf { first, count } => {
-                let own = match tree.inside((node, first, count), (scene, whole)) {
+                let own = match tree.inside(
+                    node,
+                    Leaf { first, count },
+                    Job {
+                        scene,
+                        blocks: whole,
+                    },
+                ) {
                     Inside::Triangles(own) => own,
                     Inside::Part(root) => {
                         node = root;
@@ -130,7 +136,7 @@ fn follow<S: Simd, T: Planes, C: Counters, J: Judge<R>, const R: usize>(
                 };
                 counters[0].leaf(count);
                 if count != 0 {
-                    let leaf = (first, count);
+                    let leaf = Leaf { first, count };
                     // In a tree built in parts, finish the hits in the blocks of the part that is left.
                     if T::PARTS && !std::ptr::eq(own, blocks) {
                         judge.leave(simd, blocks, (&mut *tile, rays), counters);

@@ -11,11 +11,9 @@ use crate::tile::{
     Backoff, LANES, Lately, Tile, nearest as tile_nearest, place, seat, shadow as shadow_tile,
 };
 use fearless_simd::Simd;
-use halfspace_leaf::blocks::Blocks;
-use halfspace_ray::frame::Frame;
+use halfspace_leaf::Job;
 use halfspace_ray::query::{Any, Closest, Counters};
-use halfspace_ray::{Hit, Ray};
-use halfspace_scene::Triangles;
+use halfspace_ray::{Hit, Ray, RaySlice};
 
 /// A tree with a tile traversal.
 pub trait TileTree: PacketTree {
@@ -29,7 +27,7 @@ pub trait TileTree: PacketTree {
     fn follow<S: Simd, C: Counters, J: Judge<R>, const R: usize>(
         &self,
         simd: S,
-        triangles: (&Triangles, &Blocks),
+        triangles: Job<'_>,
         tile: (&mut Tile<R>, &[Ray], &mut J),
         room: &mut Self::Room,
         counters: &mut [C],
@@ -69,8 +67,8 @@ impl<'a, T: TileTree, const R: usize> TileWalk for Tiles<'a, T, R> {
     fn cast_tile<S: Simd, C: Counters>(
         &self,
         simd: S,
-        triangles: (&Triangles, &Blocks),
-        (frame, rays): (&Frame, &[Ray]),
+        triangles: Job<'_>,
+        RaySlice { frame, rays }: RaySlice<'_>,
         (scratch, tile): &mut Self::Scratch,
         write: &mut impl FnMut(usize, Hit),
         counters: &mut [C],
@@ -83,7 +81,13 @@ impl<'a, T: TileTree, const R: usize> TileWalk for Tiles<'a, T, R> {
         // Trace all rays in packets while tiles do not pay.
         if !backoff.tries() {
             let all = Seats::new(rays.len(), [u16::MAX; R]).map(|(i, _)| (i, Hit::MISS));
-            rest.walk::<S, Closest, C>(simd, triangles, (frame, rays), all, (write, counters));
+            rest.walk::<S, Closest, C>(
+                simd,
+                triangles,
+                RaySlice { frame, rays },
+                all,
+                (write, counters),
+            );
             return;
         }
         // Trace the tile, decide its deferred hits, and record whether it finished.
@@ -92,7 +96,7 @@ impl<'a, T: TileTree, const R: usize> TileWalk for Tiles<'a, T, R> {
             let mut nearest = Nearest::default();
             let job = (&mut *tile, rays, &mut nearest);
             let finished = TileTree::follow(self.0, simd, triangles, job, room, counters);
-            tile_nearest::settle(simd, triangles.1, (&mut *tile, rays), counters);
+            tile_nearest::settle(simd, triangles.blocks, (&mut *tile, rays), counters);
             backoff.learn(finished);
             if !finished {
                 tile.give_up();
@@ -108,7 +112,13 @@ impl<'a, T: TileTree, const R: usize> TileWalk for Tiles<'a, T, R> {
         if tile.rest != [0; R] {
             let left =
                 Seats::new(rays.len(), tile.rest).map(|(i, (row, lane))| (i, tile.hit(row, lane)));
-            rest.walk::<S, Closest, C>(simd, triangles, (frame, rays), left, (write, counters));
+            rest.walk::<S, Closest, C>(
+                simd,
+                triangles,
+                RaySlice { frame, rays },
+                left,
+                (write, counters),
+            );
         }
     }
 }
@@ -169,8 +179,8 @@ impl<'a, T: TileTree, const R: usize> TileWalk for ShadowTiles<'a, T, R> {
     fn cast_tile<S: Simd, C: Counters>(
         &self,
         simd: S,
-        triangles: (&Triangles, &Blocks),
-        (frame, rays): (&Frame, &[Ray]),
+        triangles: Job<'_>,
+        RaySlice { frame, rays }: RaySlice<'_>,
         Scratch {
             backoff,
             room,
@@ -203,7 +213,13 @@ impl<'a, T: TileTree, const R: usize> TileWalk for ShadowTiles<'a, T, R> {
         }
         if left != [0; R] {
             let left = Seats::new(rays.len(), left).map(|(i, _)| (i, Hit::MISS));
-            rest.walk::<S, Any, C>(simd, triangles, (frame, rays), left, (write, counters));
+            rest.walk::<S, Any, C>(
+                simd,
+                triangles,
+                RaySlice { frame, rays },
+                left,
+                (write, counters),
+            );
         }
     }
 }

@@ -4,11 +4,9 @@
 use crate::batch::{TileWalk, Walk};
 use crate::packet::{Group, MOST, Packet, Sixteen, Width};
 use fearless_simd::Simd;
-use halfspace_leaf::blocks::Blocks;
-use halfspace_ray::frame::Frame;
+use halfspace_leaf::Job;
 use halfspace_ray::query::{Counters, Query};
-use halfspace_ray::{FrameRay, Hit, Ray};
-use halfspace_scene::Triangles;
+use halfspace_ray::{Hit, Ray, RayRef, RaySlice};
 use std::marker::PhantomData;
 
 /// A tree with a packet traversal.
@@ -32,7 +30,7 @@ pub trait PacketTree: Sync {
     fn follow_packet<'a, S: Simd, Q: Query, C: Counters, L: Width>(
         &'a self,
         simd: S,
-        triangles: (&Triangles, &Blocks),
+        triangles: Job<'_>,
         rays: &[Ray],
         packet: (&mut Packet, Group),
         stack: &mut [Self::Pending<'a>],
@@ -80,13 +78,13 @@ impl<'a, T: PacketTree, Q: Query, L: Width> TileWalk for Packets<'a, T, Q, L> {
     fn cast_tile<S: Simd, C: Counters>(
         &self,
         simd: S,
-        triangles: (&Triangles, &Blocks),
-        rays: (&Frame, &[Ray]),
+        triangles: Job<'_>,
+        rays: RaySlice<'_>,
         scratch: &mut Self::Scratch,
         write: &mut impl FnMut(usize, Hit),
         counters: &mut [C],
     ) {
-        let count = rays.1.len();
+        let count = rays.rays.len();
         scratch.packet.count = count;
         for (i, place) in scratch.packet.places.iter_mut().enumerate().take(count) {
             *place = i;
@@ -107,8 +105,8 @@ impl<'a, T: PacketTree, Q: Query, L: Width> TileWalk for Packets<'a, T, Q, L> {
 fn cast<'a, S: Simd, T: PacketTree + 'a, Q: Query, C: Counters, L: Width>(
     simd: S,
     tree: &'a T,
-    (scene, blocks): (&Triangles, &Blocks),
-    (frame, rays): (&Frame, &[Ray]),
+    Job { scene, blocks }: Job<'_>,
+    RaySlice { frame, rays }: RaySlice<'_>,
     known: Option<&[Hit; MOST]>,
     scratch: &mut Scratch<'a, T>,
     counters: &mut [C],
@@ -136,13 +134,23 @@ fn cast<'a, S: Simd, T: PacketTree + 'a, Q: Query, C: Counters, L: Width>(
             };
             let (walk, counters) = (tree.single(), &mut counters[place]);
             let hit = frame.ray(&ray).map_or(Hit::MISS, |framed| {
-                let ray = (&ray, &framed);
-                alone::<S, _, Q, C>(simd, &walk, (scene, blocks), ray, single, counters)
+                let ray = RayRef {
+                    ray: &ray,
+                    frame: &framed,
+                };
+                alone::<S, _, Q, C>(simd, &walk, Job { scene, blocks }, ray, single, counters)
             });
             packet.know(i, hit);
         } else {
             let packet = (&mut *packet, group);
-            tree.follow_packet::<S, Q, C, L>(simd, (scene, blocks), rays, packet, stack, counters);
+            tree.follow_packet::<S, Q, C, L>(
+                simd,
+                Job { scene, blocks },
+                rays,
+                packet,
+                stack,
+                counters,
+            );
         }
     }
     packet.settle::<S, Q, C>(simd, (blocks, rays), counters);
@@ -153,8 +161,8 @@ fn cast<'a, S: Simd, T: PacketTree + 'a, Q: Query, C: Counters, L: Width>(
 fn alone<S: Simd, W: Walk, Q: Query, C: Counters>(
     simd: S,
     walk: &W,
-    triangles: (&Triangles, &Blocks),
-    ray: (&Ray, &FrameRay<'_>),
+    triangles: Job<'_>,
+    ray: RayRef<'_>,
     scratch: &mut W::Scratch,
     counters: &mut C,
 ) -> Hit {
@@ -187,8 +195,8 @@ impl<'a, T: PacketTree> Rest<'a, T> {
     pub fn walk<S: Simd, Q: Query, C: Counters>(
         &mut self,
         simd: S,
-        triangles: (&Triangles, &Blocks),
-        (frame, rays): (&Frame, &[Ray]),
+        triangles: Job<'_>,
+        RaySlice { frame, rays }: RaySlice<'_>,
         rest: impl Iterator<Item = (usize, Hit)>,
         (write, counters): (&mut impl FnMut(usize, Hit), &mut [C]),
     ) {
@@ -203,10 +211,10 @@ impl<'a, T: PacketTree> Rest<'a, T> {
             }
             packet.count += 1;
             if packet.count == MOST {
-                self.flush::<S, Q, C>(simd, triangles, (frame, rays), (write, counters));
+                self.flush::<S, Q, C>(simd, triangles, RaySlice { frame, rays }, (write, counters));
             }
         }
-        self.flush::<S, Q, C>(simd, triangles, (frame, rays), (write, counters));
+        self.flush::<S, Q, C>(simd, triangles, RaySlice { frame, rays }, (write, counters));
     }
 
     /// Traces the collected packet, writes its hits and empties it.
@@ -214,8 +222,8 @@ impl<'a, T: PacketTree> Rest<'a, T> {
     fn flush<S: Simd, Q: Query, C: Counters>(
         &mut self,
         simd: S,
-        triangles: (&Triangles, &Blocks),
-        rays: (&Frame, &[Ray]),
+        triangles: Job<'_>,
+        rays: RaySlice<'_>,
         (write, counters): (&mut impl FnMut(usize, Hit), &mut [C]),
     ) {
         let count = self.scratch.packet.count;
@@ -245,8 +253,8 @@ impl<'a, T: PacketTree> Rest<'a, T> {
 fn outlined<'a, S: Simd, T: PacketTree + 'a, Q: Query, C: Counters>(
     simd: S,
     tree: &'a T,
-    triangles: (&Triangles, &Blocks),
-    rays: (&Frame, &[Ray]),
+    triangles: Job<'_>,
+    rays: RaySlice<'_>,
     known: Option<&[Hit; MOST]>,
     scratch: &mut Scratch<'a, T>,
     counters: &mut [C],

@@ -6,12 +6,11 @@ use crate::pending::{Waits, make_room};
 use crate::single::single_rays;
 use crate::slabs::Slabs;
 use fearless_simd::{Simd, f32x4, f32x8};
-use halfspace_leaf::blocks::Blocks;
+use halfspace_leaf::{Job, Leaf};
 use halfspace_nodes::box_tree::{BoxTree, INNER, WIDEST};
 use halfspace_nodes::plane_tree::MAX_DEPTH;
 use halfspace_ray::query::{Best, Counters, Query};
-use halfspace_ray::{FrameRay, Hit, Ray};
-use halfspace_scene::Triangles;
+use halfspace_ray::{Hit, RayRef};
 
 /// A stack entry: a box still to visit and its entry distance.
 #[derive(Debug, Clone, Copy, Default)]
@@ -46,8 +45,8 @@ impl<const W: usize> batch::Walk for Walk<'_, W> {
     fn cast<S: Simd, Q: Query, C: Counters>(
         &self,
         simd: S,
-        (scene, blocks): (&Triangles, &Blocks),
-        (ray, frame): (&Ray, &FrameRay),
+        job: Job<'_>,
+        RayRef { ray, frame }: RayRef<'_>,
         stack: &mut Self::Scratch,
         counters: &mut C,
     ) -> Hit {
@@ -87,7 +86,7 @@ impl<const W: usize> batch::Walk for Walk<'_, W> {
                     continue;
                 }
                 let waits = child(lane);
-                self.0.fetch_ahead((waits.link, waits.count), blocks);
+                self.0.fetch_ahead((waits.link, waits.count), job.blocks);
                 let at = make_room(stack, base, &mut waiting, enters[lane]);
                 stack[at] = waits;
             }
@@ -111,11 +110,14 @@ impl<const W: usize> batch::Walk for Walk<'_, W> {
                 }
                 let count = next.count as usize;
                 counters.leaf(count);
-                if blocks.test::<S, Q, C>(
+                if job.test::<S, Q, C>(
                     simd,
-                    (next.link, count),
-                    scene,
-                    (ray, frame, frame.t_max),
+                    Leaf {
+                        first: next.link,
+                        count,
+                    },
+                    RayRef { ray, frame },
+                    frame.t_max,
                     &mut best,
                     counters,
                 ) {

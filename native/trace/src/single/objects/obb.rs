@@ -28,12 +28,13 @@ use crate::slabs::Slabs;
 use fearless_simd::{Select, Simd, SimdBase, SimdFloat, SimdMask, f32x4, f32x8};
 use halfspace_geom::bound::{keep_max_each, keep_min_each};
 use halfspace_leaf::blocks::Blocks;
+use halfspace_leaf::{Job, Leaf};
 use halfspace_nodes::obb_tree::{INNER, ObbTree, Rotation, WIDTH};
 use halfspace_nodes::plane_tree::MAX_DEPTH;
+use halfspace_ray::RayRef;
 use halfspace_ray::frame_ray::FrameRay;
 use halfspace_ray::query::{Best, Counters, Query};
-use halfspace_ray::ray::{Hit, Ray};
-use halfspace_scene::triangles::Triangles;
+use halfspace_ray::ray::Hit;
 
 /// A stack entry: a child still to visit and its entry distance.
 #[derive(Debug, Clone, Copy, Default)]
@@ -129,8 +130,8 @@ impl batch::Walk for Walk<'_> {
     fn cast<S: Simd, Q: Query, C: Counters>(
         &self,
         simd: S,
-        (scene, blocks): (&Triangles, &Blocks),
-        (ray, frame): (&Ray, &FrameRay),
+        job: Job<'_>,
+        RayRef { ray, frame }: RayRef<'_>,
         stack: &mut Self::Scratch,
         counters: &mut C,
     ) -> Hit {
@@ -143,11 +144,14 @@ impl batch::Walk for Walk<'_> {
                 // Test the triangles of a leaf.
                 let triangles = count as usize;
                 counters.leaf(triangles);
-                if blocks.test_any::<S, Q, C>(
+                if job.test_any::<S, Q, C>(
                     simd,
-                    (link, triangles),
-                    scene,
-                    (ray, frame, frame.t_max),
+                    Leaf {
+                        first: link,
+                        count: triangles,
+                    },
+                    RayRef { ray, frame },
+                    frame.t_max,
                     &mut best,
                     counters,
                 ) {
@@ -181,7 +185,7 @@ impl batch::Walk for Walk<'_> {
                     if node.count[lane] == 0 {
                         continue;
                     }
-                    self.fetch_ahead(node.link[lane], node.count[lane], blocks);
+                    self.fetch_ahead(node.link[lane], node.count[lane], job.blocks);
                     let at = make_room(stack, base, &mut waiting, enters[lane]);
                     stack[at] = Pending {
                         enter: enters[lane],

@@ -9,13 +9,12 @@ use crate::single::single_rays;
 use crate::slabs::Slabs;
 use fearless_simd::Simd;
 use halfspace_geom::Aabb;
-use halfspace_leaf::blocks::Blocks;
+use halfspace_leaf::{Job, Leaf};
 use halfspace_nodes::plane_tree::MAX_DEPTH;
 use halfspace_nodes::slab_node::{Double, Kind, SlabNode};
 use halfspace_nodes::slab_tree::SlabTree;
 use halfspace_ray::query::{Best, Counters, Query};
-use halfspace_ray::{FrameRay, Hit, Ray};
-use halfspace_scene::Triangles;
+use halfspace_ray::{Hit, RayRef};
 
 /// A stack entry: a node, the ray's entry distance, and the node's box.
 #[derive(Clone, Copy)]
@@ -51,8 +50,8 @@ impl<N: SlabNode> batch::Walk for Walk<'_, N> {
     fn cast<S: Simd, Q: Query, C: Counters>(
         &self,
         simd: S,
-        (scene, blocks): (&Triangles, &Blocks),
-        (ray, frame): (&Ray, &FrameRay),
+        job: Job<'_>,
+        RayRef { ray, frame }: RayRef<'_>,
         stack: &mut Self::Scratch,
         counters: &mut C,
     ) -> Hit {
@@ -103,11 +102,11 @@ impl<N: SlabNode> batch::Walk for Walk<'_, N> {
                 }
                 Kind::Leaf { first, count } => {
                     counters.leaf(count);
-                    if blocks.test_any::<S, Q, C>(
+                    if job.test_any::<S, Q, C>(
                         simd,
-                        (first, count),
-                        scene,
-                        (ray, frame, frame.t_max),
+                        Leaf { first, count },
+                        RayRef { ray, frame },
+                        frame.t_max,
                         &mut best,
                         counters,
                     ) {

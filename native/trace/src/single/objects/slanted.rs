@@ -7,13 +7,12 @@ use crate::single::objects::dops::Planes;
 use crate::single::single_rays;
 use fearless_simd::Simd;
 use halfspace_geom::bound::{keep_max, keep_min};
-use halfspace_leaf::blocks::Blocks;
+use halfspace_leaf::{Job, Leaf};
 use halfspace_nodes::plane_tree::MAX_DEPTH;
 use halfspace_nodes::slant_tree::{Kind, SlantTree};
 use halfspace_nodes::slanted_tree::DIRECTIONS;
 use halfspace_ray::query::{Best, Counters, Query};
-use halfspace_ray::{FrameRay, Hit, Ray};
-use halfspace_scene::Triangles;
+use halfspace_ray::{Hit, RayRef};
 
 /// The traversal of one tree.
 pub struct Walk<'a>(pub &'a SlantTree);
@@ -29,8 +28,8 @@ impl batch::Walk for Walk<'_> {
     fn cast<S: Simd, Q: Query, C: Counters>(
         &self,
         simd: S,
-        (scene, blocks): (&Triangles, &Blocks),
-        (ray, frame): (&Ray, &FrameRay),
+        job: Job<'_>,
+        RayRef { ray, frame }: RayRef<'_>,
         stack: &mut Self::Scratch,
         counters: &mut C,
     ) -> Hit {
@@ -95,11 +94,11 @@ impl batch::Walk for Walk<'_> {
                 }
                 Kind::Leaf { first, count } => {
                     counters.leaf(count);
-                    if blocks.test_any::<S, Q, C>(
+                    if job.test_any::<S, Q, C>(
                         simd,
-                        (first, count),
-                        scene,
-                        (ray, frame, leave),
+                        Leaf { first, count },
+                        RayRef { ray, frame },
+                        leave,
                         &mut best,
                         counters,
                     ) {

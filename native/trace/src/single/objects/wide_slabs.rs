@@ -7,12 +7,11 @@ use crate::single::single_rays;
 use crate::slabs::Slabs;
 use fearless_simd::{Simd, SimdFloat, SimdMask, f32x4, f32x8};
 use halfspace_geom::bound::{keep_max, keep_max_each, keep_min, keep_min_each};
-use halfspace_leaf::blocks::Blocks;
+use halfspace_leaf::{Job, Leaf};
 use halfspace_nodes::plane_tree::MAX_DEPTH;
 use halfspace_nodes::slab_wide::{LEAF, WIDEST, WideSlabs};
 use halfspace_ray::query::{Best, Counters, Query};
-use halfspace_ray::{FrameRay, Hit, Ray};
-use halfspace_scene::Triangles;
+use halfspace_ray::{Hit, RayRef};
 
 impl Slabs {
     /// Intersects the ray with the intervals of the children along an axis, one per lane of `V`. Writes entry
@@ -76,8 +75,8 @@ impl<const W: usize> batch::Walk for Walk<'_, W> {
     fn cast<S: Simd, Q: Query, C: Counters>(
         &self,
         simd: S,
-        (scene, blocks): (&Triangles, &Blocks),
-        (ray, frame): (&Ray, &FrameRay),
+        job: Job<'_>,
+        RayRef { ray, frame }: RayRef<'_>,
         stack: &mut Self::Scratch,
         counters: &mut C,
     ) -> Hit {
@@ -117,11 +116,14 @@ impl<const W: usize> batch::Walk for Walk<'_, W> {
             } else {
                 let count = node.link() as usize;
                 counters.leaf(count);
-                if blocks.test_any::<S, Q, C>(
+                if job.test_any::<S, Q, C>(
                     simd,
-                    (node.planes[0][0].to_bits(), count),
-                    scene,
-                    (ray, frame, leave),
+                    Leaf {
+                        first: node.planes[0][0].to_bits(),
+                        count,
+                    },
+                    RayRef { ray, frame },
+                    leave,
                     &mut best,
                     counters,
                 ) {

@@ -12,12 +12,11 @@ use crate::single::single_rays;
 use fearless_simd::{Select, Simd, SimdBase, SimdMask, f32x8, mask32x8};
 use halfspace_geom::bound::{keep_max, keep_min};
 use halfspace_geom::vec3::map;
-use halfspace_leaf::blocks::Blocks;
+use halfspace_leaf::{Job, Leaf};
 use halfspace_nodes::octants::MAX_DEPTH;
 use halfspace_nodes::octree_nodes::Octree;
 use halfspace_ray::query::{Best, Counters, Query};
-use halfspace_ray::{FrameRay, Hit, Ray};
-use halfspace_scene::Triangles;
+use halfspace_ray::{Hit, RayRef};
 
 /// Stack entries: every level but the last leaves at most seven octants behind.
 const STACK: usize = 7 * MAX_DEPTH as usize + 1;
@@ -48,8 +47,8 @@ impl batch::Walk for Walk<'_> {
     fn cast<S: Simd, Q: Query, C: Counters>(
         &self,
         simd: S,
-        (scene, blocks): (&Triangles, &Blocks),
-        (ray, frame): (&Ray, &FrameRay),
+        job: Job<'_>,
+        RayRef { ray, frame }: RayRef<'_>,
         stack: &mut Stack,
         counters: &mut C,
     ) -> Hit {
@@ -83,14 +82,14 @@ impl batch::Walk for Walk<'_> {
             let node = tree.node(index);
             if !node.is_inner() {
                 // Test the triangles of a leaf.
-                let (first, count) = node.blocks();
+                let Leaf { first, count } = node.blocks();
                 counters.leaf(count);
                 if count != 0
-                    && blocks.test::<S, Q, C>(
+                    && job.test::<S, Q, C>(
                         simd,
-                        (first, count),
-                        scene,
-                        (ray, frame, leave),
+                        Leaf { first, count },
+                        RayRef { ray, frame },
+                        leave,
                         &mut best,
                         counters,
                     )

@@ -21,11 +21,10 @@ use crate::single::octants::param as octree_param;
 use fearless_simd::{Simd, SimdBase, f32x8};
 use halfspace_geom::bound::keep_max;
 use halfspace_geom::vec3::map;
-use halfspace_leaf::blocks::Blocks;
+use halfspace_leaf::{Job, Leaf};
 use halfspace_nodes::octree_nodes::{Node, OUTSIDE, Octree};
 use halfspace_ray::query::{Best, Counters, Query};
-use halfspace_ray::{FrameRay, Hit, Ray};
-use halfspace_scene::Triangles;
+use halfspace_ray::{FrameRay, Hit, Ray, RayRef};
 
 /// A method of finding the node across a face.
 pub trait Neighbours: Sync {
@@ -172,8 +171,8 @@ impl<N: Neighbours> batch::Walk for Walk<'_, N> {
     fn cast<S: Simd, Q: Query, C: Counters>(
         &self,
         simd: S,
-        triangles: (&Triangles, &Blocks),
-        (ray, frame): (&Ray, &FrameRay),
+        triangles: Job<'_>,
+        RayRef { ray, frame }: RayRef<'_>,
         stack: &mut Self::Scratch,
         counters: &mut C,
     ) -> Hit {
@@ -182,7 +181,7 @@ impl<N: Neighbours> batch::Walk for Walk<'_, N> {
         // down.
         if !tree.is_near(frame.o) || frame.place.is_some() {
             let walk = octree_param::Walk(tree);
-            return walk.cast::<S, Q, C>(simd, triangles, (ray, frame), stack, counters);
+            return walk.cast::<S, Q, C>(simd, triangles, RayRef { ray, frame }, stack, counters);
         }
         let grid = Grid::new(tree, frame.signs);
         // Locate the leaf at the entry point.
@@ -211,7 +210,7 @@ impl<N: Neighbours> batch::Walk for Walk<'_, N> {
 pub fn go_on<S: Simd, Q: Query, C: Counters, N: Neighbours>(
     simd: S,
     tree: &Octree,
-    (scene, blocks): (&Triangles, &Blocks),
+    job: Job<'_>,
     (ray, frame, grid): (&Ray, &FrameRay, &Grid),
     ((mut index, mut leaf), mut at, mut enter): ((u32, Node), [u32; 3], f32),
     best: &mut Best,
@@ -233,14 +232,14 @@ pub fn go_on<S: Simd, Q: Query, C: Counters, N: Neighbours>(
         }
         // Test the leaf's triangles, and end after its exit if a hit lies before, or at the root's boundary.
         let leave = keep_max(times[axis], enter);
-        let (first, count) = leaf.blocks();
+        let Leaf { first, count } = leaf.blocks();
         counters.leaf(count);
         if count != 0
-            && blocks.test::<S, Q, C>(
+            && job.test::<S, Q, C>(
                 simd,
-                (first, count),
-                scene,
-                (ray, frame, leave),
+                Leaf { first, count },
+                RayRef { ray, frame },
+                leave,
                 best,
                 counters,
             )

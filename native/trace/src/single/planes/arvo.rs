@@ -11,11 +11,10 @@ use crate::single::planes::origin::{STACK, Stack, around, both, both_published, 
 use crate::single::single_rays;
 use crate::{batch, first_hit};
 use fearless_simd::Simd;
-use halfspace_leaf::blocks::Blocks;
+use halfspace_leaf::{Job, Leaf};
 use halfspace_nodes::plane_tree::{Node, PlaneTree, near_child};
 use halfspace_ray::query::{Best, Counters, Query};
-use halfspace_ray::{FrameRay, Hit, Ray};
-use halfspace_scene::Triangles;
+use halfspace_ray::{Hit, RayRef};
 
 /// The traversal of one tree, as published or with error bounds.
 ///
@@ -34,8 +33,8 @@ impl<const PUBLISHED: bool> batch::Walk for Walk<'_, PUBLISHED> {
     fn cast<S: Simd, Q: Query, C: Counters>(
         &self,
         simd: S,
-        (scene, blocks): (&Triangles, &Blocks),
-        (ray, frame): (&Ray, &FrameRay),
+        Job { scene, blocks }: Job<'_>,
+        RayRef { ray, frame }: RayRef<'_>,
         stack: &mut Self::Scratch,
         counters: &mut C,
     ) -> Hit {
@@ -100,9 +99,10 @@ impl<const PUBLISHED: bool> batch::Walk for Walk<'_, PUBLISHED> {
                     counters.leaf(count);
                     if first_hit::test::<PUBLISHED, S, Q, C>(
                         simd,
-                        (first, count),
-                        (scene, blocks),
-                        (ray, frame, leave),
+                        Leaf { first, count },
+                        Job { scene, blocks },
+                        RayRef { ray, frame },
+                        leave,
                         &mut best,
                         counters,
                     ) {

@@ -11,13 +11,12 @@ use crate::pending::{Pending, next};
 use crate::single::single_rays;
 use fearless_simd::Simd;
 use halfspace_geom::bound::{keep_max, keep_min};
-use halfspace_leaf::blocks::Blocks;
+use halfspace_leaf::{Job, Leaf};
 use halfspace_nodes::lazy_tree::LazyTree;
 use halfspace_nodes::plane_tree::{MAX_DEPTH, Node, PlaneTree, near_child};
 use halfspace_nodes::planes::{Inside, Planes};
 use halfspace_ray::query::{Best, Counters, Query};
-use halfspace_ray::{FrameRay, Hit, Ray};
-use halfspace_scene::Triangles;
+use halfspace_ray::{Hit, RayRef};
 
 /// The traversal of one tree.
 pub struct Walk<T>(pub T);
@@ -40,8 +39,8 @@ impl<T: Planes> batch::Walk for Walk<T> {
     fn cast<S: Simd, Q: Query, C: Counters>(
         &self,
         simd: S,
-        (scene, blocks): (&Triangles, &Blocks),
-        (ray, frame): (&Ray, &FrameRay),
+        job: Job<'_>,
+        RayRef { ray, frame }: RayRef<'_>,
         stack: &mut Self::Scratch,
         counters: &mut C,
     ) -> Hit {
@@ -97,19 +96,19 @@ impl<T: Planes> batch::Walk for Walk<T> {
                 }
                 Node::Leaf { first, count } => {
                     // Test the triangles, or continue at the root of the part that the leaf stands for.
-                    let blocks = match tree.inside((node, first, count), (scene, blocks)) {
-                        Inside::Triangles(blocks) => blocks,
+                    let job = match tree.inside(node, Leaf { first, count }, job) {
+                        Inside::Triangles(blocks) => Job { blocks, ..job },
                         Inside::Part(root) => {
                             node = root;
                             continue;
                         }
                     };
                     counters.leaf(count);
-                    if blocks.test::<S, Q, C>(
+                    if job.test::<S, Q, C>(
                         simd,
-                        (first, count),
-                        scene,
-                        (ray, frame, leave),
+                        Leaf { first, count },
+                        RayRef { ray, frame },
+                        leave,
                         &mut best,
                         counters,
                     ) {

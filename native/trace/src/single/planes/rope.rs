@@ -19,12 +19,11 @@ use crate::single::single_rays;
 use fearless_simd::Simd;
 use halfspace_geom::bound::{keep_max, keep_min};
 use halfspace_geom::vec3::map;
-use halfspace_leaf::blocks::Blocks;
+use halfspace_leaf::{Job, Leaf};
 use halfspace_nodes::plane_tree::PlaneTree;
 use halfspace_nodes::ropes::{OUTSIDE, Ropes, Step};
 use halfspace_ray::query::{Best, Counters, Query};
-use halfspace_ray::{FrameRay, Hit, Ray};
-use halfspace_scene::Triangles;
+use halfspace_ray::{FrameRay, Hit, RayRef};
 use std::sync::Arc;
 
 /// The traversal of one tree, as published or with certain steps only.
@@ -74,7 +73,7 @@ impl<const PUBLISHED: bool> Walk<'_, PUBLISHED> {
         mut link: u32,
         crossing: Crossing,
         counters: &mut C,
-    ) -> Option<(u32, (u32, usize))> {
+    ) -> Option<(u32, Leaf)> {
         let Crossing {
             axis: across,
             moment,
@@ -86,7 +85,7 @@ impl<const PUBLISHED: bool> Walk<'_, PUBLISHED> {
                     split,
                     children,
                 } => (axis, split, children),
-                Step::Leaf { first, count } => return Some((link, (first, count))),
+                Step::Leaf { first, count } => return Some((link, Leaf { first, count })),
             };
             counters.step_axis();
             // Go to the near side of planes parallel to the wall, else to the side that the crossing lies on.
@@ -114,8 +113,8 @@ impl<const PUBLISHED: bool> Walk<'_, PUBLISHED> {
     fn rest<S: Simd, Q: Query, C: Counters>(
         &self,
         simd: S,
-        triangles: (&Triangles, &Blocks),
-        (ray, frame): (&Ray, &FrameRay),
+        triangles: Job<'_>,
+        RayRef { ray, frame }: RayRef<'_>,
         (best, from): (&Best, f32),
         stack: &mut plane_dir::Stack<u32>,
         counters: &mut C,
@@ -128,7 +127,14 @@ impl<const PUBLISHED: bool> Walk<'_, PUBLISHED> {
         rest.t_max = keep_min(best.reach, frame.t_max);
         rest.known = best.hit();
         let walk = plane_dir::Walk(self.0);
-        batch::Walk::cast::<S, Q, C>(&walk, simd, triangles, (ray, &rest), stack, counters)
+        batch::Walk::cast::<S, Q, C>(
+            &walk,
+            simd,
+            triangles,
+            RayRef { ray, frame: &rest },
+            stack,
+            counters,
+        )
     }
 }
 
@@ -143,12 +149,12 @@ impl<const PUBLISHED: bool> batch::Walk for Walk<'_, PUBLISHED> {
     fn cast<S: Simd, Q: Query, C: Counters>(
         &self,
         simd: S,
-        (scene, blocks): (&Triangles, &Blocks),
-        (ray, frame): (&Ray, &FrameRay),
+        Job { scene, blocks }: Job<'_>,
+        RayRef { ray, frame }: RayRef<'_>,
         stack: &mut Self::Scratch,
         counters: &mut C,
     ) -> Hit {
-        let triangles = (scene, blocks);
+        let triangles = Job { scene, blocks };
         let mut best = Best::new(frame);
         // Begin at the root, with a start that is exactly known.
         let start = Moment {
@@ -168,7 +174,7 @@ impl<const PUBLISHED: bool> batch::Walk for Walk<'_, PUBLISHED> {
                 return self.rest::<S, Q, C>(
                     simd,
                     triangles,
-                    (ray, frame),
+                    RayRef { ray, frame },
                     so_far,
                     stack,
                     counters,
@@ -189,10 +195,16 @@ impl<const PUBLISHED: bool> batch::Walk for Walk<'_, PUBLISHED> {
             }
             let next = moments[axis];
             // Test the leaf's triangles up to that wall.
-            counters.leaf(leaf.1);
+            counters.leaf(leaf.count);
             let leave = keep_min(next.high, frame.t_max);
-            let ends =
-                blocks.test::<S, Q, C>(simd, leaf, scene, (ray, frame, leave), &mut best, counters);
+            let ends = Job { scene, blocks }.test::<S, Q, C>(
+                simd,
+                leaf,
+                RayRef { ray, frame },
+                leave,
+                &mut best,
+                counters,
+            );
             if ends || PUBLISHED && best.hit().is_hit() {
                 return best.hit();
             }
@@ -206,7 +218,7 @@ impl<const PUBLISHED: bool> batch::Walk for Walk<'_, PUBLISHED> {
                 return self.rest::<S, Q, C>(
                     simd,
                     triangles,
-                    (ray, frame),
+                    RayRef { ray, frame },
                     so_far,
                     stack,
                     counters,

@@ -11,11 +11,10 @@ use crate::batch;
 use crate::single::single_rays;
 use fearless_simd::Simd;
 use halfspace_geom::bound::{keep_max, keep_min};
-use halfspace_leaf::blocks::Blocks;
+use halfspace_leaf::{Job, Leaf};
 use halfspace_nodes::plane_tree::{MAX_DEPTH, Node, PlaneTree, near_child};
 use halfspace_ray::query::{Best, Counters, Query};
-use halfspace_ray::{FrameRay, Hit, Ray};
-use halfspace_scene::Triangles;
+use halfspace_ray::{FrameRay, Hit, RayRef};
 
 const _: () = assert!(MAX_DEPTH < u64::BITS as usize, "a bit for each level");
 
@@ -27,7 +26,7 @@ pub struct Walk<'a>(pub &'a PlaneTree);
 
 /// A leaf (first block, number of triangles) and the ray's interval in it.
 struct Found {
-    leaf: (u32, usize),
+    leaf: Leaf,
     enter: f32,
     leave: f32,
 }
@@ -60,7 +59,7 @@ impl Walk<'_> {
                 } => (axis, split, empty, link),
                 Node::Oblique { .. } => unreachable!("this walk is for axis-aligned trees"),
                 Node::Leaf { first, count } => {
-                    let leaf = (first, count);
+                    let leaf = Leaf { first, count };
                     return Found { leaf, enter, leave };
                 }
             };
@@ -96,8 +95,8 @@ impl batch::Walk for Walk<'_> {
     fn cast<S: Simd, Q: Query, C: Counters>(
         &self,
         simd: S,
-        (scene, blocks): (&Triangles, &Blocks),
-        (ray, frame): (&Ray, &FrameRay),
+        job: Job<'_>,
+        RayRef { ray, frame }: RayRef<'_>,
         (): &mut (),
         counters: &mut C,
     ) -> Hit {
@@ -107,13 +106,19 @@ impl batch::Walk for Walk<'_> {
             let mut waiting = 0_u64;
             let Found { leaf, enter, leave } =
                 self.descend(frame, done, best.reach, &mut waiting, counters);
-            counters.leaf(leaf.1);
+            counters.leaf(leaf.count);
             // Test the leaf unless the best hit lies before it.
-            if enter <= best.reach {
-                let ray = (ray, frame, leave);
-                if blocks.test::<S, Q, C>(simd, leaf, scene, ray, &mut best, counters) {
-                    return best.hit();
-                }
+            if enter <= best.reach
+                && job.test::<S, Q, C>(
+                    simd,
+                    leaf,
+                    RayRef { ray, frame },
+                    leave,
+                    &mut best,
+                    counters,
+                )
+            {
+                return best.hit();
             }
             if waiting == 0 {
                 return best.hit();

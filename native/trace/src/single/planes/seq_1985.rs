@@ -9,11 +9,10 @@ use crate::batch;
 use crate::single::single_rays;
 use fearless_simd::Simd;
 use halfspace_geom::Aabb;
-use halfspace_leaf::blocks::Blocks;
+use halfspace_leaf::{Job, Leaf};
 use halfspace_nodes::plane_tree::{Node, PlaneTree};
 use halfspace_ray::query::{Best, Counters, Query};
-use halfspace_ray::{FrameRay, Hit, Ray};
-use halfspace_scene::Triangles;
+use halfspace_ray::{Hit, RayRef};
 
 /// The step behind a wall, relative to the scene's largest coordinate. Chosen: 16 u, above the rounding of a
 /// coordinate.
@@ -34,8 +33,8 @@ impl batch::Walk for Walk<'_> {
     fn cast<S: Simd, Q: Query, C: Counters>(
         &self,
         simd: S,
-        (scene, blocks): (&Triangles, &Blocks),
-        (ray, frame): (&Ray, &FrameRay),
+        Job { scene, blocks }: Job<'_>,
+        RayRef { ray, frame }: RayRef<'_>,
         (): &mut (),
         counters: &mut C,
     ) -> Hit {
@@ -64,10 +63,10 @@ impl batch::Walk for Walk<'_> {
                         }
                     }
                     Node::Oblique { .. } => unreachable!("this walk is for axis-aligned trees"),
-                    Node::Leaf { first, count } => break (first, count),
+                    Node::Leaf { first, count } => break Leaf { first, count },
                 }
             };
-            counters.leaf(leaf.1);
+            counters.leaf(leaf.count);
             // Intersect the ray with the far walls of the cell.
             let mut leave = frame.t_max;
             for k in 0..3 {
@@ -78,8 +77,14 @@ impl batch::Walk for Walk<'_> {
                 };
                 leave = leave.min((wall - frame.o[k]) * frame.inv[k]);
             }
-            let ray = (ray, frame, leave);
-            let ends = blocks.test::<S, Q, C>(simd, leaf, scene, ray, &mut best, counters);
+            let ends = Job { scene, blocks }.test::<S, Q, C>(
+                simd,
+                leaf,
+                RayRef { ray, frame },
+                leave,
+                &mut best,
+                counters,
+            );
             // As published: the first leaf with a hit inside its cell holds the nearest one.
             let next = leave + step;
             if ends || best.hit().is_hit() || next.is_nan() || next <= t || next > frame.t_max {

@@ -18,12 +18,11 @@ use crate::pending::{Waits, next};
 use crate::single::single_rays;
 use fearless_simd::Simd;
 use halfspace_geom::bound::{keep_max, keep_min};
-use halfspace_leaf::blocks::Blocks;
+use halfspace_leaf::{Job, Leaf};
 use halfspace_nodes::plane_tree::{MAX_DEPTH, Node, PlaneTree, near_child};
 use halfspace_ray::cases::{Turn, case};
 use halfspace_ray::query::{Best, Counters, Query};
-use halfspace_ray::{FrameRay, Hit, Ray};
-use halfspace_scene::Triangles;
+use halfspace_ray::{FrameRay, Hit, RayRef};
 
 /// A segment of the ray: its interval, and its end points in mirrored coordinates, all moved outwards. The
 /// fourth coordinate only fills the vector register.
@@ -105,8 +104,8 @@ impl batch::Walk for Walk<'_> {
     fn cast<S: Simd, Q: Query, C: Counters>(
         &self,
         simd: S,
-        (scene, blocks): (&Triangles, &Blocks),
-        (ray, frame): (&Ray, &FrameRay),
+        job: Job<'_>,
+        RayRef { ray, frame }: RayRef<'_>,
         stack: &mut Self::Scratch,
         counters: &mut C,
     ) -> Hit {
@@ -177,11 +176,11 @@ impl batch::Walk for Walk<'_> {
                 Node::Oblique { .. } => unreachable!("TA-B walks axis-aligned trees"),
                 Node::Leaf { first, count } => {
                     counters.leaf(count);
-                    if blocks.test::<S, Q, C>(
+                    if job.test::<S, Q, C>(
                         simd,
-                        (first, count),
-                        scene,
-                        (ray, frame, segment.leave),
+                        Leaf { first, count },
+                        RayRef { ray, frame },
+                        segment.leave,
                         &mut best,
                         counters,
                     ) {

@@ -10,12 +10,11 @@
 use crate::single::single_rays;
 use crate::{batch, first_hit};
 use fearless_simd::Simd;
-use halfspace_leaf::blocks::Blocks;
+use halfspace_leaf::{Job, Leaf};
 use halfspace_nodes::plane_tree::{MAX_DEPTH, Node, PlaneTree};
 use halfspace_ray::cases::{Turn, case};
 use halfspace_ray::query::{Best, Counters, Query};
-use halfspace_ray::{FrameRay, Hit, Ray};
-use halfspace_scene::Triangles;
+use halfspace_ray::{Hit, RayRef};
 
 /// Stands for a child where the ray leaves the scene.
 const NOWHERE: u32 = u32::MAX;
@@ -46,8 +45,8 @@ impl batch::Walk for Walk<'_> {
     fn cast<S: Simd, Q: Query, C: Counters>(
         &self,
         simd: S,
-        (scene, blocks): (&Triangles, &Blocks),
-        (ray, frame): (&Ray, &FrameRay),
+        Job { scene, blocks }: Job<'_>,
+        RayRef { ray, frame }: RayRef<'_>,
         stack: &mut Self::Scratch,
         counters: &mut C,
     ) -> Hit {
@@ -115,9 +114,10 @@ impl batch::Walk for Walk<'_> {
                     counters.leaf(count);
                     if first_hit::test::<true, S, Q, C>(
                         simd,
-                        (first, count),
-                        (scene, blocks),
-                        (ray, frame, exit.t),
+                        Leaf { first, count },
+                        Job { scene, blocks },
+                        RayRef { ray, frame },
+                        exit.t,
                         &mut best,
                         counters,
                     ) {

@@ -17,11 +17,10 @@ use crate::single::single_rays;
 use fearless_simd::Simd;
 use halfspace_geom::bound::{keep_max, keep_min};
 use halfspace_geom::vec3::map;
-use halfspace_leaf::blocks::Blocks;
+use halfspace_leaf::{Job, Leaf};
 use halfspace_nodes::plane_tree::{MAX_DEPTH, Node, PlaneTree};
 use halfspace_ray::query::{Best, Counters, Query};
-use halfspace_ray::{FrameRay, Hit, Ray};
-use halfspace_scene::Triangles;
+use halfspace_ray::{FrameRay, Hit, RayRef};
 
 /// Number of pads by which the heights of both ends are moved for the crossing. Derived: one each for the
 /// errors of the two heights, and two for the roundings of the quotient, of the interval's length and of the
@@ -62,8 +61,8 @@ impl batch::Walk for Walk<'_> {
     fn cast<S: Simd, Q: Query, C: Counters>(
         &self,
         simd: S,
-        (scene, blocks): (&Triangles, &Blocks),
-        (ray, frame): (&Ray, &FrameRay),
+        job: Job<'_>,
+        RayRef { ray, frame }: RayRef<'_>,
         stack: &mut Self::Scratch,
         counters: &mut C,
     ) -> Hit {
@@ -110,9 +109,15 @@ impl batch::Walk for Walk<'_> {
                 }
                 Node::Leaf { first, count } => {
                     counters.leaf(count);
-                    let ray = (ray, frame, segment.leave);
-                    let leaf = (first, count);
-                    if blocks.test::<S, Q, C>(simd, leaf, scene, ray, &mut best, counters) {
+                    let leaf = Leaf { first, count };
+                    if job.test::<S, Q, C>(
+                        simd,
+                        leaf,
+                        RayRef { ray, frame },
+                        segment.leave,
+                        &mut best,
+                        counters,
+                    ) {
                         return best.hit();
                     }
                     match next(stack, &mut waiting, best.reach) {

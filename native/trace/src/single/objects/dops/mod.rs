@@ -6,11 +6,10 @@ use crate::single::single_rays;
 use crate::slabs::Slabs;
 use fearless_simd::Simd;
 use halfspace_geom::bound::{keep_max, keep_min};
-use halfspace_leaf::blocks::Blocks;
+use halfspace_leaf::{Job, Leaf};
 use halfspace_nodes::dop_tree::{DopTree, INNER, NORMALS, Node};
 use halfspace_ray::query::{Best, Counters, Query};
-use halfspace_ray::{FrameRay, Hit, Ray};
-use halfspace_scene::Triangles;
+use halfspace_ray::{FrameRay, Hit, RayRef};
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
@@ -136,8 +135,8 @@ impl<const D: usize> batch::Walk for Walk<'_, D> {
     fn cast<S: Simd, Q: Query, C: Counters>(
         &self,
         simd: S,
-        (scene, blocks): (&Triangles, &Blocks),
-        (ray, frame): (&Ray, &FrameRay),
+        job: Job<'_>,
+        RayRef { ray, frame }: RayRef<'_>,
         heap: &mut Self::Scratch,
         counters: &mut C,
     ) -> Hit {
@@ -157,11 +156,11 @@ impl<const D: usize> batch::Walk for Walk<'_, D> {
             if count & INNER == 0 {
                 let count = count as usize;
                 counters.leaf(count);
-                if blocks.test_any::<S, Q, C>(
+                if job.test_any::<S, Q, C>(
                     simd,
-                    (link, count),
-                    scene,
-                    (ray, frame, frame.t_max),
+                    Leaf { first: link, count },
+                    RayRef { ray, frame },
+                    frame.t_max,
                     &mut best,
                     counters,
                 ) {
