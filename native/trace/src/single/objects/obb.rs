@@ -231,7 +231,9 @@ mod tests {
     use halfspace_geom::vec3::{dot, widen};
     use halfspace_geom::verdict::verdict;
     use halfspace_nodes::obb_tree::outwards;
+    use halfspace_ray::Ray;
     use halfspace_ray::frame::Frame;
+    use halfspace_scene::Triangles;
     use proptest::prelude::*;
 
     /// The rotation by the quaternion `(1, x, y, z)`, rounded.
