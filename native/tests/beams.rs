@@ -277,7 +277,7 @@ fn steps(structure: &Structure, rays: &[Ray], order: Order) -> u64 {
     let mut hits = vec![Hit::MISS; rays.len()];
     let mut counters = vec![RayCounters::default(); rays.len()];
     structure.closest_ordered(rays, &mut hits, Some(&mut counters), order);
-    let sum = |c: &RayCounters| u64::from(c.steps_axis + c.leaves + c.leaves_empty);
+    let sum = |c: &RayCounters| u64::from(c.steps() + c.leaves + c.leaves_empty);
     counters.iter().map(sum).sum()
 }
 
@@ -327,7 +327,7 @@ fn shadow_beams_answer_like_single_rays_and_mostly_at_once() {
         let (expected, plain) = shadows(&single, rays);
         let (found, counted) = shadows(&beams, rays);
         assert_eq!(found, expected, "light {i}");
-        let steps = |all: &[RayCounters]| all.iter().map(|c| u64::from(c.steps_axis)).sum::<u64>();
+        let steps = |all: &[RayCounters]| all.iter().map(|c| u64::from(c.steps())).sum::<u64>();
         let saved = (steps(&counted), steps(&plain));
         assert!(saved.0 < saved.1, "light {i}: {saved:?}");
         // Rays in the light that needed no walk were in empty beams; the cache spares others.

@@ -438,9 +438,7 @@ fn no_way_of_shadow_rays_changes_an_answer() {
             structure.occluded(&rays, &mut uncounted, None);
             assert_eq!(blocked, uncounted, "{}", tree.id);
             let spared = counters.iter().map(|c| c.spared).sum::<u32>();
-            let steps = counters
-                .iter()
-                .map(|c| c.steps_axis + c.steps_oblique + c.tests);
+            let steps = counters.iter().map(|c| c.steps() + c.tests);
             (blocked, spared, steps.sum::<u32>())
         };
         let (expected, none, steps) = ask("none", "");

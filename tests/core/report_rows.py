@@ -101,5 +101,11 @@ def everything(spec: str, slowness: float, k: int | None = None) -> dict[str, An
     ]
     made["map"] = costmap.packed(np.full((16, 24), 10 * slowness, np.float32))
     rate = made["rays"]["primary"]
-    made["rays"]["primary"] = {**rate, "steps_axis": 10 * slowness, "steps_oblique": 0.0, "tests": 3.0}
+    made["rays"]["primary"] = {
+        **rate,
+        "steps_axis": 10 * slowness,
+        "steps_oblique": 0.0,
+        "steps_boxes": 0.0,
+        "tests": 3.0,
+    }
     return made

@@ -31,8 +31,8 @@ class RayColumns(TypedDict):
     """Columns of a row for one ray set: those of `OF_RAYS`, and the last two where they are known.
 
     n: rays that were timed. mrays_s: million rays per second, None without rays. rounds, anchor_rounds: the same, one
-    per round, of the configuration and of the anchor. noise: relative. steps, steps_axis, steps_oblique, tests: means
-    per ray. hits: share of rays that hit. cases: mean counts of the cases of TA-B.
+    per round, of the configuration and of the anchor. noise: relative. steps, steps_axis, steps_oblique, steps_boxes,
+    tests: means per ray. hits: share of rays that hit. cases: mean counts of the cases of TA-B.
     """
 
     n: int
@@ -44,6 +44,7 @@ class RayColumns(TypedDict):
     steps: float | Any
     steps_axis: float | Any
     steps_oblique: float | Any
+    steps_boxes: float | Any
     tests: float | Any
     hits: float
     cases: NotRequired[dict[str, float]]
@@ -127,7 +128,7 @@ LAZY = ("lazy", "1")
 
 OF_RAYS = (
     *("n", "mrays_s", "times_embree", "rounds", "anchor_rounds", "noise"),
-    *("steps", "steps_axis", "steps_oblique", "tests", "hits"),
+    *("steps", "steps_axis", "steps_oblique", "steps_boxes", "tests", "hits"),
 )
 """Columns of a row for each ray set."""
 

@@ -192,6 +192,7 @@ def speeds(candidate: Candidate, name: str, anchor: Candidate | None, machine_no
         "steps": counted.get("steps"),
         "steps_axis": counted.get("steps_axis"),
         "steps_oblique": counted.get("steps_oblique"),
+        "steps_boxes": counted.get("steps_boxes"),
         "tests": counted.get("tests"),
         "hits": counted["hits"],
     }
@@ -213,7 +214,7 @@ def speeds(candidate: Candidate, name: str, anchor: Candidate | None, machine_no
 CASE = "case_"
 """Prefix of the counters of the cases of ray and split plane."""
 
-COUNTERS = ("steps", "steps_axis", "steps_oblique", "tests")
-"""Mean counters per ray in a row: nodes visited, those with an axis plane, those with an oblique one,
-triangles tested.
+COUNTERS = ("steps", "steps_axis", "steps_oblique", "steps_boxes", "tests")
+"""Mean counters per ray in a row: nodes visited, those with an axis plane, those with an oblique one, those with boxes,
+intervals or octants, triangles tested.
 """

@@ -14,7 +14,12 @@ from ..measure import counting
 from ..measure.rows import Row
 from ..measure.timing import COUNTERS
 
-PARTS = {"steps_axis": "axis steps", "steps_oblique": "oblique steps", "tests": "triangle tests"}
+PARTS = {
+    "steps_axis": "axis steps",
+    "steps_oblique": "oblique steps",
+    "steps_boxes": "box steps",
+    "tests": "triangle tests",
+}
 """Counters that take part in the fit, with their labels."""
 
 LEAST_ROWS = 4
@@ -60,7 +65,9 @@ def is_silent(row: Row) -> bool:
 
 def _per_ray(row: Row) -> tuple[NDArray[np.float64] | None, float]:
     """Counts and nanoseconds per ray, each the mean over the ray sets."""
-    sets = [one for one in row["rays"].values() if one["mrays_s"] and one.get("steps_axis") is not None]
+    sets = [
+        one for one in row["rays"].values() if one["mrays_s"] and all(dict(one).get(key) is not None for key in PARTS)
+    ]
     if not sets:
         return None, 0.0
     counts = np.array([[dict(one)[key] for key in PARTS] for one in sets], np.float64)

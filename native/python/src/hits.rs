@@ -12,8 +12,13 @@ use pyo3::types::PyDict;
 /// triangle: (n,) int32, -1 = miss; among triangles at the same t the one with the smallest index.
 /// u, v: (n,) float32, weights of the second and third corner: the point is
 /// (1 - u - v) a + u b + v c. Each access makes a new array.
-/// counters: None, or per ray (n,) uint32 under "steps", "steps_axis", "steps_oblique", "leaves", "leaves_empty",
-/// "tests", "verdicts", "spared" (1: answered without a traversal of its own); from TA-B also the cases of ray and
+/// counters: None, or per ray (n,) uint32 under "steps", "steps_axis", "steps_oblique", "steps_boxes",
+/// "leaves", "leaves_empty", "visits", "tests", "tests_wasted", "verdicts", "spared" (1: answered without a traversal of
+/// its own). "steps" are inner nodes: "steps_axis" of axis-aligned planes, "steps_oblique" of oblique planes or oriented
+/// boxes, "steps_boxes" of boxes, intervals, octants or grid cells. "leaves" are visits of leaves with triangles,
+/// "leaves_empty" of others. Rays that go together (packet, tile, beam, stream) visit a node once: the step or leaf is
+/// counted for one of them, and "visits" counts the nodes and leaves of every ray. "tests_wasted" are those "tests" on
+/// visits of leaves that did not improve the ray's answer. From TA-B also the cases of ray and
 /// split plane, "case_n1" to "case_n5" (origin below the plane: 1 away from it, 2 along it, 3 towards it but the
 /// cell ends before, 4 through it inside the cell, 5 through it before the cell), "case_p1" to "case_p5" (above),
 /// "case_z1" (in the plane: upwards), "case_z2" (downwards), "case_z3" (along); from beam-hh "beam_visits" (nodes
@@ -90,24 +95,30 @@ impl Hits {
     }
 }
 
+/// A counter: its key, and its value for a ray.
+type Column = (&'static str, fn(&RayCounters) -> u32);
+
+/// The counters that every structure has.
+pub const COLUMNS: [Column; 11] = [
+    ("steps", RayCounters::steps),
+    ("steps_axis", |c| c.steps_axis),
+    ("steps_oblique", |c| c.steps_oblique),
+    ("steps_boxes", |c| c.steps_boxes),
+    ("leaves", |c| c.leaves),
+    ("leaves_empty", |c| c.leaves_empty),
+    ("visits", RayCounters::visits),
+    ("tests", |c| c.tests),
+    ("tests_wasted", |c| c.tests_wasted),
+    ("verdicts", |c| c.verdicts),
+    ("spared", |c| c.spared),
+];
+
 /// Returns the counters as a dictionary from name to (n,) uint32.
 pub fn counters<'py>(
     py: Python<'py>,
     cases: &[&str],
     counters: &[RayCounters],
 ) -> PyResult<Bound<'py, PyDict>> {
-    // The counters that every structure has.
-    type Column = (&'static str, fn(&RayCounters) -> u32);
-    const COLUMNS: [Column; 8] = [
-        ("steps", |c| c.steps_axis + c.steps_oblique),
-        ("steps_axis", |c| c.steps_axis),
-        ("steps_oblique", |c| c.steps_oblique),
-        ("leaves", |c| c.leaves),
-        ("leaves_empty", |c| c.leaves_empty),
-        ("tests", |c| c.tests),
-        ("verdicts", |c| c.verdicts),
-        ("spared", |c| c.spared),
-    ];
     let dict = PyDict::new(py);
     for (name, get) in COLUMNS {
         let column: Vec<_> = counters.iter().map(get).collect();

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Visualization of a structure as dictionaries of arrays: split planes, cells of leaves, the path of a ray.
 
+use crate::hits::COLUMNS;
 use halfspace_inspect::leaf_cells::{Faces, leaf_cells};
 use halfspace_inspect::polygons;
 use halfspace_inspect::ray_path::ray_path;
@@ -75,14 +76,9 @@ pub fn path<'py>(
     // Counters of the ray, with the names that `Hits.counters` uses.
     let counters = path.counters;
     let counted = PyDict::new(py);
-    counted.set_item("steps", counters.steps_axis + counters.steps_oblique)?;
-    counted.set_item("steps_axis", counters.steps_axis)?;
-    counted.set_item("steps_oblique", counters.steps_oblique)?;
-    counted.set_item("leaves", counters.leaves)?;
-    counted.set_item("leaves_empty", counters.leaves_empty)?;
-    counted.set_item("tests", counters.tests)?;
-    counted.set_item("verdicts", counters.verdicts)?;
-    counted.set_item("spared", counters.spared)?;
+    for (name, get) in COLUMNS {
+        counted.set_item(name, get(&counters))?;
+    }
     for (name, count) in structure.cases().iter().zip(counters.cases) {
         counted.set_item(name, count)?;
     }

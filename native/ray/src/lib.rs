@@ -2,6 +2,7 @@
 //! Rays and what is known about them: frames, hits, counters, recordings.
 
 pub mod cases;
+pub mod counters;
 pub mod frame;
 pub mod frame_ray;
 pub mod interval;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The record of one ray's traversal, for drawing its path.
 
-use crate::query::{Count, Notes};
+use crate::counters::{Count, Log};
 use crate::ray::RayCounters;
 
 /// What one traversal visited.
@@ -16,6 +16,6 @@ pub struct Path {
 impl Path {
     /// A counter that adds to `counters` and appends to `leaves`.
     pub fn count(&mut self) -> Count<'_> {
-        Count(&mut self.counters, Notes::Leaves(&mut self.leaves))
+        Count::with(&mut self.counters, Log::Leaves(&mut self.leaves))
     }
 }

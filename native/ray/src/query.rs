@@ -1,14 +1,13 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Queries and counters: compile-time parameters of every traversal. Nearest hit and any-hit thus share one
-//! source text, and a traversal without counters contains no counting code.
+//! Queries: compile-time parameters of every traversal. Nearest hit and any-hit thus share one source text.
 
 use crate::RayRef;
-use crate::cases::CASES;
 use crate::frame_ray::FrameRay;
-use crate::ray::{Hit, Ray, RayCounters};
-use crate::replay::Record;
+use crate::ray::{Hit, Ray};
 use halfspace_geom::bound::keep_min;
 use halfspace_geom::verdict::verdict_within;
+
+pub use crate::counters::{Count, Counters, Log, NoCount, NoCountLate, join};
 
 /// What rays search: the nearest hit, or any hit.
 pub trait Query: Send + Sync + std::fmt::Debug + 'static {
@@ -47,143 +46,6 @@ impl Query for Any {
     #[inline(always)]
     fn answer(hit: Hit) -> bool {
         hit.is_hit()
-    }
-}
-
-/// Observer of a traversal's events; by default each event is ignored.
-pub trait Counters {
-    /// Whether counts of tests and verdicts may differ from those of the plain algorithm: an any-hit ray then
-    /// needs no verdict on a hit that f32 has proven.
-    const QUICK: bool = false;
-    /// Whether, in addition, the verdict on a hit that f32 has proven may be deferred to the end of the
-    /// traversal, when no other hit can be nearer. The traversal then ends with [`Best::answer`].
-    const LATE: bool = false;
-
-    /// An inner node with an axis-aligned plane, a box, a slab pair or an octant was visited.
-    #[inline(always)]
-    fn step_axis(&mut self) {}
-    /// An inner node with an oblique plane was visited.
-    #[inline(always)]
-    fn step_oblique(&mut self) {}
-    /// A leaf with this many triangles was visited.
-    #[inline(always)]
-    fn leaf(&mut self, triangles: usize) {
-        let _ = triangles;
-    }
-    /// This many triangles were tested in f32.
-    #[inline(always)]
-    fn tests(&mut self, triangles: usize) {
-        let _ = triangles;
-    }
-    /// A candidate was put to the exact verdict.
-    #[inline(always)]
-    fn verdict(&mut self) {}
-    /// A case of ray and plane, as an index into [`RayCounters::cases`]; evaluated only if it is counted.
-    #[inline(always)]
-    fn case(&mut self, _: impl FnOnce() -> usize) {}
-
-    /// Whether leaves return recorded hits instead of testing their triangles.
-    const REPLAY: bool = false;
-    /// A leaf, possibly empty, is about to be tested; its blocks begin at `first`.
-    #[inline(always)]
-    fn visit(&mut self, first: u32, triangles: usize) {
-        let _ = (first, triangles);
-    }
-    /// A better hit was found.
-    #[inline(always)]
-    fn improved(&mut self, _: Hit) {}
-    /// Returns the recorded hit of the next leaf.
-    #[inline(always)]
-    fn replay(&mut self) -> Option<Hit> {
-        None
-    }
-
-    /// The ray was decided without a traversal of its own.
-    #[inline(always)]
-    fn spared(&mut self) {}
-}
-
-/// Counts nothing, at no cost.
-#[derive(Clone, Copy)]
-pub struct NoCount;
-
-impl Counters for NoCount {
-    const QUICK: bool = true;
-}
-
-/// [`NoCount`] for traversals with deferred verdicts.
-pub struct NoCountLate;
-
-impl Counters for NoCountLate {
-    const QUICK: bool = true;
-    const LATE: bool = true;
-}
-
-/// What is recorded of a traversal in addition to its counters. A value and not a type parameter, so that
-/// counting, recording and path queries share one compiled traversal.
-pub enum Notes<'a> {
-    /// Nothing.
-    Nothing,
-    /// The hits of the leaves.
-    Answers(&'a mut Record),
-    /// The leaves with triangles to test: first block and number of triangles.
-    Leaves(&'a mut Vec<(u32, usize)>),
-}
-
-/// Adds to the counters of one ray, and records.
-pub struct Count<'a>(pub &'a mut RayCounters, pub Notes<'a>);
-
-impl Counters for Count<'_> {
-    #[inline(always)]
-    fn step_axis(&mut self) {
-        self.0.steps_axis += 1;
-    }
-    #[inline(always)]
-    fn step_oblique(&mut self) {
-        self.0.steps_oblique += 1;
-    }
-    #[inline(always)]
-    fn leaf(&mut self, triangles: usize) {
-        if triangles == 0 {
-            self.0.leaves_empty += 1;
-        } else {
-            self.0.leaves += 1;
-        }
-    }
-    #[inline(always)]
-    #[expect(
-        clippy::cast_possible_truncation,
-        reason = "a leaf holds fewer than 2^29 triangles"
-    )]
-    fn tests(&mut self, triangles: usize) {
-        self.0.tests += triangles as u32;
-    }
-    #[inline(always)]
-    fn verdict(&mut self) {
-        self.0.verdicts += 1;
-    }
-    #[inline(always)]
-    fn case(&mut self, case: impl FnOnce() -> usize) {
-        self.0.cases[case() % CASES] += 1;
-    }
-    #[inline(always)]
-    fn visit(&mut self, first: u32, triangles: usize) {
-        match &mut self.1 {
-            Notes::Answers(record) => record.visit(),
-            // An empty leaf has the first block of the leaf after it.
-            Notes::Leaves(leaves) if triangles > 0 => leaves.push((first, triangles)),
-            _ => {}
-        }
-    }
-    #[inline(always)]
-    fn improved(&mut self, hit: Hit) {
-        if let Notes::Answers(record) = &mut self.1 {
-            record.improved(hit);
-        }
-    }
-    #[inline(always)]
-    fn spared(&mut self) {
-        self.0.spared += 1;
     }
 }
 

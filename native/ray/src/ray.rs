@@ -66,19 +66,27 @@ impl Hit {
     }
 }
 
-/// Work counters of one ray.
+/// Work counters of one ray. A visit of a node by a group of rays (packet, tile, beam or stream) is one step or leaf of
+/// the first ray of the group, and [`Self::joined`] of the others: sums over all rays are the work of the kernel.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct RayCounters {
-    /// Inner nodes with an axis-aligned plane (or a box, a slab pair, an octant).
+    /// Inner nodes with an axis-aligned split plane.
     pub steps_axis: u32,
-    /// Inner nodes with an oblique plane.
+    /// Inner nodes with an oblique split plane or with oriented boxes.
     pub steps_oblique: u32,
-    /// Leaves with triangles.
+    /// Inner nodes with boxes, intervals or octants, and steps from cell to cell of a grid.
+    pub steps_boxes: u32,
+    /// Visits of leaves with triangles.
     pub leaves: u32,
-    /// Leaves without triangles.
+    /// Visits of leaves without triangles.
     pub leaves_empty: u32,
+    /// Visits of nodes and leaves with a group, counted as steps and leaves of another ray of it.
+    pub joined: u32,
     /// Triangles tested in f32.
     pub tests: u32,
+    /// Those tested on visits of leaves, or against a remembered blocker, that did not improve the ray's answer: no
+    /// nearer hit, or for an any-hit ray none.
+    pub tests_wasted: u32,
     /// Exact verdicts on candidates. Traversals without counters need fewer: none for shadow rays whose hit f32
     /// has proven, and mostly one for rays in streams or in flight.
     pub verdicts: u32,
@@ -91,13 +99,26 @@ pub struct RayCounters {
 }
 
 impl RayCounters {
+    /// Number of inner nodes of all kinds.
+    pub fn steps(&self) -> u32 {
+        self.steps_axis + self.steps_oblique + self.steps_boxes
+    }
+
+    /// Number of nodes and leaves that the ray visited, singly or with a group.
+    pub fn visits(&self) -> u32 {
+        self.steps() + self.leaves + self.leaves_empty + self.joined
+    }
+
     /// Adds the counters of another traversal.
     pub fn add(&mut self, other: &Self) {
         self.steps_axis += other.steps_axis;
         self.steps_oblique += other.steps_oblique;
+        self.steps_boxes += other.steps_boxes;
         self.leaves += other.leaves;
         self.leaves_empty += other.leaves_empty;
+        self.joined += other.joined;
         self.tests += other.tests;
+        self.tests_wasted += other.tests_wasted;
         self.verdicts += other.verdicts;
         for (case, more) in self.cases.iter_mut().zip(other.cases) {
             *case += more;

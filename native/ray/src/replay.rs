@@ -3,7 +3,7 @@
 //! hits of each leaf are recorded once; a replay then visits the same nodes in the same order without touching
 //! a triangle.
 
-use crate::query::Counters;
+use crate::counters::Counters;
 use crate::ray::{Hit, Ray, RayCounters};
 
 /// Number of rays replayed and timed together: prepared beforehand, and few enough to stay in cache.

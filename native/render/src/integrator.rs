@@ -191,7 +191,7 @@ impl Wavefront {
         if counts {
             for (path, c) in self.paths.iter().zip(&self.counters) {
                 let sample = &mut self.samples[path.slot as usize];
-                sample.steps = c.steps_axis + c.steps_oblique;
+                sample.steps = c.steps();
                 sample.tests = c.tests;
                 self.work.steps += u64::from(sample.steps);
                 self.work.tests += u64::from(sample.tests);

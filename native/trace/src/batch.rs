@@ -8,7 +8,7 @@ use halfspace_leaf::blocks::{Blocks, LANES};
 use halfspace_leaf::{Job, Leaf};
 use halfspace_ray::frame::Frame;
 use halfspace_ray::path::Path;
-use halfspace_ray::query::{Any, Best, Closest, Count, Counters, NoCount, Notes, Query};
+use halfspace_ray::query::{Any, Best, Closest, Count, Counters, Log, NoCount, Query};
 use halfspace_ray::replay::{CHUNK, Record};
 use halfspace_ray::{FrameRay, Hit, Ray, RayCounters, RayRef, RaySlice};
 use halfspace_scene::Triangles;
@@ -166,8 +166,7 @@ impl<'a> Launch<'a> {
             Some(counters) => {
                 let mut counters = counters.iter_mut();
                 self.counted::<_, Q>(walk, write, &mut |_| {
-                    let counters = counters.next().expect("one set of counters per ray");
-                    Count(counters, Notes::Nothing)
+                    Count::new(counters.next().expect("one set of counters per ray"))
                 });
             }
         }
@@ -208,7 +207,7 @@ impl<'a> Launch<'a> {
         // One at a time: the counters of all rays share the record.
         for (ray, counters) in self.rays.iter().zip(counters) {
             record.begin();
-            let mut count = Some(Count(counters, Notes::Answers(record)));
+            let mut count = Some(Count::with(counters, Log::Answers(record)));
             let one = Launch {
                 rays: std::slice::from_ref(ray),
                 ..*self
@@ -366,7 +365,7 @@ impl<'a> Launch<'a> {
             return None;
         }
         let mut best = Best::new(ray.frame);
-        counters.tests(1);
+        counters.test_alone();
         let blocked = best.offer::<Any, C>(
             ray,
             id,
@@ -398,7 +397,7 @@ impl<'a> Launch<'a> {
                 let mut counters = counters.iter_mut();
                 baseline!(simd => {
                     self.each_tile(simd, walk, &mut write, |_| {
-                        Count(counters.next().expect("one set of counters per ray"), Notes::Nothing)
+                        Count::new(counters.next().expect("one set of counters per ray"))
                     });
                 });
             }
@@ -462,7 +461,7 @@ impl<'a> Launch<'a> {
                             ray,
                             frame: &framed,
                         },
-                        &mut Count(counters, Notes::Nothing),
+                        &mut Count::new(counters),
                     );
                     let best = known.map_or_else(|| Best::new(&framed), Best::known);
                     Some((framed, best, counters, known.is_some()))
@@ -504,7 +503,7 @@ impl<'a> Launch<'a> {
                     continue;
                 };
                 if !*done {
-                    let mut count = Count(counters, Notes::Nothing);
+                    let mut count = Count::new(counters);
                     let blocks = self.blocks;
                     *done = Job {
                         scene: self.scene,

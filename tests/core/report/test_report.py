@@ -335,7 +335,9 @@ def test_fitted_costs_are_those_that_made_the_times() -> None:
         rate.update(steps_axis=steps, tests=tests, mrays_s=dict.fromkeys(("min", "med", "max"), 1e3 / nanoseconds))
     found = costs.fit(rows)
     assert found is not None
-    assert found.nanoseconds == pytest.approx({"steps_axis": 7.0, "steps_oblique": 0.0, "tests": 11.0})
+    assert found.nanoseconds == pytest.approx(
+        {"steps_axis": 7.0, "steps_oblique": 0.0, "steps_boxes": 0.0, "tests": 11.0}
+    )
     assert found.explained == pytest.approx(1.0)
     assert costs.fit(rows[:3]) is None
 

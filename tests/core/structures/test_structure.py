@@ -79,7 +79,12 @@ def test_threads_and_counting_change_nothing(spec: str) -> None:
     for name in ("t", "triangle", "u", "v"):
         np.testing.assert_array_equal(getattr(one, name), getattr(many, name))
     counters = many.counters
-    np.testing.assert_array_equal(counters["steps"], counters["steps_axis"] + counters["steps_oblique"])
+    np.testing.assert_array_equal(
+        counters["steps"], sum(counters[f"steps_{kind}"] for kind in ("axis", "oblique", "boxes"))
+    )
+    nodes = counters["steps"] + counters["leaves"] + counters["leaves_empty"]
+    assert counters["visits"].sum() >= nodes.sum()
+    assert (counters["tests_wasted"] <= counters["tests"]).all()
     assert (counters["tests"] >= counters["verdicts"]).all()
     occluded, counted = tree.occluded(*rays, counters=True)
     np.testing.assert_array_equal(occluded, one.triangle >= 0)

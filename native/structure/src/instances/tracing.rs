@@ -12,7 +12,7 @@ use fearless_simd::Level;
 use halfspace_geom::Aabb;
 use halfspace_nodes::object_tree::Kind;
 use halfspace_ray::frame::Placed;
-use halfspace_ray::query::{Any, Best, Closest, Count, Notes, Query};
+use halfspace_ray::query::{Any, Best, Closest, Count, Counters as _, Query};
 use halfspace_ray::{FrameRay, Hit, Ray, RayCounters, RayRef, Tracer};
 use halfspace_scene::{Place, Triangles};
 use halfspace_trace::slabs::Slabs;
@@ -193,7 +193,7 @@ impl Instances {
             let node = (code & !NODE) as usize;
             let range = (walker.frame.t_min, walker.best.reach);
             let meet = |bounds: &Aabb| walker.slabs.meet(bounds, range);
-            counters.steps_axis += 1;
+            counters.steps_boxes += 1;
             match self.tree.kind(node) {
                 Kind::Inner { children, .. } => {
                     let [below, above] = children.map(|child| {
@@ -300,9 +300,9 @@ impl Walker<'_> {
     ) -> bool {
         // Only the hit is shared: the reach of this copy is in the instance's space, that of the ray in the scene's.
         let mut best = Best::known(self.best.hit());
+        let counters = &mut Count::new(counters);
         let ended = ids.iter().any(|&id| {
-            counters.tests += 1;
-            let counters = &mut Count(counters, Notes::Nothing);
+            counters.test_alone();
             best.offer::<Q, _>(
                 RayRef {
                     ray: self.ray,

@@ -22,7 +22,7 @@ use halfspace_geom::bound::{keep_max_each, keep_min};
 use halfspace_geom::vec3::map;
 use halfspace_leaf::{Job, Leaf};
 use halfspace_nodes::octree_nodes::{Node, OUTSIDE, Octree};
-use halfspace_ray::query::{Best, Closest, Counters};
+use halfspace_ray::query::{Best, Closest, Counters, join};
 use halfspace_ray::{FrameRay, Hit, RayRef, RaySlice};
 
 /// The traversal of one tree, and the number of rays below which they continue singly.
@@ -211,7 +211,8 @@ impl Walk<'_> {
             let low: [u32; 3] = map([0, 1, 2], |k: usize| whole(beam.at[k][first]) & !(edge - 1));
             // Split the beam among the children of an inner node.
             if node.is_inner() {
-                counters[first].step_axis();
+                counters[first].step_boxes();
+                join(counters, mask);
                 part(
                     simd,
                     (node, grid.signs),
@@ -226,6 +227,7 @@ impl Walk<'_> {
             let by_axis = leave(simd, (grid, next), shared, (beam, mask));
             let leaf = node.blocks();
             counters[first].leaf(leaf.count);
+            join(counters, mask);
             if leaf.count != 0 {
                 test(
                     simd,
@@ -396,6 +398,7 @@ fn test<S: Simd, C: Counters, B: Bundle>(
     counters: &mut [C],
 ) {
     for i in lanes(mask) {
+        counters[i].visit(leaf.first, leaf.count);
         counters[i].tests(leaf.count);
     }
     blocks.each(leaf, |id, corners| {

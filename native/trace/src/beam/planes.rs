@@ -24,7 +24,7 @@ use halfspace_geom::view::{Line, Polygon, View};
 use halfspace_leaf::{Job, Leaf};
 use halfspace_nodes::plane_tree::{Node, PlaneTree};
 use halfspace_ray::frame::Frame;
-use halfspace_ray::query::{Best, Closest, Counters};
+use halfspace_ray::query::{Best, Closest, Counters, join};
 use halfspace_ray::{Hit, Ray, RayRef, RaySlice};
 
 /// Names of this traversal's entries in [`halfspace_ray::ray::RayCounters::cases`], in order: nodes and leaves visited
@@ -250,6 +250,8 @@ impl Tile<'_> {
         // Count the visit for the beam's first ray.
         let charged = &mut counters[beam.pixels.trailing_zeros() as usize];
         charged.case(|| VISIT);
+        join(counters, beam.pixels);
+        let charged = &mut counters[beam.pixels.trailing_zeros() as usize];
         self.visits += 1;
         let (plane, empty) = match self.tree.node(node) {
             Node::Leaf { first, count } => {
@@ -397,6 +399,7 @@ impl Tile<'_> {
     ) {
         let Job { scene, blocks } = self.triangles;
         for i in lanes(beam.pixels) {
+            counters[i].visit(leaf.first, leaf.count);
             counters[i].tests(leaf.count);
         }
         let shared = Common(self.eye);

@@ -22,7 +22,7 @@ use fearless_simd::{Simd, dispatch};
 use halfspace_leaf::Job;
 use halfspace_leaf::block_boxes::BlockBoxes;
 use halfspace_leaf::lanes::{Free, Plane};
-use halfspace_ray::query::{Any, Best, Count, Counters, NoCount, Notes};
+use halfspace_ray::query::{Any, Best, Count, Counters, NoCount};
 use halfspace_ray::{FrameRay, Hit, RayCounters, RayRef};
 
 /// Fewest rays for which a beam is traced.
@@ -64,10 +64,7 @@ impl Launch<'_> {
                 });
             }
             Some(counters) => {
-                let mut counters: Vec<_> = counters
-                    .iter_mut()
-                    .map(|c| Count(c, Notes::Nothing))
-                    .collect();
+                let mut counters: Vec<_> = counters.iter_mut().map(Count::new).collect();
                 baseline!(simd => {
                     self.each_beam(simd, (tree, walk), &sorted, &mut write, &mut counters);
                 });
@@ -162,6 +159,7 @@ impl Launch<'_> {
             // A leaf: test the triangles that may block the beam.
             if let Some(leaf) = tree.step(simd, place, &shaft, waiting) {
                 counters[charged].leaf(leaf.count);
+                beam.join(counters);
                 let (mut at, mut left) = (leaf.first as usize, leaf.count);
                 // Reject eight triangles at a time by their boxes, then each by its plane.
                 while left > 0 {
@@ -192,7 +190,8 @@ impl Launch<'_> {
                 }
                 continue;
             }
-            counters[charged].step_axis();
+            counters[charged].step_boxes();
+            beam.join(counters);
             if steps == 0 {
                 return;
             }
@@ -229,7 +228,7 @@ impl Launch<'_> {
             let (o, d) = (all(simd, &beam.rays.o, row), all(simd, &beam.rays.d, row));
             let found = free.candidates(simd, o, d, load(simd, &beam.reach, row)) & bits;
             for lane in lanes(bits) {
-                counters[beam.ids[row + lane]].tests(1);
+                counters[beam.ids[row + lane]].test_alone();
             }
             for lane in lanes(found) {
                 let (i, own) = (row + lane, beam.ids[row + lane]);
@@ -297,6 +296,16 @@ impl Beam {
             self.framed.push(ray);
         }
         self.open = self.everyone();
+    }
+
+    /// Counts a visit for all open rays but the first.
+    #[inline(always)]
+    fn join<C: Counters>(&self, counters: &mut [C]) {
+        if C::COUNTS {
+            for i in lanes(self.open).skip(1) {
+                counters[self.ids[i]].joined();
+            }
+        }
     }
 
     /// Mask of all rays.

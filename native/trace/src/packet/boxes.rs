@@ -75,7 +75,7 @@ impl<const W: usize> PacketTree for BoxTree<W> {
         let mut entries = [[f32::INFINITY; MOST]; W];
         let mut node = &self.nodes[0];
         loop {
-            counters[charged].step_axis();
+            counters[charged].step_boxes();
             // Choose the near and the far plane row of each axis; all rays of a group share their direction
             // signs.
             let inside = packet::load::<S, L>(simd, &enters);

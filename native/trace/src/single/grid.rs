@@ -162,7 +162,7 @@ impl batch::Walk for Walk<'_> {
         let mut fresh = may;
         loop {
             // Test the triangles of the new cells.
-            counters.step_axis();
+            counters.step_boxes();
             for z in fresh[2][0]..=fresh[2][1] {
                 for y in fresh[1][0]..=fresh[1][1] {
                     for x in fresh[0][0]..=fresh[0][1] {

@@ -44,7 +44,7 @@ impl<const W: usize> TileTree for BoxTree<W> {
         let mut node = &self.nodes[0];
         loop {
             // Intersect the tile with the boxes of all children.
-            counters[0].step_axis();
+            counters[0].step_boxes();
             let mut enter = [0.0; W];
             let mut leave = [0.0; W];
             look(tile, node, (&mut enter, &mut leave));

@@ -56,7 +56,7 @@ impl<const W: usize> batch::Walk for Walk<'_, W> {
         let mut node = &self.0.nodes[0];
         loop {
             // Test all children, and push those that may be hit, the nearest on top.
-            counters.step_axis();
+            counters.step_boxes();
             let mut enters = [0.0; W];
             let range = (frame.t_min, best.reach);
             let mut hits = match W {

@@ -163,7 +163,7 @@ impl batch::Walk for Walk<'_> {
                 let mut enters = [0.0; WIDTH];
                 let range = (frame.t_min, best.reach);
                 let mut hits = if count == INNER {
-                    counters.step_axis();
+                    counters.step_boxes();
                     slabs.test::<S, f32x8<S>, WIDTH>(simd, &node.bounds, range, &mut enters)
                 } else {
                     counters.step_oblique();

@@ -64,7 +64,7 @@ impl<N: SlabNode> batch::Walk for Walk<'_, N> {
         loop {
             match node.kind() {
                 Kind::Pair { axis, link } => {
-                    counters.step_axis();
+                    counters.step_boxes();
                     // Intersect the boxes of both children; visit the near one, push the far one.
                     let parts = node.parts(axis, &region);
                     let side = frame.negative[axis] as usize & 1;
@@ -92,7 +92,7 @@ impl<N: SlabNode> batch::Walk for Walk<'_, N> {
                     }
                 }
                 Kind::Only { axis, link } => {
-                    counters.step_axis();
+                    counters.step_boxes();
                     // Visit the only child if the ray meets its box.
                     let [inside, _] = node.parts(axis, &region);
                     if slabs.meet(&inside, (frame.t_min, best.reach)).is_some() {

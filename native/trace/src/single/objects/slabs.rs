@@ -39,7 +39,7 @@ impl<N: SlabNode> batch::Walk for Walk<'_, N> {
         loop {
             match node.kind() {
                 Kind::Pair { axis, link } => {
-                    counters.step_axis();
+                    counters.step_boxes();
                     // Visit the near child if the ray enters before it ends, the far one if that begins in
                     // time.
                     let (ends, begins) = node.intervals(axis, frame, (enter, leave));
@@ -65,7 +65,7 @@ impl<N: SlabNode> batch::Walk for Walk<'_, N> {
                     }
                 }
                 Kind::Only { axis, link } => {
-                    counters.step_axis();
+                    counters.step_boxes();
                     // Cut the interval to the only child.
                     (leave, enter) = node.intervals(axis, frame, (enter, leave));
                     if enter <= leave {

@@ -48,7 +48,7 @@ impl batch::Walk for Walk<'_> {
                     link,
                 } => {
                     if direction < 3 {
-                        counters.step_axis();
+                        counters.step_boxes();
                     } else {
                         counters.step_oblique();
                     }

@@ -88,7 +88,7 @@ impl<const W: usize> batch::Walk for Walk<'_, W> {
         loop {
             let axis = (node.word & LEAF) as usize;
             if axis < 3 {
-                counters.step_axis();
+                counters.step_boxes();
                 // Intersect all children at once.
                 let (mut enters, mut leaves) = ([0.0; W], [0.0; W]);
                 let (planes, range) = ((&node.planes, axis), (enter, leave));

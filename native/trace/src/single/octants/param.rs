@@ -98,7 +98,7 @@ impl batch::Walk for Walk<'_> {
                 }
                 continue;
             }
-            counters.step_axis();
+            counters.step_boxes();
             // Split the interval: octants beyond a plane start at it, the others end there, both with the error
             // bound.
             let half = cube.edge(node.level() + 1);

@@ -32,7 +32,7 @@ impl Neighbours for Ascent {
             path[length] = node.octant() ^ bit;
             length += 1;
             let parent = tree.node(node.parent());
-            counters.step_axis();
+            counters.step_boxes();
             let adjacent = u32::from(node.octant() & bit != 0) == side;
             node = parent;
             if !adjacent {
@@ -45,7 +45,7 @@ impl Neighbours for Ascent {
             length -= 1;
             index = node.children() + path[length];
             node = tree.node(index);
-            counters.step_axis();
+            counters.step_boxes();
         }
         index
     }

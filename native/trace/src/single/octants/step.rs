@@ -152,7 +152,7 @@ impl Grid {
             if !node.is_inner() {
                 return (index, node);
             }
-            counters.step_axis();
+            counters.step_boxes();
             let bit = self.depth - node.level() - 1;
             let octant = at[0] >> bit & 1 | (at[1] >> bit & 1) << 1 | (at[2] >> bit & 1) << 2;
             index = node.children() + (octant ^ self.signs);

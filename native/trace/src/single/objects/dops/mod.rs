@@ -169,7 +169,7 @@ impl<const D: usize> batch::Walk for Walk<'_, D> {
                 continue;
             }
             // Put the children that may be hit on the heap.
-            counters.step_axis();
+            counters.step_boxes();
             let first = link as usize;
             let children = &self.0.nodes[first..first + (count & !INNER) as usize];
             for (node, child) in (link..).zip(children) {

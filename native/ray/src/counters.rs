@@ -1,0 +1,257 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Counting: a compile-time parameter of every traversal. A traversal without counters contains no counting code.
+
+use crate::cases::CASES;
+use crate::ray::{Hit, RayCounters};
+use crate::replay::Record;
+
+/// Observer of a traversal's events; by default each event is ignored.
+pub trait Counters {
+    /// Whether counts of tests and verdicts may differ from those of the plain algorithm: an any-hit ray then
+    /// needs no verdict on a hit that f32 has proven.
+    const QUICK: bool = false;
+    /// Whether, in addition, the verdict on a hit that f32 has proven may be deferred to the end of the
+    /// traversal, when no other hit can be nearer. The traversal then ends with [`Best::answer`].
+    const LATE: bool = false;
+    /// Whether events are counted; kernels of groups then count visits for each ray.
+    const COUNTS: bool = false;
+
+    /// An inner node with an axis-aligned split plane was visited.
+    #[inline(always)]
+    fn step_axis(&mut self) {}
+    /// An inner node with an oblique split plane or with oriented boxes was visited.
+    #[inline(always)]
+    fn step_oblique(&mut self) {}
+    /// An inner node with boxes, intervals or octants, or a layer of cells of a grid, was visited.
+    #[inline(always)]
+    fn step_boxes(&mut self) {}
+    /// The ray's group visited a node or a leaf, which is counted for another ray.
+    #[inline(always)]
+    fn joined(&mut self) {}
+    /// A leaf with this many triangles was visited.
+    #[inline(always)]
+    fn leaf(&mut self, triangles: usize) {
+        let _ = triangles;
+    }
+    /// This many triangles of the leaf that [`Self::visit`] announced were tested in f32.
+    #[inline(always)]
+    fn tests(&mut self, triangles: usize) {
+        let _ = triangles;
+    }
+    /// A triangle outside the visit of a leaf was tested in f32: a remembered blocker, a candidate of a shadow beam, or
+    /// a triangle of an instance that no tree holds.
+    #[inline(always)]
+    fn test_alone(&mut self) {}
+    /// A candidate was put to the exact verdict.
+    #[inline(always)]
+    fn verdict(&mut self) {}
+    /// A case of ray and plane, as an index into [`RayCounters::cases`]; evaluated only if it is counted.
+    #[inline(always)]
+    fn case(&mut self, _: impl FnOnce() -> usize) {}
+
+    /// Whether leaves return recorded hits instead of testing their triangles.
+    const REPLAY: bool = false;
+    /// A leaf, possibly empty, is about to be tested; its blocks begin at `first`. Kernels of groups announce it to
+    /// each of their rays.
+    #[inline(always)]
+    fn visit(&mut self, first: u32, triangles: usize) {
+        let _ = (first, triangles);
+    }
+    /// A better hit was found.
+    #[inline(always)]
+    fn improved(&mut self, _: Hit) {}
+    /// Returns the recorded hit of the next leaf.
+    #[inline(always)]
+    fn replay(&mut self) -> Option<Hit> {
+        None
+    }
+
+    /// The ray was decided without a traversal of its own.
+    #[inline(always)]
+    fn spared(&mut self) {}
+}
+
+/// Counts nothing, at no cost.
+#[derive(Clone, Copy)]
+pub struct NoCount;
+
+impl Counters for NoCount {
+    const QUICK: bool = true;
+}
+
+/// [`NoCount`] for traversals with deferred verdicts.
+pub struct NoCountLate;
+
+impl Counters for NoCountLate {
+    const QUICK: bool = true;
+    const LATE: bool = true;
+}
+
+/// What is recorded of a traversal in addition to its counters. A value and not a type parameter, so that
+/// counting, recording and path queries share one compiled traversal.
+pub enum Log<'a> {
+    /// Nothing.
+    Nothing,
+    /// The hits of the leaves.
+    Answers(&'a mut Record),
+    /// The leaves with triangles to test: first block and number of triangles.
+    Leaves(&'a mut Vec<(u32, usize)>),
+}
+
+/// Adds to the counters of one ray, and records.
+pub struct Count<'a> {
+    counters: &'a mut RayCounters,
+    log: Log<'a>,
+    /// Tests on the visit of the current leaf; `None` once it has improved the answer.
+    wasted: Option<u32>,
+}
+
+impl<'a> Count<'a> {
+    /// Counts and records nothing else.
+    pub fn new(counters: &'a mut RayCounters) -> Self {
+        Self::with(counters, Log::Nothing)
+    }
+
+    /// Counts and records.
+    pub fn with(counters: &'a mut RayCounters, log: Log<'a>) -> Self {
+        Self {
+            counters,
+            log,
+            wasted: Some(0),
+        }
+    }
+}
+
+/// Counts a visit of a group for all its rays but the first, for which its step or leaf is counted. `rays`: the mask of
+/// the group; bit `i` stands for `counters[i]`.
+#[inline(always)]
+pub fn join<C: Counters>(counters: &mut [C], rays: u64) {
+    if C::COUNTS {
+        let mut others = rays & rays.wrapping_sub(1);
+        while others != 0 {
+            counters[others.trailing_zeros() as usize].joined();
+            others &= others - 1;
+        }
+    }
+}
+
+impl Counters for Count<'_> {
+    const COUNTS: bool = true;
+
+    #[inline(always)]
+    fn step_axis(&mut self) {
+        self.counters.steps_axis += 1;
+    }
+    #[inline(always)]
+    fn step_oblique(&mut self) {
+        self.counters.steps_oblique += 1;
+    }
+    #[inline(always)]
+    fn step_boxes(&mut self) {
+        self.counters.steps_boxes += 1;
+    }
+    #[inline(always)]
+    fn joined(&mut self) {
+        self.counters.joined += 1;
+    }
+    #[inline(always)]
+    fn leaf(&mut self, triangles: usize) {
+        if triangles == 0 {
+            self.counters.leaves_empty += 1;
+        } else {
+            self.counters.leaves += 1;
+        }
+    }
+    #[inline(always)]
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "a leaf holds fewer than 2^29 triangles"
+    )]
+    fn tests(&mut self, triangles: usize) {
+        let triangles = triangles as u32;
+        self.counters.tests += triangles;
+        if let Some(wasted) = &mut self.wasted {
+            *wasted += triangles;
+            self.counters.tests_wasted += triangles;
+        }
+    }
+    #[inline(always)]
+    fn test_alone(&mut self) {
+        self.wasted = Some(0);
+        self.tests(1);
+    }
+    #[inline(always)]
+    fn verdict(&mut self) {
+        self.counters.verdicts += 1;
+    }
+    #[inline(always)]
+    fn case(&mut self, case: impl FnOnce() -> usize) {
+        self.counters.cases[case() % CASES] += 1;
+    }
+    #[inline(always)]
+    fn visit(&mut self, first: u32, triangles: usize) {
+        self.wasted = Some(0);
+        match &mut self.log {
+            Log::Answers(record) => record.visit(),
+            // An empty leaf has the first block of the leaf after it.
+            Log::Leaves(leaves) if triangles > 0 => leaves.push((first, triangles)),
+            _ => {}
+        }
+    }
+    #[inline(always)]
+    fn improved(&mut self, hit: Hit) {
+        if let Some(wasted) = self.wasted.take() {
+            self.counters.tests_wasted -= wasted;
+        }
+        if let Log::Answers(record) = &mut self.log {
+            record.improved(hit);
+        }
+    }
+    #[inline(always)]
+    fn spared(&mut self) {
+        self.counters.spared += 1;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn hit(t: f32) -> Hit {
+        Hit { t, ..Hit::MISS }
+    }
+
+    #[test]
+    fn tests_on_visits_without_a_better_hit_are_wasted() {
+        let mut counters = RayCounters::default();
+        let mut count = Count::new(&mut counters);
+        // A leaf of two blocks, of which the first improves the answer, one without a hit, one with two hits.
+        count.visit(0, 11);
+        count.tests(8);
+        count.improved(hit(3.0));
+        count.tests(3);
+        count.visit(100, 5);
+        count.tests(5);
+        count.visit(200, 4);
+        count.tests(4);
+        count.improved(hit(2.0));
+        count.improved(hit(1.0));
+        // A remembered blocker that does not block.
+        count.test_alone();
+        assert_eq!((counters.tests, counters.tests_wasted), (21, 6));
+    }
+
+    #[test]
+    fn a_visit_of_a_group_counts_once_and_every_ray_has_visited() {
+        let mut counters = [RayCounters::default(); 4];
+        let mut counts: Vec<_> = counters.iter_mut().map(Count::new).collect();
+        counts[1].step_axis();
+        join(&mut counts, 0b1110);
+        counts[2].leaf(3);
+        join(&mut counts, 0b0100);
+        assert_eq!(counters.map(|c| c.visits()), [0, 1, 2, 1]);
+        let mut sum = RayCounters::default();
+        counters.iter().for_each(|c| sum.add(c));
+        assert_eq!((sum.steps(), sum.leaves, sum.joined), (1, 1, 2));
+    }
+}
