@@ -61,13 +61,17 @@ impl Features {
 
     /// Describes the features that are left out of the path, each with its reason.
     pub fn left_out(&self) -> Vec<String> {
-        // One row per feature: whether it is present, and what is left out if not.
+        // Without triangles nothing is shaded: no line may speak of materials or shadows then.
+        if !self.surfaces {
+            return vec!["shading: no triangles".to_owned()];
+        }
+        // One row per feature: whether it is present, and what is left out if not. Without lights the first row says
+        // all there is to say about them.
         let rows = [
-            (self.surfaces, "shading: no triangles"),
             (self.lights, "shadow rays: no lights"),
             (
-                self.lights_met,
-                "rays that meet lights: no light has a size",
+                self.lights_met || !self.lights,
+                "rays that meet lights: no lamp with a size casts shadows",
             ),
             (
                 self.textures,

@@ -103,7 +103,7 @@ pub const PLAIN: StructureSpec = StructureSpec {
 pub const SURFACE_AREA: StructureSpec = StructureSpec {
     id: "bih-sah",
     code: 41,
-    label: "Interval hierarchy by surface area",
+    label: "Interval hierarchy by area",
     summary: "Two planes a node, triangles divided where the surface area heuristic is lowest.",
     paper: "Wächter and Keller 2006, Instant ray tracing: the bounding interval hierarchy; Wald 2007, On \
             fast construction of SAH-based bounding volume hierarchies",
@@ -141,7 +141,7 @@ pub const SURFACE_AREA: StructureSpec = StructureSpec {
 pub const FIFTH_CASE: StructureSpec = StructureSpec {
     id: "bih5",
     code: 42,
-    label: "Interval hierarchy, empty space cut",
+    label: "Interval hierarchy, empty cut",
     summary: "As bih, and nodes of one child that cut off empty space on both sides.",
     paper: WACHTER_KELLER,
     build: |scene, config, monitor| {
@@ -201,7 +201,7 @@ pub const WIDE: StructureSpec = StructureSpec {
 pub const AS_BOXES: StructureSpec = StructureSpec {
     id: "bih-bvh",
     code: 46,
-    label: "Interval hierarchy traversed as boxes",
+    label: "Interval hierarchy as boxes",
     summary: "The tree of bih; each ray makes the boxes of a box hierarchy from its planes on the way down.",
     paper: "Wächter and Keller 2006, Instant ray tracing: the bounding interval hierarchy; Wald, Boulos and \
             Shirley 2007, Ray tracing deformable scenes using dynamic bounding volume hierarchies",

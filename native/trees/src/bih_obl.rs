@@ -87,7 +87,7 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built>
     let (tree, shape) = (Arc::new(tree), built.shape());
     let plan = Plan::single("intervals", slanted_rays(&tree, &leaves));
     let mut built = objects::built(config, frame, tree, leaves, plan, false, shape);
-    if shape.nodes_oblique == 0 {
+    if shape.nodes_oblique == 0 && shape.nodes_axis > 0 {
         let reason = "oblique planes: those along the axes were cheaper everywhere";
         built.left_out.push(reason.to_owned());
     }

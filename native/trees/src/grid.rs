@@ -55,7 +55,7 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built>
     let cells = f64::from(config.float("density")) * scene.live().len() as f64;
     let grid = grid::build((scene, &frame), cells, &mut blocks, monitor)?;
     let shape = shape(&grid, &frame);
-    let mut left_out = vec!["oblique planes: a grid divides along the axes".to_owned()];
+    let mut left_out = Vec::new();
     let (made, asked) = (grid.number(), grid::asked(&frame.bounds(), cells));
     if made < asked {
         left_out.push(format!(
@@ -63,7 +63,7 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built>
         ));
     }
     let one: Vec<_> = (0..3).filter(|&k| grid.count(k) == 1).collect();
-    if !one.is_empty() {
+    if !one.is_empty() && !scene.live().is_empty() {
         let names: Vec<_> = one.iter().map(|&k| ["x", "y", "z"][k]).collect();
         left_out.push(format!(
             "walls across {}: one cell is enough there",

@@ -124,7 +124,7 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built>
     let shape = tree.shape(frame.bounds());
     let plan = Plan::single("ordered", oriented_boxes(&tree, &leaves));
     let mut built = objects::built(config, frame, tree, leaves, plan, false, shape);
-    if shape.nodes_oblique == 0 {
+    if frames > 1 && shape.nodes_oblique == 0 && !scene.live().is_empty() {
         let reason = "turned boxes: those along the axes were cheapest at every node";
         built.left_out.push(reason.to_owned());
     }

@@ -9,9 +9,6 @@ use halfspace_structure::spec::Config;
 use halfspace_structure::{Built, Plan};
 use std::sync::Arc;
 
-/// What hierarchies of objects leave out, whatever the scene.
-pub const NO_PLANES: &str = "split planes: this structure divides triangles, not space";
-
 /// A built hierarchy. The parameters `robust` and `shadow` are applied here. `cached`: whether the kernel for shadow rays
 /// looks into the shadow cache itself.
 pub fn built<T: Tree>(
@@ -30,7 +27,7 @@ pub fn built<T: Tree>(
         derived: Vec::new(),
         plan: plan.with_shadow(config.choice("shadow"), cached, None),
         shape,
-        left_out: vec![NO_PLANES.to_owned()],
+        left_out: Vec::new(),
         growing: None,
     }
 }

@@ -185,7 +185,7 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor, method: Method) 
         leaves,
         derived: Vec::new(),
         shape,
-        left_out: vec!["oblique planes: an octree halves along the axes".to_owned()],
+        left_out: Vec::new(),
         growing: None,
     })
 }

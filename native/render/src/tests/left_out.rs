@@ -24,10 +24,13 @@ fn what_a_scene_lacks_costs_nothing() {
         "smooth normals: none given",
         "transparent shadows",
         "emission",
-        "rays that meet lights",
     ] {
         assert!(left_out.contains(words), "{words} in {left_out}");
     }
+    assert!(
+        !left_out.contains("meet lights"),
+        "there are none: {left_out}"
+    );
     let settings = square(16, 4, 3);
     let work = run(&bare, &from_above(2.0), settings.clone(), 1).1.work;
     assert!(work.rays_primary == 16 * 16 * 4 && work.rays_secondary > 0);
@@ -71,7 +74,23 @@ fn what_a_scene_lacks_costs_nothing() {
         ..Default::default()
     });
     assert!(work.rays_shadow > 0 && work.lights_asked > 0);
-    assert!(!lines.iter().any(|l| l.starts_with("shadow rays")));
+    assert!(
+        !lines
+            .iter()
+            .any(|l| l.starts_with("shadow rays") || l.contains("meet lights"))
+    );
+    // A light without a size cannot be hit.
+    let point = vec![light(
+        LightKind::Point { radius: 0.0 },
+        at(0.0, 0.0, 4.0),
+        9.0,
+    )];
+    let (_, lines) = with(SceneParams {
+        materials: vec![matte(0.5)],
+        lights: point.clone(),
+        ..Default::default()
+    });
+    assert!(lines.iter().any(|l| l.starts_with("rays that meet lights")));
     let (work, lines) = with(SceneParams {
         materials: vec![matte(0.5)],
         corner_normals: normals,
@@ -91,11 +110,6 @@ fn what_a_scene_lacks_costs_nothing() {
     });
     assert!(!unused.features().glass);
     // With a black background and point lights the ray after the last bounce is not traced.
-    let point = vec![light(
-        LightKind::Point { radius: 0.0 },
-        at(0.0, 0.0, 4.0),
-        9.0,
-    )];
     let scene = mesh.scene(SceneParams {
         materials: vec![matte(0.5)],
         lights: point,

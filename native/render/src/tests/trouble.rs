@@ -120,7 +120,11 @@ fn an_empty_scene_shows_its_world() {
     let (image, stats) = run(&scene, &overview(), square(9, 2, 4), 2);
     assert!(image.chunks_exact(4).all(|p| p == [0.25, 0.5, 1.0, 1.0]));
     assert_eq!(stats.work.rays_secondary, 0);
-    assert!(scene.features().left_out()[0].contains("no triangles"));
+    assert_eq!(
+        scene.features().left_out(),
+        ["shading: no triangles"],
+        "nothing is known of materials and shadows"
+    );
 }
 
 #[test]

@@ -24,7 +24,6 @@ use halfspace_geom::Aabb;
 use halfspace_geom::cell::{ConvexCell, Direction};
 use halfspace_nodes::cost::Costs;
 use halfspace_nodes::preorder::Preorder;
-use halfspace_nodes::shape::Shape;
 use halfspace_ray::frame::{Frame, U};
 use halfspace_scene::Triangles;
 use halfspace_structure::Built;
@@ -270,7 +269,7 @@ pub fn build<S: Source>(
     )?;
     // Report that small nodes tried fewer directions.
     let [k, small] = tried;
-    if small < k {
+    if small < k && built.shape.nodes_axis + built.shape.nodes_oblique > 0 {
         built.left_out.push(format!(
             "directions of small nodes: {small} instead of {k} are tried at those of up to {} triangles",
             params::SMALL,
@@ -323,19 +322,21 @@ pub fn build_with(
     } else {
         None
     };
-    let mut left_out = Vec::new();
     let preorder = planes::during_planes(config, monitor, || match needless {
         None => grow(&frame, normals, true),
-        Some(reason) if variant == Variant::PlusKd => {
-            left_out.push(format!("oblique planes: {reason}"));
+        Some(_) if variant == Variant::PlusKd => {
             axes_only(scene, &frame, params, config.choice("clip") == "1", monitor)
         }
-        Some(reason) => {
-            left_out.push(format!("planes not parallel to two axes: {reason}"));
-            grow(&frame, normals, false)
-        }
+        Some(_) => grow(&frame, normals, false),
     })?;
-    lay_out(scene, config, frame, &preorder, left_out, monitor)
+    let mut built = lay_out(scene, config, frame, &preorder, monitor)?;
+    // Report the reason only if it held: a node that no axis splits tries random directions, and an empty scene has no
+    // planes at all.
+    let shape = &built.shape;
+    if let Some(reason) = needless.filter(|_| shape.nodes_axis > 0 && shape.nodes_oblique == 0) {
+        built.left_out.push(format!("oblique planes: {reason}"));
+    }
+    Ok(built)
 }
 
 /// Arguments of [`oblique`].
@@ -404,21 +405,18 @@ pub fn lay_out(
     config: &Config,
     frame: Frame,
     preorder: &Preorder,
-    mut left_out: Vec<String>,
     monitor: &Monitor,
 ) -> Result<Built> {
-    let shape = Shape::new(preorder);
+    let mut built = planes::lay_out(scene, config, frame, preorder, monitor)?;
     // Report how many nodes tried only the axes.
     if preorder.first_only > 0 {
-        left_out.push(format!(
+        built.left_out.push(format!(
             "directions besides the axes: at {} of {} nodes, where a plane along an axis costs less than {} of a leaf",
             preorder.first_only,
-            shape.nodes_axis + shape.nodes_oblique,
+            built.shape.nodes_axis + built.shape.nodes_oblique,
             config.float("enough"),
         ));
     }
-    let mut built = planes::lay_out(scene, config, frame, preorder, monitor)?;
-    built.left_out = left_out;
     Ok(built)
 }
 

@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a structure reports as left out: true, never of what it cannot have, and without contradictions."""
+
+from __future__ import annotations
+
+import itertools
+import re
+from typing import Any
+
+import halfspace_native as native
+import numpy as np
+import pytest
+
+from addon.core.structures import catalogue
+
+SUBJECTS = {
+    "oblique planes",
+    "turned boxes",
+    "directions of small nodes",
+    "directions besides the axes",
+    "cells",
+    "lazy",
+    *(f"walls across {axes}" for axes in ("x", "y", "z", "x and y", "x and z", "y and z", "x and y and z")),
+}
+"""What lines can be about."""
+
+
+def corners(*triangles: Any) -> tuple[Any, Any]:
+    """Vertices and triangles."""
+    points = np.array(triangles, np.float32).reshape(-1, 3)
+    return points, np.arange(len(points), dtype=np.int32).reshape(-1, 3)
+
+
+def room() -> tuple[Any, Any]:
+    """Walls and boxes, all parallel to two axes."""
+    rng = np.random.default_rng(2)
+    found = []
+    for _ in range(60):
+        low, axis = rng.random(3) * 9, int(rng.integers(3))
+        a, b = ((axis + 1) % 3, (axis + 2) % 3)
+        one, two = low.copy(), low.copy()
+        one[a] += 1 + rng.random()
+        two[b] += 1 + rng.random()
+        found.append((low, one, two))
+    return corners(*found)
+
+
+def soup() -> tuple[Any, Any]:
+    """Small triangles of any direction."""
+    rng = np.random.default_rng(3)
+    return corners(*(rng.random((400, 1, 3)) * 8 + 0.4 * rng.standard_normal((400, 3, 3))))
+
+
+def strip() -> tuple[Any, Any]:
+    """Triangles in one plane, so that a grid has one layer of cells."""
+    return corners(*(((i, 0, 0), (i + 1, 0, 0), (i, 1, 0)) for i in range(40)))
+
+
+SCENES = {
+    "nothing": corners(),
+    "one triangle": corners(((0, 0, 0), (1, 0, 0), (0, 1, 1))),
+    "room": room(),
+    "soup": soup(),
+    "strip": strip(),
+}
+
+
+@pytest.mark.parametrize(
+    ("structure", "scene"),
+    list(itertools.product(catalogue.load().structures, SCENES)),
+    ids=lambda value: getattr(value, "id", value),
+)
+def test_lines_are_true_and_agree(structure: Any, scene: str) -> None:
+    specs = [structure.id]
+    if structure.parameter("k") is not None:
+        specs.append(f"{structure.id}:k=3")
+    for spec in specs:
+        built = native.build(*SCENES[scene], spec)
+        numbers = built.statistics
+        lines = dict(line.split(": ", 1) for line in numbers["left_out"])
+        assert len(lines) == len(numbers["left_out"]), "two lines about one subject"
+        assert set(lines) <= SUBJECTS, lines
+        nodes = numbers["nodes_axis"] + numbers["nodes_oblique"]
+        if scene == "nothing" or not (nodes or structure.id == "grid"):
+            assert not lines, "there was nothing to leave out"
+        can_be_oblique = structure.parameter("oblique_cost") or structure.parameter("oblique_step_cost")
+        if not can_be_oblique:
+            assert not {"oblique planes", "turned boxes"} & set(lines)
+        if {"oblique planes", "turned boxes"} & set(lines):
+            assert numbers["nodes_oblique"] == 0
+            kinds = built.split_polygons()["kind"]
+            assert structure.id == "obb" or not (kinds == 3).any()
+            assert "directions besides the axes" not in lines, "without oblique planes there are no such directions"
+        if (found := lines.get("directions besides the axes")) is not None:
+            few, of = map(int, re.findall(r"at (\d+) of (\d+) nodes", found)[0])
+            assert 0 < few <= of == nodes
+        if (found := lines.get("cells")) is not None:
+            made, wanted = map(int, re.findall(r"(\d+) of (\d+)", found)[0])
+            assert made < wanted
+
+
+def test_an_octree_and_a_box_hierarchy_leave_no_planes_out() -> None:
+    for spec in ("octree-net", "bvh-sah", "bih", "grid", "brute", "kd"):
+        assert native.build(*SCENES["soup"], spec).statistics["left_out"] == [], spec
+    (line,) = native.build(*SCENES["room"], "bsp-wn-plus-kd").statistics["left_out"]
+    assert line == "oblique planes: every triangle is parallel to two axes"
