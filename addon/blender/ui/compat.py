@@ -13,6 +13,7 @@ MODEL = "BLENDER_RENDER"
 
 EXCLUDED = {
     "DATA_PT_light",
+    "NODE_DATA_PT_light",
     "RENDER_PT_freestyle",
     "RENDER_PT_gpencil",
     "RENDER_PT_simplify_greasepencil",
@@ -31,14 +32,17 @@ def _panels() -> Iterator[Any]:
 
 
 def register(engine: str) -> None:
-    """Make Blender's panels appear for `engine`."""
+    """Make Blender's panels appear for `engine`.
+
+    Each gets a set of its own: some of Blender's panels share one, also with panels of EXCLUDED.
+    """
     for panel in _panels():
-        panel.COMPAT_ENGINES.add(engine)
+        panel.COMPAT_ENGINES = {*panel.COMPAT_ENGINES, engine}
 
 
 def unregister(engine: str) -> None:
     """Remove `engine` from every panel that lists it."""
     for panel in bpy.types.Panel.__subclasses__():
         engines = getattr(panel, "COMPAT_ENGINES", None)
-        if isinstance(engines, set):
-            engines.discard(engine)
+        if isinstance(engines, set) and engine in engines:
+            panel.COMPAT_ENGINES = engines - {engine}

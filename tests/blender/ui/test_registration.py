@@ -15,6 +15,7 @@ from addon.blender.render import viewport
 from addon.blender.render.engine import ENGINE
 from addon.blender.session import building, reports, trees
 from addon.blender.settings import properties, signals
+from addon.blender.ui import compat
 from addon.core.base import native
 
 HANDLERS = [h for h in dir(bpy.app.handlers) if isinstance(getattr(bpy.app.handlers, h), list)]
@@ -95,6 +96,9 @@ def test_panels_appear_and_unsupported_ones_do_not() -> None:
     listed = {panel for panel, engine in engines_of_panels() if engine == ENGINE}
     assert {"RENDER_PT_format", "DATA_PT_lens"} <= listed
     assert not listed & {"VIEWLAYER_PT_layer_passes", "DATA_PT_camera_dof", "RENDER_PT_freestyle"}
+    # Blender's panel of lights shares its set of engines with the same panel in the editor of nodes.
+    assert not listed & {"DATA_PT_light", "NODE_DATA_PT_light"}
+    assert not listed & compat.EXCLUDED
 
 
 def test_without_the_native_module_everything_registers_and_rendering_says_why(
