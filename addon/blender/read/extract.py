@@ -64,16 +64,19 @@ class Found:
 
     def layout(self, mode: str, *, integrator: str = "path", interactive: bool = False) -> Layout:
         """Whether to keep instances, and the reason."""
-        if integrator == "whitted" and any(material.glows for material in self.materials):
-            why = "Whitted's integrator supports emissive meshes only without instancing"
-            return Layout(two_level=False, reason=f"instances: flattened, since {why}")
         sizes: dict[int, list[int]] = {}
         for placement in self.placements:
             triangles, places = len(placement.mesh.triangles), len(placement.names)
             sizes.setdefault(id(placement.mesh), [triangles, 0])[1] += places
-        if self.layers or self.objects:
+        # Some scenes are flattened in any mode.
+        why = ""
+        if integrator == "whitted" and any(material.glows for material in self.materials):
+            why = "Whitted's integrator supports emissive meshes only without instancing"
+        elif self.layers or self.objects:
             why = "these textures need attributes that only flattened triangles have"
-            return Layout(two_level=False, reason=f"instances: flattened, since {why}")
+        if why:
+            repeated = any(places > 1 for _, places in sizes.values())
+            return Layout(two_level=False, reason=f"instances: flattened, since {why}" if repeated else "")
         smooth = any(placement.mesh.normals is not None for placement in self.placements)
         return choose(mode, [(a, b) for a, b in sizes.values()], smooth=smooth, interactive=interactive)
 

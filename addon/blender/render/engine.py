@@ -249,7 +249,7 @@ class _Picture:
         mebibytes = statistics["bytes"] / 2**20
         self.engine.update_memory_stats(memory_used=mebibytes, memory_peak=mebibytes)
         # Keep the report for the panels.
-        left_out = [read.layout.reason, *session.structure.statistics["left_out"], *session.left_out]
+        left_out = [*session.structure.statistics["left_out"], *session.left_out]
         remarks.remark(self.scene, self.depsgraph.view_layer_eval, count, self.notes)
         report = reports.Report(
             built.label,
@@ -261,6 +261,7 @@ class _Picture:
             built.reasons,
             built.answers,
             None if tree is None else tree.number,
+            read.layout.reason,
         )
         reports.keep(self.scene, report)
 

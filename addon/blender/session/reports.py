@@ -13,6 +13,7 @@ from ...core.choose.choice import NOT_COMPARED
 class Report:
     """Report on a picture. statistics: of structure and render, with the native module's names. reasons: for an
     automatic choice of the structure. answers: text on their check. tree: the number of the structure, if it was kept.
+    instances: whether the scene's instances were kept, and why; "" without instances.
     """
 
     label: str
@@ -24,6 +25,7 @@ class Report:
     reasons: list[str] = field(default_factory=list)
     answers: str = NOT_COMPARED
     tree: int | None = None
+    instances: str = ""
 
 
 _last: dict[int, Report] = {}

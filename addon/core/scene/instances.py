@@ -151,10 +151,10 @@ AnyGeometry = Geometry | InstancedGeometry
 
 @dataclass(frozen=True)
 class Layout:
-    """Whether a scene keeps its instances, and the reason in one line."""
+    """Whether a scene keeps its instances, and the reason in one line; "" for a scene without any."""
 
     two_level: bool
-    reason: str
+    reason: str = ""
 
 
 def choose(mode: str, meshes: list[tuple[int, int]], *, smooth: bool, interactive: bool) -> Layout:
@@ -170,8 +170,9 @@ def choose(mode: str, meshes: list[tuple[int, int]], *, smooth: bool, interactiv
     # Estimate the bytes saved: tree, two copies of indices, vertices and slots, and normals, less the instances' own.
     each = TREE_BYTES + 2 * (12 + 6 + 4) + (2 * 36 if smooth else 0)
     saved = (flat - unique) * each - places * PLACE_BYTES
+    repeated = any(count > 1 for _, count in meshes)
     if mode == "flatten" or not flat:
-        return Layout(two_level=False, reason=f"instances: flattened, {flat:,} triangles")
+        return Layout(two_level=False, reason=f"instances: flattened, {flat:,} triangles" if repeated else "")
     mebibytes = f"{abs(saved) / 2**20:,.0f} MiB"
     sizes = f"{unique:,} triangles in {places:,} places"
     if mode == "two-level":
@@ -180,5 +181,7 @@ def choose(mode: str, meshes: list[tuple[int, int]], *, smooth: bool, interactiv
         return Layout(two_level=True, reason=f"two levels: {sizes}, which saves {mebibytes}")
     if interactive and flat >= LARGE:
         return Layout(two_level=True, reason=f"two levels: {sizes}; an edit rebuilds only what it changes")
+    if not repeated:
+        return Layout(two_level=False)
     why = "two levels would save nothing" if saved <= 0 else f"two levels would save only {mebibytes}"
     return Layout(two_level=False, reason=f"instances: flattened, {flat:,} triangles, since {why} and rays are faster")

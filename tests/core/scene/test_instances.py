@@ -241,6 +241,10 @@ def test_the_choice_follows_memory() -> None:
     assert not choose("auto", room, smooth=True, interactive=False).two_level
     assert not choose("flatten", forest, smooth=True, interactive=True).two_level
     assert choose("two-level", room, smooth=True, interactive=False).two_level
+    # Without instances there is nothing to say, except that two levels were asked for.
+    for mode in ("auto", "flatten"):
+        assert choose(mode, room, smooth=True, interactive=False).reason == ""
+    assert choose("flatten", [(50_000, 2)], smooth=True, interactive=False).reason.startswith("instances: flattened")
     large = [(80_000, 1), (60_000, 1)]
     assert choose("auto", large, smooth=False, interactive=True).two_level
     assert not choose("auto", [], smooth=False, interactive=True).two_level
