@@ -10,7 +10,7 @@ from .render import engine, viewport
 from .samples import operators
 from .session import building, reports
 from .settings import overlay_settings, presets, properties
-from .ui import compare_panels, compat, manual, overlay_panels, panels
+from .ui import compare_panels, compat, manual, overlay_panels, panels, structure
 
 
 def register() -> None:
@@ -25,6 +25,7 @@ def register() -> None:
     picking.register()
     cost_maps.register()
     compare_operators.register()
+    structure.register()
     panels.register()
     overlay_panels.register()
     compare_panels.register()
@@ -43,6 +44,7 @@ def unregister() -> None:
     compare_panels.unregister()
     overlay_panels.unregister()
     panels.unregister()
+    structure.unregister()
     compare_operators.unregister()
     cost_maps.unregister()
     picking.unregister()

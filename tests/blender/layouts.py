@@ -6,6 +6,8 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
+import bpy
+
 
 class Layout:
     """Records what a panel draws; stands for `bpy.types.UILayout`."""
@@ -13,6 +15,14 @@ class Layout:
     def __init__(self, log: list[str] | None = None, operators: list[Any] | None = None) -> None:
         self.log: list[str] = [] if log is None else log
         self.operators: list[Any] = [] if operators is None else operators
+        self.menus: dict[str, str] = {}
+        self.parts: list[str] = []
+
+    def _within(self) -> Layout:
+        """A layout inside this one, with the same record."""
+        inner = Layout(self.log, self.operators)
+        inner.menus, inner.parts = self.menus, self.parts
+        return inner
 
     def __getattr__(self, name: str) -> Any:
         def call(*args: Any, **kwargs: Any) -> Any:
@@ -21,12 +31,19 @@ class Layout:
                 self.log.append(args[1])
             elif name == "label":
                 self.log.append(kwargs["text"])
+            elif name == "menu":
+                assert hasattr(bpy.types, args[0]), args[0]
+                self.log.append(args[0])
+                self.menus[args[0]] = kwargs.get("text", "")
+            elif name == "prop_enum":
+                self.log.append(args[2])
             elif name == "operator":
                 self.operators.append(SimpleNamespace(id=args[0]))
                 return self.operators[-1]
             elif name == "panel":
-                return Layout(self.log, self.operators), Layout(self.log, self.operators)
-            return Layout(self.log, self.operators)
+                self.parts.append(args[0])
+                return self._within(), self._within()
+            return self._within()
 
         return call
 

@@ -47,8 +47,49 @@ class HALFSPACE_OT_use_spec(bpy.types.Operator):
         return {"FINISHED"}
 
 
+FAMILIES = (
+    ("kd", "Kd-Trees", ("kd",)),
+    ("bsp", "BSP and RBSP", ("rbsp", "bsp", "beam")),
+    ("bih", "Interval Hierarchies", ("bih", "skd", "boxtree")),
+    ("boxes", "Hierarchies of Boxes", ("bvh", "obb", "bbox")),
+    ("octrees", "Octrees", ("octree",)),
+    ("others", "Others", ("",)),
+)
+"""Submenus of the presets: key, title, and how the ids of their structures begin. The first that fits is taken."""
+
+
+def family(preset: presets.Preset) -> str:
+    """The key of the submenu that lists a preset."""
+    name = specs.structure_of(preset.spec)
+    return next(key for key, _, beginnings in FAMILIES if name.startswith(beginnings))
+
+
+class _FamilyMenu:
+    """The names of the literature for the structures of one family."""
+
+    key = ""
+
+    def draw(self, context: Any) -> None:
+        for preset in presets.offered(catalogue.load()):
+            if family(preset) == self.key:
+                button = self.layout.operator(  # type: ignore[attr-defined]
+                    HALFSPACE_OT_use_spec.bl_idname, text=preset.name
+                )
+                button.spec = preset.spec
+
+
+def _family_menu(key: str) -> str:
+    return f"HALFSPACE_MT_presets_{key}"
+
+
+FAMILY_MENUS = tuple(
+    type(_family_menu(key), (_FamilyMenu, bpy.types.Menu), {"bl_label": title, "key": key})
+    for key, title, _ in FAMILIES
+)
+
+
 class HALFSPACE_MT_presets(bpy.types.Menu):
-    """The names of the literature, then the user's presets."""
+    """The names of the literature by family, then the user's presets."""
 
     bl_label = "Structure Presets"
     preset_subdir = "halfspace/structure"
@@ -56,8 +97,8 @@ class HALFSPACE_MT_presets(bpy.types.Menu):
 
     def draw(self, context: Any) -> None:
         layout = self.layout
-        for preset in presets.offered(catalogue.load()):
-            layout.operator(HALFSPACE_OT_use_spec.bl_idname, text=preset.name).spec = preset.spec
+        for key, title, _ in FAMILIES:
+            layout.menu(_family_menu(key), text=title)
         layout.separator()
         self.draw_preset(context)
 
@@ -79,7 +120,7 @@ class HALFSPACE_OT_preset_add(AddPresetBase, bpy.types.Operator):
         return [f"group.{name}" for name in ("structure", *names)]
 
 
-CLASSES = (HALFSPACE_OT_use_spec, HALFSPACE_MT_presets, HALFSPACE_OT_preset_add)
+CLASSES = (HALFSPACE_OT_use_spec, *FAMILY_MENUS, HALFSPACE_MT_presets, HALFSPACE_OT_preset_add)
 
 
 def draw(layout: Any) -> None:

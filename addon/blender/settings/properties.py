@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import zlib
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 import bpy
@@ -11,13 +12,13 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, Po
 
 from ...core.base import native
 from ...core.measure import costmap
-from ...core.structures import catalogue, settings
+from ...core.structures import catalogue, relevance, settings
 from . import signals
 from .overlay_settings import HalfspaceOverlaySettings
 
 if TYPE_CHECKING:
     from ...core.base.notes import Notes
-    from ...core.structures.catalogue import Catalogue, Parameter, Structure
+    from ...core.structures.catalogue import Catalogue, Parameter, Structure, Value
 
 
 TWO_LEVELS = (
@@ -50,10 +51,31 @@ def structure_parameters(group: Any) -> tuple[Parameter, ...]:
     return structure(group).parameters
 
 
+def values(group: Any) -> dict[str, Value]:
+    """The values in a `scene.halfspace` group of the parameters of its structure, made valid together."""
+    chosen = structure(group)
+    stored = {parameter.name: getattr(group, parameter.name) for parameter in chosen.parameters}
+    return relevance.effective(chosen, stored)
+
+
+def shown(group: Any) -> dict[str, list[Parameter]]:
+    """The parameters that have an effect, by the part of the panel that shows them."""
+    return relevance.grouped(structure(group), values(group))
+
+
+def options(group: Any, name: str) -> tuple[tuple[str, str], ...]:
+    """The options of a choice that are valid with the other settings, each with its label."""
+    chosen = structure(group)
+    parameter = chosen.parameter(name)
+    if parameter is None:
+        return ()
+    valid = relevance.options(chosen, parameter, values(group))
+    return tuple((option, parameter.label_of(option)) for option in valid)
+
+
 def spec(group: Any) -> str:
     """The configuration string of a `scene.halfspace` group. Raises native.NativeError."""
-    chosen = structure(group)
-    return settings.spec(chosen, {parameter.name: getattr(group, parameter.name) for parameter in chosen.parameters})
+    return settings.spec(structure(group), values(group))
 
 
 def _follow_structure(group: Any, context: Any) -> None:
@@ -77,14 +99,42 @@ def _structure_properties(known: Catalogue) -> dict[str, Any]:
         "structure": EnumProperty(
             name="Structure",
             description="The acceleration structure that finds the hits of rays. All of them give the same picture",
-            items=[(s.id, s.label, f"{s.summary} {s.paper}", s.code) for s in known.structures],
+            items=_structure_items(known),
             default=known.default.id,
             update=_follow_structure,
         ),
     }
     for parameter in known.parameters().values():
         properties[parameter.name] = _parameter_property(parameter)
+        if parameter.is_switch:
+            properties[switch(parameter.name)] = _switch_property(parameter)
     return properties | _map_properties(known)
+
+
+FAMILIES = {
+    "space": "Split Planes",
+    "objects": "Hierarchies of Triangles",
+    "octants": "Octrees",
+    "oracle": "Reference",
+}
+"""Headings of the menu of structures, by the registry's family; others follow under their own names."""
+
+
+def by_family(structures: Iterable[Structure]) -> dict[str, list[Structure]]:
+    """Structures under the headings of a menu, in the order of FAMILIES."""
+    found: dict[str, list[Structure]] = {heading: [] for heading in FAMILIES.values()}
+    for one in structures:
+        found.setdefault(FAMILIES.get(one.family, one.family.capitalize()), []).append(one)
+    return {heading: group for heading, group in found.items() if group}
+
+
+def _structure_items(known: Catalogue) -> list[tuple[Any, ...]]:
+    """The items of the menu of structures: Blender begins a column at each item without identifier."""
+    items: list[tuple[Any, ...]] = []
+    for heading, structures in by_family(known.structures).items():
+        items.append(("", heading, ""))
+        items += [(s.id, s.label, f"{s.summary} {s.paper}", s.code) for s in structures]
+    return items
 
 
 def _map_properties(known: Catalogue) -> dict[str, Any]:
@@ -114,7 +164,7 @@ def _parameter_property(parameter: Parameter) -> Any:
     }
     if parameter.kind == "choice":
         # A number derived from the name stays valid in saved files when the list of options changes.
-        items = [(o, o, "", zlib.crc32(o.encode()) & 0x7FFF_FFFF) for o in parameter.options]
+        items = [(o, parameter.label_of(o), "", zlib.crc32(o.encode()) & 0x7FFF_FFFF) for o in parameter.options]
         return EnumProperty(items=items, **common)
     bounds = {
         key: value for key, value in (("min", parameter.minimum), ("max", parameter.maximum)) if value is not None
@@ -123,6 +173,26 @@ def _parameter_property(parameter: Parameter) -> Any:
         limit = 2**31 - 1
         return IntProperty(**common, **{key: min(max(int(v), -limit), limit) for key, v in bounds.items()})
     return FloatProperty(**common, **bounds, precision=3)
+
+
+def switch(name: str) -> str:
+    """Name of the property that shows a choice between 0 and 1 as a check box."""
+    return f"use_{name}"
+
+
+def _switch_property(parameter: Parameter) -> Any:
+    """A check box over a choice between 0 and 1, which files and presets store."""
+    name = parameter.name
+
+    def read(group: Any) -> bool:
+        return bool(getattr(group, name) == "1")
+
+    def write(group: Any, on: bool) -> None:
+        setattr(group, name, "1" if on else "0")
+
+    return BoolProperty(
+        name=parameter.label, description=parameter.doc, default=parameter.default == "1", get=read, set=write
+    )
 
 
 RENDER_PROPERTIES: dict[str, Any] = {

@@ -15,10 +15,7 @@ from ..measure import compare_operators, comparing
 from ..render.engine import ENGINE
 from ..settings import presets, properties
 from . import panels
-from .panels import wrapped
-
-WIDTH = 34
-"""Characters per line in a sidebar of the default width."""
+from .texts import wrapped
 
 
 class _ComparePanel:
@@ -43,7 +40,7 @@ class _ComparePanel:
             layout.label(text="The scene has changed since", icon="ERROR")
         _table(layout, found.comparison)
         for line in found.notes:
-            wrapped(layout, line, width=WIDTH)
+            wrapped(layout, line)
         layout.operator(compare_operators.HALFSPACE_OT_write_report.bl_idname, icon="FILE_TICK")
 
 
@@ -63,7 +60,7 @@ def _table(layout: Any, found: Comparison) -> None:
     for line in found.lines:
         name = comparing.name(line.spec)
         if line.problem:
-            wrapped(box, f"{name}: {line.problem}", icon="ERROR", width=WIDTH)
+            wrapped(box, f"{name}: {line.problem}", icon="ERROR")
             continue
         column = box.column(align=True)
         row = column.row()
@@ -76,10 +73,10 @@ def _table(layout: Any, found: Comparison) -> None:
     checked = sum(line.checked for line in found.lines)
     if checked:
         wrong = sum(line.wrong for line in found.lines)
-        wrapped(box, f"{checked:,} answers compared with brute force, {wrong:,} wrong", width=WIDTH)
+        wrapped(box, f"{checked:,} answers compared with brute force, {wrong:,} wrong")
     if any(not line.checked and not line.problem for line in found.lines):
-        wrapped(box, choice.NOT_COMPARED.capitalize(), width=WIDTH)
-    wrapped(box, "Render: all rays of the picture at the measured speeds, without shading", width=WIDTH)
+        wrapped(box, choice.NOT_COMPARED.capitalize())
+    wrapped(box, "Render: all rays of the picture at the measured speeds, without shading")
 
 
 def _mark(found: Comparison, line: Line) -> str:

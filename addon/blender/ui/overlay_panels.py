@@ -13,8 +13,8 @@ from ..measure import checking, cost_maps
 from ..overlay import drawing, picking
 from ..session import building, trees
 from ..settings import properties
-from . import panels
-from .panels import wrapped
+from . import panels, structure
+from .texts import wrapped
 
 
 class _SidebarPanel:
@@ -39,15 +39,15 @@ class HALFSPACE_PT_view_structure(_SidebarPanel, bpy.types.Panel):
         layout.use_property_split = True
         layout.use_property_decorate = False
         if problem := native.problem():
-            wrapped(layout, problem, icon="ERROR", width=36)
+            wrapped(layout, problem, icon="ERROR")
             return
         group = context.scene.halfspace
-        panels.structure(layout.column(), group, width=36)
+        structure.draw(layout.column(), group)
         layout.operator("halfspace.build_structure", icon="MOD_BUILD")
         if (done := building.progress()) is not None:
             layout.progress(factor=done, text="Building")
         if problem := building.problem():
-            wrapped(layout, problem, icon="ERROR", width=36)
+            wrapped(layout, problem, icon="ERROR")
         _tree(layout, context.scene, group)
 
 
@@ -60,7 +60,8 @@ def _tree(layout: Any, scene: Any, group: Any) -> None:
     numbers = tree.structure.statistics
     row = layout.row()
     column = row.column(align=True)
-    column.label(text=f"{tree.label}, {tree.count:,} triangles")
+    column.label(text=tree.label)
+    column.label(text=f"{tree.count:,} triangles")
     column.label(text=f"Built in {numbers['build_seconds']:.2f} s, {checking.words(tree)}")
     column.label(text=f"{numbers['bytes'] / 2**20:.1f} MiB")
     nodes = numbers["nodes_axis"] + numbers["nodes_oblique"]
@@ -89,7 +90,7 @@ class HALFSPACE_PT_view_statistics(_SidebarPanel, bpy.types.Panel):
         if tree is not None:
             panels.statistics(self.layout, tree.structure.statistics, tree.count)
             for line in tree.structure.statistics["left_out"]:
-                wrapped(self.layout, f"Left out: {line}", width=36)
+                wrapped(self.layout, f"Left out: {line}")
         panels.answers(self.layout, tree)
 
 

@@ -15,8 +15,8 @@ from ..read.nodes import output_node
 from ..read.passes import PASSES
 from ..render.engine import ENGINE
 from ..session import reports, trees
-from ..settings import presets, properties
-from . import manual
+from . import manual, structure
+from .texts import wrapped
 
 STATISTICS = (
     ("Extraction", "extract_seconds", "{:.2f} s"),
@@ -79,10 +79,12 @@ class HALFSPACE_PT_structure(_Panel, bpy.types.Panel):
         column.prop(group, "automatic")
         if group.automatic:
             wrapped(column, "The viewport and the overlay use:", icon="INFO")
-        structure(column, group)
-        column.separator()
-        column.prop(group, "instancing")
-        column.prop(group, "memory_limit")
+        structure.draw(column, group)
+        header, body = column.panel("HALFSPACE_memory", default_closed=True)
+        header.label(text="Memory")
+        if body is not None:
+            body.prop(group, "instancing")
+            body.prop(group, "memory_limit")
 
 
 class HALFSPACE_PT_sampling(_Panel, bpy.types.Panel):
@@ -102,7 +104,7 @@ class HALFSPACE_PT_sampling(_Panel, bpy.types.Panel):
         if group.use_adaptive:
             column.prop(group, "noise_threshold")
         column.prop(group, "time_limit")
-        column.prop(group, "preview_samples")
+        column.prop(group, "preview_samples", text="Viewport")
         if group.integrator != "ao":
             column.prop(group, "max_bounces")
             column.prop(group, "clamp_indirect")
@@ -133,8 +135,11 @@ class HALFSPACE_PT_statistics(_Panel, bpy.types.Panel):
             layout.label(text="Nothing rendered yet")
             answers(layout, trees.last(context.scene))
             return
-        layout.label(text=f"{report.label}, {report.triangles:,} triangles")
+        layout.label(text=report.label)
+        layout.label(text=f"{report.triangles:,} triangles")
         statistics(layout, {**report.statistics, "extract_seconds": report.extract_seconds}, report.triangles)
+        if report.instances:
+            wrapped(layout, report.instances[0].upper() + report.instances[1:], icon="INFO")
         tree = trees.last(context.scene)
         if tree is not None and tree.number != report.tree and checking.last(tree) is not None:
             layout.label(text=f"The picture: {report.answers}", icon="INFO")
@@ -244,18 +249,6 @@ def help_button(layout: Any, section: str) -> None:
         layout.operator(manual.HALFSPACE_OT_manual.bl_idname, text="", icon="HELP", emboss=False).section = section
 
 
-def structure(layout: Any, group: Any, *, width: int = 36) -> None:
-    """Draw the choice of a structure, its own parameters, and its source."""
-    presets.draw(layout)
-    layout.prop(group, "structure")
-    chosen = properties.structure(group)
-    if not group.structure:
-        wrapped(layout, f"{properties.UNKNOWN}: {chosen.label}", icon="ERROR", width=width)
-    for parameter in properties.structure_parameters(group):
-        layout.prop(group, parameter.name)
-    wrapped(layout, chosen.paper, icon="BOOKMARKS", width=width)
-
-
 def statistics(layout: Any, numbers: Mapping[str, Any], triangles: int) -> None:
     """Draw a table of the known statistics."""
     values = dict(numbers)
@@ -314,18 +307,6 @@ def _surface(layout: Any, block: Any, plain: str) -> None:
         layout.prop(block, plain)
     else:
         layout.template_node_view(block.node_tree, output, output.inputs["Surface"])
-
-
-def wrapped(layout: Any, text: str, *, icon: str = "NONE", width: int = 60) -> None:
-    """Draw a text as labels of at most `width` characters, because labels do not wrap."""
-    line = ""
-    for word in text.split():
-        if line and len(line) + 1 + len(word) > width:
-            layout.label(text=line, icon=icon)
-            line, icon = word, "BLANK1" if icon != "NONE" else "NONE"
-        else:
-            line = f"{line} {word}".strip()
-    layout.label(text=line, icon=icon)
 
 
 CLASSES = (

@@ -18,7 +18,7 @@ class Parameter:
     """One key of a configuration string, with the texts and limits that a user interface needs.
 
     kind: "integer", "float" or "choice". `minimum` and `maximum` bound a number; `options` lists the values of a
-    choice.
+    choice, `labels` their names for people. group: part of a panel, one of relevance.GROUPS, or "".
     """
 
     name: str
@@ -30,6 +30,17 @@ class Parameter:
     minimum: float | None
     maximum: float | None
     options: tuple[str, ...] = ()
+    labels: tuple[str, ...] = ()
+    group: str = ""
+
+    @property
+    def is_switch(self) -> bool:
+        """Whether the parameter is off or on: a choice between 0 and 1."""
+        return set(self.options) == {"0", "1"}
+
+    def label_of(self, option: str) -> str:
+        """The name of an option for people."""
+        return dict(zip(self.options, self.labels, strict=True)).get(option, option) if self.labels else option
 
     def clamp(self, value: Value) -> Value:
         """The nearest valid value; the default for an unknown choice."""
@@ -123,12 +134,24 @@ def _parameter(row: Mapping[str, Any]) -> Parameter:
         default=row["default"],
         minimum=row["min"],
         maximum=row["max"],
-        options=tuple(row["options"] or ()),
+        options=(options := tuple(row["options"] or ())),
+        labels=_labels(row, options),
+        group=row.get("group", ""),
     )
+
+
+def _labels(row: Mapping[str, Any], options: tuple[str, ...]) -> tuple[str, ...]:
+    """The names of a choice's options; those of a registry without names are made from the values."""
+    given = row.get("labels") or {}
+    named = given if isinstance(given, Mapping) else dict(zip(options, given, strict=True))
+    return tuple(named.get(option) or option.replace("-", " ").capitalize() for option in options)
 
 
 def _widen(a: Parameter, b: Parameter) -> Parameter:
     """The union of two parameters' limits and options, with the texts of the first."""
+    names = dict(zip(a.options, a.labels, strict=True))
+    for option, label in zip(b.options, b.labels, strict=True):
+        names.setdefault(option, label)
     return Parameter(
         name=a.name,
         label=a.label,
@@ -138,5 +161,7 @@ def _widen(a: Parameter, b: Parameter) -> Parameter:
         default=a.default,
         minimum=None if a.minimum is None or b.minimum is None else min(a.minimum, b.minimum),
         maximum=None if a.maximum is None or b.maximum is None else max(a.maximum, b.maximum),
-        options=tuple(dict.fromkeys(a.options + b.options)),
+        options=tuple(names),
+        labels=tuple(names.values()),
+        group=a.group,
     )

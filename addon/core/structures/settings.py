@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from . import specs
+from . import relevance, specs
 
 if TYPE_CHECKING:
     from .catalogue import Structure, Value
@@ -23,13 +23,14 @@ class SettingsError(ValueError):
 def spec(structure: Structure, values: Mapping[str, Value]) -> str:
     """The configuration string `id:key=value,...` of a structure.
 
-    Contains only parameters of this structure that differ from their defaults; values are clamped.
+    Contains only parameters of this structure that have an effect and differ from their defaults; values are clamped.
     """
-    keys: dict[str, Value] = {}
-    for parameter in structure.parameters:
-        value = parameter.clamp(values.get(parameter.name, parameter.default))
-        if not same(value, parameter.default):
-            keys[parameter.name] = value
+    taken = relevance.effective(structure, values)
+    keys: dict[str, Value] = {
+        parameter.name: taken[parameter.name]
+        for parameter in relevance.relevant(structure, taken)
+        if not same(taken[parameter.name], parameter.default)
+    }
     return specs.joined(structure.id, *(f"{key}={_text(value)}" for key, value in keys.items()))
 
 

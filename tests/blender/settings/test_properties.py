@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import zlib
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -11,16 +12,17 @@ import bpy
 import halfspace_native
 import numpy as np
 import pytest
-from layouts import draw
+from layouts import Layout, draw, draw_all
 from shapes import cube
 
 from addon.blender.measure import cost_maps
 from addon.blender.render.viewport import Viewport
 from addon.blender.session import reports
 from addon.blender.settings import properties
-from addon.blender.ui import panels
+from addon.blender.ui import panels, structure, texts
 from addon.core.base import native
-from addon.core.structures import catalogue
+from addon.core.structures import catalogue, relevance
+from addon.core.structures.catalogue import Parameter, Structure
 
 
 def test_enum_numbers_are_the_registrys_codes(scene: Any) -> None:
@@ -115,14 +117,135 @@ def test_a_structure_of_another_version_is_said_and_replaced(scene: Any, add: An
     assert "max_depth" in draw(panels.HALFSPACE_PT_structure, scene=scene)
 
 
-def test_the_structure_panel_shows_only_what_the_structure_has(scene: Any) -> None:
-    for structure in ("brute", "kd"):
-        scene.halfspace.structure = structure
-        expected = [p.name for p in catalogue.load()[structure].parameters]
+def shown_as(parameter: Parameter) -> str:
+    """The name of the property or the menu that shows a parameter."""
+    if parameter.is_switch:
+        return properties.switch(parameter.name)
+    return structure.menu_of(parameter.name) if parameter.kind == "choice" else parameter.name
+
+
+def drawn_parameters(scene: Any) -> list[str]:
+    """What the panel draws between the choice of the structure and its source."""
+    chosen = properties.structure(scene.halfspace)
+    every = {shown_as(parameter) for parameter in chosen.parameters}
+    return [name for name in draw(panels.HALFSPACE_PT_structure, scene=scene) if name in every]
+
+
+@pytest.mark.parametrize("one", catalogue.load().structures, ids=lambda one: one.id)
+def test_the_structure_panel_shows_what_has_an_effect_and_nothing_else(scene: Any, one: Structure) -> None:
+    group = scene.halfspace
+    group.structure = one.id
+    contexts: list[dict[str, Any]] = [{}]
+    if one.parameter("costs") is not None:
+        contexts.append({"costs": "thesis"})
+    for context in contexts:
+        for name, value in context.items():
+            setattr(group, name, value)
+        values = properties.values(group)
+        grouped = relevance.grouped(one, values)
+        expected = [shown_as(parameter) for key in relevance.GROUPS for parameter in grouped[key]]
+        assert drawn_parameters(scene) == expected
+        assert set(expected) == {shown_as(parameter) for parameter in relevance.relevant(one, values)}
         drawn = draw(panels.HALFSPACE_PT_structure, scene=scene)
-        assert drawn[: 2 + len(expected)] == ["automatic", "structure", *expected]
-        assert " ".join(drawn[2 + len(expected) : -2]) == catalogue.load()[structure].paper
+        assert drawn[0] == "automatic"
+        assert one.paper.replace(" ", "") in "".join(drawn).replace(" ", "")
         assert drawn[-2:] == ["instancing", "memory_limit"]
+
+
+def test_k_and_alpha_come_first_and_the_rest_is_closed(scene: Any) -> None:
+    scene.halfspace.structure = "bsp-wn-plus-kd"
+    layout = draw_all(panels.HALFSPACE_PT_structure, scene=scene)
+    known = {parameter.name for parameter in properties.structure_parameters(scene.halfspace)}
+    numbers = [name for name in layout.log if name in known]
+    assert numbers[:2] == ["k", "alpha"]
+    assert layout.parts == ["HALFSPACE_builder", "HALFSPACE_costs", "HALFSPACE_numerics", "HALFSPACE_memory"]
+    assert "Costs" in layout.log
+    scene.halfspace.leaf_cost = 9.0
+    scene.halfspace.enough = 0.3
+    assert "Costs, 2 changed" in draw(panels.HALFSPACE_PT_structure, scene=scene)
+
+
+def test_a_switch_is_a_check_box_over_the_stored_choice(scene: Any) -> None:
+    group = scene.halfspace
+    group.structure = "bsp-wn-plus-kd"
+    assert group.use_clip
+    group.use_clip = False
+    assert group.clip == "0"
+    assert properties.spec(group) == "bsp-wn-plus-kd:clip=0"
+    group.clip = "1"  # as presets and scripts write it
+    assert group.use_clip
+    switches = [p for p in catalogue.load().parameters().values() if set(p.options) == {"0", "1"}]
+    assert len(switches) >= 4
+    for parameter in switches:
+        assert isinstance(getattr(group, f"use_{parameter.name}"), bool)
+
+
+@pytest.mark.parametrize(("choice", "on"), [("0", False), ("1", True)])
+def test_switches_of_files_that_stored_a_choice_are_read(tmp_path: Path, scene: Any, choice: str, *, on: bool) -> None:
+    """Files store the number of a choice, which is made from its name; both numbers are far from 0 and 1."""
+    number = zlib.crc32(choice.encode()) & 0x7FFF_FFFF
+    scene.halfspace.structure = "bsp-wn-plus-kd"
+    for name in ("clip", "early"):
+        store(scene, name, number)
+    file = str(tmp_path / "switches.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=file)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    bpy.ops.wm.open_mainfile(filepath=file)
+    group = bpy.context.scene.halfspace
+    assert (group.use_clip, group.use_early) == (on, on)
+    assert properties.spec(group) == ("bsp-wn-plus-kd:early=1" if on else "bsp-wn-plus-kd:clip=0")
+
+
+def test_menus_offer_only_what_is_valid_here(scene: Any) -> None:
+    group = scene.halfspace
+    group.structure = "bvh-sah"
+    group.traversal = "auto"
+    wide = choices(scene, "traversal")
+    assert len(wide) > 1
+    assert not {"sung", "ta-b"} & set(wide), "those of other structures"
+    group.width = "2"
+    assert choices(scene, "traversal") == ["ordered"]
+    assert properties.spec(group) == "bvh-sah:width=2"
+    group.width = "8"
+    assert choices(scene, "traversal") == wide
+    assert properties.spec(group) == "bvh-sah:traversal=auto", "the choice comes back with the nodes"
+    group.structure = "bih"
+    assert choices(scene, "shadow") == ["none", "cache"]
+    group.structure = "kd"
+    assert choices(scene, "shadow") == ["none", "cache", "beam"]
+
+
+def choices(scene: Any, name: str) -> list[str]:
+    """The options in the menu of a choice."""
+    return draw(getattr(bpy.types, structure.menu_of(name)), scene=scene)
+
+
+LABEL, VALUE, WHOLE = 100, 88, 186
+"""Pixels of labels, of values beside the arrow of a menu, and of a whole row beside it, at the default width."""
+
+
+def test_no_label_is_cut_at_the_default_width() -> None:
+    known = catalogue.load()
+    wide: list[tuple[str, int]] = []
+    for one in known.structures:
+        wide.append((one.label, WHOLE))
+        for parameter in one.parameters:
+            wide.append((structure.LABELS.get(parameter.name, parameter.label), LABEL))
+            if not parameter.is_switch:
+                wide += [(parameter.label_of(option), VALUE) for option in parameter.options]
+    wide += [(label, VALUE) for label in (*structure.NODES.values(), *structure.RAYS.values())]
+    assert [text for text, room in wide if texts.wide(text) > room] == []
+    assert texts.wide("Interval hierarchy traversed as boxes") > WHOLE, "the letters have a width"
+
+
+def test_texts_are_broken_by_their_width() -> None:
+    layout = Layout()
+    text = "Wächter and Keller 2006, Instant ray tracing: the bounding interval hierarchy; Ooi, McDonell " * 3
+    texts.wrapped(layout, text, icon="BOOKMARKS")
+    assert " ".join(layout.log) == text.strip()
+    room = texts.NARROW - texts.MARGINS - texts.ICON
+    assert all(texts.wide(line) <= room for line in layout.log)
+    assert all(texts.wide(f"{line} interval") > room - 60 for line in layout.log[:-1]), "the lines are full"
 
 
 def test_the_structure_panel_says_why_there_is_no_native_module(scene: Any, monkeypatch: pytest.MonkeyPatch) -> None:

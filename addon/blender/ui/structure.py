@@ -1,0 +1,157 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The settings of a structure: first what matters most, all others in closed parts. Generated from the catalogue."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import bpy
+
+from ...core.base import native
+from ...core.structures import catalogue, relevance
+from ...core.structures.settings import same
+from ..settings import presets, properties
+from .texts import wrapped
+
+if TYPE_CHECKING:
+    from ...core.structures.catalogue import Parameter, Structure
+
+PARTS = {"builder": "Builder", "costs": "Costs", "numerics": "Numerics"}
+"""Titles of the closed parts, by the group of their parameters."""
+
+LABEL = 0.48
+"""Share of the width that labels take: at the default width this fits 17 characters, and the values fit 14."""
+
+LABELS = {relevance.TRAVERSAL: "Rays"}
+"""Labels that differ from the registry's."""
+
+NODES = {
+    "planes": "Planes",
+    "wide": "Wide Planes",
+    "boxes": "Boxes",
+    "intervals": "Intervals",
+    "octants": "Octants",
+    "cells": "Cells",
+}
+"""Names of the kinds of nodes of structures that have only one."""
+
+RAYS = {
+    "single": "One by one",
+    "flight": "In flight",
+    "packet": "Packets",
+    "tile": "Tiles",
+    "stream": "Streams",
+    "auto": "Automatic",
+}
+"""Names of the kinds of rays of structures that have only one."""
+
+
+def draw(layout: Any, group: Any) -> None:
+    """Draw the choice of a structure, its parameters that have an effect, and its source."""
+    presets.draw(layout)
+    layout.prop(group, "structure", text="")
+    chosen = properties.structure(group)
+    if not group.structure:
+        wrapped(layout, f"{properties.UNKNOWN}: {chosen.label}", icon="ERROR")
+    shown = properties.shown(group)
+    for parameter in shown["main"]:
+        if parameter.name == relevance.TRAVERSAL:
+            _only_nodes(layout, chosen)
+        _field(layout, group, parameter)
+    if chosen.parameter(relevance.TRAVERSAL) is None:
+        _only_nodes(layout, chosen)
+        _only_rays(layout, chosen)
+    for key, title in PARTS.items():
+        _part(layout, group, key, title, shown[key])
+    wrapped(layout, chosen.paper, icon="BOOKMARKS")
+
+
+def _part(layout: Any, group: Any, key: str, title: str, parameters: list[Parameter]) -> None:
+    """Draw a part that is closed at first. Its title contains the number of values that are not the defaults."""
+    if not parameters:
+        return
+    changed = sum(not same(getattr(group, one.name), one.default) for one in parameters)
+    header, body = layout.panel(f"HALFSPACE_{key}", default_closed=True)
+    header.label(text=f"{title}, {changed} changed" if changed else title)
+    if body is not None:
+        column = body.column()
+        for parameter in parameters:
+            _field(column, group, parameter)
+
+
+def _field(layout: Any, group: Any, parameter: Parameter) -> None:
+    """Draw a parameter: a number, a check box, or a menu of the options that are valid here."""
+    label = LABELS.get(parameter.name, parameter.label)
+    if parameter.is_switch:
+        row = _row(layout, "")
+        row.prop(group, properties.switch(parameter.name), text=label)
+        return
+    row = _row(layout, label)
+    if parameter.kind != "choice":
+        row.prop(group, parameter.name, text="")
+        return
+    names = dict(properties.options(group, parameter.name))
+    value = properties.values(group)[parameter.name]
+    row.menu(menu_of(parameter.name), text=names.get(str(value), str(value)))
+
+
+def _only_nodes(layout: Any, chosen: Structure) -> None:
+    """Name the nodes of a structure that has only one kind of them."""
+    kinds = {way.nodes for way in relevance.ways_of(chosen)}
+    if chosen.parameter(relevance.NODES) is None and len(kinds) == 1 and kinds <= NODES.keys():
+        _row(layout, "Nodes").label(text=NODES[kinds.pop()])
+
+
+def _only_rays(layout: Any, chosen: Structure) -> None:
+    """Name the rays of a structure that has only one kind of them."""
+    kinds = {way.rays for way in relevance.ways_of(chosen)}
+    if len(kinds) == 1 and kinds <= RAYS.keys():
+        _row(layout, LABELS[relevance.TRAVERSAL]).label(text=RAYS[kinds.pop()])
+
+
+def _row(layout: Any, label: str) -> Any:
+    """A row with a label on the left. Returns the layout of the value."""
+    split = layout.split(factor=LABEL, align=True)
+    split.use_property_split = False
+    left = split.row()
+    left.alignment = "RIGHT"
+    left.label(text=label)
+    return split
+
+
+def menu_of(name: str) -> str:
+    """The identifier of the menu that offers the options of a choice."""
+    return f"HALFSPACE_MT_choice_{name}"
+
+
+class _Choice:
+    """A menu of the options of a choice that are valid with the other settings."""
+
+    name = ""
+
+    def draw(self, context: Any) -> None:
+        group = context.scene.halfspace
+        for option, label in properties.options(group, self.name):
+            self.layout.prop_enum(group, self.name, option, text=label)  # type: ignore[attr-defined]
+
+
+_registered: list[type] = []
+
+
+def register() -> None:
+    """Register a menu for each choice of the catalogue."""
+    if native.problem() is not None:
+        return
+    for parameter in catalogue.load().parameters().values():
+        if parameter.kind == "choice" and not parameter.is_switch:
+            label = LABELS.get(parameter.name, parameter.label)
+            content = {"bl_label": label, "bl_description": parameter.doc, "name": parameter.name}
+            menu = type(menu_of(parameter.name), (_Choice, bpy.types.Menu), content)
+            bpy.utils.register_class(menu)
+            _registered.append(menu)
+
+
+def unregister() -> None:
+    """Undo `register`."""
+    while _registered:
+        bpy.utils.unregister_class(_registered.pop())

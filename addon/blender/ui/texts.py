@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Texts of panels, broken into lines by the width of Blender's own letters."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import blf
+import bpy
+
+NARROW = 245
+"""Width of the properties at Blender's default layout, without interface scale; the sidebar is wider."""
+
+MARGINS = 50
+"""Pixels of a region beside the text of its panels, boxes included."""
+
+ICON = 26
+"""Pixels of an icon."""
+
+LETTERS = 11.0
+"""Size of the letters of labels, in pixels without interface scale."""
+
+
+def wide(text: str) -> float:
+    """Width of a label in pixels without interface scale."""
+    blf.size(0, LETTERS)
+    return float(blf.dimensions(0, text)[0])
+
+
+def wrapped(layout: Any, text: str, *, icon: str = "NONE") -> None:
+    """Draw a text as labels that fit into the region, because labels do not wrap."""
+    room = _room() - MARGINS - (ICON if icon != "NONE" else 0)
+    line = ""
+    for word in text.split():
+        if line and wide(f"{line} {word}") > room:
+            layout.label(text=line, icon=icon)
+            line, icon = word, "BLANK1" if icon != "NONE" else "NONE"
+        else:
+            line = f"{line} {word}".strip()
+    layout.label(text=line, icon=icon)
+
+
+def _room() -> float:
+    """Width of the region that is being drawn, in pixels without interface scale."""
+    region = bpy.context.region
+    return NARROW if region is None else region.width / bpy.context.preferences.system.ui_scale

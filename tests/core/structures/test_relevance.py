@@ -1,0 +1,226 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A parameter is hidden exactly where no value of it changes the tree, bit for bit."""
+
+from __future__ import annotations
+
+import itertools
+from types import SimpleNamespace
+from typing import Any
+
+import halfspace_native as native
+import numpy as np
+import pytest
+
+from addon.core.structures import catalogue, relevance, settings
+from addon.core.structures.catalogue import Parameter, Structure
+
+KNOWN = catalogue.load()
+
+OF_RAYS = {relevance.NODES, relevance.TRAVERSAL, "shadow", "robust", "lazy", "beam_least"}
+"""Parameters that change how rays are traced, not the planes of the tree."""
+
+BY_CHANCE = {"slab"}
+"""Slabs are tried where triangles are parallel to a direction, which few scenes have for all structures."""
+
+CONTEXTS: tuple[dict[str, Any], ...] = (
+    {},
+    {"costs": "thesis"},
+    {"k": 3},
+    {"k": 3, "costs": "thesis"},
+    {"alpha": 0.0},
+    {"frames": 1},
+)
+
+
+def soup(rng: np.random.Generator, count: int) -> Any:
+    """Triangles of any direction."""
+    centres = rng.random((count, 1, 3)) * 8
+    return (centres + rng.standard_normal((count, 3, 3)) * 0.5).reshape(-1, 3)
+
+
+def boxes(rng: np.random.Generator, count: int) -> Any:
+    """Boxes parallel to the axes, as corners of triangles."""
+    corners = np.array(list(itertools.product((0, 1), repeat=3)), float)
+    faces = [(0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0, 5, 1)]
+    faces += [(2, 3, 7), (2, 7, 6), (0, 2, 6), (0, 6, 4), (1, 5, 7), (1, 7, 3)]
+    placed = [rng.random(3) * 8 + corners * rng.random(3) * 1.2 for _ in range(count)]
+    return np.concatenate([one[np.array(faces).reshape(-1)] for one in placed])
+
+
+def sheets(rng: np.random.Generator, count: int) -> Any:
+    """Tilted plates of 32 triangles in one plane."""
+    unit = np.array([(a + x, b + y) for a in range(4) for b in range(4) for x, y in ((0, 0), (1, 0), (0, 1))])
+    other = np.array([(a + x, b + y) for a in range(4) for b in range(4) for x, y in ((0, 1), (1, 0), (1, 1))])
+    cells = np.concatenate([unit, other]) * 0.4
+    turned = (np.linalg.qr(rng.standard_normal((3, 3)))[0][:2] for _ in range(count))
+    return np.concatenate([rng.random(3) * 8 + cells @ axes for axes in turned])
+
+
+def scenes() -> list[tuple[Any, Any]]:
+    """Vertices and triangles of several kinds of scenes."""
+    rng = np.random.default_rng(5)
+    mixed = np.concatenate([soup(rng, 150), boxes(rng, 8), sheets(rng, 4)])
+    found = [mixed, boxes(rng, 25), sheets(rng, 10), soup(rng, 500)]
+    return [(one.astype(np.float32), np.arange(len(one), dtype=np.int32).reshape(-1, 3)) for one in found]
+
+
+SCENES = scenes()
+
+
+def tree(scene: tuple[Any, Any], spec: str) -> tuple[Any, ...]:
+    """All that a build makes, without times and texts."""
+    made = native.build(*scene, spec, threads=1)
+    numbers = {key: value for key, value in made.statistics.items() if key not in ("build_seconds", "left_out")}
+    planes = made.split_polygons()
+    arrays = [planes[key].tobytes() for key in ("vertices", "offsets", "depth", "kind")]  # type: ignore[literal-required]
+    return repr(sorted(numbers.items())), *arrays
+
+
+def others(parameter: Parameter) -> list[Any]:
+    """Values of a parameter besides its default."""
+    if parameter.kind == "choice":
+        return [option for option in parameter.options if option != parameter.default]
+    low, high = parameter.minimum, parameter.maximum
+    assert low is not None
+    assert high is not None
+    if parameter.kind == "integer":
+        tried: list[Any] = [int(low), min(int(high), 5), min(int(high), 12), min(int(high), 1)]
+    else:
+        default = float(parameter.default)
+        tried = [low, min(high, default * 3), (low + min(high, 1.0)) / 2]
+    return [value for value in dict.fromkeys(tried) if low <= value <= high and value != parameter.default]
+
+
+def text(structure: Structure, values: dict[str, Any]) -> str:
+    """A configuration with these values, also of parameters that are not shown."""
+    return structure.id + ":" * bool(values) + ",".join(f"{key}={value}" for key, value in values.items())
+
+
+def acts(structure: Structure, parameter: Parameter, context: dict[str, Any], plain: list[Any]) -> bool:
+    """Whether any value of a parameter changes the tree of any scene. What is refused does not act."""
+    for scene, before in zip(SCENES, plain, strict=True):
+        for value in others(parameter):
+            try:
+                after = tree(scene, text(structure, {**context, parameter.name: value}))
+            except ValueError as error:
+                if parameter.name not in str(error):
+                    raise
+                return False
+            if after != before:
+                return True
+    return False
+
+
+@pytest.mark.parametrize("structure", KNOWN.structures, ids=lambda one: one.id)
+def test_exactly_what_changes_nothing_is_hidden(structure: Structure) -> None:
+    for context in CONTEXTS:
+        if any(structure.parameter(name) is None for name in context):
+            continue
+        values = relevance.effective(structure, context)
+        if any(values[name] != value for name, value in context.items()):
+            continue  # out of this structure's range
+        shown = set(relevance.relevant(structure, values))
+        plain = [tree(scene, text(structure, context)) for scene in SCENES]
+        for parameter in structure.parameters:
+            name = parameter.name
+            if name in OF_RAYS or name in context or (name in BY_CHANCE and parameter in shown):
+                continue
+            assert (parameter in shown) == acts(structure, parameter, context, plain), (structure.id, context, name)
+
+
+def test_a_lazy_build_is_offered_where_it_is_one() -> None:
+    kd = KNOWN["kd"]
+    for traversal in ("auto", "dir", "sung", "rope"):
+        for shadow in ("none", "cache", "beam"):
+            values = relevance.effective(kd, {"traversal": traversal, "shadow": shadow})
+            shown = "lazy" in {one.name for one in relevance.relevant(kd, values)}
+            given = f"kd:lazy=1,traversal={traversal},shadow={shadow}"
+            try:
+                waiting = native.build(*SCENES[-1], given).statistics["parts_waiting"] > 0
+            except ValueError as error:
+                if "lazy" not in str(error):
+                    raise
+                waiting = False
+            assert shown == waiting, given
+
+
+def test_hidden_values_stay_out_of_the_configuration() -> None:
+    one = KNOWN["bsp-wn-plus-kd"]
+    values = {"leaf_cost": 9.0, "k_small": 1.0, "alpha": 0.5}
+    assert settings.spec(one, values) == "bsp-wn-plus-kd:alpha=0.5,k_small=1,leaf_cost=9"
+    assert settings.spec(one, {**values, "costs": "thesis"}) == "bsp-wn-plus-kd:alpha=0.5,costs=thesis"
+    assert settings.spec(one, {**values, "k": 3}) == "bsp-wn-plus-kd:k=3,leaf_cost=9"
+
+
+def test_every_parameter_has_its_place() -> None:
+    for structure in KNOWN.structures:
+        values = relevance.effective(structure, {})
+        grouped = relevance.grouped(structure, values)
+        assert list(grouped) == list(relevance.GROUPS)
+        together = [one for parameters in grouped.values() for one in parameters]
+        assert sorted(one.name for one in together) == sorted(one.name for one in relevance.relevant(structure, values))
+        names = [one.name for one in grouped["main"]]
+        assert [name for name in names if name in ("k", "alpha")] == names[: len({"k", "alpha"} & set(names))]
+        assert len(names) <= 6, structure.id
+
+
+def choice(name: str, default: str, *options: str) -> Parameter:
+    return Parameter(name, name, "", "", "choice", default, None, None, options, tuple(map(str.upper, options)))
+
+
+def with_nodes() -> Any:
+    """A structure with three kinds of nodes, of which not all have every traversal."""
+    pairs = {"planes": ("auto", "dir", "sung"), "wide": ("auto", "flight"), "boxes": ("ordered",)}
+    ways = [SimpleNamespace(nodes=nodes, traversal=name) for nodes, names in pairs.items() for name in names]
+    parameters = (
+        choice("nodes", "planes", *pairs),
+        choice("traversal", "auto", "auto", "dir", "sung", "flight", "ordered", "never"),
+    )
+    found = {one.name: one for one in parameters}
+    return SimpleNamespace(id="new", parameters=parameters, ways=ways, parameter=found.get)
+
+
+def test_only_traversals_of_the_chosen_nodes_are_offered() -> None:
+    one = with_nodes()
+    for nodes, names in (("planes", ("auto", "dir", "sung")), ("wide", ("auto", "flight")), ("boxes", ("ordered",))):
+        assert relevance.traversals(one, {"nodes": nodes}) == names
+    # A stored traversal that the nodes do not have is replaced, and comes back with its nodes.
+    stored = {"nodes": "wide", "traversal": "sung"}
+    assert relevance.effective(one, stored) == {"nodes": "wide", "traversal": "auto"}
+    assert settings.spec(one, stored) == "new:nodes=wide"
+    assert settings.spec(one, {**stored, "nodes": "boxes"}) == "new:nodes=boxes,traversal=ordered"
+    assert settings.spec(one, {**stored, "nodes": "planes"}) == "new:traversal=sung"
+
+
+@pytest.mark.parametrize("structure", KNOWN.structures, ids=lambda one: one.id)
+def test_what_is_offered_is_understood(structure: Structure) -> None:
+    """Every traversal that a menu offers builds, and every other one of the registry is refused."""
+    parameter = structure.parameter(relevance.TRAVERSAL)
+    widths = structure.parameter("width")
+    nodes = structure.parameter(relevance.NODES)
+    for width in widths.options if widths is not None else ("",):
+        for kind in nodes.options if nodes is not None else ("",):
+            values = {name: value for name, value in (("width", width), ("nodes", kind)) if value}
+            offered = relevance.traversals(structure, values)
+            assert bool(offered) == (parameter is not None)
+            for traversal in parameter.options if parameter is not None else ():
+                given = text(structure, {**values, "traversal": traversal})
+                if traversal in offered:
+                    native.build(*SCENES[0], given)
+                else:
+                    with pytest.raises(ValueError, match=traversal):
+                        native.build(*SCENES[0], given)
+
+
+def test_choices_have_names() -> None:
+    for structure in KNOWN.structures:
+        for parameter in structure.parameters:
+            labels = [parameter.label_of(option) for option in parameter.options]
+            assert len(set(labels)) == len(labels)
+            assert all(label[0].isupper() or label[0].isdecimal() for label in labels), labels
+    row = {"name": "a", "label": "A", "doc": "", "unit": "", "kind": "choice", "default": "x", "min": None, "max": None}
+    for labels in (["One", "Two"], {"x": "One", "y": "Two"}):
+        parameter = catalogue._parameter({**row, "options": ["x", "y"], "labels": labels, "group": "costs"})
+        assert [parameter.label_of(option) for option in "xyz"] == ["One", "Two", "z"]
+        assert relevance.group(parameter) == "costs"
+    assert catalogue._parameter({**row, "options": ["ta-b", "1"]}).labels == ("Ta b", "1")
