@@ -6,7 +6,7 @@ import bpy
 from .measure import checking, compare_operators, cost_maps
 from .overlay import drawing, picking
 from .read import sky
-from .render import engine, viewport
+from .render import engine, running, viewport
 from .samples import operators
 from .session import building, reports
 from .settings import overlay_settings, presets, properties
@@ -15,6 +15,7 @@ from .ui import compare_panels, compat, manual, overlay_panels, panels, structur
 
 def register() -> None:
     """Register settings first, then the panels that show them, then the engine, then Blender's own panels for it."""
+    running.start()
     overlay_settings.register()
     properties.register()
     operators.register()
@@ -35,7 +36,8 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Undo `register` in reverse order."""
+    """Undo `register` in reverse order, after the end of all renders: they need classes and settings."""
+    running.stop()
     compat.unregister(engine.ENGINE)
     bpy.utils.unregister_class(engine.HalfspaceEngine)
     viewport.stop()

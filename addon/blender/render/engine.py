@@ -24,6 +24,7 @@ from ..measure import comparing, workloads
 from ..read import camera, extract, passes, remarks, view_layers
 from ..session import reports, trees
 from ..settings import properties
+from . import running
 from .viewport import Viewport
 
 if TYPE_CHECKING:
@@ -76,7 +77,11 @@ class HalfspaceEngine(bpy.types.RenderEngine):
 
     def render(self, depsgraph: Any) -> None:
         """Render one view layer of one frame. An error is reported once, and no incomplete result is kept."""
-        picture = _Picture(self, depsgraph)
+        if not running.closing():
+            with running.picture(self):
+                self._render(_Picture(self, depsgraph))
+
+    def _render(self, picture: _Picture) -> None:
         try:
             picture.render()
         except Cancelled:
@@ -312,15 +317,15 @@ class _Picture:
         return chooser.result
 
     def _reading(self) -> bool:
-        return not self.engine.test_break()
+        return not running.closing() and not self.engine.test_break()
 
     def _building(self, progress: float) -> bool:
         self.engine.update_progress(BUILD_SHARE * progress)
-        return not self.engine.test_break()
+        return self._reading()
 
     def _tracing(self, progress: float) -> bool:
         self.engine.update_progress(BUILD_SHARE + (1 - BUILD_SHARE) * progress)
-        return not self.engine.test_break()
+        return self._reading()
 
     def _fill(self, job: Any, buffers: dict[str, np.ndarray[Any, Any]], origin: np.ndarray[Any, Any]) -> None:
         """Copy the current picture into Blender's open result."""

@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Unregistering waits for renders on other threads, ends them, and does not begin another."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import bpy
+import pytest
+from shapes import cube
+
+from addon.blender.render import running
+from addon.blender.render.engine import HalfspaceEngine
+
+
+@pytest.fixture(autouse=True)
+def _restart() -> Iterator[None]:
+    yield
+    running.start()
+
+
+class Engine:
+    """Stands for an engine; it can be freed."""
+
+
+def render_until_closing(begun: threading.Event, log: list[str]) -> None:
+    """A render that ends a moment after it was told to, and an engine that Blender frees a moment later."""
+    engine = Engine()
+    with running.picture(engine):
+        begun.set()
+        while not running.closing():
+            time.sleep(0.001)
+        time.sleep(0.05)
+        log.append("render has ended")
+    time.sleep(0.05)
+    del engine
+    log.append("engine is freed")
+
+
+def test_closing_waits_for_the_end_of_a_render_and_of_its_engine() -> None:
+    begun, log = threading.Event(), []  # type: ignore[var-annotated]
+    thread = threading.Thread(target=render_until_closing, args=(begun, log))
+    thread.start()
+    assert begun.wait(10)
+    running.stop()
+    log.append("closed")
+    thread.join()
+    assert log[0] == "render has ended"
+    assert log[1:] in (["engine is freed", "closed"], ["closed", "engine is freed"])
+    assert not running._threads
+    assert not any(isinstance(one, Engine) for one in running._engines)
+
+
+def test_closing_from_the_rendering_thread_does_not_wait_for_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(running, "END_SECONDS", 60.0)
+    engine = Engine()
+    start = time.monotonic()
+    with running.picture(engine), running.picture(engine):
+        running.stop()
+    assert time.monotonic() - start < 30
+
+
+def test_a_render_that_does_not_end_is_reported(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(running, "END_SECONDS", 0.05)
+    monkeypatch.setitem(running._threads, -1, 1)
+    with caplog.at_level(logging.WARNING):
+        running.stop()
+    assert "did not end" in caplog.text
+
+
+@pytest.mark.parametrize("closing", [False, True])
+def test_no_render_begins_while_closing(
+    scene: Any, add: Any, monkeypatch: pytest.MonkeyPatch, *, closing: bool
+) -> None:
+    add("Cube", cube())
+    scene.camera = add("Camera", bpy.data.cameras.new("Camera"), location=(0, 0, 9))
+    scene.render.engine, scene.render.resolution_x, scene.render.resolution_y = "HALFSPACE", 8, 8
+    scene.halfspace.samples = 1
+    begun: list[Any] = []
+    original = HalfspaceEngine._render
+
+    def begin(engine: Any, picture: Any) -> None:
+        begun.append(picture)
+        original(engine, picture)
+
+    monkeypatch.setattr(HalfspaceEngine, "_render", begin)
+    if closing:
+        running._closing.set()
+    bpy.ops.render.render()
+    assert len(begun) == (0 if closing else 1)
+
+
+def test_a_render_stops_when_the_engine_closes(scene: Any, add: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    add("Cube", cube())
+    scene.camera = add("Camera", bpy.data.cameras.new("Camera"), location=(0, 0, 9))
+    scene.render.engine, scene.render.resolution_x, scene.render.resolution_y = "HALFSPACE", 640, 480
+    scene.halfspace.samples = 1 << 20
+    timer = threading.Timer(1.0, running._closing.set)
+    timer.start()
+    bpy.ops.render.render()  # a million samples would take hours
+    timer.join()
+    assert not running._threads
