@@ -13,7 +13,7 @@ from bpy_extras import view3d_utils
 
 from ...core.base import native
 from ...core.overlay import beams
-from ..session import trees
+from ..session import building, trees
 
 
 @dataclass(frozen=True)
@@ -39,6 +39,9 @@ class Ray:
         place, direction = (np.array(part, np.float64) for part in self.within(origin))
         return beams.tile(place, direction, np.array(self.up), spacing * self.pixel, parallel=self.parallel)
 
+
+POLL_SECONDS = 0.2
+"""Interval at which a build is observed, in seconds."""
 
 _rays: dict[int, Ray] = {}
 """By the scene's `session_uid`."""
@@ -83,6 +86,13 @@ def under(event: Any, screen: Any) -> Ray | None:
     return None
 
 
+def _show_status(context: Any) -> None:
+    """Show in the status bar what a click does, and how far the structure is."""
+    missing = trees.last(context.scene) is None
+    progress = f"Building the structure: {building.progress() or 0.0:.0%}   " if missing else ""
+    context.workspace.status_text_set(f"{progress}Click: keep this ray   Esc: leave")
+
+
 class HALFSPACE_OT_pick_ray(bpy.types.Operator):
     """Shows the path of the ray under the cursor."""
 
@@ -111,6 +121,8 @@ class HALFSPACE_OT_pick_ray(bpy.types.Operator):
     _before: tuple[Ray | None, bool, set[str]] = (None, False, set())
     """The ray and the overlay's settings before the operator."""
 
+    _timer: Any = None
+
     @classmethod
     def poll(cls, context: Any) -> bool:
         return native.problem() is None and context.scene is not None
@@ -128,24 +140,30 @@ class HALFSPACE_OT_pick_ray(bpy.types.Operator):
         return {"FINISHED"}
 
     def invoke(self, context: Any, event: Any) -> set[str]:
-        """Start to follow the cursor."""
-        if trees.last(context.scene) is None:
-            self.report({"ERROR"}, "There is no structure yet: use Build Structure first")
-            return {"CANCELLED"}
+        """Start to follow the cursor; without a structure its build starts, too."""
         settings = context.scene.halfspace.overlay
         self._before = last(context.scene), settings.show, set(settings.parts)
         settings.show = True
         if not settings.parts & {"RAY", "BEAM"}:
             settings.parts |= {"RAY"}
+        if trees.last(context.scene) is None:
+            building.need(context.scene)
         context.window.cursor_modal_set("EYEDROPPER")
-        context.workspace.status_text_set("Click: keep this ray   Esc: leave")
+        self._timer = context.window_manager.event_timer_add(POLL_SECONDS, window=context.window)
         context.window_manager.modal_handler_add(self)
+        _show_status(context)
         return {"RUNNING_MODAL"}
 
     def modal(self, context: Any, event: Any) -> set[str]:
         """Follow the mouse until a click."""
         if event.type in {"ESC", "RIGHTMOUSE"}:
             return self._leave(context)
+        if event.type == "TIMER":
+            if trees.last(context.scene) is None and (problem := building.problem()):
+                self.report({"ERROR"}, problem)
+                return self._leave(context)
+            _show_status(context)
+            return {"PASS_THROUGH"}  # events do not identify their timer
         if event.type in {"MOUSEMOVE", "LEFTMOUSE"}:
             ray = under(event, context.screen)
             if ray is not None:
@@ -170,6 +188,7 @@ class HALFSPACE_OT_pick_ray(bpy.types.Operator):
         return {"CANCELLED"}
 
     def _end(self, context: Any) -> None:
+        context.window_manager.event_timer_remove(self._timer)
         context.window.cursor_modal_restore()
         context.workspace.status_text_set(None)
 

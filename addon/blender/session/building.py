@@ -87,11 +87,16 @@ def request(scene: Any) -> None:
     """Schedule a rebuild of this scene's structure, if its overlay wants one, after REST_SECONDS; stops a running
     build.
     """
-    group = scene.halfspace
-    if native.problem() is not None or not (group.overlay.show and group.overlay.auto_update):
+    overlay = scene.halfspace.overlay
+    if overlay.show and overlay.auto_update:
+        need(scene)
+
+
+def need(scene: Any) -> None:
+    """The same for what cannot do without a structure, whatever the overlay wants."""
+    if native.problem() is not None or trees.usable(scene, properties.spec(scene.halfspace)) is not None:
         return
-    if trees.usable(scene, properties.spec(group)) is not None:
-        return
+    _Background.problem = ""
     _Background.wish = scene.original.session_uid
     _Background.wished_at = time.monotonic()
     if not bpy.app.background and not bpy.app.timers.is_registered(_tick):

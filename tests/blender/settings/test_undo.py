@@ -56,6 +56,7 @@ class Picker:
     """The operator's own part, which Blender makes only in a window."""
 
     _before: Any = None
+    _timer: Any = None
     _end = picking.HALFSPACE_OT_pick_ray._end
     _leave = picking.HALFSPACE_OT_pick_ray._leave
 
@@ -71,7 +72,9 @@ def test_a_click_beside_all_views_leaves_the_ray_as_it_was(seen: Any, monkeypatc
         screen=None,
         window=SimpleNamespace(cursor_modal_set=nothing, cursor_modal_restore=nothing),
         workspace=SimpleNamespace(status_text_set=nothing),
-        window_manager=SimpleNamespace(modal_handler_add=nothing),
+        window_manager=SimpleNamespace(
+            modal_handler_add=nothing, event_timer_add=lambda *_, **__: None, event_timer_remove=nothing
+        ),
     )
     first, other = (picking.Ray((x, 0.0, 9.0), (0.0, 0.0, -1.0)) for x in (0.0, 1.0))
     picking.keep(seen, first)
