@@ -9,6 +9,7 @@ from functools import cache
 from typing import Any
 
 from ..base import native
+from .names import name_of
 
 Value = int | float | str
 
@@ -144,7 +145,7 @@ def _labels(row: Mapping[str, Any], options: tuple[str, ...]) -> tuple[str, ...]
     """The names of a choice's options; those of a registry without names are made from the values."""
     given = row.get("labels") or {}
     named = given if isinstance(given, Mapping) else dict(zip(options, given, strict=True))
-    return tuple(named.get(option) or option.replace("-", " ").capitalize() for option in options)
+    return tuple(named.get(option) or name_of(row["name"], option) for option in options)
 
 
 def _widen(a: Parameter, b: Parameter) -> Parameter:

@@ -223,4 +223,13 @@ def test_choices_have_names() -> None:
         parameter = catalogue._parameter({**row, "options": ["x", "y"], "labels": labels, "group": "costs"})
         assert [parameter.label_of(option) for option in "xyz"] == ["One", "Two", "z"]
         assert relevance.group(parameter) == "costs"
-    assert catalogue._parameter({**row, "options": ["ta-b", "1"]}).labels == ("Ta b", "1")
+    assert catalogue._parameter({**row, "options": ["to-do", "1"]}).labels == ("To do", "1")
+    assert catalogue._parameter({**row, "name": "traversal", "options": ["ta-b"]}).labels == ("TA-B",)
+
+
+def test_no_choice_is_shown_as_a_code_word() -> None:
+    words = {"auto", "widen", "clean", "dir", "seq", "pbrt", "fitted"}
+    for structure in KNOWN.structures:
+        for parameter in structure.parameters:
+            labels = {parameter.label_of(option).lower() for option in parameter.options}
+            assert not labels & words, (structure.id, parameter.name)
