@@ -43,12 +43,21 @@ class Quantity:
 
 
 QUANTITIES = (
-    Quantity("STEPS", "Traversal steps", "per ray", "Inner nodes that the ray of each pixel visits"),
+    Quantity(
+        "STEPS",
+        "Traversal steps",
+        "per ray",
+        "Nodes that the ray of each pixel visits, alone or together with others, leaves included",
+    ),
     Quantity("TESTS", "Triangle tests", "per ray", "Triangles that the ray of each pixel is tested against"),
     Quantity(
         "TIME", "Time", "ns per ray", "Nanoseconds that a ray takes, the mean of each 8 × 8 pixels, on one thread"
     ),
 )
+
+
+COUNTERS = {"STEPS": "visits", "TESTS": "tests"}
+"""The counters of quantities: of rays that are traced together, steps are counted for one, visits for each."""
 
 
 def quantity(key: str) -> Quantity:
@@ -88,7 +97,7 @@ def measure(structure: Structure, workload: Workload, size: tuple[int, int], key
         per_tile = _nanoseconds(structure, primary)
         values = np.repeat(per_tile, rays.TILE**2)
     else:
-        values = counting.counters(structure, primary, 0)[key.lower()].astype(np.float32)
+        values = counting.counters(structure, primary, 0)[COUNTERS[key]].astype(np.float32)
     picture = np.empty(width * height, np.float32)
     picture[tiles] = values
     return picture.reshape(height, width)[::-1].copy()

@@ -41,7 +41,7 @@ def test_maps_are_the_counters_of_each_pixel(seen: Any) -> None:
         origin = np.array(seen.camera.location) - workloads_origin()
         hits = tree.closest(origin[None].astype(np.float32), np.array([[x, y, -1.0]], np.float32), counters=True)
         assert tests[row, column] == hits.counters["tests"][0]
-        assert abs(int(steps[row, column]) - int(hits.counters["steps"][0])) <= 1
+        assert abs(int(steps[row, column]) - int(hits.counters["visits"][0])) <= 1
     assert steps.max() > steps.min() == 0  # rays that pass the scene's box cost nothing
     nanoseconds = costmap.measure(tree, workload, (64, 32), "TIME")
     assert np.isfinite(nanoseconds).all()
