@@ -14,7 +14,8 @@ from shapes import cube
 from addon.blender.measure import checking, comparing, cost_maps, lettering, workloads
 from addon.blender.session import building
 from addon.core.base import native
-from addon.core.measure import costmap
+from addon.core.measure import costmap, counting
+from addon.core.scene import rays
 from addon.core.structures import catalogue
 
 
@@ -46,6 +47,16 @@ def test_maps_are_the_counters_of_each_pixel(seen: Any) -> None:
     nanoseconds = costmap.measure(tree, workload, (64, 32), "TIME")
     assert np.isfinite(nanoseconds).all()
     assert (nanoseconds[:8, :8] == nanoseconds[0, 0]).all()
+
+
+@pytest.mark.parametrize("structure", ["kd:traversal=dir", "octree-beam"])
+def test_steps_are_the_visits_of_every_ray(seen: Any, structure: str) -> None:
+    workload = workloads.current("boxes", (64, 32))
+    tree = native.load().build(workload.vertices, workload.triangles, structure)
+    steps = costmap.measure(tree, workload, (64, 32), "STEPS")
+    (primary,) = rays.make(workload, tree, size=(64, 32), seed=0, names=("primary",))[:1]
+    counters = counting.counters(tree, primary, 0)
+    assert steps.sum() == counters["visits"].sum() > counters["steps"].sum()
 
 
 def workloads_origin() -> np.ndarray[Any, Any]:

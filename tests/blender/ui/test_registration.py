@@ -101,6 +101,21 @@ def test_panels_appear_and_unsupported_ones_do_not() -> None:
     assert not listed & compat.EXCLUDED
 
 
+def test_a_panel_that_shares_its_set_of_engines_shows_no_other(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Blender gives its panel of lights and that of the editor of nodes one set of engines."""
+    compat.unregister(ENGINE)
+    try:
+        monkeypatch.setattr(compat, "EXCLUDED", {"DATA_PT_light"})
+        compat.register(ENGINE)
+        listed = {panel for panel, engine in engines_of_panels() if engine == ENGINE}
+        assert "DATA_PT_light" not in listed
+        assert not hasattr(bpy.types, "NODE_DATA_PT_light") or "NODE_DATA_PT_light" in listed
+    finally:
+        compat.unregister(ENGINE)
+        monkeypatch.undo()
+        compat.register(ENGINE)
+
+
 def test_without_the_native_module_everything_registers_and_rendering_says_why(
     monkeypatch: pytest.MonkeyPatch, scene: object
 ) -> None:
