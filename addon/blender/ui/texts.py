@@ -14,6 +14,9 @@ NARROW = 245
 MARGINS = 50
 """Pixels of a region beside the text of its panels, boxes included."""
 
+TABS = 24
+"""Pixels of the tabs beside a sidebar, which are part of its region."""
+
 ICON = 26
 """Pixels of an icon."""
 
@@ -43,4 +46,7 @@ def wrapped(layout: Any, text: str, *, icon: str = "NONE") -> None:
 def _room() -> float:
     """Width of the region that is being drawn, in pixels without interface scale."""
     region = bpy.context.region
-    return NARROW if region is None else region.width / bpy.context.preferences.system.ui_scale
+    if region is None:
+        return NARROW
+    width = region.width / bpy.context.preferences.system.ui_scale
+    return float(width - TABS if region.type == "UI" else width)
