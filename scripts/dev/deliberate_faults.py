@@ -320,7 +320,7 @@ FAULTS = (
     ),
     Fault(
         "rays of a packet not split by their signs",
-        "native/trace/src/packet/mod.rs",
+        "native/trace/src/packet/rays.rs",
         "*own == signs",
         "true",
         ALL,
@@ -334,14 +334,14 @@ FAULTS = (
     ),
     Fault(
         "triangles skipped that some rays of a packet see edge-on",
-        "native/trace/src/packet/leaf.rs",
+        "native/trace/src/packet/prepare.rs",
         "(one_sided & (outside | beyond))",
         "(outside | beyond)",
         PACKETS,
     ),
     Fault(
         "packets that look no farther than their middle",
-        "native/trace/src/packet/leaf.rs",
+        "native/trace/src/packet/prepare.rs",
         "(det + det_half).mul_add(far, doubt)",
         "(det - det_half).mul_add(far, doubt)",
         PACKETS,

@@ -5,6 +5,7 @@ pub mod batch;
 pub mod beam;
 pub mod first_hit;
 pub mod flight;
+pub mod input;
 pub mod kernel;
 pub mod packet;
 pub mod pending;

@@ -74,8 +74,8 @@ impl Late {
             return;
         }
         // Compute all answers in f64 vectors; lanes that are too close to call get the scalar exact test.
-        let lines = (&self.o, &self.d, &self.to_scene);
-        let (certain, [t, u, v]) = tile_verdict::apart(simd, lines, &self.corners);
+        let (certain, [t, u, v]) =
+            tile_verdict::apart(simd, &self.o, &self.d, &self.to_scene, &self.corners);
         for lane in 0..std::mem::take(&mut self.waiting).min(LANES) {
             let (place, triangle) = (self.places[lane], self.triangles[lane]);
             let hit = if certain >> lane & 1 == 1 {

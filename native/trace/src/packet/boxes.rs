@@ -2,17 +2,18 @@
 //! Packet traversal of box trees: each box of a node is tested against all rays, one ray per lane. The next box
 //! is the one that the first active ray in it enters soonest.
 
-use crate::packet::walk::PacketTree;
-use crate::packet::{self, Group, MOST, Packet, Width, leaf as packet_leaf};
+use crate::input::Input;
+use crate::packet::leaf::{self, Active};
+use crate::packet::traversal::PacketTree;
+use crate::packet::{self, Group, MOST, Packet, Width};
 use crate::pending::{Waits, make_room};
 use crate::single::objects::boxes as box_tree;
 use crate::tile::Row;
 use fearless_simd::{Select, Simd, SimdBase, SimdFloat};
 use halfspace_geom::bound::{keep_max_each, keep_min_each};
-use halfspace_leaf::{Job, Leaf};
-use halfspace_nodes::box_tree::{BoxTree, INNER};
+use halfspace_leaf::Leaf;
+use halfspace_nodes::box_tree::{BoxTree, INNER, Wide};
 use halfspace_nodes::plane_tree::MAX_DEPTH;
-use halfspace_ray::Ray;
 use halfspace_ray::query::{Counters, Query};
 
 /// A stack entry: a box still to visit and the entry distance of each ray, infinite for rays that miss it.
@@ -55,12 +56,12 @@ impl<const W: usize> PacketTree for BoxTree<W> {
     }
 
     #[inline(always)]
-    fn follow_packet<S: Simd, Q: Query, C: Counters, L: Width>(
+    fn trace_group<S: Simd, Q: Query, C: Counters, L: Width>(
         &self,
         simd: S,
-        Job { blocks, .. }: Job<'_>,
-        rays: &[Ray],
-        (packet, group): (&mut Packet, Group),
+        input: Input<'_>,
+        packet: &mut Packet,
+        group: Group,
         stack: &mut [Pending],
         counters: &mut [C],
     ) {
@@ -70,54 +71,14 @@ impl<const W: usize> PacketTree for BoxTree<W> {
         let ends = packet::load::<S, L>(simd, &packet.reach);
         let mut enters = packet.enter(group);
         let mut waiting = 0;
-        // Per child of the node: the mask of rays that hit it, and their entry distances.
-        let mut lanes_of = [0; W];
-        let mut entries = [[f32::INFINITY; MOST]; W];
+        let mut hits = Hits::none();
         let mut node = &self.nodes[0];
         loop {
             counters[charged].step_boxes();
-            // Choose the near and the far plane row of each axis; all rays of a group share their direction
-            // signs.
             let inside = packet::load::<S, L>(simd, &enters);
             let reach = packet::load::<S, L>(simd, &packet.reach);
-            let base = waiting;
-            let side = |k: usize, far: u32| {
-                let back = group.signs >> k & 1;
-                &node.bounds[k + 3 * (back ^ far) as usize]
-            };
-            let near = [side(0, 0), side(1, 0), side(2, 0)];
-            let far = [side(0, 1), side(1, 1), side(2, 1)];
-            // Test all boxes before the first is pushed: a branch for each would often be mispredicted.
-            let mut met = 0_u32;
-            for child in 0..W {
-                let (mut enter, mut leave) = (inside, reach);
-                for (k, [inv, before, behind]) in slabs.into_iter().enumerate() {
-                    let (soon, late) = (near[k][child], far[k][child]);
-                    // NaN bounds nothing.
-                    enter = keep_max_each(L::Vector::splat(simd, soon).mul_add(inv, before), enter);
-                    leave = keep_min_each(L::Vector::splat(simd, late).mul_add(inv, behind), leave);
-                }
-                // Rays that miss this box are inactive in the subtree.
-                let outside = L::Vector::splat(simd, f32::INFINITY);
-                let entered = enter.simd_le(leave).select(enter, outside);
-                packet::store::<S, L>(entered, &mut entries[child]);
-                lanes_of[child] = packet::live::<S, L>(enter, leave);
-                met |= u32::from(lanes_of[child] != 0 && node.count[child] != 0) << child;
-            }
-            // Push the boxes that are hit, sorted by entry distance with the nearest on top.
-            while met != 0 {
-                let child = met.trailing_zeros() as usize % W;
-                met &= met - 1;
-                let (lanes, own) = (lanes_of[child], entries[child]);
-                let first = own[lanes.trailing_zeros() as usize % MOST];
-                let at = make_room(stack, base, &mut waiting, first);
-                stack[at] = Pending {
-                    first,
-                    link: node.link[child],
-                    count: node.count[child],
-                    enter: own,
-                };
-            }
+            let met = hits.test::<S, L>(simd, node, &slabs, group.signs, inside, reach);
+            hits.push(node, met, stack, &mut waiting);
 
             // Pop the nearest box, and test leaves until an inner node comes up.
             node = loop {
@@ -137,18 +98,94 @@ impl<const W: usize> PacketTree for BoxTree<W> {
                     enters = next.enter;
                     break &self.nodes[next.link as usize];
                 }
-                let leaf = Leaf {
+                let own = Leaf {
                     first: next.link,
                     count: next.count as usize,
                 };
                 // Prefetch the leaf, and the entry that follows it.
-                blocks.fetch_ahead(leaf.first);
+                input.blocks.fetch_ahead(own.first);
                 if let Some(further) = stack[..waiting].last() {
-                    self.fetch_ahead((further.link, further.count), blocks);
+                    self.fetch_ahead((further.link, further.count), input.blocks);
                 }
-                counters[charged].leaf(leaf.count);
-                let cell = (lanes, &ends);
-                packet_leaf::test::<S, Q, C, L>(simd, (blocks, rays), leaf, packet, cell, counters);
+                counters[charged].leaf(own.count);
+                let active = Active {
+                    lanes,
+                    leave: &ends,
+                };
+                leaf::test::<S, Q, C, L>(simd, input, own, packet, active, counters);
+            };
+        }
+    }
+}
+
+/// The rays that hit each box of a node.
+struct Hits<const W: usize> {
+    /// Mask of the rays, per box.
+    lanes: [u64; W],
+    /// Entry distances, infinite for rays that miss the box.
+    enter: [Row; W],
+}
+
+impl<const W: usize> Hits<W> {
+    #[inline(always)]
+    fn none() -> Self {
+        Self {
+            lanes: [0; W],
+            enter: [[f32::INFINITY; MOST]; W],
+        }
+    }
+
+    /// Tests rays of common direction signs, inside the node between `inside` and `reach`, against all boxes of
+    /// the node. Returns the mask of the boxes that some ray hits.
+    #[inline(always)]
+    fn test<S: Simd, L: Width>(
+        &mut self,
+        simd: S,
+        node: &Wide<W>,
+        slabs: &[[L::Vector<S>; 3]; 3],
+        signs: u32,
+        inside: L::Vector<S>,
+        reach: L::Vector<S>,
+    ) -> u32 {
+        // Choose the near and the far plane row of each axis; the signs are the same for all rays.
+        let side = |k: usize, far: u32| &node.bounds[k + 3 * ((signs >> k & 1) ^ far) as usize];
+        let near = [side(0, 0), side(1, 0), side(2, 0)];
+        let far = [side(0, 1), side(1, 1), side(2, 1)];
+        // Test all boxes before the first is pushed: a branch for each would often be mispredicted.
+        let mut met = 0_u32;
+        for child in 0..W {
+            let (mut enter, mut leave) = (inside, reach);
+            for (k, &[inv, before, behind]) in slabs.iter().enumerate() {
+                let (soon, late) = (near[k][child], far[k][child]);
+                // NaN bounds nothing.
+                enter = keep_max_each(L::Vector::splat(simd, soon).mul_add(inv, before), enter);
+                leave = keep_min_each(L::Vector::splat(simd, late).mul_add(inv, behind), leave);
+            }
+            // Rays that miss this box are inactive in the subtree.
+            let outside = L::Vector::splat(simd, f32::INFINITY);
+            let entered = enter.simd_le(leave).select(enter, outside);
+            packet::store::<S, L>(entered, &mut self.enter[child]);
+            self.lanes[child] = packet::live::<S, L>(enter, leave);
+            met |= u32::from(self.lanes[child] != 0 && node.count[child] != 0) << child;
+        }
+        met
+    }
+
+    /// Pushes the boxes of `met`, sorted by entry distance with the nearest on top.
+    #[inline(always)]
+    fn push(&self, node: &Wide<W>, mut met: u32, stack: &mut [Pending], waiting: &mut usize) {
+        let base = *waiting;
+        while met != 0 {
+            let child = met.trailing_zeros() as usize % W;
+            met &= met - 1;
+            let (lanes, enter) = (self.lanes[child], self.enter[child]);
+            let first = enter[lanes.trailing_zeros() as usize % MOST];
+            let at = make_room(stack, base, waiting, first);
+            stack[at] = Pending {
+                first,
+                link: node.link[child],
+                count: node.count[child],
+                enter,
             };
         }
     }

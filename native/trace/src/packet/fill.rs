@@ -2,7 +2,7 @@
 //! Filling a packet: rays are scaled into the frame and clipped to the scene's box, 16 lanes at once.
 
 use crate::packet::{MOST, Packet, Sixteen, live, store};
-use crate::tile::{self, Held, Numbers, ORDINARY};
+use crate::tile::{self, Deferred, Numbers, ORDINARY};
 use fearless_simd::{
     Bytes, Select, Simd, SimdBase, SimdFloat, SimdMask, f32x16, mask32x16, u32x16,
 };
@@ -58,8 +58,8 @@ impl Packet {
         known: Option<&[Hit; MOST]>,
     ) -> u64 {
         self.blocked = 0;
-        self.held = Held::none();
-        let mut there = self.take(simd, rays);
+        self.deferred = Deferred::none();
+        let mut there = self.load_rays(simd, rays);
         // A scaled frame rounds origins: all rays are then traced one by one.
         if !frame.is_scene() {
             self.odd |= there;
@@ -68,17 +68,17 @@ impl Packet {
         if let Some(known) = known {
             for (i, hit) in known.iter().enumerate().take(self.count) {
                 if hit.is_hit() {
-                    self.know(i, *hit);
+                    self.set_hit(i, *hit);
                 }
             }
         }
-        self.odd | self.cut(simd, frame) & there
+        self.odd | self.clip(simd, frame) & there
     }
 
     /// Loads the regular rays, one per lane, and returns their mask. The other lanes get a ray that meets
     /// nothing.
     #[inline(always)]
-    fn take<S: Simd>(&mut self, simd: S, rays: &[Ray]) -> u64 {
+    fn load_rays<S: Simd>(&mut self, simd: S, rays: &[Ray]) -> u64 {
         let splat = |x: f32| f32x16::splat(simd, x);
         let count = self.count.min(MOST);
         let filled = (1_u64 << count) - 1;
@@ -132,7 +132,7 @@ impl Packet {
 
     /// Clips the rays to the scene's box, as [`Frame::ray`] does, and returns the mask of those that meet it.
     #[inline(always)]
-    fn cut<S: Simd>(&mut self, simd: S, frame: &Frame) -> u64 {
+    fn clip<S: Simd>(&mut self, simd: S, frame: &Frame) -> u64 {
         let splat = |x: f32| f32x16::splat(simd, x);
         let bounds = frame.bounds();
         let magnitude = splat(bounds.magnitude());

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The kernels of packets: 4, 8 or 16 rays, one to a lane, whatever their order.
 
-use super::walk::{PacketTree, Packets};
+use super::traversal::{PacketTree, Packets};
 use super::{Eight, Four, Sixteen, Width};
 use crate::batch::Batch;
 use crate::kernel::{Kernel, Uncounted, store};

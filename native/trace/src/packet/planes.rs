@@ -3,17 +3,18 @@
 //! packet may disagree about the near side of an oblique plane; the first ray decides the order, and each ray
 //! keeps its own interval in both children.
 
-use crate::packet::walk::PacketTree;
-use crate::packet::{self, Group, MOST, Packet, Width, leaf as packet_leaf};
+use crate::input::Input;
+use crate::packet::leaf::{self, Active};
+use crate::packet::traversal::PacketTree;
+use crate::packet::{self, Group, MOST, Packet, Width};
 use crate::single::planes::dir as plane_dir;
 use crate::tile::Row;
 use fearless_simd::{Select, Simd, SimdBase, SimdFloat, SimdMask};
 use halfspace_geom::bound::{keep_max_each, keep_min_each};
-use halfspace_leaf::{Job, Leaf};
+use halfspace_leaf::Leaf;
 use halfspace_nodes::lazy_tree::LazyTree;
 use halfspace_nodes::plane_tree::{MAX_DEPTH, Node, PlaneTree, near_child};
 use halfspace_nodes::planes::{Inside, Planes};
-use halfspace_ray::Ray;
 use halfspace_ray::query::{Counters, Query};
 
 /// A stack entry: a node and the interval of each ray in it.
@@ -23,9 +24,6 @@ pub struct Pending<A> {
     enter: Row,
     leave: Row,
 }
-
-/// A child's number and the interval of each ray in it.
-type Part<S, L> = (u32, <L as Width>::Vector<S>, <L as Width>::Vector<S>);
 
 macro_rules! packets_of_planes {
     ($tree:ty) => {
@@ -47,16 +45,16 @@ macro_rules! packets_of_planes {
             }
 
             #[inline(always)]
-            fn follow_packet<'a, S: Simd, Q: Query, C: Counters, L: Width>(
+            fn trace_group<'a, S: Simd, Q: Query, C: Counters, L: Width>(
                 &'a self,
                 simd: S,
-                triangles: Job<'_>,
-                rays: &[Ray],
-                packet: (&mut Packet, Group),
+                input: Input<'_>,
+                packet: &mut Packet,
+                group: Group,
                 stack: &mut [Self::Pending<'a>],
                 counters: &mut [C],
             ) {
-                follow::<S, _, Q, C, L>(simd, self, triangles, rays, packet, stack, counters);
+                trace::<S, _, Q, C, L>(simd, self, input, packet, group, stack, counters);
             }
         }
     };
@@ -65,26 +63,64 @@ macro_rules! packets_of_planes {
 packets_of_planes!(PlaneTree);
 packets_of_planes!(LazyTree);
 
-/// Traverses the tree with one group of a packet.
+/// The interval of each ray in a node.
+struct Intervals<S: Simd, L: Width> {
+    enter: L::Vector<S>,
+    leave: L::Vector<S>,
+}
+
+impl<S: Simd, L: Width> Clone for Intervals<S, L> {
+    #[inline(always)]
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<S: Simd, L: Width> Copy for Intervals<S, L> {}
+
+impl<S: Simd, L: Width> Intervals<S, L> {
+    /// Mask of the rays that are inside the node.
+    #[inline(always)]
+    fn live(self) -> u64 {
+        packet::live::<S, L>(self.enter, self.leave)
+    }
+}
+
+/// A child and the interval of each ray in it.
+struct Part<S: Simd, L: Width> {
+    child: u32,
+    inside: Intervals<S, L>,
+}
+
+impl<S: Simd, L: Width> Part<S, L> {
+    /// Whether the child holds something and some ray meets it.
+    #[inline(always)]
+    fn is_met(&self, empty: u32) -> bool {
+        empty >> (self.child & 1) & 1 == 0 && self.inside.live() != 0
+    }
+}
+
+/// Traverses the tree with one group of a packet. All visits are counted for the group's first ray.
 #[inline(always)]
-fn follow<S: Simd, T: Planes, Q: Query, C: Counters, L: Width>(
+fn trace<S: Simd, T: Planes, Q: Query, C: Counters, L: Width>(
     simd: S,
     tree: T,
-    Job { scene, mut blocks }: Job<'_>,
-    rays: &[Ray],
-    (packet, group): (&mut Packet, Group),
+    input: Input<'_>,
+    packet: &mut Packet,
+    group: Group,
     stack: &mut [Pending<T::At>],
     counters: &mut [C],
 ) {
-    let whole = blocks;
-    // Count all visits for the group's first ray.
-    let lead = group.lead;
-    let charged = packet.places[lead];
+    let (whole, mut input) = (input.job(), input);
+    let charged = packet.places[group.lead];
     let mut waiting = 0;
     let mut node = tree.root();
-    let mut enter = packet::load::<S, L>(simd, &packet.enter(group));
-    let mut leave = packet::load::<S, L>(simd, &packet.reach);
-    'walk: loop {
+    let mut inside = Intervals {
+        enter: packet::load::<S, L>(simd, &packet.enter(group)),
+        leave: packet::load::<S, L>(simd, &packet.reach),
+    };
+    loop {
+        // Cut the interval of each ray at the plane, or test the leaf and continue on the stack.
         let (parts, empty) = match tree.node(node) {
             Node::Axis {
                 axis,
@@ -94,18 +130,8 @@ fn follow<S: Simd, T: Planes, Q: Query, C: Counters, L: Width>(
                 ..
             } => {
                 counters[charged].step_axis();
-                let o = packet::load::<S, L>(simd, &packet.o[axis]);
-                let inv = packet::load::<S, L>(simd, &packet.inv[axis]);
-                let slack = packet::load::<S, L>(simd, &packet.slack[axis]);
-                let distance = (L::Vector::splat(simd, split) - o) * inv;
-                // Ignore a distance that is NaN: the interval keeps its end.
-                let near: Part<S, L> = (
-                    near_child(link, group.signs),
-                    enter,
-                    keep_min_each(distance + slack, leave),
-                );
-                let far = (near.0 ^ 1, keep_max_each(distance - slack, enter), leave);
-                ([near, far], empty)
+                let near = near_child(link, group.signs);
+                (across(simd, packet, axis, split, near, inside), empty)
             }
             Node::Oblique {
                 normal,
@@ -114,87 +140,133 @@ fn follow<S: Simd, T: Planes, Q: Query, C: Counters, L: Width>(
                 empty,
             } => {
                 counters[charged].step_oblique();
-                let plane = (normal, offset, children);
-                let parts = oblique::<S, L>(simd, packet, lead, plane, (enter, leave));
+                let plane = Plane { normal, offset };
+                let parts = oblique(simd, packet, group.lead, plane, children, inside);
                 (parts, empty)
             }
             Node::Leaf { first, count } => {
-                let own = match tree.inside(
-                    node,
-                    Leaf { first, count },
-                    Job {
-                        scene,
-                        blocks: whole,
-                    },
-                ) {
-                    Inside::Triangles(own) => own,
+                let own = Leaf { first, count };
+                let blocks = match tree.inside(node, own, whole) {
+                    Inside::Triangles(blocks) => blocks,
                     Inside::Part(root) => {
                         node = root;
                         continue;
                     }
                 };
-                // Test the rays whose interval in this leaf is not empty.
                 counters[charged].leaf(count);
-                let lanes = packet::live::<S, L>(enter, leave) & group.lanes;
                 if count != 0 {
-                    // In a tree built in parts, finish the hits in the blocks of the part that is left.
-                    if T::PARTS && !std::ptr::eq(own, blocks) {
-                        packet.settle::<S, Q, C>(simd, (blocks, rays), counters);
-                        blocks = own;
+                    // In a tree built in parts, decide the hits in the blocks of the part that is left.
+                    if T::PARTS && !std::ptr::eq(blocks, input.blocks) {
+                        packet.decide_deferred::<S, Q, C>(simd, input, counters);
+                        input = input.with(blocks);
                     }
-                    packet_leaf::test::<S, Q, C, L>(
-                        simd,
-                        (blocks, rays),
-                        Leaf { first, count },
-                        packet,
-                        (lanes, &leave),
-                        counters,
-                    );
+                    let active = Active {
+                        lanes: inside.live() & group.lanes,
+                        leave: &inside.leave,
+                    };
+                    leaf::test::<S, Q, C, L>(simd, input, own, packet, active, counters);
                 }
                 let reach = packet::load::<S, L>(simd, &packet.reach);
-                // Pop entries until one is met by a ray that has no nearer hit.
-                loop {
-                    if waiting == 0 {
-                        break 'walk;
-                    }
-                    waiting -= 1;
-                    let next = &stack[waiting];
-                    enter = packet::load::<S, L>(simd, &next.enter);
-                    leave = packet::load::<S, L>(simd, &next.leave).min(reach);
-                    if packet::live::<S, L>(enter, leave) != 0 {
-                        node = next.node;
-                        continue 'walk;
-                    }
+                match pop::<S, _, L>(simd, stack, &mut waiting, reach) {
+                    Some(next) => (node, inside) = next,
+                    None => break,
                 }
+                continue;
             }
         };
-        // Visit the children met by some ray, and skip empty ones.
-        let [first, second] = parts;
-        if !on_way::<S, L>(first, empty) {
-            // The second child may be empty or missed too; its own node or leaf then ends the branch.
-            (enter, leave) = (second.1, second.2);
-            node = tree.sibling(node, second.0);
-            continue;
-        }
-        if on_way::<S, L>(second, empty) {
-            let next = &mut stack[waiting];
-            next.node = tree.sibling(node, second.0);
-            packet::store::<S, L>(second.1, &mut next.enter);
-            packet::store::<S, L>(second.2, &mut next.leave);
-            waiting += 1;
-        }
-        (enter, leave) = (first.1, first.2);
-        node = tree.sibling(node, first.0);
+        (node, inside) = descend(tree, node, &parts, empty, stack, &mut waiting);
     }
     if T::PARTS {
-        packet.settle::<S, Q, C>(simd, (blocks, rays), counters);
+        packet.decide_deferred::<S, Q, C>(simd, input, counters);
     }
 }
 
-/// Whether a child holds something and some ray meets it.
+/// The first child that some ray meets and that is not empty; pushes the second if it is met, too.
 #[inline(always)]
-fn on_way<S: Simd, L: Width>((child, enter, leave): Part<S, L>, empty: u32) -> bool {
-    empty >> (child & 1) & 1 == 0 && packet::live::<S, L>(enter, leave) != 0
+fn descend<S: Simd, T: Planes, L: Width>(
+    tree: T,
+    node: T::At,
+    [first, second]: &[Part<S, L>; 2],
+    empty: u32,
+    stack: &mut [Pending<T::At>],
+    waiting: &mut usize,
+) -> (T::At, Intervals<S, L>) {
+    if !first.is_met(empty) {
+        // The second child may be empty or missed too; its own node or leaf then ends the branch.
+        return (tree.sibling(node, second.child), second.inside);
+    }
+    if second.is_met(empty) {
+        let next = &mut stack[*waiting];
+        next.node = tree.sibling(node, second.child);
+        packet::store::<S, L>(second.inside.enter, &mut next.enter);
+        packet::store::<S, L>(second.inside.leave, &mut next.leave);
+        *waiting += 1;
+    }
+    (tree.sibling(node, first.child), first.inside)
+}
+
+/// Pops entries until one is met by a ray without a nearer hit.
+#[inline(always)]
+fn pop<S: Simd, A: Copy, L: Width>(
+    simd: S,
+    stack: &[Pending<A>],
+    waiting: &mut usize,
+    reach: L::Vector<S>,
+) -> Option<(A, Intervals<S, L>)> {
+    while *waiting != 0 {
+        *waiting -= 1;
+        let next = &stack[*waiting];
+        let inside = Intervals::<S, L> {
+            enter: packet::load::<S, L>(simd, &next.enter),
+            leave: packet::load::<S, L>(simd, &next.leave).min(reach),
+        };
+        if inside.live() != 0 {
+            return Some((next.node, inside));
+        }
+    }
+    None
+}
+
+/// The two children of an axis node with the interval of each ray in them, the child `near` first.
+#[inline(always)]
+fn across<S: Simd, L: Width>(
+    simd: S,
+    packet: &Packet,
+    axis: usize,
+    split: f32,
+    near: u32,
+    Intervals { enter, leave }: Intervals<S, L>,
+) -> [Part<S, L>; 2] {
+    let o = packet::load::<S, L>(simd, &packet.o[axis]);
+    let inv = packet::load::<S, L>(simd, &packet.inv[axis]);
+    let slack = packet::load::<S, L>(simd, &packet.slack[axis]);
+    let distance = (L::Vector::splat(simd, split) - o) * inv;
+    // Ignore a distance that is NaN: the interval keeps its end.
+    let near_leave = keep_min_each(distance + slack, leave);
+    let far_enter = keep_max_each(distance - slack, enter);
+    [
+        Part {
+            child: near,
+            inside: Intervals {
+                enter,
+                leave: near_leave,
+            },
+        },
+        Part {
+            child: near ^ 1,
+            inside: Intervals {
+                enter: far_enter,
+                leave,
+            },
+        },
+    ]
+}
+
+/// A plane `normal . x = offset`.
+#[derive(Clone, Copy)]
+struct Plane {
+    normal: [f32; 3],
+    offset: f32,
 }
 
 /// The two children of an oblique node with the interval of each ray in them, the near child of the ray `lead`
@@ -204,8 +276,9 @@ fn oblique<S: Simd, L: Width>(
     simd: S,
     packet: &Packet,
     lead: usize,
-    (normal, offset, children): ([f32; 3], f32, u32),
-    (enter, leave): (L::Vector<S>, L::Vector<S>),
+    Plane { normal, offset }: Plane,
+    children: u32,
+    Intervals { enter, leave }: Intervals<S, L>,
 ) -> [Part<S, L>; 2] {
     let speed = along::<S, L>(simd, normal, &packet.d);
     let least = L::Vector::splat(simd, f32::MIN_POSITIVE).copysign(speed);
@@ -218,16 +291,20 @@ fn oblique<S: Simd, L: Width>(
     let far_enter = keep_max_each(distance - slack, enter);
     // For rays that go down through the plane, exchange near and far.
     let down = inv.simd_lt(L::Vector::splat(simd, 0.0));
-    let below = (
-        children,
-        down.select(far_enter, enter),
-        down.select(leave, near_leave),
-    );
-    let above = (
-        children + 1,
-        down.select(enter, far_enter),
-        down.select(near_leave, leave),
-    );
+    let below = Part {
+        child: children,
+        inside: Intervals {
+            enter: down.select(far_enter, enter),
+            leave: down.select(leave, near_leave),
+        },
+    };
+    let above = Part {
+        child: children + 1,
+        inside: Intervals {
+            enter: down.select(enter, far_enter),
+            leave: down.select(near_leave, leave),
+        },
+    };
     if down.to_bitmask() >> lead & 1 == 1 {
         [above, below]
     } else {

@@ -2,40 +2,49 @@
 //! Traversal of box trees by tiles of rays with a common origin: interval arithmetic over the whole tile culls
 //! a box that no ray of the tile can hit. Boxes are visited nearest first, as for single rays.
 
-use crate::tile::leaf::Judge;
-use crate::tile::walk::TileTree;
-use crate::tile::{LANES, Tile, leaf as tile_leaf};
+use crate::input::Input;
+use crate::pending::{Waits, make_room};
+use crate::tile::leaf::{self, Resolver};
+use crate::tile::traversal::TileTree;
+use crate::tile::{LANES, Tile};
 use fearless_simd::Simd;
-use halfspace_leaf::{Job, Leaf};
+use halfspace_leaf::Leaf;
 use halfspace_nodes::box_tree::{BoxTree, INNER, Wide};
 use halfspace_nodes::plane_tree::MAX_DEPTH;
-use halfspace_ray::Ray;
+use halfspace_ray::Interval;
 use halfspace_ray::query::Counters;
 
 /// A stack entry: a box still to visit, the interval of distances in which rays of the tile may be inside it,
 /// and the box's link and count.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Waiting {
-    enter: f32,
-    leave: f32,
+pub struct Pending {
+    inside: Interval,
     link: u32,
     count: u32,
 }
 
-impl<const W: usize> TileTree for BoxTree<W> {
-    type Room = Vec<Waiting>;
+impl Waits for Pending {
+    #[inline(always)]
+    fn enter(&self) -> f32 {
+        self.inside.enter
+    }
+}
 
-    fn room(&self) -> Vec<Waiting> {
-        vec![Waiting::default(); (MAX_DEPTH + 3) * W]
+impl<const W: usize> TileTree for BoxTree<W> {
+    type Room = Vec<Pending>;
+
+    fn room(&self) -> Vec<Pending> {
+        vec![Pending::default(); (MAX_DEPTH + 3) * W]
     }
 
     #[inline(always)]
-    fn follow<S: Simd, C: Counters, J: Judge<R>, const R: usize>(
+    fn trace_tile<S: Simd, C: Counters, J: Resolver<R>, const R: usize>(
         &self,
         simd: S,
-        Job { blocks, .. }: Job<'_>,
-        (tile, rays, judge): (&mut Tile<R>, &[Ray], &mut J),
-        stack: &mut Vec<Waiting>,
+        input: Input<'_>,
+        tile: &mut Tile<R>,
+        resolver: &mut J,
+        stack: &mut Vec<Pending>,
         counters: &mut [C],
     ) -> bool {
         let stack = stack.as_mut_slice();
@@ -43,36 +52,8 @@ impl<const W: usize> TileTree for BoxTree<W> {
         let mut budget = J::BUDGET * R * LANES;
         let mut node = &self.nodes[0];
         loop {
-            // Intersect the tile with the boxes of all children.
             counters[0].step_boxes();
-            let mut enter = [0.0; W];
-            let mut leave = [0.0; W];
-            look(tile, node, (&mut enter, &mut leave));
-            let base = waiting;
-            let mut met = 0_u32;
-            for lane in 0..W {
-                // The inverted bounds of an empty slot do not cull a tile without a finite exit distance, so
-                // check the count.
-                let outside = node.count[lane] == 0 || enter[lane] > leave[lane];
-                met |= u32::from(!outside) << lane;
-            }
-            // Push the boxes that are hit by insertion, the nearest on top.
-            while met != 0 {
-                let lane = met.trailing_zeros() as usize % W;
-                met &= met - 1;
-                let mut at = waiting;
-                while at > base && stack[at - 1].enter < enter[lane] {
-                    stack[at] = stack[at - 1];
-                    at -= 1;
-                }
-                stack[at] = Waiting {
-                    enter: enter[lane],
-                    leave: leave[lane],
-                    link: node.link[lane],
-                    count: node.count[lane],
-                };
-                waiting += 1;
-            }
+            push_children(tile, node, stack, &mut waiting);
             // Pop the nearest box, and test leaves until an inner node comes up.
             node = loop {
                 if waiting == 0 {
@@ -81,30 +62,23 @@ impl<const W: usize> TileTree for BoxTree<W> {
                 waiting -= 1;
                 let next = stack[waiting];
                 // Skip boxes behind the best hits of all rays.
-                if next.enter > tile.far {
+                if next.inside.enter > tile.far {
                     continue;
                 }
                 if next.count == INNER {
                     break &self.nodes[next.link as usize];
                 }
-                let count = next.count as usize;
+                let own = Leaf {
+                    first: next.link,
+                    count: next.count as usize,
+                };
                 // Prefetch the leaf, and the entry that follows it.
-                blocks.fetch_ahead(next.link);
+                input.blocks.fetch_ahead(own.first);
                 if let Some(further) = stack[..waiting].last() {
-                    self.fetch_ahead((further.link, further.count), blocks);
+                    self.fetch_ahead((further.link, further.count), input.blocks);
                 }
-                counters[0].leaf(count);
-                let kept = tile_leaf::test(
-                    simd,
-                    blocks,
-                    Leaf {
-                        first: next.link,
-                        count,
-                    },
-                    (next.enter, next.leave),
-                    (&mut *tile, rays, &mut *judge),
-                    counters,
-                );
+                counters[0].leaf(own.count);
+                let kept = leaf::test(simd, input, own, next.inside, tile, resolver, counters);
                 // Give up tiles whose rays diverge: a leaf costs four units of the budget, each kept candidate
                 // one.
                 match budget.checked_sub(4 + kept) {
@@ -116,16 +90,47 @@ impl<const W: usize> TileTree for BoxTree<W> {
     }
 }
 
-/// Computes the interval of distances in which rays of the tile may be inside each box of a node.
+/// Intersects the tile with the boxes of all children and pushes those that are hit, the nearest on top.
 #[inline(always)]
-fn look<const W: usize, const R: usize>(
+fn push_children<const W: usize, const R: usize>(
     tile: &Tile<R>,
     node: &Wide<W>,
-    (enter, leave): (&mut [f32; W], &mut [f32; W]),
+    stack: &mut [Pending],
+    waiting: &mut usize,
+) {
+    let (mut enter, mut leave) = ([0.0; W], [0.0; W]);
+    intersect(tile, node, &mut enter, &mut leave);
+    let base = *waiting;
+    let mut met = 0_u32;
+    for lane in 0..W {
+        // The inverted bounds of an empty slot do not cull a tile without a finite exit distance, so check the
+        // count.
+        let outside = node.count[lane] == 0 || enter[lane] > leave[lane];
+        met |= u32::from(!outside) << lane;
+    }
+    while met != 0 {
+        let lane = met.trailing_zeros() as usize % W;
+        met &= met - 1;
+        let at = make_room(stack, base, waiting, enter[lane]);
+        stack[at] = Pending {
+            inside: Interval::new(enter[lane], leave[lane]),
+            link: node.link[lane],
+            count: node.count[lane],
+        };
+    }
+}
+
+/// Computes the interval of distances in which rays of the tile may be inside each box of a node.
+#[inline(always)]
+fn intersect<const W: usize, const R: usize>(
+    tile: &Tile<R>,
+    node: &Wide<W>,
+    enter: &mut [f32; W],
+    leave: &mut [f32; W],
 ) {
     // `pace` holds the least and the largest distance per unit of travel along an axis, downwards and upwards;
     // `pad` bounds the error of a coordinate.
-    *enter = [tile.inside.0; W];
+    *enter = [tile.inside.enter; W];
     *leave = [tile.far; W];
     for k in 0..3 {
         let (low, high) = (&node.bounds[k], &node.bounds[3 + k]);

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The kernels of tiles: camera rays from their origin, shadow rays from their light.
 
-use super::Lately;
-use super::walk::{ShadowTiles, TileTree, Tiles};
+use super::SuccessRate;
+use super::traversal::{ShadowTiles, TileTree, Tiles};
 use crate::batch::Batch;
 use crate::kernel::{Kernel, Uncounted, store};
 use halfspace_leaf::blocks::Blocks;
@@ -19,13 +19,13 @@ use std::sync::Arc;
 struct CameraTiles<T, const R: usize> {
     tree: Arc<T>,
     leaves: Arc<Blocks>,
-    /// What earlier batches learned about tiles.
-    lately: Lately,
+    /// Share of the tiles of earlier batches that finished.
+    rate: SuccessRate,
 }
 
 impl<T: TileTree + Debug + Send + 'static, const R: usize> Kernel<Closest> for CameraTiles<T, R> {
     fn trace(&self, batch: &Batch<'_>, answers: &mut [halfspace_ray::Hit]) {
-        let tiles = Tiles::<_, R>(&*self.tree, Some(&self.lately));
+        let tiles = Tiles::<_, R>(&*self.tree, Some(&self.rate));
         let launch = batch.on(&self.leaves);
         launch.quick_tiles(&tiles, store::<Closest>(answers));
     }
@@ -49,13 +49,13 @@ impl<T: TileTree + Debug + Send + 'static, const R: usize> Kernel<Closest> for C
 struct LightTiles<T> {
     tree: Arc<T>,
     leaves: Arc<Blocks>,
-    /// What earlier batches learned about tiles.
-    lately: Lately,
+    /// Share of the tiles of earlier batches that finished.
+    rate: SuccessRate,
 }
 
 impl<T: TileTree + Debug + Send + 'static> Kernel<Any> for LightTiles<T> {
     fn trace(&self, batch: &Batch<'_>, answers: &mut [bool]) {
-        let tiles = ShadowTiles::<_, 4>(&*self.tree, Some(&self.lately));
+        let tiles = ShadowTiles::<_, 4>(&*self.tree, Some(&self.rate));
         let launch = batch.on(&self.leaves);
         launch.quick_tiles(&tiles, store::<Any>(answers));
     }
@@ -65,7 +65,7 @@ fn camera<T, const R: usize>(tree: &Arc<T>, leaves: &Arc<Blocks>) -> CameraTiles
     CameraTiles {
         tree: tree.clone(),
         leaves: leaves.clone(),
-        lately: Lately::default(),
+        rate: SuccessRate::default(),
     }
 }
 
@@ -73,7 +73,7 @@ fn light<T>(tree: &Arc<T>, leaves: &Arc<Blocks>) -> LightTiles<T> {
     LightTiles {
         tree: tree.clone(),
         leaves: leaves.clone(),
-        lately: Lately::default(),
+        rate: SuccessRate::default(),
     }
 }
 

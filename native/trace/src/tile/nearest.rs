@@ -3,13 +3,12 @@
 //! deferred, since nearer ones may follow; a candidate that f32 can neither prove nor rule out gets the exact
 //! verdict at once. The deferred hits are decided at the end.
 
-use crate::tile::leaf::{Candidate, Judge};
+use crate::input::Input;
+use crate::tile::leaf::Resolver;
 use crate::tile::verdict::{each, shared};
-use crate::tile::{Held, LANES, Tile, place};
+use crate::tile::{Candidate, Deferred, LANES, Tile, ray_index};
 use fearless_simd::Simd;
 use halfspace_geom::verdict::FromOrigin;
-use halfspace_leaf::blocks::Blocks;
-use halfspace_ray::Ray;
 use halfspace_ray::query::Counters;
 
 /// Largest number of rays of a row whose verdicts are computed one by one, not in f64 lanes.
@@ -22,109 +21,103 @@ pub struct Nearest {
     last: Option<(usize, FromOrigin)>,
 }
 
-impl<const R: usize> Judge<R> for Nearest {
+impl<const R: usize> Resolver<R> for Nearest {
     const BUDGET: usize = 6;
-    const WORTH: u32 = 9;
+    const MIN_FINISHED: u32 = 9;
 
     #[inline(always)]
-    fn judge<S: Simd, C: Counters>(
+    fn resolve<S: Simd, C: Counters>(
         &mut self,
         simd: S,
-        blocks: &Blocks,
-        (tile, rays): (&mut Tile<R>, &[Ray]),
+        input: Input<'_>,
+        tile: &mut Tile<R>,
         candidate: &Candidate<S>,
         counters: &mut [C],
     ) {
-        let &Candidate {
-            row,
-            open,
-            sure,
-            id,
-            words: (from, n),
-            ..
-        } = candidate;
+        let (row, triangle) = (candidate.row, candidate.triangle);
         // A triangle in several leaves is a candidate in each.
-        let open = open & !tile.met(simd, row, id);
+        let open = candidate.open & !tile.has_hit(simd, row, triangle.id);
         if open == 0 {
             return;
         }
-        let held = tile.hold(simd, (row, sure & open), candidate.distance, (id, from, n));
-        let open = open & !held;
+        let sure = candidate.sure & open;
+        let open = open & !tile.defer(simd, row, sure, &candidate.distance, triangle);
         if open == 0 {
             return;
         }
         // Decide the other candidates: several rays in f64 lanes as far as certain, the rest exactly.
-        let corners = blocks.corners_at(from, n);
         let mut doubtful = open;
         // Several rays share the triangle's quantities, which are kept for the next row.
         if open.count_ones() > FEW {
-            let known = self.last.filter(|(place, _)| *place == from);
-            let (_, triangle) = known.unwrap_or_else(|| (from, FromOrigin::new(tile.o, corners)));
-            self.last = Some((from, triangle));
-            doubtful = shared(simd, tile, (row, open), (id, &triangle));
+            let known = self.last.filter(|(at, _)| *at == triangle.at);
+            let (_, from) = known.unwrap_or_else(|| {
+                let corners = triangle.corners(input.blocks);
+                (triangle.at, FromOrigin::new(tile.o, corners))
+            });
+            self.last = Some((triangle.at, from));
+            doubtful = shared(simd, tile, row, open, triangle.id, &from);
         }
         while doubtful != 0 {
             let lane = doubtful.trailing_zeros() as usize % LANES;
             doubtful &= doubtful - 1;
-            let ray = &rays[place(row, lane)];
-            tile.offer(ray, (row, lane), (id, corners));
+            let ray = &input.rays[ray_index(row, lane)];
+            tile.offer(ray, row, lane, triangle, input.blocks);
         }
         count(open, row, counters);
     }
 
     #[inline(always)]
-    fn leave<S: Simd, C: Counters>(
+    fn change_blocks<S: Simd, C: Counters>(
         &mut self,
         simd: S,
-        blocks: &Blocks,
-        (tile, rays): (&mut Tile<R>, &[Ray]),
+        input: Input<'_>,
+        tile: &mut Tile<R>,
         counters: &mut [C],
     ) {
         self.last = None;
-        if tile.held.lanes != [0; R] {
-            settle(simd, blocks, (&mut *tile, rays), counters);
-            tile.held = Held::none();
+        if tile.deferred.lanes != [0; R] {
+            decide_deferred(simd, input, tile, counters);
+            tile.deferred = Deferred::none();
         }
     }
 }
 
 /// Decides the deferred hits at the end, when no nearer ones can come. Compiled once for all trees.
 #[inline(never)]
-pub fn settle<S: Simd, C: Counters, const R: usize>(
+pub fn decide_deferred<S: Simd, C: Counters, const R: usize>(
     simd: S,
-    blocks: &Blocks,
-    tile: (&mut Tile<R>, &[Ray]),
+    input: Input<'_>,
+    tile: &mut Tile<R>,
     counters: &mut [C],
 ) {
     simd.vectorize(
         #[inline(always)]
-        || settled(simd, blocks, tile, counters),
+        || decide_rows(simd, input, tile, counters),
     );
 }
 
 #[inline(always)]
-fn settled<S: Simd, C: Counters, const R: usize>(
+fn decide_rows<S: Simd, C: Counters, const R: usize>(
     simd: S,
-    blocks: &Blocks,
-    (tile, rays): (&mut Tile<R>, &[Ray]),
+    Input { blocks, rays, .. }: Input<'_>,
+    tile: &mut Tile<R>,
     counters: &mut [C],
 ) {
     let mut last = None;
     for row in 0..R {
-        let held = tile.held.lanes[row];
-        if held == 0 {
+        let lanes = tile.deferred.lanes[row];
+        if lanes == 0 {
             continue;
         }
         // Decide a row in f64 lanes as far as certain, the rest exactly.
-        let mut doubtful = each(simd, blocks, (&mut *tile, row), &mut last);
+        let mut doubtful = each(simd, blocks, tile, row, &mut last);
         while doubtful != 0 {
             let lane = doubtful.trailing_zeros() as usize % LANES;
             doubtful &= doubtful - 1;
-            let (from, n) = tile.held.words(row, lane);
-            let triangle = (tile.held.id[row][lane], blocks.corners_at(from, n));
-            tile.offer(&rays[place(row, lane)], (row, lane), triangle);
+            let triangle = tile.deferred.triangle(row, lane);
+            tile.offer(&rays[ray_index(row, lane)], row, lane, triangle, blocks);
         }
-        count(held, row, counters);
+        count(lanes, row, counters);
     }
 }
 
@@ -133,7 +126,7 @@ fn settled<S: Simd, C: Counters, const R: usize>(
 pub fn count<C: Counters>(lanes: u16, row: usize, counters: &mut [C]) {
     for lane in 0..LANES {
         if lanes >> lane & 1 == 1 {
-            counters[place(row, lane)].verdict();
+            counters[ray_index(row, lane)].verdict();
         }
     }
 }

@@ -8,16 +8,17 @@
 //! nothing. A tile that exceeds the work expected of coherent rays is continued in packets, each ray up to the
 //! best hit found so far.
 
+use crate::input::Input;
 use crate::pending::{Pending, next};
-use crate::tile::leaf::Judge;
-use crate::tile::walk::TileTree;
-use crate::tile::{LANES, Tile, leaf as tile_leaf, load, splat};
+use crate::tile::leaf::{self, Resolver};
+use crate::tile::traversal::TileTree;
+use crate::tile::{LANES, Tile, load, splat};
 use fearless_simd::{Select, Simd, SimdBase, SimdFloat, SimdMask, f32x16, mask32x16};
-use halfspace_leaf::{Job, Leaf};
+use halfspace_leaf::Leaf;
 use halfspace_nodes::lazy_tree::LazyTree;
 use halfspace_nodes::plane_tree::{MAX_DEPTH, Node, PlaneTree};
 use halfspace_nodes::planes::{Inside, Planes};
-use halfspace_ray::Ray;
+use halfspace_ray::Interval;
 use halfspace_ray::frame::U;
 use halfspace_ray::query::Counters;
 
@@ -34,15 +35,16 @@ macro_rules! tiles_of_planes {
             fn room(&self) {}
 
             #[inline(always)]
-            fn follow<S: Simd, C: Counters, J: Judge<R>, const R: usize>(
+            fn trace_tile<S: Simd, C: Counters, J: Resolver<R>, const R: usize>(
                 &self,
                 simd: S,
-                triangles: Job<'_>,
-                tile: (&mut Tile<R>, &[Ray], &mut J),
+                input: Input<'_>,
+                tile: &mut Tile<R>,
+                resolver: &mut J,
                 (): &mut (),
                 counters: &mut [C],
             ) -> bool {
-                follow(simd, self, triangles, tile, counters)
+                trace(simd, self, input, tile, resolver, counters)
             }
         }
     };
@@ -51,26 +53,56 @@ macro_rules! tiles_of_planes {
 tiles_of_planes!(PlaneTree);
 tiles_of_planes!(LazyTree);
 
-/// Traverses the tree with a tile; returns whether it finished within its budget.
+/// Nodes still to visit.
+struct Stack<A> {
+    entries: [Pending<A>; MAX_DEPTH + 1],
+    waiting: usize,
+}
+
+impl<A: Copy> Stack<A> {
+    /// An empty stack; `node` is any node.
+    #[inline(always)]
+    fn new(node: A) -> Self {
+        let blank = Pending {
+            node,
+            enter: 0.0,
+            leave: 0.0,
+        };
+        Self {
+            entries: [blank; MAX_DEPTH + 1],
+            waiting: 0,
+        }
+    }
+}
+
+/// A plane as a tile meets it.
+#[derive(Clone, Copy)]
+struct Cut {
+    /// The child that holds the origin.
+    near: u32,
+    /// Mask of the children that are empty leaves.
+    empty: u32,
+    /// Distances between which the rays cross the plane.
+    crossing: Interval,
+}
+
+/// Traverses the tree with a tile; returns whether it finished within its budget. Visits are counted for the
+/// tile's first ray.
 #[inline(always)]
-fn follow<S: Simd, T: Planes, C: Counters, J: Judge<R>, const R: usize>(
+fn trace<S: Simd, T: Planes, C: Counters, J: Resolver<R>, const R: usize>(
     simd: S,
     tree: T,
-    Job { scene, mut blocks }: Job<'_>,
-    (tile, rays, judge): (&mut Tile<R>, &[Ray], &mut J),
+    input: Input<'_>,
+    tile: &mut Tile<R>,
+    resolver: &mut J,
     counters: &mut [C],
 ) -> bool {
-    let whole = blocks;
-    let mut stack = [Pending {
-        node: tree.root(),
-        enter: 0.0,
-        leave: 0.0,
-    }; MAX_DEPTH + 1];
-    let mut waiting = 0;
+    let (whole, mut input) = (input.job(), input);
+    let mut stack = Stack::new(tree.root());
     let mut budget = J::BUDGET * R * LANES;
     let mut node = tree.root();
-    let (mut enter, mut leave) = tile.inside;
-    loop {
+    let mut inside = tile.inside;
+    let finished = loop {
         match tree.node(node) {
             Node::Axis {
                 axis,
@@ -79,27 +111,9 @@ fn follow<S: Simd, T: Planes, C: Counters, J: Judge<R>, const R: usize>(
                 empty,
                 ..
             } => {
-                // Count the visits of a tile for its first ray.
                 counters[0].step_axis();
-                // Bound the crossings by the fastest and the slowest ray; near the plane, by nothing.
-                let gap = split - tile.o[axis];
-                let (size, pad) = (gap.abs(), tile.pad[axis]);
-                let part = if size > pad {
-                    let up = gap > 0.0;
-                    let pace = &tile.pace[axis][usize::from(up)];
-                    let crossing = ((size - pad) * pace.least, (size + pad) * pace.most);
-                    (children + u32::from(!up), crossing)
-                } else {
-                    let near = children + u32::from(!tile.up[axis]);
-                    (near, (f32::NEG_INFINITY, f32::INFINITY))
-                };
-                (node, enter, leave) = step(
-                    tree,
-                    (node, empty),
-                    part,
-                    (enter, leave),
-                    (&mut stack, &mut waiting),
-                );
+                let cut = across(tile, axis, split, children, empty);
+                (node, inside) = step(tree, node, &cut, inside, &mut stack);
                 continue;
             }
             Node::Oblique {
@@ -109,26 +123,15 @@ fn follow<S: Simd, T: Planes, C: Counters, J: Judge<R>, const R: usize>(
                 empty,
             } => {
                 counters[0].step_oblique();
-                let part = oblique(simd, tile, (normal, offset), children);
-                (node, enter, leave) = step(
-                    tree,
-                    (node, empty),
-                    part,
-                    (enter, leave),
-                    (&mut stack, &mut waiting),
-                );
+                let plane = Plane { normal, offset };
+                let cut = oblique(simd, tile, plane, children, empty);
+                (node, inside) = step(tree, node, &cut, inside, &mut stack);
                 continue;
             }
             Node::Leaf { first, count } => {
-                let own = match tree.inside(
-                    node,
-                    Leaf { first, count },
-                    Job {
-                        scene,
-                        blocks: whole,
-                    },
-                ) {
-                    Inside::Triangles(own) => own,
+                let own = Leaf { first, count };
+                let blocks = match tree.inside(node, own, whole) {
+                    Inside::Triangles(blocks) => blocks,
                     Inside::Part(root) => {
                         node = root;
                         continue;
@@ -136,40 +139,33 @@ fn follow<S: Simd, T: Planes, C: Counters, J: Judge<R>, const R: usize>(
                 };
                 counters[0].leaf(count);
                 if count != 0 {
-                    let leaf = Leaf { first, count };
-                    // In a tree built in parts, finish the hits in the blocks of the part that is left.
-                    if T::PARTS && !std::ptr::eq(own, blocks) {
-                        judge.leave(simd, blocks, (&mut *tile, rays), counters);
-                        blocks = own;
+                    // In a tree built in parts, decide the hits in the blocks of the part that is left.
+                    if T::PARTS && !std::ptr::eq(blocks, input.blocks) {
+                        resolver.change_blocks(simd, input, tile, counters);
+                        input = input.with(blocks);
                     }
-                    let kept = tile_leaf::test(
-                        simd,
-                        blocks,
-                        leaf,
-                        (enter, leave),
-                        (&mut *tile, rays, &mut *judge),
-                        counters,
-                    );
+                    let kept = leaf::test(simd, input, own, inside, tile, resolver, counters);
                     // Pay for the leaf: a fixed part, and one unit per triangle that the tile may hit.
-                    let Some(left) = budget.checked_sub(4 + kept) else {
-                        if T::PARTS {
-                            judge.leave(simd, blocks, (tile, rays), counters);
-                        }
-                        return false;
-                    };
-                    budget = left;
+                    match budget.checked_sub(4 + kept) {
+                        Some(left) => budget = left,
+                        None => break false,
+                    }
                 }
             }
         }
         // Continue with the next node on the stack that starts before the farthest ray's end.
-        let Some(child) = next(&stack, &mut waiting, tile.far) else {
-            if T::PARTS {
-                judge.leave(simd, blocks, (tile, rays), counters);
+        match next(&stack.entries, &mut stack.waiting, tile.far) {
+            Some(child) => {
+                node = child.node;
+                inside = Interval::new(child.enter, child.leave.min(tile.far));
             }
-            return true;
-        };
-        (node, enter, leave) = (child.node, child.enter, child.leave.min(tile.far));
+            None => break true,
+        }
+    };
+    if T::PARTS {
+        resolver.change_blocks(simd, input, tile, counters);
     }
+    finished
 }
 
 /// The child to visit next and its interval; pushes the other one if the tile meets both. An empty child is
@@ -177,39 +173,88 @@ fn follow<S: Simd, T: Planes, C: Counters, J: Judge<R>, const R: usize>(
 #[inline(always)]
 fn step<T: Planes>(
     tree: T,
-    (node, empty): (T::At, u32),
-    (near, (first, last)): (u32, (f32, f32)),
-    (enter, leave): (f32, f32),
-    (stack, waiting): (&mut [Pending<T::At>; MAX_DEPTH + 1], &mut usize),
-) -> (T::At, f32, f32) {
+    node: T::At,
+    cut: &Cut,
+    inside: Interval,
+    stack: &mut Stack<T::At>,
+) -> (T::At, Interval) {
+    let &Cut {
+        near,
+        empty,
+        crossing,
+    } = cut;
+    let Interval { enter, leave } = inside;
     let (side, other) = (near & 1, tree.sibling(node, near ^ 1));
     let near = tree.sibling(node, near);
-    if first > leave {
-        return (near, enter, leave);
+    if crossing.enter > leave {
+        return (near, inside);
     }
-    let far = (other, enter.max(first), leave);
-    if last < enter || empty >> side & 1 == 1 {
-        return far;
+    let beyond = Interval::new(enter.max(crossing.enter), leave);
+    if crossing.leave < enter || empty >> side & 1 == 1 {
+        return (other, beyond);
     }
     if empty == 0 {
-        stack[*waiting] = Pending {
-            node: far.0,
-            enter: far.1,
-            leave: far.2,
+        stack.entries[stack.waiting] = Pending {
+            node: other,
+            enter: beyond.enter,
+            leave: beyond.leave,
         };
-        *waiting += 1;
+        stack.waiting += 1;
     }
-    (near, enter, leave.min(last))
+    (near, Interval::new(enter, leave.min(crossing.leave)))
 }
 
-/// The near child of an oblique node, and the interval of distances in which rays cross its plane.
+/// The distances at which rays of unknown position cross a plane.
+const ANYWHERE: Interval = Interval {
+    enter: f32::NEG_INFINITY,
+    leave: f32::INFINITY,
+};
+
+/// The cut of a tile by an axis plane: the crossings are bounded by those of the fastest and the slowest ray;
+/// near the plane, by nothing.
+#[inline(always)]
+fn across<const R: usize>(
+    tile: &Tile<R>,
+    axis: usize,
+    split: f32,
+    children: u32,
+    empty: u32,
+) -> Cut {
+    let gap = split - tile.o[axis];
+    let (size, pad) = (gap.abs(), tile.pad[axis]);
+    if size > pad {
+        let up = gap > 0.0;
+        let pace = &tile.pace[axis][usize::from(up)];
+        Cut {
+            near: children + u32::from(!up),
+            empty,
+            crossing: Interval::new((size - pad) * pace.least, (size + pad) * pace.most),
+        }
+    } else {
+        Cut {
+            near: children + u32::from(!tile.up[axis]),
+            empty,
+            crossing: ANYWHERE,
+        }
+    }
+}
+
+/// A plane `normal . x = offset`.
+#[derive(Clone, Copy)]
+struct Plane {
+    normal: [f32; 3],
+    offset: f32,
+}
+
+/// The cut of a tile by an oblique plane.
 #[inline(always)]
 fn oblique<S: Simd, const R: usize>(
     simd: S,
     tile: &Tile<R>,
-    (normal, offset): ([f32; 3], f32),
+    Plane { normal, offset }: Plane,
     children: u32,
-) -> (u32, (f32, f32)) {
+    empty: u32,
+) -> Cut {
     // Find the smallest and the largest speed along the normal among the active rays.
     let mut low = splat(simd, f32::INFINITY);
     let mut high = splat(simd, f32::NEG_INFINITY);
@@ -234,8 +279,11 @@ fn oblique<S: Simd, const R: usize>(
     // An origin within the error bound of the plane bounds nothing.
     let (size, pad) = (gap.abs(), tile.oblique_pad);
     if size <= pad || size.is_nan() {
-        let near = children + u32::from(low + high <= 0.0);
-        return (near, (f32::NEG_INFINITY, f32::INFINITY));
+        return Cut {
+            near: children + u32::from(low + high <= 0.0),
+            empty,
+            crossing: ANYWHERE,
+        };
     }
     let up = gap > 0.0;
     let (slowest, quickest) = if up { (low, high) } else { (-high, -low) };
@@ -250,5 +298,9 @@ fn oblique<S: Simd, const R: usize>(
     } else {
         f32::INFINITY
     };
-    (children + u32::from(!up), (first, last))
+    Cut {
+        near: children + u32::from(!up),
+        empty,
+        crossing: Interval::new(first, last),
+    }
 }

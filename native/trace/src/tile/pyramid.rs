@@ -6,7 +6,7 @@
 //! parallelogram with the sides of the tile, and each row lies in a smaller parallelogram with parallel sides.
 //! A dot product with a direction is affine there: if it is negative at the corners, it is negative inside.
 
-use crate::tile::{LANES, Tile, load, seat, splat};
+use crate::tile::{LANES, Tile, load, row_and_lane, splat};
 use fearless_simd::{Select, Simd, SimdBase, SimdMask, f32x16, mask32x16};
 
 /// The directions of a tile of `R` rows, bounded.
@@ -87,7 +87,7 @@ impl Sides {
     fn new<const R: usize>(tile: &Tile<R>, axis: usize) -> Option<Self> {
         let [i, j] = [(axis + 1) % 3, (axis + 2) % 3];
         let first = (0..R * LANES).find(|&ray| {
-            let (row, lane) = seat(ray);
+            let (row, lane) = row_and_lane(ray);
             tile.active[row] >> lane & 1 == 1
         })?;
         let axes = [axis, i, j];
@@ -153,7 +153,7 @@ impl Sides {
 /// Slopes of a ray of a tile: its components along two axes divided by that along the first one.
 #[inline(always)]
 fn slopes<const R: usize>(tile: &Tile<R>, [axis, i, j]: [usize; 3], ray: usize) -> [f32; 2] {
-    let (row, lane) = seat(ray);
+    let (row, lane) = row_and_lane(ray);
     let d = &tile.d[row];
     [d[i][lane] / d[axis][lane], d[j][lane] / d[axis][lane]]
 }

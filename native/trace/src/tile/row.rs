@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Rows: sixteen rays in structure-of-arrays layout, one vector per quantity.
 
-use crate::tile::place;
+use crate::tile::ray_index;
 use fearless_simd::{Bytes, Simd, SimdBase, SimdMask, f32x4, f32x16, mask32x16, u32x16};
 use halfspace_ray::Ray;
 
@@ -32,7 +32,7 @@ pub fn bits<S: Simd>(mask: mask32x16<S>) -> u16 {
 
 /// Mask of the lanes in which two vectors are bitwise equal.
 #[inline(always)]
-pub fn alike<S: Simd>(a: f32x16<S>, b: f32x16<S>) -> u16 {
+pub fn bitwise_equal<S: Simd>(a: f32x16<S>, b: f32x16<S>) -> u16 {
     bits(a.bitcast::<u32x16<S>>().simd_eq(b.bitcast::<u32x16<S>>()))
 }
 
@@ -54,7 +54,7 @@ impl<S: Simd> Numbers<S> {
     pub fn of_row(simd: S, rays: &[Ray], row: usize) -> Self {
         let mut places = [0; LANES];
         for (lane, own) in places.iter_mut().enumerate() {
-            *own = place(row, lane);
+            *own = ray_index(row, lane);
         }
         Self::at(simd, rays, &places)
     }

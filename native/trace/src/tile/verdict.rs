@@ -3,7 +3,7 @@
 //! all rays, or on one for each. It repeats the arithmetic of [`halfspace_geom::verdict`] operation by operation,
 //! with error bounds at least as large.
 
-use crate::tile::{self, Held, LANES, Row, Tile, load, splat};
+use crate::tile::{self, Deferred, LANES, Row, Tile, load, splat};
 use fearless_simd::{Select, Simd, SimdBase, SimdMask, f32x16, f64x8, mask32x16, mask64x8, u32x16};
 use halfspace_geom::vec3::widen;
 use halfspace_geom::verdict::{DETERMINANT_ERROR, FromOrigin};
@@ -22,13 +22,15 @@ type Vector<S> = [f64x8<S>; 3];
 pub fn shared<S: Simd, const R: usize>(
     simd: S,
     tile: &mut Tile<R>,
-    (row, open): (usize, u16),
-    (id, triangle): (u32, &FromOrigin),
+    row: usize,
+    open: u16,
+    id: u32,
+    triangle: &FromOrigin,
 ) -> u16 {
     // Copy the triangle's quantities to all lanes.
     let [a, b, c] = triangle.normals;
     let errors = triangle.errors;
-    let from = From {
+    let from = Triangles8 {
         normals: [vectors(simd, a), vectors(simd, b), vectors(simd, c)],
         normal: vectors(simd, triangle.normal),
         distance: all(simd, triangle.distance),
@@ -37,7 +39,7 @@ pub fn shared<S: Simd, const R: usize>(
         distance_error: all(simd, errors.distance),
     };
     let ids = u32x16::splat(simd, id);
-    take(simd, tile, (row, open), [from, from], ids)
+    take(simd, tile, row, open, [from, from], ids)
 }
 
 /// Applies the verdict on their deferred triangles to the rays of a row; returns the mask of those of which f64
@@ -47,29 +49,30 @@ pub fn shared<S: Simd, const R: usize>(
 pub fn each<S: Simd, const R: usize>(
     simd: S,
     blocks: &Blocks,
-    (tile, row): (&mut Tile<R>, usize),
+    tile: &mut Tile<R>,
+    row: usize,
     last: &mut Option<(usize, FromOrigin)>,
 ) -> u16 {
-    let held = tile.held.lanes[row];
-    let ids = u32x16::from_slice(simd, &tile.held.id[row]);
-    let first = held.trailing_zeros() as usize % LANES;
-    let id = tile.held.id[row][first];
+    let lanes = tile.deferred.lanes[row];
+    let ids = u32x16::from_slice(simd, &tile.deferred.id[row]);
+    let first = lanes.trailing_zeros() as usize % LANES;
+    let id = tile.deferred.id[row][first];
     // Use the verdict on one triangle if all rays share it.
-    if held & !tile::bits(ids.simd_eq(u32x16::splat(simd, id))) == 0 {
-        let (from, n) = tile.held.words(row, first);
-        let known = last.filter(|(place, _)| *place == from);
+    if lanes & !tile::bits(ids.simd_eq(u32x16::splat(simd, id))) == 0 {
+        let stored = tile.deferred.triangle(row, first);
+        let known = last.filter(|(at, _)| *at == stored.at);
         let (_, triangle) =
-            known.unwrap_or_else(|| (from, FromOrigin::new(tile.o, blocks.corners_at(from, n))));
-        *last = Some((from, triangle));
-        return shared(simd, tile, (row, held), (id, &triangle));
+            known.unwrap_or_else(|| (stored.at, FromOrigin::new(tile.o, stored.corners(blocks))));
+        *last = Some((stored.at, triangle));
+        return shared(simd, tile, row, lanes, id, &triangle);
     }
     // Otherwise gather one triangle per lane.
-    let [a, b, c] = gathered(blocks, &tile.held, row);
+    let [a, b, c] = gathered(blocks, &tile.deferred, row);
     let (a, b, c) = (wide(simd, &a), wide(simd, &b), wide(simd, &c));
     let o = vectors(simd, widen(tile.o));
-    let low = From::seen(simd, o, [a[0], b[0], c[0]]);
-    let high = From::seen(simd, o, [a[1], b[1], c[1]]);
-    take(simd, tile, (row, held), [low, high], ids)
+    let low = Triangles8::from_origins(simd, o, [a[0], b[0], c[0]]);
+    let high = Triangles8::from_origins(simd, o, [a[1], b[1], c[1]]);
+    take(simd, tile, row, lanes, [low, high], ids)
 }
 
 /// Vertices of the deferred triangles of a row's rays, per vertex and axis; zeros for other rays.
@@ -78,14 +81,17 @@ pub fn each<S: Simd, const R: usize>(
     clippy::needless_range_loop,
     reason = "by iterators over arrays it takes five times as long"
 )]
-pub fn gathered<const R: usize>(blocks: &Blocks, held: &Held<R>, row: usize) -> [[Row; 3]; 3] {
+pub fn gathered<const R: usize>(
+    blocks: &Blocks,
+    deferred: &Deferred<R>,
+    row: usize,
+) -> [[Row; 3]; 3] {
     let mut rows = [[[0.0; LANES]; 3]; 3];
     for lane in 0..LANES {
-        if held.lanes[row] >> lane & 1 == 0 {
+        if deferred.lanes[row] >> lane & 1 == 0 {
             continue;
         }
-        let (from, n) = held.words(row, lane);
-        let corners = blocks.corners_at(from, n);
+        let corners = deferred.triangle(row, lane).corners(blocks);
         for corner in 0..3 {
             for k in 0..3 {
                 rows[corner][k][lane] = corners[corner][k];
@@ -95,26 +101,46 @@ pub fn gathered<const R: usize>(blocks: &Blocks, held: &Held<R>, row: usize) -> 
     rows
 }
 
-/// Masks of the rays of a row that hit a triangle inside their limits, and of those of which f64 is not
-/// certain. The rays have origins `o` of their own and directions `d` with components below 2; a distance along
-/// them multiplied by `to_scene` is one in the scene.
+/// A row of rays with origins of their own.
+pub struct Segments<'a> {
+    /// Origins.
+    pub o: &'a [Row; 3],
+    /// Directions with components below 2.
+    pub d: &'a [Row; 3],
+    /// Factor from distances along `d` to distances in the scene.
+    pub to_scene: f64,
+    /// Smallest distances of hits in the scene.
+    pub t_min: &'a Row,
+    /// Largest distances of hits in the scene.
+    pub t_max: &'a Row,
+}
+
+/// Masks of the rays of a row that hit a triangle inside their limits, and of those of which f64 is not certain.
 #[inline(always)]
-pub fn any<S: Simd>(
-    simd: S,
-    (o, d, to_scene): (&[Row; 3], &[Row; 3], f64),
-    (t_min, t_max): (&Row, &Row),
-    corners: [[f32; 3]; 3],
-    open: u16,
-) -> (u16, u16) {
+pub fn any<S: Simd>(simd: S, rays: &Segments<'_>, corners: [[f32; 3]; 3], open: u16) -> (u16, u16) {
     let [a, b, c] = corners;
     let corners = [
         vectors(simd, widen(a)),
         vectors(simd, widen(b)),
         vectors(simd, widen(c)),
     ];
-    let (o, d, to_scene) = (wide(simd, o), wide(simd, d), all(simd, to_scene));
-    let low = half(simd, &From::seen(simd, o[0], corners), d[0], to_scene);
-    let high = half(simd, &From::seen(simd, o[1], corners), d[1], to_scene);
+    let (o, d, to_scene) = (
+        wide(simd, rays.o),
+        wide(simd, rays.d),
+        all(simd, rays.to_scene),
+    );
+    let low = half(
+        simd,
+        &Triangles8::from_origins(simd, o[0], corners),
+        d[0],
+        to_scene,
+    );
+    let high = half(
+        simd,
+        &Triangles8::from_origins(simd, o[1], corners),
+        d[1],
+        to_scene,
+    );
     let join = |low: u16, high: u16| low | high << HALF;
     let (miss, hit, well) = (
         join(low.miss, high.miss),
@@ -124,7 +150,7 @@ pub fn any<S: Simd>(
     // Compare bounds on the distance, rounded to f32, with the limits.
     let early = simd.narrow_f64x8(low.early, high.early);
     let late = simd.narrow_f64x8(low.late, high.late);
-    let (t_min, t_max) = (load(simd, t_min), load(simd, t_max));
+    let (t_min, t_max) = (load(simd, rays.t_min), load(simd, rays.t_max));
     let outside = tile::bits(late.simd_lt(t_min) | early.simd_gt(t_max)) & well;
     let inside = tile::bits(early.simd_ge(t_min) & late.simd_le(t_max)) & well & hit;
     let open = open & !(miss | outside);
@@ -137,16 +163,18 @@ pub fn any<S: Simd>(
 #[inline(always)]
 pub fn apart<S: Simd>(
     simd: S,
-    (o, d, to_scene): (&[Row; 3], &[Row; 3], &[f64; LANES]),
+    o: &[Row; 3],
+    d: &[Row; 3],
+    to_scene: &[f64; LANES],
     corners: &[[Row; 3]; 3],
 ) -> (u16, [Row; 3]) {
     let (o, d) = (wide(simd, o), wide(simd, d));
     let [a, b, c] = corners;
     let (a, b, c) = (wide(simd, a), wide(simd, b), wide(simd, c));
     let (below, above) = to_scene.split_at(HALF);
-    let low = From::seen(simd, o[0], [a[0], b[0], c[0]]);
+    let low = Triangles8::from_origins(simd, o[0], [a[0], b[0], c[0]]);
     let low = half(simd, &low, d[0], f64x8::from_slice(simd, below));
-    let high = From::seen(simd, o[1], [a[1], b[1], c[1]]);
+    let high = Triangles8::from_origins(simd, o[1], [a[1], b[1], c[1]]);
     let high = half(simd, &high, d[1], f64x8::from_slice(simd, above));
     // The hit is certain if both bounds on its distance round to the same f32.
     let early = simd.narrow_f64x8(low.early, high.early);
@@ -163,7 +191,7 @@ pub fn apart<S: Simd>(
 /// The quantities of the verdict on eight triangles, each seen from an origin, for directions with components
 /// below 2.
 #[derive(Clone, Copy)]
-struct From<S: Simd> {
+struct Triangles8<S: Simd> {
     normals: [Vector<S>; 3],
     normal: Vector<S>,
     distance: f64x8<S>,
@@ -172,10 +200,10 @@ struct From<S: Simd> {
     distance_error: f64x8<S>,
 }
 
-impl<S: Simd> From<S> {
+impl<S: Simd> Triangles8<S> {
     /// The quantities for eight origins and the vertices of eight triangles.
     #[inline(always)]
-    fn seen(simd: S, o: Vector<S>, [a, b, c]: [Vector<S>; 3]) -> Self {
+    fn from_origins(simd: S, o: Vector<S>, [a, b, c]: [Vector<S>; 3]) -> Self {
         let [of_a, of_b, of_c] = [sub(c, b), sub(a, c), sub(b, a)];
         let [a, b, c] = [sub(a, o), sub(b, o), sub(c, o)];
         let normal = cross(of_b, of_c);
@@ -252,8 +280,9 @@ fn keep<S: Simd>(simd: S, lanes: mask32x16<S>, new: f32x16<S>, row: &mut Row) {
 fn take<S: Simd, const R: usize>(
     simd: S,
     tile: &mut Tile<R>,
-    (row, open): (usize, u16),
-    triangles: [From<S>; 2],
+    row: usize,
+    open: u16,
+    triangles: [Triangles8<S>; 2],
     ids: u32x16<S>,
 ) -> u16 {
     let d = wide(simd, &tile.d[row]);
@@ -310,7 +339,7 @@ struct Half<S: Simd> {
 
 /// Computes the verdict on eight rays.
 #[inline(always)]
-fn half<S: Simd>(simd: S, triangle: &From<S>, d: Vector<S>, to_scene: f64x8<S>) -> Half<S> {
+fn half<S: Simd>(simd: S, triangle: &Triangles8<S>, d: Vector<S>, to_scene: f64x8<S>) -> Half<S> {
     let [a, b, c] = triangle.normals;
     let w = [dot(d, a), dot(d, b), dot(d, c)];
     // Decide by the signs of the weights, up to their error bound.

@@ -7,17 +7,20 @@
 //! rays of that thickness. Blockers are decided by the exact verdict on the ray itself, so the result does not
 //! depend on the estimate. Rays that belong to no common light, or spread too far, are traced in packets.
 
-use crate::tile::leaf::{Candidate, Judge};
+use crate::input::Input;
+use crate::tile::leaf::Resolver;
 use crate::tile::nearest::count;
-use crate::tile::verdict::any;
-use crate::tile::{Backoff, LANES, Numbers, ORDINARY, Row, Tile, bits, load, place, seat, splat};
+use crate::tile::verdict::{Segments, any};
+use crate::tile::{
+    Backoff, Candidate, LANES, Numbers, ORDINARY, Row, Tile, bits, load, ray_index, row_and_lane,
+    splat,
+};
 use fearless_simd::{Select, Simd, SimdBase, SimdFloat, SimdMask, f32x16, mask32x16};
 use halfspace_geom::vec3::{add_scaled, dot as dot64, sub as sub64, widen};
 use halfspace_geom::verdict::verdict_within;
-use halfspace_leaf::blocks::Blocks;
-use halfspace_ray::Ray;
 use halfspace_ray::frame::Frame;
 use halfspace_ray::query::Counters;
+use halfspace_ray::{Ray, RaySlice};
 
 /// The shadow rays of a tile, as given.
 pub struct Shadows<const R: usize> {
@@ -44,12 +47,12 @@ impl<const R: usize> Shadows<R> {
     pub fn new<S: Simd>(simd: S, frame: &Frame, rays: &[Ray]) -> Option<(Tile<R>, Self)> {
         simd.vectorize(
             #[inline(always)]
-            || Self::of(simd, frame, rays),
+            || Self::form(simd, frame, rays),
         )
     }
 
     #[inline(always)]
-    fn of<S: Simd>(simd: S, frame: &Frame, rays: &[Ray]) -> Option<(Tile<R>, Self)> {
+    fn form<S: Simd>(simd: S, frame: &Frame, rays: &[Ray]) -> Option<(Tile<R>, Self)> {
         let first = &rays[0];
         let longest = first.d[0].abs().max(first.d[1].abs()).max(first.d[2].abs());
         let unit = f32::from_bits(longest.to_bits() & 0x7f80_0000);
@@ -80,7 +83,7 @@ impl<const R: usize> Shadows<R> {
             }
         } else {
             for (i, ray) in rays.iter().enumerate() {
-                let (row, lane) = seat(i);
+                let (row, lane) = row_and_lane(i);
                 for k in 0..3 {
                     shadows.o[row][k][lane] = ray.o[k];
                     shadows.d[row][k][lane] = ray.d[k];
@@ -93,13 +96,13 @@ impl<const R: usize> Shadows<R> {
         shadows.scale(simd, unit);
         // Estimate the light and reverse the rays; give up if they do not meet there closely enough.
         let light = light(rays);
-        let (mut tile, blur) = shadows.towards(simd, (light, unit), there)?;
-        if !tile.is_worth_it(rays.len()) {
+        let (mut tile, blur) = shadows.seen_from(simd, light, unit, there)?;
+        if !tile.is_half_active(rays.len()) {
             return None;
         }
         let size = tile.to_frame;
         tile.blur = [blur, blur / size];
-        let spread = tile.settle_in(simd, frame)?;
+        let spread = tile.scale_into(simd, frame)?;
         (spread < SPREAD && blur < BLUR * size).then_some((tile, shadows))
     }
 
@@ -118,10 +121,11 @@ impl<const R: usize> Shadows<R> {
     /// The tile of the same lines with the light as origin, and their blur. Rays that pass too far from the
     /// light are left out; `None` if no ray is left.
     #[inline(always)]
-    fn towards<S: Simd>(
+    fn seen_from<S: Simd>(
         &self,
         simd: S,
-        (light, unit): ([f32; 3], f32),
+        light: [f32; 3],
+        unit: f32,
         there: [u16; R],
     ) -> Option<(Tile<R>, f32)> {
         let to = [
@@ -170,7 +174,7 @@ impl<const R: usize> Shadows<R> {
             return None;
         }
         Some((
-            Tile::turned(light, longest, rows, (active, there)),
+            Tile::to_points(light, longest, rows, active, there),
             blur.reduce_max(),
         ))
     }
@@ -200,34 +204,43 @@ fn light(rays: &[Ray]) -> [f32; 3] {
     [at[0] as f32, at[1] as f32, at[2] as f32]
 }
 
-/// Traces those rays of a shadow tile that go together. `follow` is the traversal and returns whether it
-/// finished. Returns the masks of the occluded rays and of the undecided ones.
+/// What a shadow tile has decided.
+pub struct Decided<const R: usize> {
+    /// Masks of the occluded rays.
+    pub blocked: [u16; R],
+    /// Masks of the rays that are not decided.
+    pub left: [u16; R],
+}
+
+/// Traces those rays of a shadow tile that go together. `trace` is the traversal and returns whether it
+/// finished.
 #[inline(always)]
 pub fn cast<S: Simd, C: Counters, const R: usize>(
     simd: S,
-    (frame, rays, backoff): (&Frame, &[Ray], &mut Backoff<'_>),
-    follow: impl FnOnce(&mut Tile<R>, &mut Shadows<R>, &mut [C]) -> bool,
+    RaySlice { frame, rays }: RaySlice<'_>,
+    backoff: &mut Backoff<'_>,
+    trace: impl FnOnce(&mut Tile<R>, &mut Shadows<R>, &mut [C]) -> bool,
     counters: &mut [C],
-) -> [[u16; R]; 2] {
-    let (mut blocked, mut rest) = ([0; R], [u16::MAX; R]);
+) -> Decided<R> {
+    let (mut blocked, mut left) = ([0; R], [u16::MAX; R]);
     // A tile that cannot be formed is not reported as a failure: the attempt is cheap, and the next may
     // succeed.
-    if backoff.tries()
+    if backoff.should_try()
         && let Some((mut tile, mut shadows)) = Shadows::new(simd, frame, rays)
     {
         if tile.is_inside() {
-            let finished = follow(&mut tile, &mut shadows, counters);
-            backoff.learn(finished);
+            let finished = trace(&mut tile, &mut shadows, counters);
+            backoff.record(finished);
             if !finished {
                 tile.give_up();
             }
         }
-        (blocked, rest) = (shadows.blocked, tile.rest);
+        (blocked, left) = (shadows.blocked, tile.rest);
     }
-    for (rest, blocked) in rest.iter_mut().zip(blocked) {
-        *rest &= !blocked;
+    for (left, blocked) in left.iter_mut().zip(blocked) {
+        *left &= !blocked;
     }
-    [blocked, rest]
+    Decided { blocked, left }
 }
 
 // No closures in these functions: unless inlined, a closure is not compiled for the caller's instruction set.
@@ -251,41 +264,41 @@ fn dot<S: Simd>(a: [f32x16<S>; 3], b: [f32x16<S>; 3]) -> f32x16<S> {
     a[0].mul_add(b[0], a[1].mul_add(b[1], a[2] * b[2]))
 }
 
-impl<const R: usize> Judge<R> for Shadows<R> {
+impl<const R: usize> Resolver<R> for Shadows<R> {
     // Most tiles find no blocker. The others cost more than packets, whose rays stop at their first hit.
     const BUDGET: usize = 1;
-    const WORTH: u32 = 13;
+    const MIN_FINISHED: u32 = 13;
 
     #[inline(always)]
-    fn judge<S: Simd, C: Counters>(
+    fn resolve<S: Simd, C: Counters>(
         &mut self,
         simd: S,
-        blocks: &Blocks,
-        (tile, rays): (&mut Tile<R>, &[Ray]),
+        input: Input<'_>,
+        tile: &mut Tile<R>,
         candidate: &Candidate<S>,
         counters: &mut [C],
     ) {
-        let &Candidate {
-            row,
-            open,
-            words: (from, n),
-            ..
-        } = candidate;
-        let corners = blocks.corners_at(from, n);
-        let lines = (&self.o[row], &self.d[row], self.to_scene);
-        let limits = (&self.t_min[row], &self.t_max[row]);
+        let (row, open) = (candidate.row, candidate.open);
+        let corners = candidate.triangle.corners(input.blocks);
+        let segments = Segments {
+            o: &self.o[row],
+            d: &self.d[row],
+            to_scene: self.to_scene,
+            t_min: &self.t_min[row],
+            t_max: &self.t_max[row],
+        };
         // Decide in f64 lanes as far as certain, the rest exactly.
-        let (mut blocked, mut doubtful) = any(simd, lines, limits, corners, open);
+        let (mut blocked, mut doubtful) = any(simd, &segments, corners, open);
         while doubtful != 0 {
             let lane = doubtful.trailing_zeros() as usize % LANES;
             doubtful &= doubtful - 1;
-            let ray = &rays[place(row, lane)];
+            let ray = &input.rays[ray_index(row, lane)];
             let found = verdict_within(ray.o, ray.d, corners, [ray.t_min, ray.t_max]);
             let hit = found.is_some_and(|at| ray.reaches(at.t));
             blocked |= u16::from(hit) << lane;
         }
         count(open, row, counters);
         self.blocked[row] |= blocked;
-        tile.stop(simd, row, blocked);
+        tile.deactivate(simd, row, blocked);
     }
 }

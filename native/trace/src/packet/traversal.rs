@@ -2,11 +2,12 @@
 //! Traversal of a tree by packets of rays; rays alone in their group take the single-ray traversal.
 
 use crate::batch::{TileWalk, Walk};
+use crate::input::Input;
 use crate::packet::{Group, MOST, Packet, Sixteen, Width};
 use fearless_simd::Simd;
 use halfspace_leaf::Job;
 use halfspace_ray::query::{Counters, Query};
-use halfspace_ray::{Hit, Ray, RayRef, RaySlice};
+use halfspace_ray::{Hit, RayRef, RaySlice};
 use std::marker::PhantomData;
 
 /// A tree with a packet traversal.
@@ -27,12 +28,12 @@ pub trait PacketTree: Sync {
     fn stack(&self) -> Vec<Self::Pending<'_>>;
 
     /// Traces one group of a packet. Node visits are counted for the first ray of the group.
-    fn follow_packet<'a, S: Simd, Q: Query, C: Counters, L: Width>(
+    fn trace_group<'a, S: Simd, Q: Query, C: Counters, L: Width>(
         &'a self,
         simd: S,
-        triangles: Job<'_>,
-        rays: &[Ray],
-        packet: (&mut Packet, Group),
+        input: Input<'_>,
+        packet: &mut Packet,
+        group: Group,
         stack: &mut [Self::Pending<'a>],
         counters: &mut [C],
     );
@@ -90,9 +91,9 @@ impl<'a, T: PacketTree, Q: Query, L: Width> TileWalk for Packets<'a, T, Q, L> {
             *place = i;
         }
         if L::RAYS == MOST {
-            outlined::<S, T, Q, C>(simd, self.0, triangles, rays, None, scratch, counters);
+            trace_sixteen::<S, T, Q, C>(simd, self.0, triangles, rays, None, scratch, counters);
         } else {
-            cast::<S, T, Q, C, L>(simd, self.0, triangles, rays, None, scratch, counters);
+            trace::<S, T, Q, C, L>(simd, self.0, triangles, rays, None, scratch, counters);
         }
         for i in 0..count {
             write(i, scratch.packet.hit::<Q>(i));
@@ -102,11 +103,11 @@ impl<'a, T: PacketTree, Q: Query, L: Width> TileWalk for Packets<'a, T, Q, L> {
 
 /// Traces one packet. `known`, if given, are hits found before; each ray ends at its own.
 #[inline(always)]
-fn cast<'a, S: Simd, T: PacketTree + 'a, Q: Query, C: Counters, L: Width>(
+fn trace<'a, S: Simd, T: PacketTree + 'a, Q: Query, C: Counters, L: Width>(
     simd: S,
     tree: &'a T,
-    Job { scene, blocks }: Job<'_>,
-    RaySlice { frame, rays }: RaySlice<'_>,
+    triangles: Job<'_>,
+    rays: RaySlice<'_>,
     known: Option<&[Hit; MOST]>,
     scratch: &mut Scratch<'a, T>,
     counters: &mut [C],
@@ -116,51 +117,42 @@ fn cast<'a, S: Simd, T: PacketTree + 'a, Q: Query, C: Counters, L: Width>(
         stack,
         single,
     } = scratch;
-    let mut left = packet.fill(simd, frame, rays, known);
+    let input = Input::new(triangles, rays);
+    let mut left = packet.fill(simd, rays.frame, rays.rays, known);
     // Trace group by group, and single rays by their own traversal.
     while left != 0 {
         let group = packet.group(left);
         left &= !group.lanes;
         if group.lanes.count_ones() == 1 {
             let (i, place) = (group.lead, packet.places[group.lead]);
+            let mut ray = rays.rays[place];
             // End at the known hit: it is found again, or a better one.
-            let t_max = match known {
-                Some(known) if known[i].is_hit() => known[i].t,
-                _ => rays[place].t_max,
-            };
-            let ray = Ray {
-                t_max,
-                ..rays[place]
-            };
-            let (walk, counters) = (tree.single(), &mut counters[place]);
-            let hit = frame.ray(&ray).map_or(Hit::MISS, |framed| {
+            if let Some(known) = known
+                && known[i].is_hit()
+            {
+                ray.t_max = known[i].t;
+            }
+            let (traversal, counters) = (tree.single(), &mut counters[place]);
+            let hit = rays.frame.ray(&ray).map_or(Hit::MISS, |framed| {
                 let ray = RayRef {
                     ray: &ray,
                     frame: &framed,
                 };
-                alone::<S, _, Q, C>(simd, &walk, Job { scene, blocks }, ray, single, counters)
+                alone::<S, _, Q, C>(simd, &traversal, triangles, ray, single, counters)
             });
-            packet.know(i, hit);
+            packet.set_hit(i, hit);
         } else {
-            let packet = (&mut *packet, group);
-            tree.follow_packet::<S, Q, C, L>(
-                simd,
-                Job { scene, blocks },
-                rays,
-                packet,
-                stack,
-                counters,
-            );
+            tree.trace_group::<S, Q, C, L>(simd, input, packet, group, stack, counters);
         }
     }
-    packet.settle::<S, Q, C>(simd, (blocks, rays), counters);
+    packet.decide_deferred::<S, Q, C>(simd, input, counters);
 }
 
 /// Traces one ray. Compiled once for packets of all widths.
 #[inline(never)]
 fn alone<S: Simd, W: Walk, Q: Query, C: Counters>(
     simd: S,
-    walk: &W,
+    traversal: &W,
     triangles: Job<'_>,
     ray: RayRef<'_>,
     scratch: &mut W::Scratch,
@@ -168,18 +160,18 @@ fn alone<S: Simd, W: Walk, Q: Query, C: Counters>(
 ) -> Hit {
     simd.vectorize(
         #[inline(always)]
-        || walk.cast::<S, Q, C>(simd, triangles, ray, scratch, counters),
+        || traversal.cast::<S, Q, C>(simd, triangles, ray, scratch, counters),
     )
 }
 
 /// Rays that a tile traversal leaves unfinished, collected into packets of 16.
-pub struct Rest<'a, T: PacketTree + 'a> {
+pub struct Remainder<'a, T: PacketTree + 'a> {
     tree: &'a T,
     scratch: Scratch<'a, T>,
     known: [Hit; MOST],
 }
 
-impl<'a, T: PacketTree> Rest<'a, T> {
+impl<'a, T: PacketTree> Remainder<'a, T> {
     /// An empty collection for `tree`.
     pub fn new(tree: &'a T) -> Self {
         Self {
@@ -189,20 +181,21 @@ impl<'a, T: PacketTree> Rest<'a, T> {
         }
     }
 
-    /// Traces some rays of a tile. `rest` gives the index of each in the tile and its best hit so far, where it
+    /// Traces some rays of a tile. `left` gives the index of each in the tile and its best hit so far, where it
     /// ends; `write` receives index and final hit.
     #[inline(always)]
-    pub fn walk<S: Simd, Q: Query, C: Counters>(
+    pub fn trace<S: Simd, Q: Query, C: Counters>(
         &mut self,
         simd: S,
         triangles: Job<'_>,
-        RaySlice { frame, rays }: RaySlice<'_>,
-        rest: impl Iterator<Item = (usize, Hit)>,
-        (write, counters): (&mut impl FnMut(usize, Hit), &mut [C]),
+        rays: RaySlice<'_>,
+        left: impl Iterator<Item = (usize, Hit)>,
+        write: &mut impl FnMut(usize, Hit),
+        counters: &mut [C],
     ) {
         self.scratch.packet.count = 0;
         // Collect rays, and trace each packet that is full.
-        for (place, hit) in rest {
+        for (place, hit) in left {
             let packet = &mut self.scratch.packet;
             let i = packet.count % MOST;
             packet.places[i] = place;
@@ -211,10 +204,10 @@ impl<'a, T: PacketTree> Rest<'a, T> {
             }
             packet.count += 1;
             if packet.count == MOST {
-                self.flush::<S, Q, C>(simd, triangles, RaySlice { frame, rays }, (write, counters));
+                self.flush::<S, Q, C>(simd, triangles, rays, write, counters);
             }
         }
-        self.flush::<S, Q, C>(simd, triangles, RaySlice { frame, rays }, (write, counters));
+        self.flush::<S, Q, C>(simd, triangles, rays, write, counters);
     }
 
     /// Traces the collected packet, writes its hits and empties it.
@@ -224,22 +217,16 @@ impl<'a, T: PacketTree> Rest<'a, T> {
         simd: S,
         triangles: Job<'_>,
         rays: RaySlice<'_>,
-        (write, counters): (&mut impl FnMut(usize, Hit), &mut [C]),
+        write: &mut impl FnMut(usize, Hit),
+        counters: &mut [C],
     ) {
         let count = self.scratch.packet.count;
         if count == 0 {
             return;
         }
+        let (tree, scratch) = (self.tree, &mut self.scratch);
         let known = (!Q::ANY).then_some(&self.known);
-        outlined::<S, T, Q, C>(
-            simd,
-            self.tree,
-            triangles,
-            rays,
-            known,
-            &mut self.scratch,
-            counters,
-        );
+        trace_sixteen::<S, T, Q, C>(simd, tree, triangles, rays, known, scratch, counters);
         let packet = &mut self.scratch.packet;
         for (i, place) in packet.places.iter().enumerate().take(count) {
             write(*place, packet.hit::<Q>(i));
@@ -250,7 +237,7 @@ impl<'a, T: PacketTree> Rest<'a, T> {
 
 /// Traces a packet of 16. Compiled once for each tree and query, since several callers share it.
 #[inline(never)]
-fn outlined<'a, S: Simd, T: PacketTree + 'a, Q: Query, C: Counters>(
+fn trace_sixteen<'a, S: Simd, T: PacketTree + 'a, Q: Query, C: Counters>(
     simd: S,
     tree: &'a T,
     triangles: Job<'_>,
@@ -261,6 +248,6 @@ fn outlined<'a, S: Simd, T: PacketTree + 'a, Q: Query, C: Counters>(
 ) {
     simd.vectorize(
         #[inline(always)]
-        || cast::<S, T, Q, C, Sixteen>(simd, tree, triangles, rays, known, scratch, counters),
+        || trace::<S, T, Q, C, Sixteen>(simd, tree, triangles, rays, known, scratch, counters),
     );
 }

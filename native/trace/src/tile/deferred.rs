@@ -3,13 +3,13 @@
 //! Exact distances of hits behind others are then never computed, and those of many rays are computed together
 //! at the cost of one.
 
-use crate::tile::{LANES, Row, Tile, bits, load, splat};
+use crate::tile::{LANES, Limits, Quotient, Row, StoredTriangle, Tile, bits, load, splat};
 use fearless_simd::{Select, Simd, SimdBase, SimdFloat, SimdMask, f32x16, mask32x16, u32x16};
 use halfspace_ray::Hit;
 use halfspace_ray::frame::{PRUNE, U};
 
 /// The deferred hits of `R` rows of rays.
-pub struct Held<const R: usize> {
+pub struct Deferred<const R: usize> {
     /// Masks of the rays that have one.
     pub lanes: [u16; R],
     /// Numbers of the triangles; [`Hit::NONE`] for rays without a deferred hit.
@@ -22,7 +22,7 @@ pub struct Held<const R: usize> {
     early: [Row; R],
 }
 
-impl<const R: usize> Held<R> {
+impl<const R: usize> Deferred<R> {
     /// No deferred hits.
     #[inline(always)]
     pub fn none() -> Self {
@@ -44,27 +44,40 @@ impl<const R: usize> Held<R> {
         self.early = [[f32::INFINITY; LANES]; R];
     }
 
-    /// The position of the first word of a ray's triangle, and the distance between its words.
+    /// The triangle of a ray's deferred hit.
     #[inline(always)]
-    pub fn words(&self, row: usize, lane: usize) -> (usize, usize) {
-        (
-            self.from[row][lane] as usize,
-            self.stride[row][lane] as usize,
-        )
+    pub fn triangle(&self, row: usize, lane: usize) -> StoredTriangle {
+        StoredTriangle {
+            id: self.id[row][lane],
+            at: self.from[row][lane] as usize,
+            stride: self.stride[row][lane] as usize,
+        }
     }
 
-    /// Defers the hits of some rays of a row with a triangle, as far as each certainly lies between the first
-    /// two `limits` and is nearer than what the ray holds; the third limit is the error bound of subnormal
-    /// distances. Returns the mask of those rays, and upper bounds on their distances in the frame.
+    /// Defers the hits of some rays of a row with a triangle, as far as each certainly lies inside the limits and
+    /// is nearer than the ray's deferred hit. Returns the mask of those rays, and upper bounds on their
+    /// distances in the frame.
     #[inline(always)]
     pub fn take<S: Simd>(
         &mut self,
         simd: S,
-        (row, lanes): (usize, u16),
-        [t, t_error, det, det_error]: [f32x16<S>; 4],
-        [soonest, latest, last_place]: [f32x16<S>; 3],
-        (id, from, stride): (u32, usize, usize),
+        row: usize,
+        lanes: u16,
+        distance: &Quotient<S>,
+        limits: &Limits<S>,
+        triangle: StoredTriangle,
     ) -> (u16, f32x16<S>) {
+        let &Quotient {
+            t,
+            t_error,
+            det,
+            det_error,
+        } = distance;
+        let &Limits {
+            soonest,
+            latest,
+            last_place,
+        } = limits;
         let inverse = splat(simd, 1.0) / det;
         let distance = t * inverse;
         // If the denominator exceeds its error this far, the quotient is off by at most the sum of both
@@ -74,21 +87,21 @@ impl<const R: usize> Held<R> {
             + distance * splat(simd, 16.0 * U)
             + last_place;
         let (early, late) = (distance - error, distance + error);
-        let held = load(simd, &self.early[row]);
+        let known = load(simd, &self.early[row]);
         let taken = lanes
             & bits(det.simd_gt(det_error * splat(simd, 1024.0)))
-            & bits(late.simd_lt(held.min(latest)) & early.simd_gt(soonest));
+            & bits(late.simd_lt(known.min(latest)) & early.simd_gt(soonest));
         if taken == 0 {
             return (0, late);
         }
         let lanes = mask32x16::from_bitmask(simd, u64::from(taken));
-        let early: f32x16<S> = lanes.select(early, held);
+        let early: f32x16<S> = lanes.select(early, known);
         early.store_slice(&mut self.early[row]);
         #[expect(
             clippy::cast_possible_truncation,
             reason = "leaf data is bounded by the budget"
         )]
-        let words = [id, from as u32, stride as u32];
+        let words = [triangle.id, triangle.at as u32, triangle.stride as u32];
         for (row, new) in [
             (&mut self.id[row], words[0]),
             (&mut self.from[row], words[1]),
@@ -106,34 +119,35 @@ impl<const R: usize> Held<R> {
 impl<const R: usize> Tile<R> {
     /// Mask of the rays of a row whose deferred or best hit is this triangle.
     #[inline(always)]
-    pub fn met<S: Simd>(&self, simd: S, row: usize, id: u32) -> u16 {
+    pub fn has_hit<S: Simd>(&self, simd: S, row: usize, id: u32) -> u16 {
         let id = u32x16::splat(simd, id);
         let best = u32x16::from_slice(simd, &self.id[row]);
-        let held = u32x16::from_slice(simd, &self.held.id[row]);
-        bits(best.simd_eq(id) | held.simd_eq(id))
+        let deferred = u32x16::from_slice(simd, &self.deferred.id[row]);
+        bits(best.simd_eq(id) | deferred.simd_eq(id))
     }
 
     /// Defers the hits of some rays of a row with a triangle, as far as each is certainly inside the ray's
-    /// limits and nearer than the ray's deferred hit; returns the mask of those rays. `quotient` is the
-    /// distance in the frame: numerator, its error bound, denominator, its error bound. `words` is the
-    /// triangle's number, then position and distance of its words.
+    /// limits and nearer than the ray's deferred hit; returns the mask of those rays.
     #[inline(always)]
-    pub fn hold<S: Simd>(
+    pub fn defer<S: Simd>(
         &mut self,
         simd: S,
-        (row, lanes): (usize, u16),
-        quotient: [f32x16<S>; 4],
-        words: (u32, usize, usize),
+        row: usize,
+        lanes: u16,
+        distance: &Quotient<S>,
+        triangle: StoredTriangle,
     ) -> u16 {
         if lanes == 0 {
             return 0;
         }
         let last_place = splat(simd, self.last_place);
-        let soonest =
-            load(simd, &self.t_min[row]).mul_add(splat(simd, self.to_frame * PRUNE), last_place);
-        let latest = load(simd, &self.t[row]) * splat(simd, self.to_frame * (2.0 - PRUNE));
-        let limits = [soonest, latest, last_place];
-        let (taken, late) = self.held.take(simd, (row, lanes), quotient, limits, words);
+        let limits = Limits {
+            soonest: load(simd, &self.t_min[row])
+                .mul_add(splat(simd, self.to_frame * PRUNE), last_place),
+            latest: load(simd, &self.t[row]) * splat(simd, self.to_frame * (2.0 - PRUNE)),
+            last_place,
+        };
+        let (taken, late) = (self.deferred).take(simd, row, lanes, distance, &limits, triangle);
         if taken != 0 {
             let lanes = mask32x16::from_bitmask(simd, u64::from(taken));
             let reach = late.mul_add(splat(simd, PRUNE), last_place);

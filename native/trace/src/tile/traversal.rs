@@ -3,17 +3,16 @@
 //! do not fit a tile, and those of tiles that exceed their budget, are traced in packets.
 
 use crate::batch::TileWalk;
-use crate::packet::walk::{PacketTree, Rest};
-use crate::tile::leaf::Judge;
-use crate::tile::nearest::Nearest;
-use crate::tile::shadow::Shadows;
-use crate::tile::{
-    Backoff, LANES, Lately, Tile, nearest as tile_nearest, place, seat, shadow as shadow_tile,
-};
+use crate::input::Input;
+use crate::packet::traversal::{PacketTree, Remainder};
+use crate::tile::leaf::Resolver;
+use crate::tile::nearest::{self, Nearest};
+use crate::tile::shadow::{self, Decided, Shadows};
+use crate::tile::{Backoff, LANES, SuccessRate, Tile, ray_index, row_and_lane};
 use fearless_simd::Simd;
 use halfspace_leaf::Job;
 use halfspace_ray::query::{Any, Closest, Counters};
-use halfspace_ray::{Hit, Ray, RaySlice};
+use halfspace_ray::{Hit, RaySlice};
 
 /// A tree with a tile traversal.
 pub trait TileTree: PacketTree {
@@ -24,11 +23,12 @@ pub trait TileTree: PacketTree {
     fn room(&self) -> Self::Room;
 
     /// Traces a tile; returns whether it finished within its budget.
-    fn follow<S: Simd, C: Counters, J: Judge<R>, const R: usize>(
+    fn trace_tile<S: Simd, C: Counters, J: Resolver<R>, const R: usize>(
         &self,
         simd: S,
-        triangles: Job<'_>,
-        tile: (&mut Tile<R>, &[Ray], &mut J),
+        input: Input<'_>,
+        tile: &mut Tile<R>,
+        resolver: &mut J,
         room: &mut Self::Room,
         counters: &mut [C],
     ) -> bool;
@@ -38,28 +38,28 @@ pub trait TileTree: PacketTree {
 pub struct Scratch<'a, T: TileTree + 'a> {
     backoff: Backoff<'a>,
     room: T::Room,
-    rest: Rest<'a, T>,
+    remainder: Remainder<'a, T>,
 }
 
 impl<'a, T: TileTree> Scratch<'a, T> {
-    fn new(tree: &'a T, worth: u32, lately: Option<&'a Lately>) -> Self {
+    fn new(tree: &'a T, min_finished: u32, rate: Option<&'a SuccessRate>) -> Self {
         Self {
-            backoff: Backoff::new(worth, lately),
+            backoff: Backoff::new(min_finished, rate),
             room: tree.room(),
-            rest: Rest::new(tree),
+            remainder: Remainder::new(tree),
         }
     }
 }
 
 /// The nearest-hit traversal by tiles of `16 R` rays, with the success rate of earlier batches.
-pub struct Tiles<'a, T, const R: usize>(pub &'a T, pub Option<&'a Lately>);
+pub struct Tiles<'a, T, const R: usize>(pub &'a T, pub Option<&'a SuccessRate>);
 
 impl<'a, T: TileTree, const R: usize> TileWalk for Tiles<'a, T, R> {
     const RAYS: usize = R * LANES;
     type Scratch = (Scratch<'a, T>, Tile<R>);
 
     fn scratch(&self) -> Self::Scratch {
-        let shared = Scratch::new(self.0, <Nearest as Judge<R>>::WORTH, self.1);
+        let shared = Scratch::new(self.0, <Nearest as Resolver<R>>::MIN_FINISHED, self.1);
         (shared, Tile::none())
     }
 
@@ -68,70 +68,59 @@ impl<'a, T: TileTree, const R: usize> TileWalk for Tiles<'a, T, R> {
         &self,
         simd: S,
         triangles: Job<'_>,
-        RaySlice { frame, rays }: RaySlice<'_>,
+        rays: RaySlice<'_>,
         (scratch, tile): &mut Self::Scratch,
         write: &mut impl FnMut(usize, Hit),
         counters: &mut [C],
     ) {
+        let count = rays.rays.len();
         let Scratch {
             backoff,
             room,
-            rest,
+            remainder,
         } = scratch;
         // Trace all rays in packets while tiles do not pay.
-        if !backoff.tries() {
-            let all = Seats::new(rays.len(), [u16::MAX; R]).map(|(i, _)| (i, Hit::MISS));
-            rest.walk::<S, Closest, C>(
-                simd,
-                triangles,
-                RaySlice { frame, rays },
-                all,
-                (write, counters),
-            );
+        if !backoff.should_try() {
+            let all = RaysOf::new(count, [u16::MAX; R]).map(|(i, _)| (i, Hit::MISS));
+            remainder.trace::<S, Closest, C>(simd, triangles, rays, all, write, counters);
             return;
         }
         // Trace the tile, decide its deferred hits, and record whether it finished.
-        tile.fill(simd, frame, rays);
+        tile.fill(simd, rays.frame, rays.rays);
         if tile.is_inside() {
-            let mut nearest = Nearest::default();
-            let job = (&mut *tile, rays, &mut nearest);
-            let finished = TileTree::follow(self.0, simd, triangles, job, room, counters);
-            tile_nearest::settle(simd, triangles.blocks, (&mut *tile, rays), counters);
-            backoff.learn(finished);
+            let input = Input::new(triangles, rays);
+            let mut resolver = Nearest::default();
+            let finished = (self.0).trace_tile(simd, input, tile, &mut resolver, room, counters);
+            nearest::decide_deferred(simd, input, tile, counters);
+            backoff.record(finished);
             if !finished {
                 tile.give_up();
             }
         } else if tile.rest != [0; R] {
-            backoff.learn(false);
+            backoff.record(false);
         }
         // Write the tile's hits, then continue the rays that are left in packets.
-        for i in 0..rays.len() {
-            let (row, lane) = seat(i);
+        for i in 0..count {
+            let (row, lane) = row_and_lane(i);
             write(i, tile.hit(row, lane));
         }
         if tile.rest != [0; R] {
-            let left =
-                Seats::new(rays.len(), tile.rest).map(|(i, (row, lane))| (i, tile.hit(row, lane)));
-            rest.walk::<S, Closest, C>(
-                simd,
-                triangles,
-                RaySlice { frame, rays },
-                left,
-                (write, counters),
-            );
+            let left = RaysOf::new(count, tile.rest);
+            let left = left.map(|(i, (row, lane))| (i, tile.hit(row, lane)));
+            remainder.trace::<S, Closest, C>(simd, triangles, rays, left, write, counters);
         }
     }
 }
 
 /// Iterator over some rays of a tile: index, and row and lane, of the rays of `lanes` with an index below
 /// `rays`. It goes row by row, so that the rays of a packet form a square of pixels.
-struct Seats<const R: usize> {
+struct RaysOf<const R: usize> {
     rays: usize,
     lanes: [u16; R],
     row: usize,
 }
 
-impl<const R: usize> Seats<R> {
+impl<const R: usize> RaysOf<R> {
     #[inline(always)]
     fn new(rays: usize, lanes: [u16; R]) -> Self {
         Self {
@@ -142,7 +131,7 @@ impl<const R: usize> Seats<R> {
     }
 }
 
-impl<const R: usize> Iterator for Seats<R> {
+impl<const R: usize> Iterator for RaysOf<R> {
     type Item = (usize, (usize, usize));
 
     #[inline(always)]
@@ -155,9 +144,9 @@ impl<const R: usize> Iterator for Seats<R> {
             }
             let lane = lanes.trailing_zeros() as usize % LANES;
             *lanes &= *lanes - 1;
-            let place = place(self.row, lane);
-            if place < self.rays {
-                return Some((place, (self.row, lane)));
+            let index = ray_index(self.row, lane);
+            if index < self.rays {
+                return Some((index, (self.row, lane)));
             }
         }
         None
@@ -165,14 +154,14 @@ impl<const R: usize> Iterator for Seats<R> {
 }
 
 /// The any-hit traversal by tiles of `16 R` reversed shadow rays, with the success rate of earlier batches.
-pub struct ShadowTiles<'a, T, const R: usize>(pub &'a T, pub Option<&'a Lately>);
+pub struct ShadowTiles<'a, T, const R: usize>(pub &'a T, pub Option<&'a SuccessRate>);
 
 impl<'a, T: TileTree, const R: usize> TileWalk for ShadowTiles<'a, T, R> {
     const RAYS: usize = R * LANES;
     type Scratch = Scratch<'a, T>;
 
     fn scratch(&self) -> Self::Scratch {
-        Scratch::new(self.0, <Shadows<R> as Judge<R>>::WORTH, self.1)
+        Scratch::new(self.0, <Shadows<R> as Resolver<R>>::MIN_FINISHED, self.1)
     }
 
     #[inline(always)]
@@ -180,30 +169,33 @@ impl<'a, T: TileTree, const R: usize> TileWalk for ShadowTiles<'a, T, R> {
         &self,
         simd: S,
         triangles: Job<'_>,
-        RaySlice { frame, rays }: RaySlice<'_>,
-        Scratch {
-            backoff,
-            room,
-            rest,
-        }: &mut Self::Scratch,
+        rays: RaySlice<'_>,
+        scratch: &mut Self::Scratch,
         write: &mut impl FnMut(usize, Hit),
         counters: &mut [C],
     ) {
-        let [blocked, left] = shadow_tile::cast::<S, C, R>(
+        let Scratch {
+            backoff,
+            room,
+            remainder,
+        } = scratch;
+        let Decided { blocked, left } = shadow::cast::<S, C, R>(
             simd,
-            (frame, rays, backoff),
+            rays,
+            backoff,
             #[inline(always)]
             |tile, shadows, counters| {
-                let job = (tile, rays, shadows);
-                TileTree::follow(self.0, simd, triangles, job, room, counters)
+                let input = Input::new(triangles, rays);
+                (self.0).trace_tile(simd, input, tile, shadows, room, counters)
             },
             counters,
         );
         // Write the decided rays, then trace the others in packets.
-        for (i, (row, lane)) in Seats::new(rays.len(), left.map(|left| !left)) {
+        let count = rays.rays.len();
+        for (i, (row, lane)) in RaysOf::new(count, left.map(|left| !left)) {
             // An any-hit query returns existence only; number and weights are placeholders.
             let hit = Hit {
-                t: rays[i].t_max,
+                t: rays.rays[i].t_max,
                 triangle: 0,
                 u: 0.0,
                 v: 0.0,
@@ -212,14 +204,8 @@ impl<'a, T: TileTree, const R: usize> TileWalk for ShadowTiles<'a, T, R> {
             write(i, if is_blocked { hit } else { Hit::MISS });
         }
         if left != [0; R] {
-            let left = Seats::new(rays.len(), left).map(|(i, _)| (i, Hit::MISS));
-            rest.walk::<S, Any, C>(
-                simd,
-                triangles,
-                RaySlice { frame, rays },
-                left,
-                (write, counters),
-            );
+            let left = RaysOf::new(count, left).map(|(i, _)| (i, Hit::MISS));
+            remainder.trace::<S, Any, C>(simd, triangles, rays, left, write, counters);
         }
     }
 }

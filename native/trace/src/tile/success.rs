@@ -15,9 +15,9 @@ const PROBE: u32 = 32;
 /// The share of recently tried tiles that finished, handed from one batch of rays to the next on any thread. It
 /// affects speed only, so relaxed atomic access suffices.
 #[derive(Debug)]
-pub struct Lately(AtomicU32);
+pub struct SuccessRate(AtomicU32);
 
-impl Default for Lately {
+impl Default for SuccessRate {
     /// Starts with full success.
     fn default() -> Self {
         Self(AtomicU32::new(ALL))
@@ -29,7 +29,7 @@ impl Default for Lately {
 /// do not finish.
 #[derive(Debug)]
 pub struct Backoff<'a> {
-    lately: Option<&'a Lately>,
+    rate: Option<&'a SuccessRate>,
     share: u32,
     /// Share below which tiles are not worth trying.
     least: u32,
@@ -38,12 +38,12 @@ pub struct Backoff<'a> {
 }
 
 impl<'a> Backoff<'a> {
-    /// Tries tiles while at least `least` of 16 finish. Without `lately` each batch starts anew, which makes
+    /// Tries tiles while at least `least` of 16 finish. Without `rate` each batch starts anew, which makes
     /// its work reproducible.
-    pub fn new(least: u32, lately: Option<&'a Lately>) -> Self {
+    pub fn new(least: u32, rate: Option<&'a SuccessRate>) -> Self {
         Self {
-            lately,
-            share: lately.map_or(ALL, |lately| lately.0.load(Ordering::Relaxed)),
+            rate,
+            share: rate.map_or(ALL, |rate| rate.0.load(Ordering::Relaxed)),
             least: least * (ALL / 16),
             waited: 0,
         }
@@ -51,7 +51,7 @@ impl<'a> Backoff<'a> {
 
     /// Whether to try the next tile.
     #[inline(always)]
-    pub fn tries(&mut self) -> bool {
+    pub fn should_try(&mut self) -> bool {
         self.waited += 1;
         let tries = self.share >= self.least || self.waited >= PROBE;
         if tries {
@@ -62,13 +62,13 @@ impl<'a> Backoff<'a> {
 
     /// Records whether a tile finished.
     #[inline(always)]
-    pub fn learn(&mut self, finished: bool) {
+    pub fn record(&mut self, finished: bool) {
         self.share -= self.share / MEMORY;
         if finished {
             self.share += ALL / MEMORY;
         }
-        if let Some(lately) = self.lately {
-            lately.0.store(self.share, Ordering::Relaxed);
+        if let Some(rate) = self.rate {
+            rate.0.store(self.share, Ordering::Relaxed);
         }
     }
 }
@@ -81,9 +81,9 @@ mod tests {
     fn tried(backoff: &mut Backoff<'_>, tiles: u32, ends: impl Fn(u32) -> bool) -> u32 {
         let mut tried = 0;
         for i in 0..tiles {
-            if backoff.tries() {
+            if backoff.should_try() {
                 tried += 1;
-                backoff.learn(ends(i));
+                backoff.record(ends(i));
             }
         }
         tried
@@ -91,13 +91,13 @@ mod tests {
 
     #[test]
     fn tiles_are_tried_where_they_pay() {
-        let lately = Lately::default();
-        let mut backoff = Backoff::new(12, Some(&lately));
+        let rate = SuccessRate::default();
+        let mut backoff = Backoff::new(12, Some(&rate));
         assert_eq!(tried(&mut backoff, 1000, |_| true), 1000);
         assert!(tried(&mut backoff, 1000, |i| i % 8 != 0) > 900, "most do");
         assert!(tried(&mut backoff, 3200, |_| false) < 110, "none does");
         // The next batch starts with this share, and detects a change.
-        let mut next = Backoff::new(12, Some(&lately));
+        let mut next = Backoff::new(12, Some(&rate));
         assert!(tried(&mut next, 31, |_| false) == 0);
         assert!(tried(&mut next, 3200, |_| true) > 1500);
         let mut alone = Backoff::new(12, None);

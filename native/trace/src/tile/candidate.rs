@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Candidates: triangles that the f32 tests of a leaf could not rule out for some rays of a row.
+
+use fearless_simd::{Simd, f32x16};
+use halfspace_leaf::blocks::Blocks;
+
+/// A triangle in the blocks of the leaves.
+#[derive(Debug, Clone, Copy)]
+pub struct StoredTriangle {
+    /// Its number in the scene.
+    pub id: u32,
+    /// Position of its first word.
+    pub at: usize,
+    /// Distance between its words.
+    pub stride: usize,
+}
+
+impl StoredTriangle {
+    /// The three vertices.
+    #[inline(always)]
+    pub fn corners(self, blocks: &Blocks) -> [[f32; 3]; 3] {
+        blocks.corners_at(self.at, self.stride)
+    }
+}
+
+/// Distances in the frame of sixteen rays to a triangle's plane, as quotients `t / det` with the error bounds
+/// of both.
+#[derive(Clone, Copy)]
+pub struct Quotient<S: Simd> {
+    /// Numerators.
+    pub t: f32x16<S>,
+    /// Their error bounds.
+    pub t_error: f32x16<S>,
+    /// Denominators.
+    pub det: f32x16<S>,
+    /// Their error bounds.
+    pub det_error: f32x16<S>,
+}
+
+/// Limits on the distances of proven hits, in the frame, rounded inwards.
+#[derive(Clone, Copy)]
+pub struct Limits<S: Simd> {
+    /// Largest lower limit.
+    pub soonest: f32x16<S>,
+    /// Smallest upper limit.
+    pub latest: f32x16<S>,
+    /// Error bound of subnormal distances.
+    pub last_place: f32x16<S>,
+}
+
+/// The rays of a row that may hit a triangle.
+#[derive(Clone, Copy)]
+pub struct Candidate<S: Simd> {
+    /// The row.
+    pub row: usize,
+    /// Mask of these rays.
+    pub open: u16,
+    /// Mask of those whose lines certainly pass through the triangle.
+    pub sure: u16,
+    /// Their distances. Undefined if no ray is in `sure`.
+    pub distance: Quotient<S>,
+    /// The triangle.
+    pub triangle: StoredTriangle,
+}
