@@ -236,7 +236,7 @@ def fitted_costs(figure: Any, fit: Fit) -> None:
         width = fit.parts[order, number]
         if width.any():
             each = fit.nanoseconds[key]
-            axes.barh(places, width, 0.7, left, color=COLOURS[(0, 4, 5)[number]], label=f"{label}, {each:.1f} ns each")
+            axes.barh(places, width, 0.7, left, color=COLOURS[number], label=f"{label}, {each:.1f} ns each")
             left = left + width
     # Mark the measured times, which the stacked bars approximate.
     axes.plot(fit.measured[order], places, "o", color=INK, markersize=4, label="measured")

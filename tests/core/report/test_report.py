@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from report_rows import ROW, document, everything, pictured, row
 
 from addon.core.measure import ranking, thesis
@@ -324,6 +325,15 @@ def test_the_tables_of_the_thesis_stand_beside_the_published_numbers(tmp_path: P
     assert lines["bsp-wn"][0][0][0] == pytest.approx(300.0)
     text = page.as_html(document([{**one, "scene": "sponza-dabrovic"} for one in rows]), thesis.read(path))
     assert "<em>20,000</em>" in text
+
+
+def test_fitted_costs_draw_every_part() -> None:
+    parts = np.ones((costs.LEAST_ROWS, len(costs.PARTS)))
+    specs = tuple(f"s{i}" for i in range(costs.LEAST_ROWS))
+    some = costs.Fit(specs, dict.fromkeys(costs.PARTS, 1.0), parts.sum(axis=1), parts, 1.0)
+    figure = Figure()
+    charts.fitted_costs(figure, some)
+    assert len(figure.axes[0].containers) == len(costs.PARTS)
 
 
 def test_fitted_costs_are_those_that_made_the_times() -> None:
