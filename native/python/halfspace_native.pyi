@@ -17,6 +17,7 @@ __version__: str
 
 F32 = npt.NDArray[np.float32] | npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int32] | npt.NDArray[np.uint32] | npt.NDArray[np.int64]
+I64 = npt.NDArray[np.int64]
 
 class ShapeError(ValueError):
     """An array has the wrong shape or type, or an index is out of range."""
@@ -218,6 +219,95 @@ class RayPath(TypedDict):
     visits: Visits
     crossings: Crossings
 
+class Analysis(TypedDict):
+    """Statistics of a tree, computed on demand; a function of the tree alone.
+
+    Levels and depths count from the root, which has 0. Costs are in the units of `Statistics.sah_cost`: 1 per
+    axis-aligned step, 5 per oblique step, 80 per triangle test.
+    """
+
+    nodes: int
+    """Inner nodes. A grid has three levels of them: slices along x, rows along y, cells along z."""
+    leaves: int
+    leaf_depths: I64
+    """Number of leaves at each depth."""
+    leaf_sizes: I64
+    """Numbers of triangles that leaves hold, ascending."""
+    leaf_size_counts: I64
+    """Number of leaves that hold as many triangles as the entry of `leaf_sizes` says."""
+    children: I64
+    """Number of inner nodes with 0, 1, 2, ... children."""
+    level_nodes: I64
+    """Inner nodes at each level."""
+    level_planes_axis: I64
+    level_planes_oblique: I64
+    """Planes that the nodes of each level store; none for boxes, whose faces are not planes of the node."""
+    level_directions_axis: I64
+    level_directions_oblique: I64
+    """Distinct directions of these planes; opposite normals count once."""
+    sah_nodes: float
+    sah_leaves: float
+    """Expected cost of a random ray that meets the scene's box and is stopped by nothing: of steps and of tests.
+    Regions are clipped to those of their parents, so turned boxes cost less than in `Statistics.sah_cost`; for all
+    other structures the sum is that number."""
+    sah_steps_axis: float
+    sah_steps_oblique: float
+    sah_tests: float
+    """Expected numbers of the operations that these costs consist of."""
+    epo: float
+    """End-point overlap (Aila, Karras and Laine 2013): for each node the surface inside its region of triangles that
+    no leaf below it holds, over the whole surface, multiplied by the cost of the node. 0 for trees that partition
+    space. Regions of such trees are smaller by 2^-21, others larger by 2^-40 of the largest coordinate, which bounds
+    the error of each clipped area by the triangle's perimeter times that distance."""
+    epo_nodes: float
+    epo_leaves: float
+    """The parts of `epo` that are steps and tests."""
+    epo_steps_axis: float
+    epo_steps_oblique: float
+    epo_tests: float
+    """Expected numbers of the operations that these costs consist of."""
+    epo_error: float
+    """Standard error of `epo` if `epo_sample` < `epo_triangles`, else 0."""
+    epo_sample: int
+    """Number of triangles whose surface was used."""
+    epo_triangles: int
+    """Number of triangles that can be hit."""
+    beta: float | None
+    beta_axis: float | None
+    beta_oblique: float | None
+    """Share of the visits of nodes that one plane divides in which a random ray meets one child only: the mean of
+    1 - 2 (area of the section) / (surface area of the node), weighted with that surface area; of all such nodes, of
+    those with a plane of an axis, of those with an oblique plane. None without such nodes."""
+
+class Export(TypedDict):
+    """A whole tree as flat arrays: n nodes in preorder, scene frame. numpy.savez stores it.
+
+    Lists of different length per node lie one after another; entries offsets[i] to offsets[i + 1] are those of node i.
+    """
+
+    node_kind: npt.NDArray[np.uint8]
+    """(n,): 0, 1, 2 a plane of that axis; 3 oblique; 4 slabs; 5 octants; 6 boxes of the children; 7 a leaf."""
+    node_parent: npt.NDArray[np.int32]
+    """(n,); -1 for the root."""
+    node_depth: npt.NDArray[np.uint32]
+    """(n,)."""
+    node_bounds: npt.NDArray[np.float64]
+    """(n, 6): lower and upper corner of the box around the node's region."""
+    child_offsets: npt.NDArray[np.uint32]
+    children: npt.NDArray[np.uint32]
+    """(n + 1,), (n - 1,): children of each node, the one below the first plane first."""
+    plane_offsets: npt.NDArray[np.uint32]
+    planes: npt.NDArray[np.float64]
+    plane_kind: npt.NDArray[np.uint8]
+    """(n + 1,), (p, 4), (p,): planes that the node stores, x, y and z of the normal and the height along it; kinds as
+    of nodes."""
+    wall_offsets: npt.NDArray[np.uint32]
+    walls: npt.NDArray[np.float64]
+    """(n + 1,), (w, 4): faces of each region that is no box, outward unit normal and height; none for boxes."""
+    triangle_offsets: npt.NDArray[np.uint32]
+    triangles: npt.NDArray[np.uint32]
+    """(n + 1,), (r,): triangles of each leaf; none for inner nodes."""
+
 class Structure:
     """A structure built over triangles. Immutable; any number of threads may ask it."""
 
@@ -295,6 +385,17 @@ class Structure:
 
     def validate(self) -> list[str]:
         """Broken invariants in words; empty for a sound structure. Takes time, for tests."""
+
+    def analysis(self, max_nodes: int = 200_000) -> Analysis:
+        """Statistics of the tree: leaves, levels, children, expected cost, end-point overlap, beta.
+
+        max_nodes: end-point overlap of a tree of more nodes is estimated from a sample of the triangles,
+        fewer by the same factor but at least 1024, with a fixed seed. Takes time in proportion to the nodes.
+        Raises SpecError for numbers below 0.
+        """
+
+    def export(self) -> Export:
+        """The whole tree as flat arrays; numpy.savez(path, **structure.export()) stores it."""
 
     def split_polygons(self, max_depth: int = 60, max_count: int = 20_000) -> SplitPolygons:
         """The split planes of nodes down to max_depth, at most max_count of them, breadth first.

@@ -33,7 +33,7 @@
 //! - [`trace`]: traversal kernels;
 //! - [`structure`]: a built tree with the plan of its kernels, and instances;
 //! - [`trees`]: one file per family of structures, and their [`registry`];
-//! - [`inspect`]: validation, polygons, leaf cells, ray paths;
+//! - [`inspect`]: validation, statistics, polygons, leaf cells, ray paths, export;
 //! - [`oracle`]: exact arithmetic, and the scenes of the tests;
 //! - [`render`]: camera, sampler, materials, lights, integrator, film.
 //!

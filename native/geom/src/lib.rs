@@ -5,6 +5,7 @@
 pub mod bound;
 pub mod cell;
 pub mod clip;
+pub mod clip_area;
 pub mod oblique_part;
 pub mod overlap;
 pub mod polytope;

@@ -3,6 +3,7 @@
 
 use crate::Aabb;
 use crate::cell::{Cell, ConvexCell, Direction, Plane};
+use crate::clip_area::HalfSpace;
 use crate::vec3::{Vec3, dot, widen};
 
 /// A polygon as a list of its vertices, in order around it.
@@ -53,25 +54,60 @@ impl Region {
         }
     }
 
-    /// Returns the part of an interval of a line inside the region, ends included; `None` if there is none.
-    pub fn interval(&self, line: &Line, (mut from, mut to): (f64, f64)) -> Option<(f64, f64)> {
-        // Collect the outward normal and offset of every face.
-        let mut sides: Vec<(Vec3, f64)> = Vec::with_capacity(8);
+    /// Returns the lower and the upper corner of the smallest box around the region.
+    pub fn extent(&self) -> [Vec3; 2] {
+        if let Some(bounds) = self.bounds() {
+            return [widen(bounds.min), widen(bounds.max)];
+        }
+        let cell = self.0.polytope();
+        let corners = cell.facets().iter().flat_map(|facet| cell.corners(facet));
+        let start = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
+        corners.fold(start, |[low, high], p| {
+            [
+                [0, 1, 2].map(|k| low[k].min(p[k])),
+                [0, 1, 2].map(|k| high[k].max(p[k])),
+            ]
+        })
+    }
+
+    /// Returns the surface area, of both sides if the region is flat.
+    pub fn area(&self) -> f64 {
+        self.0.area()
+    }
+
+    /// Replaces the content of `out` by the half-spaces whose intersection the region is.
+    pub fn half_spaces(&self, out: &mut Vec<HalfSpace>) {
+        out.clear();
         if let Some(bounds) = self.bounds() {
             for k in 0..3 {
-                let axis = widen(Direction::Axis(k).vector());
-                sides.push((axis.map(|x| -x), -f64::from(bounds.min[k])));
-                sides.push((axis, f64::from(bounds.max[k])));
+                let normal = widen(Direction::Axis(k).vector());
+                out.push(HalfSpace {
+                    normal: normal.map(|x| -x),
+                    offset: -f64::from(bounds.min[k]),
+                });
+                out.push(HalfSpace {
+                    normal,
+                    offset: f64::from(bounds.max[k]),
+                });
             }
-        } else {
-            let cell = self.0.polytope();
-            for facet in cell.facets() {
-                let corner = cell.corners(facet).next().expect("a face has corners");
-                sides.push((facet.normal, dot(facet.normal, corner)));
-            }
+            return;
         }
+        let cell = self.0.polytope();
+        out.extend(cell.facets().iter().map(|facet| {
+            let corner = cell.corners(facet).next().expect("a face has corners");
+            HalfSpace {
+                normal: facet.normal,
+                offset: dot(facet.normal, corner),
+            }
+        }));
+    }
+
+    /// Returns the part of an interval of a line inside the region, ends included; `None` if there is none.
+    pub fn interval(&self, line: &Line, (mut from, mut to): (f64, f64)) -> Option<(f64, f64)> {
+        let mut walls = Vec::with_capacity(8);
+        self.half_spaces(&mut walls);
         // Clip the interval by each half-space. A line parallel to a face misses if it lies outside.
-        for (normal, offset) in sides {
+        for HalfSpace { normal, offset } in walls {
             let speed = dot(normal, line.direction);
             if speed == 0.0 {
                 if dot(normal, line.origin) > offset {

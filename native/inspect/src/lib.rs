@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Structures seen by people and tests: validation, drawing, ray paths.
+//! Structures seen by people and tests: validation, statistics, drawing, ray paths, export.
 
+pub mod analysis;
+pub mod export;
 pub mod leaf_cells;
 pub mod polygons;
 pub mod ray_path;

@@ -47,6 +47,15 @@ impl NodeView {
     }
 }
 
+/// Number of steps that a ray takes at a node: comparisons with planes, or one test of all boxes of a node.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Steps {
+    /// Axis-aligned steps.
+    pub axis: u32,
+    /// Oblique steps.
+    pub oblique: u32,
+}
+
 /// A tree as nodes that cover regions.
 pub trait Cells {
     /// The root and its region; `bounds` is the box of the scene in the frame of the tree.
@@ -54,6 +63,24 @@ pub trait Cells {
 
     /// The node with this name and this region.
     fn node(&self, id: NodeId, region: &Region) -> NodeView;
+
+    /// Whether the children of a node cover it without common inner points, so that a leaf holds every triangle that
+    /// reaches into its region.
+    fn partitions(&self) -> bool {
+        false
+    }
+
+    /// The steps that [`crate::shape::Shape::sah_cost`] charges for a node: one for an inner node, none for a leaf.
+    fn steps(&self, node: &NodeView) -> Steps {
+        if node.leaf.is_some() {
+            return Steps::default();
+        }
+        let oblique = node.planes.iter().any(|&(_, kind)| kind == OBLIQUE);
+        Steps {
+            axis: u32::from(!oblique),
+            oblique: u32::from(oblique),
+        }
+    }
 }
 
 /// A leaf on a visit of all leaves.
@@ -69,21 +96,51 @@ pub struct LeafCell<'a> {
     pub region: &'a Region,
 }
 
-/// Visits all leaves in the order of the tree.
-pub fn each_leaf(tree: &dyn Cells, bounds: Aabb, mut see: impl FnMut(LeafCell<'_>)) {
+/// A node on a visit of all nodes.
+#[derive(Debug, Clone, Copy)]
+pub struct NodeCell<'a> {
+    /// Position in preorder; the root is 0.
+    pub index: u32,
+    /// Position of the parent; `None` for the root.
+    pub parent: Option<u32>,
+    /// Depth; the root has depth 0.
+    pub depth: usize,
+    /// The cell.
+    pub region: &'a Region,
+    /// The node.
+    pub view: &'a NodeView,
+}
+
+/// Calls `visit` for all nodes in preorder, children in the order of the tree.
+pub fn each_node(tree: &dyn Cells, bounds: Aabb, mut visit: impl FnMut(NodeCell<'_>)) {
     let (root, whole) = tree.root(bounds);
-    let mut open = vec![(root, whole, 0)];
-    while let Some((id, region, depth)) = open.pop() {
+    let mut open = vec![(root, whole, None, 0)];
+    let mut index = 0;
+    while let Some((id, region, parent, depth)) = open.pop() {
         let view = tree.node(id, &region);
-        if let Some((first, count)) = view.leaf {
-            see(LeafCell {
+        visit(NodeCell {
+            index,
+            parent,
+            depth,
+            region: &region,
+            view: &view,
+        });
+        let children = view.children.into_iter().rev();
+        open.extend(children.map(|(id, region)| (id, region, Some(index), depth + 1)));
+        index += 1;
+    }
+}
+
+/// Calls `visit` for all leaves in the order of the tree.
+pub fn each_leaf(tree: &dyn Cells, bounds: Aabb, mut visit: impl FnMut(LeafCell<'_>)) {
+    each_node(tree, bounds, |node| {
+        if let Some((first, count)) = node.view.leaf {
+            visit(LeafCell {
                 first,
                 count,
-                depth,
-                region: &region,
+                depth: node.depth,
+                region: node.region,
             });
         }
-        let children = view.children.into_iter().rev();
-        open.extend(children.map(|(id, region)| (id, region, depth + 1)));
-    }
+    });
 }

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Uniform grids: the walls of equal cells along each axis, and the leaf of each cell (Cleary and Wyvill 1988).
 
-use crate::cells::{Cells, NodeId, NodeView, axis_kind};
+use crate::cells::{Cells, NodeId, NodeView, Steps, axis_kind};
 use crate::check;
 use crate::tree::{Body, Tree, same};
 use halfspace_geom::Aabb;
@@ -137,6 +137,18 @@ impl Cells for Grid {
             planes: planes.collect(),
             children: children.collect(),
             ..NodeView::default()
+        }
+    }
+
+    fn partitions(&self) -> bool {
+        true
+    }
+
+    /// A ray steps from cell to cell; the levels above the cells exist for drawing only.
+    fn steps(&self, node: &NodeView) -> Steps {
+        Steps {
+            axis: u32::from(node.leaf.is_some()),
+            oblique: 0,
         }
     }
 }

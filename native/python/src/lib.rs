@@ -2,6 +2,7 @@
 //! The Python module `halfspace_native`: arrays in, arrays out. No other module uses pyo3 or numpy.
 //! `halfspace_native.pyi` documents each function.
 
+mod analysis;
 mod arrays;
 mod cases;
 mod errors;

@@ -5,8 +5,8 @@ use crate::errors::raise;
 use crate::hits::{self, Hits};
 use crate::monitor::{self, Monitor};
 use crate::rays::RayArrays;
-use crate::whole::{MaxCount, MaxDepth, MemoryLimit, MinTriangles, Threads};
-use crate::{arrays, seeing, trace};
+use crate::whole::{MaxCount, MaxDepth, MaxNodes, MemoryLimit, MinTriangles, Threads};
+use crate::{analysis, arrays, seeing, trace};
 use halfspace_base::error::{Error, caught};
 use halfspace_inspect::validate;
 use halfspace_ray::{Ray, replay};
@@ -172,6 +172,21 @@ impl Structure {
     /// Broken invariants in words; empty for a sound structure. Takes time, for tests.
     fn validate(&self, py: Python<'_>) -> Vec<String> {
         py.detach(|| validate::validate(&self.0))
+    }
+
+    /// Statistics of the tree: leaves, levels, children, expected cost, end-point overlap, beta.
+    ///
+    /// max_nodes: end-point overlap of a tree of more nodes is estimated from a sample of the triangles,
+    /// fewer by the same factor but at least 1024, with a fixed seed. Takes time in proportion to the nodes.
+    /// Raises SpecError for numbers below 0.
+    #[pyo3(signature = (max_nodes=MaxNodes(200_000)), text_signature = "($self, max_nodes=200000)")]
+    fn analysis<'py>(&self, py: Python<'py>, max_nodes: MaxNodes) -> PyResult<Bound<'py, PyDict>> {
+        analysis::analysis(py, &self.0, max_nodes.0)
+    }
+
+    /// The whole tree as flat arrays; numpy.savez(path, **structure.export()) stores it.
+    fn export<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        analysis::export(py, &self.0)
     }
 
     /// The split planes of nodes down to max_depth, at most max_count of them, breadth first.

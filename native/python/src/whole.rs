@@ -59,6 +59,10 @@ argument!(
     MaxDepth(usize), "max_depth", usize::MAX as u64
 );
 argument!(
+    /// Number of nodes up to which nothing is sampled.
+    MaxNodes(usize), "max_nodes", usize::MAX as u64
+);
+argument!(
     /// How many are wanted at most.
     MaxCount(usize), "max_count", usize::MAX as u64
 );

@@ -2,7 +2,7 @@
 //! An octree as [`Tree`] and as [`Cells`].
 
 use super::octree_nodes::Octree;
-use crate::cells::{Cells, NodeId, NodeView, OCTANT};
+use crate::cells::{Cells, NodeId, NodeView, OCTANT, Steps};
 use crate::check;
 use crate::tree::{Body, Tree, same};
 use halfspace_geom::Aabb;
@@ -69,6 +69,18 @@ impl Cells for Octree {
             planes: planes.collect(),
             children: children.collect(),
             ..NodeView::default()
+        }
+    }
+
+    fn partitions(&self) -> bool {
+        true
+    }
+
+    /// An inner node compares with three planes.
+    fn steps(&self, node: &NodeView) -> Steps {
+        Steps {
+            axis: if node.leaf.is_some() { 0 } else { 3 },
+            oblique: 0,
         }
     }
 }

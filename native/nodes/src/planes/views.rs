@@ -71,6 +71,10 @@ impl Cells for PlaneTree {
             ..NodeView::default()
         }
     }
+
+    fn partitions(&self) -> bool {
+        true
+    }
 }
 
 /// Auxiliary data: its leaves are those of the binary tree.

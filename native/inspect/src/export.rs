@@ -1,0 +1,144 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! A whole tree as flat arrays, for programs that know nothing of its layout.
+
+use halfspace_geom::region::Region;
+use halfspace_nodes::cells::{BOX, NodeCell, SLAB, each_node};
+use halfspace_structure::Structure;
+
+/// Kind of a leaf; inner nodes have the kind of their first plane, see [`halfspace_nodes::cells`].
+pub const LEAF: u8 = 7;
+
+/// The nodes of a tree in preorder, in the frame of the scene. Lists of different length per node lie one after
+/// another; `offsets` has the index of each node's first entry, then the number of entries.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Export {
+    /// Kind of each node: 0, 1, 2 a plane across that axis; 3 oblique planes; 4 slabs; 5 octants; 6 boxes of its
+    /// children; [`LEAF`].
+    pub kinds: Vec<u8>,
+    /// Index of each node's parent; -1 for the root.
+    pub parents: Vec<i32>,
+    /// Depth of each node; the root has depth 0.
+    pub depths: Vec<u32>,
+    /// Indices of the children.
+    pub children: Lists<u32>,
+    /// Planes that the node stores, normal and height.
+    pub planes: Lists<[f64; 4]>,
+    /// Kind of each plane.
+    pub plane_kinds: Vec<u8>,
+    /// The box of each node's region: lower and upper corner.
+    pub bounds: Vec<[f64; 6]>,
+    /// The faces of regions that are no boxes, outward normal and height.
+    pub walls: Lists<[f64; 4]>,
+    /// Triangles of leaves.
+    pub triangles: Lists<u32>,
+}
+
+/// One list per node.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Lists<T> {
+    /// Index in `entries` of each node's first entry, then the number of entries.
+    pub offsets: Vec<u32>,
+    /// The entries of all nodes.
+    pub entries: Vec<T>,
+}
+
+impl<T> Default for Lists<T> {
+    fn default() -> Self {
+        Self {
+            offsets: vec![0],
+            entries: Vec::new(),
+        }
+    }
+}
+
+impl<T> Lists<T> {
+    /// Appends the list of the next node.
+    fn push(&mut self, entries: impl IntoIterator<Item = T>) {
+        self.entries.extend(entries);
+        let end = u32::try_from(self.entries.len()).expect("bounded by the nodes' links");
+        self.offsets.push(end);
+    }
+}
+
+/// Exports the tree of a structure, the one that its statistics describe. Without a tree, the scene's box is a leaf.
+pub fn export(structure: &Structure) -> Export {
+    let built = structure.built();
+    let (frame, bounds) = (&built.frame, built.frame.bounds());
+    let scale = f64::from(frame.scale());
+    let mut out = Export::default();
+    let ids = |first, count| built.leaves.ids(first, count);
+    let cells = built.tree.as_ref().and_then(|tree| tree.cells());
+    match cells.filter(|_| !bounds.is_empty()) {
+        Some(cells) => each_node(cells, bounds, |node| {
+            let triangles = node.view.leaf.map(|(first, count)| ids(first, count));
+            out.node(&node, triangles.unwrap_or_default(), scale);
+        }),
+        None => {
+            out.head(LEAF, None, 0);
+            out.planes.push([]);
+            out.region(&Region::of_scene(bounds), scale);
+            out.triangles.push(ids(0, built.shape.references));
+        }
+    }
+    out.link();
+    out
+}
+
+impl Export {
+    fn head(&mut self, kind: u8, parent: Option<u32>, depth: usize) {
+        self.kinds.push(kind);
+        let parent =
+            parent.map(|parent| i32::try_from(parent).expect("links have fewer than 31 bits"));
+        self.parents.push(parent.unwrap_or(-1));
+        self.depths
+            .push(u32::try_from(depth).expect("bounded by the depth limits"));
+    }
+
+    /// Appends a node and the triangles of a leaf; `scale` leads from the scene to the frame of the tree.
+    fn node(&mut self, node: &NodeCell<'_>, triangles: Vec<u32>, scale: f64) {
+        let view = node.view;
+        let kind = match view.planes.first() {
+            _ if view.leaf.is_some() => LEAF,
+            Some(&(_, kind)) => kind,
+            None if view.boxes => BOX,
+            None => SLAB,
+        };
+        self.head(kind, node.parent, node.depth);
+        self.planes.push(view.planes.iter().map(|(plane, _)| {
+            let [x, y, z] = plane.direction.vector().map(f64::from);
+            [x, y, z, f64::from(plane.offset) / scale]
+        }));
+        self.plane_kinds
+            .extend(view.planes.iter().map(|&(_, kind)| kind));
+        self.region(node.region, scale);
+        self.triangles.push(triangles);
+    }
+
+    /// Appends the region of a node.
+    fn region(&mut self, region: &Region, scale: f64) {
+        let [low, high] = region.extent().map(|corner| corner.map(|x| x / scale));
+        self.bounds
+            .push([low[0], low[1], low[2], high[0], high[1], high[2]]);
+        let mut walls = Vec::new();
+        if region.bounds().is_none() {
+            region.half_spaces(&mut walls);
+        }
+        self.walls.push(walls.into_iter().map(|wall| {
+            let [x, y, z] = wall.normal;
+            [x, y, z, wall.offset / scale]
+        }));
+    }
+
+    /// Fills in the children from the parents, in preorder.
+    fn link(&mut self) {
+        let mut children = vec![Vec::new(); self.kinds.len()];
+        for (node, &parent) in (0..).zip(&self.parents) {
+            if let Ok(parent) = usize::try_from(parent) {
+                children[parent].push(node);
+            }
+        }
+        for list in children {
+            self.children.push(list);
+        }
+    }
+}
