@@ -61,17 +61,17 @@ class StructureRow(TypedDict):
     traversals: list[str]
 
 class Statistics(TypedDict):
-    """What a build made.
+    """Statistics of a build.
 
-    build_seconds: by the clock. bytes: nodes and leaves of all layouts, without the scene's own arrays; leaves, depths,
-    references and cost are those of the planes where rays go through boxes made from them.
+    build_seconds: wall-clock time. bytes: nodes and leaves of all layouts, without the arrays of the scene; leaves,
+    depths, references and cost are those of the planes where rays are traced through boxes made from them.
     references: triangles in all leaves together. links: from leaves to their neighbours, where a
     structure stores them. depth_max, depth_mean: of the leaves, the root at 0. leaf_max: triangles
     in the largest leaf. leaves_large: leaves of more than 64. sah_cost: expected cost of a random ray in the
     thesis's units (80 a triangle, 1 an axis step, 5 an oblique step), the same for all structures.
-    parts_built, parts_waiting: with lazy=1 the subtrees that rays have had built, and those that wait at the
-    ends of what is built; all other numbers are then of what is built so far. left_out: what the scene did not
-    need, each with its reason. dropped_triangles: those without area or with a vertex that is not finite.
+    parts_built, parts_waiting: with lazy=1 the subtrees that rays have caused to be built, and those not built yet;
+    all other numbers then describe the part built so far. left_out: features that the scene did not need, each
+    with its reason. dropped_triangles: those without area or with a vertex that is not finite.
     """
 
     build_seconds: float
@@ -178,7 +178,7 @@ class LeafCells(Faces):
     """Leaves left out because of max_count."""
 
 class Visits(Faces):
-    """Leaves on the way of a ray: those tested in the order of the traversal, those passed untested between them.
+    """Leaves along a ray: those tested in the order of the traversal, those passed untested between them.
 
     With traversal=boxes leaves are boxes, which may overlap.
     """
@@ -196,7 +196,7 @@ class Visits(Faces):
     """(3 t, 3), the three corners of each of `triangles`."""
 
 class Crossings(TypedDict):
-    """Planes on the way of a ray, the nearest first, each cut to the node that it splits; none with traversal=boxes."""
+    """Planes along a ray, the nearest first, each cut to the node that it splits; none with traversal=boxes."""
 
     vertices: F32
     offsets: npt.NDArray[np.uint32]
@@ -207,7 +207,7 @@ class Crossings(TypedDict):
     depth: npt.NDArray[np.uint32]
 
 class RayPath(TypedDict):
-    """The way of one ray."""
+    """The path of one ray."""
 
     t: float
     triangle: int
@@ -309,14 +309,15 @@ class Export(TypedDict):
     """(n + 1,), (r,): triangles of each leaf; none for inner nodes."""
 
 class Structure:
-    """A structure built over triangles. Immutable; any number of threads may ask it."""
+    """A structure built over triangles. Immutable; any number of threads may trace rays through it."""
 
     spec: str
     """The configuration, with only what differs from the defaults."""
     statistics: Statistics
-    """Numbers of the build."""
+    """Statistics of the build."""
     counted_as: str
-    """Name of the traversal of single rays, which counters count where rays go together and are not counted so."""
+    """Name of the traversal of single rays, which counters count where rays are traced together but not counted
+    together."""
 
     def closest(
         self,
@@ -329,12 +330,12 @@ class Structure:
         threads: int = 0,
         counters: bool = False,
     ) -> Hits:
-        """The nearest triangle that each ray meets; the same bits for every structure.
+        """The nearest triangle that each ray hits; the same bits for every structure.
 
-        origins, directions: (n, 3), scene frame; directions of any length, a zero direction meets
+        origins, directions: (n, 3), scene frame; directions of any length, a zero direction hits
         nothing. t_min, t_max: the closed interval that counts, in units of the direction, one
         number or (n,), negative behind the origin; 0 and inf when not given. A hit whose distance
-        is beyond all floats is none. order: "tile8" promises that every 64 consecutive
+        overflows float32 is a miss. order: "tile8" promises that every 64 consecutive
         rays are an 8x8-pixel tile. threads: 0 = one per core.
         Raises ShapeError, NonFiniteError (NaN or infinite rays, found as they are traced; NaN distances), SpecError
         (order).
@@ -352,7 +353,7 @@ class Structure:
         threads: int = 0,
         counters: Literal[False] = False,
     ) -> npt.NDArray[np.bool_]:
-        """Whether each ray meets anything at all: (n,) bool; with counters=True a pair of that
+        """Whether each ray hits anything at all: (n,) bool; with counters=True a pair of that
         and the counters of Hits. Arguments and errors as for closest().
         """
     @overload
@@ -376,7 +377,7 @@ class Structure:
         *,
         any_hit: bool = False,
     ) -> Recording:
-        """Traces the rays one by one, on one thread, and records what every leaf answers, so that the
+        """Traces the rays one by one, on one thread, and records the answer of every leaf, so that the
         traversals can be repeated without triangle tests.
 
         any_hit: as occluded() does, else as closest(). Arguments and errors as for closest(); also
@@ -384,7 +385,7 @@ class Structure:
         """
 
     def validate(self) -> list[str]:
-        """Broken invariants in words; empty for a sound structure. Takes time, for tests."""
+        """Descriptions of broken invariants; empty for a valid structure. Slow, for tests."""
 
     def analysis(self, max_nodes: int = 200_000) -> Analysis:
         """Statistics of the tree: leaves, levels, children, expected cost, end-point overlap, beta.
@@ -416,24 +417,24 @@ class Structure:
         t_min: float = 0.0,
         t_max: float = ...,
     ) -> RayPath:
-        """The path of one ray to its nearest hit: what its traversal tested, and what lies on its way.
+        """The path of one ray to its nearest hit: the nodes, leaves and triangles that its traversal tested.
 
         origin, direction: three numbers each, scene frame. t_min, t_max: as for closest(); inf when not given.
         Raises NonFiniteError.
         """
 
 class Recording:
-    """Rays and what each leaf of a structure answered to them, from Structure.record()."""
+    """Rays and the answers of the leaves that they visited, from Structure.record()."""
 
     @property
     def counters(self) -> dict[str, npt.NDArray[np.uint32]]:
-        """What each ray cost when it was recorded, as Hits.counters."""
+        """The counters of each ray when it was recorded, as Hits.counters."""
 
     def replay(self) -> npt.NDArray[np.float64]:
         """Traces the rays again on the calling thread, through the same nodes in the same order but with
         the recorded answers in place of triangle tests.
 
-        The seconds of each 1024 rays, the last of the rest: the time of traversal alone, from the ray
+        Returns the seconds of each 1024 rays, the last for the rest: the time of traversal alone, from the ray
         in the structure's frame to the last leaf. To compare traversals on a busy machine, take the median of
         each chunk over several replays, interleaved, and add them up. RuntimeError if a ray visits
         other leaves than recorded, which is a bug.
@@ -453,11 +454,11 @@ def build(
     """Builds a structure over triangles.
 
     vertices: (n, 3). triangles: (m, 3) indices; those without area or not finite are dropped and
-    counted, and all keep their numbers. spec: "id" or "id:key=value,...", see structures(). The
+    counted, and the others keep their indices. spec: "id" or "id:key=value,...", see structures(). The
     result is a function of these alone, on any number of threads; 0 = one per core.
-    memory_limit: bytes that the build may take besides the scene, counted while it works; None = seven
-    eighths of what the machine has free when it begins. With lazy=1 what rays will have built is estimated.
-    Raises SpecError, ShapeError, Cancelled, and MemoryError when the limit is met or the tree cannot be
+    memory_limit: bytes that the build may use besides the scene, counted while it runs; None = seven
+    eighths of the free memory of the machine when it begins. With lazy=1 the parts built later, by rays, are estimated.
+    Raises SpecError, ShapeError, Cancelled, and MemoryError when the limit is exceeded or the tree cannot be
     addressed; RuntimeError for an internal error.
     """
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! What every structure promises, for every row of the registry and every way of walking it: the
-//! answers of brute force bit for bit, sound trees, the same tree on any number of threads.
+//! The contract of every structure, for every row of the registry and every traversal: the hits of brute force bit
+//! for bit, valid trees, the same tree on any number of threads.
 
 use halfspace::base::Monitor;
 use halfspace::base::error::Error;
@@ -26,10 +26,9 @@ fn closest(structure: &Structure, rays: &[Ray]) -> Vec<Hit> {
     hits
 }
 
-/// Whether a walk is compared in full on another tree of the same kind of nodes. Here it has to answer with every
-/// other extreme value of a parameter.
-fn elsewhere(tree: &str, walk: &str) -> bool {
-    let on: &[&str] = match walk {
+/// Whether a traversal is compared in full on another tree of the same kind of nodes.
+fn elsewhere(tree: &str, traversal: &str) -> bool {
+    let on: &[&str] = match traversal {
         "p4" | "p8" | "p16" => &["kd", "rbsp-kd", "bvh-sah"],
         "ta-b-poly" => &["rbsp-kd", "bsp-wn"],
         "seq" | "rope" | "ropetree" => &["kd", "kd-median"],
@@ -51,7 +50,7 @@ fn specs() -> Vec<String> {
             tree.traversals()
                 .iter()
                 .skip(1)
-                // Only tiles of rays are walked in another way; those are tested for themselves.
+                // These differ only for tiles of rays, which `tiles.rs` tests.
                 .filter(|t| !t.starts_with("tile"))
                 .filter(|t| !elsewhere(tree.id, t))
                 .map(|t| format!("{}:traversal={t}", tree.id)),
@@ -67,7 +66,7 @@ fn same(a: &Hit, b: &Hit) -> bool {
             .all(|(x, y)| x.to_bits() == y.to_bits())
 }
 
-/// The rays on which a structure differs from the reference, closest or any hit.
+/// Number of rays whose nearest hit or any hit differs from the reference.
 fn differences(tracer: &impl Tracer, rays: &[Ray], reference: &[Hit]) -> usize {
     let mut hits = vec![Hit::MISS; rays.len()];
     let mut occluded = vec![false; rays.len()];
@@ -91,7 +90,7 @@ fn every_structure_answers_like_brute_force() {
         } = case;
         let reference = closest(&build(&scene, "brute", 1), &rays);
         for (i, spec) in specs().iter().enumerate() {
-            // A third of the rays each, not always the same.
+            // Trace a third of the rays, another third for the next specification.
             let third = i % 3;
             let rays: Vec<_> = rays.iter().copied().skip(third).step_by(3).collect();
             let reference: Vec<_> = reference.iter().copied().skip(third).step_by(3).collect();
@@ -99,7 +98,7 @@ fn every_structure_answers_like_brute_force() {
             assert_eq!(validate(&structure), Vec::<String>::new(), "{name}, {spec}");
             let wrong = differences(&structure, &rays, &reference);
             assert_eq!(wrong, 0, "{name}, {spec}: of {} rays", rays.len());
-            // Some of the rays on each instruction set.
+            // Trace some of the rays on each instruction set.
             let some: Vec<_> = rays.iter().copied().step_by(8).collect();
             let expected: Vec<_> = reference.iter().copied().step_by(8).collect();
             for (set, level) in levels() {
@@ -131,29 +130,32 @@ fn brute_force_answers_like_exact_arithmetic() {
 }
 
 #[test]
-fn the_ends_of_the_interval_count_and_nothing_beyond() {
+fn the_ray_interval_is_closed() {
     let scene = soup(grid(3, 0.2));
     let mut rays = aimed(&scene, 400, &mut Random(3));
     let hits = closest(&build(&scene, "brute", 1), &rays);
     for spec in specs() {
         let structure = build(&scene, &spec, 1);
         for (ray, hit) in rays.iter_mut().zip(&hits).filter(|(_, hit)| hit.is_hit()) {
-            let mut ask = |t_min: f32, t_max: f32| {
+            let mut within = |t_min: f32, t_max: f32| {
                 (ray.t_min, ray.t_max) = (t_min, t_max);
                 closest(&structure, std::slice::from_ref(ray))[0]
             };
-            assert!(same(&ask(hit.t, hit.t), hit), "{spec}: t_min = t_max = t");
-            assert!(same(&ask(0.0, hit.t), hit), "{spec}: t_max = t");
             assert!(
-                !ask(0.0, hit.t.next_down()).is_hit() || hit.t == 0.0,
+                same(&within(hit.t, hit.t), hit),
+                "{spec}: t_min = t_max = t"
+            );
+            assert!(same(&within(0.0, hit.t), hit), "{spec}: t_max = t");
+            assert!(
+                !within(0.0, hit.t.next_down()).is_hit() || hit.t == 0.0,
                 "{spec}: t_max below t"
             );
             assert!(
-                ask(hit.t.next_up(), f32::INFINITY).t > hit.t,
+                within(hit.t.next_up(), f32::INFINITY).t > hit.t,
                 "{spec}: t_min above t"
             );
             assert!(
-                !ask(hit.t.next_up(), hit.t).is_hit(),
+                !within(hit.t.next_up(), hit.t).is_hit(),
                 "{spec}: t_min above t_max"
             );
         }
@@ -161,7 +163,7 @@ fn the_ends_of_the_interval_count_and_nothing_beyond() {
 }
 
 #[test]
-fn a_longer_direction_meets_the_same_triangle() {
+fn scaled_directions_hit_the_same_triangle() {
     let scene = soup(grid(3, 0.4));
     let rays = aimed(&scene, 300, &mut Random(5));
     for spec in specs() {
@@ -222,7 +224,7 @@ fn counting_changes_no_answer() {
 }
 
 #[test]
-fn zero_and_nan_directions_meet_nothing() {
+fn zero_and_nan_directions_hit_nothing() {
     let scene = soup(grid(2, 0.0));
     for spec in specs() {
         let structure = build(&scene, &spec, 1);
@@ -247,12 +249,12 @@ fn large_leaves_are_counted() {
     let mut large = 0;
     for tree in TREES {
         let shape = build(&scene, tree.id, 1).shape();
-        // They lie in one place: whatever parts space ends with all of them in a leaf, or in several.
+        // The triangles coincide, so a spatial subdivision ends with all of them in one leaf or in several.
         let expected = shape.leaf_max > 64;
         assert_eq!(shape.leaves_large > 0, expected, "{}", tree.id);
         large += usize::from(expected);
     }
-    assert!(large > 20, "only {large} structures have a large leaf here");
+    assert!(large > 20, "only {large} structures have a large leaf");
 }
 
 #[test]
@@ -266,7 +268,7 @@ fn a_cancelled_build_ends_with_an_error() {
     }
 }
 
-/// What the builders count against the limit is not less than what they make, and not much more.
+/// Builders count at least the memory of the tree against the limit, and not much more.
 #[test]
 fn a_build_beyond_its_memory_is_refused() {
     let scene = soup(grid(8, 0.3));
@@ -286,18 +288,18 @@ fn a_build_beyond_its_memory_is_refused() {
                     "{spec}, {limit} of {bytes} bytes: {error:?}"
                 );
             }
-            // An empty leaf is counted with eleven times what it takes in the end, most of which waits to be laid
-            // out; a piece of a triangle with all its corners takes a kilobyte while it waits to be parted.
+            // An empty leaf is counted with eleven times its final size, most of it in queues of the layout; a
+            // clipped triangle with all its corners takes a kilobyte while it is queued for the split.
             let enough = within(12 * bytes + 2048 * scene.len() as u64, threads);
             assert!(enough.is_ok(), "{spec}, {bytes} bytes: {:?}", enough.err());
         }
     }
 }
 
-/// In a scene so small that products of its coordinates and reciprocal directions overflow, no axis tells where a ray
-/// is, and a ray without a beginning is everywhere: also where a node has no child.
+/// In a scene so small that products of its coordinates with reciprocal directions overflow, no axis locates a ray,
+/// and a ray without a lower end of its interval reaches all nodes, also where a node has no child.
 #[test]
-fn rays_without_ends_pass_through_scenes_next_to_nothing() {
+fn unbounded_rays_pass_through_denormal_scenes() {
     let mut random = Random(5);
     let corners: Vec<_> = (0..400)
         .flat_map(|_| {
@@ -326,7 +328,7 @@ fn rays_without_ends_pass_through_scenes_next_to_nothing() {
 }
 
 #[test]
-fn extreme_parameters_build_right_trees() {
+fn extreme_parameters_build_valid_trees() {
     let scene = soup(grid(3, 0.3));
     let rays = aimed(&scene, 300, &mut Random(11));
     let reference = closest(&build(&scene, "brute", 1), &rays);
@@ -350,9 +352,9 @@ fn extreme_parameters_build_right_trees() {
     }
 }
 
-/// The comparison above can fail: textbook walks, without allowance for rounding, are wrong here.
+/// The comparison above can fail: traversals as published, without error bounds, return wrong hits here.
 #[test]
-fn walks_without_bounds_are_caught() {
+fn traversals_without_error_bounds_are_caught() {
     let scene = soup(grid(5, 0.0));
     let mut random = Random(7);
     let mut rays = lattice_rays(5, &mut random, 4000);
@@ -389,82 +391,10 @@ fn walks_without_bounds_are_caught() {
     }
 }
 
-/// The last blocker of a light may be the receiver, lie behind the light, or be another light's: no
-/// answer changes, whatever came before, and where shadows are wide most rays end there.
+/// A distance below the smallest float rounds to zero, and zero counts: also for a triangle slightly behind the
+/// origin, if the direction is so long that the distance underflows.
 #[test]
-fn no_way_of_shadow_rays_changes_an_answer() {
-    let scene = soup(grid(4, 0.3));
-    let mut random = Random(21);
-    let lights = [[2.0, 2.0, 9.0], [-3.0, 5.0, 1.0]];
-    let mut rays = Vec::new();
-    for i in 0..6000 {
-        let o = random.point(-1.0, 5.0);
-        let light = lights[i / 64 % 2];
-        let d = std::array::from_fn(|k| light[k] - o[k]);
-        rays.push(match i % 5 {
-            // From corners of triangles: the receiver itself is met at zero.
-            0 => Ray {
-                t_max: 1.0,
-                ..ray(scene.vertices()[i % scene.vertices().len()], d)
-            },
-            // A light on the surface, or at no distance at all.
-            1 => Ray {
-                t_max: if i % 2 == 0 { 0.0 } else { 0.5 },
-                ..ray(o, d)
-            },
-            // A sun, and light that ends before the blockers.
-            2 => ray(o, [0.1, 0.2, 1.0]),
-            3 => Ray {
-                t_max: 1.0,
-                ..ray([1.5 + 0.01 * (i % 7) as f32, 1.5, -3.0], [0.3, 0.2, 9.0])
-            },
-            _ => Ray {
-                t_max: 0.999,
-                ..ray(o, d)
-            },
-        });
-    }
-    for tree in TREES {
-        let shadow = tree.all_params().find(|p| p.name == "shadow").unwrap();
-        let Kind::Choice(ways) = shadow.kind else {
-            panic!("{}: ways of shadow rays have names", tree.id);
-        };
-        let ask = |shadow: &str, walk: &str| {
-            let structure = build(&scene, &format!("{}:shadow={shadow}{walk}", tree.id), 1);
-            let mut blocked = vec![false; rays.len()];
-            let mut counters = vec![RayCounters::default(); rays.len()];
-            structure.occluded(&rays, &mut blocked, Some(&mut counters));
-            let mut uncounted = vec![false; rays.len()];
-            structure.occluded(&rays, &mut uncounted, None);
-            assert_eq!(blocked, uncounted, "{}", tree.id);
-            let spared = counters.iter().map(|c| c.spared).sum::<u32>();
-            let steps = counters.iter().map(|c| c.steps() + c.tests);
-            (blocked, spared, steps.sum::<u32>())
-        };
-        let (expected, none, steps) = ask("none", "");
-        assert_eq!(none, 0, "{}", tree.id);
-        for way in &ways[1..] {
-            for walk in tree.traversals() {
-                let (blocked, ..) = ask(way, &format!(",traversal={walk}"));
-                assert_eq!(blocked, expected, "{}, {way}, {walk}", tree.id);
-            }
-            let (blocked, spared, fewer) = ask(way, "");
-            assert_eq!(blocked, expected, "{}, {way}", tree.id);
-            if *way == "cache" {
-                assert!(
-                    spared > 500 && fewer < steps,
-                    "{}: {spared} spared",
-                    tree.id
-                );
-            }
-        }
-    }
-}
-
-/// A distance below the smallest float rounds to zero, and zero counts: also for a triangle a little
-/// behind the origin, when the direction is so long that this little is no distance at all.
-#[test]
-fn what_rounds_to_zero_is_met_at_zero() {
+fn distances_that_round_to_zero_are_hits_at_zero() {
     let size = 2.0_f32.powi(-25);
     let wall =
         |x: f32| [[x, -1.0, -1.0], [x, 2.0, -1.0], [x, -1.0, 2.0]].map(|p| p.map(|x| x * size));

@@ -28,7 +28,7 @@ ALL = ("contract", "every_structure_answers_like_brute_force")
 EXACT = ("contract", "brute_force_answers_like_exact_arithmetic")
 """Brute force against exact arithmetic: faults that all structures share."""
 
-ENDS = ("contract", "the_ends_of_the_interval_count_and_nothing_beyond")
+ENDS = ("contract", "the_ray_interval_is_closed")
 PACKETS = ("packets", "packets_lose_nothing_on_hard_scenes")
 AFAR = ("lib", "candidates::tests::no_tiny_triangle_is_rejected_from_afar")
 AFAR_BEAMS = ("lib", "lanes::tests::no_tiny_triangle_is_rejected_from_afar")
@@ -54,14 +54,14 @@ FAULTS = (
         _FRAME,
         "longest == 0.0 || !finite",
         "longest == 0.0",
-        ("contract", "zero_and_nan_directions_meet_nothing"),
+        ("contract", "zero_and_nan_directions_hit_nothing"),
     ),
     Fault(
         "no allowance for distances that round to zero",
         _FRAME,
         "(f64::from(f32::from_bits(1)) * to_frame + f64::from(TINY)) as f32",
         "(0.0 * (to_frame + f64::from(TINY))) as f32",
-        ("contract", "what_rounds_to_zero_is_met_at_zero"),
+        ("contract", "distances_that_round_to_zero_are_hits_at_zero"),
     ),
     Fault(
         "the far child first",

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The oracle's generated scenes as dictionaries of arrays.
 
+use crate::args::integers::Seed;
 use crate::errors::raise;
-use crate::whole::Seed;
 use halfspace_base::error::{Error, Result};
 use halfspace_oracle::cases::{self, Case, Size};
 use numpy::{PyArray1, PyArray2, PyArrayMethods, ToPyArray};

@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Instances of structures.
 
-use crate::arrays::{check_copy, describe};
+use crate::args::arrays::{check_copy, describe};
+use crate::args::integers::{MemoryLimit, Threads};
+use crate::args::rays::RayArrays;
 use crate::errors::raise;
 use crate::hits::Hits;
 use crate::monitor::{self, Monitor};
-use crate::rays::RayArrays;
 use crate::structure::Structure;
-use crate::trace;
-use crate::whole::{MemoryLimit, Threads};
+use crate::trace::{self, CountedTracer};
 use halfspace_base::error::{Error, Result, caught};
 use halfspace_geom::Transform;
 use halfspace_structure::instances;
@@ -42,7 +42,7 @@ impl Instances {
         counters: bool,
     ) -> PyResult<Hits> {
         let rays = RayArrays::new(origins, directions, t_min, t_max, order).map_err(raise)?;
-        trace::closest(py, (&*self.0, &[]), &rays, threads, counters)
+        trace::closest(py, self.counted(), &rays, threads, counters)
     }
 
     /// Like Structure.occluded().
@@ -60,7 +60,7 @@ impl Instances {
         counters: bool,
     ) -> PyResult<Bound<'py, PyAny>> {
         let rays = RayArrays::new(origins, directions, t_min, t_max, order).map_err(raise)?;
-        trace::occluded(py, (&*self.0, &[]), &rays, threads, counters)
+        trace::occluded(py, self.counted(), &rays, threads, counters)
     }
 
     /// Number of instances, including dropped ones.
@@ -114,6 +114,16 @@ impl Instances {
             rows(vertices.as_flattened().to_pyarray(py).into_any())?,
             rows(triangles.as_flattened().to_pyarray(py).into_any())?,
         ))
+    }
+}
+
+impl Instances {
+    /// The instances as a tracer without counters of its own.
+    fn counted(&self) -> CountedTracer<'_> {
+        CountedTracer {
+            tracer: &*self.0,
+            cases: &[],
+        }
     }
 }
 
@@ -184,7 +194,7 @@ fn build(
         })
         .collect();
     // Build on a pool of its own, without the GIL; a panic becomes an error.
-    let monitor = monitor::watching(monitor, limit);
+    let monitor = monitor::with_limit(monitor, limit);
     let built = py
         .detach(|| {
             caught(|| {

@@ -2,26 +2,22 @@
 //! The Python module `halfspace_native`: arrays in, arrays out. No other module uses pyo3 or numpy.
 //! `halfspace_native.pyi` documents each function.
 
+#![warn(clippy::too_many_lines)]
+
 mod analysis;
-mod arrays;
+mod args;
 mod cases;
 mod errors;
 mod hits;
+mod inspection;
 mod instances;
-mod keys;
 mod monitor;
 mod oracle;
-mod rays;
+mod ray_path;
 mod registry;
 mod render;
-mod render_args;
-mod scene_args;
-mod seeing;
-mod shader_args;
 mod structure;
-mod surface_args;
 mod trace;
-mod whole;
 
 use fearless_simd::Level;
 use pyo3::prelude::*;

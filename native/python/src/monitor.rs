@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Monitoring of builds, and their memory limit.
 
-use crate::whole::MemoryLimit;
+use crate::args::integers::MemoryLimit;
 use halfspace_base::memory;
 use halfspace_base::monitor::Monitor as BuildMonitor;
 use pyo3::prelude::*;
@@ -37,12 +37,12 @@ impl Monitor {
 }
 
 /// Returns the memory limit of a build in bytes.
-pub fn memory_limit(asked: Option<MemoryLimit>) -> u64 {
-    asked.map_or_else(memory::default_limit, |limit| limit.0)
+pub fn memory_limit(given: Option<MemoryLimit>) -> u64 {
+    given.map_or_else(memory::default_limit, |limit| limit.0)
 }
 
 /// Returns the given monitor, or a new one, with this memory limit.
-pub fn watching(given: Option<&Monitor>, limit: u64) -> Arc<BuildMonitor> {
+pub fn with_limit(given: Option<&Monitor>, limit: u64) -> Arc<BuildMonitor> {
     let monitor = given.map_or_else(|| Arc::new(BuildMonitor::new()), |m| m.0.clone());
     monitor.limit_memory(limit);
     monitor

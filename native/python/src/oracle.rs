@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The exact oracle, and the distance of results from it.
 
-use crate::arrays;
+use crate::args::arrays;
+use crate::args::integers::Threads;
+use crate::args::rays::RayArrays;
 use crate::errors::raise;
 use crate::hits::Hits;
-use crate::rays::RayArrays;
-use crate::whole::Threads;
 use halfspace_base::error::Error;
 use halfspace_oracle::exact_closest;
 use halfspace_ray::Hit;

@@ -1,14 +1,15 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Scenes to render, and renders in progress.
 
-use crate::arrays::describe;
+use crate::args::arrays::describe;
+use crate::args::integers::{Milliseconds, Threads};
+use crate::args::{camera_settings, scene as scene_args, shader, surface};
 use crate::errors::raise;
 use crate::instances::Instances;
 use crate::structure::Structure;
-use crate::whole::{Milliseconds, Threads};
-use crate::{render_args, scene_args, shader_args, surface_args};
 use halfspace_base::error::{Error, Result};
 use halfspace_render::job::Job;
+use halfspace_render::scene::attributes::InstancedAttributes;
 use halfspace_render::scene::{self, SceneParams, SharedTracer};
 use halfspace_render::settings::Pass;
 use numpy::{PyArray1, PyArrayMethods};
@@ -95,7 +96,7 @@ impl RenderScene {
         origin: Option<[f64; 3]>,
     ) -> PyResult<Self> {
         // Rays are traced through a single structure or through instances.
-        let (tracer, placed): (SharedTracer, _) = match structure.cast::<Instances>() {
+        let (tracer, instanced): (SharedTracer, _) = match structure.cast::<Instances>() {
             Err(_) => {
                 let structure = structure
                     .cast::<Structure>()
@@ -110,30 +111,34 @@ impl RenderScene {
             }
             Ok(instances) => {
                 let instances = &instances.get().0;
-                let (meshes, each) = surface_args::surfaces(surfaces, instances).map_err(raise)?;
+                let (meshes, each) = surface::surfaces(surfaces, instances).map_err(raise)?;
                 (
                     Arc::clone(instances) as SharedTracer,
-                    Some((Arc::clone(instances), meshes, each)),
+                    Some(InstancedAttributes {
+                        instances: Arc::clone(instances),
+                        meshes,
+                        each,
+                    }),
                 )
             }
         };
         // Convert all parts before the scene is compiled without the GIL.
         let params = SceneParams {
-            placed,
+            instanced,
             material_index: material_index
-                .map(surface_args::material_index)
+                .map(surface::material_index)
                 .transpose()
                 .map_err(raise)?,
             materials: scene_args::materials(materials).map_err(raise)?,
             corner_normals: corner_normals
-                .map(surface_args::corner_normals)
+                .map(surface::corner_normals)
                 .transpose()
                 .map_err(raise)?,
-            images: shader_args::images(images).map_err(raise)?,
-            varying: shader_args::varying(layers, objects, object_index, origin).map_err(raise)?,
+            images: shader::images(images).map_err(raise)?,
+            varying: shader::varying(layers, objects, object_index, origin).map_err(raise)?,
             lights: scene_args::lights(lights).map_err(raise)?,
             world: scene_args::world(world).map_err(raise)?,
-            indices: surface_args::indices(indices).map_err(raise)?,
+            indices: surface::indices(indices).map_err(raise)?,
         };
         let scene = py
             .detach(|| scene::RenderScene::new(tracer, params))
@@ -315,8 +320,8 @@ fn render(
     threads: Threads,
 ) -> PyResult<RenderJob> {
     let (camera, settings) = (
-        render_args::camera(camera).map_err(raise)?,
-        render_args::settings(settings).map_err(raise)?,
+        camera_settings::camera(camera).map_err(raise)?,
+        camera_settings::settings(settings).map_err(raise)?,
     );
     let scene = Arc::clone(&scene.0);
     let job = py

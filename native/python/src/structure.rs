@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Building, statistics, validation, what there is to see.
+//! Structures: building, tracing, statistics, validation, inspection.
 
+use crate::args::arrays;
+use crate::args::integers::{MaxCount, MaxDepth, MaxNodes, MemoryLimit, MinTriangles, Threads};
+use crate::args::rays::RayArrays;
 use crate::errors::raise;
 use crate::hits::{self, Hits};
 use crate::monitor::{self, Monitor};
-use crate::rays::RayArrays;
-use crate::whole::{MaxCount, MaxDepth, MaxNodes, MemoryLimit, MinTriangles, Threads};
-use crate::{analysis, arrays, seeing, trace};
+use crate::trace::{self, CountedTracer};
+use crate::{analysis, inspection, ray_path};
 use halfspace_base::error::{Error, caught};
 use halfspace_inspect::validate;
 use halfspace_ray::{Ray, replay};
@@ -19,7 +21,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::sync::Arc;
 
-/// Rays and what each leaf of a structure answered to them, from Structure.record().
+/// Rays and the answers of the leaves that they visited, from Structure.record().
 #[pyclass(frozen)]
 pub struct Recording {
     structure: Arc<structure::Structure>,
@@ -28,7 +30,7 @@ pub struct Recording {
 
 #[pymethods]
 impl Recording {
-    /// What each ray cost when it was recorded, as Hits.counters.
+    /// The counters of each ray when it was recorded, as Hits.counters.
     #[getter]
     fn counters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         hits::counters(py, self.structure.cases(), &self.recording.counters)
@@ -37,7 +39,7 @@ impl Recording {
     /// Traces the rays again on the calling thread, through the same nodes in the same order but with
     /// the recorded answers in place of triangle tests.
     ///
-    /// The seconds of each 1024 rays, the last of the rest: the time of traversal alone, from the ray
+    /// Returns the seconds of each 1024 rays, the last for the rest: the time of traversal alone, from the ray
     /// in the structure's frame to the last leaf. To compare traversals on a busy machine, take the median of
     /// each chunk over several replays, interleaved, and add them up. RuntimeError if a ray visits
     /// other leaves than recorded, which is a bug.
@@ -56,7 +58,7 @@ impl Recording {
     }
 }
 
-/// A structure built over triangles. Immutable; any number of threads may ask it.
+/// A structure built over triangles. Immutable; any number of threads may trace rays through it.
 #[pyclass(frozen, weakref)]
 pub struct Structure(pub Arc<structure::Structure>);
 
@@ -68,18 +70,19 @@ impl Structure {
         self.0.config().canonical()
     }
 
-    /// Name of the traversal of single rays, which counters count where rays go together and are not counted so.
+    /// Name of the traversal of single rays, which counters count where rays are traced together but not counted
+    /// together.
     #[getter]
     fn counted_as(&self) -> &'static str {
         self.0.counted_as()
     }
 
-    /// The nearest triangle that each ray meets; the same bits for every structure.
+    /// The nearest triangle that each ray hits; the same bits for every structure.
     ///
-    /// origins, directions: (n, 3), scene frame; directions of any length, a zero direction meets
+    /// origins, directions: (n, 3), scene frame; directions of any length, a zero direction hits
     /// nothing. t_min, t_max: the closed interval that counts, in units of the direction, one
     /// number or (n,), negative behind the origin; 0 and inf when not given. A hit whose distance
-    /// is beyond all floats is none. order: "tile8" promises that every 64 consecutive
+    /// overflows float32 is a miss. order: "tile8" promises that every 64 consecutive
     /// rays are an 8x8-pixel tile. threads: 0 = one per core.
     /// Raises ShapeError, NonFiniteError (NaN or infinite rays, found as they are traced; NaN distances), SpecError
     /// (order).
@@ -97,10 +100,10 @@ impl Structure {
         counters: bool,
     ) -> PyResult<Hits> {
         let rays = RayArrays::new(origins, directions, t_min, t_max, order).map_err(raise)?;
-        trace::closest(py, (&*self.0, self.0.cases()), &rays, threads, counters)
+        trace::closest(py, self.counted(), &rays, threads, counters)
     }
 
-    /// Whether each ray meets anything at all: (n,) bool; with counters=True a pair of that
+    /// Whether each ray hits anything at all: (n,) bool; with counters=True a pair of that
     /// and the counters of Hits. Arguments and errors as for closest().
     #[pyo3(signature = (origins, directions, t_min=None, t_max=None, *, order="none", threads=Threads::ALL, counters=false), text_signature = "($self, origins, directions, t_min=None, t_max=None, *, order='none', threads=0, counters=False)")]
     #[expect(clippy::too_many_arguments, reason = "Python keywords")]
@@ -116,10 +119,10 @@ impl Structure {
         counters: bool,
     ) -> PyResult<Bound<'py, PyAny>> {
         let rays = RayArrays::new(origins, directions, t_min, t_max, order).map_err(raise)?;
-        trace::occluded(py, (&*self.0, self.0.cases()), &rays, threads, counters)
+        trace::occluded(py, self.counted(), &rays, threads, counters)
     }
 
-    /// Traces the rays one by one, on one thread, and records what every leaf answers, so that the
+    /// Traces the rays one by one, on one thread, and records the answer of every leaf, so that the
     /// traversals can be repeated without triangle tests.
     ///
     /// any_hit: as occluded() does, else as closest(). Arguments and errors as for closest(); also
@@ -143,7 +146,7 @@ impl Structure {
         })
     }
 
-    /// Numbers of the build.
+    /// Statistics of the build.
     #[getter]
     fn statistics<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let dict = PyDict::new(py);
@@ -169,7 +172,7 @@ impl Structure {
         Ok(dict)
     }
 
-    /// Broken invariants in words; empty for a sound structure. Takes time, for tests.
+    /// Descriptions of broken invariants; empty for a valid structure. Slow, for tests.
     fn validate(&self, py: Python<'_>) -> Vec<String> {
         py.detach(|| validate::validate(&self.0))
     }
@@ -199,7 +202,7 @@ impl Structure {
         max_depth: MaxDepth,
         max_count: MaxCount,
     ) -> PyResult<Bound<'py, PyDict>> {
-        seeing::planes(py, &self.0, max_depth.0, max_count.0)
+        inspection::planes(py, &self.0, max_depth.0, max_count.0)
     }
 
     /// The cells of leaves with at least min_triangles, the fullest first, at most max_count.
@@ -212,10 +215,10 @@ impl Structure {
         min_triangles: MinTriangles,
         max_count: MaxCount,
     ) -> PyResult<Bound<'py, PyDict>> {
-        seeing::cells(py, &self.0, min_triangles.0, max_count.0)
+        inspection::cells(py, &self.0, min_triangles.0, max_count.0)
     }
 
-    /// The path of one ray to its nearest hit: what its traversal tested, and what lies on its way.
+    /// The path of one ray to its nearest hit: the nodes, leaves and triangles that its traversal tested.
     ///
     /// origin, direction: three numbers each, scene frame. t_min, t_max: as for closest(); inf when not given.
     /// Raises NonFiniteError.
@@ -243,18 +246,28 @@ impl Structure {
             t_min,
             t_max,
         };
-        seeing::path(py, &self.0, &ray)
+        ray_path::path(py, &self.0, &ray)
+    }
+}
+
+impl Structure {
+    /// The structure as a tracer with counters of its own.
+    fn counted(&self) -> CountedTracer<'_> {
+        CountedTracer {
+            tracer: &*self.0,
+            cases: self.0.cases(),
+        }
     }
 }
 
 /// Builds a structure over triangles.
 ///
 /// vertices: (n, 3). triangles: (m, 3) indices; those without area or not finite are dropped and
-/// counted, and all keep their numbers. spec: "id" or "id:key=value,...", see structures(). The
+/// counted, and the others keep their indices. spec: "id" or "id:key=value,...", see structures(). The
 /// result is a function of these alone, on any number of threads; 0 = one per core.
-/// memory_limit: bytes that the build may take besides the scene, counted while it works; None = seven
-/// eighths of what the machine has free when it begins. With lazy=1 what rays will have built is estimated.
-/// Raises SpecError, ShapeError, Cancelled, and MemoryError when the limit is met or the tree cannot be
+/// memory_limit: bytes that the build may use besides the scene, counted while it runs; None = seven
+/// eighths of the free memory of the machine when it begins. With lazy=1 the parts built later, by rays, are estimated.
+/// Raises SpecError, ShapeError, Cancelled, and MemoryError when the limit is exceeded or the tree cannot be
 /// addressed; RuntimeError for an internal error.
 #[pyfunction]
 #[pyo3(signature = (vertices, triangles, spec="kd", *, threads=Threads::ALL, monitor=None, memory_limit=None), text_signature = "(vertices, triangles, spec='kd', *, threads=0, monitor=None, memory_limit=None)")]
@@ -271,7 +284,7 @@ fn build(
     let config = registry::parse(spec).map_err(raise)?;
     let vertices = arrays::points("vertices", vertices).map_err(raise)?;
     let indices = arrays::indices("triangles", triangles, vertices.len()).map_err(raise)?;
-    let monitor = monitor::watching(monitor, limit);
+    let monitor = monitor::with_limit(monitor, limit);
     let built = py
         .detach(|| {
             caught(|| {

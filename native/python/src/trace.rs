@@ -1,19 +1,28 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Rays traced for Python, with the interpreter released.
+//! Traces rays with the GIL released.
 
+use crate::args::integers::Threads;
+use crate::args::rays::RayArrays;
 use crate::errors::raise;
 use crate::hits::{Hits, counters};
-use crate::rays::RayArrays;
-use crate::whole::Threads;
 use halfspace_ray::Tracer;
 use halfspace_trace::threads;
 use numpy::ToPyArray;
 use pyo3::prelude::*;
 
-/// Nearest hits. `cases`: the names of the counters that only this structure has.
+/// A tracer, and the names of the counters that only its traversal has.
+#[derive(Clone, Copy)]
+pub struct CountedTracer<'a> {
+    /// Traces the rays.
+    pub tracer: &'a dyn Tracer,
+    /// Names of the counters.
+    pub cases: &'static [&'static str],
+}
+
+/// Traces nearest hits.
 pub fn closest(
     py: Python<'_>,
-    (tracer, cases): (&dyn Tracer, &'static [&'static str]),
+    CountedTracer { tracer, cases }: CountedTracer<'_>,
     rays: &RayArrays<'_>,
     threads: Threads,
     counters: bool,
@@ -29,10 +38,10 @@ pub fn closest(
     })
 }
 
-/// Any hits; with `counting`, a pair of them and the cost of each ray. `cases` as for [`closest`].
+/// Traces any hits; with `counting`, returns a pair of them and the counters.
 pub fn occluded<'py>(
     py: Python<'py>,
-    (tracer, cases): (&dyn Tracer, &[&str]),
+    CountedTracer { tracer, cases }: CountedTracer<'_>,
     rays: &RayArrays<'_>,
     threads: Threads,
     counting: bool,

@@ -11,14 +11,14 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+use crate::camera::filter::Filter;
 use crate::camera::{Camera, CameraParams};
 use crate::check::{Error, Result};
 use crate::film::Film;
-use crate::filter::Filter;
-use crate::integrator::{Context, Wavefront};
+use crate::path::wavefront::{Context, Wavefront};
+use crate::path::work::Work;
 use crate::scene::RenderScene;
 use crate::settings::{Pass, Settings};
-use crate::work::Work;
 use halfspace_base::memory::check_room;
 
 /// Statistics of a render so far.
@@ -38,11 +38,11 @@ struct Shared {
     settings: Settings,
     film: Film,
     /// Samples done per tile; locked while a step of the tile is rendered.
-    turns: Vec<Mutex<u32>>,
+    tile_samples: Vec<Mutex<u32>>,
     /// Number of steps handed out so far, over all tiles.
     next: AtomicUsize,
     /// Number of steps of all tiles together.
-    visits: usize,
+    steps: usize,
     /// Number of pixel samples finished.
     done: AtomicU64,
     /// Number of pixel samples of the whole render.
@@ -108,9 +108,9 @@ impl Job {
         };
         let threads = threads.min(tiles).max(1);
         let shared = Arc::new(Shared {
-            turns: (0..tiles).map(|_| Mutex::new(0)).collect(),
+            tile_samples: (0..tiles).map(|_| Mutex::new(0)).collect(),
             next: AtomicUsize::new(0),
-            visits: tiles * steps,
+            steps: tiles * steps,
             done: AtomicU64::new(0),
             wanted: pixels * u64::from(settings.samples),
             stop: AtomicBool::new(false),
@@ -141,7 +141,7 @@ impl Job {
                     )));
                 }
                 // Fewer threads render the same image; count the missing ones as ended.
-                Err(_) => job.shared.leave(),
+                Err(_) => job.shared.thread_ended(),
             }
         }
         Ok(job)
@@ -245,11 +245,11 @@ impl Shared {
                 .error
                 .get_or_insert(Error::of_panic(&*panic).to_string());
         }
-        self.leave();
+        self.thread_ended();
     }
 
     /// Counts one thread as ended; the last one ends the render.
-    fn leave(&self) {
+    fn thread_ended(&self) {
         if self.running.fetch_sub(1, Ordering::AcqRel) == 1 {
             // The last thread decides whether the render is complete: a time limit counts as the planned end.
             let mut state = self.state();
@@ -278,20 +278,20 @@ impl Shared {
         let tiles = self.film.tiles();
         loop {
             // Hand out steps round robin over the tiles, so that the whole image refines evenly.
-            let visit = self.next.fetch_add(1, Ordering::Relaxed);
-            if visit >= self.visits || self.stop.load(Ordering::Relaxed) {
+            let step = self.next.fetch_add(1, Ordering::Relaxed);
+            if step >= self.steps || self.stop.load(Ordering::Relaxed) {
                 return;
             }
             // The time limit counts once every tile had its first step, so no part of the image stays empty.
-            if visit >= tiles && limit > 0.0 && self.started.elapsed().as_secs_f64() > limit {
+            if step >= tiles && limit > 0.0 && self.started.elapsed().as_secs_f64() > limit {
                 self.expired.store(true, Ordering::Relaxed);
                 return;
             }
             // Render the tile's next step, unless all its blocks have stopped.
-            let tile = visit % tiles;
+            let tile = step % tiles;
             let area = self.film.area(tile);
             // The lock keeps the steps of a tile in order, whichever thread renders them.
-            let mut done = self.turns[tile]
+            let mut done = self.tile_samples[tile]
                 .lock()
                 .unwrap_or_else(PoisonError::into_inner);
             let count = self.settings.step_after(*done);

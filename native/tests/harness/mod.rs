@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! What any bytes must survive: every decoder of input and every builder, fed with numbers made from the bytes.
+//! Fuzzing targets: every decoder of input and every builder, on numbers made from bytes.
 //! The targets of `cargo fuzz` and the driver in `tests/bytes.rs` share this file.
 
 use halfspace::base::Monitor;
@@ -8,16 +8,16 @@ use halfspace::inspect::validate::validate;
 use halfspace::oracle::exact_closest;
 use halfspace::ray::{Hit, Order, Ray, Tracer};
 use halfspace::registry::{self, TREES};
+use halfspace::render::camera::filter::FilterKind;
+use halfspace::render::camera::lens::LensParams;
 use halfspace::render::camera::{CameraParams, Projection};
-use halfspace::render::filter::FilterKind;
-use halfspace::render::indices::Indices;
 use halfspace::render::job::Job;
-use halfspace::render::lens::LensParams;
-use halfspace::render::lights::{AreaShape, LightKind, LightParams};
+use halfspace::render::light::{AreaShape, LightKind, LightParams};
 use halfspace::render::material::MaterialParams;
+use halfspace::render::scene::indices::Indices;
 use halfspace::render::scene::{RenderScene, SceneParams};
 use halfspace::render::settings::{Falloff, Integrator, Mist, Pass, Settings};
-use halfspace::render::visibility::Visibility;
+use halfspace::render::values::visibility::Visibility;
 use halfspace::scene::Triangles;
 use halfspace::structure::Structure;
 use halfspace::structure::row::Kind;
@@ -25,10 +25,10 @@ use halfspace::structure::spec::Config;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// What a build may take: small inputs that need more are a fault.
+/// Memory limit of a build in bytes: small inputs that need more are a fault.
 const MEMORY: u64 = 256 << 20;
 
-/// A target: takes any bytes, and panics where something is wrong.
+/// A target: accepts any bytes, and panics at a fault.
 pub type Target = fn(&[u8]);
 
 /// All targets, by name.
@@ -39,7 +39,7 @@ pub const TARGETS: [(&str, Target); 4] = [
     ("render", render),
 ];
 
-/// Bytes as numbers; after the end come zeros.
+/// Reads numbers from bytes; zeros follow the end.
 struct Bytes<'a>(&'a [u8]);
 
 impl Bytes<'_> {
@@ -53,7 +53,7 @@ impl Bytes<'_> {
         u32::from_le_bytes(std::array::from_fn(|_| self.byte()))
     }
 
-    /// Whole numbers, eighths, or any bits at all.
+    /// A small integer, a multiple of an eighth, or arbitrary bits.
     fn number(&mut self) -> f32 {
         match self.byte() % 8 {
             0..=3 => f32::from(self.byte().cast_signed() / 8),
@@ -123,13 +123,13 @@ fn built(scene: &Arc<Triangles>, config: Config) -> Structure {
     let monitor = Monitor::new();
     monitor.limit_memory(MEMORY);
     match Structure::build(scene.clone(), config, 1, &monitor) {
-        // A value that is in its range may still not go with another.
+        // Two values within their ranges may still exclude each other.
         Err(Error::Spec(_)) => built(scene, registry::parse("kd").expect("valid")),
         built => built.expect("small input needs little memory"),
     }
 }
 
-/// Any text as a configuration: it is refused, or it reads back from its own canonical text.
+/// Any text as a configuration: an error, or a configuration equal to that of its canonical text.
 pub fn spec(bytes: &[u8]) {
     let text = String::from_utf8_lossy(bytes);
     match registry::parse(&text) {
@@ -141,7 +141,7 @@ pub fn spec(bytes: &[u8]) {
     }
 }
 
-/// Any vertices and any indices: refused by name, or a scene of which nothing is lost.
+/// Any vertices and any indices: an error, or a scene in which every triangle is live or dropped.
 pub fn scene(bytes: &[u8]) {
     let mut bytes = Bytes(bytes);
     let vertices: Vec<_> = (0..bytes.byte()).map(|_| bytes.numbers()).collect();
@@ -159,7 +159,8 @@ pub fn scene(bytes: &[u8]) {
     }
 }
 
-/// Any triangles, structure and rays: the tree is sound, and answers like brute force and like exact arithmetic.
+/// Any triangles, structure and rays: the tree is valid, and its hits equal those of brute force and of exact
+/// arithmetic.
 pub fn build_closest(bytes: &[u8]) {
     let mut bytes = Bytes(bytes);
     let config = bytes.config();
@@ -250,22 +251,18 @@ fn material(bytes: &mut Bytes<'_>) -> MaterialParams {
     }
 }
 
-/// Any materials, lights, camera and settings: refused, or a picture that ends in time without an error.
-pub fn render(bytes: &[u8]) {
-    let mut bytes = Bytes(bytes);
-    let scene = bytes.triangles();
-    let params = SceneParams {
+/// The parts of a scene other than its triangles, of which there are `triangles`.
+fn scene_params(bytes: &mut Bytes<'_>, triangles: usize) -> SceneParams {
+    SceneParams {
         material_index: None,
-        placed: None,
-        materials: (0..bytes.byte() % 3)
-            .map(|_| material(&mut bytes))
-            .collect(),
+        instanced: None,
+        materials: (0..bytes.byte() % 3).map(|_| material(bytes)).collect(),
         corner_normals: (bytes.byte().is_multiple_of(2)).then(|| {
-            (0..scene.len())
+            (0..triangles)
                 .map(|_| [0; 3].map(|_: u8| bytes.numbers()))
                 .collect()
         }),
-        lights: (0..bytes.byte() % 3).map(|_| light(&mut bytes)).collect(),
+        lights: (0..bytes.byte() % 3).map(|_| light(bytes)).collect(),
         world: bytes.numbers::<3>().into(),
         indices: Indices {
             first: (0..bytes.byte() % 3).map(|_| bytes.word() % 8).collect(),
@@ -274,12 +271,11 @@ pub fn render(bytes: &[u8]) {
             uvs: Vec::new(),
         },
         ..SceneParams::default()
-    };
-    let structure = built(&scene, registry::parse("kd").expect("the kd-tree is there"));
-    let Ok(scene) = RenderScene::new(Arc::new(structure), params) else {
-        return;
-    };
-    let camera = CameraParams {
+    }
+}
+
+fn camera(bytes: &mut Bytes<'_>) -> CameraParams {
+    CameraParams {
         projection: if bytes.byte().is_multiple_of(2) {
             Projection::Perspective
         } else {
@@ -296,8 +292,11 @@ pub fn render(bytes: &[u8]) {
             ratio: f64::from(bytes.number()),
             focus: f64::from(bytes.number()),
         },
-    };
-    let settings = Settings {
+    }
+}
+
+fn settings(bytes: &mut Bytes<'_>) -> Settings {
+    Settings {
         width: u32::from(bytes.byte() % 16),
         height: u32::from(bytes.byte() % 16),
         border: (bytes.byte() % 4 == 0).then(|| [0; 4].map(|_: u8| u32::from(bytes.byte() % 20))),
@@ -325,13 +324,26 @@ pub fn render(bytes: &[u8]) {
             FilterKind::BlackmanHarris
         },
         filter_width: bytes.number(),
+    }
+}
+
+/// Any materials, lights, camera and settings: an error, or a render that ends in time without an error.
+pub fn render(bytes: &[u8]) {
+    let mut bytes = Bytes(bytes);
+    let scene = bytes.triangles();
+    let params = scene_params(&mut bytes, scene.len());
+    let structure = built(&scene, registry::parse("kd").expect("the kd-tree is there"));
+    let Ok(scene) = RenderScene::new(Arc::new(structure), params) else {
+        return;
     };
+    let camera = camera(&mut bytes);
+    let settings = settings(&mut bytes);
     let Ok(job) = Job::start(Arc::new(scene), &camera, settings, 1) else {
         return;
     };
     assert!(
         job.wait(Duration::from_secs(30)),
-        "a picture of 15 x 15 pixels takes too long"
+        "a render of 15 x 15 pixels takes too long"
     );
     assert_eq!(job.error(), None);
 }

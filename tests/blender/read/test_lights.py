@@ -66,7 +66,7 @@ def test_spots_have_a_cone(add: Any) -> None:
 def test_uneven_scales_squeeze_the_cone_of_a_spot(
     add: Any, scale: tuple[float, float, float], kept: tuple[float, float, float]
 ) -> None:
-    """As in Cycles; the cone's shape is compared with it in `native/src/render/tests/brightness.rs`."""
+    """As in Cycles; the cone's shape is compared with it in `native/render/src/tests/brightness.rs`."""
     light = only_light(add, "SPOT", energy=5, scale=scale)
     assert np.linalg.norm(light.to_world[:3, :3], axis=0) == pytest.approx(kept)
 

@@ -3,10 +3,11 @@
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use crate::adaptive::{self, Noise};
 use crate::check::{Error, Result};
+use crate::film::adaptive::Noise;
 use crate::settings::{Mist, Pass, Settings};
 
+pub mod adaptive;
 mod area;
 mod sample;
 
@@ -122,11 +123,11 @@ impl Film {
 
     /// Whether a pass needs counted traversal.
     pub fn counts(&self) -> bool {
-        self.wants(Pass::TraversalSteps) || self.wants(Pass::TriangleTests)
+        self.fills(Pass::TraversalSteps) || self.fills(Pass::TriangleTests)
     }
 
     /// Whether a pass is filled.
-    pub fn wants(&self, pass: Pass) -> bool {
+    pub fn fills(&self, pass: Pass) -> bool {
         self.passes.contains(&pass)
     }
 
@@ -176,7 +177,7 @@ impl Film {
         if let Some(noise) = &sums.noise
             && adaptive::is_due(settings, sums.done)
         {
-            noise.settle(area, sums.done, settings, &mut sums.active);
+            noise.stop_quiet_blocks(area, sums.done, settings, &mut sums.active);
         }
     }
 
@@ -201,11 +202,11 @@ impl Film {
     pub fn copy_into(&self, pass: Pass, out: &mut [f32]) -> Result<()> {
         // Find the pass's channels and check the size of `out`.
         let Some(at) = self.passes.iter().position(|&p| p == pass) else {
-            let wanted: Vec<_> = self.passes.iter().map(|p| p.name()).collect();
+            let filled: Vec<_> = self.passes.iter().map(|p| p.name()).collect();
             return Err(Error::Spec(format!(
-                "name: pass '{}' was not asked for; this render fills {}",
+                "name: pass '{}' is not filled; this render fills {}",
                 pass.name(),
-                wanted.join(", ")
+                filled.join(", ")
             )));
         };
         let offset: usize = self.passes[..at].iter().map(|p| p.channels()).sum();
@@ -307,7 +308,7 @@ mod tests {
     }
 
     #[test]
-    fn every_pixel_of_the_border_lands_where_it_belongs() {
+    fn pixels_of_a_border_keep_their_positions() {
         let film = Film::new(&settings());
         for tile in 0..film.tiles() {
             let area = film.area(tile);

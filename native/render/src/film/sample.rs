@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The values of one sample of one pixel, for all passes.
 
-use crate::vector::Vec3;
+use crate::math::vector::Vec3;
 
 /// Depth of pixels without a surface, as in Blender's own engines.
 const BACKGROUND_DEPTH: f32 = 1e10;

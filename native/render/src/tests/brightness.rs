@@ -1,14 +1,16 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Brightness of whole renders, against closed forms and against Cycles.
 
+use std::f64::consts::PI;
+
 use crate::camera::CameraParams;
-use crate::closure::{ClosureParams, Input, Kind};
-use crate::lights::{AreaShape, LightKind, LightParams};
+use crate::light::{AreaShape, LightKind, LightParams};
 use crate::material::MaterialParams;
-use crate::program::Operand;
+use crate::material::closure::{ClosureKind, ClosureParams, Input};
 use crate::scene::SceneParams;
 use crate::settings::{Integrator, Settings};
 use crate::tests::setup::{Mesh, at, from_above, light, matte, mean, run, scaled, square, tilted};
+use crate::values::program::Operand;
 
 /// Mean brightness of a grey (0.8) floor at the origin, seen from above.
 fn lit_floor(lights: Vec<LightParams>, samples: u32) -> f64 {
@@ -22,127 +24,143 @@ fn lit_floor(lights: Vec<LightParams>, samples: u32) -> f64 {
     mean(&run(&scene, &from_above(0.01), square(8, samples, 0), 1).0)
 }
 
-/// Reference values: Cycles of Blender 5.2.3 with 512 samples; a grey (0.8) diffuse plane seen from above at the
-/// origin; light at (0, 0, 2) unless stated, 100 W or 1 W/m². Where a closed form exists, it is checked too.
-#[test]
-fn lights_are_as_bright_as_in_cycles() {
-    use std::f64::consts::PI;
-    let g = 0.8 / PI;
-    let intensity = 100.0 / (4.0 * PI);
-    let spot = |radius, blend| LightKind::Spot {
+/// Half angle of the cone of all spot lights, radians.
+const HALF_CONE: f64 = 0.5;
+
+/// A light, the radiance of the floor in Cycles, and in closed form if there is one.
+struct Reference {
+    name: &'static str,
+    light: LightParams,
+    cycles: f64,
+    closed: Option<f64>,
+}
+
+/// A light above the floor, with its brightness in Cycles.
+fn cycles(name: &'static str, kind: LightKind, to_world: [[f64; 4]; 4], cycles: f64) -> Reference {
+    // Suns have 1 W/m², all others 100 W.
+    let power = match kind {
+        LightKind::Sun { .. } => 1.0,
+        _ => 100.0,
+    };
+    Reference {
+        name,
+        light: light(kind, to_world, power),
+        cycles,
+        closed: None,
+    }
+}
+
+impl Reference {
+    /// Adds the irradiance in closed form.
+    fn closed(self, irradiance: f64) -> Self {
+        Self {
+            closed: Some(0.8 / PI * irradiance),
+            ..self
+        }
+    }
+}
+
+/// Radiant intensity of a point light of 100 W.
+const INTENSITY: f64 = 100.0 / (4.0 * PI);
+
+fn spot(radius: f32, blend: f32) -> LightKind {
+    LightKind::Spot {
         radius,
-        size: 1.0,
+        size: 2.0 * HALF_CONE as f32,
         blend,
+    }
+}
+
+/// Point and spot lights.
+fn point_lights() -> Vec<Reference> {
+    // Blender's smoothstep of the spot cone at 0.4 rad, for blend 0.5.
+    let edge = HALF_CONE.cos();
+    let x = ((0.4_f64.cos() - edge) / ((1.0 - edge) * 0.5)).min(1.0);
+    let fade = x * x * (3.0 - 2.0 * x);
+    let point = |radius| LightKind::Point { radius };
+    let above = at(0.0, 0.0, 2.0);
+    let stretched = scaled(tilted(0.4), 2.0, 3.0);
+    vec![
+        cycles("point", point(0.0), above, 0.506_593_3).closed(INTENSITY / 4.0),
+        cycles("soft point", point(0.5), above, 0.476_795_6).closed(INTENSITY / 4.25),
+        cycles(
+            "soft point aside",
+            point(1.0),
+            at(2.0, 0.0, 2.0),
+            0.159_212_3,
+        ),
+        cycles("spot", spot(0.0, 0.15), above, 0.506_593_3).closed(INTENSITY / 4.0),
+        cycles("spot tilted", spot(0.0, 0.5), tilted(0.4), 0.403_400_8)
+            .closed(INTENSITY / 4.0 * fade),
+        cycles("spot scaled", spot(0.0, 0.5), stretched, 0.506_593_3).closed(INTENSITY / 4.0),
+        cycles("soft spot", spot(0.5, 0.5), tilted(0.4), 0.248_739_0),
+    ]
+}
+
+/// Suns.
+fn suns() -> Vec<Reference> {
+    let sun = |degrees: f32| LightKind::Sun {
+        angle: degrees.to_radians(),
+    };
+    let above = at(0.0, 0.0, 2.0);
+    vec![
+        cycles("sun", sun(0.0), above, 0.254_646_9).closed(1.0),
+        cycles("wide sun", sun(60.0), above, 0.254_647_9).closed(1.0),
+        cycles("sun tilted", sun(0.0), tilted(0.7), 0.194_765_1).closed(0.7_f64.cos()),
+    ]
+}
+
+/// Area lights.
+fn area_lights() -> Vec<Reference> {
+    // Irradiance below the centre of a rectangle of half sizes a, b and radiance 1 at height 2.
+    let rectangle = |a: f64, b: f64| {
+        let h = 2.0_f64;
+        2.0 * (a / (a * a + h * h).sqrt() * (b / (a * a + h * h).sqrt()).atan()
+            + b / (b * b + h * h).sqrt() * (a / (b * b + h * h).sqrt()).atan())
     };
     let area = |shape, size, size_y| LightKind::Area {
         shape,
         size,
         size_y,
     };
-    let sun = |degrees: f32| LightKind::Sun {
-        angle: degrees.to_radians(),
-    };
+    let square = area(AreaShape::Square, 1.0, 0.0);
     let above = at(0.0, 0.0, 2.0);
-    // Irradiance below the centre of a rectangle of half sizes a, b and radiance 1 at distance h.
-    let rectangle = |a: f64, b: f64| {
-        let h = 2.0_f64;
-        2.0 * (a / (a * a + h * h).sqrt() * (b / (a * a + h * h).sqrt()).atan()
-            + b / (b * b + h * h).sqrt() * (a / (b * b + h * h).sqrt()).atan())
-    };
-    // Blender's smoothstep of the spot cone at 0.4 rad, for half angle 0.5 rad and blend 0.5.
-    let fade = {
-        let x = ((0.4_f64.cos() - 0.5_f64.cos()) / ((1.0 - 0.5_f64.cos()) * 0.5)).min(1.0);
-        x * x * (3.0 - 2.0 * x)
-    };
-    let cases: [(&str, LightParams, f64, Option<f64>); 15] = [
-        (
-            "point",
-            light(LightKind::Point { radius: 0.0 }, above, 100.0),
-            0.506_593_3,
-            Some(g * intensity / 4.0),
-        ),
-        (
-            "soft point",
-            light(LightKind::Point { radius: 0.5 }, above, 100.0),
-            0.476_795_6,
-            Some(g * intensity / 4.25),
-        ),
-        (
-            "soft point aside",
-            light(LightKind::Point { radius: 1.0 }, at(2.0, 0.0, 2.0), 100.0),
-            0.159_212_3,
-            None,
-        ),
-        (
-            "spot",
-            light(spot(0.0, 0.15), above, 100.0),
-            0.506_593_3,
-            Some(g * intensity / 4.0),
-        ),
-        (
-            "spot tilted",
-            light(spot(0.0, 0.5), tilted(0.4), 100.0),
-            0.403_400_8,
-            Some(g * intensity / 4.0 * fade),
-        ),
-        (
-            "spot scaled",
-            light(spot(0.0, 0.5), scaled(tilted(0.4), 2.0, 3.0), 100.0),
-            0.506_593_3,
-            Some(g * intensity / 4.0),
-        ),
-        (
-            "soft spot",
-            light(spot(0.5, 0.5), tilted(0.4), 100.0),
-            0.248_739_0,
-            None,
-        ),
-        ("sun", light(sun(0.0), above, 1.0), 0.254_646_9, Some(g)),
-        (
-            "wide sun",
-            light(sun(60.0), above, 1.0),
-            0.254_647_9,
-            Some(g),
-        ),
-        (
-            "sun tilted",
-            light(sun(0.0), tilted(0.7), 1.0),
-            0.194_765_1,
-            Some(g * 0.7_f64.cos()),
-        ),
-        (
-            "square",
-            light(area(AreaShape::Square, 1.0, 0.0), above, 100.0),
-            1.871_048_2,
-            Some(g * 100.0 / PI * rectangle(0.5, 0.5)),
-        ),
-        (
+    vec![
+        cycles("square", square, above, 1.871_048_2).closed(100.0 / PI * rectangle(0.5, 0.5)),
+        cycles(
             "rectangle",
-            light(area(AreaShape::Rectangle, 2.0, 1.0), above, 100.0),
+            area(AreaShape::Rectangle, 2.0, 1.0),
+            above,
             1.685_311_1,
-            Some(g * 50.0 / PI * rectangle(1.0, 0.5)),
-        ),
-        (
-            "disk",
-            light(area(AreaShape::Disk, 1.0, 0.0), above, 100.0),
-            1.907_169_6,
-            Some(g * 100.0 / PI / 4.25),
-        ),
-        (
+        )
+        .closed(50.0 / PI * rectangle(1.0, 0.5)),
+        cycles("disk", area(AreaShape::Disk, 1.0, 0.0), above, 1.907_169_6)
+            .closed(100.0 / PI / 4.25),
+        cycles(
             "ellipse",
-            light(area(AreaShape::Ellipse, 2.0, 1.0), above, 100.0),
+            area(AreaShape::Ellipse, 2.0, 1.0),
+            above,
             1.758_349_4,
-            None,
         ),
-        (
-            "square tilted",
-            light(area(AreaShape::Square, 1.0, 0.0), tilted(0.6), 100.0),
-            1.617_975_7,
-            None,
-        ),
-    ];
-    for (name, light, cycles, closed) in cases {
-        let ours = lit_floor(vec![light.clone()], 256);
+        cycles("square tilted", square, tilted(0.6), 1.617_975_7),
+    ]
+}
+
+/// Reference values: Cycles of Blender 5.2.3 with 512 samples; a grey (0.8) diffuse plane seen from above at the
+/// origin; light at (0, 0, 2) unless stated, 100 W or 1 W/m². Where a closed form exists, it is checked too.
+#[test]
+fn lights_are_as_bright_as_in_cycles() {
+    for reference in [point_lights(), suns(), area_lights()]
+        .into_iter()
+        .flatten()
+    {
+        let Reference {
+            name,
+            light,
+            cycles,
+            closed,
+        } = reference;
+        let ours = lit_floor(vec![light], 256);
         assert!(
             (ours / cycles - 1.0).abs() < 3e-3,
             "{name}: {ours}, Cycles {cycles}"
@@ -223,7 +241,7 @@ fn light_samples_and_scattered_rays_agree() {
 }
 
 #[test]
-fn a_closed_room_glows_by_the_geometric_series() {
+fn radiance_in_a_closed_room_is_a_geometric_series() {
     // In a closed room whose walls emit 1 and reflect a, the radiance is 1 / (1 - a) everywhere; truncated after b
     // bounces it is (1 - a^(b + 2)) / (1 - a).
     let mut mesh = Mesh::default();
@@ -326,7 +344,7 @@ fn white_furnace_on_solids() {
 }
 
 #[test]
-fn whitted_sees_an_even_world_as_paths_do() {
+fn whitted_integrates_a_constant_background_like_paths() {
     let mut mesh = Mesh::default();
     mesh.floor(9.0, 0.0, 0);
     let scene = mesh.scene(SceneParams {
@@ -345,9 +363,9 @@ fn whitted_sees_an_even_world_as_paths_do() {
 }
 
 #[test]
-fn what_glows_below_a_coat_is_dimmed_by_it() {
-    let glowing = |coat: f32| {
-        let mut closure = ClosureParams::new(Kind::Principled);
+fn a_coat_dims_the_emission_below_it() {
+    let emissive = |coat: f32| {
+        let mut closure = ClosureParams::new(ClosureKind::Principled);
         let inputs = [
             (Input::Emission, 1.0),
             (Input::Color, 0.0),
@@ -364,21 +382,21 @@ fn what_glows_below_a_coat_is_dimmed_by_it() {
             ..Default::default()
         }
     };
-    let seen = |coat: f32, glows_above: bool| {
+    let radiance = |coat: f32, emitter_above: bool| {
         let mut mesh = Mesh::default();
-        mesh.floor(9.0, 0.0, i32::from(glows_above));
-        if glows_above {
+        mesh.floor(9.0, 0.0, i32::from(emitter_above));
+        if emitter_above {
             mesh.floor(4000.0, 20.0, 0);
         }
         let scene = mesh.scene(SceneParams {
-            materials: vec![glowing(coat), matte(0.5)],
+            materials: vec![emissive(coat), matte(0.5)],
             ..Default::default()
         });
         mean(&run(&scene, &from_above(0.01), square(8, 256, 0), 1).0)
     };
-    assert!((seen(1.0, false) - 0.25).abs() < 1e-6);
-    assert!((seen(0.5, false) - 0.625).abs() < 1e-6);
-    assert_eq!(seen(0.0, false), 1.0);
+    assert!((radiance(1.0, false) - 0.25).abs() < 1e-6);
+    assert!((radiance(0.5, false) - 0.625).abs() < 1e-6);
+    assert_eq!(radiance(0.0, false), 1.0);
     // Below an emissive plane the light from the side takes a longer path through the coat: 1 / cosine, because its
     // index is 1.
     let n = 10_000;
@@ -387,7 +405,7 @@ fn what_glows_below_a_coat_is_dimmed_by_it() {
         .map(|c| 2.0 * c * 0.25_f64.powf(1.0 / c) / f64::from(n))
         .sum();
     for (coat, want) in [(0.0, 0.5), (1.0, 0.5 * sky)] {
-        let got = seen(coat, true);
+        let got = radiance(coat, true);
         assert!((got / want - 1.0).abs() < 0.01, "{coat}: {got} {want}");
     }
 }

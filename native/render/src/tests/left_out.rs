@@ -1,22 +1,42 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Features that a scene does not need are not computed.
 
-use crate::lights::LightKind;
+use crate::light::{LightKind, LightParams};
 use crate::material::MaterialParams;
+use crate::path::work::Work;
 use crate::scene::SceneParams;
+use crate::settings::Settings;
 use crate::tests::setup::{Mesh, at, from_above, light, matte, run, square};
 
-#[test]
-fn what_a_scene_lacks_costs_nothing() {
+/// Renders a cube against a white background. Returns the counts and the lines of the features left out.
+fn cube(params: SceneParams, settings: Settings) -> (Work, Vec<String>) {
     let mut mesh = Mesh::default();
     mesh.cube(1.0, 0);
-    let world = [1.0; 3];
-    let bare = mesh.scene(SceneParams {
-        materials: vec![matte(0.5)],
-        world: world.into(),
-        ..Default::default()
+    let scene = mesh.scene(SceneParams {
+        world: [1.0; 3].into(),
+        ..params
     });
-    let left_out = bare.features().left_out().join("\n");
+    let work = run(&scene, &from_above(2.0), settings, 1).1.work;
+    (work, scene.features().left_out())
+}
+
+/// The parts of a scene with one material.
+fn of(material: MaterialParams) -> SceneParams {
+    SceneParams {
+        materials: vec![material],
+        ..Default::default()
+    }
+}
+
+/// A sun with a visible disc.
+fn sun() -> Vec<LightParams> {
+    vec![light(LightKind::Sun { angle: 0.2 }, at(0.0, 0.0, 1.0), 1.0)]
+}
+
+#[test]
+fn a_diffuse_scene_computes_nothing_else() {
+    let (work, lines) = cube(of(matte(0.5)), square(16, 4, 3));
+    let lines = lines.join("\n");
     for words in [
         "shadow rays: no lights",
         "refraction: no material transmits",
@@ -25,101 +45,81 @@ fn what_a_scene_lacks_costs_nothing() {
         "transparent shadows",
         "emission",
     ] {
-        assert!(left_out.contains(words), "{words} in {left_out}");
+        assert!(lines.contains(words), "{words} in {lines}");
     }
-    assert!(
-        !left_out.contains("meet lights"),
-        "there are none: {left_out}"
-    );
-    let settings = square(16, 4, 3);
-    let work = run(&bare, &from_above(2.0), settings.clone(), 1).1.work;
+    assert!(!lines.contains("meet lights"), "there are none: {lines}");
     assert!(work.rays_primary == 16 * 16 * 4 && work.rays_secondary > 0);
     assert_eq!(
         (work.rays_shadow, work.shaded_glass, work.shaded_glossy),
         (0, 0, 0),
         "no light, glass or mirror"
     );
-    assert_eq!((work.normals_fetched, work.lights_asked), (0, 0));
-    // Each feature adds its own work, and its line disappears from the list.
-    let gloss = MaterialParams::default();
+    assert_eq!((work.normals_fetched, work.lights_tested), (0, 0));
+}
+
+#[test]
+fn each_feature_adds_its_work_and_removes_its_line() {
+    let missing = |lines: &[String], word: &str| !lines.iter().any(|l| l.starts_with(word));
+    let settings = square(16, 4, 3);
+    let (work, lines) = cube(of(MaterialParams::default()), settings.clone());
+    assert!(work.shaded_glossy > 0 && missing(&lines, "mirror"));
     let glass = MaterialParams {
         transmission: 1.0,
         ..matte(0.5)
     };
-    let sun = vec![light(LightKind::Sun { angle: 0.2 }, at(0.0, 0.0, 1.0), 1.0)];
-    let normals = Some(vec![[[0.0, 0.0, 1.0]; 3]; mesh.triangles.len()]);
-    let with = |params: SceneParams| {
-        let scene = mesh.scene(SceneParams {
-            world: world.into(),
-            ..params
-        });
-        (
-            run(&scene, &from_above(2.0), settings.clone(), 1).1.work,
-            scene.features().left_out(),
-        )
+    let (work, lines) = cube(of(glass), settings.clone());
+    assert!(work.shaded_glass > 0 && missing(&lines, "refraction"));
+    let lit = SceneParams {
+        lights: sun(),
+        ..of(matte(0.5))
     };
-    let (work, lines) = with(SceneParams {
-        materials: vec![gloss],
+    let (work, lines) = cube(lit, settings.clone());
+    assert!(work.rays_shadow > 0 && work.lights_tested > 0);
+    assert!(missing(&lines, "shadow rays") && missing(&lines, "rays that meet lights"));
+    // A light without size cannot be hit.
+    let point = SceneParams {
+        lights: vec![light(
+            LightKind::Point { radius: 0.0 },
+            at(0.0, 0.0, 4.0),
+            9.0,
+        )],
+        ..of(matte(0.5))
+    };
+    let (_, lines) = cube(point, settings.clone());
+    assert!(!missing(&lines, "rays that meet lights"));
+    let smooth = SceneParams {
+        corner_normals: Some(vec![[[0.0, 0.0, 1.0]; 3]; 12]),
+        ..of(matte(0.5))
+    };
+    let (work, lines) = cube(smooth, settings);
+    assert!(work.normals_fetched > 0 && missing(&lines, "smooth"));
+}
+
+#[test]
+fn a_material_without_triangles_adds_no_feature() {
+    let mut mesh = Mesh::default();
+    mesh.cube(1.0, 0);
+    let glass = MaterialParams {
+        transmission: 1.0,
         ..Default::default()
-    });
-    assert!(work.shaded_glossy > 0 && !lines.iter().any(|l| l.starts_with("mirror")));
-    let (work, lines) = with(SceneParams {
-        materials: vec![glass],
-        ..Default::default()
-    });
-    assert!(work.shaded_glass > 0 && !lines.iter().any(|l| l.starts_with("refraction")));
-    let (work, lines) = with(SceneParams {
-        materials: vec![matte(0.5)],
-        lights: sun,
-        ..Default::default()
-    });
-    assert!(work.rays_shadow > 0 && work.lights_asked > 0);
-    assert!(
-        !lines
-            .iter()
-            .any(|l| l.starts_with("shadow rays") || l.contains("meet lights"))
-    );
-    // A light without a size cannot be hit.
-    let point = vec![light(
-        LightKind::Point { radius: 0.0 },
-        at(0.0, 0.0, 4.0),
-        9.0,
-    )];
-    let (_, lines) = with(SceneParams {
-        materials: vec![matte(0.5)],
-        lights: point.clone(),
-        ..Default::default()
-    });
-    assert!(lines.iter().any(|l| l.starts_with("rays that meet lights")));
-    let (work, lines) = with(SceneParams {
-        materials: vec![matte(0.5)],
-        corner_normals: normals,
-        ..Default::default()
-    });
-    assert!(work.normals_fetched > 0 && !lines.iter().any(|l| l.starts_with("smooth")));
-    // A material that no triangle uses does not count.
-    let unused = mesh.scene(SceneParams {
-        materials: vec![
-            matte(0.5),
-            MaterialParams {
-                transmission: 1.0,
-                ..Default::default()
-            },
-        ],
-        ..Default::default()
-    });
-    assert!(!unused.features().glass);
-    // With a black background and point lights the ray after the last bounce is not traced.
+    };
     let scene = mesh.scene(SceneParams {
-        materials: vec![matte(0.5)],
-        lights: point,
+        materials: vec![matte(0.5), glass],
         ..Default::default()
     });
-    assert_eq!(
-        run(&scene, &from_above(2.0), square(16, 4, 0), 1)
-            .1
-            .work
-            .rays_secondary,
-        0
-    );
+    assert!(!scene.features().glass);
+}
+
+#[test]
+fn the_ray_after_the_last_bounce_needs_light_that_it_can_hit() {
+    // A black background and a light without size cannot be hit.
+    let mut mesh = Mesh::default();
+    mesh.cube(1.0, 0);
+    let lamp = light(LightKind::Point { radius: 0.0 }, at(0.0, 0.0, 4.0), 9.0);
+    let scene = mesh.scene(SceneParams {
+        lights: vec![lamp],
+        ..of(matte(0.5))
+    });
+    let work = run(&scene, &from_above(2.0), square(16, 4, 0), 1).1.work;
+    assert_eq!(work.rays_secondary, 0);
 }

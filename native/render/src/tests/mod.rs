@@ -2,10 +2,11 @@
 //! Whole renders against closed forms, against Cycles, and against each other.
 
 mod brightness;
+mod brute_force;
+mod failures;
+
 mod left_out;
 mod passes;
-mod plain;
 mod same_picture;
 mod setup;
 mod shadows;
-mod trouble;

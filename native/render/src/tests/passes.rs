@@ -9,7 +9,7 @@ use crate::settings::{Pass, Settings};
 use crate::tests::setup::{Mesh, from_above, square};
 
 #[test]
-fn passes_hold_what_they_say() {
+fn passes_contain_the_values_of_the_first_surface() {
     let mut mesh = Mesh::default();
     mesh.floor(1.0, 3.0, 0);
     let scene = mesh.scene(SceneParams {

@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use crate::lights::{AreaShape, LightKind};
+use crate::light::{AreaShape, LightKind};
 use crate::material::MaterialParams;
 use crate::scene::{RenderScene, SceneParams};
 use crate::settings::Settings;
@@ -75,7 +75,7 @@ fn rich() -> (Mesh, SceneParams) {
 }
 
 #[test]
-fn threads_structures_and_steps_do_not_change_a_bit() {
+fn the_image_is_identical_for_all_threads_tracers_and_steps() {
     let (mesh, params) = rich();
     let params = SceneParams {
         material_index: Some(mesh.materials.clone()),

@@ -6,13 +6,13 @@ use std::time::Duration;
 
 use crate::camera::{CameraParams, Projection};
 use crate::job::{Job, Statistics};
-use crate::lights::{LightKind, LightParams};
+use crate::light::{LightKind, LightParams};
 use crate::material::MaterialParams;
+use crate::math::vector::{Vec3, vec3};
 use crate::scene::{RenderScene, SceneParams};
 use crate::settings::{Pass, Settings};
-use crate::tests::plain::Plain;
-use crate::vector::{Vec3, vec3};
-use crate::visibility::Visibility;
+use crate::tests::brute_force::BruteForce;
+use crate::values::visibility::Visibility;
 use halfspace_scene::Triangles;
 
 /// A mesh built from quads of two triangles each.
@@ -94,9 +94,9 @@ impl Mesh {
     }
 
     /// Brute force over the mesh, in descending order if `reversed`.
-    pub fn tracer(&self, reversed: bool) -> Arc<Plain> {
+    pub fn tracer(&self, reversed: bool) -> Arc<BruteForce> {
         let triangles = Triangles::new(self.vertices.clone(), self.triangles.clone()).unwrap();
-        Arc::new(Plain {
+        Arc::new(BruteForce {
             triangles,
             reversed,
         })

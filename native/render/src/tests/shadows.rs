@@ -2,20 +2,20 @@
 //! Shadows, transparent surfaces and ray visibility.
 
 use crate::camera::CameraParams;
-use crate::closure::{ClosureParams, Input, Kind};
-use crate::lights::{AreaShape, LightKind};
+use crate::light::world::WorldParams;
+use crate::light::{AreaShape, LightKind};
 use crate::material::MaterialParams;
-use crate::place::RayKind;
-use crate::program::{Op, Operand, Step};
+use crate::material::closure::{ClosureKind, ClosureParams, Input};
+use crate::math::vector::vec3;
 use crate::scene::SceneParams;
 use crate::settings::Settings;
 use crate::tests::setup::{Mesh, at, from_above, light, matte, mean, run, square};
-use crate::vector::vec3;
-use crate::visibility::Visibility;
-use crate::world::WorldParams;
+use crate::values::program::{Op, Operand, Step};
+use crate::values::visibility::RayKind;
+use crate::values::visibility::Visibility;
 
 #[test]
-fn transparency_lets_through_its_share_of_light_and_view() {
+fn a_transparent_sheet_transmits_its_share_of_light_and_view() {
     // A black sheet of opacity 0.25 over a lit floor.
     let mut mesh = Mesh::default();
     mesh.floor(9.0, 0.0, 0);
@@ -68,7 +68,7 @@ fn transparency_lets_through_its_share_of_light_and_view() {
 }
 
 #[test]
-fn lights_are_seen_in_mirrors_but_not_by_the_camera() {
+fn lights_are_visible_in_mirrors_but_not_to_the_camera() {
     let mut mesh = Mesh::default();
     mesh.floor(9.0, 0.0, 0);
     let mirror = MaterialParams {
@@ -94,7 +94,7 @@ fn lights_are_seen_in_mirrors_but_not_by_the_camera() {
 }
 
 #[test]
-fn shadow_edges_lie_where_geometry_puts_them() {
+fn shadow_edges_have_the_geometric_position() {
     // A blocker ends at x = 0 at height 1; a point light at height 2 above x = 1 projects this edge to x = -1.
     let mut mesh = Mesh::default();
     mesh.floor(9.0, 0.0, 0);
@@ -163,7 +163,7 @@ fn a_smooth_sphere_has_no_facets_in_its_shadow() {
 }
 
 #[test]
-fn any_number_of_cards_may_be_hidden_from_shadow_rays() {
+fn shadow_rays_pass_any_number_of_invisible_surfaces() {
     // Between a lamp and a floor lie more cards, invisible to shadow rays, than the limit for transparent surfaces.
     let mut mesh = Mesh::default();
     mesh.floor(9.0, 0.0, 0);
@@ -195,14 +195,14 @@ fn any_number_of_cards_may_be_hidden_from_shadow_rays() {
 }
 
 #[test]
-fn how_far_away_a_light_is_does_not_change_what_stands_before_it() {
+fn the_transmittance_of_a_pane_does_not_depend_on_the_distance_of_the_light() {
     // A pane whose transparency depends on the viewing angle, with tilted normals, below lamps whose power makes
     // the irradiance equal at any distance.
     let lit = |distance: f32| {
         let mut mesh = Mesh::default();
         mesh.floor(9.0, 0.0, 0);
         mesh.floor(9.0, 1.0, 1);
-        let mut closure = ClosureParams::new(Kind::Transparent);
+        let mut closure = ClosureParams::new(ClosureKind::Transparent);
         closure.inputs[Input::Color as usize] = Operand::Register(0);
         let pane = MaterialParams {
             closures: vec![closure],
@@ -244,7 +244,7 @@ fn how_far_away_a_light_is_does_not_change_what_stands_before_it() {
 }
 
 #[test]
-fn a_transparent_film_shows_no_world_hidden_or_not() {
+fn a_transparent_film_shows_no_background() {
     for visible in [Visibility::ALL, Visibility::NOT_BY_CAMERA] {
         let mut mesh = Mesh::default();
         mesh.floor(0.1, 0.0, 0);

@@ -1,0 +1,179 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Conversion of the dictionaries of camera and settings, with checks. Every message names the key.
+
+use crate::args::keys::Keys;
+use halfspace_base::error::Result;
+use halfspace_render::camera::filter::FilterKind;
+use halfspace_render::camera::lens::LensParams;
+use halfspace_render::camera::{CameraParams, Projection};
+use halfspace_render::settings::{Falloff, Integrator, Mist, Pass, Settings};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+/// Reads the camera.
+pub fn camera(dict: &Bound<'_, PyDict>) -> Result<CameraParams> {
+    let known = [
+        "kind",
+        "to_world",
+        "window",
+        "clip_start",
+        "clip_end",
+        "aperture_radius",
+        "aperture_blades",
+        "aperture_rotation",
+        "aperture_ratio",
+        "focus_distance",
+    ];
+    // An unknown key is an error.
+    let keys = Keys::new(dict, "camera".into(), &known)?;
+    let kinds = [
+        ("perspective", Projection::Perspective),
+        ("orthographic", Projection::Orthographic),
+    ];
+    let window = keys.numbers("window", &[4])?;
+    Ok(CameraParams {
+        projection: keys.choice("kind", &kinds)?,
+        to_world: keys.matrix("to_world")?,
+        window: [window[0], window[1], window[2], window[3]],
+        clip_start: keys.number("clip_start")?,
+        clip_end: keys.number("clip_end")?,
+        lens: lens(&keys)?,
+    })
+}
+
+/// Reads the lens of the camera; missing keys have their default.
+fn lens(keys: &Keys<'_, '_>) -> Result<LensParams> {
+    let default = LensParams::default();
+    let number = |key: &str, default: f64| keys.find(key).map_or(Ok(default), |_| keys.number(key));
+    Ok(LensParams {
+        radius: number("aperture_radius", default.radius)?,
+        blades: match keys.find("aperture_blades") {
+            None => default.blades,
+            Some(_) => keys.count("aperture_blades")?,
+        },
+        rotation: number("aperture_rotation", default.rotation)?,
+        ratio: number("aperture_ratio", default.ratio)?,
+        focus: number("focus_distance", default.focus)?,
+    })
+}
+
+/// Reads the settings of a render.
+pub fn settings(dict: &Bound<'_, PyDict>) -> Result<Settings> {
+    let known = [
+        "width",
+        "height",
+        "border",
+        "samples",
+        "integrator",
+        "ambient_distance",
+        "max_bounces",
+        "clamp_indirect",
+        "seed",
+        "film_transparent",
+        "passes",
+        "noise_threshold",
+        "min_samples",
+        "time_limit",
+        "mist",
+        "step_samples",
+        "filter",
+        "filter_width",
+    ];
+    let keys = Keys::new(dict, "settings".into(), &known)?;
+    let default = Settings::default();
+    let border = border(&keys)?;
+    let passes = passes(&keys)?.unwrap_or(default.passes);
+    // Names of choices.
+    let filters = [
+        ("blackman_harris", FilterKind::BlackmanHarris),
+        ("box", FilterKind::Box),
+    ];
+    let integrators = [
+        ("path", Integrator::Path),
+        ("whitted", Integrator::Whitted),
+        ("ao", Integrator::Ambient),
+    ];
+    let optional = |key: &str| keys.find(key).map(|_| keys.count(key)).transpose();
+    Ok(Settings {
+        width: keys.count("width")?,
+        height: keys.count("height")?,
+        border,
+        samples: keys.count("samples")?,
+        integrator: match keys.find("integrator") {
+            None => default.integrator,
+            Some(_) => keys.choice("integrator", &integrators)?,
+        },
+        ambient_distance: keys.number_or("ambient_distance", default.ambient_distance)?,
+        max_bounces: optional("max_bounces")?.unwrap_or(default.max_bounces),
+        clamp_indirect: keys.number_or("clamp_indirect", default.clamp_indirect)?,
+        seed: optional("seed")?.unwrap_or(default.seed),
+        film_transparent: keys.flag_or("film_transparent", false)?,
+        passes,
+        noise_threshold: keys.number_or("noise_threshold", default.noise_threshold)?,
+        min_samples: optional("min_samples")?.unwrap_or(default.min_samples),
+        time_limit: keys.number_or("time_limit", default.time_limit)?,
+        mist: mist(&keys)?,
+        step_samples: optional("step_samples")?,
+        filter: match keys.find("filter") {
+            None => default.filter,
+            Some(_) => keys.choice("filter", &filters)?,
+        },
+        filter_width: keys.number_or("filter_width", default.filter_width)?,
+    })
+}
+
+/// Reads the border: x0, y0, x1, y1 in pixels, half open.
+fn border(keys: &Keys<'_, '_>) -> Result<Option<[u32; 4]>> {
+    let Some(value) = keys.find("border") else {
+        return Ok(None);
+    };
+    let wrong = || keys.wrong("border", "four whole numbers of at least 0", &value);
+    // Read integers first, so that negative ones get this message too.
+    let corners: Vec<i64> = value
+        .try_iter()
+        .and_then(|items| items.map(|i| i.and_then(|i| i.extract())).collect())
+        .map_err(|_| wrong())?;
+    let corners: Vec<u32> = corners
+        .iter()
+        .map(|&c| u32::try_from(c).map_err(|_| wrong()))
+        .collect::<Result<_>>()?;
+    Ok(Some(<[u32; 4]>::try_from(corners).map_err(|_| wrong())?))
+}
+
+/// Reads the names of the passes.
+fn passes(keys: &Keys<'_, '_>) -> Result<Option<Vec<Pass>>> {
+    let Some(value) = keys.find("passes") else {
+        return Ok(None);
+    };
+    let names: Vec<String> = value
+        .extract()
+        .map_err(|_| keys.wrong("passes", "a list of names", &value))?;
+    let passes = names.iter().map(|n| Pass::named(n)).collect::<Result<_>>();
+    passes.map(Some)
+}
+
+/// Reads the mist.
+fn mist(keys: &Keys<'_, '_>) -> Result<Mist> {
+    let Some(value) = keys.find("mist") else {
+        return Ok(Mist::default());
+    };
+    let dict = value
+        .cast::<PyDict>()
+        .map_err(|_| keys.wrong("mist", "a dictionary", &value))?;
+    let known = ["start", "depth", "falloff"];
+    let keys = Keys::new(dict, "settings['mist']".into(), &known)?;
+    let falloffs = [
+        ("QUADRATIC", Falloff::Quadratic),
+        ("LINEAR", Falloff::Linear),
+        ("INVERSE_QUADRATIC", Falloff::InverseQuadratic),
+    ];
+    let default = Mist::default();
+    Ok(Mist {
+        start: keys.number_or("start", default.start)?,
+        depth: keys.number_or("depth", default.depth)?,
+        falloff: match keys.find("falloff") {
+            None => default.falloff,
+            Some(_) => keys.choice("falloff", &falloffs)?,
+        },
+    })
+}

@@ -1,0 +1,169 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Conversion of the dictionaries of materials, lights and background, with checks. Every message names the key.
+
+use crate::args::keys::{Keys, list};
+use crate::args::shader;
+use halfspace_base::error::Result;
+use halfspace_render::light::world::WorldParams;
+use halfspace_render::light::{AreaShape, LightKind, LightParams};
+use halfspace_render::material::MaterialParams;
+use halfspace_render::values::visibility::RayKind;
+use halfspace_render::values::visibility::Visibility;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+/// Reads the materials.
+pub fn materials(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<MaterialParams>> {
+    let known = [
+        "name",
+        "base_color",
+        "metallic",
+        "roughness",
+        "ior",
+        "transmission",
+        "specular",
+        "emission",
+        "alpha",
+        "closures",
+        "program",
+        "hidden_from",
+    ];
+    list("materials", value, |dict, index| {
+        // Missing keys have the value of Blender's default material.
+        let keys = Keys::new(dict, format!("materials[{index}]"), &known)?;
+        let default = MaterialParams::default();
+        let color = |key: &str, default| match keys.find(key) {
+            None => Ok(default),
+            Some(_) => keys.color(key),
+        };
+        Ok(MaterialParams {
+            name: keys
+                .find("name")
+                .map_or(Ok(String::new()), |_| keys.text("name"))?,
+            base_color: color("base_color", default.base_color)?,
+            metallic: keys.number_or("metallic", default.metallic)?,
+            roughness: keys.number_or("roughness", default.roughness)?,
+            ior: keys.number_or("ior", default.ior)?,
+            transmission: keys.number_or("transmission", default.transmission)?,
+            specular: keys.number_or("specular", default.specular)?,
+            emission: color("emission", default.emission)?,
+            alpha: keys.number_or("alpha", default.alpha)?,
+            closures: shader::closures(&keys)?,
+            program: shader::program(&keys)?,
+            visible: visibility(&keys, default.visible)?,
+        })
+    })
+}
+
+/// Reads the visibility: all kinds of rays except those in "hidden_from".
+fn visibility(keys: &Keys<'_, '_>, default: Visibility) -> Result<Visibility> {
+    let Some(value) = keys.find("hidden_from") else {
+        return Ok(default);
+    };
+    let kinds = [
+        ("camera", RayKind::Camera),
+        ("shadow", RayKind::Shadow),
+        ("diffuse", RayKind::Diffuse),
+        ("glossy", RayKind::Glossy),
+        ("transmission", RayKind::Transmission),
+    ];
+    let wrong = || {
+        let expected = "a sequence of camera, shadow, diffuse, glossy, transmission";
+        keys.wrong("hidden_from", expected, &value)
+    };
+    let names: Vec<String> = value.extract().map_err(|_| wrong())?;
+    // Remove the named kinds from the full set.
+    let mut visible = Visibility::ALL;
+    for name in names {
+        let kind = kinds.iter().find(|(known, _)| *known == name);
+        visible = visible.without(kind.ok_or_else(wrong)?.1);
+    }
+    Ok(visible)
+}
+
+/// Reads the lights.
+pub fn lights(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<LightParams>> {
+    #[derive(Clone, Copy)]
+    enum Kind {
+        Point,
+        Spot,
+        Sun,
+        Area,
+    }
+    let known = [
+        "name",
+        "kind",
+        "to_world",
+        "power",
+        "radius",
+        "angle",
+        "spot_size",
+        "spot_blend",
+        "shape",
+        "size",
+        "size_y",
+        "casts_shadow",
+        "hidden_from",
+    ];
+    let kinds = [
+        ("point", Kind::Point),
+        ("sun", Kind::Sun),
+        ("spot", Kind::Spot),
+        ("area", Kind::Area),
+    ];
+    let shapes = [
+        ("SQUARE", AreaShape::Square),
+        ("RECTANGLE", AreaShape::Rectangle),
+        ("DISK", AreaShape::Disk),
+        ("ELLIPSE", AreaShape::Ellipse),
+    ];
+    // Each kind reads the keys it needs; the defaults are Blender's.
+    list("lights", value, |dict, index| {
+        let keys = Keys::new(dict, format!("lights[{index}]"), &known)?;
+        let radius = || keys.number_or("radius", 0.0);
+        let kind = match keys.choice("kind", &kinds)? {
+            Kind::Point => LightKind::Point { radius: radius()? },
+            Kind::Spot => LightKind::Spot {
+                radius: radius()?,
+                size: keys.number_or("spot_size", std::f32::consts::FRAC_PI_4)?,
+                blend: keys.number_or("spot_blend", 0.15)?,
+            },
+            Kind::Sun => LightKind::Sun {
+                angle: keys.number_or("angle", 0.0)?,
+            },
+            Kind::Area => {
+                let size = keys.number_or("size", 1.0)?;
+                LightKind::Area {
+                    shape: keys.choice("shape", &shapes)?,
+                    size,
+                    size_y: keys.number_or("size_y", size)?,
+                }
+            }
+        };
+        Ok(LightParams {
+            kind,
+            to_world: keys.matrix("to_world")?,
+            power: keys.color("power")?,
+            casts_shadow: keys.flag_or("casts_shadow", true)?,
+            visible: visibility(&keys, Visibility::NOT_BY_CAMERA)?,
+        })
+    })
+}
+
+/// Reads the background: a colour, or a program and its result.
+pub fn world(dict: Option<&Bound<'_, PyDict>>) -> Result<WorldParams> {
+    let Some(dict) = dict else {
+        return Ok(WorldParams::default());
+    };
+    let known = ["color", "program", "radiance", "hidden_from"];
+    let keys = Keys::new(dict, "world".into(), &known)?;
+    Ok(WorldParams {
+        color: keys.color("color")?,
+        program: shader::program(&keys)?,
+        radiance: keys
+            .find("radiance")
+            .map(|value| shader::operand(&keys, "radiance", &value))
+            .transpose()?,
+        visible: visibility(&keys, Visibility::ALL)?,
+    })
+}

@@ -1,0 +1,385 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Conversion of dictionaries of materials that vary over a surface: programs, closures, images, layers.
+//!
+//! An operand is an integer, the index of the step that computes it, or a constant: a float or a sequence of three
+//! or four floats.
+
+use crate::args::arrays::{check_copy, describe};
+use crate::args::keys::{Keys, list};
+use halfspace_base::error::{Error, Result};
+use halfspace_render::material::closure::{ClosureKind, ClosureParams, Input};
+use halfspace_render::values::image::{Extension, Image, Interpolation};
+use halfspace_render::values::math_nodes::{Blend, Math, VectorMath};
+use halfspace_render::values::program::{Coordinate, Ease, Gradient, Op, Operand, Step, Value};
+use halfspace_render::values::varying::{Layer, ObjectFrame, Varying};
+use numpy::{PyReadonlyArray1, PyReadonlyArray3, PyUntypedArrayMethods};
+use pyo3::prelude::*;
+use pyo3::types::{PyBool, PyFloat, PyInt};
+
+/// Closures by their names in dictionaries.
+const KINDS: &[(&str, ClosureKind)] = &[
+    ("principled", ClosureKind::Principled),
+    ("diffuse", ClosureKind::Diffuse),
+    ("glossy", ClosureKind::Glossy),
+    ("glass", ClosureKind::Glass),
+    ("refraction", ClosureKind::Refraction),
+    ("transparent", ClosureKind::Transparent),
+    ("emission", ClosureKind::Emission),
+];
+
+/// Inputs of closures by their keys.
+const INPUTS: &[(&str, Input)] = &[
+    ("weight", Input::Weight),
+    ("color", Input::Color),
+    ("metallic", Input::Metallic),
+    ("roughness", Input::Roughness),
+    ("ior", Input::Ior),
+    ("transmission", Input::Transmission),
+    ("specular", Input::Specular),
+    ("specular_tint", Input::SpecularTint),
+    ("emission", Input::Emission),
+    ("alpha", Input::Alpha),
+    ("coat_weight", Input::CoatWeight),
+    ("coat_roughness", Input::CoatRoughness),
+    ("coat_ior", Input::CoatIor),
+    ("coat_tint", Input::CoatTint),
+];
+
+/// Coordinates by their names in dictionaries.
+const COORDINATES: &[(&str, Coordinate)] = &[
+    ("generated", Coordinate::Generated),
+    ("object", Coordinate::Object),
+    ("object_normal", Coordinate::ObjectNormal),
+    ("position", Coordinate::Position),
+    ("normal", Coordinate::Normal),
+    ("true_normal", Coordinate::TrueNormal),
+    ("incoming", Coordinate::Incoming),
+    ("reflection", Coordinate::Reflection),
+    ("backfacing", Coordinate::Backfacing),
+    ("camera_ray", Coordinate::CameraRay),
+    ("shadow_ray", Coordinate::ShadowRay),
+    ("diffuse_ray", Coordinate::DiffuseRay),
+    ("glossy_ray", Coordinate::GlossyRay),
+    ("transmission_ray", Coordinate::TransmissionRay),
+];
+
+/// Gradient textures by Blender's names.
+const GRADIENTS: &[(&str, Gradient)] = &[
+    ("LINEAR", Gradient::Linear),
+    ("QUADRATIC", Gradient::Quadratic),
+    ("EASING", Gradient::Easing),
+    ("DIAGONAL", Gradient::Diagonal),
+    ("RADIAL", Gradient::Radial),
+    ("QUADRATIC_SPHERE", Gradient::QuadraticSphere),
+    ("SPHERICAL", Gradient::Spherical),
+];
+
+/// Interpolations of Map Range by Blender's names.
+const EASES: &[(&str, Ease)] = &[
+    ("LINEAR", Ease::Linear),
+    ("SMOOTHSTEP", Ease::Smooth),
+    ("SMOOTHERSTEP", Ease::Smoother),
+];
+
+/// Interpolations of images by their names in dictionaries.
+const INTERPOLATIONS: &[(&str, Interpolation)] = &[
+    ("linear", Interpolation::Linear),
+    ("closest", Interpolation::Closest),
+];
+
+/// Continuations of images by their names in dictionaries.
+const EXTENSIONS: &[(&str, Extension)] = &[
+    ("repeat", Extension::Repeat),
+    ("extend", Extension::Extend),
+    ("clip", Extension::Clip),
+    ("mirror", Extension::Mirror),
+];
+
+/// The keys that a step may have; its `op` decides which of them are used.
+const STEP_KEYS: &[&str] = &[
+    "op",
+    "args",
+    "kind",
+    "clamp",
+    "clamp_factor",
+    "image",
+    "interpolation",
+    "extension",
+    "unassociate",
+    "panorama",
+    "layer",
+    "channel",
+    "matrix",
+    "table",
+    "smooth",
+    "color",
+    "normalize",
+    "object",
+];
+
+/// Reads an operand: a constant or the index of a step.
+pub fn operand(keys: &Keys<'_, '_>, key: &str, value: &Bound<'_, PyAny>) -> Result<Operand> {
+    let wrong = || {
+        keys.wrong(
+            key,
+            "a step's number, a float, or three or four floats",
+            value,
+        )
+    };
+    // In Python a bool is an int, but here it is a mistake.
+    if value.is_instance_of::<PyInt>() && !value.is_instance_of::<PyBool>() {
+        return value.extract().map(Operand::Register).map_err(|_| wrong());
+    }
+    if value.is_instance_of::<PyFloat>() {
+        return value.extract().map(Operand::number).map_err(|_| wrong());
+    }
+    let numbers: Vec<f32> = value.extract().map_err(|_| wrong())?;
+    match numbers[..] {
+        [a, b, c] => Ok(Operand::color([a, b, c])),
+        [a, b, c, d] => Ok(Operand::Value([a, b, c, d])),
+        _ => Err(wrong()),
+    }
+}
+
+/// Reads the closures of a material.
+pub fn closures(keys: &Keys<'_, '_>) -> Result<Vec<ClosureParams>> {
+    // Inputs that are not given keep Blender's defaults.
+    let mut known = vec!["kind", "normal", "multiscatter"];
+    known.extend(INPUTS.iter().map(|(name, _)| *name));
+    let name = format!("{}['closures']", keys.name);
+    list(&name, keys.find("closures").as_ref(), |dict, index| {
+        let keys = Keys::new(dict, format!("{name}[{index}]"), &known)?;
+        let mut closure = ClosureParams::new(keys.choice("kind", KINDS)?);
+        for (key, input) in INPUTS {
+            if let Some(value) = keys.find(key) {
+                closure.inputs[*input as usize] = operand(&keys, key, &value)?;
+            }
+        }
+        closure.normal = keys
+            .find("normal")
+            .map(|value| operand(&keys, "normal", &value))
+            .transpose()?;
+        closure.multiscatter = keys.flag_or("multiscatter", true)?;
+        Ok(closure)
+    })
+}
+
+/// Reads the program of a material or background.
+pub fn program(keys: &Keys<'_, '_>) -> Result<Vec<Step>> {
+    let name = format!("{}['program']", keys.name);
+    list(&name, keys.find("program").as_ref(), |dict, index| {
+        let keys = Keys::new(dict, format!("{name}[{index}]"), STEP_KEYS)?;
+        // Operands may be a list, a tuple or any other sequence.
+        let args = match keys.find("args") {
+            None => Vec::new(),
+            Some(value) => value
+                .try_iter()
+                .map_err(|_| keys.wrong("args", "a sequence", &value))?
+                .map(|item| {
+                    let item = item.map_err(|_| keys.wrong("args", "a sequence", &value))?;
+                    operand(&keys, "args", &item)
+                })
+                .collect::<Result<_>>()?,
+        };
+        Ok(Step {
+            op: op(&keys)?,
+            args,
+        })
+    })
+}
+
+/// Reads an index below 65536.
+fn index(keys: &Keys<'_, '_>, key: &str) -> Result<u16> {
+    let number = keys.count(key)?;
+    u16::try_from(number)
+        .map_err(|_| Error::Spec(format!("{}['{key}'] must be below 65536", keys.name)))
+}
+
+/// Reads the operation of a step.
+fn op(keys: &Keys<'_, '_>) -> Result<Op> {
+    let name = keys.text("op")?;
+    Ok(match name.as_str() {
+        "image" => Op::Image {
+            image: index(keys, "image")?,
+            interpolation: keys.choice("interpolation", INTERPOLATIONS)?,
+            extension: keys.choice("extension", EXTENSIONS)?,
+            unassociate: keys.flag_or("unassociate", false)?,
+            panorama: keys.flag_or("panorama", false)?,
+        },
+        "attribute" => Op::Attribute(index(keys, "layer")?),
+        "coordinate" => Op::Coordinate(keys.choice("kind", COORDINATES)?),
+        "alpha" => Op::Alpha,
+        "channel" => Op::Channel(index(keys, "channel")?.min(3) as u8),
+        "combine" => Op::Combine,
+        "luminance" => Op::Luminance,
+        "mean" => Op::Mean,
+        "math" => Op::Math(
+            keys.choice("kind", Math::NAMED)?,
+            keys.flag_or("clamp", false)?,
+        ),
+        "vector_math" => Op::VectorMath(keys.choice("kind", VectorMath::NAMED)?),
+        "mix" => Op::Mix(
+            keys.choice("kind", Blend::NAMED)?,
+            keys.flag_or("clamp_factor", true)?,
+            keys.flag_or("clamp", false)?,
+        ),
+        "matrix" => Op::Matrix(rows(keys, "matrix")?),
+        "unit" => Op::Unit,
+        "ramp" => Op::Ramp(table(keys)?.into(), keys.flag_or("smooth", true)?),
+        "curves" => Op::Curves(table(keys)?.into()),
+        "checker" => Op::Checker(!keys.flag_or("color", true)?),
+        "noise" => Op::Noise(
+            keys.flag_or("color", false)?,
+            keys.flag_or("normalize", true)?,
+        ),
+        "gradient" => Op::Gradient(keys.choice("kind", GRADIENTS)?),
+        "invert" => Op::Invert,
+        "gamma" => Op::Gamma,
+        "bright_contrast" => Op::BrightContrast,
+        "hue_saturation" => Op::HueSaturation,
+        "map_range" => Op::MapRange(keys.choice("kind", EASES)?, keys.flag_or("clamp", true)?),
+        "clamp" => Op::Clamp,
+        "fresnel" => Op::Fresnel,
+        "layer_fresnel" => Op::LayerFresnel,
+        "layer_facing" => Op::LayerFacing,
+        "normal_map" => Op::NormalMap(index(keys, "layer")?),
+        "normal_map_space" => Op::NormalMapSpace(keys.flag_or("object", false)?),
+        _ => {
+            return Err(Error::Spec(format!(
+                "{}['op']: no operation is called '{name}'",
+                keys.name
+            )));
+        }
+    })
+}
+
+/// Reads an affine map of three rows.
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "beyond f32 becomes infinite, which a program replaces by 0"
+)]
+fn rows(keys: &Keys<'_, '_>, key: &str) -> Result<[[f32; 4]; 3]> {
+    let numbers = keys.numbers(key, &[3, 4])?;
+    Ok([0, 1, 2].map(|r| [0, 1, 2, 3].map(|c| numbers[4 * r + c] as f32)))
+}
+
+/// Reads a table of rows of four floats.
+fn table(keys: &Keys<'_, '_>) -> Result<Vec<Value>> {
+    let value = keys.need("table")?;
+    let wrong = || keys.wrong("table", "rows of four floats", &value);
+    let rows: Vec<Vec<f32>> = value.extract().map_err(|_| wrong())?;
+    rows.into_iter()
+        .map(|row| Value::try_from(row).map_err(|_| wrong()))
+        .collect()
+}
+
+/// Reads images: dictionaries of `name`, `pixels`, (h, w, 4) float32, rows from the bottom up, and `srgb`, whether
+/// colours are encoded.
+pub fn images(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<Image>> {
+    list("images", value, |dict, index| {
+        let keys = Keys::new(
+            dict,
+            format!("images[{index}]"),
+            &["name", "pixels", "srgb"],
+        )?;
+        // Check the shape, and copy the pixels if they fit into memory.
+        let pixels = keys.need("pixels")?;
+        let wrong = || keys.wrong("pixels", "an (h, w, 4) float32 array", &pixels);
+        let array: PyReadonlyArray3<'_, f32> = pixels.extract().map_err(|_| wrong())?;
+        let [height, width, 4] = *array.shape() else {
+            return Err(wrong());
+        };
+        check_copy("pixels", &*array, size_of::<f32>())?;
+        let texels = match array.as_slice() {
+            Ok(flat) => flat.as_chunks::<4>().0.to_vec(),
+            Err(_) => return Err(wrong()),
+        };
+        Image::new(
+            width,
+            height,
+            texels,
+            keys.flag_or("srgb", false)?,
+            &keys.name,
+        )
+    })
+}
+
+/// Reads layers: (m, 3, 2 to 4) float32 arrays, or None for a missing one.
+pub fn layers(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<Layer>> {
+    let Some(value) = value.filter(|v| !v.is_none()) else {
+        return Ok(Vec::new());
+    };
+    let wrong = |value: &Bound<'_, PyAny>| {
+        Error::Shape(format!(
+            "layers: expected a list of (m, 3, 2 to 4) float32 arrays, got {}",
+            describe(value)
+        ))
+    };
+    let mut out = Vec::new();
+    for item in value.try_iter().map_err(|_| wrong(value))? {
+        let item = item.map_err(|_| wrong(value))?;
+        // A layer without values reads as missing on every triangle.
+        if item.is_none() {
+            out.push(Layer {
+                width: 2,
+                values: Vec::new(),
+            });
+            continue;
+        }
+        let array: PyReadonlyArray3<'_, f32> = item.extract().map_err(|_| wrong(&item))?;
+        let (3, width @ 2..=4) = (array.shape()[1], array.shape()[2]) else {
+            return Err(wrong(&item));
+        };
+        check_copy("layers", &*array, size_of::<f32>())?;
+        let values = array.as_slice().map_err(|_| wrong(&item))?.to_vec();
+        out.push(Layer { width, values });
+    }
+    Ok(out)
+}
+
+/// Reads layers, objects (dictionaries of `to_object`, (3, 4), and `generated`, (2, 3): offset and factor), the
+/// object of each triangle and the origin.
+pub fn varying(
+    layer_arrays: Option<&Bound<'_, PyAny>>,
+    objects: Option<&Bound<'_, PyAny>>,
+    object_index: Option<&Bound<'_, PyAny>>,
+    origin: Option<[f64; 3]>,
+) -> Result<Varying> {
+    // Objects with their texture spaces.
+    let frames = list("objects", objects, |dict, index| {
+        let keys = Keys::new(
+            dict,
+            format!("objects[{index}]"),
+            &["to_object", "generated"],
+        )?;
+        let generated = keys.numbers("generated", &[2, 3])?;
+        #[expect(clippy::cast_possible_truncation, reason = "infinite is refused")]
+        let generated = [0, 1].map(|r| [0, 1, 2].map(|c| generated[3 * r + c] as f32));
+        Ok(ObjectFrame {
+            to_object: rows(&keys, "to_object")?,
+            generated,
+        })
+    })?;
+    let object_index = match object_index.filter(|v| !v.is_none()) {
+        None => Vec::new(),
+        Some(value) => {
+            let wrong = || {
+                Error::Shape(format!(
+                    "object_index: expected an (m,) uint32 array, got {}",
+                    describe(value)
+                ))
+            };
+            let array: PyReadonlyArray1<'_, u32> = value.extract().map_err(|_| wrong())?;
+            check_copy("object_index", &*array, size_of::<u32>())?;
+            array.as_array().iter().copied().collect()
+        }
+    };
+    #[expect(clippy::cast_possible_truncation, reason = "infinite is refused")]
+    let origin = origin.unwrap_or_default().map(|x| x as f32);
+    Ok(Varying {
+        layers: layers(layer_arrays)?,
+        objects: frames,
+        object_index,
+        origin,
+    })
+}

@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! A point that receives light, and a sample of the light that arrives there.
+
+use crate::math::vector::Vec3;
+use crate::values::visibility::Visibility;
+
+/// A sample of the light that arrives at a point.
+#[derive(Debug, Clone, Copy)]
+pub struct Arrival {
+    /// Unit direction towards the light.
+    pub direction: Vec3,
+    /// Distance to the light; infinite for a sun.
+    pub distance: f32,
+    /// Radiance divided by the density, including the probability of the light.
+    pub radiance: Vec3,
+    /// Density per solid angle, including the probability of the light; infinite if no ray can hit the light.
+    pub pdf: f32,
+    /// Whether occluders between the point and the light count.
+    pub casts_shadow: bool,
+    /// The lobes that the light illuminates.
+    pub visible: Visibility,
+    /// The emitter. Unless it is a lamp, `radiance` still has to be multiplied by that of the emitter.
+    pub emitter: Emitter,
+}
+
+/// The source of the light of an [`Arrival`].
+#[derive(Debug, Clone, Copy)]
+pub enum Emitter {
+    /// A lamp; `radiance` is complete.
+    Lamp,
+    /// An emissive triangle, at these weights of its second and third corner.
+    Triangle(u32, [f32; 2]),
+    /// The background.
+    World,
+}
+
+/// An emissive triangle.
+#[derive(Debug, Clone, Copy)]
+pub struct EmissiveTriangle {
+    /// Index of the triangle.
+    pub triangle: u32,
+    /// The kinds of rays that see it.
+    pub visible: Visibility,
+    /// Vertices in scene space.
+    pub corners: [Vec3; 3],
+    /// Estimate of the emitted radiance, mean of the channels.
+    pub radiance: f32,
+}
+
+/// A point that receives light.
+#[derive(Debug, Clone, Copy)]
+pub struct Receiver {
+    /// Position.
+    pub point: Vec3,
+    /// Geometric normal on the viewer's side; zero if light from behind counts too.
+    pub normal: Vec3,
+}

@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! One light: its shape, its strength and an estimate of its contribution to a point.
+
+use crate::light::Receiver;
+use crate::light::shapes::{Area, Disc, Sun, Triangle};
+use crate::light::tree::BoundingSphere;
+use crate::math::vector::Vec3;
+use crate::values::visibility::Visibility;
+
+/// The geometry of a light.
+pub(super) enum Shape {
+    Disc(Disc),
+    Sun(Sun),
+    Area(Area),
+    Triangle(u32, Triangle),
+    World,
+}
+
+/// A light prepared for sampling.
+pub(super) struct Light {
+    pub(super) shape: Shape,
+    /// Radiance of a light with a size; intensity or irradiance of one without.
+    pub(super) strength: Vec3,
+    /// Estimate of the intensity (suns and background: irradiance), mean of the channels, for choosing lights.
+    pub(super) brightness: f32,
+    pub(super) casts_shadow: bool,
+    pub(super) visible: Visibility,
+}
+
+impl Light {
+    /// Whether the light has a finite radiance.
+    pub(super) fn has_size(&self) -> bool {
+        match &self.shape {
+            Shape::Disc(disc) => disc.radius > 0.0,
+            Shape::Sun(sun) => sun.has_size(),
+            Shape::Area(_) | Shape::Triangle(..) | Shape::World => true,
+        }
+    }
+
+    /// Whether the light is infinitely far away.
+    pub(super) fn is_far(&self) -> bool {
+        matches!(self.shape, Shape::Sun(_) | Shape::World)
+    }
+
+    /// Returns the bounding sphere of a light at a finite distance.
+    pub(super) fn bounding_sphere(&self, light: u32) -> Option<BoundingSphere> {
+        let (centre, radius) = match &self.shape {
+            Shape::Disc(disc) => (disc.centre(), disc.radius),
+            Shape::Area(area) => area.bounding_sphere(),
+            Shape::Triangle(_, triangle) => triangle.bounding_sphere(),
+            Shape::Sun(_) | Shape::World => return None,
+        };
+        Some(BoundingSphere {
+            centre,
+            radius,
+            brightness: self.brightness,
+            light,
+        })
+    }
+
+    /// Whether rays can hit the light.
+    pub(super) fn is_hittable(&self) -> bool {
+        self.has_size() && self.casts_shadow
+    }
+
+    /// Estimates the irradiance at a receiver; zero only where the light cannot arrive.
+    pub(super) fn importance(&self, receiver: Receiver) -> f32 {
+        // Zero is reserved for lights that cannot contribute, because they are never chosen.
+        self.brightness
+            * match &self.shape {
+                Shape::Disc(disc) => disc.importance(receiver.point, receiver.normal),
+                Shape::Sun(sun) => sun.importance(receiver.normal),
+                Shape::Area(area) => area.importance(receiver.point, receiver.normal),
+                Shape::Triangle(_, triangle) => {
+                    let (centre, radius) = triangle.bounding_sphere();
+                    let sphere = BoundingSphere {
+                        centre,
+                        radius,
+                        brightness: 1.0,
+                        light: 0,
+                    };
+                    sphere.importance(receiver)
+                }
+                Shape::World => 1.0,
+            }
+    }
+}

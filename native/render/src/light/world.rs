@@ -1,0 +1,172 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The background: a colour, or a program of the direction.
+
+use std::sync::Arc;
+
+use crate::check::{Error, Result, finite, within};
+use crate::light::direction_map::DirectionMap;
+use crate::math::vector::Vec3;
+use crate::values::image::Image;
+use crate::values::program::{Op, Operand, Program, Step, Value, read, rgb};
+use crate::values::shading_point::ShadingPoint;
+use crate::values::varying::Varying;
+use crate::values::visibility::RayKind;
+use crate::values::visibility::Visibility;
+
+/// Parameters of a background.
+#[derive(Debug, Clone)]
+pub struct WorldParams {
+    /// Radiance if there is no program.
+    pub color: [f32; 3],
+    /// Program that computes the radiance from the direction.
+    pub program: Vec<Step>,
+    /// Result of the program.
+    pub radiance: Option<Operand>,
+    /// The kinds of rays that see the background.
+    pub visible: Visibility,
+}
+
+impl Default for WorldParams {
+    /// Black.
+    fn default() -> Self {
+        Self {
+            color: [0.0; 3],
+            program: Vec::new(),
+            radiance: None,
+            visible: Visibility::ALL,
+        }
+    }
+}
+
+impl From<[f32; 3]> for WorldParams {
+    fn from(color: [f32; 3]) -> Self {
+        Self {
+            color,
+            ..Self::default()
+        }
+    }
+}
+
+/// Largest width and height of the map. In larger panoramas the points of evaluation may miss single bright texels;
+/// these are sampled less often than ideal, but without bias.
+const MAX_TEXELS: usize = 1024;
+
+/// A background prepared for rendering.
+#[derive(Debug)]
+pub struct World {
+    /// The kinds of rays that see the background.
+    pub visible: Visibility,
+    program: Program,
+    radiance: Operand,
+    /// Map for importance sampling; none for a constant colour, for which scattered rays suffice.
+    map: Option<DirectionMap>,
+}
+
+impl World {
+    /// Checks and compiles a background.
+    ///
+    /// # Errors
+    /// If a colour is negative or not finite, or the program is invalid.
+    pub fn new(params: &WorldParams, images: &[Image], varying: &Varying) -> Result<Self> {
+        // Check the colour and compile the program; without one the result is the colour.
+        finite(&params.color, || "world['color']".into())?;
+        for &c in &params.color {
+            within(c.into(), 0.0, 1e30, || "world['color']".into())?;
+        }
+        let mut roots = [params.radiance.unwrap_or(Operand::color(params.color))];
+        let program = Program::compile(&params.program, &mut roots, "world")?;
+        let mut world = Self {
+            visible: params.visible,
+            program,
+            radiance: roots[0],
+            map: None,
+        };
+        // The map has the resolution of the largest image, or a default without images.
+        let is_image = |op: &Op| matches!(op, Op::Image { .. });
+        let mut size = if world.program.ops().any(is_image) {
+            [32, 16]
+        } else {
+            [256, 128]
+        };
+        for op in world.program.ops() {
+            match op {
+                Op::Image { image, .. } => {
+                    // Images must exist; attributes of corners cannot.
+                    let image = images.get(usize::from(*image)).ok_or_else(|| {
+                        Error::Shape(format!(
+                            "world['program']: image {image} is out of range for {}",
+                            images.len()
+                        ))
+                    })?;
+                    size = [size[0].max(image.size()[0]), size[1].max(image.size()[1])];
+                }
+                Op::Attribute(_) | Op::NormalMap(_) => {
+                    return Err(Error::Spec(
+                        "world['program']: a background has no corners".into(),
+                    ));
+                }
+                _ => {}
+            }
+        }
+        // Tabulate a background that varies, as diffuse rays see it.
+        if world.constant().is_none() {
+            let size = size.map(|n| n.min(MAX_TEXELS));
+            let mut registers = Vec::new();
+            world.map = DirectionMap::new(size, |direction| {
+                world.radiance(images, varying, direction, RayKind::Diffuse, &mut registers)
+            });
+        }
+        Ok(world)
+    }
+
+    /// Returns the radiance if it is the same in all directions.
+    pub fn constant(&self) -> Option<Vec3> {
+        self.radiance.constant().map(|c| c.map(|x| x.max(0.0)))
+    }
+
+    /// Whether the radiance is 0 in all directions.
+    pub fn is_black(&self) -> bool {
+        self.constant() == Some(Vec3::ZERO)
+    }
+
+    /// Returns the radiance of a unit direction. `registers`: scratch memory.
+    #[inline]
+    pub fn radiance(
+        &self,
+        images: &[Image],
+        varying: &Varying,
+        direction: Vec3,
+        kind: RayKind,
+        registers: &mut Vec<Value>,
+    ) -> Vec3 {
+        if let Some(constant) = self.constant() {
+            return constant;
+        }
+        // Run the program; negative radiance counts as 0.
+        let point = ShadingPoint::background(varying, direction, kind);
+        self.program.run(images, &point, registers);
+        rgb(read(self.radiance, registers)).map(|x| x.max(0.0))
+    }
+
+    /// Moves the map for sampling out; the lights own it from then on.
+    pub fn take_map(&mut self) -> Option<Arc<DirectionMap>> {
+        self.map.take().map(Arc::new)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::vector::vec3;
+
+    #[test]
+    fn a_background_without_a_program_is_constant() {
+        let params = WorldParams {
+            color: [1.0, 2.0, 3.0],
+            ..Default::default()
+        };
+        let mut world = World::new(&params, &[], &Varying::default()).unwrap();
+        assert_eq!(world.constant(), Some(vec3(1.0, 2.0, 3.0)));
+        assert!(world.take_map().is_none());
+    }
+}

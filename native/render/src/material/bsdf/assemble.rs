@@ -1,0 +1,268 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Construction of the lobes of a material's closures, weighted for the viewing direction.
+
+use crate::material::albedo::Albedo;
+use crate::material::bsdf::{Boundary, Bsdf, Facets, MAX_BOUNDARIES, MAX_FACETS, Normals};
+use crate::material::closure::{
+    ChannelAlbedo, Closure, Fresnel, LobeGrids, Lobes, Reflector, Transmitter, absorbed,
+    coat_albedos, compensation_per_channel,
+};
+use crate::material::ggx::Ggx;
+use crate::math::vector::Vec3;
+use crate::values::program::Value;
+
+/// An empty slot of the array of reflecting lobes.
+const NO_FACETS: Facets = Facets {
+    ggx: Ggx::MIRROR,
+    smooth: true,
+    lambda_i: 0.0,
+    fresnel: Fresnel::Metal {
+        f0: Vec3::ZERO,
+        edge: Vec3::ZERO,
+        dip: Vec3::ZERO,
+    },
+    scale: Vec3::ZERO,
+    p: 0.0,
+};
+
+/// An empty slot of the array of refracting lobes.
+const NO_BOUNDARY: Boundary = Boundary {
+    ggx: Ggx::MIRROR,
+    smooth: true,
+    lambda_i: 0.0,
+    eta: 1.0,
+    scale: Vec3::ZERO,
+    reflect: None,
+    tint: Vec3::ZERO,
+    p: 0.0,
+};
+
+impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
+    /// The lobes seen from `wi`. `registers`: results of the material's program; `inside`: whether the path arrives
+    /// at the back of the surface.
+    #[inline(always)]
+    pub fn new(
+        closures: &[Closure],
+        registers: &[Value],
+        wi: Vec3,
+        normals: Normals,
+        inside: bool,
+    ) -> Self {
+        // Start with empty lobes in arrays of fixed size: the path allocates nothing.
+        let mut out = Self {
+            wi,
+            normals,
+            facets: [NO_FACETS; MAX_FACETS],
+            facet_count: 0,
+            boundaries: [NO_BOUNDARY; MAX_BOUNDARIES],
+            boundary_count: 0,
+            diffuse: Vec3::ZERO,
+            diffuse_probability: 0.0,
+        };
+        for closure in closures {
+            out.add(&closure.lobes(registers), closure, inside);
+        }
+        out.share_samples();
+        out
+    }
+
+    /// Adds the lobes of one closure, from the coat down to the base. Each layer passes on what it does not
+    /// reflect.
+    #[inline(always)]
+    fn add(&mut self, lobes: &Lobes, closure: &Closure, inside: bool) {
+        if lobes.weight <= 0.0 {
+            return;
+        }
+        // The weight of what is below shrinks from layer to layer.
+        let weight = self.add_coat(lobes, closure, Vec3::splat(lobes.weight));
+        self.add_reflections(lobes, closure, weight);
+        if GLASS && let Some(transmitter) = &lobes.glass {
+            self.add_glass(transmitter, closure, weight, inside);
+        }
+    }
+
+    /// Adds the coat, which reflects first, and returns the weight of everything below: `weight` less reflection and
+    /// absorption.
+    #[inline(always)]
+    fn add_coat(&mut self, lobes: &Lobes, closure: &Closure, mut weight: Vec3) -> Vec3 {
+        if GLOSSY
+            && let (Some((reflector, absorb)), Some([facets, dielectric])) =
+                (&lobes.coat, &closure.grids.coat)
+        {
+            let (single, dielectric) = coat_albedos(reflector, [facets, dielectric], self.wi.z);
+            let reflected = self.add_facets(reflector, weight, single, Some(dielectric), true);
+            weight *= (1.0 - reflected).max(0.0);
+            if *absorb != Vec3::ONE {
+                weight = weight * absorbed(reflector, *absorb, self.wi.z);
+            }
+        }
+        weight
+    }
+
+    /// Adds metal, then the dielectric layer over the diffuse base. Without facets only the base remains.
+    #[inline(always)]
+    fn add_reflections(&mut self, lobes: &Lobes, closure: &Closure, weight: Vec3) {
+        let LobeGrids {
+            reflection, layer, ..
+        } = &closure.grids;
+        let multiscatter = closure.multiscatter;
+        if GLOSSY
+            && let Some(grid) = reflection
+            && (lobes.metal.is_some() || lobes.layer.is_some())
+        {
+            let single = |r: &Reflector| grid.at(r.roughness, 1.0, self.wi.z);
+            // Metal and layer cover separate shares of the surface, so neither dims the other.
+            if let Some(metal) = &lobes.metal {
+                self.add_facets(metal, weight, single(metal), None, multiscatter);
+            }
+            let single = lobes.layer.map(|l| grid.at(l.roughness, 1.0, self.wi.z));
+            if let (Some(reflector), Some(single)) = (&lobes.layer, single) {
+                let dielectric = layer.as_ref().map(|g| {
+                    g.at(reflector.roughness, reflector.fresnel.index(), self.wi.z)
+                        .directional
+                });
+                let share = reflector.weight.x;
+                let reflected =
+                    self.add_facets(reflector, weight, single, dielectric, multiscatter);
+                // Undo the layer's weight in its reflection, because `lobes.diffuse` already contains it.
+                let left = 1.0 - reflected / share.max(1e-6);
+                self.diffuse += weight * lobes.diffuse * left.max(0.0);
+                return;
+            }
+        }
+        self.diffuse += weight * lobes.diffuse;
+    }
+
+    /// Adds glass, which reflects and refracts by the relative index of the side the path arrives from.
+    #[inline(always)]
+    fn add_glass(
+        &mut self,
+        transmitter: &Transmitter,
+        closure: &Closure,
+        weight: Vec3,
+        inside: bool,
+    ) {
+        let eta = if inside {
+            1.0 / transmitter.ior
+        } else {
+            transmitter.ior
+        };
+        let roughness = transmitter.roughness;
+        let LobeGrids {
+            reflection, glass, ..
+        } = &closure.grids;
+        // The compensation needs the albedo of the lobe and, for a tinted reflection, of white facets.
+        let single = glass
+            .as_ref()
+            .filter(|_| closure.multiscatter)
+            .map(|grids| {
+                let single = grids[usize::from(inside)].at(roughness, eta, self.wi.z);
+                let white = || {
+                    let grid = reflection.as_ref();
+                    grid.map_or(single, |grid| grid.at(roughness, 1.0, self.wi.z))
+                };
+                transmitter.single(single, white)
+            });
+        self.add_boundary(transmitter, weight, single, eta);
+    }
+
+    /// Adds a reflecting lobe and returns the reflected fraction of `weight`. `single`: albedo of white facets;
+    /// `dielectric`: albedo of the dielectric facets at the viewing direction.
+    #[inline(always)]
+    fn add_facets(
+        &mut self,
+        reflector: &Reflector,
+        weight: Vec3,
+        single: Albedo,
+        dielectric: Option<f32>,
+        multiscatter: bool,
+    ) -> f32 {
+        // A mirror needs no masking term.
+        let Reflector { ggx, fresnel, .. } = *reflector;
+        let smooth = ggx.is_smooth();
+        // Estimate the reflected energy, which also is the weight for choosing the lobe.
+        let (reflected, compensated) =
+            reflector.reflected(self.wi.z, single, dielectric, multiscatter);
+        // A material that passed its check never exceeds the limit.
+        if self.facet_count < MAX_FACETS {
+            self.facets[self.facet_count] = Facets {
+                ggx,
+                smooth,
+                lambda_i: if smooth { 0.0 } else { ggx.lambda(self.wi.z) },
+                fresnel,
+                scale: weight * reflector.weight * compensated,
+                p: (weight * reflected).mean().max(1e-8),
+            };
+            self.facet_count += 1;
+        }
+        reflected.max_component()
+    }
+
+    /// Adds a refracting lobe. `single`: its albedo, if multiple scattering is compensated.
+    #[inline(always)]
+    fn add_boundary(
+        &mut self,
+        transmitter: &Transmitter,
+        weight: Vec3,
+        single: Option<ChannelAlbedo>,
+        eta: f32,
+    ) {
+        // At an index this close to 1 the half vector is undefined: treat the boundary as a window.
+        let window = (transmitter.ior - 1.0).abs() < 1e-4;
+        let smooth = transmitter.ggx.is_smooth() || window;
+        let compensated = match single {
+            Some(single) if !smooth => compensation_per_channel(transmitter.tint, single),
+            _ => Vec3::ONE,
+        };
+        if self.boundary_count < MAX_BOUNDARIES {
+            // The weight alone is the estimate, because reflection and refraction together lose little.
+            self.boundaries[self.boundary_count] = Boundary {
+                ggx: transmitter.ggx,
+                smooth,
+                lambda_i: if smooth {
+                    0.0
+                } else {
+                    transmitter.ggx.lambda(self.wi.z)
+                },
+                eta,
+                scale: weight * compensated * transmitter.weight,
+                reflect: transmitter.reflect,
+                tint: transmitter.tint,
+                p: (weight.mean() * transmitter.weight).max(1e-8),
+            };
+            self.boundary_count += 1;
+        }
+    }
+
+    /// Makes the lobes' estimated energies the probabilities of sampling them.
+    #[inline(always)]
+    fn share_samples(&mut self) {
+        // Add up the energies of the lobes, then divide each by the sum.
+        self.diffuse_probability = self.diffuse.mean();
+        let mut total = self.diffuse_probability;
+        if GLOSSY {
+            total += self.facets[..self.facet_count]
+                .iter()
+                .map(|f| f.p)
+                .sum::<f32>();
+        }
+        if GLASS {
+            let boundaries = &self.boundaries[..self.boundary_count];
+            total += boundaries.iter().map(|b| b.p).sum::<f32>();
+        }
+        if total > 0.0 {
+            let norm = 1.0 / total;
+            self.diffuse_probability *= norm;
+            if GLOSSY {
+                self.facets[..self.facet_count]
+                    .iter_mut()
+                    .for_each(|f| f.p *= norm);
+            }
+            if GLASS {
+                self.boundaries[..self.boundary_count]
+                    .iter_mut()
+                    .for_each(|b| b.p *= norm);
+            }
+        }
+    }
+}

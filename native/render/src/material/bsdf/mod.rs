@@ -1,0 +1,152 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The BSDF of a material for one viewing direction: evaluation and sampling.
+//!
+//! Directions are in the shading frame (z = shading normal) and point away from the surface; `wi` is where the path
+//! came from (z > 0), `wo` where it goes. `GLOSSY` and `GLASS` are false if no material of the scene has such
+//! lobes; their code is then compiled out.
+
+use crate::material::closure::{Fresnel, MAX_CLOSURES, MAX_PRINCIPLED, Reflected};
+use crate::material::ggx::Ggx;
+use crate::math::vector::Vec3;
+use crate::values::visibility::RayKind;
+
+mod assemble;
+mod evaluate;
+mod sample;
+
+pub use crate::material::bsdf::sample::cosine_direction;
+
+/// The other normals at the point, in the shading frame, whose z axis is the normal of the facets.
+#[derive(Debug, Clone, Copy)]
+pub struct Normals {
+    /// The triangle's normal, on the viewer's side.
+    pub geometric: Vec3,
+    /// The surface's shading normal and the normal that the material's nodes computed; `None` if they computed
+    /// none. Facets use the second one bent so that no mirror direction points below the surface; the diffuse base
+    /// uses it unchanged.
+    pub mapped: Option<[Vec3; 2]>,
+}
+
+/// A sampled direction.
+#[derive(Debug, Clone, Copy)]
+pub struct Scatter {
+    /// Where the path goes.
+    pub wo: Vec3,
+    /// BSDF × cosine / density: the factor on the path's throughput.
+    pub weight: Vec3,
+    /// Density per solid angle; infinite for a mirror or window, which light samples cannot find.
+    pub pdf: f32,
+    /// ClosureKind of the scattered ray.
+    pub kind: RayKind,
+}
+
+/// A reflecting lobe for one viewing direction.
+#[derive(Clone, Copy)]
+struct Facets {
+    ggx: Ggx,
+    /// Whether the facets form a perfect mirror.
+    smooth: bool,
+    /// Smith's Λ of the viewing direction.
+    lambda_i: f32,
+    fresnel: Fresnel,
+    /// Factor on the reflectance: weight of the lobe and compensation of multiple scattering.
+    scale: Vec3,
+    /// Probability of sampling this lobe.
+    p: f32,
+}
+
+/// A lobe that reflects and refracts, for one viewing direction.
+#[derive(Clone, Copy)]
+struct Boundary {
+    ggx: Ggx,
+    /// Whether the facets form a perfect mirror and window.
+    smooth: bool,
+    /// Smith's Λ of the viewing direction.
+    lambda_i: f32,
+    /// Index of the far side over that of the near side.
+    eta: f32,
+    /// Factor on both parts: weight of the lobe and compensation of multiple scattering.
+    scale: Vec3,
+    /// Colour of the reflection; `None` = refraction only.
+    reflect: Option<Reflected>,
+    /// Filter of refracted light.
+    tint: Vec3,
+    /// Probability of sampling this lobe.
+    p: f32,
+}
+
+/// Largest number of reflecting lobes of a material (a Principled closure has three, the others one).
+pub const MAX_FACETS: usize = 3 * MAX_PRINCIPLED + (MAX_CLOSURES - MAX_PRINCIPLED);
+/// Largest number of refracting lobes of a material.
+const MAX_BOUNDARIES: usize = MAX_CLOSURES;
+
+/// The lobes of a material with their weights for one viewing direction.
+pub struct Bsdf<const GLOSSY: bool, const GLASS: bool> {
+    wi: Vec3,
+    normals: Normals,
+    facets: [Facets; MAX_FACETS],
+    facet_count: usize,
+    boundaries: [Boundary; MAX_BOUNDARIES],
+    boundary_count: usize,
+    /// Albedo of the Lambertian lobe.
+    diffuse: Vec3,
+    /// Probability of sampling the Lambertian lobe.
+    diffuse_probability: f32,
+}
+
+impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
+    /// Whether a lobe transmits light to the other side.
+    #[inline(always)]
+    pub fn transmits(&self) -> bool {
+        GLASS && self.boundary_count > 0
+    }
+
+    /// Whether there is a reflecting lobe.
+    #[inline(always)]
+    pub fn reflects(&self) -> bool {
+        GLOSSY && self.facet_count > 0
+    }
+
+    /// Whether a lobe has a finite density, so that light samples can contribute.
+    #[inline(always)]
+    pub fn has_density(&self) -> bool {
+        self.diffuse_probability > 0.0
+            || (GLOSSY && self.facets[..self.facet_count].iter().any(|f| !f.smooth))
+            || (GLASS
+                && self.boundaries[..self.boundary_count]
+                    .iter()
+                    .any(|b| !b.smooth))
+    }
+}
+
+impl Boundary {
+    /// Returns the reflected colour where the Fresnel reflectance of the boundary is `reflectance`.
+    #[inline(always)]
+    fn reflected(&self, reflectance: f32) -> Vec3 {
+        self.reflect.map_or(Vec3::ZERO, |r| r.at(reflectance))
+    }
+
+    /// Returns the transmitted colour where the Fresnel reflectance of the boundary is `reflectance`.
+    #[inline(always)]
+    fn passed(&self, reflectance: f32) -> Vec3 {
+        match self.reflect {
+            None => self.tint,
+            Some(reflect) => self.tint * reflect.rest(reflectance),
+        }
+    }
+
+    /// Returns the share of samples that reflect, in proportion to the energy of the two parts.
+    #[inline(always)]
+    fn reflect_probability(&self, reflectance: f32) -> f32 {
+        let reflected = self.reflected(reflectance).mean();
+        let passed = self.passed(reflectance).mean();
+        if reflected + passed > 0.0 {
+            reflected / (reflected + passed)
+        } else {
+            1.0
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

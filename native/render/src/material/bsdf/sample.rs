@@ -1,0 +1,137 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Sampling of the BSDF: directions in which the path continues.
+
+use crate::material::bsdf::{Boundary, Bsdf, Facets, Scatter};
+use crate::math::fresnel;
+use crate::math::trig::sin_cos_turns;
+use crate::math::vector::{Frame, Vec3, vec3};
+use crate::values::visibility::RayKind;
+
+impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
+    /// Samples a direction by the lobes' probabilities; `None` ends the path. `choice`: random number in [0, 1)
+    /// that selects the lobe; `u`: two random numbers in [0, 1) for the direction.
+    #[inline(always)]
+    pub fn sample(&self, choice: f32, u: [f32; 2]) -> Option<Scatter> {
+        // Subtract probabilities until the remainder lies within a lobe; the diffuse one comes last.
+        let mut left = choice;
+        if GLOSSY {
+            for facets in &self.facets[..self.facet_count] {
+                if left < facets.p {
+                    return self.sample_facets(facets, u);
+                }
+                left -= facets.p;
+            }
+        }
+        if GLASS {
+            for boundary in &self.boundaries[..self.boundary_count] {
+                if left < boundary.p {
+                    return self.sample_boundary(boundary, left / boundary.p, u);
+                }
+                left -= boundary.p;
+            }
+        }
+        if self.diffuse_probability <= 0.0 {
+            return None;
+        }
+        // Diffuse lobe: about the mapped normal, if there is one.
+        let about = cosine_direction(u);
+        let wo = match self.normals.mapped {
+            None => about,
+            Some([_, mapped]) => Frame::around(mapped).to_world(about),
+        };
+        self.finish(wo, RayKind::Diffuse)
+    }
+
+    /// Samples a reflecting lobe.
+    #[inline(always)]
+    fn sample_facets(&self, facets: &Facets, u: [f32; 2]) -> Option<Scatter> {
+        // A mirror has a single direction and an infinite density.
+        if facets.smooth {
+            let weight = facets.fresnel.at(self.wi.z) * facets.scale;
+            return Some(Scatter {
+                wo: vec3(-self.wi.x, -self.wi.y, self.wi.z),
+                weight: weight * (1.0 / facets.p),
+                pdf: f32::INFINITY,
+                kind: RayKind::Glossy,
+            });
+        }
+        let h = facets.ggx.sample_visible(self.wi, u);
+        let wo = h * (2.0 * self.wi.dot(h)) - self.wi;
+        if wo.z > 0.0 {
+            self.finish(wo, RayKind::Glossy)
+        } else {
+            None
+        }
+    }
+
+    /// Samples a refracting lobe; `choice` in [0, 1) selects reflection or refraction.
+    #[inline(always)]
+    fn sample_boundary(&self, boundary: &Boundary, choice: f32, u: [f32; 2]) -> Option<Scatter> {
+        // Choose a facet, then reflect or refract in proportion to the energies.
+        let h = if boundary.smooth {
+            vec3(0.0, 0.0, 1.0)
+        } else {
+            boundary.ggx.sample_visible(self.wi, u)
+        };
+        let c = self.wi.dot(h);
+        let (reflectance, cos_t) = fresnel::dielectric(c, boundary.eta);
+        let reflect = boundary.reflect_probability(reflectance);
+        if choice < reflect {
+            // Reflect; directions below the surface are lost.
+            let wo = h * (2.0 * c) - self.wi;
+            if wo.z <= 0.0 {
+                return None;
+            }
+            if boundary.smooth {
+                let reflected = boundary.reflected(reflectance);
+                return Some(Scatter {
+                    wo,
+                    weight: boundary.scale * reflected * (1.0 / (boundary.p * reflect)),
+                    pdf: f32::INFINITY,
+                    kind: RayKind::Glossy,
+                });
+            }
+            return self.finish(wo, RayKind::Glossy);
+        }
+        if cos_t <= 0.0 {
+            // Total reflection at a boundary that only refracts.
+            return None;
+        }
+        // Refract about the facet normal; a direction above the surface is lost.
+        let wo = h * (c / boundary.eta - cos_t) - self.wi * (1.0 / boundary.eta);
+        if wo.z >= 0.0 {
+            return None;
+        }
+        if boundary.smooth {
+            let passed = boundary.passed(reflectance);
+            return Some(Scatter {
+                wo,
+                weight: boundary.scale * passed * (1.0 / (boundary.p * (1.0 - reflect))),
+                pdf: f32::INFINITY,
+                kind: RayKind::Transmission,
+            });
+        }
+        self.finish(wo, RayKind::Transmission)
+    }
+
+    /// Evaluates all lobes at the sampled direction, so that the weight is that of the whole mixture.
+    #[inline(always)]
+    fn finish(&self, wo: Vec3, kind: RayKind) -> Option<Scatter> {
+        let (f, pdf) = self.eval(wo);
+        (pdf > 0.0).then(|| Scatter {
+            wo,
+            weight: f * (1.0 / pdf),
+            pdf,
+            kind,
+        })
+    }
+}
+
+/// Samples a direction about the z axis with density cosine / π: Malley's method, a uniform disc projected up to
+/// the hemisphere.
+#[inline(always)]
+pub fn cosine_direction(u: [f32; 2]) -> Vec3 {
+    let (sin, cos) = sin_cos_turns(u[0]);
+    let r = u[1].sqrt();
+    vec3(r * cos, r * sin, (1.0 - u[1]).max(0.0).sqrt())
+}

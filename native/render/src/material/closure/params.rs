@@ -1,0 +1,102 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Parameters of closures.
+
+use crate::values::program::Operand;
+
+/// The shader node of a closure.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ClosureKind {
+    /// Principled BSDF.
+    Principled,
+    /// Diffuse BSDF.
+    Diffuse,
+    /// Glossy BSDF.
+    Glossy,
+    /// Glass BSDF.
+    Glass,
+    /// Refraction BSDF.
+    Refraction,
+    /// Transparent BSDF.
+    Transparent,
+    /// Emission.
+    Emission,
+}
+
+/// The inputs of a closure that other nodes can drive.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Input {
+    /// Weight within the material: the product of the mix factors above it.
+    Weight,
+    /// Colour.
+    Color,
+    /// Share of metal, 0..1.
+    Metallic,
+    /// 0 = mirror, 1 = fully rough.
+    Roughness,
+    /// Index of refraction.
+    Ior,
+    /// Share of glass in what is not metal, 0..1.
+    Transmission,
+    /// "IOR level": scales the reflectance at normal incidence; 0.5 leaves what `ior` gives.
+    Specular,
+    /// Colour of the dielectric's reflection, and of the metal's edge.
+    SpecularTint,
+    /// Emitted radiance, on both sides.
+    Emission,
+    /// Opacity.
+    Alpha,
+    /// Weight of the clear coat.
+    CoatWeight,
+    /// Roughness of the clear coat.
+    CoatRoughness,
+    /// Index of refraction of the clear coat.
+    CoatIor,
+    /// Transmittance of the clear coat's absorption at normal incidence.
+    CoatTint,
+}
+
+/// Largest number of closures of a material; more are an error.
+pub const MAX_CLOSURES: usize = 8;
+
+/// Largest number of Principled closures among them, which have several lobes each.
+pub const MAX_PRINCIPLED: usize = 4;
+
+/// Number of inputs in [`Input`].
+pub const INPUTS: usize = 14;
+
+/// Parameters of a closure.
+#[derive(Debug, Clone)]
+pub struct ClosureParams {
+    /// The shader node.
+    pub kind: ClosureKind,
+    /// Values or registers, by [`Input`].
+    pub inputs: [Operand; INPUTS],
+    /// Shading normal; `None` = the surface's.
+    pub normal: Option<Operand>,
+    /// Whether rough lobes are scaled to lose no energy.
+    pub multiscatter: bool,
+}
+
+impl ClosureParams {
+    /// A closure with Blender's default inputs.
+    pub fn new(kind: ClosureKind) -> Self {
+        let mut inputs = [Operand::number(0.0); INPUTS];
+        let mut set = |input: Input, value: f32| inputs[input as usize] = Operand::number(value);
+        set(Input::Weight, 1.0);
+        set(Input::Color, 0.8);
+        set(Input::Roughness, 0.5);
+        set(Input::Ior, 1.5);
+        set(Input::Specular, 0.5);
+        set(Input::SpecularTint, 1.0);
+        set(Input::Alpha, 1.0);
+        set(Input::CoatRoughness, 0.03);
+        set(Input::CoatIor, 1.5);
+        set(Input::CoatTint, 1.0);
+        Self {
+            kind,
+            inputs,
+            normal: None,
+            multiscatter: true,
+        }
+    }
+}

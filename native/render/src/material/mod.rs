@@ -1,0 +1,309 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Materials: closures whose inputs come from a program, compiled for shading.
+
+use crate::check::{Error, Result};
+use crate::material::albedo::Grids;
+use crate::material::closure::{
+    Closure, ClosureKind, ClosureParams, INPUTS, Input, MAX_CLOSURES, MAX_PRINCIPLED, Unscattered,
+};
+use crate::math::vector::Vec3;
+use crate::values::image::Image;
+use crate::values::program::{Op, Operand, Program, Value, read, rgb};
+use crate::values::shading_point::ShadingPoint;
+use crate::values::visibility::Visibility;
+
+pub mod albedo;
+pub mod bsdf;
+pub mod bump;
+pub mod closure;
+pub mod ggx;
+mod params;
+
+pub use crate::material::params::MaterialParams;
+
+/// A material prepared for shading.
+#[derive(Debug, Clone)]
+pub struct Material {
+    /// The closures.
+    pub closures: Vec<Closure>,
+    /// Computes the closures' inputs; empty if nothing varies.
+    pub program: Program,
+    /// The part of the program that emission and transparency depend on.
+    reduced_program: Program,
+    /// The closures with the inputs that emission and transparency do not need set to constants.
+    reduced_closures: Vec<Closure>,
+    /// Emission and transparency, if they are constant.
+    constant: Option<Unscattered>,
+    /// Shading normal, if the material computes one.
+    normal: Option<Operand>,
+    /// The kinds of rays that can hit the material.
+    pub visible: Visibility,
+    /// Whether light can pass straight through.
+    pub transparent: bool,
+    /// Whether it can emit.
+    pub emits: bool,
+    /// Whether some emission passes through a coat and so depends on the direction.
+    pub dims_emission: bool,
+    /// Whether a closure can have reflecting lobes.
+    pub reflects: bool,
+    /// Whether a closure can have refracting lobes.
+    pub refracts: bool,
+}
+
+impl Material {
+    /// Checks and compiles a material. Weights and roughness outside 0..1 are clamped as in Blender. `index`:
+    /// position in the list, for messages; `grids`: albedos shared by all materials.
+    ///
+    /// # Errors
+    /// If a constant is not finite, a colour is negative, `ior` is out of range, there are too many closures, or
+    /// the program is invalid.
+    pub fn new(params: &MaterialParams, index: usize, grids: &mut Grids) -> Result<Self> {
+        // Check the constants and the number of closures.
+        params.check(index)?;
+        let name = format!("materials[{index}]");
+        let closures = closures(params, &name)?;
+        // Compile the program for all inputs and the normal.
+        let normal = closures.iter().find_map(|c| c.normal);
+        let mut roots: Vec<Operand> = closures.iter().flat_map(|c| c.inputs).collect();
+        roots.extend(normal);
+        let program = Program::compile(&params.program, &mut roots, &name)?;
+        let compiled = compile(&closures, &roots, grids);
+        let normal = normal.and_then(|_| roots.last().copied());
+
+        // Compile it again for what emission and transparency need: far fewer nodes, which shadow rays run often.
+        let reduced = reduced(&closures, &compiled);
+        let mut roots: Vec<Operand> = reduced.iter().flat_map(|c| c.inputs).collect();
+        let reduced_program = Program::compile(&params.program, &mut roots, &name)?;
+        let reduced_closures = compile(&reduced, &roots, grids);
+
+        // Determine what the material can do from all closures.
+        let any = |f: fn(&Closure) -> bool| compiled.iter().any(f);
+        let mut material = Self {
+            visible: params.visible,
+            transparent: any(Closure::may_be_transparent),
+            emits: any(Closure::may_emit),
+            dims_emission: any(Closure::dims_emission),
+            reflects: any(Closure::may_reflect),
+            refracts: any(Closure::may_refract),
+            closures: compiled,
+            program,
+            reduced_program,
+            reduced_closures,
+            constant: None,
+            normal,
+        };
+        // Without varying inputs, compute emission and transparency once.
+        if roots.iter().all(|r| matches!(r, Operand::Value(_))) {
+            material.constant = Some(sum(&material.reduced_closures, &[]));
+        }
+        Ok(material)
+    }
+
+    /// Returns emission and transparency at a point, without the absorption of coats. `registers`: scratch memory.
+    #[inline(always)]
+    pub fn unscattered_reduced<'a>(
+        &self,
+        images: &[Image],
+        point: impl FnOnce() -> ShadingPoint<'a>,
+        registers: &mut Vec<Value>,
+    ) -> Unscattered {
+        match self.constant {
+            Some(unscattered) => unscattered,
+            None => {
+                self.reduced_program.run(images, &point(), registers);
+                sum(&self.reduced_closures, registers)
+            }
+        }
+    }
+
+    /// Whether emission and transparency are the same everywhere.
+    pub fn has_constant_emission(&self) -> bool {
+        self.constant.is_some()
+    }
+
+    /// Like [`Self::unscattered_reduced`], for registers that the material's own program has filled.
+    #[inline(always)]
+    pub fn unscattered(&self, registers: &[Value]) -> Unscattered {
+        self.constant
+            .unwrap_or_else(|| sum(&self.closures, registers))
+    }
+
+    /// Returns the part of `emission` that the coats transmit towards a viewer at this cosine, for registers that
+    /// the material's own program has filled.
+    #[inline(always)]
+    pub fn coated_emission(
+        &self,
+        emission: Vec3,
+        registers: &[Value],
+        cos: impl FnOnce() -> f32,
+    ) -> Vec3 {
+        if self.dims_emission {
+            emission_below_coats(&self.closures, registers, cos())
+        } else {
+            emission
+        }
+    }
+
+    /// Like [`Self::coated_emission`], for registers that [`Self::unscattered_reduced`] has filled.
+    #[inline(always)]
+    pub fn coated_emission_reduced(
+        &self,
+        emission: Vec3,
+        registers: &[Value],
+        cos: impl FnOnce() -> f32,
+    ) -> Vec3 {
+        if self.dims_emission {
+            emission_below_coats(&self.reduced_closures, registers, cos())
+        } else {
+            emission
+        }
+    }
+
+    /// Returns the shading normal, if the material computes one, for registers that its program has filled.
+    pub fn normal(&self, registers: &[Value]) -> Option<Vec3> {
+        self.normal.map(|operand| rgb(read(operand, registers)))
+    }
+
+    /// Returns all operations of the material's programs.
+    pub fn ops(&self) -> impl Iterator<Item = &Op> {
+        self.program.ops().chain(self.reduced_program.ops())
+    }
+}
+
+/// Returns the closures of a material, of which there is at least one, and checks their number.
+fn closures(params: &MaterialParams, name: &str) -> Result<Vec<ClosureParams>> {
+    let mut closures = params.closures.clone();
+    if closures.is_empty() {
+        closures.push(params.constants());
+    }
+    if closures.len() > MAX_CLOSURES {
+        return Err(Error::Spec(format!(
+            "{name}['closures']: more than {MAX_CLOSURES}, got {}",
+            closures.len()
+        )));
+    }
+    // Principled closures have several lobes each, so fewer of them are allowed.
+    let principled = closures
+        .iter()
+        .filter(|c| c.kind == ClosureKind::Principled)
+        .count();
+    if principled > MAX_PRINCIPLED {
+        return Err(Error::Spec(format!(
+            "{name}['closures']: more than {MAX_PRINCIPLED} of kind principled, got {principled}"
+        )));
+    }
+    Ok(closures)
+}
+
+/// Returns the closures with every input that emission and transparency do not depend on replaced by a constant. A
+/// coat counts only if it dims emission.
+fn reduced(closures: &[ClosureParams], compiled: &[Closure]) -> Vec<ClosureParams> {
+    const ALWAYS: [Input; 4] = [Input::Weight, Input::Color, Input::Emission, Input::Alpha];
+    const COAT: [Input; 4] = [
+        Input::CoatWeight,
+        Input::CoatRoughness,
+        Input::CoatIor,
+        Input::CoatTint,
+    ];
+    let mut reduced = closures.to_vec();
+    for (closure, compiled) in reduced.iter_mut().zip(compiled) {
+        let dims = compiled.dims_emission();
+        for (i, operand) in closure.inputs.iter_mut().enumerate() {
+            // The colour is that of scattered light, except for a transparent closure.
+            let color = i != Input::Color as usize || closure.kind == ClosureKind::Transparent;
+            let among = |inputs: &[Input]| inputs.iter().any(|&a| a as usize == i);
+            let needed = (among(&ALWAYS) && color) || (among(&COAT) && dims);
+            if !needed {
+                *operand = Operand::number(0.0);
+            }
+        }
+    }
+    reduced
+}
+
+/// Prepares closures whose inputs were replaced by `roots`, the operands of the compiled program.
+fn compile(params: &[ClosureParams], roots: &[Operand], grids: &mut Grids) -> Vec<Closure> {
+    params
+        .iter()
+        .zip(roots.chunks_exact(INPUTS))
+        .map(|(params, inputs)| {
+            // The compiled program renumbered the registers of the inputs.
+            let mut resolved = params.clone();
+            resolved.inputs.copy_from_slice(inputs);
+            Closure::new(&resolved, grids)
+        })
+        .collect()
+}
+
+/// Returns the sum of all emission, each dimmed by the coat above it. Cold: coats over emission are rare.
+#[cold]
+fn emission_below_coats(closures: &[Closure], registers: &[Value], cos: f32) -> Vec3 {
+    let mut total = Vec3::ZERO;
+    for closure in closures {
+        // Only closures that emit need the albedo of their coat.
+        let emission = closure.unscattered(registers).emission;
+        if emission != Vec3::ZERO {
+            total += emission * closure.through_coat(registers, cos);
+        }
+    }
+    total
+}
+
+/// Returns the sum of the closures' emission, transparency and weight.
+fn sum(closures: &[Closure], registers: &[Value]) -> Unscattered {
+    let mut total = Unscattered::NONE;
+    for closure in closures {
+        let unscattered = closure.unscattered(registers);
+        total.emission += unscattered.emission;
+        total.transparent += unscattered.transparent;
+        total.scattering += unscattered.scattering;
+    }
+    total
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn new(params: &MaterialParams) -> Result<Material> {
+        Material::new(params, 3, &mut Grids::default())
+    }
+
+    #[test]
+    fn lobes_appear_only_where_they_weigh_something() {
+        let lobes = |params: &MaterialParams| new(params).unwrap().closures[0].lobes(&[]);
+        let default = lobes(&MaterialParams::default());
+        assert!(default.metal.is_none() && default.glass.is_none() && default.layer.is_some());
+        let matte = MaterialParams {
+            specular: 0.0,
+            ..Default::default()
+        };
+        assert!(lobes(&matte).layer.is_none() && !new(&matte).unwrap().reflects);
+        let metal = MaterialParams {
+            metallic: 1.0,
+            ..Default::default()
+        };
+        let metal = lobes(&metal);
+        assert!(metal.metal.is_some() && metal.layer.is_none());
+        assert_eq!(metal.diffuse, Vec3::ZERO);
+    }
+
+    #[test]
+    fn a_bad_value_is_named_with_its_material() {
+        let bad = MaterialParams {
+            name: "Glass".into(),
+            ior: -1.0,
+            ..Default::default()
+        };
+        let message = new(&bad).unwrap_err().to_string();
+        assert!(
+            message.contains("materials[3]['ior'] of 'Glass'"),
+            "{message}"
+        );
+        let nan = MaterialParams {
+            roughness: f32::NAN,
+            ..Default::default()
+        };
+        assert!(new(&nan).unwrap_err().to_string().contains("roughness"));
+    }
+}

@@ -1,0 +1,10 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Paths of light: their rays in batches, shading at the hits, occlusion of light samples.
+
+pub mod calls;
+pub mod random;
+mod shade;
+mod shadow_rays;
+pub mod state;
+pub mod wavefront;
+pub mod work;

@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The random numbers of a path's vertices.
+
+use crate::math::sampler::PixelSampler;
+
+/// First random pair of a path's vertices: 0 is for the filter, 1 for the lens, 2 and 3 are unused.
+const FIRST_VERTEX: u32 = 4;
+/// Random pairs of a vertex: direction, choices, light, survival.
+const PAIRS_PER_VERTEX: u32 = 4;
+
+/// Random numbers in [0, 1) that select one of several lights or lobes, and a point or direction of it.
+#[derive(Clone, Copy)]
+pub struct Selection {
+    /// Selects the light or lobe.
+    pub choice: f32,
+    /// Selects the point or direction.
+    pub u: [f32; 2],
+}
+
+/// The random numbers of one vertex of a path.
+#[derive(Clone, Copy)]
+pub struct VertexSamples {
+    sampler: PixelSampler,
+    sample: u32,
+    first: u32,
+}
+
+impl VertexSamples {
+    /// The numbers of vertex number `vertex` of a path of sample `sample`.
+    #[inline(always)]
+    pub fn new(sampler: PixelSampler, sample: u32, vertex: u16) -> Self {
+        Self {
+            sampler,
+            sample,
+            first: FIRST_VERTEX + PAIRS_PER_VERTEX * u32::from(vertex),
+        }
+    }
+
+    /// For the next direction.
+    #[inline(always)]
+    pub fn direction(self) -> [f32; 2] {
+        self.pair(0)
+    }
+
+    /// For the choice of a light and of a lobe.
+    #[inline(always)]
+    pub fn choices(self) -> [f32; 2] {
+        self.pair(1)
+    }
+
+    /// For a point on the light.
+    #[inline(always)]
+    pub fn light(self) -> [f32; 2] {
+        self.pair(2)
+    }
+
+    /// For Russian roulette and for passing transparent surfaces.
+    #[inline(always)]
+    pub fn survival(self) -> [f32; 2] {
+        self.pair(3)
+    }
+
+    #[inline(always)]
+    fn pair(self, k: u32) -> [f32; 2] {
+        self.sampler.pair(self.sample, self.first + k)
+    }
+}

@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Light that a scattered or camera ray hits: lamps, emissive surfaces, the background.
+
+use crate::light::power_heuristic;
+use crate::math::vector::Vec3;
+use crate::path::shade::{Output, Shader};
+use crate::path::state::Path;
+use halfspace_ray::Hit;
+
+impl<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bool>
+    Shader<'_, LIGHTS, GLOSSY, GLASS, SMOOTH>
+{
+    /// Adds the light of lamps that the ray hits before the surface.
+    #[inline(always)]
+    pub(super) fn add_lamps(&self, d: Vec3, hit: &Hit, path: &Path, out: &mut Output<'_>) {
+        let (scene, settings) = (self.scene, self.settings);
+        // Camera rays see lamps only if one is visible to them, and never on a transparent film's background.
+        if path.camera && (!self.camera_sees_lamps || (settings.film_transparent && !hit.is_hit()))
+        {
+            return;
+        }
+        out.work.lights_tested += 1;
+        // Lamps are tested from the last scattering point, whose density applies; the interval is this ray's.
+        let span = [path.passed, path.passed + hit.t];
+        let light = scene
+            .lights
+            .radiance_along(path.receiver, d, span, path.pdf, path.kind);
+        out.sample
+            .add(settings.clamped(path.throughput * light, path.bounce > 1));
+    }
+
+    /// Adds the light of the background to a path whose ray hits nothing.
+    #[inline(always)]
+    pub(super) fn add_background(&self, d: Vec3, path: &Path, out: &mut Output<'_>) {
+        let (scene, settings) = (self.scene, self.settings);
+        // A transparent film shows no background.
+        if path.camera && settings.film_transparent {
+            return;
+        }
+        if scene.world.visible.to(path.kind) {
+            let mut light =
+                scene
+                    .world
+                    .radiance(&scene.images, &scene.varying, d, path.kind, out.registers);
+            // Only a background that varies is also sampled as a light.
+            if self.features.world && path.pdf.is_finite() {
+                let density = scene.lights.world_pdf(path.receiver, d);
+                light *= power_heuristic(path.pdf, density);
+            }
+            out.sample
+                .add(settings.clamped(path.throughput * light, path.bounce > 1));
+        }
+        out.sample.alpha = 1.0;
+    }
+
+    /// Adds the emission of a surface, weighted against light samples of the triangle. `cos`: between the ray and
+    /// the geometric normal.
+    #[inline(always)]
+    pub(super) fn add_emission(
+        &self,
+        emission: Vec3,
+        hit: &Hit,
+        cos: f32,
+        path: &Path,
+        out: &mut Output<'_>,
+    ) {
+        let mut emission = path.throughput * emission;
+        if path.pdf.is_finite() {
+            // The density of light samples refers to the last scattering point too.
+            let distance = path.passed + hit.t;
+            let lights = &self.scene.lights;
+            let density = lights.triangle_pdf(path.receiver, hit.triangle, distance, cos);
+            emission *= power_heuristic(path.pdf, density);
+        }
+        out.sample
+            .add(self.settings.clamped(emission, path.bounce > 1));
+    }
+}

@@ -1,0 +1,158 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Light samples and their shadow rays: of lights, of a constant background, and for ambient occlusion.
+
+use crate::light::{Arrival, Emitter, power_heuristic};
+use crate::material::bsdf::{Scatter, cosine_direction};
+use crate::math::vector::{Frame, Vec3};
+use crate::path::random::{Selection, VertexSamples};
+use crate::path::shade::scatter::FramedBsdf;
+use crate::path::shade::{Output, Shader};
+use crate::path::state::Path;
+use crate::scene::RenderScene;
+use crate::scene::surface::Surface;
+use crate::settings::Integrator;
+use crate::values::program::Value;
+use crate::values::visibility::RayKind;
+use halfspace_ray::{Hit, Ray};
+
+/// Fraction of the distance to a light that a shadow ray covers, so that it does not hit the light itself.
+const BEFORE_LIGHT: f32 = 1.0 - 1e-5;
+
+impl<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bool>
+    Shader<'_, LIGHTS, GLOSSY, GLASS, SMOOTH>
+{
+    /// Samples a light and adds a shadow ray if the light could contribute.
+    #[inline(always)]
+    pub(super) fn sample_light(
+        &self,
+        surface: &Surface<'_>,
+        FramedBsdf { frame, bsdf }: FramedBsdf<'_, GLOSSY, GLASS>,
+        Selection { choice, u }: Selection,
+        path: &Path,
+        out: &mut Output<'_>,
+    ) {
+        let (scene, settings) = (self.scene, self.settings);
+        let Some(light) = scene.lights.sample(path.receiver, choice, u) else {
+            return;
+        };
+        // Evaluate the lobes that this light illuminates.
+        let (f, pdf) = bsdf.eval_lit(frame.to_local(light.direction), light.visible);
+        // Whitted's rays do not sample rough lobes, so light samples get the full weight.
+        let weight = if light.pdf.is_finite() && !self.is(Integrator::Whitted) {
+            power_heuristic(light.pdf, pdf)
+        } else {
+            1.0
+        };
+        let mut value = path.throughput * f * light.radiance * weight;
+        if value.max_component() > 0.0 && !matches!(light.emitter, Emitter::Lamp) {
+            // The radiance of triangles and background comes from a program, run only if the rest contributes.
+            value = value * emitter_radiance(scene, &light, out.light_registers);
+        }
+        if !(value.max_component() > 0.0 && value.is_finite()) {
+            return;
+        }
+        let value = settings.clamped(value, path.bounce > 0);
+        if !light.casts_shadow {
+            out.sample.add(value);
+            return;
+        }
+        // Towards a light at a finite distance the direction is the vector to it, so that t_max is a fraction.
+        let o = surface.shadow_ray_origin::<SMOOTH>(light.direction);
+        let (d, t_max) = if light.distance.is_finite() {
+            let to = surface.point + light.direction * light.distance;
+            (to - o, BEFORE_LIGHT)
+        } else {
+            (light.direction, f32::INFINITY)
+        };
+        let ray = Ray {
+            o: o.array(),
+            d: d.array(),
+            t_min: 0.0,
+            t_max,
+        };
+        out.shadows.push(ray, path.slot, value);
+    }
+
+    /// Adds a shadow ray towards a constant background in a direction that Whitted's rays do not follow; no light
+    /// sample covers such a background.
+    #[inline(always)]
+    pub(super) fn sample_constant_background(
+        &self,
+        surface: &Surface<'_>,
+        direction: Vec3,
+        scatter: &Scatter,
+        path: &Path,
+        out: &mut Output<'_>,
+    ) {
+        // Only a constant, visible background is handled here; others are sampled as lights.
+        let world = &self.scene.world;
+        let Some(color) = world.constant().filter(|_| world.visible.to(scatter.kind)) else {
+            return;
+        };
+        let value = path.throughput * scatter.weight * color;
+        if !(value.max_component() > 0.0 && value.is_finite()) {
+            return;
+        }
+        let ray = Ray {
+            o: surface.ray_origin(direction).array(),
+            d: direction.array(),
+            t_min: 0.0,
+            t_max: f32::INFINITY,
+        };
+        let value = self.settings.clamped(value, path.bounce > 0);
+        out.shadows.push(ray, path.slot, value);
+    }
+
+    /// Ambient occlusion: adds a shadow ray in a cosine-distributed direction, limited to the given range.
+    #[inline(always)]
+    pub(super) fn sample_occlusion(
+        &self,
+        surface: &Surface<'_>,
+        frame: &Frame,
+        random: VertexSamples,
+        path: &Path,
+        out: &mut Output<'_>,
+    ) {
+        // Directions below the triangle would be occluded by it.
+        let direction = frame.to_world(cosine_direction(random.direction()));
+        if direction.dot(surface.geometric) > 0.0 {
+            let ray = Ray {
+                o: surface.shadow_ray_origin::<SMOOTH>(direction).array(),
+                d: direction.array(),
+                t_min: 0.0,
+                t_max: self.settings.ambient_distance,
+            };
+            out.shadows.push(ray, path.slot, path.throughput);
+        }
+    }
+}
+
+/// Returns the radiance that the emitter of a light sample, other than a lamp, sends to the receiver.
+fn emitter_radiance(scene: &RenderScene, light: &Arrival, registers: &mut Vec<Value>) -> Vec3 {
+    match light.emitter {
+        Emitter::Lamp => Vec3::ONE,
+        Emitter::World => scene.world.radiance(
+            &scene.images,
+            &scene.varying,
+            light.direction,
+            RayKind::Diffuse,
+            registers,
+        ),
+        Emitter::Triangle(triangle, [u, v]) => {
+            // Shade the sampled point as if a diffuse ray had hit it.
+            let hit = Hit {
+                t: light.distance,
+                triangle,
+                u,
+                v,
+            };
+            let surface = Surface::of(scene, &hit, light.direction);
+            let point = || surface.shading_point(scene, light.direction, RayKind::Diffuse);
+            let material = surface.material;
+            let unscattered = material.unscattered_reduced(&scene.images, point, registers);
+            material.coated_emission_reduced(unscattered.emission, registers, || {
+                surface.cosine(light.direction)
+            })
+        }
+    }
+}

@@ -1,0 +1,135 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Scattering at a surface: the BSDF, a light sample and the next direction.
+
+use crate::light::Receiver;
+use crate::material::bsdf::Bsdf;
+use crate::math::vector::{Frame, Vec3};
+use crate::path::random::{Selection, VertexSamples};
+use crate::path::shade::{Output, Shader};
+use crate::path::state::Path;
+use crate::scene::surface::Surface;
+use crate::settings::{Integrator, Pass};
+use crate::values::visibility::RayKind;
+use halfspace_ray::Ray;
+
+/// A BSDF and the shading frame in which it is given.
+#[derive(Clone, Copy)]
+pub(super) struct FramedBsdf<'a, const GLOSSY: bool, const GLASS: bool> {
+    pub(super) frame: &'a Frame,
+    pub(super) bsdf: &'a Bsdf<GLOSSY, GLASS>,
+}
+
+impl<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bool>
+    Shader<'_, LIGHTS, GLOSSY, GLASS, SMOOTH>
+{
+    /// Samples a light and the next direction at a surface seen along `d`. Returns the next ray if the path
+    /// continues.
+    #[inline(always)]
+    pub(super) fn scatter(
+        &self,
+        surface: &Surface<'_>,
+        d: Vec3,
+        random: VertexSamples,
+        path: &mut Path,
+        out: &mut Output<'_>,
+    ) -> Option<Ray> {
+        let frame = surface.frame();
+        if self.is(Integrator::Ambient) {
+            self.sample_occlusion(surface, &frame, random, path, out);
+            return None;
+        }
+        // Assemble the BSDF in the shading frame.
+        let mut wi = frame.to_local(-d);
+        wi.z = wi.z.max(1e-4);
+        let normals = surface.normals(&frame);
+        let bsdf = Bsdf::new(
+            &surface.material.closures,
+            out.registers,
+            wi,
+            normals,
+            surface.inside,
+        );
+        out.work.shaded_glossy += u64::from(bsdf.reflects());
+        out.work.shaded_glass += u64::from(bsdf.transmits());
+        // Light from behind reaches a surface only if it transmits.
+        let normal = if bsdf.transmits() {
+            Vec3::ZERO
+        } else {
+            surface.geometric
+        };
+        path.receiver = Receiver {
+            point: surface.point,
+            normal,
+        };
+        // Sample a light, then the next direction.
+        let framed = FramedBsdf {
+            frame: &frame,
+            bsdf: &bsdf,
+        };
+        let [choose_light, choose_lobe] = random.choices();
+        if LIGHTS && bsdf.has_density() {
+            let selection = Selection {
+                choice: choose_light,
+                u: random.light(),
+            };
+            self.sample_light(surface, framed, selection, path, out);
+        }
+        let selection = Selection {
+            choice: choose_lobe,
+            u: random.direction(),
+        };
+        self.sample_direction(surface, framed, selection, path, out)
+    }
+
+    /// Samples the next direction. Returns the next ray if the path continues.
+    #[inline(always)]
+    fn sample_direction(
+        &self,
+        surface: &Surface<'_>,
+        FramedBsdf { frame, bsdf }: FramedBsdf<'_, GLOSSY, GLASS>,
+        Selection { choice, u }: Selection,
+        path: &mut Path,
+        out: &mut Output<'_>,
+    ) -> Option<Ray> {
+        // The expected weight of a sampled direction is the albedo.
+        if path.camera
+            && self.context.film.fills(Pass::Albedo)
+            && let Some(scatter) = bsdf.sample(choice, u)
+        {
+            out.sample.albedo = scatter.weight.array();
+        }
+        // Without light to be found, the ray after the last bounce is not needed.
+        if u32::from(path.bounce) == self.settings.max_bounces && !self.last_ray_counts {
+            return None;
+        }
+        // Sample the BSDF and transform to scene space.
+        let scatter = bsdf.sample(choice, u)?;
+        let direction = frame.to_world(scatter.wo).normalized_or(surface.geometric);
+        // Drop directions where shading and geometric normal disagree about the side.
+        let across = direction.dot(surface.geometric) < 0.0;
+        if across != (scatter.kind == RayKind::Transmission) {
+            return None;
+        }
+        // Whitted's rays follow mirrors and clear glass only.
+        if self.is(Integrator::Whitted) && scatter.pdf.is_finite() {
+            self.sample_constant_background(surface, direction, &scatter, path, out);
+            return None;
+        }
+        path.throughput = path.throughput * scatter.weight;
+        if path.throughput.max_component() <= 0.0 || !path.throughput.is_finite() {
+            return None;
+        }
+        // Start the next segment.
+        path.pdf = scatter.pdf;
+        path.passed = 0.0;
+        path.camera = false;
+        path.kind = scatter.kind;
+        path.bounce += 1;
+        Some(Ray {
+            o: surface.ray_origin(direction).array(),
+            d: direction.array(),
+            t_min: 0.0,
+            t_max: f32::INFINITY,
+        })
+    }
+}

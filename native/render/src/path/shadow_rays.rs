@@ -1,0 +1,168 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The shadow rays of a wavefront, each with the light that arrives if nothing occludes it.
+
+use crate::film::PixelSample;
+use crate::math::vector::Vec3;
+use crate::path::calls::{Calls, Cancelled};
+use crate::path::state::{MAX_INVISIBLE, MAX_TRANSPARENT};
+use crate::path::wavefront::Context;
+use crate::scene::surface::Surface;
+use crate::values::program::Value;
+use crate::values::visibility::RayKind;
+use halfspace_ray::{Hit, Ray};
+
+/// The light of a shadow ray and the pixel sample of the tile's batch it belongs to.
+#[derive(Clone, Copy)]
+struct Light {
+    slot: u32,
+    value: Vec3,
+    /// Number of transparent surfaces passed.
+    transparent: u16,
+    /// Number of surfaces passed that are invisible to shadow rays.
+    invisible: u16,
+}
+
+/// Shadow rays with their light.
+#[derive(Default)]
+pub struct ShadowRays {
+    rays: Vec<Ray>,
+    light: Vec<Light>,
+    blocked: Vec<bool>,
+    hits: Vec<Hit>,
+    /// Registers of a material's program, reused from point to point.
+    registers: Vec<Value>,
+}
+
+impl ShadowRays {
+    /// Removes all rays.
+    pub fn clear(&mut self) {
+        self.rays.clear();
+        self.light.clear();
+    }
+
+    /// Adds a ray. `value`: the light it brings to pixel sample `slot`.
+    #[inline(always)]
+    pub fn push(&mut self, ray: Ray, slot: u32, value: Vec3) {
+        self.rays.push(ray);
+        self.light.push(Light {
+            slot,
+            value,
+            transparent: 0,
+            invisible: 0,
+        });
+    }
+
+    /// Traces all rays, adds the light of those that are not occluded, and removes them. Returns the number of rays
+    /// traced.
+    ///
+    /// # Errors
+    /// [`Cancelled`] if the render is cancelled.
+    pub fn cast(
+        &mut self,
+        context: &Context<'_>,
+        calls: &mut Calls,
+        samples: &mut [PixelSample],
+    ) -> Result<u64, Cancelled> {
+        // Any-hit traversal is faster, but cannot see what it passes.
+        let cast = if context.scene.features().transparency {
+            self.cast_through(context, calls, samples)?
+        } else {
+            self.cast_opaque(context, calls, samples)?
+        };
+        self.clear();
+        Ok(cast)
+    }
+
+    /// Any-hit traversal: every surface is opaque.
+    fn cast_opaque(
+        &mut self,
+        context: &Context<'_>,
+        calls: &mut Calls,
+        samples: &mut [PixelSample],
+    ) -> Result<u64, Cancelled> {
+        let Self {
+            rays,
+            light,
+            blocked,
+            ..
+        } = self;
+        let tracer = &*context.scene.tracer;
+        // Trace all rays, then add the light of those that arrive.
+        blocked.clear();
+        blocked.resize(rays.len(), false);
+        calls.cover(rays.len(), context.stop, |range| {
+            tracer.occluded(&rays[range.clone()], &mut blocked[range], None);
+        })?;
+        for (light, _) in light.iter().zip(blocked.iter()).filter(|(_, b)| !**b) {
+            samples[light.slot as usize].add(light.value);
+        }
+        Ok(rays.len() as u64)
+    }
+
+    /// Nearest-hit traversal, repeated from surface to surface: each one multiplies the light by its transparency.
+    fn cast_through(
+        &mut self,
+        context: &Context<'_>,
+        calls: &mut Calls,
+        samples: &mut [PixelSample],
+    ) -> Result<u64, Cancelled> {
+        let Self {
+            rays,
+            light,
+            hits,
+            registers,
+            ..
+        } = self;
+        let scene = context.scene;
+        let mut cast = 0;
+        // Trace all remaining rays, then keep those that continue behind their hit.
+        while !rays.is_empty() {
+            cast += rays.len() as u64;
+            hits.clear();
+            hits.resize(rays.len(), Hit::MISS);
+            calls.cover(rays.len(), context.stop, |range| {
+                scene
+                    .tracer
+                    .closest(&rays[range.clone()], &mut hits[range], None);
+            })?;
+            let mut kept = 0;
+            for i in 0..rays.len() {
+                // A ray without a hit delivers what is left of its light.
+                let (ray, hit, mut carried) = (rays[i], hits[i], light[i]);
+                if !hit.is_hit() {
+                    samples[carried.slot as usize].add(carried.value);
+                    continue;
+                }
+                // Normalize: the direction's length is the distance to the light, which the program must not depend
+                // on.
+                let d = Vec3::from(ray.d).normalized();
+                let surface = Surface::of(scene, &hit, d);
+                // Filter the light by the surface, unless shadow rays do not see it.
+                if surface.material.visible.to(RayKind::Shadow) {
+                    let point = || surface.shading_point(scene, d, RayKind::Shadow);
+                    let unscattered =
+                        surface
+                            .material
+                            .unscattered_reduced(&scene.images, point, registers);
+                    carried.value = carried.value * unscattered.transparent;
+                    carried.transparent += 1;
+                } else {
+                    carried.invisible += 1;
+                }
+                // Continue while the light is above 0 and the interval is not exhausted.
+                if carried.transparent < MAX_TRANSPARENT
+                    && carried.invisible < MAX_INVISIBLE
+                    && carried.value.max_component() > 0.0
+                    && ray.t_max > hit.t
+                {
+                    rays[kept] = surface.continued(&ray, &hit);
+                    light[kept] = carried;
+                    kept += 1;
+                }
+            }
+            rays.truncate(kept);
+            light.truncate(kept);
+        }
+        Ok(cast)
+    }
+}

@@ -1,0 +1,212 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The path tracer, as a wavefront: all camera rays of a tile, then all their shadow rays, then all next bounces,
+//! so that a structure always receives many rays at once.
+//!
+//! Light samples and scattered rays that hit lights are combined by multiple importance sampling (Veach and Guibas
+//! 1995), and paths end by Russian roulette: unbiased up to `max_bounces`, which truncates them. `clamp_indirect`
+//! and adaptive sampling are biased on purpose. The scene's features select one of the compiled variants of
+//! [`crate::path::shade`] once per render.
+
+use std::sync::atomic::AtomicBool;
+
+use crate::camera::Camera;
+use crate::camera::filter::Filter;
+use crate::film::{Film, PixelSample, TileArea};
+use crate::math::sampler::PixelSampler;
+use crate::path::calls::{Calls, Cancelled};
+use crate::path::shade::{self, Shade};
+use crate::path::shadow_rays::ShadowRays;
+use crate::path::state::Path;
+use crate::path::work::Work;
+use crate::scene::RenderScene;
+use crate::scene::features::Features;
+use crate::settings::{Pass, Settings};
+use crate::values::program::Value;
+use halfspace_ray::{Hit, Order as RayOrder, Ray, RayCounters};
+
+/// The inputs of rendering a tile, the same for all tiles of a render.
+pub struct Context<'a> {
+    /// Scene.
+    pub scene: &'a RenderScene,
+    /// Camera.
+    pub camera: &'a Camera,
+    /// Pixel filter.
+    pub filter: &'a Filter,
+    /// Settings.
+    pub settings: &'a Settings,
+    /// The film that the samples are for.
+    pub film: &'a Film,
+    /// Set to cancel the render.
+    pub stop: &'a AtomicBool,
+}
+
+/// The rays and paths of one worker thread.
+pub struct Wavefront {
+    /// The rays to trace next, one per path.
+    pub(super) rays: Vec<Ray>,
+    /// The nearest hits of the rays.
+    pub(super) hits: Vec<Hit>,
+    counters: Vec<RayCounters>,
+    depths: Vec<u32>,
+    /// The paths that continue.
+    pub(super) paths: Vec<Path>,
+    pub(super) shadows: ShadowRays,
+    /// One sample per pixel of the tile, sample index by sample index.
+    pub(super) samples: Vec<PixelSample>,
+    /// Registers of a material's program, reused from point to point.
+    pub(super) registers: Vec<Value>,
+    /// Registers of the programs of emitters and transparent surfaces.
+    pub(super) light_registers: Vec<Value>,
+    calls: Calls,
+    /// The compiled variant of shading for the scene's features.
+    shade: Shade,
+    /// Counts of rays and traversal work so far.
+    pub work: Work,
+}
+
+impl Wavefront {
+    /// A wavefront for scenes with these features.
+    pub fn new(features: Features) -> Self {
+        Self {
+            rays: Vec::new(),
+            hits: Vec::new(),
+            counters: Vec::new(),
+            depths: Vec::new(),
+            paths: Vec::new(),
+            shadows: ShadowRays::default(),
+            samples: Vec::new(),
+            registers: Vec::new(),
+            light_registers: Vec::new(),
+            calls: Calls::default(),
+            shade: shade::choose(features),
+            work: Work::default(),
+        }
+    }
+
+    /// Renders samples `first..first + count` of the active blocks of a tile. Returns them sample index by sample
+    /// index, each with all pixels of the tile row by row.
+    ///
+    /// # Errors
+    /// [`Cancelled`] if the render is cancelled; the samples are then incomplete and not returned.
+    pub fn render(
+        &mut self,
+        context: &Context<'_>,
+        area: TileArea,
+        active: &[bool],
+        first: u32,
+        count: u32,
+    ) -> Result<&[PixelSample], Cancelled> {
+        self.samples.clear();
+        self.samples
+            .resize(area.pixels() * count as usize, PixelSample::EMPTY);
+        for index in 0..count {
+            // Each sample index has its own range of slots.
+            let base = index as usize * area.pixels();
+            self.start(context, area, active, first + index, base);
+            // Trace, shade and test shadows until all paths have ended.
+            let mut primary = true;
+            while !self.rays.is_empty() {
+                self.trace(context, primary)?;
+                primary = false;
+                (self.shade)(self, context, first + index);
+                self.work.rays_shadow +=
+                    self.shadows
+                        .cast(context, &mut self.calls, &mut self.samples)?;
+            }
+        }
+        Ok(&self.samples)
+    }
+
+    /// Fills the wavefront with the camera rays of one sample of all active pixels.
+    fn start(
+        &mut self,
+        context: &Context<'_>,
+        area: TileArea,
+        active: &[bool],
+        sample: u32,
+        base: usize,
+    ) {
+        let Context {
+            camera,
+            filter,
+            settings,
+            ..
+        } = context;
+        self.rays.clear();
+        self.paths.clear();
+        // A cancelled render leaves shadow rays behind.
+        self.shadows.clear();
+        // Jitter each ray by the pixel filter, and by the lens if there is one.
+        for (dx, dy) in area.in_blocks(active) {
+            let (x, y) = (area.x + dx, area.y + dy);
+            let sampler = PixelSampler::new(x, y, settings.seed);
+            let [u, v] = sampler.pair(sample, 0);
+            let ray = camera.ray(
+                x as f32 + 0.5 + filter.offset(u),
+                y as f32 + 0.5 + filter.offset(v),
+                || sampler.pair(sample, 1),
+            );
+            // The slot is the pixel's sample in the tile's batch.
+            self.rays.push(ray);
+            let slot = base + (dy * area.width + dx) as usize;
+            self.paths
+                .push(Path::from_camera(ray.o, sampler, slot as u32));
+        }
+        self.work.rays_primary += self.rays.len() as u64;
+    }
+
+    /// Finds the nearest hits of all rays. `primary`: whether they are camera rays.
+    fn trace(&mut self, context: &Context<'_>, primary: bool) -> Result<(), Cancelled> {
+        let n = self.rays.len();
+        let tracer = &*context.scene.tracer;
+        // Reset the outputs; only camera rays are ever counted.
+        self.hits.clear();
+        self.hits.resize(n, Hit::MISS);
+        if !primary {
+            self.work.rays_secondary += n as u64;
+        }
+        let counts = primary && context.film.counts();
+        if counts {
+            self.counters.clear();
+            self.counters.resize(n, RayCounters::default());
+        }
+        // Camera rays come in blocks of 8 × 8, ordered for traversal in tiles. Counted rays are traced one by one,
+        // because the work of a tile cannot be attributed to single pixels; rays through a lens have no common
+        // origin.
+        let order = if primary && !counts && context.camera.is_sharp() {
+            RayOrder::Tiles
+        } else {
+            RayOrder::None
+        };
+        self.calls.cover(n, context.stop, |range| {
+            let counters = counts.then(|| &mut self.counters[range.clone()]);
+            tracer.closest_ordered(
+                &self.rays[range.clone()],
+                &mut self.hits[range],
+                counters,
+                order,
+            );
+        })?;
+        // Attribute the counters to the pixels.
+        if counts {
+            for (path, c) in self.paths.iter().zip(&self.counters) {
+                let sample = &mut self.samples[path.slot as usize];
+                sample.steps = c.steps();
+                sample.tests = c.tests;
+                self.work.steps += u64::from(sample.steps);
+                self.work.tests += u64::from(sample.tests);
+            }
+        }
+        // Find the depth of the last leaf that each ray tests.
+        if primary && context.film.fills(Pass::LeafDepth) {
+            self.depths.resize(n, 0);
+            self.calls.cover(n, context.stop, |range| {
+                tracer.leaf_depths(&self.rays[range.clone()], &mut self.depths[range]);
+            })?;
+            for (path, depth) in self.paths.iter().zip(&self.depths) {
+                self.samples[path.slot as usize].leaf_depth = *depth;
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,86 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The emissive triangles of a scene, which are sampled as lights.
+
+use crate::light::EmissiveTriangle;
+use crate::material::Material;
+use crate::math::vector::Vec3;
+use crate::scene::attributes::Attributes;
+use crate::values::image::Image;
+use crate::values::shading_point::ShadingPoint;
+use crate::values::varying::Varying;
+use crate::values::visibility::RayKind;
+use halfspace_ray::Tracer;
+
+/// The parts of the scene that emission depends on.
+pub(super) struct EmissionProbe<'a> {
+    pub(super) tracer: &'a dyn Tracer,
+    pub(super) attributes: &'a Attributes,
+    pub(super) materials: &'a [Material],
+    pub(super) images: &'a [Image],
+    pub(super) varying: &'a Varying,
+}
+
+/// Barycentric weights at which a triangle's emission is probed, to estimate its brightness.
+const PROBES: [[f32; 3]; 4] = [
+    [1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0],
+    [0.8, 0.1, 0.1],
+    [0.1, 0.8, 0.1],
+    [0.1, 0.1, 0.8],
+];
+
+impl EmissionProbe<'_> {
+    /// Returns the emissive triangles with an estimate of their radiance.
+    pub(super) fn emissive_triangles(&self) -> Vec<EmissiveTriangle> {
+        if !self.materials.iter().any(|m| m.emits) {
+            return Vec::new();
+        }
+        let mut registers = Vec::new();
+        let mut out = Vec::new();
+        // Emissive triangles of instances are found by scattered rays only; as lights, each instance would need its
+        // own.
+        let Some(triangles) = self.tracer.triangles() else {
+            return out;
+        };
+        for &triangle in triangles.live() {
+            // Skip triangles whose material cannot emit.
+            let material = &self.materials[self.attributes.at(triangle).material()];
+            if !material.emits {
+                continue;
+            }
+            // Average the emission towards the normal over the probes.
+            let corners = triangles.corners(triangle).map(Vec3::from);
+            let [a, b, c] = corners;
+            let normal = (b - a).cross(c - a).normalized();
+            let mut sum = 0.0;
+            for weights in PROBES {
+                // EmissionProbe along the normal, as by a diffuse ray.
+                let point = || ShadingPoint {
+                    varying: self.varying,
+                    triangle: triangle as usize,
+                    weights,
+                    position: a * weights[0] + b * weights[1] + c * weights[2],
+                    normal,
+                    geometric: normal,
+                    incoming: normal,
+                    inside: false,
+                    ray: RayKind::Diffuse,
+                };
+                let unscattered = material.unscattered_reduced(self.images, point, &mut registers);
+                sum += unscattered.emission.mean();
+            }
+            // A texture may be dark at all probes and emit between them, so keep the estimate positive.
+            let lower_bound = if material.has_constant_emission() {
+                0.0
+            } else {
+                1e-3
+            };
+            out.push(EmissiveTriangle {
+                triangle,
+                visible: material.visible,
+                corners,
+                radiance: (sum / PROBES.len() as f32).max(lower_bound),
+            });
+        }
+        out
+    }
+}

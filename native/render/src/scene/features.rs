@@ -1,0 +1,105 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The features that a scene needs, determined once per scene: code for the others is left out of the path, and the
+//! render reports which.
+
+use crate::light::Lights;
+use crate::light::world::World;
+use crate::material::Material;
+use crate::values::visibility::RayKind;
+
+/// The features that the scene's materials and lights need.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Features {
+    /// At least one light: light samples and shadow rays are needed.
+    pub lights: bool,
+    /// At least one light has a size and casts shadows: scattered rays can hit it.
+    pub lights_hittable: bool,
+    /// At least one material varies over its surface: its program has to run.
+    pub textures: bool,
+    /// At least one material has a lobe that reflects off facets.
+    pub glossy: bool,
+    /// At least one material has a lobe that refracts.
+    pub glass: bool,
+    /// At least one material is not opaque: rays pass through it, shadow rays accumulate its transmittance.
+    pub transparency: bool,
+    /// At least one material is invisible to some kinds of rays, which pass through it.
+    pub hidden: bool,
+    /// At least one material emits.
+    pub emission: bool,
+    /// The background depends on the direction.
+    pub world: bool,
+    /// At least one mesh has corner normals.
+    pub smooth_normals: bool,
+    /// At least one material is in use, that is, there is a triangle.
+    pub surfaces: bool,
+}
+
+impl Features {
+    /// Determines the features from the materials in use, the lights and the background.
+    pub fn resolve<'a>(
+        used: impl Iterator<Item = &'a Material> + Clone,
+        lights: &Lights,
+        world: &World,
+        smooth_normals: bool,
+    ) -> Self {
+        // A feature is needed if one used material needs it.
+        let any = |f: fn(&Material) -> bool| used.clone().any(f);
+        Self {
+            lights: !lights.is_empty(),
+            lights_hittable: lights.any_hittable(),
+            textures: any(|m| !m.program.is_empty()),
+            glossy: any(|m| m.reflects),
+            glass: any(|m| m.refracts),
+            transparency: any(|m| m.transparent || !m.visible.to(RayKind::Shadow)),
+            hidden: any(|m| !m.visible.is_all()),
+            emission: any(|m| m.emits),
+            world: world.constant().is_none(),
+            smooth_normals,
+            surfaces: any(|_| true),
+        }
+    }
+
+    /// Describes the features that are left out of the path, each with its reason.
+    pub fn left_out(&self) -> Vec<String> {
+        // Without triangles nothing is shaded: no line may speak of materials or shadows then.
+        if !self.surfaces {
+            return vec!["shading: no triangles".to_owned()];
+        }
+        // One row per feature: whether it is present, and what is left out if not. Without lights the first row says
+        // all there is to say about them.
+        let rows = [
+            (self.lights, "shadow rays: no lights"),
+            (
+                self.lights_hittable || !self.lights,
+                "rays that meet lights: no lamp with a size casts shadows",
+            ),
+            (
+                self.textures,
+                "textures: no material varies over its surface",
+            ),
+            (
+                self.glossy,
+                "mirror rays: no material is metallic or specular",
+            ),
+            (self.glass, "refraction: no material transmits"),
+            (
+                self.transparency,
+                "transparent shadows: every material is opaque",
+            ),
+            (
+                self.hidden,
+                "ray visibility: every surface is there for all rays",
+            ),
+            (self.emission, "emission: no material emits"),
+            (
+                self.world,
+                "a map of the background: it is the same in all directions",
+            ),
+            (self.smooth_normals, "smooth normals: none given"),
+        ];
+        rows.iter()
+            .filter(|(present, _)| !present)
+            .map(|(_, text)| (*text).to_owned())
+            .collect()
+    }
+}

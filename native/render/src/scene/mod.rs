@@ -1,0 +1,167 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The scene of a render: structure, materials, lights and background.
+
+use std::sync::Arc;
+
+use crate::check::{Error, Result};
+use crate::light::world::{World, WorldParams};
+use crate::light::{LightParams, Lights};
+use crate::material::albedo::Grids;
+use crate::material::{Material, MaterialParams};
+use crate::scene::attributes::{Attributes, InstancedAttributes, MeshAttributes};
+use crate::scene::emitters::EmissionProbe;
+use crate::scene::features::Features;
+use crate::scene::indices::Indices;
+use crate::values::image::Image;
+use crate::values::program::Op;
+use crate::values::varying::Varying;
+use halfspace_ray::Tracer;
+
+pub mod attributes;
+mod emitters;
+pub mod features;
+pub mod indices;
+pub mod surface;
+
+/// A structure shared by several threads.
+pub type SharedTracer = Arc<dyn Tracer + Send + Sync>;
+
+/// Everything that a render shows and is lit by, except the camera.
+pub struct RenderScene {
+    pub(crate) tracer: SharedTracer,
+    pub(crate) attributes: Attributes,
+    pub(crate) materials: Vec<Material>,
+    pub(crate) images: Vec<Image>,
+    pub(crate) varying: Varying,
+    pub(crate) lights: Lights,
+    pub(crate) world: World,
+    pub(crate) indices: Indices,
+    features: Features,
+}
+
+/// The parts of a scene before they are checked.
+#[derive(Debug, Clone, Default)]
+pub struct SceneParams {
+    /// Material of each triangle; `None` = the first for all.
+    pub material_index: Option<Vec<i32>>,
+    /// Materials; empty = one with Blender's defaults.
+    pub materials: Vec<MaterialParams>,
+    /// Shading normals of each triangle's corners, of any length.
+    pub corner_normals: Option<Vec<[[f32; 3]; 3]>>,
+    /// Replaces material index and normals if the structure consists of instances.
+    pub instanced: Option<InstancedAttributes>,
+    /// Images that materials and background use.
+    pub images: Vec<Image>,
+    /// Data that vary over the triangles.
+    pub varying: Varying,
+    /// Lights.
+    pub lights: Vec<LightParams>,
+    /// Background.
+    pub world: WorldParams,
+    /// Object and material indices for passes.
+    pub indices: Indices,
+}
+
+impl RenderScene {
+    /// Checks and compiles the parts, and determines the features the scene needs.
+    ///
+    /// # Errors
+    /// If a number is not finite or out of range, or the size of an array does not match the structure's triangles;
+    /// the message names the key.
+    pub fn new(tracer: SharedTracer, params: SceneParams) -> Result<Self> {
+        // Compile the materials, and check their references to images and layers.
+        let count = tracer.count();
+        let materials = compile_materials(&params.materials)?;
+        let mut varying = params.varying;
+        varying.check(count)?;
+        for (index, material) in materials.iter().enumerate() {
+            check_references(material, index, params.images.len(), varying.layers.len())?;
+        }
+        let attributes = match params.instanced {
+            Some(instanced) => Attributes::instanced(instanced, materials.len())?,
+            None => {
+                let mesh = MeshAttributes {
+                    material_index: params.material_index,
+                    corner_normals: params.corner_normals,
+                };
+                Attributes::flattened(mesh, count, materials.len())?
+            }
+        };
+        // Prepare the background; whether it varies decides how it is sampled.
+        params.indices.check(count)?;
+        let mut world = World::new(&params.world, &params.images, &varying)?;
+        // Features depend only on materials that a live triangle uses.
+        let mut used = vec![false; materials.len()];
+        let live = tracer
+            .triangles()
+            .map_or(&[][..], |triangles| triangles.live());
+        attributes.mark_used(live.iter().copied(), &mut used);
+        let used = materials
+            .iter()
+            .zip(&used)
+            .filter(|(_, used)| **used)
+            .map(|(m, _)| m);
+        // Collect the emissive triangles and prepare the lights.
+        let probe = EmissionProbe {
+            tracer: &*tracer,
+            attributes: &attributes,
+            materials: &materials,
+            images: &params.images,
+            varying: &varying,
+        };
+        let lights = Lights::new(
+            &params.lights,
+            &probe.emissive_triangles(),
+            world.take_map(),
+            world.visible,
+        )?;
+        let features = Features::resolve(used, &lights, &world, attributes.smooth());
+        Ok(Self {
+            tracer,
+            attributes,
+            materials,
+            images: params.images,
+            varying,
+            lights,
+            world,
+            indices: params.indices,
+            features,
+        })
+    }
+
+    /// Returns the features that paths in this scene need.
+    pub fn features(&self) -> Features {
+        self.features
+    }
+}
+
+/// Compiles the materials, which share their albedo grids; without any, Blender's default.
+fn compile_materials(params: &[MaterialParams]) -> Result<Vec<Material>> {
+    let mut materials = Vec::with_capacity(params.len().max(1));
+    let mut grids = Grids::default();
+    for (index, material) in params.iter().enumerate() {
+        materials.push(Material::new(material, index, &mut grids)?);
+    }
+    if materials.is_empty() {
+        materials.push(Material::new(&MaterialParams::default(), 0, &mut grids)?);
+    }
+    Ok(materials)
+}
+
+/// Returns an error if a program refers to an image or layer that does not exist. `index`: of the material.
+fn check_references(material: &Material, index: usize, images: usize, layers: usize) -> Result<()> {
+    for op in material.ops() {
+        // Operations that refer to an image or a layer.
+        let (what, reference, count) = match op {
+            Op::Image { image, .. } => ("image", *image, images),
+            Op::Attribute(layer) | Op::NormalMap(layer) => ("layer", *layer, layers),
+            _ => continue,
+        };
+        if usize::from(reference) >= count {
+            return Err(Error::Shape(format!(
+                "materials[{index}]['program']: {what} {reference} is out of range for {count}"
+            )));
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,225 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! A surface point hit by a ray: position, normals, material.
+
+use crate::material::Material;
+use crate::material::bsdf::Normals;
+use crate::material::bump::reflecting_normal;
+use crate::math::vector::{Frame, Vec3, offset_origin};
+use crate::scene::RenderScene;
+use crate::scene::attributes::At;
+use crate::values::shading_point::ShadingPoint;
+use crate::values::visibility::RayKind;
+use halfspace_ray::{Hit, Ray};
+
+/// A surface point hit by a ray.
+pub struct Surface<'a> {
+    /// Position, interpolated from the vertices, which keeps its error at a few units in the last place.
+    pub point: Vec3,
+    /// Geometric normal on the viewer's side.
+    pub geometric: Vec3,
+    /// Shading normal of the facets, on the viewer's side.
+    pub shading: Vec3,
+    /// Whether the viewer is on the back of the triangle.
+    pub inside: bool,
+    /// Material of the triangle.
+    pub material: &'a Material,
+    /// Shading normal of the surface, before the material's.
+    own: Vec3,
+    /// Shading normal computed by the material, if it computes one.
+    mapped: Option<Vec3>,
+    /// Barycentric weights of the triangle's corners.
+    weights: [f32; 3],
+    triangle: usize,
+    corners: [[f32; 3]; 3],
+    at: At<'a>,
+}
+
+/// Smallest cosine between shading normal and viewer: interpolated normals are bent that far. At 0 the surface
+/// would be black and divisions by the cosine would overflow.
+const MIN_COSINE: f32 = 0.01;
+
+/// Cosine towards the light below which the origin of a shadow ray is moved: Cycles' default "geometry offset".
+const TERMINATOR: f32 = 0.1;
+
+impl<'a> Surface<'a> {
+    /// The point of `hit` seen along the unit direction `d`. `SMOOTH`: whether the scene has corner normals, which
+    /// are otherwise not fetched.
+    #[inline(always)]
+    pub fn at<const SMOOTH: bool>(scene: &'a RenderScene, hit: &Hit, d: Vec3) -> Self {
+        // Interpolate the position, and turn the normal to the viewer's side.
+        let corners = scene.tracer.corners(hit.triangle);
+        let [a, b, c] = corners.map(Vec3::from);
+        let w = 1.0 - hit.u - hit.v;
+        let point = a * w + b * hit.u + c * hit.v;
+        let normal = (b - a).cross(c - a).normalized();
+        let inside = normal.dot(d) > 0.0;
+        let geometric = if inside { -normal } else { normal };
+        // Look up the triangle's attributes once; both material and normals need them.
+        let at = scene.attributes.at(hit.triangle);
+        let material = &scene.materials[at.material()];
+        // Interpolate the corner normals, turn them to the viewer's side and bend them away from grazing.
+        let mut shading = geometric;
+        if SMOOTH && let Some(normals) = at.normals(corners) {
+            let [na, nb, nc] = normals.map(Vec3::from);
+            let n = na * w + nb * hit.u + nc * hit.v;
+            shading = (if inside { -n } else { n }).normalized_or(geometric);
+            // Adding a multiple of the viewing direction raises the cosine to the limit.
+            let cosine = -shading.dot(d);
+            if cosine < MIN_COSINE {
+                shading = (shading - d * (MIN_COSINE - cosine)).normalized_or(geometric);
+            }
+        }
+        Self {
+            point,
+            geometric,
+            shading,
+            inside,
+            material,
+            own: shading,
+            mapped: None,
+            weights: [w, hit.u, hit.v],
+            triangle: hit.triangle as usize,
+            corners,
+            at,
+        }
+    }
+
+    /// Like [`Self::at`], with corner normals if the scene has any.
+    pub fn of(scene: &'a RenderScene, hit: &Hit, d: Vec3) -> Self {
+        if scene.features().smooth_normals {
+            Self::at::<true>(scene, hit, d)
+        } else {
+            Self::at::<false>(scene, hit, d)
+        }
+    }
+
+    /// Returns the point as input of the material's program, seen along the unit direction `d`.
+    pub fn shading_point(&self, scene: &'a RenderScene, d: Vec3, ray: RayKind) -> ShadingPoint<'a> {
+        ShadingPoint {
+            varying: &scene.varying,
+            triangle: self.triangle,
+            weights: self.weights,
+            position: self.point,
+            normal: self.own,
+            geometric: self.geometric,
+            incoming: -d,
+            inside: self.inside,
+            ray,
+        }
+    }
+
+    /// Sets the shading normal that the material computed. Facets use it bent, so that the mirror direction leaves
+    /// the surface.
+    pub fn bend(&mut self, normal: Vec3, d: Vec3) {
+        // A material that returns the surface's own normal changes nothing.
+        let normal = normal.normalized_or(self.own);
+        if normal != self.own {
+            self.mapped = Some(normal);
+            self.shading = reflecting_normal(self.geometric, -d, normal);
+        }
+    }
+
+    /// Returns the other normals in the shading frame.
+    #[inline(always)]
+    pub fn normals(&self, frame: &Frame) -> Normals {
+        let mapped = self.mapped.map(|mapped| [self.own, mapped]);
+        Normals {
+            geometric: frame.to_local(self.geometric),
+            mapped: mapped.map(|both| both.map(|n| frame.to_local(n))),
+        }
+    }
+
+    /// Returns the cosine between the viewer, in direction -`d`, and the surface's shading normal, which coats use;
+    /// at least 1e-4.
+    #[inline(always)]
+    pub fn cosine(&self, d: Vec3) -> f32 {
+        (-self.own.dot(d)).max(1e-4)
+    }
+
+    /// Returns the shading frame.
+    #[inline(always)]
+    pub fn frame(&self) -> Frame {
+        Frame::around(self.shading)
+    }
+
+    /// Returns the origin of a ray in this direction, offset to the side that the ray leaves to.
+    #[inline(always)]
+    pub fn ray_origin(&self, direction: Vec3) -> Vec3 {
+        // Transmitted rays start on the far side.
+        let across = direction.dot(self.geometric) < 0.0;
+        offset_origin(
+            self.point,
+            if across {
+                -self.geometric
+            } else {
+                self.geometric
+            },
+        )
+    }
+
+    /// Returns the remainder of a ray behind its hit here.
+    #[inline(always)]
+    pub fn continued(&self, ray: &Ray, hit: &Hit) -> Ray {
+        Ray {
+            o: offset_origin(self.point, -self.geometric).array(),
+            d: ray.d,
+            t_min: 0.0,
+            t_max: ray.t_max - hit.t,
+        }
+    }
+
+    /// Returns the origin of a shadow ray. At grazing light the flat triangle of a smooth surface would shadow
+    /// itself; there the origin is lifted to the curved surface described by the corner normals (Hanika 2021,
+    /// "Hacking the Shadow Terminator", Ray Tracing Gems II, chapter 4), blended in below a cosine of 0.1 as in
+    /// Cycles.
+    #[inline(always)]
+    pub fn shadow_ray_origin<const SMOOTH: bool>(&self, direction: Vec3) -> Vec3 {
+        if !SMOOTH {
+            return self.ray_origin(direction);
+        }
+        // The ray leaves to the side of the shading normal that the light is on.
+        let cosine = self.own.dot(direction);
+        let side = if cosine < 0.0 {
+            -self.geometric
+        } else {
+            self.geometric
+        };
+        let flat = side.dot(direction);
+        // Blend the offset in by both cosines, as Cycles does.
+        let amount = if cosine.abs() < TERMINATOR {
+            2.0 - (flat + cosine.abs()) / TERMINATOR
+        } else {
+            1.0 - flat / TERMINATOR
+        };
+        let amount = amount.clamp(0.0, 1.0);
+        let origin = offset_origin(self.point, side);
+        if amount == 0.0 {
+            return origin;
+        }
+        origin + self.lift(side) * amount
+    }
+
+    /// Returns the vector from the flat point to the curved surface on side `side`.
+    fn lift(&self, side: Vec3) -> Vec3 {
+        let Some(normals) = self.at.normals(self.corners) else {
+            return Vec3::ZERO;
+        };
+        // Project the point onto each corner's tangent plane, and interpolate the shifts by barycentric weights.
+        let corners = self.corners.map(Vec3::from);
+        let [a, b, c] = corners;
+        let area = (b - a).cross(c - a);
+        let scale = 1.0 / area.length2().max(f32::MIN_POSITIVE);
+        let weight = |p: Vec3, q: Vec3| (p - self.point).cross(q - self.point).dot(area) * scale;
+        // Barycentric weights from the areas of the three sub-triangles.
+        let weights = [weight(b, c), weight(c, a), weight(a, b)];
+        let mut lift = Vec3::ZERO;
+        for k in 0..3 {
+            // The normal on the light's side; only points below the tangent plane are lifted.
+            let n = Vec3::from(normals[k]).normalized_or(side);
+            let n = if n.dot(side) < 0.0 { -n } else { n };
+            let below = (self.point - corners[k]).dot(n).min(0.0);
+            lift += n * (-below * weights[k].clamp(0.0, 1.0));
+        }
+        lift
+    }
+}

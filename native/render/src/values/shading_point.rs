@@ -1,0 +1,215 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! A point to be shaded: the inputs of a program other than its constants.
+
+use crate::math::vector::{Vec3, vec3};
+use crate::values::program::{Coordinate, Value};
+use crate::values::varying::{ObjectFrame, Varying};
+use crate::values::visibility::RayKind;
+
+/// A point to be shaded.
+#[derive(Clone, Copy)]
+pub struct ShadingPoint<'a> {
+    /// Data that vary over the triangles.
+    pub varying: &'a Varying,
+    /// The triangle; `usize::MAX` for the background.
+    pub triangle: usize,
+    /// Barycentric weights of the triangle's corners.
+    pub weights: [f32; 3],
+    /// Position in scene space.
+    pub position: Vec3,
+    /// Shading normal on the viewer's side.
+    pub normal: Vec3,
+    /// Geometric normal on the viewer's side.
+    pub geometric: Vec3,
+    /// Unit direction towards the viewer.
+    pub incoming: Vec3,
+    /// Whether the viewer is on the back of the triangle.
+    pub inside: bool,
+    /// The kind of ray that arrives here.
+    pub ray: RayKind,
+}
+
+impl<'a> ShadingPoint<'a> {
+    /// The background in a unit direction.
+    pub fn background(varying: &'a Varying, direction: Vec3, ray: RayKind) -> Self {
+        Self {
+            varying,
+            triangle: usize::MAX,
+            weights: [0.0; 3],
+            position: direction,
+            normal: -direction,
+            geometric: -direction,
+            incoming: -direction,
+            inside: false,
+            ray,
+        }
+    }
+
+    /// Returns the cosine between shading normal and viewer, clamped to 0..1.
+    pub fn cosine(&self) -> f32 {
+        self.normal.dot(self.incoming).clamp(0.0, 1.0)
+    }
+
+    /// Returns a layer's value at the point: missing components are 0, the fourth 1.
+    pub fn attribute(&self, layer: u16) -> Value {
+        let mut out = [0.0, 0.0, 0.0, 1.0];
+        // A missing layer, or one that does not cover the triangle, reads as zero.
+        let Some(layer) = self.varying.layers.get(usize::from(layer)) else {
+            return out;
+        };
+        let n = layer.width;
+        let Some(corners) = layer
+            .values
+            .get(self.triangle.wrapping_mul(3 * n)..)
+            .and_then(|rest| rest.get(..3 * n))
+        else {
+            return out;
+        };
+        // Interpolate each component between the corners.
+        for (k, slot) in out.iter_mut().take(n).enumerate() {
+            *slot = (0..3)
+                .map(|c| self.weights[c] * corners[c * n + k])
+                .sum::<f32>();
+        }
+        out
+    }
+
+    /// The object of the triangle.
+    pub(super) fn object(&self) -> Option<&'a ObjectFrame> {
+        let index = self.varying.object_index.get(self.triangle);
+        let index = index.map_or(0, |&i| i as usize);
+        self.varying.objects.get(index)
+    }
+
+    /// Whether the point is a direction of the background.
+    fn is_background(&self) -> bool {
+        self.triangle == usize::MAX
+    }
+
+    /// Returns a coordinate of the point, see [`Coordinate`]; the fourth component is 1.
+    pub fn coordinate(&self, which: Coordinate) -> Value {
+        let truth = |yes: bool| Vec3::splat(f32::from(u8::from(yes)));
+        // On the background, positions are the direction itself.
+        let v = match which {
+            Coordinate::Generated | Coordinate::Object | Coordinate::Position
+                if self.is_background() =>
+            {
+                self.position
+            }
+            Coordinate::Position => self.position + Vec3::from(self.varying.origin),
+            Coordinate::Object => self.in_object(),
+            Coordinate::Generated => {
+                // Without an object, generated coordinates equal those of object space.
+                let [add, scale] = self
+                    .object()
+                    .map_or([[0.0; 3], [1.0; 3]], |o| o.generated)
+                    .map(Vec3::from);
+                (self.in_object() + add) * scale
+            }
+            Coordinate::ObjectNormal => self.object().map_or(self.outward(), |o| {
+                // Normals transform by the inverse transpose of object-to-scene: the transpose of scene-to-object's
+                // inverse.
+                let [a, b, c] = columns_to_world(&o.to_object);
+                let n = self.outward();
+                vec3(a.dot(n), b.dot(n), c.dot(n)).normalized_or(n)
+            }),
+            Coordinate::Normal => self.normal,
+            Coordinate::TrueNormal => self.geometric,
+            Coordinate::Incoming => self.incoming,
+            Coordinate::Reflection => {
+                self.normal * (2.0 * self.normal.dot(self.incoming)) - self.incoming
+            }
+            Coordinate::Backfacing => truth(self.inside),
+            Coordinate::CameraRay => truth(self.ray == RayKind::Camera),
+            Coordinate::ShadowRay => truth(self.ray == RayKind::Shadow),
+            Coordinate::DiffuseRay => truth(self.ray == RayKind::Diffuse),
+            Coordinate::GlossyRay => truth(self.ray == RayKind::Glossy),
+            Coordinate::TransmissionRay => truth(self.ray == RayKind::Transmission),
+        };
+        [v.x, v.y, v.z, 1.0]
+    }
+
+    /// The position in object space.
+    fn in_object(&self) -> Vec3 {
+        let Some(object) = self.object() else {
+            return self.position;
+        };
+        let p = self.position;
+        let [x, y, z] = object
+            .to_object
+            .map(|r| r[0] * p.x + r[1] * p.y + r[2] * p.z + r[3]);
+        vec3(x, y, z)
+    }
+
+    /// The shading normal on the front of the triangle.
+    pub(super) fn outward(&self) -> Vec3 {
+        if self.inside {
+            -self.normal
+        } else {
+            self.normal
+        }
+    }
+}
+
+/// Returns the columns of the inverse's linear part, up to a common positive factor.
+fn columns_to_world(to_object: &[[f32; 4]; 3]) -> [Vec3; 3] {
+    let [x, y, z] = to_object.map(|r| vec3(r[0], r[1], r[2]));
+    // The determinant of a mirrored object is negative.
+    let sign = 1.0_f32.copysign(x.dot(y.cross(z)));
+    [y.cross(z), z.cross(x), x.cross(y)].map(|column| column * sign)
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+    use crate::values::varying::Layer;
+
+    pub(in crate::values) fn point(varying: &Varying) -> ShadingPoint<'_> {
+        let up = vec3(0.0, 0.0, 1.0);
+        ShadingPoint {
+            varying,
+            triangle: 0,
+            weights: [0.25, 0.25, 0.5],
+            position: vec3(1.0, 2.0, 3.0),
+            normal: up,
+            geometric: up,
+            incoming: up,
+            inside: false,
+            ray: RayKind::Camera,
+        }
+    }
+
+    #[test]
+    fn attributes_are_interpolated_and_missing_ones_are_zero() {
+        let mut varying = Varying {
+            layers: vec![Layer {
+                width: 2,
+                values: vec![0.0, 0.0, 1.0, f32::NAN, 1.0, 1.0],
+            }],
+            ..Default::default()
+        };
+        varying.check(1).unwrap();
+        assert_eq!(point(&varying).attribute(0), [0.75, 0.5, 0.0, 1.0]);
+        assert_eq!(point(&varying).attribute(7), [0.0, 0.0, 0.0, 1.0]);
+        assert!(varying.check(2).is_err());
+    }
+
+    #[test]
+    fn the_normal_of_a_mirrored_object_points_outwards_in_its_own_space() {
+        for scale in [[2.0, 1.0, 1.0], [-2.0, 1.0, 1.0], [-2.0, 1.0, -1.0]] {
+            let mut to_object = [[0.0; 4]; 3];
+            for (k, scale) in scale.into_iter().enumerate() {
+                to_object[k][k] = 1.0 / scale;
+            }
+            let varying = Varying {
+                objects: vec![ObjectFrame {
+                    to_object,
+                    generated: [[0.0; 3], [1.0; 3]],
+                }],
+                ..Default::default()
+            };
+            let [x, y, z, _] = point(&varying).coordinate(Coordinate::ObjectNormal);
+            assert_eq!([x, y, z], [0.0, 0.0, f32::signum(scale[2])], "{scale:?}");
+        }
+    }
+}

@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Data that vary over the triangles of a scene: layers of corner attributes and texture coordinates of objects.
+
+use crate::check::{Error, Result, finite};
+
+/// Values at the corners of all triangles: a UV map, a colour or tangents.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Layer {
+    /// VertexSamples per corner, 2 to 4.
+    pub width: usize,
+    /// Triangle by triangle, corner by corner; empty = missing everywhere.
+    pub values: Vec<f32>,
+}
+
+/// Texture coordinates of an object.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ObjectFrame {
+    /// Scene to object transform; rows.
+    pub to_object: [[f32; 4]; 3],
+    /// Offset and then factor that map a position in object space to 0..1 within the object's box.
+    pub generated: [[f32; 3]; 2],
+}
+
+/// Data that vary over the triangles, other than geometry and normals.
+#[derive(Debug, Clone, Default)]
+pub struct Varying {
+    /// Layers, by the indices that programs use.
+    pub layers: Vec<Layer>,
+    /// Texture coordinates of the objects.
+    pub objects: Vec<ObjectFrame>,
+    /// Object of each triangle; empty = all belong to the first.
+    pub object_index: Vec<u32>,
+    /// World position of the scene frame's origin.
+    pub origin: [f32; 3],
+}
+
+impl Varying {
+    /// Checks the sizes, and replaces layer values that are not finite by 0.
+    ///
+    /// # Errors
+    /// [`Error::Shape`] or [`Error::NonFinite`] with the name of the array at fault.
+    pub fn check(&mut self, triangles: usize) -> Result<()> {
+        for (i, layer) in self.layers.iter_mut().enumerate() {
+            // A layer is either empty or has a value at every corner.
+            let want = triangles * 3 * layer.width;
+            if !(2..=4).contains(&layer.width) || ![0, want].contains(&layer.values.len()) {
+                return Err(Error::Shape(format!(
+                    "layers[{i}]: expected one entry of 2 to 4 numbers per corner of {triangles} \
+                     triangles, got {} numbers",
+                    layer.values.len()
+                )));
+            }
+            layer
+                .values
+                .iter_mut()
+                .filter(|v| !v.is_finite())
+                .for_each(|v| *v = 0.0);
+        }
+        for (i, object) in self.objects.iter().enumerate() {
+            finite(object.to_object.as_flattened(), || {
+                format!("objects[{i}]['to_object']")
+            })?;
+            finite(object.generated.as_flattened(), || {
+                format!("objects[{i}]['generated']")
+            })?;
+        }
+        if !self.object_index.is_empty() && self.object_index.len() != triangles {
+            return Err(Error::Shape(format!(
+                "object_index must have one entry per triangle: {triangles}, got {}",
+                self.object_index.len()
+            )));
+        }
+        let count = self.objects.len();
+        if let Some(i) = self.object_index.iter().position(|&o| o as usize >= count) {
+            return Err(Error::Shape(format!(
+                "object_index[{i}] is out of range for {count} objects"
+            )));
+        }
+        finite(&self.origin, || "origin".into())
+    }
+}

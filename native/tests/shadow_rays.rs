@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The kernels of shadow rays return the answers of the plain any-hit traversal.
+
+use halfspace::oracle::cases::{Random, grid, ray, soup};
+use halfspace::ray::{Ray, RayCounters, Tracer};
+use halfspace::registry::TREES;
+use halfspace::scene::Triangles;
+use halfspace::structure::row::Kind;
+
+mod common;
+
+use common::build;
+
+/// Rays to two lights and a sun, among them those whose blocker in the cache is invalid.
+fn shadow_rays(scene: &Triangles) -> Vec<Ray> {
+    let mut random = Random(21);
+    let lights = [[2.0, 2.0, 9.0], [-3.0, 5.0, 1.0]];
+    let mut rays = Vec::new();
+    for i in 0..6000 {
+        let o = random.point(-1.0, 5.0);
+        let light = lights[i / 64 % 2];
+        let d = std::array::from_fn(|k| light[k] - o[k]);
+        rays.push(match i % 5 {
+            // From vertices: the receiver itself is hit at zero.
+            0 => Ray {
+                t_max: 1.0,
+                ..ray(scene.vertices()[i % scene.vertices().len()], d)
+            },
+            // A light on the surface, or at no distance at all.
+            1 => Ray {
+                t_max: if i % 2 == 0 { 0.0 } else { 0.5 },
+                ..ray(o, d)
+            },
+            // A sun, and rays that end before the blockers.
+            2 => ray(o, [0.1, 0.2, 1.0]),
+            3 => Ray {
+                t_max: 1.0,
+                ..ray([1.5 + 0.01 * (i % 7) as f32, 1.5, -3.0], [0.3, 0.2, 9.0])
+            },
+            _ => Ray {
+                t_max: 0.999,
+                ..ray(o, d)
+            },
+        });
+    }
+    rays
+}
+
+/// The cached blocker of a light may be the receiver, lie behind the light, or belong to another light: no answer
+/// changes, whatever was traced before, and in wide shadows most rays are answered by the cache.
+#[test]
+fn shadow_kernels_change_no_answer() {
+    let scene = soup(grid(4, 0.3));
+    let rays = shadow_rays(&scene);
+    for tree in TREES {
+        let shadow = tree.all_params().find(|p| p.name == "shadow").unwrap();
+        let Kind::Choice(kernels) = shadow.kind else {
+            panic!("{}: kernels of shadow rays have names", tree.id);
+        };
+        let trace = |shadow: &str, traversal: &str| {
+            let structure = build(&scene, &format!("{}:shadow={shadow}{traversal}", tree.id));
+            let mut blocked = vec![false; rays.len()];
+            let mut counters = vec![RayCounters::default(); rays.len()];
+            structure.occluded(&rays, &mut blocked, Some(&mut counters));
+            let mut uncounted = vec![false; rays.len()];
+            structure.occluded(&rays, &mut uncounted, None);
+            assert_eq!(blocked, uncounted, "{}", tree.id);
+            let spared = counters.iter().map(|c| c.spared).sum::<u32>();
+            let steps = counters.iter().map(|c| c.steps() + c.tests);
+            (blocked, spared, steps.sum::<u32>())
+        };
+        let (expected, none, steps) = trace("none", "");
+        assert_eq!(none, 0, "{}", tree.id);
+        for kernel in &kernels[1..] {
+            for traversal in tree.traversals() {
+                let (blocked, ..) = trace(kernel, &format!(",traversal={traversal}"));
+                assert_eq!(blocked, expected, "{}, {kernel}, {traversal}", tree.id);
+            }
+            let (blocked, spared, fewer) = trace(kernel, "");
+            assert_eq!(blocked, expected, "{}, {kernel}", tree.id);
+            if *kernel == "cache" {
+                assert!(
+                    spared > 500 && fewer < steps,
+                    "{}: {spared} spared",
+                    tree.id
+                );
+            }
+        }
+    }
+}
