@@ -176,6 +176,16 @@ def box(mesh: Any) -> tuple[tuple[float, ...], tuple[float, ...]]:
     return tuple(size - place), tuple(0.5 / size)
 
 
+def box_around(positions: F32) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Like `box`, around the finite ones of these (n, 3) positions: a mesh with others has no finite texture space."""
+    finite = positions[np.isfinite(positions).all(axis=1)].astype(np.float64)
+    if not len(finite):
+        return (1.0, 1.0, 1.0), (0.5, 0.5, 0.5)
+    low, high = finite.min(axis=0), finite.max(axis=0)
+    size = np.where(high > low, (high - low) / 2, 1.0)
+    return tuple(size - (low + high) / 2), tuple(0.5 / size)
+
+
 def width(placements: Sequence[Placement], key: Key) -> int:
     """Numbers per corner of the layer, 0 if no mesh has it."""
     return max((p.mesh.layers[key].shape[2] for p in placements if key in p.mesh.layers), default=0)

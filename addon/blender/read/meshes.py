@@ -31,6 +31,12 @@ FEWER = "use fewer different attributes in materials"
 BLOCK = 1 << 14
 """Number of vectors that are transformed at a time."""
 
+UNBOUNDED = np.float32(2.0**63)
+"""Coordinates from here on count as infinite. Derived: squared distances between them overflow float32, so their
+triangles can neither be measured nor shaded. Blender's properties store infinity as the largest float, of which
+modifiers make fractions.
+"""
+
 NORMALS_FLAT, NORMALS_VERTEX, NORMALS_CORNER = "FACE", "POINT", "CORNER"
 
 
@@ -38,10 +44,10 @@ NORMALS_FLAT, NORMALS_VERTEX, NORMALS_CORNER = "FACE", "POINT", "CORNER"
 class MeshArrays:
     """A mesh in its own space.
 
-    positions: (n, 3) float32. triangles: (m, 3) int32 into positions. slots: (m,) int32 material slots, or None if all
-    are 0. normals: (k, 3) float32 as stored by Blender, one per vertex or per face corner, None for flat; normal_rows:
-    (m, 3) integers into normals. uvs: (m, 3, 2) float32 or None. layers: see `layers.read_layers`. box: its texture
-    space, see `layers.box`.
+    positions: (n, 3) float32, infinite from UNBOUNDED on. triangles: (m, 3) int32 into positions. slots: (m,) int32
+    material slots, or None if all are 0. normals: (k, 3) float32 as stored by Blender, one per vertex or per face
+    corner, None for flat; normal_rows: (m, 3) integers into normals. uvs: (m, 3, 2) float32 or None. layers: see
+    `layers.read_layers`. box: its texture space, see `layers.box`.
     """
 
     positions: F32
@@ -56,7 +62,8 @@ class MeshArrays:
 
 def read_mesh(mesh: Any, *, uvs: bool = False, layers: Sequence[texture_layers.Key] = ()) -> MeshArrays:
     """Copy the render data of an evaluated `bpy.types.Mesh`; with `uvs` also the active render UV map."""
-    positions = _positions(mesh)
+    positions = _positions(mesh).reshape(-1, 3)
+    bounded = _bound(positions)
     corner_vertices = _attribute(mesh, ".corner_vert", np.int32, len(mesh.loops))
     corners = _read(mesh.loop_triangles, "loops", np.uint32, len(mesh.loop_triangles) * 3).astype(np.intp)
     triangles = corner_vertices.take(corners).reshape(-1, 3)
@@ -77,6 +84,9 @@ def read_mesh(mesh: Any, *, uvs: bool = False, layers: Sequence[texture_layers.K
         normals = _read(mesh.corner_normals, "vector", np.float32, len(mesh.loops) * 3).reshape(-1, 3)
         normal_rows = corners.reshape(-1, 3)
 
+    if normals is not None and not bounded:
+        normals[~np.isfinite(normals).all(axis=1)] = 0
+
     # Read the UV map and the layers of materials.
     uv_map = next((layer for layer in mesh.uv_layers if layer.active_render), None) if uvs else None
     uv = None
@@ -84,14 +94,23 @@ def read_mesh(mesh: Any, *, uvs: bool = False, layers: Sequence[texture_layers.K
         by_corner = _read(uv_map.uv, "vector", np.float32, len(mesh.loops) * 2).reshape(-1, 2)
         uv = by_corner.take(corners, axis=0).reshape(-1, 3, 2)
     found = texture_layers.read_layers(mesh, layers)
-    box = texture_layers.box(mesh)
-    return MeshArrays(positions.reshape(-1, 3), triangles, slots, normals, normal_rows, uv, found, box)
+    box = texture_layers.box(mesh) if bounded else texture_layers.box_around(positions)
+    return MeshArrays(positions, triangles, slots, normals, normal_rows, uv, found, box)
 
 
 def _positions(mesh: Any) -> NDArray[Any]:
     if not len(mesh.vertices):  # an empty mesh lacks even this attribute
         return np.zeros(0, np.float32)
     return _read(mesh.attributes["position"].data, "vector", np.float32, len(mesh.vertices) * 3)
+
+
+def _bound(positions: F32) -> bool:
+    """Make coordinates beyond UNBOUNDED infinite. Returns whether all were finite and below it."""
+    if not len(positions) or (np.abs(_box(positions)) < UNBOUNDED).all():
+        return True
+    beyond = np.abs(positions) >= UNBOUNDED
+    positions[beyond] = np.copysign(np.inf, positions[beyond])
+    return False
 
 
 def _attribute(mesh: Any, name: str, dtype: Any, count: int) -> NDArray[Any]:
@@ -356,11 +375,13 @@ def _materials(mesh: MeshArrays, materials: I32) -> NDArray[Any]:
 
 def _face_normals(vertices: F32, corners: I32, *, out: F32) -> None:
     """The shading normals of flat triangles with these (k, m, 3) corners: the geometric ones, (k, m, 3, 3), unit
-    length.
+    length. Zero where a corner is not finite: no ray hits such a triangle.
     """
     a, b, c = (vertices[corners[..., i]].astype(np.float64) for i in range(3))
     with np.errstate(over="ignore", invalid="ignore"):
-        out[:] = _unit(np.cross(b - a, c - a))[:, :, None]
+        normals = _unit(np.cross(b - a, c - a))
+    normals[~np.isfinite(normals).all(axis=-1)] = 0
+    out[:] = normals[:, :, None]
 
 
 def _corner_normals(placement: Placement, mirrored: NDArray[np.bool_], *, out: F32) -> None:
