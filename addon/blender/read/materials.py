@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import bpy
 
 from ...core.base.notes import Notes
-from ...core.scene.scene import Hidden, Image, Material
+from ...core.scene.scene import Closure, Hidden, Image, Material
 from .images import Gallery
 from .nodes import Place, Unsupported, active_tree, output_node
 from .surfaces import Surface
@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 DEFAULT = Material("(no material)")
 
 UNSUPPORTED = "is not supported yet in material"
+
+CLEAR = (Closure("transparent", {"weight": 1.0, "color": (1.0, 1.0, 1.0)}),)
+"""The surface of a material that has only a volume: light passes it unchanged."""
 
 BLACK = Material("", base_color=(0.0, 0.0, 0.0), specular=0.0, roughness=1.0)
 """A material without a surface shader: absorbs everything, emits nothing."""
@@ -135,8 +138,11 @@ def _material(material: Any, values: Values) -> Material:
         if output.inputs[socket].is_linked:
             values.remark(socket)
     surface = Surface(values, viewport.base_color)
+    socket = Place(output.inputs["Surface"])
     try:
-        surface.read(Place(output.inputs["Surface"]))
+        if output.inputs["Volume"].is_linked and not socket.source().socket.is_output:
+            return Material(name, closures=CLEAR)
+        surface.read(socket)
     except Unsupported as unsupported:
         values.remark(str(unsupported))
         return viewport

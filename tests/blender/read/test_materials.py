@@ -440,3 +440,29 @@ def test_a_panorama_is_a_program_over_the_direction(scene: Any) -> None:
     found, images, _ = read_world(world, notes, Gallery())
     assert [step["op"] for step in found.program] == ["coordinate", "image"]
     assert (found.program[1]["panorama"], found.radiance, images, notes.lines()) == (True, 1, {0}, [])
+
+
+@pytest.mark.parametrize("by_reroute", [False, True])
+def test_a_material_with_only_a_volume_lets_light_through(by_reroute: bool) -> None:
+    """As in Cycles, where a surface without a shader has no effect; the volume itself is listed."""
+    block = bpy.data.materials.new("Fog")
+    with_nodes(block)
+    tree = block.node_tree
+    output = node(tree, "ShaderNodeOutputMaterial")
+    tree.nodes.remove(node(tree, "ShaderNodeBsdfPrincipled"))
+    volume = tree.nodes.new("ShaderNodeVolumePrincipled")
+    if by_reroute:
+        through = tree.nodes.new("NodeReroute")
+        tree.links.new(volume.outputs[0], through.inputs[0])
+        volume = through
+    tree.links.new(volume.outputs[0], output.inputs["Volume"])
+    found, notes = understood(block)
+    (closure,) = found.closures
+    assert closure.kind == "transparent"
+    assert closure.inputs["color"] == (1.0, 1.0, 1.0)
+    assert [line for line in notes if "Volume" in line and "Fog" in line]
+    # With a surface shader that emits and scatters nothing, the material is black as before.
+    plug(block, "ShaderNodeMixShader")
+    found, _ = understood(block)
+    assert not found.closures
+    assert found.base_color == (0.0, 0.0, 0.0)
