@@ -659,7 +659,7 @@ class RenderScene:
         Cycles: power P gives a point or spot light the radiant intensity P / 4π W/sr, an area
         light the radiance P / (π area) on one side, a sun the irradiance P in W/m². Rays of all kinds except those
         in "hidden_from" (default ("camera",)) see a light with a size, and it lights the lobes that scatter
-        such rays. Lights without power are left out.
+        such rays. Negative power darkens. Lights without power are left out.
     world: {"color": (3,)}, radiance of the background; None = black. With "program" and "radiance",
         an argument as in a material, the radiance of each direction. "hidden_from" as for materials.
     images: dictionaries of "name", "pixels", (h, w, 4) float32, rows from the bottom, and "srgb",

@@ -59,9 +59,6 @@ def read_light(item: Any, matrix: F64, notes: Notes) -> Light | None:
                 notes.add("The spread of area lights is not supported yet, rendered in full", name)
     if not data.normalize:
         light = replace(light, power=scaled(light.power, _extent(light)))
-    if min(light.power) < 0.0:
-        notes.add("Lights with negative power are not supported yet, left out", name)
-        return None
     return light if any(light.power) else None
 
 

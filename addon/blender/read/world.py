@@ -44,7 +44,7 @@ def _read(
     nothing: tuple[set[int], list[Light]] = (set(), [])
     if world is None:
         return World(), *nothing
-    plain = World(_positive(world.color))
+    plain = World(_rgb(world.color))
     tree = active_tree(world)
     if tree is None:
         return plain, *nothing
@@ -71,7 +71,7 @@ def _read(
     if total is None:
         return World(), *nothing
     if isinstance(total, tuple):
-        return World(_positive(total)), *nothing
+        return World(_rgb(total)), *nothing
     return World((0.0, 0.0, 0.0), tuple(values.steps), total), values.images, values.suns
 
 
@@ -109,6 +109,6 @@ def _sky_strength(output: Any) -> float | None:
         return None
 
 
-def _positive(color: Any) -> tuple[float, float, float]:
-    r, g, b = (max(float(c), 0.0) for c in color[:3])
+def _rgb(color: Any) -> tuple[float, float, float]:
+    r, g, b = (float(c) for c in color[:3])
     return (r, g, b)

@@ -60,7 +60,7 @@ pub(super) fn compile(params: &LightParams, index: usize) -> Result<Option<Light
         casts_shadow: params.casts_shadow,
         visible: params.visible,
     };
-    Ok((brightness > 0.0 && strength.max_component() > 0.0).then_some(light))
+    Ok((brightness > 0.0 && strength.max_abs() > 0.0).then_some(light))
 }
 
 /// The parameters of a light, with the names that messages use.
@@ -82,7 +82,7 @@ impl Checked<'_> {
         }
         finite(&self.params.power, || self.name("power"))?;
         for &p in &self.params.power {
-            within(p.into(), 0.0, 1e30, || self.name("power"))?;
+            within(p.into(), -1e30, 1e30, || self.name("power"))?;
         }
         Ok(())
     }
@@ -141,7 +141,7 @@ impl Checked<'_> {
         Ok(Emission {
             shape: Shape::Sun(sun),
             strength: self.power() * sun.radiance_of_one(),
-            brightness: self.power().mean(),
+            brightness: self.power().mean_abs(),
         })
     }
 
@@ -160,7 +160,7 @@ impl Checked<'_> {
         Ok(area.map(|area| Emission {
             strength: self.power() * (1.0 / (PI * area.area())),
             shape: Shape::Area(area),
-            brightness: self.power().mean() / PI,
+            brightness: self.power().mean_abs() / PI,
         }))
     }
 
@@ -169,7 +169,7 @@ impl Checked<'_> {
         Emission {
             shape: Shape::Disc(Disc::new(self.position(), radius, cone)),
             strength: self.power() * disc_strength(radius),
-            brightness: self.power().mean() / (4.0 * PI),
+            brightness: self.power().mean_abs() / (4.0 * PI),
         }
     }
 }

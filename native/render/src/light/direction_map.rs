@@ -32,7 +32,7 @@ impl DirectionMap {
         // Mean radiance at a position of the map.
         let mut brightness = |x: f32, y: f32| {
             let uv = [x / width as f32, y / height as f32];
-            radiance(uv_to_direction(uv)).mean()
+            radiance(uv_to_direction(uv)).mean_abs()
         };
         // Images are interpolated between texel centres, so take the largest value of a texel's corners and its
         // centre; narrow lights are then not missed.

@@ -184,7 +184,7 @@ impl Lights {
         } else {
             f32::INFINITY
         };
-        (radiance.max_component() > 0.0 && radiance.is_finite()).then_some(Arrival {
+        (radiance.max_abs() > 0.0 && radiance.is_finite()).then_some(Arrival {
             direction,
             distance,
             radiance,

@@ -66,12 +66,12 @@ impl World {
     /// Checks and compiles a background.
     ///
     /// # Errors
-    /// If a colour is negative or not finite, or the program is invalid.
+    /// If a colour is not finite, or the program is invalid.
     pub fn new(params: &WorldParams, images: &[Image], varying: &Varying) -> Result<Self> {
         // Check the colour and compile the program; without one the result is the colour.
         finite(&params.color, || "world['color']".into())?;
         for &c in &params.color {
-            within(c.into(), 0.0, 1e30, || "world['color']".into())?;
+            within(c.into(), -1e30, 1e30, || "world['color']".into())?;
         }
         let mut roots = [params.radiance.unwrap_or(Operand::color(params.color))];
         let program = Program::compile(&params.program, &mut roots, "world")?;
@@ -121,7 +121,7 @@ impl World {
 
     /// Returns the radiance if it is the same in all directions.
     pub fn constant(&self) -> Option<Vec3> {
-        self.radiance.constant().map(|c| c.map(|x| x.max(0.0)))
+        self.radiance.constant()
     }
 
     /// Whether the radiance is 0 in all directions.
@@ -142,10 +142,9 @@ impl World {
         if let Some(constant) = self.constant() {
             return constant;
         }
-        // Run the program; negative radiance counts as 0.
         let point = ShadingPoint::background(varying, direction, kind);
         self.program.run(images, &point, registers);
-        rgb(read(self.radiance, registers)).map(|x| x.max(0.0))
+        rgb(read(self.radiance, registers))
     }
 
     /// Moves the map for sampling out; the lights own it from then on.

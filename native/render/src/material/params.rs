@@ -24,7 +24,7 @@ pub struct MaterialParams {
     pub transmission: f32,
     /// Principled's "IOR level": 0.5 leaves the layer's reflectance as `ior` gives it; 0 = no layer.
     pub specular: f32,
-    /// Emitted radiance, on both sides.
+    /// Emitted radiance, on both sides; may be negative.
     pub emission: [f32; 3],
     /// 1 = opaque, 0 = invisible.
     pub alpha: f32,
@@ -91,7 +91,7 @@ impl MaterialParams {
             within(c.into(), 0.0, 1e6, || name("base_color"))?;
         }
         for &c in &self.emission {
-            within(c.into(), 0.0, 1e30, || name("emission"))?;
+            within(c.into(), -1e30, 1e30, || name("emission"))?;
         }
         within(self.ior.into(), 1e-3, 1e3, || name("ior"))?;
         within(self.specular.into(), 0.0, 1e3, || name("specular"))

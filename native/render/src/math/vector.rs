@@ -97,6 +97,18 @@ impl Vec3 {
         self.x.max(self.y).max(self.z)
     }
 
+    /// Returns the largest magnitude of the components.
+    #[inline(always)]
+    pub fn max_abs(self) -> f32 {
+        self.map(f32::abs).max_component()
+    }
+
+    /// Returns the mean of the magnitudes of the components.
+    #[inline(always)]
+    pub fn mean_abs(self) -> f32 {
+        self.map(f32::abs).mean()
+    }
+
     /// Returns the mean of the components.
     #[inline(always)]
     pub fn mean(self) -> f32 {

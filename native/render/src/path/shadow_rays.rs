@@ -149,10 +149,10 @@ impl ShadowRays {
                 } else {
                     carried.invisible += 1;
                 }
-                // Continue while the light is above 0 and the interval is not exhausted.
+                // Continue while some light is left and the interval is not exhausted.
                 if carried.transparent < MAX_TRANSPARENT
                     && carried.invisible < MAX_INVISIBLE
-                    && carried.value.max_component() > 0.0
+                    && carried.value.max_abs() > 0.0
                     && ray.t_max > hit.t
                 {
                     rays[kept] = surface.continued(&ray, &hit);

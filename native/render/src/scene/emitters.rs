@@ -66,7 +66,7 @@ impl EmissionProbe<'_> {
                     ray: RayKind::Diffuse,
                 };
                 let unscattered = material.unscattered_reduced(self.images, point, &mut registers);
-                sum += unscattered.emission.mean();
+                sum += unscattered.emission.mean_abs();
             }
             // A texture may be dark at all probes and emit between them, so keep the estimate positive.
             let lower_bound = if material.has_constant_emission() {

@@ -98,7 +98,7 @@ impl Settings {
     #[inline]
     pub fn clamped(&self, value: Vec3, indirect: bool) -> Vec3 {
         // Scaling all channels alike keeps the hue.
-        let mean = (value.x + value.y + value.z) / 3.0;
+        let mean = (value.x.abs() + value.y.abs() + value.z.abs()) / 3.0;
         if indirect && self.clamp_indirect > 0.0 && mean > self.clamp_indirect {
             return value * (self.clamp_indirect / mean);
         }

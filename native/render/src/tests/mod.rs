@@ -6,6 +6,7 @@ mod brute_force;
 mod failures;
 
 mod left_out;
+mod negative;
 mod passes;
 mod same_picture;
 mod setup;

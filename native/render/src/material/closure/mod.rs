@@ -30,7 +30,7 @@ pub use crate::material::closure::reflectance::{Fresnel, Reflected};
 /// Light of a closure, or of a material, that no lobe scatters: emission and straight transmission.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Unscattered {
-    /// Emitted radiance.
+    /// Emitted radiance; may be negative, as in Cycles.
     pub emission: Vec3,
     /// Factor on light that passes straight through.
     pub transparent: Vec3,
@@ -175,12 +175,12 @@ impl Closure {
                 let alpha = get(Input::Alpha).x.clamp(0.0, 1.0);
                 unscattered.transparent = Vec3::splat(weight * (1.0 - alpha));
                 unscattered.scattering = weight * alpha;
-                unscattered.emission = positive(get(Input::Emission)) * unscattered.scattering;
+                unscattered.emission = get(Input::Emission) * unscattered.scattering;
             }
             ClosureKind::Transparent => {
                 unscattered.transparent = positive(get(Input::Color)) * weight
             }
-            ClosureKind::Emission => unscattered.emission = positive(get(Input::Emission)) * weight,
+            ClosureKind::Emission => unscattered.emission = get(Input::Emission) * weight,
             _ => unscattered.scattering = weight,
         }
         unscattered

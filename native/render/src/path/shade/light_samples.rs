@@ -44,11 +44,11 @@ impl<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bo
             1.0
         };
         let mut value = path.throughput * f * light.radiance * weight;
-        if value.max_component() > 0.0 && !matches!(light.emitter, Emitter::Lamp) {
+        if value.max_abs() > 0.0 && !matches!(light.emitter, Emitter::Lamp) {
             // The radiance of triangles and background comes from a program, run only if the rest contributes.
             value = value * emitter_radiance(scene, &light, out.light_registers);
         }
-        if !(value.max_component() > 0.0 && value.is_finite()) {
+        if !(value.max_abs() > 0.0 && value.is_finite()) {
             return;
         }
         let value = settings.clamped(value, path.bounce > 0);
@@ -90,7 +90,7 @@ impl<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bo
             return;
         };
         let value = path.throughput * scatter.weight * color;
-        if !(value.max_component() > 0.0 && value.is_finite()) {
+        if !(value.max_abs() > 0.0 && value.is_finite()) {
             return;
         }
         let ray = Ray {
