@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Tiles of rays, walked as beams: every pixel is the single ray's, whatever the camera.
+//! Tiles of rays traced as beams: every pixel equals that of single rays, for any camera.
 
 use halfspace::base::Monitor;
 use halfspace::nodes::octree_nodes::Octree;
@@ -16,9 +16,9 @@ fn build(scene: &Arc<Triangles>, spec: &str) -> Structure {
     Structure::build(scene.clone(), config, 1, &Monitor::new()).unwrap()
 }
 
-/// The image's rays in tiles of 8 x 8 pixels; at the edges tiles are cut off, and then 64 rays in
-/// a row are those of several tiles.
-fn image((width, height): (usize, usize), pixel: impl Fn(f32, f32) -> Ray) -> Vec<Ray> {
+/// The rays of an image in tiles of 8 x 8 pixels. Tiles are cut off at the edges, so that 64 consecutive rays then
+/// belong to several tiles.
+fn image([width, height]: [usize; 2], pixel: impl Fn(f32, f32) -> Ray) -> Vec<Ray> {
     let mut rays = Vec::with_capacity(width * height);
     for top in (0..height).step_by(8) {
         for left in (0..width).step_by(8) {
@@ -33,7 +33,7 @@ fn image((width, height): (usize, usize), pixel: impl Fn(f32, f32) -> Ray) -> Ve
     rays
 }
 
-/// A pinhole at `o` that looks along +Y, the tangent of half its angle of view `wide`.
+/// A pinhole at `o` that looks along +Y; `wide` is the tangent of half its angle of view.
 fn pinhole(o: [f32; 3], wide: f32) -> impl Fn(f32, f32) -> Ray {
     move |x, y| ray(o, [x * wide, 1.0, y * wide])
 }
@@ -83,7 +83,7 @@ fn compare(name: &str, scene: &Arc<Triangles>, images: &[Vec<Ray>]) {
 #[test]
 fn pixels_are_those_of_single_rays_at_every_size() {
     let scene = soup(grid(4, 0.3));
-    let sizes = [(1, 1), (1, 37), (64, 1), (3, 5), (320, 200)];
+    let sizes = [[1, 1], [1, 37], [64, 1], [3, 5], [320, 200]];
     let images: Vec<_> = sizes
         .iter()
         .map(|size| image(*size, pinhole([1.9, -7.0, 2.2], 0.6)))
@@ -93,11 +93,11 @@ fn pixels_are_those_of_single_rays_at_every_size() {
 
 #[test]
 fn beams_answer_like_single_rays_at_1280_by_1024() {
-    // Few triangles, so that most of the time goes into the pixels.
+    // Use few triangles, so that most of the time is spent on pixels.
     let scene = soup(grid(2, 0.3));
     let wide = (75.0_f32).to_radians().tan();
     for view in [([0.9, -3.0, 1.2], 0.6), ([1.1, -0.4, 0.8], wide)] {
-        let rays = image((1280, 1024), pinhole(view.0, view.1));
+        let rays = image([1280, 1024], pinhole(view.0, view.1));
         for spec in ["octree-beam", "beam-hh"] {
             let structure = build(&scene, spec);
             let expected = traced(&structure, &rays, Order::None);
@@ -114,15 +114,15 @@ fn beams_answer_like_single_rays_at_1280_by_1024() {
 fn wide_angles_parallel_rays_and_apexes_on_cell_corners_change_nothing() {
     let scene = soup(grid(4, 0.0));
     let wide = (75.0_f32).to_radians().tan();
-    let size = (128, 80);
+    let size = [128, 80];
     let images = vec![
-        // From among the boxes, half of the octants in sight, and behind.
+        // Look from between the boxes, with half of the octants visible, and backwards.
         image(size, pinhole([2.3, 1.7, 2.1], wide)),
-        // On a corner of cells and boxes, every axis a wall.
+        // Start on a corner of cells and boxes, in a wall of every axis.
         image(size, pinhole([2.0, 2.0, 2.0], wide)),
-        image((127, 79), pinhole([2.0, -3.0, 2.0], 1.0)),
-        // Pixels straight along walls.
-        image((65, 65), |x, y| {
+        image([127, 79], pinhole([2.0, -3.0, 2.0], 1.0)),
+        // Send pixels along walls.
+        image([65, 65], |x, y| {
             ray(
                 [2.0, -4.0, 2.0],
                 [(x * 32.5).round() / 8.0, 1.0, (y * 32.5).round() / 8.0],
@@ -135,22 +135,22 @@ fn wide_angles_parallel_rays_and_apexes_on_cell_corners_change_nothing() {
         image(size, |x, y| {
             ray([2.0 + 3.0 * x, -5.0, 2.0 + 3.0 * y], [0.1, 1.0, -0.2])
         }),
-        // One pixel per edge of a cell, straight along the edges and walls.
-        image((17, 17), |x, y| {
+        // Send one pixel along each edge of a cell.
+        image([17, 17], |x, y| {
             ray([2.0 + 2.125 * x, -5.0, 2.0 + 2.125 * y], [-0.0, 1.0, 0.0])
         }),
-        image((17, 17), |x, y| {
+        image([17, 17], |x, y| {
             ray([2.0 + 2.125 * x, 7.0 - y, 9.0], [0.0, -1.0, -1.0])
         }),
-        // Shifted: the window lies aside of the axis.
+        // Shift the window off the axis.
         image(size, |x, y| {
             ray([1.9, -3.0, 2.2], [0.8 * x + 0.9, 1.0, 0.5 * y - 0.7])
         }),
-        // Each ray its own way.
+        // Give each ray its own direction.
         image(size, |x, y| ray([2.0 + x, -3.0, 2.0 + y], [y, 1.0, x])),
-        // Too far away to walk from cell to cell.
+        // Start too far away for a traversal from cell to cell.
         image(size, pinhole([2.0, -1.0e6, 2.0], 4.0e-6)),
-        // Limits of their own, and rays that are no rays.
+        // Give the rays their own intervals, and make some invalid.
         image(size, |x, y| Ray {
             t_min: 3.0 + x,
             t_max: 5.0 + 2.0 * y,
@@ -170,7 +170,7 @@ fn wide_angles_parallel_rays_and_apexes_on_cell_corners_change_nothing() {
 
 #[test]
 fn small_cells_beside_large_ones_lose_no_pixel() {
-    // A heap of tiny boxes in a large one: neighbours many levels finer.
+    // Put tiny boxes into a large one: neighbours are many levels finer.
     let mut corners = box_triangles([-10.0; 3], [10.0; 3]);
     let mut random = Random(4);
     for _ in 0..300 {
@@ -179,15 +179,15 @@ fn small_cells_beside_large_ones_lose_no_pixel() {
     }
     let scene = soup(corners);
     let images = vec![
-        image((160, 100), pinhole([1.0, -3.0, 1.0], 0.5)),
-        image((160, 100), pinhole([1.0, 0.5, 1.0], 0.5)),
-        image((160, 100), pinhole([-30.0, -30.0, 1.0], 1.5)),
+        image([160, 100], pinhole([1.0, -3.0, 1.0], 0.5)),
+        image([160, 100], pinhole([1.0, 0.5, 1.0], 0.5)),
+        image([160, 100], pinhole([-30.0, -30.0, 1.0], 1.5)),
     ];
     compare("tiny among large", &scene, &images);
 }
 
 #[test]
-fn hard_scenes_look_the_same() {
+fn beams_change_no_pixel_of_hard_scenes() {
     for case in cases(Size::Small, 7) {
         let bounds = case.scene.bounds();
         if bounds.is_empty() {
@@ -203,19 +203,19 @@ fn hard_scenes_look_the_same() {
             middle[2] + 0.05 * size,
         ];
         let images = vec![
-            image((72, 40), pinhole(aside, 0.5)),
-            image((72, 40), pinhole(middle, 3.0)),
-            image((72, 40), pinhole(bounds.min, 1.0)),
+            image([72, 40], pinhole(aside, 0.5)),
+            image([72, 40], pinhole(middle, 3.0)),
+            image([72, 40], pinhole(bounds.min, 1.0)),
         ];
         compare(case.name, &case.scene, &images);
     }
 }
 
 #[test]
-fn every_walk_ends_after_as_many_cells_as_the_grid_has_planes() {
+fn every_beam_ends_within_the_number_of_planes_of_the_grid() {
     let scene = soup(grid(4, 0.0));
     let mut rays = lattice_rays(4, &mut Random(5), 3000);
-    // The main diagonal through all corners, and edges of cells in all directions.
+    // Follow the main diagonal through all corners, and edges of cells in all directions.
     for signs in 0..8 {
         let side = |k: usize| if signs >> k & 1 == 1 { -1.0 } else { 1.0 };
         let o = std::array::from_fn(|k| 2.0 - 4.0 * side(k));
@@ -239,8 +239,8 @@ fn every_walk_ends_after_as_many_cells_as_the_grid_has_planes() {
 fn beams_take_fewer_steps_and_count_them() {
     let scene = soup(grid(4, 0.3));
     let structure = build(&scene, "octree-beam");
-    let perspective = image((320, 200), pinhole([1.9, -7.0, 2.2], 0.6));
-    let parallel = image((320, 200), |x, y| {
+    let perspective = image([320, 200], pinhole([1.9, -7.0, 2.2], 0.6));
+    let parallel = image([320, 200], |x, y| {
         ray([2.0 + 3.0 * x, -5.0, 2.0 + 3.0 * y], [0.1, 1.0, -0.2])
     });
     for rays in [perspective, parallel] {
@@ -253,11 +253,11 @@ fn beams_take_fewer_steps_and_count_them() {
 }
 
 #[test]
-fn beams_cut_by_polygons_visit_less_than_their_rays_and_say_so() {
+fn beams_cut_by_polygons_count_fewer_visits_than_their_rays() {
     let scene = soup(grid(4, 0.3));
     let structure = build(&scene, "beam-hh");
     assert_eq!(structure.cases(), plane_beam::NAMES);
-    let rays = image((320, 200), pinhole([1.9, -7.0, 2.2], 0.6));
+    let rays = image([320, 200], pinhole([1.9, -7.0, 2.2], 0.6));
     let (beams, single) = (
         steps(&structure, &rays, Order::Tiles),
         steps(&structure, &rays, Order::None),
@@ -268,7 +268,7 @@ fn beams_cut_by_polygons_visit_less_than_their_rays_and_say_so() {
     structure.closest_ordered(&rays, &mut hits, Some(&mut counters), Order::Tiles);
     let sum = |i: usize| counters.iter().map(|c| u64::from(c.cases[i])).sum::<u64>();
     let (visits, cuts, singles) = (sum(0), sum(1), sum(2));
-    // Some tiles see several faces, and some see edges so narrow that few rays are left.
+    // Some tiles contain several faces, and some edges so narrow that few rays remain.
     assert!(visits > 1000 && cuts > 100, "{visits} visits, {cuts} cuts");
     assert!(singles > 0 && singles < rays.len() as u64 / 8, "{singles}");
 }
@@ -301,7 +301,7 @@ fn shadows(structure: &Structure, rays: &[Ray]) -> (Vec<bool>, Vec<RayCounters>)
 
 #[test]
 fn shadow_beams_answer_like_single_rays_and_mostly_at_once() {
-    // A floor that receives, and boxes above it.
+    // A receiving floor with boxes above it.
     let mut corners = grid(4, 0.3);
     corners.extend([[-2.0, -2.0, -0.6], [6.0, -2.0, -0.6], [2.0, 9.0, -0.6]]);
     let scene = soup(corners);
@@ -317,7 +317,7 @@ fn shadow_beams_answer_like_single_rays_and_mostly_at_once() {
         shadow_rays(20_000, to([2.2, 1.7, 2.1])),
         shadow_rays(20_000, to([2.0, 2.0, 2.0])),
         shadow_rays(20_000, to([2.0, 2.0, -9.0])),
-        // Suns, one straight along the walls.
+        // Suns, one of them along the walls.
         shadow_rays(20_000, |o| ray(o, [0.3, 0.2, 1.0])),
         shadow_rays(20_000, |o| ray(o, [0.0, -0.0, 1.0])),
     ];
@@ -330,7 +330,7 @@ fn shadow_beams_answer_like_single_rays_and_mostly_at_once() {
         let steps = |all: &[RayCounters]| all.iter().map(|c| u64::from(c.steps())).sum::<u64>();
         let saved = (steps(&counted), steps(&plain));
         assert!(saved.0 < saved.1, "light {i}: {saved:?}");
-        // Rays in the light that needed no walk were in empty beams; the cache spares others.
+        // Unoccluded rays without a traversal were in empty beams; the cache answers others.
         let lit = counted.iter().zip(&found).filter(|(_, blocked)| !**blocked);
         let empty = lit.clone().filter(|(c, _)| c.spared == 1).count();
         let lit = lit.count();
@@ -348,14 +348,14 @@ fn shadow_beams_answer_like_single_rays_and_mostly_at_once() {
 }
 
 #[test]
-fn shadow_beams_lose_nothing_on_hard_scenes() {
+fn shadow_beams_answer_like_brute_force_on_hard_scenes() {
     for case in cases(Size::Small, 8) {
         let bounds = case.scene.bounds();
         if bounds.is_empty() {
             continue;
         }
         let single = build(&case.scene, "octree-net");
-        // The rays of the case, and rays from the places they start at to the corners of the scene.
+        // Trace the rays of the case, and rays from their origins to the corners of the scene.
         let mut rays = case.rays.clone();
         for light in [bounds.min, bounds.max] {
             rays.extend(case.rays.iter().take(2000).map(|r| Ray {

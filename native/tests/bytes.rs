@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! The fuzzing targets without a fuzzer: every target on many random byte strings, the same in each run. Longer with
-//! `HALFSPACE_FUZZ_SECONDS`, which goes on for so long, per target.
+//! The fuzzing targets without a fuzzer: every target on many random byte strings, the same in each run.
+//! `HALFSPACE_FUZZ_SECONDS` sets a time per target instead of a number of strings.
 
 mod harness;
 
 use halfspace::oracle::cases::Random;
 use std::time::{Duration, Instant};
 
-/// Byte strings per target where nobody asks for more.
+/// Number of byte strings per target by default.
 const COUNT: u32 = 1500;
 
-/// Random bytes, or bytes of few values, or text that looks like a configuration.
+/// Random bytes, bytes of few values, or text similar to a configuration.
 fn make(random: &mut Random) -> Vec<u8> {
     let words = [
         "kd",
@@ -43,7 +43,7 @@ fn make(random: &mut Random) -> Vec<u8> {
 }
 
 #[test]
-fn no_bytes_do_harm() {
+fn every_target_accepts_any_bytes() {
     let seconds = std::env::var("HALFSPACE_FUZZ_SECONDS").ok();
     let longer = seconds
         .map(|text| Duration::from_secs(text.parse().expect("HALFSPACE_FUZZ_SECONDS: a number")));

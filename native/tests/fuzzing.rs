@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Random input of every kind: no configuration string and no triangles may end in a panic, and every
-//! structure answers like brute force.
+//! Random input of every kind: no configuration string and no triangles cause a panic, and every structure answers
+//! like brute force.
 
 use halfspace::base::Monitor;
 use halfspace::base::error::Error;
@@ -13,7 +13,7 @@ use halfspace::structure::row::{Kind, ParamSpec};
 use proptest::prelude::*;
 use std::sync::Arc;
 
-/// Numbers of few bits meet every coincidence; others any exponent, NaN and infinity.
+/// Numbers of few bits, which coincide often, or numbers of any exponent, NaN and infinity.
 fn number() -> impl Strategy<Value = f32> {
     prop_oneof![
         6 => (-8i8..8).prop_map(f32::from),
@@ -39,7 +39,7 @@ fn ray() -> impl Strategy<Value = Ray> {
     )
 }
 
-/// A value that the parameter may or may not accept.
+/// A value that is valid or invalid for the parameter.
 fn value(param: &'static ParamSpec) -> BoxedStrategy<String> {
     match param.kind {
         Kind::Integer { min, max } => (min..=max).prop_map(|x| x.to_string()).boxed(),
@@ -50,7 +50,7 @@ fn value(param: &'static ParamSpec) -> BoxedStrategy<String> {
     }
 }
 
-/// A valid configuration of any structure, without `robust=none`, which is there to fail.
+/// A valid configuration of any structure, without `robust=none`, which returns wrong hits on purpose.
 fn spec() -> impl Strategy<Value = String> {
     (0..TREES.len()).prop_flat_map(|i| {
         let tree = &TREES[i];
@@ -102,7 +102,7 @@ proptest! {
         let indices = (0..count).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
         let mut rays = rays;
         if count > 0 {
-            // From corner to corner, too.
+            // Trace from vertex to vertex, too.
             rays.extend(aims.iter().map(|[a, b]| {
                 let (o, p) = (corners[a.index(corners.len())], corners[b.index(corners.len())]);
                 Ray { o, d: std::array::from_fn(|k| p[k] - o[k]), t_min: 0.0, t_max: f32::INFINITY }
@@ -111,7 +111,7 @@ proptest! {
         let scene = Arc::new(Triangles::new(corners, indices).unwrap());
         let config = registry::parse(&spec).unwrap();
         let structure = match Structure::build(scene.clone(), config, 1, &Monitor::new()) {
-            // A value that is in its range may still not go with another: tiles with narrow nodes.
+            // Two values within their ranges may exclude each other: tiles with narrow nodes.
             Err(Error::Spec(_)) => return Ok(()),
             built => built.unwrap(),
         };

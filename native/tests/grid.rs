@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Uniform grids where their walls meet: triangles that reach a corner of cells from one side, and rays that only
-//! just touch them there.
+//! Uniform grids at corners of cells: triangles that reach a corner from one side, and rays that barely touch them
+//! there.
 
 use halfspace::base::Monitor;
 use halfspace::inspect::validate::validate;
@@ -20,7 +20,7 @@ fn build(triangles: &[Corners], spec: &str) -> Structure {
     Structure::build(soup(triangles.concat()), config, 1, &Monitor::new()).unwrap()
 }
 
-/// A flat scene of as many triangles as there will be, in the box that the scene will have.
+/// A flat scene with the number of triangles and the box of the final scene.
 fn outline(low: [f32; 3], high: [f32; 3]) -> Vec<Corners> {
     let ends = [[low, low, high], [high, high, low]];
     let mut triangles: Vec<Corners> = ends.to_vec();
@@ -38,7 +38,7 @@ fn grid(structure: &Structure) -> &Grid {
     tree.downcast_ref::<Grid>().unwrap()
 }
 
-/// How many cells a grid has, and how many places triangles have in them.
+/// Numbers of cells and of references of a grid.
 fn cells_and_places(structure: &Structure) -> (usize, usize) {
     let (mut cells, mut places) = (0, 0);
     grid(structure).visit(|_, halfspace::leaf::Leaf { count, .. }| {
@@ -48,14 +48,14 @@ fn cells_and_places(structure: &Structure) -> (usize, usize) {
     (cells, places)
 }
 
-/// A triangle across the whole scene, a little off the others.
+/// A triangle across the whole scene, slightly apart from the others.
 fn large(random: &mut Random) -> Corners {
     [[-1.0, -1.0, 0.0], [1.0, -0.5, 1.0], [0.0, 1.0, -1.0]]
         .map(|p| p.map(|x: f32| x * (1.0 - 0.1 * random.unit())))
 }
 
 #[test]
-fn triangles_as_large_as_the_scene_have_few_cells() {
+fn triangles_as_large_as_the_scene_make_few_cells() {
     let mut random = Random(7);
     let triangles: Vec<Corners> = (0..2000).map(|_| large(&mut random)).collect();
     let structure = build(&triangles, "grid");
@@ -125,7 +125,7 @@ fn triangles_that_reach_a_corner_from_one_cell_are_met_there() {
             let at = [i % SIDE, i / SIDE % SIDE, i / SIDE.pow(2)];
             let corner: [f32; 3] =
                 std::array::from_fn(|k| walls[k][1 + at[k] % (walls[k].len() - 2)]);
-            // Into one of the eight cells around the corner, and one float away from the others.
+            // Reach into one of the eight cells around the corner, one float away from the others.
             let side = random.below(8);
             let up = |k: usize| side >> k & 1 == 1;
             let tip: [f32; 3] = std::array::from_fn(|k| match up(k) {
@@ -143,7 +143,7 @@ fn triangles_that_reach_a_corner_from_one_cell_are_met_there() {
                 let o: [f32; 3] = std::array::from_fn(|k| {
                     low[k] + (high[k] - low[k]) * (3.0 * random.unit() - 1.0)
                 });
-                // Not of length 1, at which distances to the three walls would round alike.
+                // At length 1 the distances to the three walls would round alike.
                 let length = 0.5 + random.unit();
                 let d = std::array::from_fn(|k| length * (tip[k] - o[k]));
                 rays.push(ray(o, d));
@@ -160,7 +160,7 @@ fn triangles_that_reach_a_corner_from_one_cell_are_met_there() {
             .filter(|(a, b)| a != b)
             .count();
     }
-    // Without its bounds the walk passes some of them: what was asked above is not void.
+    // Without its error bounds the traversal misses some of them: the comparison above can fail.
     assert!(lost > 0);
 }
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Two levels answer bit for bit like brute force over the flattened scene, whatever the transforms and
-//! whatever structure the meshes have.
+//! Instances return bit for bit the hits of brute force over the flattened scene, for all transforms and all
+//! structures of the meshes.
 
 use fearless_simd::Level;
 use halfspace::base::Monitor;
@@ -18,7 +18,7 @@ fn build(scene: &Arc<Triangles>, spec: &str) -> Arc<Structure> {
     Arc::new(Structure::build(scene.clone(), config, 1, &Monitor::new()).unwrap())
 }
 
-/// A bumpy ball, its corners shared; at `centre`, so that a mesh may be far from its own origin.
+/// A bumpy sphere with shared vertices around `centre`, which may be far from the origin of the mesh.
 fn ball(rings: u32, centre: [f32; 3]) -> Arc<Triangles> {
     let sectors = 2 * rings;
     let mut vertices = Vec::new();
@@ -48,7 +48,7 @@ fn ball(rings: u32, centre: [f32; 3]) -> Arc<Triangles> {
     Arc::new(Triangles::new(vertices, indices).unwrap())
 }
 
-/// Triangles without area as the mesh has them; rounding may give them one.
+/// Triangles without area in the mesh, to which rounding may give one.
 fn flat() -> Arc<Triangles> {
     let mut vertices = Vec::new();
     for i in 0..40_u8 {
@@ -76,7 +76,7 @@ impl Numbers {
         2.0 * self.unit() - 1.0
     }
 
-    /// Turned, scaled by `scale`, and by the kind mirrored, sheared or unevenly scaled.
+    /// Rotated, scaled by `scale`, and mirrored, sheared or unevenly scaled by its kind.
     fn transform(&mut self, scale: f64, spread: f64, kind: usize) -> Transform {
         let q: [f64; 4] = std::array::from_fn(|_| self.signed());
         let length = q.iter().map(|x| x * x).sum::<f64>().sqrt().max(1e-3);
@@ -164,7 +164,7 @@ fn differences(tracer: &impl Tracer, rays: &[Ray], expected: &[Hit]) -> usize {
     wrong
 }
 
-/// Every layout and way of walking.
+/// Every node layout and traversal.
 fn specs() -> Vec<String> {
     let mut specs = Vec::new();
     for tree in TREES {
@@ -179,7 +179,7 @@ fn specs() -> Vec<String> {
     specs
 }
 
-/// Name, meshes, where they stand.
+/// Name, meshes, instances.
 type Scene = (&'static str, Vec<Arc<Triangles>>, Vec<Instance>);
 
 /// Scenes of instances.
@@ -214,7 +214,7 @@ fn scenes() -> Vec<Scene> {
         ),
         ("flat", vec![flat()], place(1, 12, &[1.0, 0.3], 2.0)),
     ];
-    // Boxes that touch, where they stand on the lattice: every ray along it lies in walls.
+    // Touching boxes on the lattice: every ray along it lies in walls.
     let mut lattice = Vec::new();
     for i in 0..8_u8 {
         let at = |bit: u8| 2.0 * f64::from(i >> bit & 1);
@@ -223,7 +223,7 @@ fn scenes() -> Vec<Scene> {
             transform: translation([at(0), at(1), at(2)]),
         });
     }
-    // Twice at the same spot: the smaller number wins.
+    // Two instances at the same position: the smaller index wins.
     lattice.extend_from_within(..2);
     scenes.push(("lattice", boxes, lattice));
     scenes
@@ -271,9 +271,9 @@ fn two_levels_answer_like_brute_force_over_the_flattened_scene() {
 }
 
 #[test]
-fn every_extreme_case_is_the_same_in_a_place() {
-    // Moved nowhere, so that the flattened scene is the case itself; and mirrored and scaled by powers of two, which
-    // rounds nothing: the rays go along.
+fn every_extreme_case_is_the_same_as_an_instance() {
+    // Use the identity, whose flattened scene is the case itself, and mirrored scales by powers of two, which round
+    // nothing; the rays are transformed likewise.
     let exact = |scale: f64| Transform {
         linear: [[-scale, 0.0, 0.0], [0.0, 0.0, scale], [0.0, scale, 0.0]],
         offset: [0.0; 3],
@@ -315,7 +315,7 @@ fn every_extreme_case_is_the_same_in_a_place() {
             let flat = flattened(&instances);
             let mut wanted = vec![Hit::MISS; rays.len()];
             build(&flat, "brute").closest(&moved, &mut wanted, None);
-            // Only what is nearly out of the range of f32 has no place.
+            // Only transforms near the end of the range of f32 are dropped.
             if scale == 0.0 && instances.dropped().next().is_none() {
                 assert_eq!(wanted, expected, "{}", case.name);
                 placed += 1;
@@ -328,7 +328,7 @@ fn every_extreme_case_is_the_same_in_a_place() {
 }
 
 #[test]
-fn without_allowance_for_rounding_answers_differ() {
+fn without_error_bounds_answers_differ() {
     let (_, meshes, places) = scenes().swap_remove(0);
     let meshes = (meshes.iter())
         .map(|mesh| build(mesh, "kd:robust=none"))
@@ -395,7 +395,7 @@ fn bad_transforms_are_dropped_and_the_rest_keep_their_numbers() {
     assert_eq!(hits[0].triangle as usize / count, 4);
     assert_eq!(instances.locate(hits[0].triangle).0, 4);
 
-    // None at all, and a mesh that nobody has.
+    // No instance at all, and a mesh index out of range.
     let none = Instances::build(meshes.clone(), &[], &Monitor::new()).unwrap();
     none.closest(&[ray], &mut hits, None);
     assert!(!hits[0].is_hit() && none.is_empty() && none.count() == 0);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Trees that rays have built: the tree is that of a build at once, whoever builds it and in whatever order, and
-//! the answers are those of brute force while it grows.
+//! Lazily built trees: the tree equals that of a complete build, whichever rays build it and in any order, and the
+//! answers are those of brute force while it grows.
 
 use halfspace::base::Monitor;
 use halfspace::base::error::Error;
@@ -18,7 +18,7 @@ fn build(scene: &Arc<Triangles>, spec: &str, threads: usize) -> Structure {
     Structure::build(scene.clone(), config, threads, &Monitor::new()).unwrap()
 }
 
-/// Every structure that rays can have built, at once and lazily.
+/// Every structure that can be built lazily: its complete and its lazy configuration.
 fn specs() -> Vec<(String, String)> {
     let lazy = |tree: &&_| {
         let tree: &halfspace::structure::row::StructureSpec = tree;
@@ -37,7 +37,7 @@ fn closest(structure: &Structure, rays: &[Ray]) -> Vec<Hit> {
     hits
 }
 
-/// How many answers differ in some bit.
+/// Number of answers that differ in some bit.
 fn wrong(hits: &[Hit], expected: &[Hit]) -> usize {
     let bits = |h: &Hit| (h.triangle, h.t.to_bits(), h.u.to_bits(), h.v.to_bits());
     (hits.iter().zip(expected))
@@ -56,13 +56,13 @@ fn same_tree(eager: &Structure, lazy: &Structure, about: &str) {
     assert_eq!(eager.shape.depth_max, lazy.shape.depth_max, "{about}");
 }
 
-/// A scene with parts of parts.
+/// A scene whose parts have parts of their own.
 fn large() -> Arc<Triangles> {
     soup(grid(11, 0.3))
 }
 
 #[test]
-fn the_tree_is_that_of_a_build_at_once() {
+fn the_lazy_tree_equals_the_complete_one() {
     let scene = large();
     let rays = aimed(&scene, 40, &mut Random(3));
     for (at_once, spec) in specs() {
@@ -89,7 +89,7 @@ fn the_tree_is_that_of_a_build_at_once() {
                 "{spec}: {all:?}"
             );
             assert_eq!(validate(&seen), Vec::<String>::new(), "{spec}");
-            // Beside the heads of its parts it has the same nodes and leaves; wide nodes are for other walks.
+            // Apart from the heads of its parts it has the same nodes and leaves; wide nodes serve other traversals.
             let single = build(&scene, &format!("{at_once}:traversal=dir"), threads).bytes();
             let heads = (all.built + 1) * (size_of::<Part>() + size_of::<Unbuilt>());
             let parts = all.bytes - heads;
@@ -105,7 +105,7 @@ fn the_tree_is_that_of_a_build_at_once() {
 }
 
 #[test]
-fn rays_that_build_get_the_answers_of_brute_force() {
+fn rays_that_build_answer_like_brute_force() {
     for Case {
         name, scene, rays, ..
     } in cases(Size::Small, 7)
@@ -158,10 +158,10 @@ fn rays_of_several_threads_race_for_the_same_parts() {
     }
 }
 
-/// What rays have built cannot be refused half way, so a tree that would take too much is refused before.
+/// A lazy build cannot fail half way, so a tree that would exceed the memory is refused at the start.
 #[test]
-fn a_tree_whose_whole_has_no_room_is_refused_before_rays_come() {
-    // Long thin triangles all over each other, each in many leaves.
+fn a_lazy_tree_that_would_exceed_the_memory_is_refused_at_once() {
+    // Overlapping long thin triangles, each in many leaves.
     let mut random = Random(5);
     let corners = (0..3000).flat_map(|_| {
         let at = random.point(0.0, 1.0);
@@ -195,7 +195,7 @@ fn a_tree_whose_whole_has_no_room_is_refused_before_rays_come() {
 }
 
 #[test]
-fn walks_of_a_tree_in_one_piece_say_why_it_is_built_at_once() {
+fn traversals_of_complete_trees_report_why_nothing_is_lazy() {
     let scene = soup(grid(4, 0.3));
     for (at_once, spec) in specs() {
         for more in ["traversal=p8", "shadow=beam"] {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! The depths of leaves, for the render pass that shows them.
+//! The depths of leaves of the render pass.
 
 mod common;
 

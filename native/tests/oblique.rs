@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! What trees with oblique planes promise beyond the contract of all structures.
+//! Properties of trees with oblique planes beyond the contract of all structures.
 
 use halfspace::base::Monitor;
 use halfspace::oracle::cases::{Case, Random, Size, cases, grid, soup};
@@ -13,7 +13,7 @@ fn build(scene: &Arc<Triangles>, spec: &str) -> Structure {
     Structure::build(scene.clone(), config, 2, &Monitor::new()).unwrap()
 }
 
-/// Small triangles in all directions, near each other but hardly ever crossing.
+/// Small triangles of all orientations, close together but rarely crossing.
 fn scattered(count: usize) -> Arc<Triangles> {
     let mut random = Random(5);
     let triangles = (0..count).flat_map(|_| {
@@ -38,7 +38,7 @@ fn same_tree(scene: &Arc<Triangles>, a: &str, b: &str) {
 #[test]
 fn three_directions_make_the_kd_tree() {
     let scene = scattered(3000);
-    // A tree whose leaves are large.
+    // A tree with large leaves.
     let cut_short = |id: &str| format!("{id}max_depth=4");
     for id in [
         "bsp-wn-plus-kd",
@@ -84,9 +84,9 @@ fn walls_parallel_to_axes_leave_out_oblique_planes() {
     }
 }
 
-/// What small nodes and good planes along the axes leave untried is told, and can be switched off.
+/// Directions left untried in small nodes and beside good axis-aligned planes are reported, and can be tried.
 #[test]
-fn fewer_directions_are_told() {
+fn directions_left_untried_are_reported() {
     let scene = scattered(3000);
     for id in ["bsp-wn-plus-kd", "bsp-cn-plus", "bsp-hybrid-plus-kd"] {
         let told = |spec: &str| {
@@ -94,11 +94,11 @@ fn fewer_directions_are_told() {
             let of = |part: &str| left_out.iter().any(|s| s.contains(part));
             [of("besides the axes"), of("small nodes")]
         };
-        // The default spares so small a scene nothing.
+        // In a scene this small the default leaves nothing untried.
         let enough = format!("{id}:enough=0.9");
         assert_eq!(told(&enough), [true; 2], "{id}");
         assert_eq!(told(&format!("{id}:enough=0")), [false, true], "{id}");
-        // A share of K, whatever K is, and never the axes alone.
+        // A share of K for any K, and never the axes alone.
         for (k, small) in [(6, 4), (10, 7), (5, 4)] {
             let left_out = build(&scene, &format!("{id}:k={k}")).left_out().join(" ");
             let told = format!("small nodes: {small} instead of {k} ");
@@ -139,9 +139,9 @@ fn seeds_choose_the_tree() {
     }
 }
 
-/// Leaves hold at most 64 triangles wherever planes tell triangles apart, whatever limits the depth.
+/// Leaves hold at most 64 triangles wherever planes separate triangles, for every limit of the depth.
 #[test]
-fn large_leaves_hold_what_no_plane_parts() {
+fn large_leaves_hold_triangles_that_no_plane_splits() {
     let cases = cases(Size::Small, 7);
     let case = |name: &str| -> &Arc<Triangles> {
         let case: Option<&Case> = cases.iter().find(|c| c.name == name);
@@ -160,7 +160,7 @@ fn large_leaves_hold_what_no_plane_parts() {
 }
 
 #[test]
-fn bad_values_name_the_key_and_its_range() {
+fn invalid_values_name_the_key_and_its_range() {
     for (spec, part) in [
         (
             "bsp-wn-plus-kd:k=2",

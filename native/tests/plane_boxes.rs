@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! The trees of objects, and the boxes, that are made from trees of planes.
+//! Object hierarchies and boxes made from trees of planes.
 
 mod common;
 
@@ -26,7 +26,7 @@ fn planes(structure: &Structure) -> &PlaneTree {
     planes.expect("a tree of planes")
 }
 
-/// Builds the tree of objects of a structure that is a tree of planes.
+/// Builds the object hierarchy of a tree of planes.
 fn objects(structure: &Structure, monitor: &Monitor) -> Result<ObjectTree> {
     let scene = (&**structure.scene(), structure.frame());
     plane_objects::build(planes(structure), scene, monitor)
@@ -80,7 +80,7 @@ fn chips(seed: u64, count: usize) -> Vec<[f32; 3]> {
     (0..count).flat_map(|_| chip()).collect()
 }
 
-/// Slivers on one skew line, lying over each other.
+/// Overlapping slivers along one skew line.
 fn slivers(count: usize) -> Vec<[f32; 3]> {
     let mut random = Random(11);
     let mut point = || {
@@ -91,7 +91,7 @@ fn slivers(count: usize) -> Vec<[f32; 3]> {
 }
 
 #[test]
-fn leaves_hold_all_triangles_and_are_no_larger_than_these() {
+fn leaves_hold_all_triangles_and_are_no_larger_than_they() {
     for corners in [grid(3, 0.3), random_points(3, 900), Vec::new()] {
         for spec in ["kd", "bsp-cn-plus-kd", "kd-sah:traversal=dir"] {
             let structure = build(&soup(corners.clone()), spec);
@@ -151,7 +151,7 @@ fn every_point_of_a_triangle_lies_in_the_box_of_a_leaf_that_holds_it() {
 }
 
 #[test]
-fn leaves_are_small_where_oblique_planes_part_slivers() {
+fn leaves_are_small_where_oblique_planes_split_slivers() {
     let structure = build(&soup(slivers(300)), "rbsp");
     let tree = objects(&structure, &Monitor::new()).unwrap();
     let leaves = leaves(&tree);
@@ -163,7 +163,7 @@ fn leaves_are_small_where_oblique_planes_part_slivers() {
 }
 
 #[test]
-fn trees_are_the_same_whatever_the_number_of_threads() {
+fn trees_are_the_same_for_any_number_of_threads() {
     for spec in ["kd", "bsp-wn-plus-kd"] {
         let structure = build(&soup(chips(5, 45_000)), spec);
         let made = |threads: usize| {
@@ -178,7 +178,7 @@ fn trees_are_the_same_whatever_the_number_of_threads() {
 }
 
 #[test]
-fn all_of_the_work_is_told_once() {
+fn all_work_is_reported_once() {
     for (spec, count) in [
         ("kd", 900),
         ("bsp-wn-plus-kd", 45_000),
@@ -194,7 +194,7 @@ fn all_of_the_work_is_told_once() {
 }
 
 #[test]
-fn what_it_takes_counts() {
+fn the_hierarchy_counts_towards_the_memory() {
     let structure = build(&soup(random_points(9, 900)), "kd");
     let monitor = Monitor::new();
     monitor.limit_memory(4_000_000);
@@ -214,7 +214,7 @@ fn what_it_takes_counts() {
 }
 
 #[test]
-fn each_leaf_stands_once_in_the_boxes_and_all_they_take_counts() {
+fn each_leaf_occurs_once_in_the_boxes_and_their_memory_counts() {
     let mut random = Random(31);
     let corners: Vec<_> = (0..6000).map(|_| random.point(-1.0, 1.0)).collect();
     let structure = build(&soup(corners), "kd");
@@ -248,7 +248,7 @@ fn each_leaf_stands_once_in_the_boxes_and_all_they_take_counts() {
     assert!(PlaneBoxes::new(planes, scene, &limited).is_ok());
 }
 
-/// No answer would change without, only the time that rays take.
+/// Without them no answer would change, only the time of tracing.
 #[test]
 fn all_rays_of_auto_go_through_boxes_whatever_the_planes_are() {
     let mut random = Random(13);
@@ -273,7 +273,7 @@ fn all_rays_of_auto_go_through_boxes_whatever_the_planes_are() {
 }
 
 #[test]
-fn boxes_that_lie_elsewhere_are_told_of() {
+fn boxes_at_other_positions_are_reported() {
     let [structure, other] =
         [0.3, 0.2].map(|size| build(&soup(grid(4, size)), "kd:traversal=boxes"));
     let shape = structure.shape();

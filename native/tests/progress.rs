@@ -7,7 +7,7 @@ use halfspace::registry;
 use halfspace::structure::Structure;
 
 #[test]
-fn every_build_tells_of_all_its_work_once() {
+fn every_build_reports_all_its_work_once() {
     let scene = soup(grid(8, 0.3));
     for tree in registry::TREES.iter().filter(|tree| tree.id != "brute") {
         let walks = tree

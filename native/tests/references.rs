@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! How often trees of split planes refer to a triangle.
+//! The number of references per triangle in trees of split planes.
 
 mod common;
 
@@ -14,7 +14,7 @@ fn copies(corners: &[[f32; 3]], spec: &str) -> f64 {
 }
 
 #[test]
-fn slivers_along_one_line_do_not_multiply_without_end() {
+fn references_to_slivers_along_one_line_are_bounded() {
     let mut random = Random(5);
     let corners: Vec<_> = (0..3 * 1500)
         .map(|_| random.unit())
@@ -27,7 +27,7 @@ fn slivers_along_one_line_do_not_multiply_without_end() {
 }
 
 #[test]
-fn spokes_of_a_wheel_do_not_multiply_without_end() {
+fn references_to_spokes_of_a_wheel_are_bounded() {
     let n = 6000;
     let rim = |i: usize| {
         let angle = std::f32::consts::TAU * (i % n) as f32 / n as f32;
@@ -43,7 +43,7 @@ fn spokes_of_a_wheel_do_not_multiply_without_end() {
 }
 
 #[test]
-fn coplanar_triangles_over_each_other_do_not_multiply_without_end() {
+fn references_to_overlapping_coplanar_triangles_are_bounded() {
     let mut random = Random(7);
     let corners: Vec<_> = (0..3 * 1000)
         .map(|_| [random.unit(), random.unit(), 0.0])
@@ -52,10 +52,10 @@ fn coplanar_triangles_over_each_other_do_not_multiply_without_end() {
     assert!(copies < 100.0, "{copies}");
 }
 
-/// Around the centre of nested tetrahedra their triangles are copied more often than anywhere in other scenes, and
-/// still planes part them.
+/// Around the centre of nested tetrahedra their triangles have more references than anywhere in other scenes, and
+/// planes still separate them.
 #[test]
-fn what_planes_part_is_parted_however_often_it_was_copied() {
+fn separable_triangles_are_split_for_any_number_of_references() {
     let corner = [
         [1.0, 1.0, 1.0],
         [1.0, -1.0, -1.0],

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Walks repeated without triangle tests visit what they visited with them.
+//! Traversals repeated without triangle tests visit the same leaves.
 
 use halfspace::base::Monitor;
 use halfspace::base::error::Error;
@@ -17,7 +17,7 @@ fn build(scene: &Arc<Triangles>, spec: &str) -> Structure {
 }
 
 #[test]
-fn every_walk_repeats_itself_without_triangles() {
+fn every_traversal_repeats_itself_without_triangles() {
     let scene = soup(grid(5, 0.3));
     let mut random = Random(3);
     let mut rays = lattice_rays(5, &mut random, 700);

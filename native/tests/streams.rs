@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Streams of rays: the answers of brute force bit for bit, however many rays there are and however they crowd.
+//! Ray streams return the answers of brute force bit for bit, for any number and distribution of rays.
 
 mod common;
 
@@ -30,8 +30,8 @@ fn closest(structure: &impl Tracer, rays: &[Ray]) -> Vec<[u32; 4]> {
     hits.iter().map(bits).collect()
 }
 
-/// Every structure on every instruction set answers these rays like brute force, in batches of `size`. Returns the right
-/// answers.
+/// Checks that every structure on every instruction set answers these rays like brute force, in batches of `size`.
+/// Returns the answers of brute force.
 fn agree(scene: &Arc<Triangles>, rays: &[Ray], size: usize) -> Vec<[u32; 4]> {
     let reference = closest(&build(scene, "brute"), rays);
     for spec in SPECS {
@@ -60,8 +60,8 @@ fn batches_of_any_size_answer_like_brute_force() {
     }
 }
 
-/// Each of these rays meets all of these boxes: no list is shorter than the one it comes from. There are more than walk
-/// together.
+/// Each of these rays hits all of these boxes, so no list is shorter than that of the parent. There are more rays than
+/// one stream holds.
 #[test]
 fn rays_that_meet_everything_answer_like_brute_force() {
     let mut random = Random(6);
@@ -81,7 +81,7 @@ fn rays_that_meet_everything_answer_like_brute_force() {
     assert!(reference.iter().all(|hit| hit[1] != Hit::NONE));
 }
 
-/// Scaled frames, all rays of which are odd, and rays through edges and corners.
+/// Scaled frames, in which all rays are irregular, and rays through edges and vertices.
 #[test]
 fn streams_in_scaled_frames_answer_like_brute_force() {
     let mut random = Random(7);
@@ -94,7 +94,8 @@ fn streams_in_scaled_frames_answer_like_brute_force() {
     }
 }
 
-/// In the frame's units such a direction lies in the wall; in the scene's it leaves it, and the ray meets it where it starts.
+/// Such a direction lies in the wall in units of the frame; in those of the scene it leaves the wall, and the ray hits
+/// it at its origin.
 #[test]
 fn a_direction_that_rounds_to_zero_in_the_frame_is_not_in_the_wall() {
     let mut random = Random(8);

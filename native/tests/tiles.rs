@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Shadow tiles answer as brute force does, and do go as tiles where they should; camera tiles visit no empty leaves.
+//! Shadow tiles answer like brute force and are formed where possible; camera tiles visit no empty leaves.
 
 mod common;
 
@@ -124,7 +124,7 @@ fn shadow_tiles_answer_like_brute_force() {
 }
 
 #[test]
-fn shadow_tiles_lose_nothing_on_hard_scenes() {
+fn shadow_tiles_answer_like_brute_force_on_hard_scenes() {
     let mut formed = 0;
     for case in cases(Size::Small, 8) {
         let bounds = case.scene.bounds();
@@ -170,9 +170,9 @@ fn shadow_tiles_lose_nothing_on_hard_scenes() {
     assert!(formed > 500, "{formed} tiles");
 }
 
-/// A tree of boxes has no empty leaves, and a place of a node without a box is none.
+/// A tree of boxes has no empty leaves, and an empty slot of a node is not visited.
 #[test]
-fn tiles_that_look_all_ways_visit_no_empty_places() {
+fn tiles_of_all_directions_visit_no_empty_slots() {
     let structure = build(&soup(grid(4, 0.3)), "bvh-sah:traversal=tile8");
     let mut random = Random(3);
     let rays: Vec<_> = (0..64)

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! What several integration tests share.
+//! Helpers of several integration tests.
 
 use halfspace::base::Monitor;
 use halfspace::registry;

@@ -299,7 +299,10 @@ fn settings(bytes: &mut Bytes<'_>) -> Settings {
     Settings {
         width: u32::from(bytes.byte() % 16),
         height: u32::from(bytes.byte() % 16),
-        border: (bytes.byte() % 4 == 0).then(|| [0; 4].map(|_: u8| u32::from(bytes.byte() % 20))),
+        border: bytes
+            .byte()
+            .is_multiple_of(4)
+            .then(|| [0; 4].map(|_: u8| u32::from(bytes.byte() % 20))),
         samples: u32::from(bytes.byte() % 4),
         integrator: [Integrator::Path, Integrator::Whitted, Integrator::Ambient]
             [usize::from(bytes.byte() % 3)],
