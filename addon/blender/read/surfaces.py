@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from ...core.scene.scene import Closure
 from .nodes import Place, Unsupported
+from .value_nodes import is_constant
 from .values import Values
 
 if TYPE_CHECKING:
@@ -53,7 +54,7 @@ class Surface:
         if self.followed > MOST_READ:
             raise Unsupported(f"More than {MOST_READ} shaders")
         source = place.source()
-        if not source.socket.is_output or weight == 0.0:
+        if not source.socket.is_output or is_constant(weight, 0.0):
             return
         if depth > DEEPEST:
             raise Unsupported(f"More than {DEEPEST} mixes within each other")
@@ -85,8 +86,10 @@ class Surface:
     def _times(self, a: Operand, b: Operand) -> Operand:
         if isinstance(a, float) and isinstance(b, float):
             return a * b
-        if 1.0 in (a, b):
-            return b if a == 1.0 else a
+        if is_constant(a, 1.0):
+            return b
+        if is_constant(b, 1.0):
+            return a
         return self.values.step("math", a, b, 0.0, kind="MULTIPLY")
 
     def color(self, node: Place, name: str = "Color") -> Operand:
@@ -96,7 +99,7 @@ class Surface:
 
     def emitted(self, color: Operand, strength: Operand) -> Operand:
         """Colour multiplied by strength."""
-        if strength == 1.0:
+        if is_constant(strength, 1.0):
             return color
         if isinstance(color, tuple) and isinstance(strength, float):
             return tuple(c * strength for c in color[:3])
@@ -140,7 +143,8 @@ def _principled(surface: Surface, node: Place, weight: Operand) -> None:
         surface.remark("Principled BSDF: Thin Wall")
     # Convert the supported inputs.
     strength = values.input(node, "Emission Strength")
-    emission = surface.emitted(values.input(node, "Emission Color"), strength) if strength != 0.0 else 0.0
+    dark = is_constant(strength, 0.0)
+    emission = 0.0 if dark else surface.emitted(values.input(node, "Emission Color"), strength)
     surface.add(
         "principled",
         weight,
@@ -163,14 +167,14 @@ def _principled(surface: Surface, node: Place, weight: Operand) -> None:
 
 
 def _diffuse(surface: Surface, node: Place, weight: Operand) -> None:
-    if surface.values.input(node, "Roughness") != 0.0:
+    if not is_constant(surface.values.input(node, "Roughness"), 0.0):
         surface.remark("Diffuse BSDF: Roughness")
     surface.add("diffuse", weight, node, color=surface.color(node))
 
 
 def _glossy(surface: Surface, node: Place, weight: Operand) -> None:
     values = surface.values
-    if values.input(node, "Anisotropy") != 0.0:
+    if not is_constant(values.input(node, "Anisotropy"), 0.0):
         surface.remark("Glossy BSDF: Anisotropy")
     surface.add(
         "glossy",
@@ -186,7 +190,8 @@ def _metallic(surface: Surface, node: Place, weight: Operand) -> None:
     values = surface.values
     if node.node.fresnel_type != "F82":
         raise Unsupported("Metallic BSDF (physical conductor)")
-    if values.input(node, "Anisotropy") != 0.0 or values.input(node, "Thin Film Thickness") != 0.0:
+    ignored = [values.input(node, name) for name in ("Anisotropy", "Thin Film Thickness")]
+    if not all(is_constant(value, 0.0) for value in ignored):
         surface.remark("Metallic BSDF: Anisotropy, Thin Film")
     surface.add(
         "principled",

@@ -25,6 +25,11 @@ UV, COLOR, TANGENT = "uv", "color", "tangent"
 """Kinds of layers: a UV map, a colour attribute, the tangents of a UV map. The name "" is the active one."""
 
 
+def is_constant(operand: Operand, value: float) -> bool:
+    """Whether an operand is this number; an integer is the index of a step, also 0 and 1."""
+    return isinstance(operand, float) and operand == value
+
+
 def constant(socket: Any) -> Operand:
     """The value of an unlinked socket."""
     value = getattr(socket, "default_value", 0.0)
@@ -304,7 +309,7 @@ def _noise(values: Values, node: Place) -> Operand:
     if item.noise_dimensions != "3D" or getattr(item, "noise_type", "FBM") != "FBM":
         raise Unsupported(f"{item.bl_label} ({item.noise_dimensions}, {getattr(item, 'noise_type', 'FBM').lower()})")
     distortion = node.input("Distortion")
-    if distortion is not None and values.value(distortion) != 0.0:
+    if distortion is not None and not is_constant(values.value(distortion), 0.0):
         values.remark("Noise Texture: Distortion")
     names = {"Scale": 5.0, "Detail": 2.0, "Roughness": 0.5, "Lacunarity": 2.0}
     args = [values.input(node, name, absent) for name, absent in names.items()]

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
@@ -466,3 +467,47 @@ def test_a_material_with_only_a_volume_lets_light_through(by_reroute: bool) -> N
     found, _ = understood(block)
     assert not found.closures
     assert found.base_color == (0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("number", [0, 1])
+@pytest.mark.parametrize("kind", ["ShaderNodeBsdfPrincipled", "ShaderNodeEmission"])
+def test_a_computed_strength_multiplies_whichever_step_computes_it(kind: str, number: int) -> None:
+    """The index of a step is no constant 0 or 1."""
+    block = bpy.data.materials.new("Lamp")
+    with_nodes(block)
+    tree = block.node_tree
+    shader = plug(block, kind)
+    names = ("Emission Strength", "Emission Color") if kind == "ShaderNodeBsdfPrincipled" else ("Strength", "Color")
+    sums = [tree.nodes.new("ShaderNodeMath") for _ in range(number + 1)]
+    for one, following in pairwise(sums):
+        tree.links.new(one.outputs[0], following.inputs[0])
+    tree.links.new(sums[-1].outputs[0], shader.inputs[names[0]])
+    shader.inputs[names[1]].default_value = (1, 0.5, 0.25, 1)
+    found, _ = understood(block)
+    (closure,) = found.closures
+    last = closure.inputs["emission"]
+    assert isinstance(last, int)
+    assert found.program[last]["op"] == "mix"
+    assert found.program[last]["args"][1:] == ((1.0, 0.5, 0.25, 1.0), number)
+
+
+def test_nested_mixes_multiply_whichever_step_is_a_factor() -> None:
+    block = bpy.data.materials.new("Nested")
+    with_nodes(block)
+    tree = block.node_tree
+    outer = plug(block, "ShaderNodeMixShader")
+    inner, attribute, half = (
+        tree.nodes.new(f"ShaderNode{kind}") for kind in ("MixShader", "LayerWeight", "BsdfDiffuse")
+    )
+    tree.links.new(attribute.outputs["Facing"], outer.inputs[0])
+    tree.links.new(attribute.outputs["Fresnel"], inner.inputs[0])
+    tree.links.new(inner.outputs[0], outer.inputs[2])
+    tree.links.new(half.outputs[0], inner.inputs[2])
+    found, _ = understood(block)
+    (closure,) = found.closures
+    weight = closure.inputs["weight"]
+    assert isinstance(weight, int)
+    product = found.program[weight]
+    assert product["kind"] == "MULTIPLY"
+    factors = [found.program[index] for index in product["args"][:2]]
+    assert [factor["op"] for factor in factors] == ["clamp", "clamp"]
