@@ -159,7 +159,7 @@ fn directions_are_counted_per_level() {
     assert_eq!(kd.planes_axis, kd.nodes);
     assert!(kd.directions_axis.iter().all(|&n| n <= 3) && kd.directions_axis.contains(&3));
     assert_eq!(total(&kd.planes_oblique) + total(&kd.directions_oblique), 0);
-    // A tree of restricted directions has as many as it was given, all others are the axes'.
+    // A tree of restricted directions has at most the given number; any other direction is an axis.
     let rbsp = analysis(&build(&scene, "rbsp:k=7"), usize::MAX).levels;
     assert!(total(&rbsp.planes_oblique) > 0);
     assert!(

@@ -108,11 +108,11 @@ struct Sides<S: Simd> {
 
 /// Error bounds of the f32 test of eight triangles.
 struct Errors<S: Simd> {
-    /// Of the determinant.
+    /// Error bound of the determinant.
     det: f32x8<S>,
-    /// Of the weights, times the determinant.
+    /// Error bound of the weights multiplied by the determinant.
     uv: f32x8<S>,
-    /// Of the distance, times the determinant.
+    /// Error bound of the distance multiplied by the determinant.
     t: f32x8<S>,
 }
 
