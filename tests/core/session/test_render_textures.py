@@ -57,7 +57,7 @@ def test_bad_images_and_values_give_a_picture():
     [
         ({"closures": [{"kind": "fur"}]}, "kind"),
         ({"closures": [{"kind": "diffuse"}] * 9}, "more than 8"),
-        ({"closures": [{"kind": "diffuse", "color": 3}]}, "not there"),
+        ({"closures": [{"kind": "diffuse", "color": 3}]}, "does not exist"),
         ({"closures": [{"kind": "diffuse", "color": 0}], "program": [{"op": "warp"}]}, "warp"),
         ({"closures": [{"kind": "diffuse", "color": 0}], "program": [{"op": "attribute", "layer": 7}]}, "layer 7"),
         ({"closures": [{"kind": "diffuse", "color": 0}], "program": [{"op": "gamma", "args": [1.0]}]}, "2 arguments"),
