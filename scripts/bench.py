@@ -22,11 +22,11 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from addon.core.base import command, native
 from addon.core.base.native import first_line
-from addon.core.measure import benchmark, curve, offsets, preparation, thesis, yardstick
+from addon.core.measure import benchmark, curve, offsets, preparation, ranking, thesis, yardstick
 from addon.core.measure.rows import agrees_moved
-from addon.core.report import page, report, results
+from addon.core.report import page, report, results, tables
 from addon.core.scene import grid, rays, workload
-from addon.core.structures import specs
+from addon.core.structures import catalogue, specs, ways
 from lab.base.usage import Parser, UsageError, output
 from lab.bench import cluster, merging, sweep
 from lab.bench.bench_presets import AS_PUBLISHED, PRESETS
@@ -47,6 +47,12 @@ SECONDS = 45.0
 
 CURVE = "1,4,16"
 """Samples per pixel of the pictures."""
+
+MANY = 24
+"""Largest number of configurations that are measured with all effort."""
+
+REPEATS, FEWER = benchmark.Options.repeats, ranking.LEAST_ROUNDS
+"""Timed repeats, and those of many configurations: as few as can be ranked."""
 
 OF_MERGES = ("scenes", "merge", "out", "published")
 """What may be said beside `--merge`."""
@@ -70,7 +76,11 @@ def parser() -> argparse.ArgumentParser:
     add("--seeds", metavar="RANGE", help="seeds of the structures, e.g. 1-7")
     add("--rays", metavar="SETS", help=f"ray sets (default: {','.join(rays.NAMES)})")
     add("--size", default="1024x1024", metavar="WxH", help="pixels of the primary rays, multiples of 8")
-    add("--repeats", type=int, default=7, help="timed repeats (default: 7)")
+    add(
+        "--repeats",
+        type=int,
+        help=f"timed repeats (default: {REPEATS}, or {FEWER} for more than {MANY} configurations)",
+    )
     add("--seconds", type=float, default=SECONDS, help=f"for all timed passes of a scene, about (default: {SECONDS:g})")
     add("--threads", type=int, default=1, help="threads for builds and rays, 0 = all (default: 1)")
     add(
@@ -126,6 +136,11 @@ def run(asked: argparse.Namespace) -> int:
     else:
         say(f"Embree is left out: {yardstick.problem()}")
     options = read_options(asked, len(chosen))
+    if options.brief:
+        say(
+            f"{len(chosen)} configurations are more than {MANY}: fewer timed rays and {options.repeats} repeats each, "
+            "builds and pictures timed once, no smaller views; as many answers are compared as always"
+        )
     shard = read_shard(asked)
     published = read_published(asked)
     if asked.cluster is not None:
@@ -165,7 +180,7 @@ def run(asked: argparse.Namespace) -> int:
             for line in workload.left_out(loaded, dropped(own)):
                 say(f"{loaded.name}: {line}")
             if own:
-                print("\n" + report.table(own) + "\n", flush=True)
+                print("\n" + tables.text(own) + "\n", flush=True)
     rows = todo.rows()
     better = report.worth_it(rows)
     if better:
@@ -195,7 +210,7 @@ def merge(asked: argparse.Namespace) -> int:
     if not rows:
         raise UsageError(f"--merge: there are no rows in {', '.join(map(str, folders))}")
     results.prepare_folder(asked.out)
-    print(report.table(rows) + "\n", flush=True)
+    print(tables.text(rows) + "\n", flush=True)
     for line in merged.disagreements:
         print(f"bench: {line}: the answers or the trees differ", file=sys.stderr)
     for line in missing:
@@ -271,6 +286,8 @@ def read_options(asked: argparse.Namespace, configurations: int) -> benchmark.Op
     size = int(width), int(height)
     if not all(0 < side <= 1 << 14 and side % rays.TILE == 0 for side in size):
         raise UsageError(f"--size: expected multiples of {rays.TILE} up to {1 << 14}, got {asked.size!r}")
+    brief = configurations > MANY
+    repeats = asked.repeats if asked.repeats is not None else FEWER if brief else REPEATS
     for name, least, most in (
         ("repeats", 1, 1000),
         ("threads", 0, 1024),
@@ -294,7 +311,7 @@ def read_options(asked: argparse.Namespace, configurations: int) -> benchmark.Op
     return benchmark.Options(
         size=size,
         sets=sets,
-        repeats=asked.repeats,
+        repeats=repeats,
         threads=asked.threads or os.cpu_count() or 1,
         reference=asked.reference,
         check_rays=benchmark.Options.check_rays if asked.check_rays is None else asked.check_rays,
@@ -303,10 +320,11 @@ def read_options(asked: argparse.Namespace, configurations: int) -> benchmark.Op
         curve=tuple(sorted({int(value) for value in samples})),
         memory_limit=None if asked.memory_limit is None else int(asked.memory_limit * 1e9),
         offsets=() if asked.only_rays else offsets.OFFSETS,
-        scaling=not asked.only_rays,
+        scaling=not asked.only_rays and not brief,
         peak=not asked.only_rays,
         maps=not asked.only_rays,
-        pass_seconds=min(preparation.PASS_SECONDS, asked.seconds / (configurations * len(sets) * (asked.repeats + 1))),
+        pass_seconds=min(preparation.PASS_SECONDS, asked.seconds / (configurations * len(sets) * (repeats + 1))),
+        brief=brief,
     )
 
 
@@ -322,9 +340,13 @@ def read_structures(asked: argparse.Namespace, module: Native) -> list[str]:
     left_out: list[str] = []
     wanted = asked.structures or preset.get("structures") or "all"
     chosen = specs.expand(wanted, module.structures(), given, left_out)
+    chosen = specs.prove(module, chosen)
+    chosen, trees = ways.compared(module, catalogue.of(module.structures()), chosen, left_out)
     for line in left_out:
         say(f"left out: {line}")
-    return specs.prove(module, chosen)
+    if len(chosen) > trees:
+        say(f"{trees} structures, each one ray at a time and as fast as it goes: {len(chosen)} configurations")
+    return chosen
 
 
 def find(scene: str) -> str | Path:

@@ -11,7 +11,7 @@ from typing import Any
 import bpy
 
 from ...core.base import native
-from ...core.report import report, results
+from ...core.report import report, results, tables
 from .comparing import Found
 
 TEXT = "Halfspace comparison"
@@ -43,7 +43,7 @@ def words(found: Found) -> Iterator[str]:
     yield from found.notes
     if found.rows:
         yield ""
-        yield from report.table(found.rows).splitlines()
+        yield from tables.text(found.rows).splitlines()
         yield ""
         yield from report.findings(found.rows)
 

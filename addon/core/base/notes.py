@@ -38,7 +38,7 @@ class Notes:
         return bool(self._subjects)
 
 
-def some(names: Sequence[str]) -> str:
-    """The first NAMES_SHOWN names, joined, and the number of the others."""
-    rest = len(names) - NAMES_SHOWN
-    return ", ".join(names[:NAMES_SHOWN]) + (f" and {rest} more" if rest > 0 else "")
+def some(names: Sequence[str], most: int = NAMES_SHOWN) -> str:
+    """The first `most` names, joined, and the number of the others."""
+    rest = len(names) - most
+    return ", ".join(names[:most]) + (f" and {rest} more" if rest > 0 else "")

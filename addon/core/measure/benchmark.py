@@ -145,10 +145,10 @@ class _Run:
         passes = len(shared.ray_sets) * (options.repeats + 1) + len(shared.views) * SCALING_ROUNDS
         # Estimate the number of steps per configuration, for the progress: builds, one comparison, timed passes, the
         # peak, the moved grids and the pictures.
-        self._steps_each = (
-            min(BUILDS, options.repeats) + 1 + passes + options.peak + bool(options.offsets) + options.maps
-        )
-        self._steps_each += len(options.curve) + (options.repeats + 1 if options.curve else 0)
+        self._builds = 1 if options.brief else min(BUILDS, options.repeats)
+        self._steps_each = self._builds + 1 + passes + options.peak + bool(options.offsets) + options.maps
+        again = options.repeats + 1 if options.curve and not options.brief else 0
+        self._steps_each += len(options.curve) + again
         if any(rows.is_lazy(spec) for spec in chosen):
             self._steps_each += options.repeats
         self._total = max(len(chosen), 1) * self._steps_each
@@ -240,7 +240,7 @@ class _Run:
         yield from self._extras(ours)
         yield from self._draw(ours)
         pictures = Rounds()
-        if self._prepared.pictures is not None:
+        if self._prepared.pictures is not None and not self._options.brief:
             steps = picture_times.time(pictures, self._prepared.pictures, self._prepared.beside, ours, self._options)
             yield from map(self._step, steps)
         round_id = uuid.uuid4().hex[:12]
@@ -249,7 +249,7 @@ class _Run:
 
     def _time_builds(self, group: list[Candidate]) -> Iterator[Event]:
         """Repeat short builds up to BUILDS times, interleaved."""
-        for _ in range(min(self._options.repeats, BUILDS) - 1):
+        for _ in range(self._builds - 1):
             for candidate in group:
                 yield self._step(f"{candidate.spec}: building again")
                 if candidate.build_seconds[0] <= BUILD_SECONDS:
@@ -296,15 +296,15 @@ class _Run:
 
     def _extras(self, candidates: Sequence[Candidate]) -> Iterator[Event]:
         """Measure peak memory, cost maps, and wrong answers far from the origin. A failure here is noted in the row."""
-        if self._options.peak and candidates:
+        if self._options.peak and (measured := [one for one in candidates if self._is_whole(one)]):
             try:
                 scene = peak.save_scene(self._workload.vertices, self._workload.triangles)
             except OSError as error:
-                for candidate in candidates:
+                for candidate in measured:
                     candidate.left_out.append(f"peak memory: {first_line(error)}")
             else:
                 try:
-                    yield from self._peaks(candidates, scene)
+                    yield from self._peaks(measured, scene)
                 finally:
                     scene.unlink(missing_ok=True)
         if self._prepared.map_view is not None:
@@ -316,6 +316,10 @@ class _Run:
                     candidate.offsets = self._prepared.moved.errors(candidate.spec)
                 except FAILURES as error:
                     candidate.left_out.append(f"answers far from the origin: {first_line(error)}")
+
+    def _is_whole(self, candidate: Candidate) -> bool:
+        """Whether a configuration is measured with all effort: with many of them, only the quickest of each tree."""
+        return not self._options.brief or "fastest" in rows.tables(self._native, candidate.spec)
 
     def _maps(self, candidates: Sequence[Candidate]) -> Iterator[Event]:
         """Count the work per pixel of the candidates that trace the view within MAP_SECONDS."""
@@ -368,7 +372,8 @@ class _Run:
                 # A set is empty if it starts at hits and no ray hits the scene.
                 traced = [name for name in candidate.seconds if len(candidate.timed[name])]
                 slowest = min((float(candidate.mrays(name).min()) for name in traced), default=1.0)
-                if samples in pictures.affordable(slowest):
+                wanted = self._options.curve if self._is_whole(candidate) else self._options.curve[:1]
+                if samples in wanted and samples in pictures.affordable(slowest):
                     point, differing = pictures.point(candidate.native, samples, self._options.threads)
                     candidate.curve.append(point)
                     candidate.differing_pixels += differing
@@ -400,6 +405,7 @@ class _Run:
         if candidate.spec != yardstick.SPEC:
             values = specs.values(candidate.spec, self._native.structures())
             counting.mark(row["rays"], self._prepared.ray_sets, values)
+            rows.add_ways(row, counting.ways(candidate.native, self._prepared.ray_sets))
         # Add errors: in total, per ray set, and in pictures.
         row["errors"] = accuracy.total(candidate.errors.values()).as_row(options.reference)
         row["errors"]["sets"] = {name: errors.as_row(options.reference) for name, errors in candidate.errors.items()}

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..scene.rays import RaySet
-from ..structures import specs
+from ..structures import catalogue, specs
 
 if TYPE_CHECKING:
     from ..base.interface import Structure
-    from .rows import RayColumns
+    from .rows import RayColumns, Way
 
 ONE_BY_ONE = "counted one by one, though they may be traced together"
 """Remark on rays whose counters are not those of the timed traversal."""
@@ -35,6 +35,18 @@ def is_of_the_timed_walk(values: Mapping[str, Any], *, any_hit: bool) -> bool:
         return values.get("shadow") in ("cache", "beam") or walk not in SHADOWS_TOGETHER
     # In a lazily built tree, tiles are counted as single rays.
     return walk != "auto" and not (walk == "tile8" and str(values.get("lazy")) == "1")
+
+
+def ways(structure: Structure, sets: Iterable[RaySet]) -> dict[str, Way]:
+    """Per ray set, the nodes and rays of the kernel that answers it."""
+    routes = catalogue.routes(structure)
+    found = {some.name: routes[kind_of(some)] for some in sets}
+    return {name: {"nodes": route["nodes"], "rays": route["rays"]} for name, route in found.items()}
+
+
+def kind_of(some: RaySet) -> str:
+    """The kind of batch, as `Structure.routes` names it, that the rays of a set are."""
+    return "shadow" if some.any_hit else "tiles" if some.order == "tile8" else "closest"
 
 
 def counters(structure: Structure, some: RaySet, threads: int) -> dict[str, NDArray[np.uint32]]:

@@ -44,6 +44,8 @@ class Options:
     threads: for builds and tracing. seed: of the rays. curve: samples per pixel of the pictures. offsets: distances of
     the moved grid of touching boxes. scaling: whether smaller views are timed. peak: whether each build is repeated in
     its own process, to measure its memory. maps: whether cost maps are kept. pass_seconds: limit on one timed pass.
+    brief: for many configurations: builds and pictures are timed once, and configurations other than the quickest of
+    their tree get only pictures with the fewest samples, and no measurement of peak memory.
     memory_limit: bytes that a build may use, None for the native module's limit; a configuration that needs more yields
     a row with the reason in `error`.
     """
@@ -63,6 +65,7 @@ class Options:
     maps: bool = False
     pass_seconds: float = PASS_SECONDS
     memory_limit: int | None = None
+    brief: bool = False
 
     def as_dict(self) -> dict[str, Any]:
         """The options as a JSON object."""

@@ -4,14 +4,14 @@
 Two rows of the same rounds are compared round by round: one is faster if it is so in every round, and by more than the
 machine's noise. By chance that happens once in 2**(rounds - 1) cases, so fewer than six rounds rank nothing. Rows of
 different rounds are compared through their anchor: then the slowest round of one must beat the fastest of the other.
-Without a common anchor such rows are not compared, because they may come from different machines. Rows with wrong
-answers are not ranked.
+Without a common anchor such rows are not compared, because they may come from different machines. Rows of different
+tables, of single rays and of the quickest ways, are never compared. Rows with wrong answers are not ranked.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -63,10 +63,11 @@ def rank(rows: Sequence[Row], name: str) -> Ranking | None:
     name: of a ray set, PICTURE or TRACING.
     """
     able = [row for row in rows if agrees(row) and part(row, name)]
-    # Rank the largest group of comparable rows.
-    units: dict[tuple[str, Any, int], list[Row]] = {}
+    # Rank the largest group of comparable rows of one table.
+    units: dict[tuple[str, tuple[str, Any, int]], list[Row]] = {}
     for row in able:
-        units.setdefault(_unit(row, name), []).append(row)
+        for table in tables(row):
+            units.setdefault((table, _unit(row, name)), []).append(row)
     timed = max(units.values(), key=len, default=[])
     if len(timed) < 2:
         return None
@@ -156,8 +157,25 @@ def _unit(row: Row, name: str) -> tuple[str, str | None, int]:
     return "round", row["round_id"], row["threads"]
 
 
+def tables(row: Mapping[str, Any]) -> tuple[str, ...]:
+    """The tables of like configurations that a row belongs to; rows of earlier versions have a nameless one."""
+    return tuple(row.get("tables") or filter(None, [row.get("table")])) or ("",)
+
+
+def by_table(rows: Iterable[Row]) -> dict[str, list[Row]]:
+    """The rows of each table, single rays first; a row of two tables is in both."""
+    listed = list(rows)
+    order = ("single", "fastest", "chosen", "")
+    found = {table: [row for row in listed if table in tables(row)] for table in order}
+    return {table: own for table, own in found.items() if own}
+
+
 def related(a: Row, b: Row, name: str) -> bool:
-    """Whether the ratio of two rows' speeds is meaningful: timed together, or each with the same anchor."""
+    """Whether the ratio of two rows' speeds is meaningful: both of one table, and timed together or each with the same
+    anchor.
+    """
+    if not set(tables(a)) & set(tables(b)):
+        return False
     unit = _unit(a, name)
     return together(a, b) or (unit == _unit(b, name) and unit[0] == "anchor")
 
@@ -183,7 +201,8 @@ def against(
     not comparable.
     """
     if not related(a, b, name):
-        raise ValueError(f"{a['spec']} and {b['spec']} are not comparable: they share neither rounds nor an anchor")
+        shared = "they share no table, or neither rounds nor an anchor"
+        raise ValueError(f"{a['spec']} and {b['spec']} are not comparable: {shared}")
     if together(a, b) and paired:
         rates = [np.array(_known(row, name, build)["rounds"]) for row, build in zip((a, b), builds, strict=True)]
         return np.asarray(rates[0] / rates[1])

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any, Literal, NotRequired, TypedDict
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.native import first_line
+from ..base.native import FAILURES, first_line
 from ..scene.workload import Workload
-from ..structures import specs
+from ..structures import catalogue, specs, ways
 from . import yardstick
 
 if TYPE_CHECKING:
@@ -51,6 +51,13 @@ class RayColumns(TypedDict):
     counts_timed_walk: NotRequired[bool]
 
 
+class Way(TypedDict):
+    """Nodes that the rays of a set meet, and how the rays go: `single`, `flight`, `packet`, `tile` or `stream`."""
+
+    nodes: str
+    rays: str
+
+
 class ImageColumns(TypedDict):
     """Rounds of the timed picture: samples per pixel, pixels, the anchor, and seconds per round."""
 
@@ -65,13 +72,22 @@ class ImageColumns(TypedDict):
 class Row(TypedDict):
     """A row of `bench.json`. Seconds and bytes; what was not measured is None, and then all of it where `error` is set.
 
-    Columns that only the row of a failure lacks are `... | Any`: readers filter rows by `error` first.
+    Columns that only the row of a failure lacks are `... | Any`: readers filter rows by `error` first. table, tables:
+    of `structures.ways`, the first and all that show the row. tree: the configuration without nodes and traversal.
+    label: the name in tables with columns of nodes and rays. nodes: kinds that rays meet. ways: per ray set, the nodes
+    and rays of the kernel that answers it. None of these is in rows of earlier versions.
     """
 
     scene: str
     triangles: int
     spec: str
     structure: str
+    table: NotRequired[str | None]
+    tables: NotRequired[list[str]]
+    tree: NotRequired[str]
+    label: NotRequired[str]
+    nodes: NotRequired[str | None]
+    ways: NotRequired[dict[str, Way] | None]
     k: Any
     alpha: Any
     seed: Any
@@ -126,6 +142,10 @@ LAZY = ("lazy", "1")
 """The parameter of lazily built trees."""
 
 
+SINCE_TABLES = {"table", "tables", "tree", "label", "nodes", "ways"}
+"""Columns that rows of journals may lack: earlier versions had one table."""
+
+
 OF_RAYS = (
     *("n", "mrays_s", "times_embree", "rounds", "anchor_rounds", "noise"),
     *("steps", "steps_axis", "steps_oblique", "steps_boxes", "tests", "hits"),
@@ -146,6 +166,12 @@ def blank() -> Row:
         "triangles": 0,
         "spec": "",
         "structure": "",
+        "table": None,
+        "tables": [],
+        "tree": "",
+        "label": "",
+        "nodes": None,
+        "ways": None,
         "k": None,
         "alpha": None,
         "seed": None,
@@ -176,18 +202,51 @@ def blank() -> Row:
 
 def empty(native: Native, workload: Workload, spec: str, threads: int) -> Row:
     """A row with every key; unknown values are None."""
-    known = {} if spec == yardstick.SPEC else specs.values(spec, native.structures())
+    structures = native.structures()
+    known = {} if spec == yardstick.SPEC else specs.values(spec, structures)
+    structure = catalogue.of(structures).get(specs.structure_of(spec))
+    shown = list(tables(native, spec))
     return {
         **blank(),
         "scene": workload.name,
         "triangles": len(workload.triangles),
         "spec": spec,
         "structure": specs.structure_of(spec),
+        "table": shown[0],
+        "tables": shown,
+        "tree": ways.tree_of(spec),
+        "label": spec if structure is None else ways.label(structure, spec),
         "k": known.get("k"),
         "alpha": known.get("alpha"),
         "seed": known.get("seed"),
         "threads": 1 if spec == yardstick.SPEC else threads,
     }
+
+
+YARDSTICK_TABLES = ("single", "fastest", "chosen")
+"""Embree is the unit of all tables; its own rays go singly."""
+
+
+def tables(native: Native, spec: str) -> tuple[str, ...]:
+    """The tables that show a configuration; the last one if the native module refuses it."""
+    if spec == yardstick.SPEC:
+        return YARDSTICK_TABLES
+    structure = catalogue.of(native.structures()).get(specs.structure_of(spec))
+    try:
+        return ("chosen",) if structure is None else ways.tables(structure, specs.canonical(native, spec))
+    except FAILURES:
+        return ("chosen",)
+
+
+def add_ways(row: Row, found: dict[str, Way]) -> None:
+    """Record how each ray set of a row was answered. A row with rays that went together leaves the table of single
+    rays.
+    """
+    row["ways"] = found
+    row["nodes"] = "+".join(dict.fromkeys(way["nodes"] for way in found.values())) or None
+    if any(way["rays"] != "single" for way in found.values()):
+        row["tables"] = [table for table in row["tables"] if table != "single"] or ["chosen"]
+        row["table"] = row["tables"][0]
 
 
 def lacks(row: Mapping[str, Any]) -> str | None:
@@ -200,7 +259,7 @@ def lacks(row: Mapping[str, Any]) -> str | None:
             return name
     inner: list[tuple[str, Mapping[str, Any] | None, tuple[str, ...]]] = [("errors", row.get("errors"), OF_ERRORS)]
     inner += [(f"rays, {name}", one, OF_RAYS) for name, one in (row.get("rays") or {}).items()]
-    missing = [name for name in blank() if name not in row]
+    missing = [name for name in blank() if name not in row and name not in SINCE_TABLES]
     missing += [f"{where}, {name}" for where, found, names in inner if found for name in names if name not in found]
     return missing[0] if missing else None
 

@@ -107,13 +107,14 @@ def time_of(row: Row) -> float | None:
 
 
 def percent(row: Row, base: Row) -> float | None:
-    """A row's time in percent of the base's; None if they are not comparable, or an answer is wrong.
+    """A row's time in percent of the base's; None if they are not comparable or of different tables, or an answer is
+    wrong.
 
     If the base is the row's anchor, it is the mean over the ray sets; otherwise the ratio of the sums of `time_of` of
     rows with the same anchor or the same rounds. Other rows may come from different machines.
     """
     time, unit = time_of(row), time_of(base)
-    if time is None or unit is None or not agrees(row):
+    if time is None or unit is None or not agrees(row) or not set(ranking.tables(row)) & set(ranking.tables(base)):
         return None
     if row["anchor"] == base["spec"]:
         sets = sum(bool(one["rounds"]) for one in row["rays"].values())

@@ -15,7 +15,7 @@ from ..base.notes import some
 from ..measure import ranking, thesis, yardstick
 from ..measure.rows import Row, agrees
 from ..measure.thesis import Published
-from . import plots
+from . import plots, tables
 from .report import by_scene, findings, heading, image_total, set_names, worth, worth_it
 
 MOST_ROWS_INSIDE = 200
@@ -67,8 +67,9 @@ def as_html(document: dict[str, Any], published: Published | None = None) -> str
         parts.append(f"<p>{_safe(heading(scene, own))}.</p>")
         sentences = "".join(f"<li>{_safe(sentence)}</li>" for sentence in findings(own))
         parts.append(f'<ul class="findings">{sentences}</ul>')
-        if any(row["errors"] for row in own):
-            parts.append(_table(own, number, inside))
+        for table, like in ranking.by_table(own).items():
+            if any(row["errors"] and row["spec"] != yardstick.SPEC for row in like):
+                parts.append(f"<h3>{_safe(tables.TITLES[table])}</h3>" * bool(table) + _table(like, number, inside))
         parts.append(_left_out(own))
         parts += [
             f"<figure><h3>{_safe(picture.title)}</h3>{picture.svg}<figcaption>{_safe(picture.caption)}</figcaption></figure>"
@@ -202,7 +203,8 @@ def _table(rows: Sequence[Row], number: dict[int, int], inside: bool) -> str:
         index = number[id(row)]
         cells = "".join(_html_cell(cell, index, inside) for cell in _cells(row, sets, best))
         link = f'<a href="{_target(index, "spec", inside)}">{_safe(row["spec"] or row["scene"])}</a>'
-        body.append(f'<tr class="{kind}"><th scope="row">{link}</th>{cells}</tr>')
+        way = f" <small>{_safe(row['nodes'])}, {_safe(tables.rays_text(row))}</small>" if row.get("nodes") else ""
+        body.append(f'<tr class="{kind}"><th scope="row">{link}{way}</th>{cells}</tr>')
     kind = "wide tall" if len(rows) > MOST_ROWS_SHOWN else "wide"
     return (
         f'<div class="{kind}"><table class="sortable"><thead><tr><td></td>{over}</tr>'
@@ -216,10 +218,11 @@ def _best(rows: Sequence[Row], sets: Sequence[str]) -> set[tuple[int, str]]:
     """Pairs of a row's id and a ray set that are fastest, or equal within noise; none with wrong answers."""
     ours = [row for row in rows if row["spec"] != yardstick.SPEC]
     found = set()
-    for name in sets:
-        ranked = ranking.rank(ours, name)
-        if ranked is not None and ranked.ranked:
-            found |= {(id(row), name) for row in (ranked.best, *ranked.equal)}
+    for own in ranking.by_table(ours).values():
+        for name in sets:
+            ranked = ranking.rank(own, name)
+            if ranked is not None and ranked.ranked:
+                found |= {(id(row), name) for row in (ranked.best, *ranked.equal)}
     return found
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Benchmark rows as text for a terminal, as CSV, and as sentences.
+"""Benchmark rows as CSV and as sentences.
 
 Every time is shown with the error measured for the same configuration.
 """
@@ -15,30 +15,6 @@ from typing import Any
 
 from ..measure import counting, curve, ranking, yardstick
 from ..measure.rows import Row, agrees, building, eager, is_lazy
-
-ERRORS = {
-    "false_miss": "false miss",
-    "false_hit": "false hit",
-    "wrong_triangle": "wrong triangle",
-    "wrong_values": "wrong u, v",
-    "t_ulp_max": "t ulp max",
-}
-"""Error columns of the tables, and their titles."""
-
-
-def table(rows: Sequence[Row]) -> str:
-    """The rows as aligned columns, one block per scene."""
-    blocks = []
-    for scene, own in by_scene(rows).items():
-        titles, lines = cells(own)
-        widths = [max(len(line[i]) for line in [titles, *lines]) for i in range(len(titles))]
-        aligned = [
-            "  ".join([line[0].ljust(widths[0]), *(c.rjust(w) for c, w in zip(line[1:], widths[1:], strict=True))])
-            for line in [titles, *lines]
-        ]
-        failed = [f"{row['spec'] or scene}: {row['error']}" for row in own if row["error"]]
-        blocks.append("\n".join([heading(scene, own), aligned[0], "-" * len(aligned[0]), *aligned[1:], *failed]))
-    return "\n\n".join(blocks)
 
 
 def heading(scene: str, rows: Sequence[Row]) -> str:
@@ -68,43 +44,6 @@ def set_names(rows: Iterable[Row]) -> list[str]:
     return list(dict.fromkeys(name for row in rows for name in row["rays"] or {}))
 
 
-def cells(rows: Sequence[Row]) -> tuple[list[str], list[list[str]]]:
-    """The titles and the lines of one scene's table."""
-    sets = set_names(rows)
-    first = ["first s"] if any(row.get("first_s") for row in rows) else []
-    titles = [
-        "structure",
-        "build s",
-        *first,
-        "MB",
-        "peak MB",
-        "image s",
-        *(t for name in sets for t in (name, "×Emb")),
-        *ERRORS.values(),
-        "checked",
-    ]
-    lines = []
-    # Format one line per row; missing numbers are dashes.
-    for row in rows:
-        line = [row["spec"], _number(row["build_s"] and row["build_s"]["med"], 3)]
-        line += [_number(row["first_s"] and row["first_s"]["med"], 3)] if first else []
-        line.append(_number(row["bytes"] and row["bytes"] / 1e6, 1))
-        line.append(_number(row["peak_bytes"] and row["peak_bytes"] / 1e6, 1))
-        line.append(_number(image_total(row), 2))
-        for name in sets:
-            one = (row["rays"] or {}).get(name) or {}
-            line.append(_number(one.get("mrays_s") and one["mrays_s"]["med"], 3))
-            line.append(_number(one.get("times_embree"), 2))
-        line += ["-" if row["errors"] is None else str(row["errors"][key]) for key in ERRORS]
-        line.append("-" if row["errors"] is None else str(row["errors"]["rays"]))
-        lines.append(line)
-    return titles, lines
-
-
-def _number(value: float | None, digits: int) -> str:
-    return "-" if value is None else f"{value:.{digits}f}"
-
-
 def as_csv(rows: Sequence[Row]) -> str:
     """The rows with one column per number; nested keys are joined by dots. Cost maps are only in `bench.json`."""
     flat = [dict(_flatten("", {key: value for key, value in row.items() if key != "map"})) for row in rows]
@@ -131,23 +70,32 @@ def findings(rows: Sequence[Row]) -> list[str]:
     measured = [row for row in rows if row["errors"] and row["spec"] != yardstick.SPEC]
     sentences = [*_about_errors(measured), *_about_moved(measured)]
     right = [row for row in measured if agrees(row)]
-    for name in set_names(rows):
-        found = ranking.rank(right, name)
-        if found is not None:
-            sentences.append(f"{name.capitalize()} rays: {_about_ranking(found, name)}")
-            if found.apart:
-                specs = ", ".join(row["spec"] for row in found.apart)
-                sentences[-1] += f" The times of {specs} are not comparable with theirs."
-    sentences += [
-        *_about_first_pictures(right),
-        *_about_totals(right),
-        *_about_pictures(right),
-        *_about_yardstick(rows),
-    ]
+    # Compare like with like: rows of two tables trace their rays in different ways.
+    for table, own in ranking.by_table(right).items():
+        about = [*_about_rankings(own, set_names(rows)), *_about_first_pictures(own), *_about_totals(own)]
+        if about and table:
+            about[0] = f"{TABLES[table]}: {about[0]}"
+        sentences += about
+    sentences += [*_about_pictures(right), *_about_yardstick(rows)]
     failed = [row["spec"] or "the scene" for row in rows if row["error"]]
     if failed:
         sentences.append(f"Failed, with the reason below: {', '.join(failed)}.")
     return sentences
+
+
+TABLES = {"single": "One ray at a time", "fastest": "As fast as it goes", "chosen": "As chosen"}
+"""Names of the tables of like configurations."""
+
+
+def _about_rankings(right: Sequence[Row], sets: Sequence[str]) -> Iterator[str]:
+    """The fastest rows of one table, per ray set."""
+    for name in sets:
+        found = ranking.rank(right, name)
+        if found is not None:
+            told = f"{name.capitalize()} rays: {_about_ranking(found, name)}"
+            if found.apart:
+                told += f" The times of {', '.join(row['spec'] for row in found.apart)} are not comparable with theirs."
+            yield told
 
 
 def _about_errors(measured: Sequence[Row]) -> Iterator[str]:
@@ -319,7 +267,10 @@ def _oblique(row: Row) -> bool:
 def worth(rows: Sequence[Row]) -> Worth | None:
     """Build plus picture of the best tree with oblique planes against those of kd; None if either is missing."""
     totals = [(whole, row) for row in rows if agrees(row) and (whole := image_total(row)) is not None]
-    plain = next((row for _, row in totals if row["spec"] == "kd"), None)
+    # Both sides go as fast as they can; rows of earlier versions have no table.
+    totals = [(whole, row) for whole, row in totals if {"fastest", ""} & set(ranking.tables(row))]
+    plains = [(whole, row) for whole, row in totals if (row.get("tree") or row["spec"]) == "kd"]
+    plain = min(plains, key=lambda item: item[0], default=(0.0, None))[1]
     sweeps = [(whole, row) for whole, row in totals if _oblique(row)]
     if plain is None or not sweeps:
         return None

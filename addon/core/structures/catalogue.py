@@ -56,10 +56,25 @@ class Parameter:
 
 
 @dataclass(frozen=True)
+class Way:
+    """One valid pair of nodes and traversal.
+
+    nodes: planes, wide, boxes, intervals, octants, cells or none. traversal: value of that parameter, "" for a
+    structure without one. rays: single, flight, packet, tile, stream, or auto for the quickest of them per batch.
+    """
+
+    nodes: str
+    traversal: str
+    rays: str
+    label: str = ""
+    doc: str = ""
+
+
+@dataclass(frozen=True)
 class Structure:
     """One acceleration structure: `id` for configuration strings, `code` for saved files (never reused).
 
-    aliases: further names for the id, used by other authors.
+    aliases: further names for the id, used by other authors. ways: all valid pairs of nodes and traversal.
     """
 
     id: str
@@ -70,6 +85,7 @@ class Structure:
     paper: str
     parameters: tuple[Parameter, ...]
     aliases: tuple[str, ...] = ()
+    ways: tuple[Way, ...] = ()
 
     def parameter(self, name: str) -> Parameter | None:
         """The parameter of this name, or None."""
@@ -109,7 +125,12 @@ class Catalogue:
 @cache
 def load() -> Catalogue:
     """The catalogue of the compiled module. Raises native.NativeError if the module is missing."""
-    return Catalogue(_structure(row) for row in native.load().structures())
+    return of(native.load().structures())
+
+
+def of(structures: Iterable[Mapping[str, Any]]) -> Catalogue:
+    """The catalogue of a native registry."""
+    return Catalogue(map(_structure, structures))
 
 
 def _structure(row: Mapping[str, Any]) -> Structure:
@@ -122,7 +143,28 @@ def _structure(row: Mapping[str, Any]) -> Structure:
         paper=row["paper"],
         parameters=tuple(_parameter(parameter) for parameter in row["parameters"]),
         aliases=tuple(row["aliases"]),
+        ways=tuple(_way(way) for way in row["ways"]) if "ways" in row else _derived_ways(row),
     )
+
+
+def _way(row: Mapping[str, Any]) -> Way:
+    return Way(row["nodes"], row["traversal"], row["rays"], row["label"], row["doc"])
+
+
+OWN_NODES = {"octants": "octants", "grid": "cells", "bih": "intervals", "skd": "intervals", "bvh": "boxes"}
+TOGETHER = {"wide": "flight", "tile8": "tile", "tile16": "tile", "p4": "packet", "p8": "packet", "p16": "packet"}
+
+
+def _derived_ways(row: Mapping[str, Any]) -> tuple[Way, ...]:
+    """The ways of a registry without `ways`, from its parameter `traversal`. For modules before the key."""
+    given = (row["family"], row["id"].partition("-")[0])
+    own = next((nodes for key, nodes in OWN_NODES.items() if key in given), "planes")
+    names = next((p["options"] for p in row["parameters"] if p["name"] == "traversal"), [""])
+    if names == [""] and any(p["name"] == "beam_least" for p in row["parameters"]):
+        return (Way(own, "", "tile"),)
+    nodes = {} if own == "boxes" else {"auto": "boxes", "boxes": "boxes", "wide": "wide"}
+    rays = {"auto": "auto", **TOGETHER}
+    return tuple(Way(nodes.get(name, own), name, rays.get(name, "single")) for name in names)
 
 
 def _parameter(row: Mapping[str, Any]) -> Parameter:
@@ -166,3 +208,29 @@ def _widen(a: Parameter, b: Parameter) -> Parameter:
         labels=tuple(names.values()),
         group=a.group,
     )
+
+
+def routes(structure: Any) -> Mapping[str, Mapping[str, str]]:
+    """The nodes and rays that answer each kind of batch of a native structure: `Structure.routes`."""
+    found = getattr(structure, "routes", None)
+    return _derived_routes(structure.spec) if found is None else found
+
+
+def _derived_routes(spec: str) -> dict[str, dict[str, str]]:
+    """The routes of a module without `Structure.routes`. For modules before the attribute."""
+    from . import specs, ways
+
+    structure = load()[specs.structure_of(spec)]
+    way = ways.way_of(structure, spec)
+    assert way is not None, "native specs are valid"
+    kinds = {"single": "single", "tiles": way.rays, "closest": way.rays, "shadow": way.rays}
+    if way.rays == "auto":
+        kinds |= {"tiles": "tile", "closest": "stream", "shadow": "tile"}
+    elif way.rays == "tile":
+        kinds |= {"closest": "single", "shadow": "single" if way.traversal == "" else "tile"}
+    elif way.rays == "packet" and way.traversal != "p16":
+        kinds["shadow"] = "single"
+    shadow = dict(specs.pairs(spec)).get("shadow")
+    if shadow is not None:
+        kinds["shadow"] = "tile" if shadow == "beam" else "single"
+    return {kind: {"nodes": way.nodes, "rays": rays} for kind, rays in kinds.items()}

@@ -185,14 +185,21 @@ def prove(native: Native, chosen: Sequence[str]) -> list[str]:
 
     Returns them without duplicates in other words, such as `kd:traversal=auto` after `kd`.
     """
-    corners, triangle = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32), np.array([[0, 1, 2]], np.int32)
     found: dict[str, str] = {}
     for spec in chosen:
-        try:
-            found.setdefault(native.build(corners, triangle, spec, threads=1).spec, spec)
-        except ValueError as error:
-            raise SpecError(f"{spec}: {error}") from error
+        found.setdefault(canonical(native, spec), spec)
     return list(found.values())
+
+
+CORNERS, TRIANGLE = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32), np.array([[0, 1, 2]], np.int32)
+
+
+def canonical(native: Native, spec: str) -> str:
+    """A configuration in the native spelling, without defaults, from a tiny build. Raises SpecError."""
+    try:
+        return native.build(CORNERS, TRIANGLE, spec, threads=1).spec
+    except ValueError as error:
+        raise SpecError(f"{spec}: {error}") from error
 
 
 def _families(row: Mapping[str, Any]) -> list[str]:

@@ -24,7 +24,7 @@ from lab.bench import cluster, sweep
 LARGE = os.environ.get("HALFSPACE_LARGE_SWEEP")
 """Set it for the check of 2,079 rows on a cluster; it takes some minutes."""
 
-SPECS = "kd:triangle_cost=2|5,kd-sah,octree-net:leaf_size=2..4"
+SPECS = "kd:triangle_cost=2|5,traversal=dir,kd-sah:traversal=dir,kd-median:leaf_size=2..4,traversal=dir"
 ROWS = 6
 OPTIONS = ["--structures", SPECS, "--size", "64x64", "--repeats", "2", "--check-rays", "512", "--curve", "none"]
 OPTIONS += ["--only-rays", "--seconds", "2"]
@@ -106,7 +106,7 @@ def test_a_slow_structure_measured_with_less_is_merged_with_the_others(scenes: l
     less = ["--repeats", "1", "--check-rays", "64", "--rays", "primary"]
     assert bench.main([*quick, "brute", *less, "--out", str(second)]) == 0
     assert merged([first, second], out)[0] == 0
-    assert {row["spec"] for row in table(out)} == {"kd", "brute"}
+    assert {row["structure"] for row in table(out)} == {"kd", "brute"}
     # Two such runs may share a folder too.
     assert bench.main([*quick, "kd", "--out", str(later)]) == 0
     assert bench.main([*quick, "brute", *less, "--out", str(later)]) == 0
@@ -139,7 +139,7 @@ def test_rows_of_runs_with_other_rays_are_not_merged(scenes: list[str], tmp_path
     assert bench.main([first, third, "--merge", "--out", str(tmp_path / "out")]) == 0
 
 
-SWEPT = ["kd-sah:traversal=dir", "bsp-wn:k=3", "bsp-wn:k=4"]
+SWEPT = ["kd-sah:traversal=dir", "bsp-wn:k=3,traversal=dir", "bsp-wn:k=4,traversal=dir"]
 """A sweep over k, whose rows are related to the first."""
 
 
@@ -163,7 +163,7 @@ def test_rows_of_a_resumed_sweep_and_of_its_parts_have_one_anchor(scenes: list[s
     assert bench.main([*quick, "--out", str(tmp_path / "out")]) == 0
     journal = tmp_path / "out" / "rows.jsonl"
     lines = journal.read_text(encoding="utf-8").splitlines(keepends=True)
-    kept = [line for line in lines if '"spec": "bsp-wn:k=4"' not in line]
+    kept = [line for line in lines if f'"spec": "{SWEPT[-1]}"' not in line]
     assert len(kept) == len(lines) - 1
     journal.write_text("".join(kept), encoding="utf-8")
     for folder in ("parts", "out"):
@@ -332,7 +332,8 @@ def test_three_scenes_twelve_structures_all_k_and_seven_seeds_survive_two_kills(
     structures = halfspace_native.structures()
     with_both = [s["id"] for s in structures if {"k", "seed"} <= {p["name"] for p in s["parameters"]}]
     assert len(with_both) == 12
-    command = [*soups(tmp_path, 3, 64), "--structures", ",".join(with_both), "--k", "2-10", "--seeds", "1-7"]
+    chosen = ",".join(f"{name}:traversal=dir" for name in with_both)
+    command = [*soups(tmp_path, 3, 64), "--structures", chosen, "--k", "2-10", "--seeds", "1-7"]
     command += ["--size", "16x16", "--repeats", "1", "--check-rays", "64", "--curve", "none", "--only-rays"]
     assert bench.main([*command, "--out", str(tmp_path / "whole")]) == 0
     whole = table(tmp_path / "whole")

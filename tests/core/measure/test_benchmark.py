@@ -287,6 +287,7 @@ def test_a_memory_measurement_that_fails_is_told_and_leaves_the_row(monkeypatch:
 
 def test_a_structure_that_fails_while_it_is_asked_is_a_row() -> None:
     class Broken:
+        spec = "kd-sah"
         statistics: ClassVar[dict[str, Any]] = {"build_seconds": 0.1, "bytes": 1}
 
         def closest(self, *_: Any, **__: Any) -> Any:

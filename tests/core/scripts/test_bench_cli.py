@@ -74,7 +74,11 @@ def test_it_writes_all_three_files_and_ends_well(scene: Path, tmp_path: Path, ca
     assert len(list(csv.DictReader((out / "bench.csv").read_text(encoding="utf-8").splitlines()))) == len(specs)
     assert "soup" in (out / "report.html").read_text(encoding="utf-8")
     assert sorted(p.name for p in out.iterdir()) == ["bench.csv", "bench.json", "report.html", "rows.jsonl"]
-    assert "false miss" in capsys.readouterr().out
+    printed = capsys.readouterr().out
+    assert "m false misses" in printed
+    # A structure that is only named stands in both tables, in each as one of its own configurations.
+    assert [row["table"] for row in found["rows"] if row["spec"].startswith("kd")] == ["single", "fastest"]
+    assert printed.index("One ray at a time") < printed.index("As fast as it goes")
 
 
 def test_an_answer_that_differs_is_status_1(scene: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -129,9 +133,12 @@ def test_a_stopped_run_goes_on_where_it_was(
     monkeypatch.setattr(benchmark, "events", counted)
     assert bench.main([str(scene), *both, "--out", str(out)]) == 0
     # Its anchor is measured again beside it.
-    assert [spec for spec in asked if spec != "embree"][-1] == "kd-sah"
-    assert "kd" not in asked or yardstick.problem() is not None
-    assert [row["spec"] for row in document(out)["rows"] if row["spec"] != "embree"] == ["kd", "kd-sah"]
+    own = [spec for spec in asked if spec != "embree"]
+    assert own[-1].startswith("kd-sah")
+    assert "kd" not in own or yardstick.problem() is not None
+    specs = [row["spec"] for row in document(out)["rows"] if row["spec"] != "embree"]
+    assert {spec.partition(":")[0] for spec in specs} == {"kd", "kd-sah"}
+    assert len(specs) == len(set(specs)) == 2 * 2
 
 
 def test_other_options_are_other_rows(scene: Path, tmp_path: Path) -> None:
@@ -193,7 +200,9 @@ def test_two_scenes_of_one_name_are_refused(scene: Path, tmp_path: Path, capsys:
     # The same file twice is one scene, however it is called.
     again = str(other.parent / ".." / scene.name)
     assert bench.main([str(scene), str(scene), again, *QUICK, "--out", str(tmp_path / "out")]) == 0
-    assert [row["spec"] for row in document(tmp_path / "out")["rows"] if row["spec"] != "embree"] == ["kd"]
+    specs = [row["spec"] for row in document(tmp_path / "out")["rows"]]
+    assert specs.count("kd") == 1
+    assert len(specs) == len(set(specs))
 
 
 def test_a_truncated_scene_is_one_line(scene: Path, tmp_path: Path, capsys: Any) -> None:
@@ -228,16 +237,19 @@ def test_of_several_scenes_one_that_cannot_be_measured_does_not_stop_the_others(
     def failing(module: Any, loaded: Any, *rest: Any) -> Any:
         for event in real(module, loaded, *rest):
             yield event
-            if loaded.name == "first" and isinstance(event, benchmark.Finished) and event.row["spec"] == "kd":
+            is_first = isinstance(event, benchmark.Finished) and event.row["spec"] == "kd:traversal=auto"
+            if loaded.name == "first" and is_first:
                 raise error
 
     monkeypatch.setattr(benchmark, "events", failing)
     out = tmp_path / "out"
-    assert bench.main([str(first), str(scene), *FAST, "--structures", "kd,kd-sah", "--out", str(out)]) == 2
+    asked = "kd:traversal=auto,kd-sah:traversal=auto"
+    assert bench.main([str(first), str(scene), *FAST, "--structures", asked, "--out", str(out)]) == 2
     line = str(error).splitlines()[0]
     assert capsys.readouterr().err == f"bench: first: {line}\n"
     rows = [(row["scene"], row["spec"], row["error"]) for row in document(out)["rows"] if row["spec"] != "embree"]
-    assert rows == [("first", "kd", None), ("first", "", line), ("soup", "kd", None), ("soup", "kd-sah", None)]
+    first, second = asked.split(",")
+    assert rows == [("first", first, None), ("first", "", line), ("soup", first, None), ("soup", second, None)]
     assert line in (out / "report.html").read_text(encoding="utf-8")
 
 
@@ -258,7 +270,7 @@ def test_one_configuration_in_other_words_is_one_row(scene: Path, tmp_path: Path
     asked = ["--structures", "kd:,kd,kd:traversal=auto,kd:max_depth=9,traversal=dir,kd:traversal=dir,max_depth=9"]
     assert bench.main([str(scene), *FAST, *asked, "--out", str(out)]) == 0
     specs = [row["spec"] for row in document(out)["rows"] if row["spec"] != "embree"]
-    assert specs == ["kd", "kd:max_depth=9,traversal=dir"]
+    assert specs == ["kd:traversal=dir", "kd", "kd:max_depth=9,traversal=dir"]
 
 
 def test_rays_to_compare_bind_the_scenes_own_sets_where_they_are_named() -> None:

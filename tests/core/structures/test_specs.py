@@ -106,7 +106,7 @@ def test_every_name_of_the_sources_is_accepted() -> None:
 
 
 NAMED = {
-    "auto.CANDIDATES": auto.CANDIDATES,
+    "auto.TREES": auto.TREES,
     "agreement.REFERENCE": [agreement.REFERENCE],
     "preparation.TRACERS": preparation.TRACERS,
     "preview.QUICK": [spec for _, spec in preview.QUICK],

@@ -1,0 +1,185 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Benchmark rows as text tables for a terminal of 100 columns.
+
+Each scene has up to three: one ray at a time, as fast as it goes, and configurations that fit neither. Like stands with
+like: no mark and no sentence compares rows of two tables. Every time stands beside the errors of its configuration.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from ..base.notes import some
+from ..measure import ranking, yardstick
+from ..measure.rows import Row, agrees
+from ..structures import specs
+from .report import by_scene, set_names
+
+TITLES = {
+    "single": "One ray at a time: each structure through its own nodes",
+    "fastest": "As fast as it goes: each structure with its quickest nodes and rays",
+    "chosen": "As chosen: configurations that fit neither table",
+    "": "All configurations",
+}
+"""Title of each table; the last is of rows of earlier versions."""
+
+ERRORS = {
+    "false_miss": ("m", "false misses"),
+    "false_hit": ("h", "false hits"),
+    "wrong_triangle": ("t", "wrong triangles"),
+    "wrong_values": ("v", "wrong u, v"),
+    "wrong_any_hit": ("a", "wrong any-hits"),
+    "t_ulp_max": ("d", "largest difference of t in ulps"),
+}
+"""Error columns: title and meaning."""
+
+NAMES = 3
+"""Number of columns with names; the others hold numbers."""
+
+OTHERS = 3
+"""Largest number of rows named as equal to the fastest."""
+
+DASH = "-"
+
+
+def text(rows: Sequence[Row]) -> str:
+    """The rows as aligned tables, with what their columns mean, the fastest rows, and the reasons for gaps."""
+    return "\n\n".join(block for scene, own in by_scene(rows).items() for block in _of_scene(scene, own))
+
+
+def _of_scene(scene: str, rows: Sequence[Row]) -> Iterator[str]:
+    """The blocks of text of one scene."""
+    yield "\n".join(heading(scene, rows))
+    # Failed rows have only a reason, whatever their table.
+    measured = [row for row in rows if not row["error"]]
+    for table, own in ranking.by_table(measured).items():
+        if any(row["spec"] != yardstick.SPEC for row in own):
+            yield "\n".join(_table(table, own))
+    reasons = [*_gaps(measured), *(f"{row['spec'] or scene}: {row['error']}" for row in rows if row["error"])]
+    if reasons:
+        yield "\n".join(reasons)
+
+
+def heading(scene: str, rows: Sequence[Row]) -> list[str]:
+    """The lines above the tables of a scene: what was measured, and what the columns of errors mean."""
+    checked = max((row["errors"]["rays"] for row in rows if row["errors"]), default=0)
+    reference = next((row["errors"]["reference"] for row in rows if row["errors"]), "nothing")
+    ours = sorted({row["threads"] for row in rows if row["spec"] != yardstick.SPEC and row["threads"]} or {1})
+    threads = f"{' and '.join(map(str, ours))} {'thread' if ours == [1] else 'threads'}"
+    if ours != [1] and any(row["spec"] == yardstick.SPEC for row in rows):
+        threads += " (Embree: 1)"
+    *some, last = (f"{title} {meaning}" for title, meaning in ERRORS.values())
+    return [
+        f"{scene}: {rows[0]['triangles']:,} triangles, {threads}. Build in seconds, memory in MB,",
+        "median speeds in million rays per second.",
+        f"Errors against {reference} on {checked:,} rays each: {', '.join(some[:3])},",
+        f"{', '.join(some[3:])}, {last}.",
+    ]
+
+
+def _table(table: str, rows: Sequence[Row]) -> Iterator[str]:
+    """The lines of one table."""
+    sets = set_names(rows)
+    kept = shown(rows, sets) if table == "fastest" else list(rows)
+    yield TITLES[table]
+    # Align names to the left and numbers to the right.
+    titles = ["structure", "nodes", "rays", "build", "MB", *sets, *(title for title, _ in ERRORS.values())]
+    lines = [titles, *(_cells(row, sets) for row in kept)]
+    widths = [max(len(line[i]) for line in lines) for i in range(len(titles))]
+    aligned = [" ".join(map(_aligned, line, widths, range(len(widths)))) for line in lines]
+    yield from (aligned[0], "-" * len(aligned[0]), *aligned[1:])
+    if len(kept) < len(rows):
+        yield f"Left out: {len(rows) - len(kept)} rows whose structure has quicker nodes for each ray set."
+    yield from _legend(kept, sets)
+    yield from winners(rows, sets)
+
+
+def _aligned(cell: str, width: int, column: int) -> str:
+    return cell.ljust(width) if column < NAMES else cell.rjust(width)
+
+
+def shown(rows: Sequence[Row], sets: Sequence[str]) -> list[Row]:
+    """The rows of each structure that are its quickest on at least one ray set, in order; rows that err always."""
+    best: set[int] = set()
+    trees: dict[str, list[Row]] = {}
+    for row in rows:
+        trees.setdefault(row["tree"], []).append(row)
+    for own in trees.values():
+        for name in sets:
+            timed = [row for row in own if _speed(row, name) is not None]
+            best.update(id(row) for row in sorted(timed, key=lambda row: -(_speed(row, name) or 0.0))[:1])
+        if not any(id(row) in best for row in own):
+            best.update(map(id, own))
+    return [row for row in rows if id(row) in best or (row["errors"] and not agrees(row))]
+
+
+def _speed(row: Row, name: str) -> float | None:
+    """Median million rays per second of a set; None if it was not timed."""
+    one = (row["rays"] or {}).get(name)
+    return None if not one or one["mrays_s"] is None else float(one["mrays_s"]["med"])
+
+
+def _cells(row: Row, sets: Sequence[str]) -> list[str]:
+    """The texts of one line; missing numbers are dashes."""
+    build, size, errors = row["build_s"], row["bytes"], row["errors"]
+    return [
+        row.get("label") or row["spec"],
+        row.get("nodes") or DASH,
+        rays_text(row),
+        DASH if not build else f"{build['med']:.3f}",
+        DASH if size is None else f"{size / 1e6:.1f}",
+        *(DASH if (speed := _speed(row, name)) is None else f"{speed:.3f}" for name in sets),
+        *(DASH if errors is None else str(errors[key]) for key in ERRORS),
+    ]
+
+
+def rays_text(row: Row) -> str:
+    """The way of a row's rays: the name of its traversal if they go singly, else the different ways of its ray sets."""
+    ways = row.get("ways") or {}
+    kinds = list(dict.fromkeys(way["rays"] for way in ways.values()))
+    if kinds == ["single"]:
+        return dict(specs.pairs(row["spec"])).get("traversal", "single")
+    return "+".join(kinds) or DASH
+
+
+def _legend(rows: Sequence[Row], sets: Sequence[str]) -> Iterator[str]:
+    """One line per combination of ways: which ray sets go which way."""
+    told: dict[str, Mapping[str, Any]] = {}
+    for row in rows:
+        if "+" in (name := rays_text(row)):
+            told.setdefault(name, row["ways"] or {})
+    for name, ways in told.items():
+        parts = []
+        for kind in name.split("+"):
+            own = [one for one in sets if one in ways and ways[one]["rays"] == kind]
+            parts.append(f"{', '.join(own)} by {kind}")
+        yield f"{name}: {'; '.join(parts)}"
+
+
+def winners(rows: Sequence[Row], sets: Sequence[str]) -> Iterator[str]:
+    """The fastest rows of one table, a line per ray set, as far as noise and number of rounds allow."""
+    right = [row for row in rows if row["spec"] != yardstick.SPEC]
+    found = {name: one for name in sets if (one := ranking.rank(right, name)) is not None}
+    unsure = {name: one for name, one in found.items() if not one.ranked}
+    for name, one in found.items():
+        best = one.best["spec"]
+        if name in unsure:
+            continue
+        if one.equal:
+            yield f"Fastest, {name}: {best}; equal within noise: {some([row['spec'] for row in one.equal], OTHERS)}"
+        else:
+            assert one.second is not None, "two rows are ranked"
+            yield f"Fastest, {name}: {best}, {one.times:.2f} times {one.second['spec']}"
+    if unsure:
+        least = min(one.rounds for one in unsure.values())
+        best = ", ".join(f"{name} {one.best['spec']}" for name, one in unsure.items())
+        yield f"Best medians: {best}. {least} rounds rank nothing; it takes {ranking.LEAST_ROUNDS} (--repeats)."
+
+
+def _gaps(rows: Sequence[Row]) -> Iterator[str]:
+    """The reasons why ray sets have no rays."""
+    timed = {name for row in rows for name, one in (row["rays"] or {}).items() if one["n"]}
+    empty = [name for name in set_names(rows) if name not in timed]
+    if empty:
+        yield f"No {', '.join(empty)} rays: they start where camera rays hit, and none hits the scene."
