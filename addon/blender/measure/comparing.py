@@ -17,7 +17,7 @@ from ...core.choose.choice import Comparison, Plan
 from ...core.measure import benchmark, costmap
 from ...core.measure.reference import affordable
 from ...core.scene.workload import Workload
-from ...core.structures import catalogue, specs
+from ...core.structures import catalogue, specs, ways
 from ...core.structures.settings import memory_limit
 from ..session import trees
 from ..settings import properties
@@ -94,6 +94,15 @@ def ticked(group: Any) -> list[str]:
     return [own, *(spec for spec in others if spec != specs.structure_of(own))]
 
 
+def tried(group: Any) -> list[str]:
+    """The configurations to measure: the chosen one as it is set, and the quickest of it and of all ticked ones."""
+    own, *others = ticked(group)
+    known = catalogue.load()
+    trees = ((known.get(specs.structure_of(spec)), spec) for spec in (ways.tree_of(own), *others))
+    quickest = [spec for structure, tree in trees if structure is not None for spec in ways.fastest(structure, tree)]
+    return list(dict.fromkeys([own, *quickest]))
+
+
 def name(spec: str) -> str:
     """A configuration's name for the user interface."""
     structure = catalogue.load().get(specs.structure_of(spec))
@@ -167,8 +176,8 @@ class Work:
 
 
 def comparing(scene: Any) -> Work:
-    """Start a comparison of the ticked structures."""
-    chosen, plan, threads, size = ticked(scene.halfspace), plan_of(scene), _threads(scene), _view(scene)
+    """Start a comparison of the ticked structures, each as fast as it goes, with the chosen configuration."""
+    chosen, plan, threads, size = tried(scene.halfspace), plan_of(scene), _threads(scene), _view(scene)
     limit = memory_limit(scene.halfspace.memory_limit)
 
     def steps(module: Any, workload: Workload, keep: Callable[[Found], None]) -> Iterator[tuple[float, str]]:
@@ -193,7 +202,7 @@ def comparing(scene: Any) -> Work:
         spec = next((spec for spec in chosen if spec not in failed), chosen[0])
         structure = module.build(workload.vertices, workload.triangles, spec, threads=threads, memory_limit=limit)
         counted = choice.mix(module, structure, workload, size, plan.max_bounces)
-        comparison = choice.compare(rows, counted, plan)
+        comparison = choice.compare(rows, counted, plan).of_trees(chosen[0])
         keep(Found(comparison, [comparison.reason(), *workload.notes], rows, options.as_dict()))
 
     return Work(scene, steps)

@@ -18,7 +18,7 @@ from ..measure import check
 from ..measure.reference import BRUTE_TESTS, Reference, affordable
 from ..scene import rays
 from ..scene.workload import Workload
-from ..structures import presets, specs
+from ..structures import presets, specs, ways
 from ..structures.catalogue import Catalogue
 from . import choice
 from .choice import Comparison, Line, Mix, Plan
@@ -26,7 +26,7 @@ from .choice import Comparison, Line, Mix, Plan
 if TYPE_CHECKING:
     from ..base.interface import Native, Structure
 
-CANDIDATES = (
+TREES = (
     "bvh-sah",
     "kd",
     "bih-sah",
@@ -37,8 +37,8 @@ CANDIDATES = (
     "bsp-cn-plus-kd:k=6,alpha=0.5",
     "rbsp-kd:k=5",
 )
-"""Candidate configurations: one of each kind, and the best of the sources' structures with few and with more
-directions.
+"""Trees to try: one of each kind, and the best of the sources' structures with few and with more directions. Each is
+tried with the quickest rays through each kind of its nodes.
 """
 
 SIZE, TRIAL_SIZE = (480, 320), (192, 128)
@@ -90,14 +90,15 @@ def view_of(pixels: int, most: tuple[int, int] = SIZE) -> tuple[int, int]:
 
 
 def candidates(catalogue: Catalogue) -> list[str]:
-    """The configurations of CANDIDATES that this catalogue contains."""
-    return [spec for spec in CANDIDATES if _problem(catalogue, spec) is None]
+    """The configurations to try: the quickest of those of TREES that this catalogue contains."""
+    known = [(catalogue.get(specs.structure_of(tree)), tree) for tree in TREES if _problem(catalogue, tree) is None]
+    return [spec for structure, tree in known if structure is not None for spec in ways.fastest(structure, tree)]
 
 
 def dropped(catalogue: Catalogue) -> list[str]:
-    """One line for each configuration of CANDIDATES that this catalogue lacks, with the reason."""
-    problems = ((spec, _problem(catalogue, spec)) for spec in CANDIDATES)
-    return [f"{spec}: left out, {problem}" for spec, problem in problems if problem is not None]
+    """One line for each of TREES that this catalogue lacks, with the reason."""
+    problems = ((tree, _problem(catalogue, tree)) for tree in TREES)
+    return [f"{tree}: left out, {problem}" for tree, problem in problems if problem is not None]
 
 
 def _problem(catalogue: Catalogue, spec: str) -> str | None:
@@ -221,9 +222,9 @@ class Chooser:
         problem = f"{wrong:,} of {checked:,} answers are wrong" if wrong else ""
         if problem:
             self._notes.append(f"{spec}: left out, {problem}")
-        speeds = {some.name: check.rate(structure, some, 1, REPEATS) for some in sets}
-        trace = counted.seconds(speeds, self.plan) / (self.threads or os.cpu_count() or 1) if speeds else 0.0
-        self._lines[spec] = Line(spec, build, trace, wrong, checked, problem)
+        speeds = {some.name: check.rates(structure, some, 1, REPEATS) for some in sets}
+        least, most = counted.bounds(speeds, self.plan, self.threads or os.cpu_count() or 1)
+        self._lines[spec] = Line(spec, build, least, wrong, checked, problem, least, most)
         self._built[spec] = structure
         best = self._best().spec
         self._built = {best: self._built[best]}

@@ -9,10 +9,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..measure import benchmark
+from ..base.notes import some
+from ..measure import benchmark, yardstick
 from ..measure.curve import Curve
-from ..measure.rows import building
+from ..measure.rows import Bound, building
 from ..scene.workload import Workload
+from ..structures import ways
 
 if TYPE_CHECKING:
     from ..base.interface import Native, Structure
@@ -22,6 +24,9 @@ SETS = ("primary", "shadow", "diffuse")
 
 NOT_COMPARED = "answers not compared"
 """Text beside a speed whose structure's answers were not checked."""
+
+BOUNDS: tuple[Bound, ...] = ("med", "max", "min")
+"""Keys of speeds: for the predicted time, the smallest, and the largest."""
 
 MIX_SAMPLES = 2
 """Samples per pixel of the small picture whose rays are counted."""
@@ -53,6 +58,15 @@ class Mix:
         each = self.primary / primary + self.shadow / shadow + self.secondary / diffuse
         return plan.pixels * plan.samples * each / 1e6
 
+    def bounds(self, rates: Mapping[str, Sequence[float]], plan: Plan, threads: int) -> tuple[float, float]:
+        """Smallest and largest seconds of all rays of a picture on so many threads, from the speeds of repeated passes
+        on one; 0 without rays.
+        """
+        if not rates:
+            return 0.0, 0.0
+        fast, slow = ({name: pick(some) for name, some in rates.items()} for pick in (max, min))
+        return self.seconds(fast, plan) / threads, self.seconds(slow, plan) / threads
+
 
 def mix(native: Native, structure: Structure, workload: Workload, size: tuple[int, int], max_bounces: int) -> Mix:
     """Count the rays of a small picture of the scene."""
@@ -64,8 +78,8 @@ def mix(native: Native, structure: Structure, workload: Workload, size: tuple[in
 class Line:
     """One configuration of a comparison. problem: the reason why it cannot be chosen, or "".
 
-    build, trace: seconds for the planned picture. wrong: number of the `checked` answers that differ from the
-    reference.
+    build, trace: seconds for the planned picture. least, most: smallest and largest trace of the repeats; None if there
+    was one. wrong: number of the `checked` answers that differ from the reference.
     """
 
     spec: str
@@ -74,11 +88,19 @@ class Line:
     wrong: int = 0
     checked: int = 0
     problem: str = ""
+    least: float | None = None
+    most: float | None = None
 
     @property
     def total(self) -> float:
         """Build plus render, in seconds."""
         return self.build + self.trace
+
+    @property
+    def spread(self) -> tuple[float, float]:
+        """Smallest and largest total of the repeats."""
+        low, high = (self.trace if value is None else value for value in (self.least, self.most))
+        return self.build + low, self.build + high
 
     @property
     def answers(self) -> str:
@@ -108,8 +130,32 @@ class Comparison:
         """The sound configuration with the smallest render time, regardless of its build."""
         return min(self.sound, key=lambda line: line.trace, default=None)
 
+    @property
+    def equal(self) -> tuple[Line, ...]:
+        """The sound configurations that the repeats do not separate from the best: their spreads overlap its own."""
+        best = self.best
+        return tuple(line for line in self.sound if best is not line and best and line.spread[0] <= best.spread[1])
+
+    def of_trees(self, kept: str = "") -> Comparison:
+        """The same with the best configuration of each tree only, and `kept` in any case."""
+        found: dict[str, Line] = {}
+        for line in self.lines:
+            found.setdefault(line.spec if line.spec == kept else ways.tree_of(line.spec), line)
+        return Comparison(self.plan, tuple(line for line in self.lines if line in found.values()))
+
     def reason(self) -> str:
-        """The reason for the best configuration, in one sentence."""
+        """The reason for the best configuration, in one sentence, and whether the repeats separate it from others."""
+        return f"{self._reason()}{self._doubt()}"
+
+    def _doubt(self) -> str:
+        """A sentence on configurations that may be as good as the best; "" if there are none."""
+        if not self.equal:
+            return ""
+        low, high = self.best.spread if self.best is not None else (0.0, 0.0)
+        others = some([line.spec for line in self.equal])
+        return f" This is not certain: its repeats took {low:.2f} to {high:.2f} s, and those of {others} overlap them."
+
+    def _reason(self) -> str:
         best, fastest = self.best, self.fastest
         if best is None or fastest is None:
             return "No configuration gives right answers."
@@ -131,11 +177,13 @@ def compare(rows: Sequence[benchmark.Row], counted: Mix, plan: Plan) -> Comparis
     """Order the rows of a benchmark by the predicted time of a planned picture."""
     lines = []
     for row in rows:
+        if row["spec"] == yardstick.SPEC:
+            continue
         if row["error"] is not None:
             lines.append(Line(row["spec"], problem=row["error"]))
             continue
         # Predict the picture's time from the median speeds; a row without them cannot be chosen.
-        speeds = {name: rays["mrays_s"]["med"] for name, rays in row["rays"].items() if rays["mrays_s"] is not None}
+        speeds = {name: rays["mrays_s"] for name, rays in row["rays"].items() if rays["mrays_s"] is not None}
         if "primary" not in speeds:
             lines.append(Line(row["spec"], problem="no ray hits the scene"))
             continue
@@ -146,8 +194,10 @@ def compare(rows: Sequence[benchmark.Row], counted: Mix, plan: Plan) -> Comparis
             least = "" if wrong else "at least "  # wrong pixels have no number of rays
             wrong = max(wrong, 1)
             problem = f"{least}{wrong:,} of {errors['rays']:,} answers are wrong"
-        build, trace = building(row), counted.seconds(speeds, plan)
-        lines.append(Line(row["spec"], build, trace, wrong, errors["rays"], problem))
+        trace, low, high = (
+            counted.seconds({name: speed[key] for name, speed in speeds.items()}, plan) for key in BOUNDS
+        )
+        lines.append(Line(row["spec"], building(row), trace, wrong, errors["rays"], problem, low, high))
     lines.sort(key=lambda line: (bool(line.problem), line.total))
     return Comparison(plan, tuple(lines))
 

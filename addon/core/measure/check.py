@@ -72,20 +72,24 @@ def steps(
 
 
 def rate(structure: Structure, whole: rays.RaySet, threads: int, repeats: int = 1) -> float:
-    """Million rays of a set per second, the best of `repeats` passes after a warm-up pass.
+    """Million rays of a set per second, the best of `repeats` passes after a warm-up pass."""
+    return max(rates(structure, whole, threads, repeats))
+
+
+def rates(structure: Structure, whole: rays.RaySet, threads: int, repeats: int) -> list[float]:
+    """Million rays of a set per second in each of `repeats` passes after a warm-up pass.
 
     On one thread the thread's processor clock is used, which other load on the machine does not affect.
     """
     ask = structure.occluded if whole.any_hit else structure.closest
     options = whole.options(threads)
     clock = time.thread_time if threads == 1 else time.perf_counter
-    best = float("inf")
-    for repeat in range(repeats + 1):
+    found = []
+    for _ in range(repeats + 1):
         start = clock()
         ask(whole.origins, whole.directions, **options)
-        if repeat:
-            best = min(best, clock() - start)
-    return len(whole) / max(best, 1e-9) / 1e6
+        found.append(len(whole) / max(clock() - start, 1e-9) / 1e6)
+    return found[1:]
 
 
 def timed_build(

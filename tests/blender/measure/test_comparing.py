@@ -21,7 +21,7 @@ from addon.blender.session import reports, trees
 from addon.blender.settings import presets, properties
 from addon.blender.ui import compare_panels, panels
 from addon.core.choose import auto, choice
-from addon.core.structures import catalogue
+from addon.core.structures import catalogue, ways
 
 
 @pytest.fixture
@@ -53,11 +53,17 @@ def test_ticked_structures_and_the_chosen_one_are_compared(
     for structure in catalogue.load().structures:
         setattr(group.compared, properties.tick(structure.id), structure.id in ("kd", "bvh-sah"))
     assert comparing.ticked(group) == ["kd:traversal=dir", "bvh-sah"]
+    known = catalogue.load()
+    quickest = [spec for name in ("kd", "bvh-sah") for spec in ways.fastest(known[name], name)]
+    assert comparing.tried(group) == ["kd:traversal=dir", *quickest]
     assert not bpy.ops.halfspace.write_report.poll()
     assert bpy.ops.halfspace.compare() == {"FINISHED"}
     found = comparing.last(seen)
     assert found is not None
-    assert {line.spec for line in found.comparison.sound} == {"kd:traversal=dir", "bvh-sah"}
+    lines = [line.spec for line in found.comparison.sound]
+    assert [ways.tree_of(spec) for spec in sorted(lines)] == ["bvh-sah", "kd", "kd"]
+    assert "kd:traversal=dir" in lines
+    assert set(lines) <= {"kd:traversal=dir", *quickest}
     assert found.comparison.plan.pixels == 64 * 64
     for panel in compare_panels.CLASSES:
         drawn = draw_all(panel, scene=seen)
@@ -66,7 +72,7 @@ def test_ticked_structures_and_the_chosen_one_are_compared(
         assert "compared with brute force, 0 wrong" in " ".join(drawn.log)
     assert bpy.ops.halfspace.write_report(directory=str(tmp_path / "report")) == {"FINISHED"}
     document = json.loads((tmp_path / "report" / "bench.json").read_text(encoding="utf-8"))
-    assert {row["spec"] for row in document["rows"]} == {"kd:traversal=dir", "bvh-sah"}
+    assert {row["spec"] for row in document["rows"]} == {"kd:traversal=dir", *quickest}
     assert (tmp_path / "report" / "report.html").stat().st_size > 1000
     found.rows.pop()
     with disk_full_at_the_last(tmp_path / "report"), pytest.raises(RuntimeError, match="No space left"):

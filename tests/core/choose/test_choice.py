@@ -3,7 +3,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 import threading
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +19,7 @@ from addon.core.choose import auto, choice
 from addon.core.choose.choice import Comparison, Line, Mix, Plan
 from addon.core.measure import benchmark, check
 from addon.core.scene.workload import View, Workload
-from addon.core.structures import catalogue
+from addon.core.structures import catalogue, specs, ways
 
 native = pytest.importorskip("halfspace_native")
 
@@ -49,6 +51,55 @@ def test_few_samples_want_a_quick_build_and_many_a_quick_walk() -> None:
     assert "kd would trace 1.00 s faster" in few.reason()
     assert "traces fastest" in many.reason()
     assert [line.spec for line in few.sound] == ["bvh-sah", "kd"]
+
+
+def test_what_the_repeats_do_not_separate_is_said_to_be_equal() -> None:
+    plan = Plan(100, 1)
+    best, close = Line("kd", 1.0, 2.0, least=2.0, most=2.4), Line("bvh-sah", 0.5, 2.8, least=2.8, most=3.5)
+    far = Line("grid", 1.0, 3.0, least=3.0, most=3.2)
+    found = Comparison(plan, (best, close, far))
+    assert found.best is best
+    assert found.equal == (close,)
+    assert found.reason().endswith("its repeats took 3.00 to 3.40 s, and those of bvh-sah overlap them.")
+    assert "not certain" not in Comparison(plan, (best, far)).reason()
+    # Wrong answers are no rivals, however fast.
+    wrong = Line("brute", 0.0, 1.0, 3, 10, "3 of 10 answers are wrong")
+    assert Comparison(plan, (best, far, wrong)).equal == ()
+
+
+def test_choosing_and_comparing_say_the_same_of_the_same_speeds(soup: Workload) -> None:
+    options = benchmark.Options(size=(32, 32), sets=choice.SETS, repeats=3, check_rays=64)
+    chosen = ["kd:traversal=dir", "octree-net"]
+    rows = list(benchmark.measure(native, soup, chosen, options, lambda _text: None))
+    counted, plan = Mix(1.0, 0.5, 0.5), Plan(1000, 4)
+    compared = choice.compare(rows, counted, plan)
+    for row, line in ((row, next(one for one in compared.lines if one.spec == row["spec"])) for row in rows):
+        speeds = {name: row["rays"][name]["rounds"] for name in choice.SETS}
+        assert (line.least, line.most) == pytest.approx(counted.bounds(speeds, plan, 1))
+        assert line.least <= line.trace <= line.most
+    # The automatic choice takes the quickest pass, the comparison the median: each names the other as best or equal.
+    quickest = [dataclasses.replace(line, trace=line.least) for line in compared.lines]
+    chosen_of = Comparison(plan, tuple(sorted(quickest, key=lambda line: line.total)))
+    for one, other in ((compared, chosen_of), (chosen_of, compared)):
+        assert other.best.spec in {one.best.spec, *(line.spec for line in one.equal)}
+
+
+def test_of_each_tree_its_best_way_is_compared_and_what_was_asked_for() -> None:
+    lines = [
+        Line(spec, 1.0, float(n)) for n, spec in enumerate(["kd:nodes=boxes", "bvh-sah", "kd", "kd:traversal=dir"])
+    ]
+    found = Comparison(Plan(100, 1), tuple(lines))
+    assert [line.spec for line in found.of_trees().lines] == ["kd:nodes=boxes", "bvh-sah"]
+    kept = found.of_trees("kd:traversal=dir")
+    assert [line.spec for line in kept.lines] == ["kd:nodes=boxes", "bvh-sah", "kd:traversal=dir"]
+
+
+def test_the_best_of_each_family_is_tried() -> None:
+    tried = auto.candidates(catalogue.load())
+    assert any(spec.startswith("bvh-sah") for spec in tried)
+    for spec in tried:
+        structure = catalogue.load()[spec.partition(":")[0]]
+        assert "fastest" in ways.tables(structure, specs.canonical(native, spec)), spec
 
 
 def test_one_alone_is_not_called_the_fastest() -> None:
@@ -93,9 +144,10 @@ def test_a_candidate_that_the_catalogue_lacks_is_named_with_the_reason(soup: Wor
     whole = catalogue.load()
     assert auto.dropped(whole) == []
     known = catalogue.Catalogue(tuple(one for one in whole.structures if one.id in ("bvh-sah", "kd")))
-    assert auto.candidates(known) == ["bvh-sah", "kd"]
+    quickest = [spec for one in known.structures for spec in ways.fastest(one, one.id)]
+    assert sorted(auto.candidates(known)) == sorted(quickest)
     left = auto.dropped(known)
-    assert len(left) == len(auto.CANDIDATES) - 2
+    assert len(left) == len(auto.TREES) - 2
     assert left[0] == "bih-sah: left out, unknown structure 'bih-sah'; there are kd, bvh-sah"
     assert set(left) <= set(auto.choose(native, soup, Plan(1 << 20, 64), known, threads=1).notes)
 
@@ -123,10 +175,10 @@ def test_every_full_trial_is_compared_with_brute_force_which_is_asked_once(soup:
 
 @pytest.mark.parametrize("lie", LIES)
 def test_who_errs_is_not_chosen_however_fast(soup: Workload, monkeypatch: pytest.MonkeyPatch, lie: str) -> None:
-    monkeypatch.setattr(auto.check, "rate", lambda structure, *_: 100.0 if isinstance(structure, Lying) else 1.0)
+    rates(monkeypatch, lambda structure: 100.0 if isinstance(structure, Lying) else 1.0)
     monkeypatch.setattr(auto.choice, "mix", lambda *_: Mix(1.0, 0.0, 0.0))
-    for specs in (["bvh-sah", "kd"], ["kd", "bvh-sah"]):
-        chooser = auto.Chooser(LyingNative(lie), soup, Plan(1 << 20, 64), specs, 1)
+    for tried in (["bvh-sah", "kd"], ["kd", "bvh-sah"]):
+        chooser = auto.Chooser(LyingNative(lie), soup, Plan(1 << 20, 64), tried, 1)
         for _ in chooser.steps():
             pass
         assert chooser.result is not None
@@ -197,12 +249,12 @@ def test_rays_are_timed_about_as_close_as_those_of_the_picture(soup: Workload, m
     assert 0.9 * 100_000 < width * height <= 100_000
     asked = []
 
-    def heard(structure: Any, some: Any, *arguments: Any) -> float:
+    def heard(structure: Any, some: Any, *arguments: Any) -> list[float]:
         asked.append(len(some))
-        return float(rate(structure, some, *arguments))
+        return rate(structure, some, *arguments)
 
-    rate = check.rate
-    monkeypatch.setattr(check, "rate", heard)
+    rate = check.rates
+    monkeypatch.setattr(check, "rates", heard)
 
     def most(pixels: int, samples: int) -> int:
         asked.clear()
@@ -214,6 +266,11 @@ def test_rays_are_timed_about_as_close_as_those_of_the_picture(soup: Workload, m
     # A picture of few samples is worth fewer of them: timing all would take longer than the picture.
     assert most(480 * 320, 1) == 192 * 128
     assert 192 * 128 < most(1920 * 1080, 2) < 480 * 320
+
+
+def rates(monkeypatch: pytest.MonkeyPatch, speed: Callable[[Any], float]) -> None:
+    """Give structures these speeds, in each pass the same."""
+    monkeypatch.setattr(check, "rates", lambda structure, *_: [speed(structure)] * 3)
 
 
 class Clocked:
@@ -252,7 +309,7 @@ def choose_with(
     monkeypatch: pytest.MonkeyPatch, soup: Workload, samples: int, speeds: dict[str, float], builds: dict[str, float]
 ) -> tuple[Any, Clocked]:
     module = Clocked(speeds, builds)
-    monkeypatch.setattr(auto.check, "rate", lambda structure, *_: structure.speed)
+    rates(monkeypatch, lambda structure: structure.speed)
     monkeypatch.setattr(auto.check, "timed_build", timed_build)
     monkeypatch.setattr(auto.choice, "mix", lambda *_: Mix(1.0, 0.0, 0.0))
     monkeypatch.setattr(auto, "TRIAL_TRIANGLES", 100)
