@@ -97,14 +97,14 @@ def _field(layout: Any, group: Any, parameter: Parameter) -> None:
 
 def _only_nodes(layout: Any, chosen: Structure) -> None:
     """Name the nodes of a structure that has only one kind of them."""
-    kinds = {way.nodes for way in relevance.ways_of(chosen)}
+    kinds = {way.nodes for way in chosen.ways}
     if chosen.parameter(relevance.NODES) is None and len(kinds) == 1 and kinds <= NODES.keys():
         _row(layout, "Nodes").label(text=NODES[kinds.pop()])
 
 
 def _only_rays(layout: Any, chosen: Structure) -> None:
     """Name the rays of a structure that has only one kind of them."""
-    kinds = {way.rays for way in relevance.ways_of(chosen)}
+    kinds = {way.rays for way in chosen.ways}
     if len(kinds) == 1 and kinds <= RAYS.keys():
         _row(layout, LABELS[relevance.TRAVERSAL]).label(text=RAYS[kinds.pop()])
 

@@ -7,8 +7,7 @@ like: no mark and no sentence compares rows of two tables. Every time stands bes
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Iterator, Sequence
 
 from ..base.notes import some
 from ..measure import ranking, yardstick
@@ -69,12 +68,13 @@ def heading(scene: str, rows: Sequence[Row]) -> list[str]:
     threads = f"{' and '.join(map(str, ours))} {'thread' if ours == [1] else 'threads'}"
     if ours != [1] and any(row["spec"] == yardstick.SPEC for row in rows):
         threads += " (Embree: 1)"
-    *some, last = (f"{title} {meaning}" for title, meaning in ERRORS.values())
+    count = rows[0]["triangles"]
+    *most, last = (f"{title} {meaning}" for title, meaning in ERRORS.values())
     return [
-        f"{scene}: {rows[0]['triangles']:,} triangles, {threads}. Build in seconds, memory in MB,",
+        f"{scene}: {count:,} {'triangle' if count == 1 else 'triangles'}, {threads}. Build in seconds, memory in MB,",
         "median speeds in million rays per second.",
-        f"Errors against {reference} on {checked:,} rays each: {', '.join(some[:3])},",
-        f"{', '.join(some[3:])}, {last}.",
+        f"Errors against {reference} on {checked:,} rays each: {', '.join(most[:3])},",
+        f"{', '.join(most[3:])}, {last}.",
     ]
 
 
@@ -91,7 +91,7 @@ def _table(table: str, rows: Sequence[Row]) -> Iterator[str]:
     yield from (aligned[0], "-" * len(aligned[0]), *aligned[1:])
     if len(kept) < len(rows):
         yield f"Left out: {len(rows) - len(kept)} rows whose structure has quicker nodes for each ray set."
-    yield from _legend(kept, sets)
+    yield from _legend(kept)
     yield from winners(rows, sets)
 
 
@@ -136,25 +136,27 @@ def _cells(row: Row, sets: Sequence[str]) -> list[str]:
 
 def rays_text(row: Row) -> str:
     """The way of a row's rays: the name of its traversal if they go singly, else the different ways of its ray sets."""
-    ways = row.get("ways") or {}
-    kinds = list(dict.fromkeys(way["rays"] for way in ways.values()))
+    kinds = list(dict.fromkeys(_kinds(row).values()))
     if kinds == ["single"]:
         return dict(specs.pairs(row["spec"])).get("traversal", "single")
     return "+".join(kinds) or DASH
 
 
-def _legend(rows: Sequence[Row], sets: Sequence[str]) -> Iterator[str]:
+def _kinds(row: Row) -> dict[str, str]:
+    """How the rays of each set that has rays go."""
+    ways, timed = row.get("ways") or {}, row["rays"] or {}
+    return {name: way["rays"] for name, way in ways.items() if name in timed and timed[name]["n"]}
+
+
+def _legend(rows: Sequence[Row]) -> Iterator[str]:
     """One line per combination of ways: which ray sets go which way."""
-    told: dict[str, Mapping[str, Any]] = {}
+    lines = []
     for row in rows:
-        if "+" in (name := rays_text(row)):
-            told.setdefault(name, row["ways"] or {})
-    for name, ways in told.items():
-        parts = []
-        for kind in name.split("+"):
-            own = [one for one in sets if one in ways and ways[one]["rays"] == kind]
-            parts.append(f"{', '.join(own)} by {kind}")
-        yield f"{name}: {'; '.join(parts)}"
+        kinds = _kinds(row)
+        if len(set(kinds.values())) > 1:
+            sets = {kind: ", ".join(name for name in kinds if kinds[name] == kind) for kind in kinds.values()}
+            lines.append(f"{rays_text(row)}: {'; '.join(f'{names} by {kind}' for kind, names in sets.items())}")
+    yield from dict.fromkeys(lines)
 
 
 def winners(rows: Sequence[Row], sets: Sequence[str]) -> Iterator[str]:

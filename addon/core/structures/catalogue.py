@@ -151,14 +151,24 @@ def _way(row: Mapping[str, Any]) -> Way:
     return Way(row["nodes"], row["traversal"], row["rays"], row["label"], row["doc"])
 
 
-OWN_NODES = {"octants": "octants", "grid": "cells", "bih": "intervals", "skd": "intervals", "bvh": "boxes"}
+OWN_NODES = {
+    "bih": "intervals",
+    "octree": "octants",
+    "grid": "cells",
+    "brute": "none",
+    "bvh": "boxes",
+    "obb": "boxes",
+    "bbox": "boxes",
+}
+"""Kinds of nodes by the beginning of the id; those of all other structures are planes."""
+
 TOGETHER = {"wide": "flight", "tile8": "tile", "tile16": "tile", "p4": "packet", "p8": "packet", "p16": "packet"}
+"""How the rays of these traversals go together."""
 
 
 def _derived_ways(row: Mapping[str, Any]) -> tuple[Way, ...]:
     """The ways of a registry without `ways`, from its parameter `traversal`. For modules before the key."""
-    given = (row["family"], row["id"].partition("-")[0])
-    own = next((nodes for key, nodes in OWN_NODES.items() if key in given), "planes")
+    own = next((nodes for begin, nodes in OWN_NODES.items() if row["id"].startswith(begin)), "planes")
     names = next((p["options"] for p in row["parameters"] if p["name"] == "traversal"), [""])
     if names == [""] and any(p["name"] == "beam_least" for p in row["parameters"]):
         return (Way(own, "", "tile"),)

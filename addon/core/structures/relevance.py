@@ -8,7 +8,7 @@ builds every structure with several values of every parameter and compares the t
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from .catalogue import Parameter, Structure, Value
@@ -90,11 +90,6 @@ def grouped(structure: Structure, values: Values) -> dict[str, list[Parameter]]:
     return found
 
 
-def ways_of(structure: Structure) -> tuple[Any, ...]:
-    """The valid pairs of nodes and traversal; empty if the catalogue has none."""
-    return getattr(structure, "ways", ())
-
-
 def traversals(structure: Structure, values: Values) -> tuple[str, ...]:
     """The values of the parameter `traversal` that are valid with the other values; empty without that parameter."""
     parameter = structure.parameter(TRAVERSAL)
@@ -102,9 +97,9 @@ def traversals(structure: Structure, values: Values) -> tuple[str, ...]:
         return ()
     options = parameter.options
     nodes = structure.parameter(NODES)
-    if nodes is not None and (ways := ways_of(structure)):
+    if nodes is not None and structure.ways:
         chosen = nodes.clamp(values.get(NODES, nodes.default))
-        able = {way.traversal for way in ways if way.nodes == chosen}
+        able = {way.traversal for way in structure.ways if way.nodes == chosen}
         options = tuple(option for option in options if option in able)
     # Only boxes of eight have kernels for several rays.
     if values.get("width", "8") != "8":

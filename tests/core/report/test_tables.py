@@ -21,6 +21,7 @@ def of(
 ) -> dict[str, Any]:
     """A row of a table, whose primary and shadow rays go so through such nodes."""
     made = row(spec, speed)
+    made["rays"]["shadow"]["n"] = 64
     tree = ",".join(part for part in spec.replace(":", ",").split(",") if not part.startswith(("nodes=", "traversal=")))
     ways = {name: {"nodes": nodes, "rays": way} for name, way in zip(("primary", "shadow"), rays, strict=True)}
     return made | {"table": table, "tables": [table], "tree": tree, "label": tree, "nodes": nodes, "ways": ways}
@@ -114,8 +115,26 @@ def test_lines_align_fit_a_terminal_and_show_errors_zeros_too() -> None:
     assert wrong[0].split()[-6:] == ["0", "0", "0", "3", "0", "0"]
 
 
+def test_two_ways_of_the_same_name_are_both_explained() -> None:
+    other = of("fastest", "grid", 3.0, nodes="cells", rays=("stream", "tile"))
+    both = of("fastest", "obb", 3.0, nodes="boxes", rays=("stream", "stream"))
+    lines = blocks([*LIKE, other, both])["As fast as it goes"]
+    legend = [line for line in lines if " by " in line]
+    assert legend == [
+        "tile+stream: primary by tile; shadow by stream",
+        "stream+tile: primary by stream; shadow by tile",
+    ]
+    odd = of("fastest", "grid", 3.0, rays=("tile", "stream"))
+    odd["rays"]["diffuse"] = odd["rays"]["primary"]
+    odd["ways"]["diffuse"] = {"nodes": "cells", "rays": "tile"}
+    legend = [line for line in blocks([*LIKE, odd])["As fast as it goes"] if " by " in line]
+    assert legend[1] == "tile+stream: primary, diffuse by tile; shadow by stream"
+
+
 def test_a_scene_without_hits_has_no_nan_and_says_why() -> None:
-    empty = of("single", "kd:traversal=dir")
+    empty = of("fastest", "kd", rays=("tile", "stream"))
+    empty["rays"]["shadow"]["n"] = 0
+    assert blocks([empty])["As fast as it goes"][2].split()[2] == "tile", "no shadow ray goes by stream"
     text = tables.text([empty])
     assert "nan" not in text.lower()
     assert "No shadow rays: they start where camera rays hit, and none hits the scene." in text

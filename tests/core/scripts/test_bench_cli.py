@@ -345,3 +345,54 @@ def test_arguments_follow_two_dashes_as_inside_blender(scene: Path) -> None:
     done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
     assert done.returncode == 0, done.stderr
     assert "soup: 100 triangles" in done.stdout
+
+
+@pytest.mark.parametrize(("target", "hits"), [([0, 0, 0], True), ([0, -10, 0], False)], ids=["one triangle", "no hits"])
+def test_scenes_with_equal_answers_or_none_have_tables_without_nan(
+    tmp_path: Path, capsys: Any, target: list[float], *, hits: bool
+) -> None:
+    path = tmp_path / "poor.npz"
+    view = {"camera_eye": [0, -5, 0], "camera_target": target, "camera_up": [0, 0, 1], "camera_vfov_deg": 45.0}
+    corners = np.array([[-9, 0, -9], [9, 0, -9], [0, 0, 9]], np.float32)
+    np.savez(path, vertices=corners, triangles=np.array([[0, 1, 2]]), **view)
+    out = tmp_path / "out"
+    asked = ["--structures", "kd,octree-net", "--size", "32x32", "--repeats", "6", "--check-rays", "64", "--curve", "1"]
+    assert bench.main([str(path), *asked, "--only-rays", "--out", str(out)]) == 0
+    printed = capsys.readouterr().out
+    assert "nan" not in printed.lower()
+    assert "poor: 1 triangle, " in printed
+    assert ("none hits the scene" in printed) != hits
+    texts = [(out / name).read_text(encoding="utf-8") for name in ("bench.json", "bench.csv")]
+    assert not any("NaN" in text or "nan," in text for text in texts)
+    for table in ("One ray at a time", "As fast as it goes"):
+        assert table in printed
+
+
+def test_many_configurations_get_fewer_repeats_but_as_many_checks(scene: Path, monkeypatch: Any, capsys: Any) -> None:
+    few, many = (bench.read_options(bench.parser().parse_args([str(scene)]), count) for count in (4, bench.MANY + 1))
+    assert (few.repeats, few.brief) == (bench.REPEATS, False)
+    assert (many.repeats, many.brief, many.scaling) == (bench.FEWER, True, False)
+    assert many.pass_seconds < few.pass_seconds
+    assert (many.check_rays, many.own_rays, many.sets, many.reference) == (
+        few.check_rays,
+        few.own_rays,
+        few.sets,
+        few.reference,
+    )
+    named = bench.read_options(bench.parser().parse_args(["--repeats", "9"]), bench.MANY + 1)
+    assert named.repeats == 9, "what is asked for is kept"
+    # It is said, and in a brief run single rays get only the picture with the fewest samples.
+    monkeypatch.setattr(bench, "MANY", 1)
+    found: list[dict[str, Any]] = []
+    monkeypatch.setattr(bench, "status", lambda rows: found.extend(rows) or 0)
+    asked = ["--structures", "kd", "--size", "32x32", "--check-rays", "128", "--seconds", "1", "--curve", "1,2"]
+    assert bench.main([str(scene), *asked]) == 0
+    assert "configurations are more than 1: fewer timed rays and 6 repeats each" in capsys.readouterr().out
+    ours = {row["table"]: row for row in found if row["spec"] != "embree"}
+    assert {table: [point["spp"] for point in row["curve"]] for table, row in ours.items()} == {
+        "single": [1],
+        "fastest": [1, 2],
+    }
+    assert ours["single"]["peak_bytes"] is None
+    assert ours["fastest"]["peak_bytes"] is not None
+    assert {row["errors"]["rays"] for row in ours.values()} == {4 * 128}
