@@ -7,6 +7,7 @@ like: no mark and no sentence compares rows of two tables. Every time stands bes
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Iterator, Sequence
 
 from ..base.notes import some
@@ -23,15 +24,20 @@ TITLES = {
 }
 """Title of each table; the last is of rows of earlier versions."""
 
+ULPS = "t_ulp_max"
+
 ERRORS = {
     "false_miss": ("m", "false misses"),
     "false_hit": ("h", "false hits"),
     "wrong_triangle": ("t", "wrong triangles"),
-    "wrong_values": ("v", "wrong u, v"),
+    "wrong_values": ("v", "wrong u or v"),
     "wrong_any_hit": ("a", "wrong any-hits"),
-    "t_ulp_max": ("d", "largest difference of t in ulps"),
+    ULPS: ("d", "largest difference of t in ulps"),
 }
 """Error columns: title and meaning."""
+
+WIDTH = 100
+"""Columns of the terminal that the tables are made for."""
 
 NAMES = 3
 """Number of columns with names; the others hold numbers."""
@@ -55,9 +61,10 @@ def _of_scene(scene: str, rows: Sequence[Row]) -> Iterator[str]:
     for table, own in ranking.by_table(measured).items():
         if any(row["spec"] != yardstick.SPEC for row in own):
             yield "\n".join(_table(table, own))
-    reasons = [*_gaps(measured), *(f"{row['spec'] or scene}: {row['error']}" for row in rows if row["error"])]
+    failed = (f"{row['spec'] or scene}: {row['error']}" for row in rows if row["error"])
+    reasons = [*_about_yardstick(measured), *_gaps(measured), *failed]
     if reasons:
-        yield "\n".join(reasons)
+        yield "\n".join(map(_wrapped, reasons))
 
 
 def heading(scene: str, rows: Sequence[Row]) -> list[str]:
@@ -91,8 +98,12 @@ def _table(table: str, rows: Sequence[Row]) -> Iterator[str]:
     yield from (aligned[0], "-" * len(aligned[0]), *aligned[1:])
     if len(kept) < len(rows):
         yield f"Left out: {len(rows) - len(kept)} rows whose structure has quicker nodes for each ray set."
-    yield from _legend(kept)
-    yield from winners(rows, sets)
+    yield from map(_wrapped, (*_legend(kept), *winners(rows, sets)))
+
+
+def _wrapped(line: str) -> str:
+    """A sentence in lines of at most WIDTH columns."""
+    return textwrap.fill(line, WIDTH, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False)
 
 
 def _aligned(cell: str, width: int, column: int) -> str:
@@ -104,7 +115,7 @@ def shown(rows: Sequence[Row], sets: Sequence[str]) -> list[Row]:
     best: set[int] = set()
     trees: dict[str, list[Row]] = {}
     for row in rows:
-        trees.setdefault(row["tree"], []).append(row)
+        trees.setdefault(row.get("tree") or row["spec"], []).append(row)
     for own in trees.values():
         for name in sets:
             timed = [row for row in own if _speed(row, name) is not None]
@@ -121,8 +132,9 @@ def _speed(row: Row, name: str) -> float | None:
 
 
 def _cells(row: Row, sets: Sequence[str]) -> list[str]:
-    """The texts of one line; missing numbers are dashes."""
-    build, size, errors = row["build_s"], row["bytes"], row["errors"]
+    """The texts of one line; missing numbers are dashes. Embree's errors are long and have a line of their own."""
+    build, size = row["build_s"], row["bytes"]
+    errors = None if row["spec"] == yardstick.SPEC else row["errors"]
     return [
         row.get("label") or row["spec"],
         row.get("nodes") or DASH,
@@ -177,6 +189,14 @@ def winners(rows: Sequence[Row], sets: Sequence[str]) -> Iterator[str]:
         least = min(one.rounds for one in unsure.values())
         best = ", ".join(f"{name} {one.best['spec']}" for name, one in unsure.items())
         yield f"Best medians: {best}. {least} rounds rank nothing; it takes {ranking.LEAST_ROUNDS} (--repeats)."
+
+
+def _about_yardstick(rows: Sequence[Row]) -> Iterator[str]:
+    """The errors of Embree, whose arithmetic differs."""
+    for row in rows:
+        if row["spec"] == yardstick.SPEC and row["errors"]:
+            told = ", ".join(f"{row['errors'][key]:,} {meaning}" for key, (_, meaning) in ERRORS.items() if key != ULPS)
+            yield f"Embree, whose arithmetic differs: {told}, t up to {row['errors'][ULPS]:,} ulps apart."
 
 
 def _gaps(rows: Sequence[Row]) -> Iterator[str]:
