@@ -3,8 +3,8 @@
 
 `python scripts/bench.py [SCENE ...] [options]`, or inside Blender: `blender --background [FILE] --python
 scripts/bench.py -- [SCENE ...] [options]`. Exit status: 0 all answers agree with the reference; 1 some answer differs;
-2 bad usage or input, said in one line, or rows that failed or, with `--merge`, are missing;
-130 stopped from the keyboard.
+2 bad usage or input, with the reason in one line, or rows that failed or, with `--merge`, are missing; 130 stopped
+from the keyboard.
 """
 
 from __future__ import annotations
@@ -37,13 +37,13 @@ if TYPE_CHECKING:
 SUFFIXES = (".npz", ".blend", ".obj", ".ply", ".stl", ".glb", ".gltf", ".usd", ".usda", ".usdc", ".usdz")
 
 OPEN_FILE = "open file"
-"""What the scene that is open in Blender is called."""
+"""Name of the scene that is open in Blender."""
 
 PUBLISHED = workload.SCENES.parent / "reference" / "thesis_results.json"
-"""Where published results lie, if they do: they are not part of the project."""
+"""Published results, which are not part of the project and may be missing."""
 
 SECONDS = 45.0
-"""For the timed passes of a scene. Together with all else a run over all structures takes five minutes at most."""
+"""Seconds of all timed passes of a scene. A run over all structures takes at most five minutes in total."""
 
 CURVE = "1,4,16"
 """Samples per pixel of the pictures."""
@@ -55,7 +55,7 @@ REPEATS, FEWER = benchmark.Options.repeats, ranking.LEAST_ROUNDS
 """Timed repeats, and those of many configurations: as few as can be ranked."""
 
 OF_MERGES = ("scenes", "merge", "out", "published")
-"""What may be said beside `--merge`."""
+"""Options that are valid together with `--merge`."""
 
 BAD_INPUT = 2
 
@@ -90,7 +90,7 @@ def parser() -> argparse.ArgumentParser:
         help=f"also render, with these samples per pixel, and report the "
         f"error of each; none for no pictures (default: {CURVE})",
     )
-    add("--reference", choices=benchmark.REFERENCES, default="brute", help="what answers are compared with")
+    add("--reference", choices=benchmark.REFERENCES, default="brute", help="reference of the answers")
     add(
         "--check-rays",
         type=int,
@@ -99,7 +99,7 @@ def parser() -> argparse.ArgumentParser:
         "which is made to find errors, all: more than a million)",
     )
     add("--ray-seed", type=int, default=1, help="seed of the rays (default: 1)")
-    add("--memory-limit", type=float, metavar="GB", help="what a build may take (default: most of what is free)")
+    add("--memory-limit", type=float, metavar="GB", help="memory limit of a build (default: most of the free memory)")
     add(
         "--only-rays",
         action="store_true",
@@ -192,7 +192,8 @@ def run(asked: argparse.Namespace) -> int:
 
 
 def merge(asked: argparse.Namespace) -> int:
-    """Make one report of finished rows, and tell what it lacks. Raises one of the errors that `main` turns into a line.
+    """Make one report of finished rows, and print which are missing. Raises one of the errors that `main` turns into a
+    line.
 
     Returns 1 where answers differ, else 2 where rows failed or are missing, else 0.
     """
@@ -216,22 +217,22 @@ def merge(asked: argparse.Namespace) -> int:
     for line in missing:
         print(f"bench: {line}", file=sys.stderr)
     if not merged.asked.specs:
-        say("the journal does not tell what was asked: whether rows are missing is not known")
+        say("the journal does not record the requested rows, so missing ones cannot be named")
     save(asked.out, results.document(module, rows, merged.options, merged.machines, missing), published)
     found = 1 if merged.disagreements else status(rows)
     return found or (BAD_INPUT if missing else 0)
 
 
 def dropped(rows: Sequence[benchmark.Row]) -> int:
-    """How many triangles of their scene these rows' structures leave out."""
+    """Number of triangles of their scene that these rows' structures leave out."""
     return max(((row["statistics"] or {}).get("dropped_triangles", 0) for row in rows), default=0)
 
 
 def status(rows: Sequence[benchmark.Row]) -> int:
-    """The exit status that the rows mean. The yardstick is no structure of ours and decides nothing."""
+    """The exit status for these rows. The yardstick has no influence on it."""
     ours = [row for row in rows if row["spec"] != yardstick.SPEC]
     compared = [row for row in ours if row["errors"] is not None]
-    # Who asks for a walk without its error bounds is told of its answers far away, and expected them.
+    # Traversals without error bounds are measured for their wrong answers far from the origin.
     moved = [row for row in compared if not offsets.is_unguarded(row["spec"])]
     if not (all(map(benchmark.agrees, compared)) and all(map(agrees_moved, moved))):
         return 1
@@ -251,7 +252,7 @@ def save(folder: Path, document: dict[str, Any], published: thesis.Published | N
 
 
 def read_shard(asked: argparse.Namespace) -> sweep.Shard:
-    """The part of the sweep, checked. Raises UsageError."""
+    """The part of the sweep that is measured, checked. Raises UsageError."""
     if asked.shard is None:
         return sweep.Shard()
     number, slash, count = asked.shard.partition("/")
@@ -263,7 +264,7 @@ def read_shard(asked: argparse.Namespace) -> sweep.Shard:
 
 
 def read_published(asked: argparse.Namespace) -> thesis.Published | None:
-    """Published results for the plots, or None where there are none. Raises UsageError for a file that is no such."""
+    """Published results for the plots, or None if there are none. Raises UsageError for an unreadable file."""
     path = asked.published or PUBLISHED
     if not path.is_file() and asked.published is None:
         return None
@@ -329,7 +330,7 @@ def read_options(asked: argparse.Namespace, configurations: int) -> benchmark.Op
 
 
 def read_structures(asked: argparse.Namespace, module: Native) -> list[str]:
-    """The configurations, each proved to be valid by a tiny build. Raises SpecError."""
+    """The configurations, each validated by a tiny build. Raises SpecError."""
     preset = PRESETS.get(asked.preset or "", {})
     ranges = {
         "k": ("--k", asked.k or preset.get("k")),
@@ -355,7 +356,7 @@ def find(scene: str) -> str | Path:
 
 
 def loader(scene: str, size: tuple[int, int], published: bool) -> Callable[[], workload.Workload]:
-    """A function that loads the scene, or what of it was published.
+    """A function that loads the scene. published: only its published part.
 
     Raises WorkloadError when there is no such scene, UsageError without Blender.
     """
@@ -377,7 +378,7 @@ def loader(scene: str, size: tuple[int, int], published: bool) -> Callable[[], w
 
 
 def default_scenes(preset: str | None) -> list[str]:
-    """What is measured when no scene is named: the preset's scenes, the file open in Blender, or the showcase."""
+    """The scenes to measure if none is named: the preset's, the file open in Blender, or the showcase."""
     if preset is None:
         return [OPEN_FILE if _open_file() else "showcase"]
     names = PRESETS[preset]["scenes"].split(",")
@@ -397,7 +398,7 @@ def _open_file() -> bool:
 
 
 def say(text: str) -> None:
-    """Tell what is being done."""
+    """Print a line of progress."""
     print(f"[bench] {text}", flush=True)
 
 

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the papers claim about their structures, measured again on this machine.
+"""The claims of papers about their structures, measured again on this machine.
 
-`python scripts/claims.py [CLAIM ...] [options]` goes on where an earlier run with the same `--out` ended. Exit status:
-0 every claim was measured, whether it holds or not; 1 some answer differed from brute force, but for walks as published
-without bounds on their rounding; 2 bad usage; 130 stopped.
+`python scripts/claims.py [CLAIM ...] [options]` continues an earlier run with the same `--out`. Exit status: 0 every
+claim was measured, whether it holds or not; 1 some answer differed from brute force, except in traversals as published
+without error bounds; 2 bad usage; 130 stopped.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ def run(asked: argparse.Namespace) -> int:
         if result is None:
             (result,) = claims.measure(lab, [claim])
             result = replace(result, machine=machine["name"])
-            # What could not be measured costs nothing to try again.
+            # A claim that could not be measured is tried again by the next run.
             if journal is not None and result.measured:
                 journal.add(results.Entry(key, (0, place), row(result)), machine)
         found.append(result)
@@ -82,12 +82,12 @@ def run(asked: argparse.Namespace) -> int:
 
 
 def row(result: claims.Result) -> dict[str, Any]:
-    """A measured claim as the journal keeps it."""
+    """A measured claim as a row of the journal."""
     return {"outcomes": list(result.as_rows()), "wrong": result.wrong, "machine": result.machine}
 
 
 def kept(claim: claims.Claim, known: Mapping[str, Any]) -> claims.Result | None:
-    """A claim that was measured before, from its row; None where that, of another version, tells too little."""
+    """A claim that was measured before, from its row; None if the row, of another version, is incomplete."""
     try:
         return claims.Result(claim, tuple(map(claims.outcome, known["outcomes"])), known["wrong"], known["machine"])
     except (KeyError, TypeError):
@@ -113,7 +113,7 @@ def save(
 
 
 def say(text: str) -> None:
-    """Tell what is being done."""
+    """Print a line of progress."""
     print(f"[claims] {text}", flush=True)
 
 

@@ -77,6 +77,8 @@ def remark(chosen: Mapping[str, str], structures: Sequence[Mapping[str, Any]]) -
 
     chosen: label to configuration. structures: the native registry.
     """
+    if catalogue.counts_itself(structures):
+        return ""
     silent = [
         name for name, spec in chosen.items() if not is_of_the_timed_walk(specs.values(spec, structures), any_hit=False)
     ]

@@ -226,6 +226,11 @@ def routes(structure: Any) -> Mapping[str, Mapping[str, str]]:
     return _derived_routes(structure.spec) if found is None else found
 
 
+def counts_itself(structures: Iterable[Mapping[str, Any]]) -> bool:
+    """Whether every kernel of a module counts its own work: those whose registry has `ways` do."""
+    return all("ways" in row for row in structures)
+
+
 def _derived_routes(spec: str) -> dict[str, dict[str, str]]:
     """The routes of a module without `Structure.routes`. For modules before the attribute."""
     from . import specs, ways

@@ -258,7 +258,7 @@ def test_a_journal_of_an_earlier_version_is_merged_as_far_as_it_tells(
     capsys.readouterr()
     status, document = merged([out], tmp_path / "merged")
     assert (status, len(document["rows"])) == (0, sum("key" in line for line in old))
-    assert "does not tell what was asked" in capsys.readouterr().out
+    assert "does not record the requested rows" in capsys.readouterr().out
     # One that holds nothing at all is no report.
     journal.write_text("", encoding="utf-8")
     assert bench.main([str(out), "--merge", "--out", str(tmp_path / "nothing")]) == 2
