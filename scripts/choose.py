@@ -108,9 +108,7 @@ def run(asked: argparse.Namespace) -> int:
         good += ratio <= GOOD or is_equal
         print(f"{workload.name}: chose {chosen.spec}, {own.total:.2f} s; best {best.spec}, {best.total:.2f} s")
         verdict = "" if own is best else ", which the repeats do not separate from it" if is_equal else ", and slower"
-        print(
-            f"  {ratio:.3f} times the best{verdict}; choosing took {chosen.own:.2f} s in addition to its build"
-        )
+        print(f"  {ratio:.3f} times the best{verdict}; choosing took {chosen.own:.2f} s in addition to its build")
         for line in compared.lines:
             times = f"build {line.build:8.2f} s  trace {line.trace:8.2f} s  total {line.total:8.2f} s"
             print(f"  {line.spec:<36} {times}  {line.answers}")
