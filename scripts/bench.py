@@ -103,7 +103,7 @@ def parser() -> argparse.ArgumentParser:
     add(
         "--only-rays",
         action="store_true",
-        help="no peak memory, no other view sizes, no cost maps, no moved grids: speeds and errors",
+        help="no peak memory, no other view sizes, no cost maps, no moved scenes: speeds and errors",
     )
     add("--preset", choices=sorted(PRESETS), help="a named choice of scenes, structures and ray sets")
     add("--out", type=output, metavar="DIR", help="write bench.json, bench.csv and report.html; an earlier run resumes")
@@ -322,6 +322,7 @@ def read_options(asked: argparse.Namespace, configurations: int) -> benchmark.Op
         memory_limit=None if asked.memory_limit is None else int(asked.memory_limit * 1e9),
         offsets=() if asked.only_rays else offsets.OFFSETS,
         scaling=not asked.only_rays and not brief,
+        tradeoff=not asked.only_rays and not brief,
         peak=not asked.only_rays,
         maps=not asked.only_rays,
         pass_seconds=min(preparation.PASS_SECONDS, asked.seconds / (configurations * len(sets) * (repeats + 1))),

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from addon.core.report import charts, plots
+from addon.core.report import marks, plots
 
 from .claims import BUILD_SECONDS, FAILS, HOLDS, REPEATS, VERDICTS, Chart, Result
 
@@ -105,7 +105,7 @@ def draw(chart: Chart) -> str:
 def _lines(axes: Any, chart: Chart) -> None:
     """Draw a claim's lines or grouped bars."""
     for number, (name, points) in enumerate(chart.lines.items()):
-        colour, marker = charts.COLOURS[number % len(charts.COLOURS)], charts.MARKERS[number % len(charts.MARKERS)]
+        colour, marker = marks.COLOURS[number % len(marks.COLOURS)], marks.MARKERS[number % len(marks.MARKERS)]
         x, y = zip(*points, strict=True)
         if chart.bars:
             width = 0.8 / len(chart.lines)

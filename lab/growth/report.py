@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from addon.core.report import charts, page, plots
+from addon.core.report import charts, marks, page, plots
 
 from . import growth
 from .growth import BuildFit, Point, TraceFit
@@ -195,12 +195,12 @@ def draw_builds(figure: Any, by_spec: dict[str, list[Point]]) -> None:
         assert fit is not None, "only such structures are drawn"
         pairs = [(p.triangles, seconds) for p in own if (seconds := p.build_seconds(1, "processor")) is not None]
         n = np.array([count for count, _ in pairs], np.float64)
-        colour, marker = charts.COLOURS[number % len(charts.COLOURS)], charts.MARKERS[number % len(charts.MARKERS)]
+        colour, marker = marks.COLOURS[number % len(marks.COLOURS)], marks.MARKERS[number % len(marks.MARKERS)]
         above.plot(n, [seconds for _, seconds in pairs], marker, color=colour, label=f"{spec}: n^{fit.power:.3f}")
         above.plot(n, fit.constant * 1e-9 * n * np.log2(n), "-", color=colour, linewidth=1)
         below.plot(n, fit.ratios, marker + "-", color=colour, linewidth=1)
     charts.logarithmic(above)
-    below.axhline(1.0, linestyle=":", color=charts.INK)
+    below.axhline(1.0, linestyle=":", color=marks.INK)
     below.set_ylim(0, 2)
     below.grid(visible=True)
     above.set_ylabel("build, seconds")
@@ -221,8 +221,8 @@ def draw_rays(figure: Any, by_spec: dict[str, list[Point]]) -> None:
                 if not pairs:
                     continue
                 n, values = (np.array(part, np.float64) for part in zip(*pairs, strict=True))
-                place = number % len(charts.COLOURS)
-                colour, marker = charts.COLOURS[place], charts.MARKERS[number % len(charts.MARKERS)]
+                place = number % len(marks.COLOURS)
+                colour, marker = marks.COLOURS[place], marks.MARKERS[number % len(marks.MARKERS)]
                 axes.plot(n, values, marker, color=colour, label=spec)
                 fit = trace_fit(own, name, key)
                 if fit is not None:

@@ -782,7 +782,8 @@ def render(
         "integrator" ("path", "whitted": direct light, mirrors and clear glass, or "ao": openness within
         "ambient_distance" (inf));
         "max_bounces" (4): 0 = direct light only, as in Cycles; "clamp_indirect" (0): upper limit of what a sample
-        adds after its first bounce, as the mean of its channels, 0 = no limit; "seed" (0);
+        adds after its first bounce, as the mean of its channels, 0 = no limit; "clamp_direct" (0): the same limit
+        for what it adds up to and with its first bounce; "seed" (0);
         "film_transparent" (False); "passes" (["Combined"]), names as in RenderJob.passes; "step_samples" (None):
         samples (at most 64) between two updates of a tile, None = 1, 1, 2, 4, then 8; "filter"
         ("blackman_harris", or "box") and "filter_width" (1.5), as in Cycles. "noise_threshold" (0: off): blocks of

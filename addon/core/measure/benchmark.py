@@ -8,6 +8,7 @@ a whole ray set is timed on a part of it, and the row records the number of rays
 
 from __future__ import annotations
 
+import base64
 import os
 import uuid
 from collections.abc import Callable, Iterator, Sequence
@@ -147,6 +148,7 @@ class _Run:
         # peak, the moved grids and the pictures.
         self._builds = 1 if options.brief else min(BUILDS, options.repeats)
         self._steps_each = self._builds + 1 + passes + options.peak + bool(options.offsets) + options.maps
+        self._steps_each += 4 * options.tradeoff
         again = options.repeats + 1 if options.curve and not options.brief else 0
         self._steps_each += len(options.curve) + again
         if any(rows.is_lazy(spec) for spec in chosen):
@@ -238,6 +240,7 @@ class _Run:
         yield from self._first_pictures(sound)
         ours = [candidate for candidate in sound if candidate.spec != yardstick.SPEC]
         yield from self._extras(ours)
+        yield from self._errors_against_time(sound)
         yield from self._draw(ours)
         pictures = Rounds()
         if self._prepared.pictures is not None and not self._options.brief:
@@ -320,6 +323,23 @@ class _Run:
     def _is_whole(self, candidate: Candidate) -> bool:
         """Whether a configuration is measured with all effort: with many of them, only the quickest of each tree."""
         return not self._options.brief or "fastest" in rows.tables(self._native, candidate.spec)
+
+    def _errors_against_time(self, candidates: Sequence[Candidate]) -> Iterator[Event]:
+        """Measure errors with and without bounds. A failure is noted in the row."""
+        scenes = self._prepared.tradeoff
+        if scenes is None:
+            return
+        for candidate in candidates:
+            try:
+                steps = scenes.points(candidate)
+                while True:
+                    yield self._step(f"{candidate.spec}: errors against time")
+                    points = next(steps, None)
+                    if points is None:
+                        break
+                    candidate.tradeoff += points
+            except FAILURES as error:
+                candidate.left_out.append(f"errors against time: {first_line(error)}")
 
     def _maps(self, candidates: Sequence[Candidate]) -> Iterator[Event]:
         """Count the work per pixel of the candidates that trace the view within MAP_SECONDS."""
@@ -415,16 +435,26 @@ class _Run:
         row["map"] = candidate.cost_map
         row["scaling"] = candidate.scaling or None
         row["offsets"] = candidate.offsets or None
-        # Add pictures, and note sample counts that were too slow.
+        row["tradeoff"] = candidate.tradeoff
+        # One row of each group holds the picture of the scene.
+        if candidate is group[0] and self._prepared.portrait is not None:
+            row["portrait"] = base64.b64encode(self._prepared.portrait).decode("ascii")
+        self._add_pictures(row, candidate, pictures)
+        return row
+
+    def _add_pictures(self, row: Row, candidate: Candidate, timed: Rounds) -> None:
+        """Add a candidate's pictures to its row, and note sample counts that were too slow."""
+        pictures = self._prepared.pictures
         if candidate.curve:
+            assert pictures is not None, "it drew the curve"
             row["curve"] = candidate.curve
-            assert self._prepared.pictures is not None, "it drew the curve"
-            row["independent"] = self._prepared.pictures.independent
-            row["image"] = pictures.of(candidate)
-            row["image_s"] = picture_times.told(self._prepared.pictures, candidate, row["image"])
+            row["independent"] = pictures.independent
+            row["converged"] = pictures.converged
+            row["peer"] = pictures.peer
+            row["image"] = timed.of(candidate)
+            row["image_s"] = picture_times.told(pictures, candidate, row["image"])
             row["render_s"] = candidate.curve[-1]["seconds"]
-        left = [n for n in options.curve if n not in {point["spp"] for point in candidate.curve}]
+        left = [n for n in self._options.curve if n not in {point["spp"] for point in candidate.curve}]
         if left and candidate.spec != yardstick.SPEC:
             samples = ", ".join(map(str, left))
             row["too_slow"].append(f"pictures with {samples} samples per pixel: they would take too long")
-        return row

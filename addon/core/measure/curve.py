@@ -3,6 +3,11 @@
 
 For one sampler and seed all structures must render the same picture, so the error depends on the samples only and the
 time on the structure; the equality of the pictures is checked.
+
+A sample that sees the sun in a curved mirror is ten thousand times as bright as its neighbours, so that without limits
+ten pixels of a picture hold nine tenths of its squared error and more samples do not lower it. All pictures and their
+reference therefore limit what one sample may add (`LIMITS`): they converge to the same limited picture, and the share
+of light that the limits remove is measured and reported. No pixel is left out of an error.
 """
 
 from __future__ import annotations
@@ -10,14 +15,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base import rotation
+from ..base import png, rotation
 from ..scene.rays import TILE
-from ..scene.workload import View, Workload
+from ..scene.workload import Peer, View, Workload
 from ..session.session import render_scene
 from . import flip, timing
 
@@ -28,16 +33,21 @@ SIZE = 96
 """Shorter side of the pictures in pixels."""
 
 CONVERGED = 16
-"""Samples of the reference as a multiple of the largest sample count; it uses another seed."""
+"""Samples of the reference as a multiple of the largest sample count; it uses two other seeds, half of them each."""
 
 MOST_SAMPLES = (1 << 24) // CONVERGED
 """Largest sample count of a curve, so that its reference stays renderable (2^24 samples)."""
 
+LIMITS = {"clamp_direct": 10.0, "clamp_indirect": 10.0}
+"""Largest radiance that a sample adds with its first reflection and after it; white is 1. Cycles limits the latter by
+default and to the same value.
+"""
+
+UNLIMITED_SHARE = 8
+"""Divisor of the reference's samples for the pictures that measure the light which the limits remove."""
+
 RELATIVE_FLOOR = 1e-2
 """Added to the squared reference in relMSE, so that black pixels do not dominate (Rousselle et al. 2011)."""
-
-TRIMMED = 0.001
-"""Share of the largest relative errors that relMSE drops: fireflies."""
 
 IMAGE_PIXELS, IMAGE_SAMPLES = 1024 * 1024, 16
 """Pixels and samples of the picture whose time, build included, is reported for each structure."""
@@ -50,6 +60,9 @@ SLOPE, SLOPE_WITHIN = -0.5, 0.05
 over few pictures.
 """
 
+PORTRAIT, PORTRAIT_SAMPLES = 480, 16
+"""Longer side in pixels and samples of the picture that shows the scene in a report."""
+
 POINT_SECONDS = 10.0
 """Limit on the expected seconds of one picture; slower ones are left out."""
 
@@ -57,6 +70,17 @@ RAYS_PER_SAMPLE = 8
 """Rays per camera sample for that estimate; measured: 4 to 9 on the test scenes."""
 
 Image = NDArray[np.float32]
+
+
+class Converged(TypedDict):
+    """The reference picture. samples: per pixel. rmse: its own, estimated from the difference of its halves. limits: on
+    what a sample adds. removed: the share of light that they remove.
+    """
+
+    samples: int
+    rmse: float
+    limits: dict[str, float]
+    removed: float
 
 
 class Curve:
@@ -81,14 +105,53 @@ class Curve:
         self._seed = seed
         self._max_bounces = max_bounces
         self._converged: Image | None = None
+        self.converged: Converged | None = None
+        self.peer: list[dict[str, float | None]] = []
         self._pictures: dict[tuple[tuple[int, int], int], Image] = {}
         self.independent: list[dict[str, float]] = []
 
     def converge(self, structure: Structure) -> None:
         """Render the converged picture on all cores, then measure the errors of independent samples."""
-        job = self._render(structure, self.samples[-1] * CONVERGED, self._seed + 1, 0)
-        self._converged = self._image(job)
+        half = max(1, self.samples[-1] * CONVERGED // 2)
+        halves = [self._image(self._render(structure, half, seed, 0)) for seed in self._reference_seeds()]
+        self._converged = np.mean(halves, axis=0, dtype=np.float64).astype(np.float32)
+        self.converged = {
+            "samples": 2 * half,
+            "rmse": errors(halves[0], halves[1])["rmse"] / 2,
+            "limits": dict(LIMITS),
+            "removed": self._removed(structure, max(1, half // UNLIMITED_SHARE)),
+        }
         self.independent = list(self._independent(structure))
+
+    def _reference_seeds(self) -> tuple[int, int]:
+        """Seeds that no other picture uses: those of independent samples follow the picture's own."""
+        return self._seed + INDEPENDENT + 2, self._seed + INDEPENDENT + 3
+
+    def _removed(self, structure: Structure, samples: int) -> float:
+        """The share of all light that the limits remove, from two pictures of the same random numbers."""
+        scene, seed = self._scene(structure), self._seed + INDEPENDENT + 4
+        limited, whole = (
+            float(np.nan_to_num(self._image(self._job(scene, samples, seed, 0, limits=limits))).mean(dtype=np.float64))
+            for limits in (LIMITS, {})
+        )
+        return 1.0 - limited / whole if whole > 0 else 0.0
+
+    def portrait(self, structure: Structure) -> bytes:
+        """A PNG of the scene, larger than the pictures that are compared."""
+        scale = PORTRAIT / max(self._size)
+        size = max(TILE, round(scale * self._width)), max(TILE, round(scale * self._height))
+        job = self._job(self._scene(structure), PORTRAIT_SAMPLES, self._seed, 0, size=size)
+        return png.encoded(self._image(job, size).reshape(size[1], size[0], 3))
+
+    def meet(self, peer: Peer) -> None:
+        """Render the pictures with another renderer too, and compare them with the same reference."""
+        assert self._converged is not None, "the reference comes first"
+        shape = self._height, self._width, 3
+        for samples in self.samples:
+            picture, seconds = peer.render(self._size, samples, self._seed, self._max_bounces, LIMITS)
+            flat = np.ascontiguousarray(picture.reshape(-1, 3), np.float32)
+            found = {"spp": samples, "seconds": seconds, **errors(flat, self._converged)}
+            self.peer.append({**found, "flip": flip.mean(picture, self._converged.reshape(shape))})
 
     def _independent(self, structure: Structure) -> Iterator[dict[str, float]]:
         """The errors of means of one-sample pictures with different seeds.
@@ -98,7 +161,7 @@ class Curve:
         """
         assert self._converged is not None, "the reference comes first"
         most = min(self.samples[-1], INDEPENDENT)
-        seeds = range(self._seed + 2, self._seed + 2 + most)
+        seeds = range(self._seed + 1, self._seed + 1 + most)
         pictures = [self._image(self._render(structure, 1, seed, 0)) for seed in seeds]
         # Use the same pictures at every sample count.
         yield from of_independent(pictures, self._converged, [count for count in self.samples if count <= most])
@@ -152,7 +215,7 @@ class Curve:
         scene = self._scene(structure)
         now = timing.clock(threads)
         start = now()
-        job = self._job(scene, samples, self._seed, threads, size)
+        job = self._job(scene, samples, self._seed, threads, size=size)
         # One thread: processor time, as in all other measurements. Several: the native module's time, without polling.
         seconds = now() - start if threads == 1 else float(job.statistics["seconds"])
         picture = self._image(job, size)
@@ -181,7 +244,14 @@ class Curve:
         return render_scene(self._native, structure, scene)
 
     def _job(
-        self, render_scene: RenderScene, samples: int, seed: int, threads: int, size: tuple[int, int] | None = None
+        self,
+        render_scene: RenderScene,
+        samples: int,
+        seed: int,
+        threads: int,
+        *,
+        size: tuple[int, int] | None = None,
+        limits: Mapping[str, float] = LIMITS,
     ) -> RenderJob:
         """Render and wait for the end. Raises RuntimeError with the job's error."""
         width, height = size or self._size
@@ -191,6 +261,7 @@ class Curve:
             "samples": samples,
             "max_bounces": self._max_bounces,
             "seed": seed,
+            **{key: limit for key, limit in limits.items() if key in (self._native.render.__doc__ or key)},
         }
         camera = self._camera if isinstance(self._camera, dict) else asdict(self._camera)
         job = self._native.render(render_scene, camera, settings, threads=threads)
@@ -209,22 +280,28 @@ class Curve:
 
 
 def errors(picture: Image, reference: Image) -> dict[str, float]:
-    """RMSE and trimmed relMSE of linear RGB, and the number of pixels with non-finite values, which are excluded."""
-    # Exclude pixels that are not finite, then trim the largest relative errors.
+    """RMSE and relMSE of linear RGB over all pixels, and the number of pixels with non-finite values, which count as
+    black.
+    """
     finite = np.isfinite(picture).all(axis=1)
-    difference = (picture[finite].astype(np.float64) - reference[finite]) ** 2
-    relative = np.sort((difference / (reference[finite].astype(np.float64) ** 2 + RELATIVE_FLOOR)).ravel())
-    kept = relative[: max(1, int(len(relative) * (1 - TRIMMED)))]
+    shown = np.where(finite[:, None], picture, np.float32(0.0)).astype(np.float64)
+    expected = reference.astype(np.float64)
+    difference = (shown - expected) ** 2
     return {
         "rmse": float(np.sqrt(difference.mean())) if difference.size else 0.0,
-        "relmse": float(kept.mean()) if kept.size else 0.0,
+        "relmse": float((difference / (expected**2 + RELATIVE_FLOOR)).mean()) if difference.size else 0.0,
         "not_finite": int((~finite).sum()),
     }
 
 
 def slope(points: Sequence[Mapping[str, float]], error: str = "rmse") -> float:
-    """Slope of log error over log samples, by least squares; −0.5 for RMSE of independent samples."""
-    x, y = (np.log([max(point[key], 1e-30) for point in points]) for key in ("spp", error))
+    """Slope of log error over log samples, by least squares; −0.5 for RMSE of independent samples.
+
+    NaN if an error is 0, as in a picture without noise, or with fewer than two points.
+    """
+    if len(points) < 2 or not all(point[error] > 0 for point in points):
+        return math.nan
+    x, y = (np.log([point[key] for point in points]) for key in ("spp", error))
     return float(np.polyfit(x, y, 1)[0])
 
 

@@ -15,6 +15,7 @@ from ..scene.rays import RaySet
 from ..scene.workload import Workload
 from . import costmap, curve, yardstick
 from .accuracy import Answers
+from .analysis.tradeoff import Tradeoff
 from .offsets import Moved
 
 if TYPE_CHECKING:
@@ -42,7 +43,8 @@ class Options:
     own_rays: the same for the scene's own ray sets, None for all of their rays.
 
     threads: for builds and tracing. seed: of the rays. curve: samples per pixel of the pictures. offsets: distances of
-    the moved grid of touching boxes. scaling: whether smaller views are timed. peak: whether each build is repeated in
+    the moved grid of touching boxes. scaling: whether smaller views are timed. tradeoff: whether errors are measured
+    against the time of a ray, with and without error bounds. peak: whether each build is repeated in
     its own process, to measure its memory. maps: whether cost maps are kept. pass_seconds: limit on one timed pass.
     brief: for many configurations: builds and pictures are timed once, and configurations other than the quickest of
     their tree get only pictures with the fewest samples, and no measurement of peak memory.
@@ -61,6 +63,7 @@ class Options:
     curve: tuple[int, ...] = ()
     offsets: tuple[float, ...] = ()
     scaling: bool = False
+    tradeoff: bool = False
     peak: bool = False
     maps: bool = False
     pass_seconds: float = PASS_SECONDS
@@ -88,7 +91,8 @@ class Progress:
 class Prepared:
     """The rays of a scene, the reference's answers to those that are checked, and other data that all structures share.
 
-    beside: the anchor for picture times; None without pictures or if it is too large to be kept.
+    beside: the anchor for picture times; None without pictures or if it is too large to be kept. portrait: a PNG of the
+    scene, None without pictures.
     """
 
     workload: Workload
@@ -102,6 +106,8 @@ class Prepared:
     map_view: RaySet | None = None
     map_size: tuple[int, int] = (0, 0)
     beside: Structure | None = None
+    tradeoff: Tradeoff | None = None
+    portrait: bytes | None = None
 
 
 def check_room(native: Native, options: Options) -> None:
@@ -133,14 +139,23 @@ def prepare(native: Native, workload: Workload, options: Options) -> Generator[P
         yield Progress(0.0, "moving the grid of touching boxes")
         moved = Moved(native, options.offsets, options.seed)
     # Render the converged picture.
-    pictures = None
+    pictures, portrait = None, None
     if options.curve:
         pictures = curve.Curve(native, workload, options.size, options.curve, options.seed)
         yield Progress(0.0, "rendering the converged picture")
         pictures.converge(tracer)
+        yield Progress(0.0, "rendering the report's picture")
+        portrait = pictures.portrait(tracer)
+        if workload.peer is not None:
+            yield Progress(0.0, f"rendering with {workload.peer.name}")
+            pictures.meet(workload.peer)
     # Make the smaller views, and the view of the cost maps.
     views = list(_smaller_views(workload, tracer, options)) if options.scaling and "primary" in options.sets else []
-    made = Prepared(workload, options, ray_sets, checked, expected, views, pictures, moved)
+    made = Prepared(workload, options, ray_sets, checked, expected, views, pictures, moved, portrait=portrait)
+    if options.tradeoff:
+        yield Progress(0.0, "moving the scene far away")
+        pairs = {name: (some, expected[name]) for name, some in checked.items()}
+        made.tradeoff = Tradeoff(native, workload, pairs, options.seed, options.threads)
     if pictures is not None and tracer.statistics["bytes"] <= KEPT_BYTES:
         made.beside = tracer
     if options.maps:

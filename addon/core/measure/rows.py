@@ -17,6 +17,8 @@ from . import yardstick
 
 if TYPE_CHECKING:
     from ..base.interface import Native
+    from .analysis.tradeoff import Point
+    from .curve import Converged
 
 
 class Spread(TypedDict):
@@ -113,6 +115,10 @@ class Row(TypedDict):
     left_out: list[str]
     too_slow: list[str]
     error: str | None
+    tradeoff: NotRequired[list[Point]]
+    converged: NotRequired[Converged | None]
+    peer: NotRequired[list[dict[str, Any]]]
+    portrait: NotRequired[str]
 
 
 Bound = Literal["min", "med", "max"]
@@ -133,6 +139,9 @@ OF_THE_CLOCK = {
         "anchor",
         "scaling",
         "too_slow",
+        "ns",
+        "peer",
+        "portrait",
     ),
 }
 """Keys whose values vary between runs. All others are equal on every machine."""

@@ -22,6 +22,7 @@ from .accuracy import Errors
 
 if TYPE_CHECKING:
     from ..base.interface import Structure
+    from .analysis.tradeoff import Point
     from .preparation import Options
     from .rows import RayColumns
     from .yardstick import Traced
@@ -66,6 +67,7 @@ class Candidate:
     curve: list[dict[str, float | None]] = field(default_factory=list)
     scaling: list[dict[str, float]] = field(default_factory=list)
     offsets: list[dict[str, float]] = field(default_factory=list)
+    tradeoff: list[Point] = field(default_factory=list)
     differing_pixels: int = 0
     cost_map: dict[str, Any] | None = None
     left_out: list[str] = field(default_factory=list)

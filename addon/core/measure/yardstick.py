@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Embree, through the package embreex, with the interface of a native structure: yardstick and second opinion.
 
-It uses Embree's robust mode, and runs on the calling thread whatever `threads` is.
+It uses Embree's robust mode unless told otherwise, and runs on the calling thread whatever `threads` is.
 """
 
 from __future__ import annotations
@@ -18,6 +18,10 @@ if TYPE_CHECKING:
     from ..base.interface import Structure
 
 SPEC = "embree"
+
+MODES = {SPEC: True, "embree:robust=none": False}
+"""Whether each configuration uses Embree's robust mode; the other is Embree's default.
+"""
 
 FAR = np.float32(1e30)
 """Substitute for infinite t_max, which Embree does not accept."""
@@ -36,12 +40,12 @@ def problem() -> str | None:
 class EmbreeStructure:
     """A committed Embree scene."""
 
-    def __init__(self, vertices: NDArray[np.float32], triangles: NDArray[np.int32]) -> None:
+    def __init__(self, vertices: NDArray[np.float32], triangles: NDArray[np.int32], *, robust: bool = True) -> None:
         from embreex.mesh_construction import TriangleMesh
         from embreex.rtcore_scene import EmbreeScene
 
         start = time.perf_counter()
-        self._scene = EmbreeScene(robust=True)
+        self._scene = EmbreeScene(robust=robust)
         TriangleMesh(self._scene, vertices, triangles)
         # The first query runs the build.
         self._scene.run(np.zeros((1, 3), np.float32), np.array([[0, 0, 1]], np.float32))

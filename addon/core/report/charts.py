@@ -8,28 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from ..measure import costmap, curve
+from ..measure import costmap
 from ..measure.offsets import is_unguarded
 from ..measure.rows import Row, agrees
 from ..measure.thesis import Published
-from ..structures.specs import structure_of
 from . import ksweep
 from .costs import PARTS, Fit
-
-COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#5b6472")
-"""Distinguishable with any kind of colour vision (Okabe and Ito 2008), without the yellow that vanishes on white."""
-
-MARKERS = "osD^vP*Xh<>pd8"
-
-WRONG = "#d55e00"
-INK = "#1c1f24"
-GREY = "#8a93a3"
-
-LABELLED = 12
-"""Largest number of lines with a legend beside the plot; beyond it the legend stands in columns below."""
-
-LONG = 24
-"""Longest name, in characters, that fits beside a plot."""
+from .marks import COLOURS, GREY, INK, MARKERS, WRONG, Mark, legend, ordered, short
 
 SPEEDS = (
     "Speed of each ray set: median, and from the slowest to the fastest round. Structures are in the order of their "
@@ -39,15 +24,9 @@ BUILD = (
     "Build against tracing, both in seconds. Along a grey line the sum of both is the same; the black line joins the "
     "structures that no other beats in both (the Pareto front). For more rays the front moves up, for fewer down."
 )
-ERROR = (
-    "Error against run time, against a converged picture. All structures render the same picture, so at equal samples "
-    "their points lie at one height and only the time differs. Dotted: the slope of independent samples, −1/2 for RMSE "
-    "and −1 for its square; well spread samples are steeper. Where a few pixels hold rare bright light, as behind "
-    "glass, they decide RMSE and make it flatter; relMSE leaves the worst out."
-)
 SCALING = (
-    "Time against the number of primary rays: the same view in more and more pixels. A line flatter than the dotted "
-    "one gains from denser rays. A structure that is too slow for a view has no point there."
+    "Time of a primary ray against their number: the same view in more and more pixels. A falling line gains from rays "
+    "that lie closer together. A structure that is too slow for a view has no point there."
 )
 K_SWEEP = (
     "Time relative to the kd-tree against k, median over the seeds, from the smallest to the largest. Dashed: the "
@@ -63,37 +42,11 @@ OFFSETS = (
     "the rate that this number of rays excludes with 95 % confidence."
 )
 
-APART = ("embree", "brute")
-"""The yardstick and the reference, drawn in grey."""
-
 MAPS = (
     "Nodes visited and triangles tested by the ray of each pixel, all on one scale, in the order of their means. The "
     "rays of a tile or a beam share its work evenly; those of traversal=auto are counted one by one."
 )
 MAP_COLUMNS = 7
-
-Styles = dict[str, tuple[str, str]]
-"""Configuration to colour and marker."""
-
-
-def styles(rows: Sequence[Row]) -> Styles:
-    """A colour and a marker for each configuration, the same in all plots of a scene. Families of names
-    share a colour.
-    """
-    families = [name for name in dict.fromkeys(_family(row["spec"]) for row in rows) if name not in APART]
-    found: Styles = {}
-    members: dict[str, int] = {}
-    for row in rows:
-        family = _family(row["spec"])
-        number = members.setdefault(family, 0)
-        members[family] += 1
-        colour = GREY if family in APART else COLOURS[families.index(family) % len(COLOURS)]
-        found[row["spec"]] = colour, MARKERS[number % len(MARKERS)]
-    return found
-
-
-def _family(spec: str) -> str:
-    return structure_of(spec).partition("-")[0].rstrip("0123456789")
 
 
 def speeds(figure: Any, rows: Sequence[Row]) -> None:
@@ -115,7 +68,7 @@ def speeds(figure: Any, rows: Sequence[Row]) -> None:
         axes.set_xlabel("million rays/s")
         axes.grid(visible=True, axis="both")
         axes.set_axisbelow(True)
-        _plain_numbers(axes.xaxis)
+        plain_numbers(axes.xaxis)
     panels[0].set_yticks(range(len(ordered)), [row["spec"] for row in ordered])
     panels[0].set_ylim(-0.7, len(ordered) - 0.3)
 
@@ -125,13 +78,13 @@ def tracing_seconds(row: Row) -> float:
     return float(sum(1.0 / one["mrays_s"]["med"] for one in row["rays"].values() if one["mrays_s"]))
 
 
-def build_against_tracing(figure: Any, rows: Sequence[Row], styles: Styles) -> None:
+def build_against_tracing(figure: Any, rows: Sequence[Row], marks: dict[str, Mark]) -> None:
     """Build seconds against the seconds to trace one million rays of each set."""
     axes = figure.subplots()
     points = [(row["spec"], row["build_s"]["med"], tracing_seconds(row)) for row in rows if tracing_seconds(row)]
     for spec, build, tracing in points:
-        colour, marker = styles[spec]
-        axes.plot(max(build, 1e-5), tracing, marker, color=colour, markersize=7, label=spec, zorder=3)
+        line = marks[spec].line() | {"linestyle": "none", "markersize": marks[spec].size + 1.5}
+        axes.plot(max(build, 1e-5), tracing, **line)
     logarithmic(axes)
     # Draw the Pareto front of build against tracing.
     low, high = axes.get_xlim(), axes.get_ylim()
@@ -150,10 +103,10 @@ def build_against_tracing(figure: Any, rows: Sequence[Row], styles: Styles) -> N
     # Name the structures on the front.
     for spec, build, tracing in points:
         if (max(build, 1e-5), tracing) in front:
-            axes.annotate(spec, (max(build, 1e-5), tracing), (5, 5), textcoords="offset points", fontsize=8)
+            axes.annotate(short(spec), (max(build, 1e-5), tracing), (5, 5), textcoords="offset points", fontsize=8)
     axes.set_xlabel("build, seconds")
     axes.set_ylabel("one million rays of each set, seconds")
-    _legend(axes, len(points))
+    legend(axes.figure, axes, others=sum(not marks[spec].is_chosen for spec, _, _ in points))
 
 
 def pareto(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
@@ -165,48 +118,17 @@ def pareto(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
     return front
 
 
-def error_against_time(figure: Any, rows: Sequence[Row], styles: Styles) -> None:
-    """RMSE against seconds, without and with the build, and relMSE, with reference slopes −1/2 and −1."""
-    kinds = (("rmse", False), ("rmse", True), ("relmse", False))
-    panels = figure.subplots(1, len(kinds))
-    longest = max((row["curve"] for row in rows), key=len)
-    for axes, (key, with_build) in zip(panels, kinds, strict=True):
-        for row in rows:
-            build = row["build_s"]["med"] if with_build else 0.0
-            seconds = [point["seconds"] + build for point in row["curve"]]
-            colour, marker = styles[row["spec"]]
-            errors = [point[key] for point in row["curve"]]
-            axes.plot(seconds, errors, marker + "-", color=colour, label=row["spec"], markersize=5, linewidth=1)
-        # Draw the slope of independent samples through the longest curve.
-        power = -0.5 if key == "rmse" else -1.0
-        if len(longest) > 1 and not with_build:
-            ends = [longest[i]["seconds"] for i in (0, -1)]
-            line = [0.75 * longest[0][key] * (x / ends[0]) ** power for x in ends]
-            axes.plot(ends, line, ":", color=INK)
-            axes.set_title(f"fitted slope {curve.slope(longest, key):.2f}".replace("-", "−"))
-        logarithmic(axes)
-        axes.set_xlabel("build and render, seconds" if with_build else "render, seconds")
-        axes.set_ylabel({"rmse": "RMSE", "relmse": "relMSE, the worst 0.1 % left out"}[key])
-    _legend(figure, len(rows), panels[0])
-
-
-def time_against_rays(figure: Any, rows: Sequence[Row], styles: Styles) -> None:
-    """Seconds against primary rays, log-log."""
+def time_against_rays(figure: Any, rows: Sequence[Row], marks: dict[str, Mark]) -> None:
+    """Nanoseconds per ray against primary rays, log-log."""
     axes = figure.subplots()
-    for row in rows:
-        colour, marker = styles[row["spec"]]
+    for row in ordered(rows, marks):
         counts = [point["rays"] for point in row["scaling"]]
-        seconds = [point["seconds"] for point in row["scaling"]]
-        axes.plot(counts, seconds, marker + "-", color=colour, label=row["spec"], markersize=5, linewidth=1)
-    # Draw a line of constant time per ray below the fastest structure.
-    fastest = min(rows, key=lambda row: row["scaling"][-1]["seconds"] / row["scaling"][-1]["rays"])["scaling"]
-    first, last = fastest[0]["rays"], fastest[-1]["rays"]
-    start = 0.7 * fastest[-1]["seconds"] * first / last
-    axes.plot([first, last], [start, start * last / first], ":", color=INK)
+        nanoseconds = [1e9 * point["seconds"] / point["rays"] for point in row["scaling"]]
+        axes.plot(counts, nanoseconds, **marks[row["spec"]].line())
     logarithmic(axes)
-    axes.set_xlabel("primary rays")
-    axes.set_ylabel("seconds")
-    _legend(axes, len(rows))
+    axes.set_xlabel("primary rays of one view")
+    axes.set_ylabel("nanoseconds per ray")
+    legend(figure, axes, others=_unnamed(rows, marks))
 
 
 def k_sweep(figure: Any, scene: str, base: str, lines: Sequence[ksweep.Line], published: Published | None) -> None:
@@ -223,7 +145,7 @@ def k_sweep(figure: Any, scene: str, base: str, lines: Sequence[ksweep.Line], pu
     axes.set_xlabel("k, directions per node")
     axes.set_ylabel(f"time, percent of {base}")
     axes.grid(visible=True)
-    _legend(axes, len(lines))
+    legend(figure, axes)
 
 
 def fitted_costs(figure: Any, fit: Fit) -> None:
@@ -250,20 +172,18 @@ def fitted_costs(figure: Any, fit: Fit) -> None:
     figure.legend(loc="outside lower center", ncols=4)
 
 
-def wrong_against_offset(figure: Any, rows: Sequence[Row], styles: Styles) -> None:
+def wrong_against_offset(figure: Any, rows: Sequence[Row], marks: dict[str, Mark]) -> None:
     """Share of wrong rays against the offset; no wrong ray is a triangle at the rate excluded with 95 % confidence."""
     axes = figure.subplots()
     places = {point["offset"]: number for number, point in enumerate(rows[0]["offsets"])}
     bounded = [row for row in rows if not is_unguarded(row["spec"])]
     # Draw a line for each traversal without error bounds. Rule of three: 0 wrong of n rays excludes a rate above 3/n.
-    for row in rows:
+    for row in ordered(rows, marks):
         key = "wrong" if is_unguarded(row["spec"]) else "wrong_unguarded"
         points = [point for point in row["offsets"] if point[key] is not None]
         if points:
-            colour, marker = styles[row["spec"]]
             shares = [max(p[key], 3.0 * (not p[key])) / p["rays"] for p in points]
-            xs = [places[p["offset"]] for p in points]
-            axes.plot(xs, shares, marker + "-", color=colour, markersize=5, linewidth=1, label=row["spec"])
+            axes.plot([places[p["offset"]] for p in points], shares, **marks[row["spec"]].line())
     rays = rows[0]["offsets"][0]["rays"]
     # Draw the worst of all structures with error bounds as one series.
     if bounded:
@@ -280,7 +200,7 @@ def wrong_against_offset(figure: Any, rows: Sequence[Row], styles: Styles) -> No
     axes.set_xlabel("distance from the origin, in boxes")
     axes.set_ylabel(f"wrong answers to {rays:,} rays")
     axes.grid(visible=True)
-    _legend(axes, len(rows), title="without bounds")
+    legend(figure, axes, others=_unnamed(rows, marks))
 
 
 def cost_maps(figure: Any, rows: Sequence[Row]) -> None:
@@ -295,14 +215,9 @@ def cost_maps(figure: Any, rows: Sequence[Row]) -> None:
         if place < len(maps):
             values, spec = maps[place]
             image = axes.imshow(values, cmap="inferno", vmin=0, vmax=high, origin="lower", interpolation="nearest")
-            axes.set_title(f"{_short(spec)}\n{costmap.summary(values)}", fontsize=6.5, fontweight="normal")
+            axes.set_title(f"{short(spec)}\n{costmap.summary(values)}", fontsize=6.5, fontweight="normal")
     bar = figure.colorbar(image, ax=panels, location="bottom", fraction=0.02, pad=0.02, aspect=60)
     bar.set_label("steps and tests per ray")
-
-
-def _short(spec: str) -> str:
-    """A name short enough for a small picture's title."""
-    return spec if len(spec) <= LONG else f"{spec[: LONG - 1]}…"
 
 
 def cost_map_height(rows: Sequence[Row]) -> float:
@@ -317,7 +232,7 @@ def logarithmic(axes: Any) -> None:
     for name, axis, least in (("x", axes.xaxis, axes.dataLim.minposx), ("y", axes.yaxis, axes.dataLim.minposy)):
         if not axes.has_data() or np.isfinite(least):
             axes.set(**{f"{name}scale": "log"})
-            _plain_numbers(axis)
+            plain_numbers(axis)
     axes.grid(visible=True, which="major")
     axes.set_axisbelow(True)
 
@@ -326,7 +241,7 @@ def _plain(value: float) -> str:
     return f"{value:,g}" if value < 1e6 else f"{value / 1e6:,g} million"
 
 
-def _plain_numbers(axis: Any) -> None:
+def plain_numbers(axis: Any) -> None:
     """Label an axis 0.1, 1, 10 instead of with powers of ten, and label minor ticks if it spans one decade or less."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
@@ -338,23 +253,6 @@ def _plain_numbers(axis: Any) -> None:
     axis.set_minor_formatter(plain if narrow else NullFormatter())
 
 
-def _legend(where: Any, count: int, handles_of: Any = None, *, title: str | None = None) -> None:
-    """Place the legend beside the plot if it is short, else in columns below it."""
-    handles, labels = (handles_of or where).get_legend_handles_labels()
-    below = where if hasattr(where, "subplots") else where.figure
-    if below is where or count > LABELLED or max(map(len, labels)) > LONG:
-        below.legend(handles, labels, loc="outside lower center", ncols=_columns(labels), title=title)
-    else:
-        where.legend(handles, labels, loc="center left", bbox_to_anchor=(1.0, 0.5), title=title)
-
-
-def _columns(labels: Sequence[str]) -> int:
-    """Number of legend columns that fit the page."""
-    return max(1, min(5, 150 // (max(map(len, labels)) + 6)))
-
-
-def room_for_legend(labels: Sequence[str]) -> float:
-    """Height in inches that this legend takes below a plot."""
-    if len(labels) <= LABELLED and max(map(len, labels)) <= LONG:
-        return 0.0
-    return 0.17 * -(-len(labels) // _columns(labels))
+def _unnamed(rows: Sequence[Row], marks: dict[str, Mark]) -> int:
+    """Number of configurations without an entry in the legend."""
+    return sum(not marks[row["spec"]].is_chosen for row in rows)

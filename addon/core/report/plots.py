@@ -14,7 +14,9 @@ from ..base.notes import some
 from ..measure import counting, yardstick
 from ..measure.rows import Row, agrees
 from ..measure.thesis import Published
-from . import charts, costs, ksweep
+from . import charts, costs, ksweep, picture_charts, tradeoff_charts
+from . import marks as marking
+from .marks import Mark
 
 STYLE: Any = {
     "svg.fonttype": "none",
@@ -64,7 +66,7 @@ def scene_figures(rows: Sequence[Row], published: Published | None = None) -> li
         return []
     # Select the rows of each figure.
     measured = _fastest_of_each(everything) if len(everything) > MOST_DRAWN else everything
-    styles = charts.styles(measured)
+    marks = marking.marks(measured, [charts.tracing_seconds(row) for row in measured])
     ours = [row for row in measured if row["spec"] != yardstick.SPEC]
     close, far = _without_outliers(measured)
     remark = f" Too slow to be drawn in scale: {', '.join(far)}." if far else ""
@@ -80,38 +82,51 @@ def scene_figures(rows: Sequence[Row], published: Published | None = None) -> li
     fitted = costs.fit(ours_close)
     found = []
 
-    below = charts.room_for_legend([row["spec"] for row in measured])
-
     def add(title: str, caption: str, height: float, draw: Callable[[Any], None]) -> None:
         found.append(Picture(title, svg(draw, height), caption))
 
     # Add the figures that have data, in the order of the page.
     if curves:
-        add("Error against run time", charts.ERROR, 4.4 + below, lambda f: charts.error_against_time(f, curves, styles))
+        draw = partial(picture_charts.error_against_time, rows=curves, marks=marks)
+        add("Error of pictures against run time", picture_charts.caption(curves), 6.6, draw)
+    found += _tradeoffs(measured, marks)
     add("Speed", charts.SPEEDS + remark, 1.1 + 0.22 * len(close), lambda f: charts.speeds(f, close))
     if len(ours_close) > 1:
-        draw = partial(charts.build_against_tracing, rows=ours_close, styles=styles)
-        add("Build against tracing", charts.BUILD + remark, 4.8 + below, draw)
+        draw = partial(charts.build_against_tracing, rows=ours_close, marks=marks)
+        add("Build against tracing", charts.BUILD + remark, 5.2, draw)
     # Add the figures of optional measurements.
     if lines:
         draw = partial(charts.k_sweep, scene=rows[0]["scene"], base=base, lines=lines, published=published)
-        room = charts.room_for_legend([line.label for line in lines])
-        add("How many directions", charts.K_SWEEP, 4.4 + room, draw)
+        add("How many directions", charts.K_SWEEP, 4.6 + 0.17 * -(-len(lines) // 4), draw)
     if views:
-        draw = partial(charts.time_against_rays, rows=views, styles=styles)
-        add("Time against the number of rays", charts.SCALING, 4.4 + below, draw)
+        draw = partial(charts.time_against_rays, rows=views, marks=marks)
+        add("Time against the number of rays", charts.SCALING, 4.6, draw)
     if mapped:
         add(
             "What each pixel costs", charts.MAPS, charts.cost_map_height(mapped), partial(charts.cost_maps, rows=mapped)
         )
     if moved:
-        draw = partial(charts.wrong_against_offset, rows=moved, styles=styles)
-        add("Wrong answers far from the origin", charts.OFFSETS, 3.8 + below, draw)
+        draw = partial(charts.wrong_against_offset, rows=moved, marks=marks)
+        add("Wrong answers far from the origin", charts.OFFSETS, 4.2, draw)
     if fitted is not None:
         height = 1.6 + 0.2 * len(fitted.specs)
         silent = [row["spec"] for row in ours_close if costs.is_silent(row)]
         told = f" Left out, as their rays are {counting.ONE_BY_ONE}: {some(silent)}." if silent else ""
         add("Fitted costs", charts.COSTS + told + remark, height, partial(charts.fitted_costs, fit=fitted))
+    return found
+
+
+def _tradeoffs(rows: Sequence[Row], marks: dict[str, Mark]) -> list[Picture]:
+    """Wrong answers and errors of the distance against the time of a ray."""
+    kinds: tuple[tuple[tradeoff_charts.Kind, str, str], ...] = (
+        ("wrong", "Wrong answers against the time of a ray", tradeoff_charts.WRONG),
+        ("ulp", "Error of the distance against the time of a ray", tradeoff_charts.DISTANCES),
+    )
+    found = []
+    for kind, title, caption in kinds:
+        if tradeoff_charts.panels_of(rows, kind):
+            draw = partial(tradeoff_charts.draw, rows=rows, marks=marks, kind=kind)
+            found.append(Picture(title, svg(draw, tradeoff_charts.height(rows, kind)), caption))
     return found
 
 

@@ -8,7 +8,7 @@ import hashlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -81,12 +81,27 @@ class View:
         return tangent * (2 * left - 1), tangent * (2 * right - 1), tangent * (1 - 2 * bottom), tangent * (1 - 2 * top)
 
 
+class Peer(Protocol):
+    """Another renderer that can render a workload's scene through its camera."""
+
+    name: str
+
+    def render(
+        self, size: tuple[int, int], samples: int, seed: int, max_bounces: int, limits: Mapping[str, float]
+    ) -> tuple[F32, float]:
+        """(height, width, 3) float32 linear RGB, rows from the bottom, and the seconds of the whole render: reading the
+        scene, building and tracing. limits: `clamp_direct` and `clamp_indirect`, as in Cycles.
+        """
+        ...
+
+
 @dataclass(frozen=True, eq=False)
 class Workload:
     """A scene for measuring.
 
     vertices: (n, 3) float32. triangles: (m, 3) int32. extra: the scene's own ray sets, in addition to those of the
     view. render_scene: the scene with materials and lights (`core.scene.Scene`) and its camera, if the file has them.
+    peer: another renderer whose pictures are compared, too.
     Raises WorkloadError.
     """
 
@@ -98,6 +113,7 @@ class Workload:
     render_scene: Scene | None = None
     render_camera: Camera | None = None
     notes: tuple[str, ...] = field(default=())
+    peer: Peer | None = None
 
     def __post_init__(self) -> None:
         vertices, triangles = self.vertices, self.triangles

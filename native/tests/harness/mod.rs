@@ -317,6 +317,7 @@ fn settings(bytes: &mut Bytes<'_>) -> Settings {
         },
         max_bounces: u32::from(bytes.byte() % 5),
         clamp_indirect: bytes.number(),
+        clamp_direct: bytes.number(),
         seed: bytes.word(),
         film_transparent: bytes.byte().is_multiple_of(2),
         passes: Pass::ALL.to_vec(),

@@ -3,7 +3,9 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
+from typing import Any
 
 import halfspace_native
 import numpy as np
@@ -12,6 +14,7 @@ import pytest
 from addon.core.measure import benchmark, curve, flip, picture_times
 from addon.core.measure.benchmark import Options
 from addon.core.scene import grid
+from addon.core.scene.workload import Workload
 
 
 def test_rmse_and_relmse_follow_their_definitions() -> None:
@@ -23,20 +26,88 @@ def test_rmse_and_relmse_follow_their_definitions() -> None:
     assert found["not_finite"] == 0
 
 
-def test_one_firefly_in_a_thousand_does_not_decide_relmse_but_rmse() -> None:
+def test_no_pixel_is_left_out_of_an_error() -> None:
     reference = np.ones((1000, 3), np.float32)
     picture = reference.copy()
     picture[7] = 1000.0
     found = curve.errors(picture, reference)
-    assert found["relmse"] == 0.0
-    assert found["rmse"] > 30.0
+    assert found["relmse"] == pytest.approx(999.0**2 / 1.01 / 1000)
+    assert found["rmse"] == pytest.approx(999.0 / 1000**0.5)
 
 
-def test_pixels_that_are_not_finite_are_counted_and_nothing_else() -> None:
+def test_pixels_that_are_not_finite_are_counted_and_black() -> None:
     reference = np.ones((4, 3), np.float32)
     picture = reference.copy()
     picture[0, 1], picture[2, 0] = np.nan, np.inf
-    assert curve.errors(picture, reference) == {"rmse": 0.0, "relmse": 0.0, "not_finite": 2}
+    expected = {"rmse": pytest.approx(0.5**0.5), "relmse": pytest.approx(0.5 / 1.01), "not_finite": 2}
+    assert curve.errors(picture, reference) == expected
+
+
+def mirror(angle: float) -> tuple[Any, dict[str, Any]]:
+    """A wavy mirror below a small sun, whose reflections are rare and thousands of times as bright as white."""
+    side = 24
+    x, y = np.meshgrid(np.linspace(-1, 1, side), np.linspace(-1, 1, side), indexing="ij")
+    z = 0.04 * np.sin(9 * x) * np.cos(7 * y)
+    vertices = np.stack([x, y, z], axis=-1).reshape(-1, 3).astype(np.float32)
+    corner = (np.arange(side - 1)[:, None] * side + np.arange(side - 1)).ravel()
+    triangles = np.concatenate(
+        [np.stack([corner, corner + side, corner + 1], 1), np.stack([corner + 1, corner + side, corner + side + 1], 1)]
+    ).astype(np.int32)
+    scene = {
+        "materials": [{"name": "Mirror", "base_color": (0.9, 0.9, 0.9), "metallic": 1.0, "roughness": 0.05}],
+        "lights": [{"kind": "sun", "to_world": np.eye(4), "power": (3.0, 3.0, 3.0), "angle": angle}],
+        "world": {"color": (0.3, 0.4, 0.5)},
+    }
+    view = curve.View(np.array([0.3, -0.4, 3.0]), np.zeros(3), np.array([0.0, 1.0, 0.0]), 40.0)
+    return Workload("mirror", vertices, np.ascontiguousarray(triangles), view), scene
+
+
+def test_the_limits_let_pictures_of_a_mirrored_sun_converge_and_are_reported(monkeypatch: pytest.MonkeyPatch) -> None:
+    workload, scene = mirror(angle=0.02)
+    monkeypatch.setattr(curve, "_plain_scene", lambda: scene)
+    monkeypatch.setattr(curve, "SIZE", 24)
+    tree = halfspace_native.build(workload.vertices, workload.triangles, "kd")
+    pictures = curve.Curve(halfspace_native, workload, (24, 24), (1, 4, 16), 1)
+    pictures.converge(tree)
+    assert pictures.converged is not None
+    facts = pictures.converged
+    assert (facts["samples"], facts["limits"]) == (256, curve.LIMITS)
+    assert 0.0 < facts["rmse"] < pictures.independent[-1]["rmse"]
+    assert 0.0 < facts["removed"] < 1.0
+    assert curve.is_right(curve.slope(pictures.independent))
+    # Without the limits, a few samples decide the error.
+    monkeypatch.setattr(curve, "LIMITS", {"clamp_direct": 0.0, "clamp_indirect": 0.0})
+    free = curve.Curve(halfspace_native, workload, (24, 24), (1, 4, 16), 1)
+    free.converge(tree)
+    assert free.independent[0]["rmse"] > 2 * pictures.independent[0]["rmse"]
+    assert free.converged is not None
+    assert free.converged["removed"] == 0.0
+
+
+def test_another_renderer_is_compared_with_the_same_reference(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(curve, "SIZE", 8)
+    small = grid.workload(boxes=2, rays=64)
+    asked: list[Any] = []
+
+    class Grey:
+        name = "grey"
+
+        def render(self, size: tuple[int, int], samples: int, *rest: Any) -> tuple[Any, float]:
+            asked.append((size, samples, *rest))
+            return np.full((size[1], size[0], 3), 0.5, np.float32), 2.0
+
+    options = Options(size=(16, 8), repeats=1, check_rays=64, curve=(1, 2))
+    (row,) = benchmark.measure(halfspace_native, replace(small, peer=Grey()), ["kd"], options, lambda _: None)
+    assert [(one[0], one[1]) for one in asked] == [((16, 8), 1), ((16, 8), 2)]
+    assert asked[0][-1] == curve.LIMITS
+    assert [(point["spp"], point["seconds"]) for point in row["peer"]] == [(1, 2.0), (2, 2.0)]
+    assert row["peer"][0]["rmse"] == row["peer"][1]["rmse"] > 0
+    assert row["portrait"].startswith("iVBORw0KGgo")
+
+
+def test_a_picture_without_noise_has_no_slope() -> None:
+    assert math.isnan(curve.slope([{"spp": 1, "rmse": 0.0}, {"spp": 4, "rmse": 0.0}]))
+    assert math.isnan(curve.slope([{"spp": 1, "rmse": 1.0}]))
 
 
 def test_error_falls_with_samples_and_is_the_same_for_every_structure(monkeypatch: pytest.MonkeyPatch) -> None:

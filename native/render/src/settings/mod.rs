@@ -44,6 +44,9 @@ pub struct Settings {
     /// Upper limit of what one sample adds after its first bounce, as the mean of its channels; 0 = no limit,
     /// unbiased. Lower values remove fireflies and lose light. As in Cycles.
     pub clamp_indirect: f32,
+    /// The same limit for what a sample adds up to and with its first bounce: light that the camera sees directly or in
+    /// one reflection; 0 = no limit.
+    pub clamp_direct: f32,
     /// Seed of all random numbers.
     pub seed: u32,
     /// Whether the background has alpha 0 and is black for camera rays.
@@ -79,6 +82,7 @@ impl Default for Settings {
             ambient_distance: f32::INFINITY,
             max_bounces: 4,
             clamp_indirect: 0.0,
+            clamp_direct: 0.0,
             seed: 0,
             film_transparent: false,
             passes: vec![Pass::Combined],
@@ -94,13 +98,19 @@ impl Default for Settings {
 }
 
 impl Settings {
-    /// Applies `clamp_indirect` to a contribution. `indirect`: whether the light was reflected more than once.
+    /// Applies `clamp_indirect` or `clamp_direct` to a contribution. `indirect`: whether the light was reflected more
+    /// than once.
     #[inline]
     pub fn clamped(&self, value: Vec3, indirect: bool) -> Vec3 {
         // Scaling all channels alike keeps the hue.
         let mean = (value.x.abs() + value.y.abs() + value.z.abs()) / 3.0;
-        if indirect && self.clamp_indirect > 0.0 && mean > self.clamp_indirect {
-            return value * (self.clamp_indirect / mean);
+        let limit = if indirect {
+            self.clamp_indirect
+        } else {
+            self.clamp_direct
+        };
+        if limit > 0.0 && mean > limit {
+            return value * (limit / mean);
         }
         value
     }
@@ -162,11 +172,13 @@ impl Settings {
     fn check_quantities(&self) -> Result<()> {
         let spec = |text: String| Err(Error::Spec(text));
         // Every comparison with NaN is false, so NaN needs a test of its own.
-        if self.clamp_indirect.is_nan() || self.clamp_indirect < 0.0 {
-            let got = self.clamp_indirect;
-            return spec(format!(
-                "settings['clamp_indirect'] must be at least 0, got {got}"
-            ));
+        for (key, got) in [
+            ("clamp_direct", self.clamp_direct),
+            ("clamp_indirect", self.clamp_indirect),
+        ] {
+            if got.is_nan() || got < 0.0 {
+                return spec(format!("settings['{key}'] must be at least 0, got {got}"));
+            }
         }
         if self.ambient_distance.is_nan() || self.ambient_distance <= 0.0 {
             let got = self.ambient_distance;
@@ -244,6 +256,18 @@ mod tests {
         let dim = Vec3::from([3.0, 1.0, 1.0]);
         assert_eq!(settings.clamped(dim, true), dim);
         assert_eq!(Settings::default().clamped(bright, true), bright);
+    }
+
+    #[test]
+    fn direct_light_has_a_limit_of_its_own() {
+        let settings = Settings {
+            clamp_direct: 2.0,
+            ..Settings::default()
+        };
+        let bright = Vec3::from([30.0, 20.0, 10.0]);
+        assert_eq!(settings.clamped(bright, true), bright);
+        assert_eq!(settings.clamped(bright, false), Vec3::from([3.0, 2.0, 1.0]));
+        assert_eq!(Settings::default().clamped(bright, false), bright);
     }
 
     #[test]

@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Error of pictures against their time, build included, and the convergence of independent samples."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ..measure import curve
+from ..measure.rows import Row, building
+from .marks import GREY, INK, PALE, Mark, legend, ordered
+
+ERRORS = {"relmse": "relMSE", "rmse": "RMSE", "flip": "FLIP"}
+"""Error measures in the order of their panels."""
+
+CAPTION = (
+    "Error of whole pictures against build and render together, all against one converged picture. All structures "
+    "render the same picture, so that at equal samples their points lie at one height: the farther left, the better. "
+    "Lower right: the error against the number of samples, for pictures and for means of independent ones, which in "
+    "theory fall with the slope −1/2."
+)
+
+
+def caption(rows: Sequence[Row]) -> str:
+    """What the figure shows, with the facts of the reference."""
+    text = CAPTION
+    known = next((row["converged"] for row in rows if row.get("converged")), None)
+    if known:
+        limits = " and ".join(f"{value:g}" for value in sorted(set(known["limits"].values())))
+        text += (
+            f" The converged picture has {known['samples']:,} samples per pixel and an RMSE of {known['rmse']:.2g} of "
+            f"its own (grey band). In it and in all others no sample adds more than {limits} times white, as in Cycles"
+            f" with its clamps, which removes {100 * known['removed']:.1f} % of the light; no pixel is left out."
+        )
+    black = sum(point.get("not_finite") or 0 for row in rows[:1] for point in row["curve"])
+    return text + (f" {black:,} pixels that are not finite count as black." if black else "")
+
+
+def error_against_time(figure: Any, rows: Sequence[Row], marks: dict[str, Mark]) -> None:
+    """relMSE, RMSE and FLIP against seconds, and RMSE against samples."""
+    panels = list(figure.subplots(2, 2).flat)
+    peer = next((row["peer"] for row in rows if row.get("peer")), [])
+    for axes, (key, label) in zip(panels, ERRORS.items(), strict=False):
+        for row in ordered(rows, marks):
+            points = _drawn(row["curve"], key)
+            seconds = [point["seconds"] + building(row) for point in points]
+            axes.plot(seconds, [point[key] for point in points], **marks[row["spec"]].line())
+        theirs = _drawn(peer, key)
+        if theirs:
+            axes.plot(
+                [point["seconds"] for point in theirs],
+                [point[key] for point in theirs],
+                "--*",
+                color=INK,
+                label="Cycles",
+                zorder=6,
+            )
+        _finish(axes, label, "build and render, seconds")
+        if not axes.lines or not any(len(line.get_xdata()) for line in axes.lines):
+            axes.text(0.5, 0.5, "not measured or without noise", transform=axes.transAxes, ha="center", color=GREY)
+    _floor(panels[1], rows)
+    _convergence(panels[3], rows)
+    others = sum(not marks[row["spec"]].is_chosen for row in rows)
+    legend(figure, panels[0], others=others)
+
+
+def _drawn(points: Sequence[dict[str, Any]], key: str) -> list[dict[str, Any]]:
+    """The points that a logarithmic axis can show."""
+    return [point for point in points if point.get(key)]
+
+
+def _convergence(axes: Any, rows: Sequence[Row]) -> None:
+    """RMSE against samples with fitted slopes: independent samples, and the longest curve."""
+    longest = max((row["curve"] for row in rows), key=len)
+    alone = next((row["independent"] for row in rows if row.get("independent")), [])
+    series = ((alone, "independent samples", INK, "o"), (longest, "samples of a picture", GREY, "s"))
+    for points, label, colour, marker in series:
+        kept = _drawn(points, "rmse")
+        if not kept:
+            continue
+        fitted = curve.slope(kept)
+        told = "" if math.isnan(fitted) else f": slope {fitted:.2f}".replace("-", "−")
+        xs, ys = ([point[key] for point in kept] for key in ("spp", "rmse"))
+        axes.plot(xs, ys, marker, color=colour, label=label + told, markersize=5.5, zorder=3)
+        if told:
+            # Draw the fitted line itself, so that points beside it are seen.
+            offset = np.mean(np.log(ys)) - fitted * np.mean(np.log(xs))
+            axes.plot(xs, np.exp(offset) * np.array(xs, float) ** fitted, "-", color=colour, linewidth=1)
+    if alone and alone[0]["rmse"] > 0:
+        ends = [alone[0]["spp"], max(alone[-1]["spp"], longest[-1]["spp"])]
+        axes.plot(ends, [0.7 * alone[0]["rmse"] * (x / ends[0]) ** curve.SLOPE for x in ends], ":", color=PALE)
+    _floor(axes, rows)
+    _finish(axes, "RMSE", "samples per pixel")
+    axes.legend(loc="upper right")
+
+
+def _floor(axes: Any, rows: Sequence[Row]) -> None:
+    """The error of the reference itself: nothing below it can be seen."""
+    known = next((row["converged"] for row in rows if row.get("converged")), None)
+    low, _ = axes.get_ylim()
+    if known and known["rmse"] > 0:
+        axes.axhspan(min(known["rmse"] / 10, low), known["rmse"], color="#eceff4", zorder=0)
+
+
+def _finish(axes: Any, label: str, below: str) -> None:
+    from .charts import logarithmic
+
+    logarithmic(axes)
+    axes.set_ylabel(label)
+    axes.set_xlabel(below)
