@@ -22,6 +22,7 @@ from ..scene.workload import Workload
 from ..structures import catalogue, specs
 from . import accuracy, costmap, counting, first, peak, picture_times, rows, thesis, timing, yardstick
 from .accuracy import Answers
+from .analysis import field
 from .picture_times import Rounds
 from .preparation import REFERENCES, Options, Prepared, Progress, prepare, prepared
 from .rows import Row, agrees
@@ -294,8 +295,13 @@ class _Run:
             candidate.timed[whole.name] = timing.affordable(whole, candidate.checked[whole.name], limit, options.seed)
             hits = float(answers.hit.mean()) if len(some) else 0.0
             candidate.counted[whole.name] = {"hits": hits, **timing.count(candidate, some, options.threads)}
+            if candidate.spec != yardstick.SPEC and len(some):
+                counters = counting.counters(candidate.native, some, options.threads)
+                candidate.work[whole.name] = field.work(counters, answers.hit)
         # Copy the statistics now: each further pass over a lazily built tree adds nodes.
         candidate.statistics = dict(structure.statistics)
+        if candidate.spec != yardstick.SPEC:
+            candidate.shape = field.shape(candidate.native)
 
     def _extras(self, candidates: Sequence[Candidate]) -> Iterator[Event]:
         """Measure peak memory, cost maps, and wrong answers far from the origin. A failure here is noted in the row."""
@@ -436,6 +442,7 @@ class _Run:
         row["scaling"] = candidate.scaling or None
         row["offsets"] = candidate.offsets or None
         row["tradeoff"] = candidate.tradeoff
+        row["field"] = {"tree": candidate.shape, "rays": candidate.work}
         # One row of each group holds the picture of the scene.
         if candidate is group[0] and self._prepared.portrait is not None:
             row["portrait"] = base64.b64encode(self._prepared.portrait).decode("ascii")

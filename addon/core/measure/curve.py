@@ -53,7 +53,7 @@ IMAGE_PIXELS, IMAGE_SAMPLES = 1024 * 1024, 16
 """Pixels and samples of the picture whose time, build included, is reported for each structure."""
 
 INDEPENDENT = 64
-"""Largest sample count at which the error of independent samples is measured too."""
+"""Number of one-sample pictures whose means give the errors of independent samples."""
 
 SLOPE, SLOPE_WITHIN = -0.5, 0.05
 """Theoretical slope of log RMSE over log samples for independent samples, and the tolerance of a fit
@@ -160,11 +160,10 @@ class Curve:
         show by how much, and that stratification alone is the cause.
         """
         assert self._converged is not None, "the reference comes first"
-        most = min(self.samples[-1], INDEPENDENT)
-        seeds = range(self._seed + 1, self._seed + 1 + most)
+        seeds = range(self._seed + 1, self._seed + 1 + INDEPENDENT)
         pictures = [self._image(self._render(structure, 1, seed, 0)) for seed in seeds]
         # Use the same pictures at every sample count.
-        yield from of_independent(pictures, self._converged, [count for count in self.samples if count <= most])
+        yield from of_independent(pictures, self._converged, [n for n in self.samples if n <= INDEPENDENT])
 
     def finer(self, samples: int) -> tuple[int, int, int]:
         """Width, height and samples per pixel of a picture with about as many rays as `samples` take here, but more

@@ -17,6 +17,7 @@ from . import yardstick
 
 if TYPE_CHECKING:
     from ..base.interface import Native
+    from .analysis.field import Field
     from .analysis.tradeoff import Point
     from .curve import Converged
 
@@ -116,6 +117,7 @@ class Row(TypedDict):
     too_slow: list[str]
     error: str | None
     tradeoff: NotRequired[list[Point]]
+    field: NotRequired[Field]
     converged: NotRequired[Converged | None]
     peer: NotRequired[list[dict[str, Any]]]
     portrait: NotRequired[str]

@@ -22,6 +22,7 @@ from .accuracy import Errors
 
 if TYPE_CHECKING:
     from ..base.interface import Structure
+    from .analysis.field import Shape, Work
     from .analysis.tradeoff import Point
     from .preparation import Options
     from .rows import RayColumns
@@ -68,6 +69,8 @@ class Candidate:
     scaling: list[dict[str, float]] = field(default_factory=list)
     offsets: list[dict[str, float]] = field(default_factory=list)
     tradeoff: list[Point] = field(default_factory=list)
+    work: dict[str, Work] = field(default_factory=dict)
+    shape: Shape | None = None
     differing_pixels: int = 0
     cost_map: dict[str, Any] | None = None
     left_out: list[str] = field(default_factory=list)

@@ -6,11 +6,13 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..measure import counting
+from ..measure.analysis import field
 from ..measure.rows import Row
 from ..measure.timing import COUNTERS
 
@@ -18,9 +20,15 @@ PARTS = {
     "steps_axis": "axis steps",
     "steps_oblique": "oblique steps",
     "steps_boxes": "box steps",
+    "leaves": "leaf visits",
     "tests": "triangle tests",
 }
-"""Counters that take part in the fit, with their labels."""
+"""Counters that take part in the fit, with their labels. It is eq. 3.1 of Hoobergs (2019), which sums steps and tests,
+with the visits of leaves.
+"""
+
+OPTIONAL = ("steps_boxes", "leaves")
+"""Those that rows may lack; they then count as none."""
 
 LEAST_ROWS = 4
 """Smallest number of structures for a fit."""
@@ -31,7 +39,8 @@ class Fit:
     """A linear cost model. nanoseconds: cost of one of each of PARTS. measured: (rows,) ns per ray, mean over the ray
     sets. parts: (rows, parts) ns.
 
-    explained: the share of the variance of the measured times that the fit explains.
+    explained: the share of the variance of the measured times that the fit explains, R². residual: root mean square of
+    the relative residuals.
     """
 
     specs: tuple[str, ...]
@@ -39,23 +48,32 @@ class Fit:
     measured: NDArray[np.float64]
     parts: NDArray[np.float64]
     explained: float
+    residual: float
+
+    def priced(self) -> list[tuple[float, str]]:
+        """Nanoseconds and singular label of each part that takes time."""
+        return [(each, PARTS[key].removesuffix("s")) for key, each in self.nanoseconds.items() if each > 0]
 
 
 def fit(rows: Sequence[Row]) -> Fit | None:
-    """The fit over one scene's rows, silent ones excluded; None with fewer than LEAST_ROWS rows."""
-    assert set(PARTS) <= set(COUNTERS)
+    """The fit over one scene's rows, silent ones excluded; None with fewer rows than LEAST_ROWS or than prices to fit."""
+    assert set(PARTS) <= {*COUNTERS, *OPTIONAL}
     found = [(row["spec"], *_per_ray(row)) for row in rows if row["rays"] and not is_silent(row)]
     kept = [(spec, counts, time) for spec, counts, time in found if counts is not None and time > 0]
     if len(kept) < LEAST_ROWS:
         return None
     counts = np.array([one for _, one, _ in kept], np.float64)
     times = np.array([time for _, _, time in kept])
+    if len(kept) <= int(counts.any(axis=0).sum()):
+        return None
     # Minimize relative errors, so that the slowest structure does not dominate.
     each = least_squares(counts / times[:, None], np.ones(len(times)))
     parts = counts * each
     spread = float(((times - times.mean()) ** 2).sum())
     explained = 1.0 - float(((parts.sum(axis=1) - times) ** 2).sum()) / spread if spread else 0.0
-    return Fit(tuple(spec for spec, _, _ in kept), dict(zip(PARTS, each, strict=True)), times, parts, explained)
+    residual = float(np.sqrt((((parts.sum(axis=1) - times) / times) ** 2).mean()))
+    specs = tuple(spec for spec, _, _ in kept)
+    return Fit(specs, dict(zip(PARTS, each, strict=True)), times, parts, explained, residual)
 
 
 def is_silent(row: Row) -> bool:
@@ -65,13 +83,23 @@ def is_silent(row: Row) -> bool:
 
 def _per_ray(row: Row) -> tuple[NDArray[np.float64] | None, float]:
     """Counts and nanoseconds per ray, each the mean over the ray sets."""
-    sets = [
-        one for one in row["rays"].values() if one["mrays_s"] and all(dict(one).get(key) is not None for key in PARTS)
-    ]
-    if not sets:
+    sets = [(name, one) for name, one in row["rays"].items() if one["mrays_s"]]
+    found = [[_count(row, name, key) for key in PARTS] for name, _ in sets]
+    kept = [(counts, one) for counts, (_, one) in zip(found, sets, strict=True) if None not in counts]
+    if not kept:
         return None, 0.0
-    counts = np.array([[dict(one)[key] for key in PARTS] for one in sets], np.float64)
-    return counts.mean(axis=0), float(np.mean([1e3 / one["mrays_s"]["med"] for one in sets]))
+    counts = np.array([counts for counts, _ in kept], np.float64)
+    return counts.mean(axis=0), float(np.mean([1e3 / one["mrays_s"]["med"] for _, one in kept]))
+
+
+def _count(row: Row, name: str, key: str) -> float | None:
+    """The mean number of a part per ray of a set; None if it was not counted."""
+    known: Any = dict(row["rays"][name]).get(key)
+    if known is None:
+        known = field.value(row, "rays", name, key, "mean")
+    if known is None:
+        return 0.0 if key in OPTIONAL else None
+    return float(known)
 
 
 def least_squares(matrix: NDArray[np.float64], right: NDArray[np.float64]) -> NDArray[np.float64]:

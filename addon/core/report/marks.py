@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..measure import yardstick
+from ..measure.offsets import is_unguarded
 from ..measure.rows import Row, agrees
 from ..structures.specs import structure_of
 
@@ -65,14 +66,13 @@ YARDSTICK = Mark(INK, "*", "Embree", 9.0, 1.4, 5)
 def marks(rows: Sequence[Row], seconds: Sequence[float]) -> dict[str, Mark]:
     """The mark of each configuration, the same in all plots of a scene.
 
-    In colour are the fastest of each family, and of these the fastest. seconds: of tracing, one per row, 0 if unknown.
-    Rows with wrong answers and brute force are never chosen.
+    In colour are the fastest of each family with and without error bounds, and of these the fastest. Rows with wrong answers and brute force are never chosen. seconds: of tracing, one per row, 0 if unknown.
     """
-    best: dict[str, tuple[float, str]] = {}
+    best: dict[tuple[str, bool], tuple[float, str]] = {}
     for row, taken in zip(rows, seconds, strict=True):
         if row["spec"] in (yardstick.SPEC, "brute") or not taken or not agrees(row):
             continue
-        family = _family(row["spec"])
+        family = _family(row["spec"]), is_unguarded(row["spec"])
         best[family] = min(best.get(family, (taken, row["spec"])), (taken, row["spec"]))
     chosen = [spec for _, spec in sorted(best.values())[:MOST]]
     # The order of the rows decides the colour, so that the kd-tree has the same one everywhere.

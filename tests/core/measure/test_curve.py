@@ -65,9 +65,9 @@ def mirror(angle: float) -> tuple[Any, dict[str, Any]]:
 def test_the_limits_let_pictures_of_a_mirrored_sun_converge_and_are_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     workload, scene = mirror(angle=0.02)
     monkeypatch.setattr(curve, "_plain_scene", lambda: scene)
-    monkeypatch.setattr(curve, "SIZE", 24)
+    monkeypatch.setattr(curve, "SIZE", 32)
     tree = halfspace_native.build(workload.vertices, workload.triangles, "kd")
-    pictures = curve.Curve(halfspace_native, workload, (24, 24), (1, 4, 16), 1)
+    pictures = curve.Curve(halfspace_native, workload, (32, 32), (1, 4, 16), 1)
     pictures.converge(tree)
     assert pictures.converged is not None
     facts = pictures.converged
@@ -77,7 +77,7 @@ def test_the_limits_let_pictures_of_a_mirrored_sun_converge_and_are_reported(mon
     assert curve.is_right(curve.slope(pictures.independent))
     # Without the limits, a few samples decide the error.
     monkeypatch.setattr(curve, "LIMITS", {"clamp_direct": 0.0, "clamp_indirect": 0.0})
-    free = curve.Curve(halfspace_native, workload, (24, 24), (1, 4, 16), 1)
+    free = curve.Curve(halfspace_native, workload, (32, 32), (1, 4, 16), 1)
     free.converge(tree)
     assert free.independent[0]["rmse"] > 2 * pictures.independent[0]["rmse"]
     assert free.converged is not None
