@@ -56,7 +56,7 @@ class Fit:
 
 
 def fit(rows: Sequence[Row]) -> Fit | None:
-    """The fit over one scene's rows, silent ones excluded; None with fewer rows than LEAST_ROWS or than prices to fit."""
+    """The fit over one scene's rows, silent ones excluded; None with fewer rows than LEAST_ROWS or than prices."""
     assert set(PARTS) <= {*COUNTERS, *OPTIONAL}
     found = [(row["spec"], *_per_ray(row)) for row in rows if row["rays"] and not is_silent(row)]
     kept = [(spec, counts, time) for spec, counts, time in found if counts is not None and time > 0]

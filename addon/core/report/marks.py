@@ -66,7 +66,8 @@ YARDSTICK = Mark(INK, "*", "Embree", 9.0, 1.4, 5)
 def marks(rows: Sequence[Row], seconds: Sequence[float]) -> dict[str, Mark]:
     """The mark of each configuration, the same in all plots of a scene.
 
-    In colour are the fastest of each family with and without error bounds, and of these the fastest. Rows with wrong answers and brute force are never chosen. seconds: of tracing, one per row, 0 if unknown.
+    In colour are the fastest of each family with and without error bounds, and of these the fastest. Rows with wrong
+    answers and brute force are never chosen. seconds: of tracing, one per row, 0 if unknown.
     """
     best: dict[tuple[str, bool], tuple[float, str]] = {}
     for row, taken in zip(rows, seconds, strict=True):
