@@ -15,7 +15,7 @@ from ..base.notes import some
 from ..measure import ranking, thesis, yardstick
 from ..measure.rows import Row, agrees
 from ..measure.thesis import Published
-from . import plots, tables
+from . import plots, statistics_page, tables
 from .report import by_scene, findings, heading, image_total, set_names, worth, worth_it
 
 MOST_ROWS_INSIDE = 200
@@ -75,6 +75,7 @@ def as_html(document: dict[str, Any], published: Published | None = None) -> str
             f"<figure><h3>{_safe(picture.title)}</h3>{picture.svg}<figcaption>{_safe(picture.caption)}</figcaption></figure>"
             for picture in plots.scene_figures(own, published)
         ]
+        parts.append(statistics_page.as_html(own, set_names(own)))
         parts.append("</section>")
     reason = plots.problem()
     if reason:
