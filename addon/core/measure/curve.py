@@ -250,7 +250,7 @@ class Curve:
         threads: int,
         *,
         size: tuple[int, int] | None = None,
-        limits: Mapping[str, float] = LIMITS,
+        limits: Mapping[str, float] | None = None,
     ) -> RenderJob:
         """Render and wait for the end. Raises RuntimeError with the job's error."""
         width, height = size or self._size
@@ -260,7 +260,7 @@ class Curve:
             "samples": samples,
             "max_bounces": self._max_bounces,
             "seed": seed,
-            **{key: limit for key, limit in limits.items() if key in (self._native.render.__doc__ or key)},
+            **(LIMITS if limits is None else limits),
         }
         camera = self._camera if isinstance(self._camera, dict) else asdict(self._camera)
         job = self._native.render(render_scene, camera, settings, threads=threads)

@@ -50,9 +50,9 @@ class Fit:
     explained: float
     residual: float
 
-    def priced(self) -> list[tuple[float, str]]:
-        """Nanoseconds and singular label of each part that takes time."""
-        return [(each, PARTS[key].removesuffix("s")) for key, each in self.nanoseconds.items() if each > 0]
+    def priced(self) -> list[tuple[str, float]]:
+        """Singular label and nanoseconds of each part that takes time."""
+        return [(PARTS[key].removesuffix("s"), each) for key, each in self.nanoseconds.items() if each > 0]
 
 
 def fit(rows: Sequence[Row]) -> Fit | None:

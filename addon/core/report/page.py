@@ -216,14 +216,16 @@ def _table(rows: Sequence[Row], number: dict[int, int], inside: bool) -> str:
 
 
 def _best(rows: Sequence[Row], sets: Sequence[str]) -> set[tuple[int, str]]:
-    """Pairs of a row's id and a ray set that are fastest, or equal within noise; none with wrong answers."""
+    """Pairs of a row's id and a ray set that are fastest, or equal within noise; none with wrong answers.
+
+    rows: of one table, in which a row that stands in several tables is compared with the others of this one only.
+    """
     ours = [row for row in rows if row["spec"] != yardstick.SPEC]
     found = set()
-    for own in ranking.by_table(ours).values():
-        for name in sets:
-            ranked = ranking.rank(own, name)
-            if ranked is not None and ranked.ranked:
-                found |= {(id(row), name) for row in (ranked.best, *ranked.equal)}
+    for name in sets:
+        ranked = ranking.rank(ours, name)
+        if ranked is not None and ranked.ranked:
+            found |= {(id(row), name) for row in (ranked.best, *ranked.equal)}
     return found
 
 

@@ -140,11 +140,15 @@ def sentences(expected: Correlation | None, fit: Fit | None) -> Iterator[str]:
         else:
             yield f"The SAH costs of {len(expected.specs)} structures, or their times, are all equal: no correlation."
     if fit is not None:
-        each = ", ".join(f"{price:.1f} ns a {label}" for label, price in fit.priced())
+        each = ", ".join(f"{price:.1f} ns {_article(label)} {label}" for label, price in fit.priced())
         yield (
             f"Fitted as a sum over steps, leaf visits and tests (eq. 3.1 of Hoobergs 2019 with leaf visits), a ray "
             f"costs {each}: R² = {fit.explained:.2f}, residuals of {100 * fit.residual:.0f} % (root mean square)."
         )
+
+
+def _article(noun: str) -> str:
+    return "an" if noun[0] in "aeiou" else "a"
 
 
 def _signed(number: float) -> str:

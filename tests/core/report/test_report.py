@@ -163,7 +163,7 @@ def test_the_plots_are_svg_with_a_mark_for_each_structure() -> None:
     rows += [everything(f"bsp-wn:k={k},seed={seed}", 2.0 + k / 10, k) for k in (2, 3) for seed in (1, 2)]
     found = plots.scene_figures(rows, thesis.Published())
     assert [picture.title for picture in found] == [
-        "Error against run time",
+        "Error of pictures against run time",
         "Speed",
         "Build against tracing",
         "How many directions",
@@ -320,7 +320,7 @@ def test_the_tables_of_the_thesis_stand_beside_the_published_numbers(tmp_path: P
 def test_fitted_costs_draw_every_part() -> None:
     parts = np.ones((costs.LEAST_ROWS, len(costs.PARTS)))
     specs = tuple(f"s{i}" for i in range(costs.LEAST_ROWS))
-    some = costs.Fit(specs, dict.fromkeys(costs.PARTS, 1.0), parts.sum(axis=1), parts, 1.0)
+    some = costs.Fit(specs, dict.fromkeys(costs.PARTS, 1.0), parts.sum(axis=1), parts, 1.0, 0.0)
     figure = Figure()
     charts.fitted_costs(figure, some)
     assert len(figure.axes[0].containers) == len(costs.PARTS)
@@ -336,7 +336,7 @@ def test_fitted_costs_are_those_that_made_the_times() -> None:
     found = costs.fit(rows)
     assert found is not None
     assert found.nanoseconds == pytest.approx(
-        {"steps_axis": 7.0, "steps_oblique": 0.0, "steps_boxes": 0.0, "tests": 11.0}
+        {"steps_axis": 7.0, "steps_oblique": 0.0, "steps_boxes": 0.0, "leaves": 0.0, "tests": 11.0}
     )
     assert found.explained == pytest.approx(1.0)
     assert costs.fit(rows[:3]) is None
