@@ -15,7 +15,7 @@ from ..scene.rays import RaySet
 from ..scene.workload import Workload
 from . import costmap, curve, yardstick
 from .accuracy import Answers
-from .analysis.tradeoff import Tradeoff
+from .analysis.tradeoff import Limits, Tradeoff
 from .offsets import Moved
 
 if TYPE_CHECKING:
@@ -155,7 +155,7 @@ def prepare(native: Native, workload: Workload, options: Options) -> Generator[P
     if options.tradeoff:
         yield Progress(0.0, "moving the scene far away")
         pairs = {name: (some, expected[name]) for name, some in checked.items()}
-        made.tradeoff = Tradeoff(native, workload, pairs, options.seed, options.threads)
+        made.tradeoff = Tradeoff(native, workload, pairs, options.seed, Limits(options.threads, options.memory_limit))
     if pictures is not None and tracer.statistics["bytes"] <= KEPT_BYTES:
         made.beside = tracer
     if options.maps:

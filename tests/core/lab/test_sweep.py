@@ -92,7 +92,7 @@ def test_merging_rows_that_disagree_is_status_1(scenes: list[str], tmp_path: Pat
     assert bench.main([*quick, "--out", str(first)]) == 0
     second.mkdir()
     text = (first / "rows.jsonl").read_text(encoding="utf-8")
-    (second / "rows.jsonl").write_text(text.replace('"leaves": ', '"leaves": 1'), encoding="utf-8")
+    (second / "rows.jsonl").write_text(text.replace('"references": ', '"references": 1'), encoding="utf-8")
     capsys.readouterr()
     assert bench.main([str(first), str(second), "--merge", "--out", str(tmp_path / "out")]) == 1
     assert "soup-1, kd: measured twice" in capsys.readouterr().err

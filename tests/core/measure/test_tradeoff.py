@@ -10,7 +10,7 @@ import pytest
 from addon.core.measure import yardstick
 from addon.core.measure.accuracy import Answers
 from addon.core.measure.analysis import tradeoff
-from addon.core.measure.analysis.tradeoff import Tradeoff
+from addon.core.measure.analysis.tradeoff import Limits, Tradeoff
 from addon.core.measure.timing import Candidate
 from addon.core.scene import grid, rays
 from addon.core.scene.workload import Workload
@@ -24,7 +24,7 @@ def scenes() -> Tradeoff:
     brute = halfspace_native.build(SCENE.vertices, SCENE.triangles, "brute")
     made = rays.make(SCENE, brute, size=(16, 16), seed=1, names=("primary", "shadow"))
     right = {one.name: (one, Answers.of(brute.closest(one.origins, one.directions, t_max=one.t_max))) for one in made}
-    return Tradeoff(halfspace_native, SCENE, right, seed=1, threads=1)
+    return Tradeoff(halfspace_native, SCENE, right, seed=1, limits=Limits(threads=1))
 
 
 def points(scenes: Tradeoff, spec: str, seconds: float = 0.0) -> list[tradeoff.Point]:

@@ -174,7 +174,9 @@ class Watched:
         return getattr(native, name)
 
     def build(self, vertices: Any, triangles: Any, spec: str, **options: Any) -> Any:
-        self.limits.setdefault(spec, []).append(options.get("memory_limit"))
+        # A configuration is read by a build of one triangle, which needs no limit.
+        if len(triangles) > 1:
+            self.limits.setdefault(spec, []).append(options.get("memory_limit"))
         return native.build(vertices, triangles, spec, **options)
 
 

@@ -84,14 +84,27 @@ class Place:
     expected: Mapping[str, Answers]
 
 
+@dataclass(frozen=True)
+class Limits:
+    """threads: of builds and timed passes. memory: bytes that a build may use, None for the native module's limit."""
+
+    threads: int
+    memory: int | None = None
+
+
 class Tradeoff:
     """The scenes of all measurements, made once for all configurations."""
 
     def __init__(
-        self, native: Native, workload: Workload, checked: Mapping[str, tuple[RaySet, Answers]], seed: int, threads: int
+        self,
+        native: Native,
+        workload: Workload,
+        checked: Mapping[str, tuple[RaySet, Answers]],
+        seed: int,
+        limits: Limits,
     ) -> None:
-        """checked: the rays of each set and their correct answers. threads: of the timed passes."""
-        self._native, self._threads = native, threads
+        """checked: the rays of each set and their correct answers."""
+        self._native, self._limits = native, limits
         some, expected = [], {}
         for name, (whole, right) in checked.items():
             kept = rays.blocks(len(whole), CHECKED, seed)
@@ -118,7 +131,10 @@ class Tradeoff:
     def _built(self, place: Place, spec: str) -> Traced:
         if spec in yardstick.MODES:
             return yardstick.EmbreeStructure(place.vertices, place.triangles, robust=yardstick.MODES[spec])
-        return self._native.build(place.vertices, place.triangles, spec, threads=self._threads)
+        limits = self._limits
+        return self._native.build(
+            place.vertices, place.triangles, spec, threads=limits.threads, memory_limit=limits.memory
+        )
 
     def _measured(self, place: Place, built: Mapping[bool, Traced]) -> list[Point]:
         found: list[Point] = []
@@ -137,13 +153,13 @@ class Tradeoff:
             if number > 1 and time.monotonic() > begun + PASSES_SECONDS:
                 break
             for bounds, structure in built.items():
-                taken = timing.one_pass(Candidate("", structure), some, self._threads)
+                taken = timing.one_pass(Candidate("", structure), some, self._limits.threads)
                 seconds[bounds] += [taken] if number else []
         return seconds
 
     def _point(self, place: Place, some: RaySet, bounds: bool, structure: Traced, seconds: Sequence[float]) -> Point:
         """Compare the answers of one variant."""
-        arguments = some.options(self._threads)
+        arguments = some.options(self._limits.threads)
         answers = occluded = None
         if some.any_hit:
             occluded = structure.occluded(some.origins, some.directions, **arguments)
