@@ -30,6 +30,7 @@ from addon.core.structures import catalogue, specs, ways
 from lab.base.usage import Parser, UsageError, output
 from lab.bench import cluster, merging, sweep
 from lab.bench.bench_presets import AS_PUBLISHED, PRESETS
+from lab.export import files
 
 if TYPE_CHECKING:
     from addon.core.base.interface import Native
@@ -54,7 +55,7 @@ MANY = 24
 REPEATS, FEWER = benchmark.Options.repeats, ranking.LEAST_ROUNDS
 """Timed repeats, and those of many configurations: as few as can be ranked."""
 
-OF_MERGES = ("scenes", "merge", "out", "published")
+OF_MERGES = ("scenes", "merge", "out", "published", "export")
 """Options that are valid together with `--merge`."""
 
 BAD_INPUT = 2
@@ -112,6 +113,12 @@ def parser() -> argparse.ArgumentParser:
         "--merge", action="store_true", help="measure nothing: one report of the folders that stand for SCENE, in --out"
     )
     add("--cluster", metavar="ADDRESS", help="measure on this Dask cluster; local:N starts N workers on this machine")
+    add(
+        "--export",
+        metavar="FORMAT,...",
+        help=f"also write figures and tables for papers into DIR/{files.FOLDER}: "
+        + ", ".join(f"{name} ({what})" for name, what in files.FORMATS.items()),
+    )
     add("--published", type=Path, metavar="FILE", help="published results to draw beside the K sweep")
     return made
 
@@ -142,7 +149,7 @@ def run(asked: argparse.Namespace) -> int:
             "builds and pictures timed once, no smaller views; as many answers are compared as always"
         )
     shard = read_shard(asked)
-    published = read_published(asked)
+    published, formats = read_published(asked), read_export(asked)
     if asked.cluster is not None:
         cluster.check(asked.cluster)
     named = asked.scenes or default_scenes(asked.preset)
@@ -187,7 +194,7 @@ def run(asked: argparse.Namespace) -> int:
         say(f"build and one 1024x1024 picture at 16 spp faster with oblique planes than with kd: {', '.join(better)}")
     if asked.out is not None and not shard.name:
         machines = {} if journal is None else journal.machines
-        save(asked.out, results.document(module, rows, options.as_dict(), machines), published)
+        save(asked.out, results.document(module, rows, options.as_dict(), machines), published, formats)
     return status(rows)
 
 
@@ -204,7 +211,7 @@ def merge(asked: argparse.Namespace) -> int:
     module = native.load()
     if asked.out is None or not asked.scenes:
         raise UsageError("--merge: name the folders of the rows, and --out for the report")
-    published = read_published(asked)
+    published, formats = read_published(asked), read_export(asked)
     folders = [Path(folder) for folder in dict.fromkeys(asked.scenes)]
     merged = merging.read(folders)
     rows, missing = merged.rows(), merged.missing()
@@ -218,7 +225,7 @@ def merge(asked: argparse.Namespace) -> int:
         print(f"bench: {line}", file=sys.stderr)
     if not merged.asked.specs:
         say("the journal does not record the requested rows, so missing ones cannot be named")
-    save(asked.out, results.document(module, rows, merged.options, merged.machines, missing), published)
+    save(asked.out, results.document(module, rows, merged.options, merged.machines, missing), published, formats)
     found = 1 if merged.disagreements else status(rows)
     return found or (BAD_INPUT if missing else 0)
 
@@ -239,16 +246,23 @@ def status(rows: Sequence[benchmark.Row]) -> int:
     return BAD_INPUT if any(row["error"] for row in ours) else 0
 
 
-def save(folder: Path, document: dict[str, Any], published: thesis.Published | None) -> None:
-    """Write the files of a report, each whole or not at all. Raises FolderError."""
-    texts = {
-        "bench.json": json.dumps(document, indent=1, allow_nan=False) + "\n",
-        "bench.csv": report.as_csv(document["rows"]),
-        "report.html": page.as_html(document, published),
+def save(
+    folder: Path, document: dict[str, Any], published: thesis.Published | None, formats: Sequence[str] = ()
+) -> None:
+    """Write the files of a report, and those for papers in these formats, all or none. Raises FolderError."""
+    contents: dict[Path, str | bytes] = {
+        Path("bench.json"): json.dumps(document, indent=1, allow_nan=False) + "\n",
+        Path("bench.csv"): report.as_csv(document["rows"]),
+        Path("report.html"): page.as_html(document, published),
     }
+    papers = files.of_rows(document["rows"], formats) if formats else {}
+    if papers:
+        results.prepare_folder(folder / files.FOLDER)
     with results.writing(folder):
-        results.write_all({folder / name: text for name, text in texts.items()})
+        results.write_all({folder / name: content for name, content in (contents | papers).items()})
     say(f"wrote {folder / 'report.html'}, bench.json and bench.csv")
+    if papers:
+        say(f"wrote {len(papers)} files for papers into {folder / files.FOLDER}")
 
 
 def read_shard(asked: argparse.Namespace) -> sweep.Shard:
@@ -272,6 +286,18 @@ def read_published(asked: argparse.Namespace) -> thesis.Published | None:
         return thesis.read(path)
     except (OSError, ValueError) as error:
         raise UsageError(f"--published: {path}: {error}") from error
+
+
+def read_export(asked: argparse.Namespace) -> tuple[str, ...]:
+    """The formats of figures and tables for papers. Raises UsageError."""
+    if asked.export is None:
+        return ()
+    if asked.out is None or asked.shard is not None:
+        raise UsageError("--export: expected --out, and no --shard, whose rows --merge exports")
+    try:
+        return files.chosen(asked.export)
+    except ValueError as error:
+        raise UsageError(f"--export: {error}") from error
 
 
 def read_options(asked: argparse.Namespace, configurations: int) -> benchmark.Options:

@@ -196,7 +196,7 @@ def _table(rows: Sequence[Row], number: dict[int, int], inside: bool) -> str:
         f'<th scope="col" title="{_safe(column.meaning)}"><button type="button">{_safe(column.title)}</button></th>'
         for column in columns
     )
-    best = _best(rows, sets)
+    best = tables.best(rows, sets)
     # Write one line per row, with a link to it.
     body = []
     for row in rows:
@@ -213,20 +213,6 @@ def _table(rows: Sequence[Row], number: dict[int, int], inside: bool) -> str:
         f"<tbody>{''.join(body)}</tbody></table></div>"
         '<p class="note">Bold: the fastest without errors, and those equal to it within noise.</p>'
     )
-
-
-def _best(rows: Sequence[Row], sets: Sequence[str]) -> set[tuple[int, str]]:
-    """Pairs of a row's id and a ray set that are fastest, or equal within noise; none with wrong answers.
-
-    rows: of one table, in which a row that stands in several tables is compared with the others of this one only.
-    """
-    ours = [row for row in rows if row["spec"] != yardstick.SPEC]
-    found = set()
-    for name in sets:
-        ranked = ranking.rank(ours, name)
-        if ranked is not None and ranked.ranked:
-            found |= {(id(row), name) for row in (ranked.best, *ranked.equal)}
-    return found
 
 
 def _html_cell(cell: Cell, index: int, inside: bool) -> str:

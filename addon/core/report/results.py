@@ -37,22 +37,23 @@ def write(path: Path, text: str) -> None:
     write_all({path: text})
 
 
-def write_all(files: Mapping[Path, str]) -> None:
+def write_all(files: Mapping[Path, str | bytes]) -> None:
     """Write files atomically: none is ever visible half-written, and after an error all old ones are back in place.
 
-    Raises FolderError, which names the file that cannot be written, and old files that could not be restored.
+    files: contents by path; texts are written as UTF-8. Raises FolderError, which names the file that cannot be
+    written, and old files that could not be restored.
     """
     complete: list[tuple[Path, Path]] = []
     try:
         for path in files:
             with _naming(path):
                 _check_target(path)
-        for path, text in files.items():
+        for path, content in files.items():
             with _naming(path):
                 handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=path.name + ".")
                 complete.append((Path(temporary), path))
-                with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as file:
-                    file.write(text)
+                with os.fdopen(handle, "wb") as file:
+                    file.write(content if isinstance(content, bytes) else content.encode("utf-8"))
                     file.flush()
                     os.fsync(file.fileno())
                 # mkstemp makes files that only their owner can read; give the report the user's default permissions.

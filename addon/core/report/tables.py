@@ -57,18 +57,25 @@ def _of_scene(scene: str, rows: Sequence[Row]) -> Iterator[str]:
     """The blocks of text of one scene."""
     yield "\n".join(heading(scene, rows))
     # Failed rows have only a reason, whatever their table.
-    measured = [row for row in rows if not row["error"]]
-    for table, own in ranking.by_table(measured).items():
+    done = [row for row in rows if not row["error"]]
+    for table, own in ranking.by_table(done).items():
         if any(row["spec"] != yardstick.SPEC for row in own):
             yield "\n".join(_table(table, own))
     failed = (f"{row['spec'] or scene}: {row['error']}" for row in rows if row["error"])
-    reasons = [*_about_yardstick(measured), *_gaps(measured), *failed]
+    reasons = [*_about_yardstick(done), *_gaps(done), *failed]
     if reasons:
         yield "\n".join(map(_wrapped, reasons))
 
 
 def heading(scene: str, rows: Sequence[Row]) -> list[str]:
     """The lines above the tables of a scene: what was measured, and what the columns of errors mean."""
+    first, second, errors = measured(scene, rows)
+    *most, last = (f"{title} {meaning}" for title, meaning in ERRORS.values())
+    return [first, second, f"{errors}: {', '.join(most[:3])},", f"{', '.join(most[3:])}, {last}."]
+
+
+def measured(scene: str, rows: Sequence[Row]) -> tuple[str, str, str]:
+    """What the tables of a scene show: scene and units in two lines, and what the answers were compared with."""
     checked = max((row["errors"]["rays"] for row in rows if row["errors"]), default=0)
     reference = next((row["errors"]["reference"] for row in rows if row["errors"]), "nothing")
     ours = sorted({row["threads"] for row in rows if row["spec"] != yardstick.SPEC and row["threads"]} or {1})
@@ -76,13 +83,11 @@ def heading(scene: str, rows: Sequence[Row]) -> list[str]:
     if ours != [1] and any(row["spec"] == yardstick.SPEC for row in rows):
         threads += " (Embree: 1)"
     count = rows[0]["triangles"]
-    *most, last = (f"{title} {meaning}" for title, meaning in ERRORS.values())
-    return [
+    return (
         f"{scene}: {count:,} {'triangle' if count == 1 else 'triangles'}, {threads}. Build in seconds, memory in MB,",
         "median speeds in million rays per second.",
-        f"Errors against {reference} on {checked:,} rays each: {', '.join(most[:3])},",
-        f"{', '.join(most[3:])}, {last}.",
-    ]
+        f"Errors against {reference} on {checked:,} rays each",
+    )
 
 
 def _table(table: str, rows: Sequence[Row]) -> Iterator[str]:
@@ -92,7 +97,7 @@ def _table(table: str, rows: Sequence[Row]) -> Iterator[str]:
     yield TITLES[table]
     # Align names to the left and numbers to the right.
     titles = ["structure", "nodes", "rays", "build", "MB", *sets, *(title for title, _ in ERRORS.values())]
-    lines = [titles, *(_cells(row, sets) for row in kept)]
+    lines = [titles, *(cells(row, sets) for row in kept)]
     widths = [max(len(line[i]) for line in lines) for i in range(len(titles))]
     aligned = [" ".join(map(_aligned, line, widths, range(len(widths)))) for line in lines]
     yield from (aligned[0], "-" * len(aligned[0]), *aligned[1:])
@@ -125,13 +130,34 @@ def shown(rows: Sequence[Row], sets: Sequence[str]) -> list[Row]:
     return [row for row in rows if id(row) in best or (row["errors"] and not agrees(row))]
 
 
+def best(rows: Sequence[Row], sets: Sequence[str]) -> set[tuple[int, str]]:
+    """Pairs of a row's id and a ray set to mark: the fastest, and those equal to it within noise.
+
+    No row is marked if a faster one is not: where noise separates a faster row but not this one, neither is. rows: of
+    one table, in which a row that stands in several tables is compared with the others of this one only.
+    """
+    ours = [row for row in rows if row["spec"] != yardstick.SPEC]
+    found: set[tuple[int, str]] = set()
+    for name in sets:
+        ranked = ranking.rank(ours, name)
+        if ranked is None or not ranked.ranked:
+            continue
+        equal = [ranked.best, *ranked.equal]
+        known = set(map(id, equal))
+        # Rows with wrong answers are not ranked, so their speed is no limit.
+        slower = (_speed(row, name) or 0.0 for row in ours if id(row) not in known and agrees(row))
+        limit = max(slower, default=0.0)
+        found |= {(id(row), name) for row in equal if (_speed(row, name) or 0.0) > limit}
+    return found
+
+
 def _speed(row: Row, name: str) -> float | None:
     """Median million rays per second of a set; None if it was not timed."""
     one = (row["rays"] or {}).get(name)
     return None if not one or one["mrays_s"] is None else float(one["mrays_s"]["med"])
 
 
-def _cells(row: Row, sets: Sequence[str]) -> list[str]:
+def cells(row: Row, sets: Sequence[str]) -> list[str]:
     """The texts of one line; missing numbers are dashes. Embree's errors are long and have a line of their own."""
     build, size = row["build_s"], row["bytes"]
     errors = None if row["spec"] == yardstick.SPEC else row["errors"]

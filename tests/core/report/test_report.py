@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 from report_rows import ROW, document, everything, pictured, row
 
 from addon.core.measure import ranking, thesis
-from addon.core.report import charts, costs, ksweep, page, plots, report
+from addon.core.report import charts, costs, ksweep, page, plots, report, tables
 
 
 def test_a_row_that_is_wrong_shows_where() -> None:
@@ -130,7 +130,7 @@ def test_what_answers_wrongly_is_never_the_fastest() -> None:
     assert "robust=none" in sentences[0]
     assert not [text for text in sentences[1:] if "robust=none" in text]
     assert "kd is the fastest, 1.50 times bsp-wn" in " ".join(sentences)
-    assert page._best(rows, ["primary"]) == {(id(rows[0]), "primary")}
+    assert tables.best(rows, ["primary"]) == {(id(rows[0]), "primary")}
     # Neither what it is compared with nor the best of a structure.
     rows[0]["errors"]["false_miss"] = 1
     assert report.worth_it(rows) == []

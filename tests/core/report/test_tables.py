@@ -10,7 +10,7 @@ import pytest
 from report_rows import ROW, row
 
 from addon.core.measure import ranking, thesis
-from addon.core.report import page, report, tables
+from addon.core.report import report, tables
 
 
 def of(
@@ -68,7 +68,7 @@ def test_no_ranking_and_no_percentage_mixes_two_tables() -> None:
     assert {one["table"] for one in (found.best, *found.equal, found.second)} == {"fastest"}
     assert {id(one) for one in found.apart} == {id(one) for one in LIKE[:2]}
     # The page marks the fastest of each table, and its sentences name the table.
-    best = set().union(*(page._best(own, ["primary"]) for own in ranking.by_table(LIKE).values()))
+    best = set().union(*(tables.best(own, ["primary"]) for own in ranking.by_table(LIKE).values()))
     assert best == {(id(single), "primary"), (id(fastest), "primary")}
     said = [text for text in report.findings(LIKE) if "Primary rays" in text]
     assert [text.partition(":")[0] for text in said] == ["One ray at a time", "As fast as it goes"]
@@ -87,8 +87,8 @@ def test_a_row_of_both_tables_is_ranked_in_both() -> None:
     assert any(line.startswith("octree-net") for line in found["As fast as it goes"])
     # No row is bold in a table where a faster one is.
     own = ranking.by_table([*LIKE, both])
-    assert page._best(own["single"], ["primary"]) == {(id(both), "primary")}
-    assert page._best(own["fastest"], ["primary"]) == {(id(LIKE[2]), "primary")}
+    assert tables.best(own["single"], ["primary"]) == {(id(both), "primary")}
+    assert tables.best(own["fastest"], ["primary"]) == {(id(LIKE[2]), "primary")}
 
 
 def test_of_the_nodes_of_a_tree_those_stand_in_the_table_that_are_quickest_somewhere() -> None:

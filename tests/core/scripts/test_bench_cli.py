@@ -23,6 +23,7 @@ from addon.core.report import plots, results
 from addon.core.scene import workload
 from addon.core.structures import catalogue, specs, ways
 from lab.bench import bench_presets
+from lab.export import files
 
 BENCH = Path(bench.__file__)
 FAST = ["--size", "32x32", "--repeats", "1", "--check-rays", "128", "--curve", "none", "--only-rays"]
@@ -87,6 +88,19 @@ def test_it_writes_all_three_files_and_ends_well(scene: Path, tmp_path: Path, ca
     # A structure that is only named stands in both tables, in each as one of its own configurations.
     assert [row["table"] for row in ours] == ["single", *["fastest"] * (len(ours) - 1)]
     assert printed.index("One ray at a time") < printed.index("As fast as it goes")
+
+
+def test_it_exports_figures_and_tables_for_papers(scene: Path, tmp_path: Path) -> None:
+    out, again = tmp_path / "out", tmp_path / "again"
+    assert bench.main([str(scene), *QUICK, "--export", "pgf,latex", "--out", str(out)]) == 0
+    paper = {path.name: path.read_text(encoding="utf-8") for path in (out / files.FOLDER).iterdir()}
+    assert {"soup-table-single.tex", "soup-table-fastest.tex", "soup-leaf-depth.tex", files.OVERVIEW} <= set(paper)
+    assert "\\texttt{kd}" in paper["soup-table-single.tex"]
+    assert "\\addplot" in paper["soup-steps-primary.tex"]
+    # A finished run is exported again without measuring.
+    assert bench.main([str(out), "--merge", "--export", "latex", "--out", str(again)]) == 0
+    tables = {path.name: path.read_text(encoding="utf-8") for path in (again / files.FOLDER).glob("*table*")}
+    assert tables == {name: text for name, text in paper.items() if "table" in name}
 
 
 def test_an_answer_that_differs_is_status_1(scene: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -180,6 +194,8 @@ def test_other_options_are_other_rows(scene: Path, tmp_path: Path) -> None:
         (["--cluster", "local:none"], "local:N"),
         (["--cluster", "local:1025"], "local:N with N workers, 1 to 1024"),
         (["--published", "nowhere.json"], "--published: nowhere.json"),
+        (["--export", "pdf,docx"], "--export: unknown format 'docx'; there are pdf, pgf, latex"),
+        (["--export", "pgf", "--shard", "1/2"], "--export: expected --out, and no --shard"),
         (["--wrong"], "unrecognized arguments"),
         (["missing.npz"], "missing.npz: cannot be read: No such file"),
         (["scene.xyz"], "expected grid, showcase or a file ending in"),
