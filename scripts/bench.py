@@ -14,7 +14,7 @@ import contextlib
 import json
 import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -25,20 +25,15 @@ from addon.core.base.native import first_line
 from addon.core.measure import benchmark, curve, offsets, preparation, ranking, thesis, yardstick
 from addon.core.measure.rows import agrees_moved
 from addon.core.report import page, report, results, tables
-from addon.core.scene import grid, rays, workload
+from addon.core.scene import rays, workload
 from addon.core.structures import catalogue, specs, ways
 from lab.base.usage import Parser, UsageError, output
-from lab.bench import cluster, merging, sweep
+from lab.bench import cluster, merging, scenes, sweep
 from lab.bench.bench_presets import AS_PUBLISHED, PRESETS
 from lab.export import files
 
 if TYPE_CHECKING:
     from addon.core.base.interface import Native
-
-SUFFIXES = (".npz", ".blend", ".obj", ".ply", ".stl", ".glb", ".gltf", ".usd", ".usda", ".usdc", ".usdz")
-
-OPEN_FILE = "open file"
-"""Name of the scene that is open in Blender."""
 
 PUBLISHED = workload.SCENES.parent / "reference" / "thesis_results.json"
 """Published results, which are not part of the project and may be missing."""
@@ -69,7 +64,7 @@ def parser() -> argparse.ArgumentParser:
         "scenes",
         nargs="*",
         metavar="SCENE",
-        help=f"a file ({' '.join(SUFFIXES)}), a name in {workload.SCENES}, grid, or showcase (default)",
+        help=f"a file ({' '.join(scenes.SUFFIXES)}), a name in {workload.SCENES}, grid, or showcase (default)",
     )
     add("--structures", metavar="SPEC[,SPEC...]", help="configurations, families, or all (default: all); k=2..10 works")
     add("--k", metavar="RANGE", help="values of k, e.g. 2-10")
@@ -153,8 +148,8 @@ def run(asked: argparse.Namespace) -> int:
     if asked.cluster is not None:
         cluster.check(asked.cluster)
     named = asked.scenes or default_scenes(asked.preset)
-    scenes = workload.distinct({scene: find(scene) for scene in named})
-    loaders = [loader(scene, options.size, asked.preset in AS_PUBLISHED) for scene in scenes]
+    chosen_scenes = workload.distinct({scene: scenes.find(scene) for scene in named})
+    loaders = [scenes.loader(scene, options.size, asked.preset in AS_PUBLISHED) for scene in chosen_scenes]
     if asked.out is not None:
         results.prepare_folder(asked.out)
     with results.writing(asked.out), contextlib.ExitStack() as stack:
@@ -163,13 +158,13 @@ def run(asked: argparse.Namespace) -> int:
         if asked.cluster is not None:
             measurer = stack.enter_context(cluster.measurer(asked.cluster, options, say))
         identity = [module.__version__, results.native_fingerprint(module), options.identity()]
-        todo = sweep.Sweep(chosen, options, identity, journal, shard, scenes)
+        todo = sweep.Sweep(chosen, options, identity, journal, shard, chosen_scenes)
         todo.begin()
-        for number, (scene, load) in enumerate(zip(scenes, loaders, strict=True)):
+        for number, (scene, load) in enumerate(zip(chosen_scenes, loaders, strict=True)):
             try:
                 loaded = load()
             except native.FAILURES as error:
-                if len(scenes) == 1:
+                if len(chosen_scenes) == 1:
                     raise
                 print(f"bench: {first_line(error)}", file=sys.stderr)
                 todo.fail(number, scene, error)
@@ -377,37 +372,10 @@ def read_structures(asked: argparse.Namespace, module: Native) -> list[str]:
     return chosen
 
 
-def find(scene: str) -> str | Path:
-    """A built-in scene's name, or the path of a file. Raises WorkloadError when there is no such scene."""
-    return workload.find(scene, SUFFIXES, ("grid", "showcase", *([OPEN_FILE] if _open_file() else [])))
-
-
-def loader(scene: str, size: tuple[int, int], published: bool) -> Callable[[], workload.Workload]:
-    """A function that loads the scene. published: only its published part.
-
-    Raises WorkloadError when there is no such scene, UsageError without Blender.
-    """
-    found = find(scene)
-    if found == "grid":
-        return grid.workload
-    if isinstance(found, Path) and found.suffix.lower() == ".npz":
-        path = found
-        return lambda: workload.load_npz(path, memory_limit=native.load().free_memory(), published=published)
-    try:
-        from addon.blender.measure import workloads
-    except ImportError as error:
-        raise UsageError(f"{scene}: needs Blender: {error}") from error
-    if found == "showcase":
-        return lambda: workloads.built_in_showcase(size)
-    if isinstance(found, str):
-        return lambda: workloads.current(found, size)
-    return lambda: workloads.load(found, size)
-
-
 def default_scenes(preset: str | None) -> list[str]:
     """The scenes to measure if none is named: the preset's, the file open in Blender, or the showcase."""
     if preset is None:
-        return [OPEN_FILE if _open_file() else "showcase"]
+        return [scenes.OPEN_FILE if scenes.is_file_open() else "showcase"]
     names = PRESETS[preset]["scenes"].split(",")
     found = [name for name in names if (workload.SCENES / f"{name}.npz").is_file()]
     for name in names:
@@ -416,12 +384,6 @@ def default_scenes(preset: str | None) -> list[str]:
     if not found:
         raise UsageError(f"--preset {preset}: none of its scenes is in {workload.SCENES}")
     return [str(workload.SCENES / f"{name}.npz") for name in found]
-
-
-def _open_file() -> bool:
-    """Whether this runs inside Blender with a file open."""
-    bpy = sys.modules.get("bpy")
-    return bpy is not None and bool(bpy.data.filepath)
 
 
 def say(text: str) -> None:

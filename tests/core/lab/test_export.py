@@ -9,10 +9,12 @@ import subprocess
 from pathlib import Path
 from typing import Any
 
+import bench
 import pytest
-from report_rows import everything, row
+from report_rows import document, everything, row
 
 from addon.core.measure.analysis import field
+from addon.core.report import plots
 from lab.export import figures, files, latex, pdf, pgfplots
 from lab.export.figure import counting, logarithmic
 
@@ -192,6 +194,16 @@ def test_files_have_the_names_of_their_scenes(monkeypatch: pytest.MonkeyPatch) -
         *(f"room-1-{name}.pdf" for name in NAMES),
         "overview.tex",
     }
+
+
+def test_a_report_and_its_paper_are_written_together(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(plots, "problem", lambda: "left out here")
+    bench.save(tmp_path, document(ROWS), None, ("latex",))
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["bench.csv", "bench.json", files.FOLDER, "report.html"]
+    assert {path.name for path in (tmp_path / files.FOLDER).iterdir()} == {"room-1-table-all.tex", files.OVERVIEW}
+    (tmp_path / "other").mkdir()
+    bench.save(tmp_path / "other", document(ROWS), None)
+    assert not (tmp_path / "other" / files.FOLDER).exists()
 
 
 @pytest.mark.skipif(shutil.which("pdflatex") is None, reason="there is no pdflatex")

@@ -22,7 +22,7 @@ from addon.core.measure import benchmark, thesis, yardstick
 from addon.core.report import plots, results
 from addon.core.scene import workload
 from addon.core.structures import catalogue, specs, ways
-from lab.bench import bench_presets
+from lab.bench import bench_presets, scenes
 from lab.export import files
 
 BENCH = Path(bench.__file__)
@@ -57,7 +57,7 @@ def _without_plots(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture(autouse=True)
 def _without_an_open_file(monkeypatch: pytest.MonkeyPatch) -> None:
     """Tests of Blender in the same process may have left one open, which would be a scene too."""
-    monkeypatch.setattr(bench, "_open_file", lambda: False)
+    monkeypatch.setattr(scenes, "is_file_open", lambda: False)
 
 
 def expanded(tree: str) -> list[str]:

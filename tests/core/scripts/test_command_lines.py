@@ -12,6 +12,7 @@ import bench
 import choose
 import claims
 import compare
+import export
 import extraction
 import growth
 import numpy as np
@@ -33,6 +34,7 @@ COMMANDS = {
     "choose": choose,
     "claims": claims,
     "compare": compare,
+    "export": export,
     "extraction": extraction,
     "growth": growth,
     "overlay_picture": overlay_picture,

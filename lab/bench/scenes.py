@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The scenes that commands name: files, scenes of a folder by their names, and those that are built in."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+from addon.core.base import native
+from addon.core.scene import grid, workload
+
+from ..base.usage import UsageError
+
+SUFFIXES = (".npz", ".blend", ".obj", ".ply", ".stl", ".glb", ".gltf", ".usd", ".usda", ".usdc", ".usdz")
+
+OPEN_FILE = "open file"
+"""Name of the scene that is open in Blender."""
+
+
+def find(scene: str) -> str | Path:
+    """A built-in scene's name, or the path of a file. Raises WorkloadError when there is no such scene."""
+    return workload.find(scene, SUFFIXES, ("grid", "showcase", *([OPEN_FILE] if is_file_open() else [])))
+
+
+def loader(scene: str, size: tuple[int, int], published: bool = False) -> Callable[[], workload.Workload]:
+    """A function that loads the scene. size: pixels of its view. published: only its published part.
+
+    Raises WorkloadError when there is no such scene, UsageError without Blender.
+    """
+    found = find(scene)
+    if found == "grid":
+        return grid.workload
+    if isinstance(found, Path) and found.suffix.lower() == ".npz":
+        path = found
+        return lambda: workload.load_npz(path, memory_limit=native.load().free_memory(), published=published)
+    try:
+        from addon.blender.measure import workloads
+    except ImportError as error:
+        raise UsageError(f"{scene}: needs Blender: {error}") from error
+    if found == "showcase":
+        return lambda: workloads.built_in_showcase(size)
+    if isinstance(found, str):
+        return lambda: workloads.current(found, size)
+    return lambda: workloads.load(found, size)
+
+
+def is_file_open() -> bool:
+    """Whether this runs inside Blender with a file open."""
+    bpy = sys.modules.get("bpy")
+    return bpy is not None and bool(bpy.data.filepath)
