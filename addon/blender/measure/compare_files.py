@@ -59,6 +59,6 @@ def write_report(folder: Path, found: Found) -> None:
             {
                 folder / "bench.json": json.dumps(document, indent=1, allow_nan=False) + "\n",
                 folder / "bench.csv": report.as_csv(document["rows"]),
-                folder / "report.html": page.as_html(document),
+                folder / "report.html": page.as_html(document, answer=found.notes[0]),
             }
         )

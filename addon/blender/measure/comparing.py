@@ -33,14 +33,20 @@ CHECKED = 2000
 """Largest number of rays per set compared with brute force; fewer if that would take too long."""
 
 
+COMPARE, CHOOSE = "Compare", "Choose for Me"
+"""Names of the two commands."""
+
+
 @dataclass
 class Found:
-    """Result for a scene. notes: reasons and omissions, as lines. rows, options: of the benchmark, for the report.
-    scene_uid, read: the scene, and its `trees.moment` when it was read.
+    """Result for a scene. notes: reasons and omissions, as lines; the first is the answer. rows, options: of the
+    benchmark, for the report. name: of the command. scene_uid, read: the scene, and its `trees.moment` when it was
+    read.
     """
 
     comparison: Comparison
     notes: list[str]
+    name: str
     rows: list[Any] = field(default_factory=list)
     options: dict[str, Any] = field(default_factory=dict)
     scene_uid: int = 0
@@ -50,6 +56,12 @@ class Found:
     def stale(self) -> bool:
         """Whether the scene's triangles may have changed since they were read."""
         return trees.moved(self.scene_uid, self.read)
+
+    def relate(self, earlier: Found | None) -> None:
+        """Add to the answer whether the last result of the other command agrees."""
+        if earlier is not None and earlier.name != self.name and not earlier.stale:
+            agreement = self.comparison.beside(earlier.comparison, earlier.name)
+            self.notes[0] = f"{self.notes[0]} {agreement}".strip()
 
 
 @dataclass
@@ -161,6 +173,7 @@ class Work:
             self._forget()
             for found in self.result if trees.scene_of(self.scene_uid) is not None else ():
                 found.scene_uid, found.read = self.scene_uid, self.read
+                found.relate(_found.get(self.scene_uid))
                 _found[self.scene_uid] = found
             trees.redraw_panels()
         return ended
@@ -203,7 +216,7 @@ def comparing(scene: Any) -> Work:
         structure = module.build(workload.vertices, workload.triangles, spec, threads=threads, memory_limit=limit)
         counted = choice.mix(module, structure, workload, size, plan.max_bounces)
         comparison = choice.compare(rows, counted, plan).of_trees(chosen[0])
-        keep(Found(comparison, [comparison.reason(), *workload.notes], rows, options.as_dict()))
+        keep(Found(comparison, [comparison.reason(), *workload.notes], COMPARE, rows, options.as_dict()))
 
     return Work(scene, steps)
 
@@ -219,6 +232,6 @@ def choosing(scene: Any) -> Work:
         for number, text in enumerate(chooser.steps()):
             yield min(number / (len(candidates) + 6), 1.0), text
         if chooser.result is not None:
-            keep(Found(chooser.result.comparison, [*chooser.result.notes, *workload.notes]))
+            keep(Found(chooser.result.comparison, [*chooser.result.notes, *workload.notes], CHOOSE))
 
     return Work(scene, steps)

@@ -28,6 +28,9 @@ NOT_COMPARED = "answers not compared"
 BOUNDS: tuple[Bound, ...] = ("med", "max", "min")
 """Keys of speeds: for the predicted time, the smallest, and the largest."""
 
+NAMED = 3
+"""Largest number of configurations that a sentence names."""
+
 MIX_SAMPLES = 2
 """Samples per pixel of the small picture whose rays are counted."""
 
@@ -147,12 +150,29 @@ class Comparison:
         """The reason for the best configuration, in one sentence, and whether the repeats separate it from others."""
         return f"{self._reason()}{self._doubt()}"
 
+    def beside(self, other: Comparison, name: str) -> str:
+        """Whether another comparison for the same plan agrees, in one sentence; "" for another plan.
+
+        name: of the other in the sentence. Two measurements that contradict each other leave the best open.
+        """
+        best, theirs = self.best, other.best
+        if other.plan != self.plan or best is None or theirs is None:
+            return ""
+        if theirs.spec == best.spec:
+            return f"{name} found the same."
+        if theirs.spec not in {line.spec for line in self.lines}:
+            return f"{name} found {theirs.spec}, which was not measured here."
+        separate = theirs.spec not in {line.spec for line in self.equal}
+        if not separate or best.spec in {line.spec for line in other.equal}:
+            return f"{name} found {theirs.spec}: the repeats do not tell which of the two is better."
+        return f"{name} found {theirs.spec}: the two measurements contradict each other, so neither is certain."
+
     def _doubt(self) -> str:
         """A sentence on configurations that may be as good as the best; "" if there are none."""
         if not self.equal:
             return ""
         low, high = self.best.spread if self.best is not None else (0.0, 0.0)
-        others = some([line.spec for line in self.equal])
+        others = some([line.spec for line in self.equal], NAMED)
         return f" This is not certain: its repeats took {low:.2f} to {high:.2f} s, and those of {others} overlap them."
 
     def _reason(self) -> str:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import dataclasses
+import html
 import json
 import time
 from pathlib import Path
@@ -156,11 +157,31 @@ def test_a_result_is_old_once_the_scene_has_changed(seen: Any) -> None:
 
 def test_what_was_not_compared_is_said_to_be_so(seen: Any) -> None:
     line = choice.Line("kd", 1.0, 2.0)
-    found = comparing.Found(choice.Comparison(comparing.plan_of(seen), (line,)), [])
+    found = comparing.Found(choice.Comparison(comparing.plan_of(seen), (line,)), ["kd"], comparing.COMPARE)
     assert any("3.00 s; answers not compared" in told for told in compare_files.words(found))
     comparing._found[seen.session_uid] = found
     for panel in compare_panels.CLASSES:
         assert "Answers not compared" in draw_all(panel, scene=seen).log
+
+
+def test_compare_and_choose_agree_or_leave_the_best_open(seen: Any, tmp_path: Path) -> None:
+    assert bpy.ops.halfspace.choose() == {"FINISHED"}
+    chosen = comparing.last(seen)
+    assert chosen is not None
+    assert "Compare found" not in chosen.notes[0]
+    assert bpy.ops.halfspace.compare() == {"FINISHED"}
+    compared = comparing.last(seen)
+    assert compared is not None
+    assert compared.comparison.beside(chosen.comparison, comparing.CHOOSE)
+    assert compared.notes[0].endswith(compared.comparison.beside(chosen.comparison, comparing.CHOOSE))
+    # The report begins with the sentence of the panel.
+    compare_files.write_report(tmp_path, compared)
+    assert html.escape(compared.notes[0]) in (tmp_path / "report.html").read_text(encoding="utf-8")
+    # A choice of another scene says nothing of this one.
+    seen.objects["Box 1"].location.z += 1
+    bpy.context.view_layer.update()
+    assert bpy.ops.halfspace.choose() == {"FINISHED"}
+    assert "Compare found" not in comparing.last(seen).notes[0]
 
 
 def test_a_render_can_choose_by_itself_and_says_why(seen: Any) -> None:

@@ -67,6 +67,32 @@ def test_what_the_repeats_do_not_separate_is_said_to_be_equal() -> None:
     assert Comparison(plan, (best, far, wrong)).equal == ()
 
 
+def test_many_that_are_equal_are_three_names_and_a_number() -> None:
+    lines = [Line(f"s{n}", 1.0, 2.0 + n / 100, least=2.0, most=2.5) for n in range(9)]
+    assert "those of s1, s2, s3 and 5 more overlap them" in Comparison(Plan(100, 1), tuple(lines)).reason()
+
+
+def test_two_comparisons_agree_or_leave_the_best_open() -> None:
+    plan = Plan(100, 1)
+    kd, bvh = Line("kd", 1.0, 2.0, least=2.0, most=2.1), Line("bvh-sah", 1.0, 3.0, least=3.0, most=3.1)
+    one = Comparison(plan, (kd, bvh))
+    assert one.beside(Comparison(plan, (kd,)), "Choose for Me") == "Choose for Me found the same."
+    # Each separates them, in opposite orders.
+    turned = Comparison(plan, (dataclasses.replace(bvh, trace=1.5, least=1.5, most=1.6), kd))
+    contradiction = "Compare found bvh-sah: the two measurements contradict each other, so neither is certain."
+    assert one.beside(turned, "Compare") == contradiction
+    assert "neither is certain" in turned.beside(one, "Choose for Me")
+    # The repeats of one overlap.
+    close = Comparison(plan, (dataclasses.replace(bvh, trace=1.5, least=1.5, most=2.5), kd))
+    for a, b in ((one, close), (close, one)):
+        assert a.beside(b, "Compare").endswith("the repeats do not tell which of the two is better.")
+    elsewhere = Comparison(plan, (Line("grid", 1.0, 1.0),))
+    assert one.beside(elsewhere, "Compare") == "Compare found grid, which was not measured here."
+    # Another picture has another answer.
+    assert one.beside(Comparison(Plan(100, 2), (bvh,)), "Compare") == ""
+    assert one.beside(Comparison(plan, (Line("x", problem="broken"),)), "Compare") == ""
+
+
 def test_choosing_and_comparing_say_the_same_of_the_same_speeds(soup: Workload) -> None:
     options = benchmark.Options(size=(32, 32), sets=choice.SETS, repeats=3, check_rays=64)
     chosen = ["kd:traversal=dir", "octree-net"]
