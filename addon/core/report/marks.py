@@ -25,6 +25,9 @@ WRONG = "#d55e00"
 MOST = len(COLOURS)
 """Largest number of configurations in colour; Embree, the yardstick, is an eighth, in black."""
 
+HANDLE_WIDTH, LETTER_WIDTH = 0.6, 0.066
+"""Inches of an entry of a legend: its handle with the gaps around it, and each letter of its name."""
+
 LONG = 30
 """Longest name in a legend, in characters."""
 
@@ -119,4 +122,7 @@ def legend(where: Any, handles_of: Any = None, *, others: int = 0, more: Sequenc
         found.append(Line2D([], [], color=OTHER.colour, marker=OTHER.marker, linewidth=OTHER.width, label=label))
     found += more
     if found:
-        where.legend(handles=found, loc="outside lower center", ncols=min(4, len(found)), columnspacing=1.6)
+        # As many columns as fit beside each other, by the longest name.
+        column = HANDLE_WIDTH + LETTER_WIDTH * max(len(str(handle.get_label())) for handle in found)
+        fitting = max(1, int(where.get_size_inches()[0] / column))
+        where.legend(handles=found, loc="outside lower center", ncols=min(4, fitting, len(found)), columnspacing=1.6)

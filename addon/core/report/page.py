@@ -6,7 +6,8 @@ from __future__ import annotations
 import html
 import json
 import math
-from collections.abc import Iterator, Sequence
+import re
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from importlib import resources
 from typing import Any
@@ -15,8 +16,9 @@ from ..base.notes import some
 from ..measure import ranking, thesis, yardstick
 from ..measure.rows import Row, agrees
 from ..measure.thesis import Published
+from . import answer as answers
 from . import plots, statistics_page, tables
-from .report import by_scene, findings, heading, image_total, set_names, worth, worth_it
+from .report import OTHERS, PICTURES, by_scene, findings, heading, image_total, set_names, worth, worth_it
 
 MOST_ROWS_INSIDE = 200
 """Largest number of rows whose full content is in the page; beyond it the numbers link to `bench.json`."""
@@ -54,27 +56,30 @@ ERRORS = {
 }
 
 
-def as_html(document: dict[str, Any], published: Published | None = None) -> str:
-    """The whole report as one page. published: results of the thesis, shown beside ours."""
+def as_html(document: dict[str, Any], published: Published | None = None, answer: str = "") -> str:
+    """The whole report as one page. published: results of the thesis, shown beside ours. answer: the sentence that a
+    page of one scene begins with, if it is not that of its rows.
+    """
     rows: list[Row] = document["rows"]
     number = {id(row): index for index, row in enumerate(rows)}
     inside = len(rows) <= MOST_ROWS_INSIDE
     parts = [_missing(document.get("missing") or [])]
     parts.append(_overview(rows))
-    # One section per scene: findings, table, omissions and plots.
+    introduction = f"<p>{INTRODUCTION}</p>"
+    # One section per scene: answer, picture, error against time, findings, tables, omissions, other plots.
     for place, (scene, own) in enumerate(by_scene(rows).items(), 1):
         parts.append(f'<section id="scene-{place}"><h2>{_safe(scene)}</h2>')
-        parts.append(f"<p>{_safe(heading(scene, own))}.</p>")
+        pictures = plots.scene_figures(own, published)
+        parts += _lead(own, pictures, answer)
+        parts += [introduction, f"<p>{_safe(heading(scene, own))}.</p>"]
+        introduction = ""  # once, below the first answer
         sentences = "".join(f"<li>{_safe(sentence)}</li>" for sentence in findings(own))
         parts.append(f'<ul class="findings">{sentences}</ul>')
         for table, like in ranking.by_table(own).items():
             if any(row["errors"] and row["spec"] != yardstick.SPEC for row in like):
                 parts.append(f"<h3>{_safe(tables.TITLES[table])}</h3>" * bool(table) + _table(like, number, inside))
         parts.append(_left_out(own))
-        parts += [
-            f"<figure><h3>{_safe(picture.title)}</h3>{picture.svg}<figcaption>{_safe(picture.caption)}</figcaption></figure>"
-            for picture in plots.scene_figures(own, published)
-        ]
+        parts += [_figure(picture) for picture in pictures if picture.title != plots.FIRST]
         parts.append(statistics_page.as_html(own, set_names(own)))
         parts.append("</section>")
     reason = plots.problem()
@@ -84,7 +89,30 @@ def as_html(document: dict[str, Any], published: Published | None = None) -> str
     parts.append(_machines(document))
     if inside:
         parts.append(_appendix(rows))
-    return filled("Error and run time", INTRODUCTION, document, "\n".join(parts))
+    return filled("Error and run time", "", document, "\n".join(parts))
+
+
+def _lead(rows: Sequence[Row], pictures: Sequence[plots.Picture], told: str) -> Iterator[str]:
+    """What a reader of a scene sees first: the answer, the scene, and the error of its pictures against time."""
+    sentence = told or answers.answer(rows)
+    if sentence:
+        yield f'<p class="answer">{_safe(sentence)}</p>'
+    shown = [_figure(picture) for picture in pictures if picture.title == plots.FIRST]
+    portrait = next((row["portrait"] for row in rows if row.get("portrait")), None)
+    if portrait is not None:
+        scene = _safe(rows[0]["scene"])
+        image = f'<img alt="{scene}" src="data:image/png;base64,{portrait}">'
+        shown.insert(0, f"<figure class=portrait>{image}<figcaption>{scene}, by Halfspace</figcaption></figure>")
+    if shown:
+        yield f'<div class="lead">{"".join(shown)}</div>'
+
+
+def _figure(picture: plots.Picture) -> str:
+    """A plot with title and caption; one without a narrow form scrolls on a narrow page."""
+    drawn = f'<div class="wide plot">{picture.svg}</div>'
+    if picture.narrow:
+        drawn = f'<div class="broad">{picture.svg}</div><div class="narrow">{picture.narrow}</div>'
+    return f"<figure><h3>{_safe(picture.title)}</h3>{drawn}<figcaption>{_safe(picture.caption)}</figcaption></figure>"
 
 
 INTRODUCTION = """Every time is shown with the error measured for the same configuration. A shaded line with a cross
@@ -96,7 +124,8 @@ last digits and on shared edges. Click a column's title to sort by it, a number 
 def filled(title: str, introduction: str, document: dict[str, Any], body: str) -> str:
     """A page in the common layout of all reports. introduction, body: HTML; document: contains version and machine."""
     found = resources.files(__package__ or "").joinpath("page.html").read_text(encoding="utf-8")
-    parts = {"TITLE": _safe(title), "FACTS": _safe(_facts(document)), "INTRODUCTION": introduction, "BODY": body}
+    parts = {"TITLE": _safe(title), "FACTS": _safe(_facts(document)), "BODY": body}
+    parts["INTRODUCTION"] = f"<p>{introduction}</p>" if introduction else ""
     for name, text in parts.items():
         found = found.replace(f"%{name}%", text)
     return found
@@ -111,15 +140,22 @@ def _missing(lines: Sequence[str]) -> str:
 
 
 def _overview(rows: Sequence[Row]) -> str:
-    """The finding over all scenes; "" for fewer than two."""
+    """The answers and the finding over all scenes; "" for fewer than two."""
     scenes = by_scene(rows)
+    told = [(place, scene, answers.winner(own)) for place, (scene, own) in enumerate(scenes.items(), 1)]
+    items = "".join(
+        f'<li><a href="#scene-{place}">{_safe(scene)}</a>: {_safe(sentence)}</li>'
+        for place, scene, sentence in told
+        if sentence
+    )
+    listed = f'<ul class="findings">{items}</ul>' if items and len(scenes) > 1 else ""
     both = [scene for scene, own in scenes.items() if worth(own) is not None]
     if len(scenes) < 2 or not both:
-        return ""
+        return listed
     where = " where both were measured" if len(both) < len(scenes) else ""
     better, open_ones = worth_it(rows), worth_it(rows, "")
     unsure = f"; on {len(open_ones)} the difference is within noise: {', '.join(open_ones)}" if open_ones else ""
-    return (
+    return listed + (
         f'<ul class="findings"><li>The build and one picture of 1024 × 1024 pixels with 16 samples are faster with a '
         f"tree with oblique planes than with kd on {len(better)} of {len(both)} scenes{where}"
         f"{': ' if better else ''}{_safe(', '.join(better))}{_safe(unsure)}.</li></ul>"
@@ -211,7 +247,8 @@ def _table(rows: Sequence[Row], number: dict[int, int], inside: bool) -> str:
         f'<div class="{kind}"><table class="sortable"><thead><tr><td></td>{over}</tr>'
         f'<tr><th scope="col"><button type="button">structure</button></th>{head}</tr></thead>'
         f"<tbody>{''.join(body)}</tbody></table></div>"
-        '<p class="note">Bold: the fastest without errors, and those equal to it within noise.</p>'
+        '<p class="note">Bold: the fastest structures without errors that noise does not separate. None is bold '
+        "where a faster one is not; Embree is the yardstick and takes no part.</p>"
     )
 
 
@@ -227,15 +264,25 @@ def _target(index: int, at: str, inside: bool) -> str:
 
 
 def _left_out(rows: Sequence[Row]) -> str:
-    """Failures and omissions, each with the structures it applies to."""
-    reasons: dict[str, list[str]] = {}
-    for row in rows:
-        for text in [*([row["error"]] if row["error"] else []), *row["left_out"], *row["too_slow"]]:
-            reasons.setdefault(text, []).append(row["spec"] or row["scene"])
-    items = "".join(
-        f"<li>{_safe(text)} <span class=note>({_safe(some(list(dict.fromkeys(specs))))})</span></li>"
-        for text, specs in reasons.items()
-    )
+    """Failures, omissions and what took too long, each group with its reasons and the structures they apply to."""
+    groups: dict[str, Callable[[Row], list[str]]] = {
+        "Failed": lambda row: [row["error"]] if row["error"] else [],
+        "Took too long": lambda row: row["too_slow"],
+        "Left out, as the scene does not need it or the memory does not suffice": lambda row: row["left_out"],
+    }
+    parts = []
+    for title, reasons_of in groups.items():
+        reasons: dict[str, tuple[str, list[str]]] = {}
+        for row in rows:
+            for text in reasons_of(row):
+                # Reasons that differ only in their numbers are one.
+                reasons.setdefault(re.sub(r"[\d.,]+", "0", text), (text, []))[1].append(row["spec"] or row["scene"])
+        items = "".join(
+            f"<li>{_safe(text)} <span class=note>({_safe(some(list(dict.fromkeys(specs)), OTHERS))})</span></li>"
+            for text, specs in reasons.values()
+        )
+        parts.append(f"<li>{title}:<ul>{items}</ul></li>" if items else "")
+    items = "".join(parts)
     return f"<h3>Left out, and failed</h3><ul>{items}</ul>" if items else ""
 
 
@@ -289,15 +336,15 @@ def _machines(document: dict[str, Any]) -> str:
     return f"<section><h2>Machines</h2><ul>{items}</ul></section>"
 
 
-def _without_map(row: Row) -> dict[str, Any]:
-    return {key: value for key, value in row.items() if key != "map"}
+def _without_pictures(row: Row) -> dict[str, Any]:
+    return {key: value for key, value in row.items() if key not in PICTURES}
 
 
 def _appendix(rows: Sequence[Row]) -> str:
     """All rows as in bench.json, each value with an anchor that the tables link to."""
     parts = [
         f"<details><summary>rows[{index}]: {_safe(row['scene'])}, <b>{_safe(row['spec'])}</b></summary>"
-        f"<pre>{''.join(_json(_without_map(row), f'/rows/{index}', 0))}</pre></details>"
+        f"<pre>{''.join(_json(_without_pictures(row), f'/rows/{index}', 0))}</pre></details>"
         for index, row in enumerate(rows)
     ]
     return f'<section class="appendix"><h2>All rows of bench.json</h2>{"".join(parts)}</section>'

@@ -17,10 +17,13 @@ ERRORS = {"relmse": "relMSE", "rmse": "RMSE", "flip": "FLIP"}
 """Error measures in the order of their panels."""
 
 CAPTION = (
-    "Error of whole pictures against build and render together, all against one converged picture. All structures "
-    "render the same picture, so that at equal samples their points lie at one height: the farther left, the better. "
-    "Lower right: the error against the number of samples, for pictures and for means of independent ones, which in "
-    "theory fall with the slope −1/2."
+    "Relative error (relMSE) of whole pictures against build and render together, all against one converged picture. "
+    "All structures render the same picture, so that at equal samples their points lie at one height: the farther left,"
+    " the better."
+)
+OTHERS = (
+    "The same for RMSE and FLIP. On the right the error against the number of samples, for pictures and for means of "
+    "independent ones, which in theory fall with the slope −1/2."
 )
 
 
@@ -40,31 +43,50 @@ def caption(rows: Sequence[Row]) -> str:
 
 
 def error_against_time(figure: Any, rows: Sequence[Row], marks: dict[str, Mark]) -> None:
-    """relMSE, RMSE and FLIP against seconds, and RMSE against samples."""
-    panels = list(figure.subplots(2, 2).flat)
-    peer = next((row["peer"] for row in rows if row.get("peer")), [])
-    for axes, (key, label) in zip(panels, ERRORS.items(), strict=False):
-        for row in ordered(rows, marks):
-            points = _drawn(row["curve"], key)
-            seconds = [point["seconds"] + building(row) for point in points]
-            axes.plot(seconds, [point[key] for point in points], **marks[row["spec"]].line())
-        theirs = _drawn(peer, key)
-        if theirs:
-            axes.plot(
-                [point["seconds"] for point in theirs],
-                [point[key] for point in theirs],
-                "--*",
-                color=INK,
-                label="Cycles",
-                zorder=6,
-            )
-        _finish(axes, label, "build and render, seconds")
-        if not axes.lines or not any(len(line.get_xdata()) for line in axes.lines):
-            axes.text(0.5, 0.5, "not measured or without noise", transform=axes.transAxes, ha="center", color=GREY)
-    _floor(panels[1], rows)
-    _convergence(panels[3], rows)
-    others = sum(not marks[row["spec"]].is_chosen for row in rows)
-    legend(figure, panels[0], others=others)
+    """relMSE against seconds, with the number of samples at the height of its error."""
+    axes = figure.subplots()
+    _against_time(axes, rows, marks, "relmse")
+    # All structures have the same picture, so one label stands for all points of a height.
+    longest = max((row["curve"] for row in rows), key=len)
+    for point in _drawn(longest, "relmse"):
+        text = f"{point['spp']} {'sample' if point['spp'] == 1 else 'samples'}"
+        axes.axhline(point["relmse"], color=PALE, linewidth=0.8, linestyle=":", zorder=1)
+        place = {"xycoords": axes.get_yaxis_transform(), "textcoords": "offset points"}
+        axes.annotate(text, (1.0, point["relmse"]), (-2, 2), ha="right", fontsize=8, color=GREY, **place)
+    # Leave room for these labels beyond the last point.
+    low, high = axes.get_xlim()
+    axes.set_xlim(low, high * (high / low) ** 0.16 if axes.get_xscale() == "log" else high)
+    legend(figure, axes, others=_others(rows, marks))
+
+
+def other_errors(figure: Any, rows: Sequence[Row], marks: dict[str, Mark]) -> None:
+    """RMSE and FLIP against seconds, and RMSE against samples."""
+    panels = figure.subplots(1, 3)
+    for axes, key in zip(panels, ("rmse", "flip"), strict=False):
+        _against_time(axes, rows, marks, key)
+    _floor(panels[0], rows)
+    _convergence(panels[2], rows)
+    legend(figure, panels[0], others=_others(rows, marks))
+
+
+def _against_time(axes: Any, rows: Sequence[Row], marks: dict[str, Mark], key: str) -> None:
+    """One measure of the error against the seconds of build and render together."""
+    for row in ordered(rows, marks):
+        points = _drawn(row["curve"], key)
+        seconds = [point["seconds"] + building(row) for point in points]
+        axes.plot(seconds, [point[key] for point in points], **marks[row["spec"]].line())
+    theirs = _drawn(next((row["peer"] for row in rows if row.get("peer")), []), key)
+    if theirs:
+        seconds, values = ([point[name] for point in theirs] for name in ("seconds", key))
+        axes.plot(seconds, values, "--*", color=INK, label="Cycles", zorder=6)
+    _finish(axes, ERRORS[key], "build and render, seconds")
+    if not axes.lines or not any(len(line.get_xdata()) for line in axes.lines):
+        axes.text(0.5, 0.5, "not measured or without noise", transform=axes.transAxes, ha="center", color=GREY)
+
+
+def _others(rows: Sequence[Row], marks: dict[str, Mark]) -> int:
+    """Number of configurations in grey."""
+    return sum(not marks[row["spec"]].is_chosen for row in rows)
 
 
 def _drawn(points: Sequence[dict[str, Any]], key: str) -> list[dict[str, Any]]:

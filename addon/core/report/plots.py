@@ -17,6 +17,7 @@ from ..measure.thesis import Published
 from . import charts, costs, ksweep, picture_charts, tradeoff_charts
 from . import marks as marking
 from .marks import Mark
+from .report import OTHERS
 
 STYLE: Any = {
     "svg.fonttype": "none",
@@ -41,17 +42,26 @@ STYLE: Any = {
 MOST_DRAWN = 48
 """Largest number of configurations that are all drawn; beyond it only the fastest of each structure."""
 
+FIRST = "Error of pictures against run time"
+"""Title of the figure that a report begins with."""
+
+LEAD, NARROW = 6.4, 3.8
+"""Widths of that figure in inches: beside the scene's picture, and on a telephone."""
+
 FAR = 30.0
 """Factor over the fastest structure's time beyond which a structure is omitted, as it would compress the scale."""
 
 
 @dataclass(frozen=True)
 class Picture:
-    """A figure of the page. svg: the element; caption: its content and how to read it."""
+    """A figure of the page. svg: the element; caption: its content and how to read it. narrow: the same for a page as
+    narrow as a telephone; "" where the wide one scrolls instead.
+    """
 
     title: str
     svg: str
     caption: str
+    narrow: str = ""
 
 
 def problem() -> str | None:
@@ -69,7 +79,7 @@ def scene_figures(rows: Sequence[Row], published: Published | None = None) -> li
     marks = marking.marks(measured, [charts.tracing_seconds(row) for row in measured])
     ours = [row for row in measured if row["spec"] != yardstick.SPEC]
     close, far = _without_outliers(measured)
-    remark = f" Too slow to be drawn in scale: {', '.join(far)}." if far else ""
+    remark = f" Too slow to be drawn in scale: {some(far, OTHERS)}." if far else ""
     if len(measured) < len(everything):
         remark += " Of each structure its fastest configuration is drawn."
     # Only *Speed* marks wrong answers; in other figures their times would look valid.
@@ -88,7 +98,10 @@ def scene_figures(rows: Sequence[Row], published: Published | None = None) -> li
     # Add the figures that have data, in the order of the page.
     if curves:
         draw = partial(picture_charts.error_against_time, rows=curves, marks=marks)
-        add("Error of pictures against run time", picture_charts.caption(curves), 6.6, draw)
+        wide, narrow = svg(draw, 4.4, LEAD), svg(draw, 4.4, NARROW)
+        found.append(Picture(FIRST, wide, picture_charts.caption(curves), narrow))
+        draw = partial(picture_charts.other_errors, rows=curves, marks=marks)
+        add("Other errors of pictures", picture_charts.OTHERS, 3.6, draw)
     found += _tradeoffs(measured, marks)
     add("Speed", charts.SPEEDS + remark, 1.1 + 0.22 * len(close), lambda f: charts.speeds(f, close))
     if len(ours_close) > 1:
@@ -111,7 +124,7 @@ def scene_figures(rows: Sequence[Row], published: Published | None = None) -> li
     if fitted is not None:
         height = 1.6 + 0.2 * len(fitted.specs)
         silent = [row["spec"] for row in ours_close if costs.is_silent(row)]
-        told = f" Left out, as their rays are {counting.ONE_BY_ONE}: {some(silent)}." if silent else ""
+        told = f" Left out, as their rays are {counting.ONE_BY_ONE}: {some(silent, OTHERS)}." if silent else ""
         add("Fitted costs", charts.COSTS + told + remark, height, partial(charts.fitted_costs, fit=fitted))
     return found
 
@@ -159,13 +172,14 @@ def figure(draw: Callable[[Any], None], height: float) -> str:
     return svg(lambda page: draw(page.add_subplot()), height)
 
 
-def svg(draw: Callable[[Any], None], height: float) -> str:
-    """A figure as an SVG element. draw: called with the figure. height: inches, at a width of 9.6."""
+def svg(draw: Callable[[Any], None], height: float, width: float = 9.6) -> str:
+    """A figure as an SVG element. draw: called with the figure. height, width: inches."""
     import matplotlib as mpl
     from matplotlib.figure import Figure
 
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(9.6, height), layout="constrained")
+    # Figures of two widths stand in one page, so their ids must differ.
+    with mpl.rc_context({**STYLE, "svg.hashsalt": f"halfspace {width:g}"}):
+        figure = Figure(figsize=(width, height), layout="constrained")
         draw(figure)
         text = io.StringIO()
         figure.savefig(text, format="svg", metadata={"Date": None})

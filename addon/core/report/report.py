@@ -13,8 +13,24 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from ..base.notes import some
 from ..measure import counting, curve, ranking, yardstick
 from ..measure.rows import Row, agrees, building, eager, is_lazy
+
+OTHERS = 3
+"""Largest number of structures that a sentence names."""
+
+
+PICTURES = ("map", "portrait")
+"""Columns of rows that hold pictures."""
+
+
+def names(rows: Sequence[Row]) -> str:
+    """The configurations of rows in a sentence: at most three names, and the number of the others."""
+    specs = [row["spec"] for row in rows]
+    if len(specs) > OTHERS:
+        return f"{len(specs)} structures ({some(specs, OTHERS)})"
+    return " and ".join(filter(None, [", ".join(specs[:-1]), *specs[-1:]]))
 
 
 def heading(scene: str, rows: Sequence[Row]) -> str:
@@ -45,8 +61,8 @@ def set_names(rows: Iterable[Row]) -> list[str]:
 
 
 def as_csv(rows: Sequence[Row]) -> str:
-    """The rows with one column per number; nested keys are joined by dots. Cost maps are only in `bench.json`."""
-    flat = [dict(_flatten("", {key: value for key, value in row.items() if key != "map"})) for row in rows]
+    """The rows with one column per number; nested keys are joined by dots. Pictures are only in `bench.json`."""
+    flat = [dict(_flatten("", {key: value for key, value in row.items() if key not in PICTURES})) for row in rows]
     columns = list(dict.fromkeys(name for row in flat for name in row))
     text = io.StringIO()
     writer = csv.DictWriter(text, columns, lineterminator="\n")
@@ -79,7 +95,7 @@ def findings(rows: Sequence[Row]) -> list[str]:
     sentences += [*_about_pictures(right), *_about_yardstick(rows)]
     failed = [row["spec"] or "the scene" for row in rows if row["error"]]
     if failed:
-        sentences.append(f"Failed, with the reason below: {', '.join(failed)}.")
+        sentences.append(f"Failed, with the reason below: {some(failed, OTHERS)}.")
     return sentences
 
 
@@ -94,15 +110,15 @@ def _about_rankings(right: Sequence[Row], sets: Sequence[str]) -> Iterator[str]:
         if found is not None:
             told = f"{name.capitalize()} rays: {_about_ranking(found, name)}"
             if found.apart:
-                told += f" The times of {', '.join(row['spec'] for row in found.apart)} are not comparable with theirs."
+                told += f" The times of {names(found.apart)} are not comparable with theirs."
             yield told
 
 
 def _about_errors(measured: Sequence[Row]) -> Iterator[str]:
     # Report errors first, because rows with wrong answers are not ranked.
-    wrong = [row["spec"] for row in measured if not agrees(row)]
+    wrong = [row for row in measured if not agrees(row)]
     if wrong:
-        yield f"Answers that differ from the reference, and are therefore not ranked: {', '.join(wrong)}."
+        yield f"Answers that differ from the reference, and are therefore not ranked: {names(wrong)}."
     elif measured:
         reference = measured[0]["errors"]["reference"]
         # The reference is compared with itself on only a few rays.
@@ -122,7 +138,7 @@ def _about_moved(measured: Sequence[Row]) -> Iterator[str]:
     if wrong:
         yield (
             "On the grid of touching boxes, moved away from the origin, other answers than brute force's, where they "
-            f"are most: {', '.join(wrong)}."
+            f"are most: {some(wrong, OTHERS)}."
         )
 
 
@@ -152,8 +168,7 @@ def _about_totals(measured: Sequence[Row]) -> Iterator[str]:
             "(--repeats)"
         )
     elif found.equal:
-        specs = ", ".join(row["spec"] for row in found.equal)
-        text += f", equal within noise to those with {specs} (the noise is {100 * found.noise:.1f} %)"
+        text += f", equal within noise to those with {names(found.equal)} (the noise is {100 * found.noise:.1f} %)"
     if found.ranked and found.second is not None:
         # Seconds of other rounds, on a drifting machine, may contradict the ratio relative to the anchor.
         is_beside = ranking.together(found.best, found.second)
@@ -311,8 +326,7 @@ def _about_ranking(found: ranking.Ranking, name: str) -> str:
         )
     noise = f"the noise is {100 * found.noise:.1f} %"
     if found.equal:
-        specs = ", ".join(row["spec"] for row in found.equal)
-        text = f"{best} and {specs} are equal within noise ({noise})"
+        text = f"{names([found.best, *found.equal])} are equal within noise ({noise})"
         if found.second is not None:
             text += f"; the next, {found.second['spec']}, is {found.times:.2f} times slower than {best}"
     else:
@@ -349,6 +363,11 @@ def _because(found: ranking.Ranking, name: str) -> str:
 
 def _signed(value: float) -> str:
     return f"{value:.2f}".replace("-", "−")
+
+
+def seconds_text(value: float) -> str:
+    """Seconds with three digits."""
+    return f"{1e3 * value:.3g} ms" if value < 0.9995 else f"{value:.3g} s" if value < 1000 else f"{value:,.0f} s"
 
 
 def _seconds(value: float) -> str:

@@ -14,7 +14,7 @@ from ..base.notes import some
 from ..measure import ranking, yardstick
 from ..measure.rows import Row, agrees
 from ..structures import specs
-from .report import by_scene, set_names
+from .report import OTHERS, by_scene, set_names
 
 TITLES = {
     "single": "One ray at a time: each structure through its own nodes",
@@ -41,9 +41,6 @@ WIDTH = 100
 
 NAMES = 3
 """Number of columns with names; the others hold numbers."""
-
-OTHERS = 3
-"""Largest number of rows named as equal to the fastest."""
 
 DASH = "-"
 
