@@ -31,8 +31,8 @@ def faithful() -> str:
 PRESETS: dict[str, dict[str, str]] = {
     "yardstick": {
         "scenes": "sponza-dabrovic,conference,country-kitchen,stanford-dragon,stanford-bunny",
-        "structures": "kd:traversal=auto|boxes|dir,bsp-wn-plus-kd:traversal=auto|boxes|dir,"
-        "bvh-sah:traversal=auto|ordered",
+        "structures": "kd,kd:nodes=boxes,traversal=ordered,bsp-wn-plus-kd,"
+        "bsp-wn-plus-kd:nodes=boxes,traversal=ordered,bvh-sah",
         "rays": "primary,shadow,diffuse,shuffled",
     },
     "thesis": {**OF_THE_THESIS, "structures": f"kd-sah:traversal=dir,{faithful()}"},

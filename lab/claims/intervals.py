@@ -121,7 +121,7 @@ def comparable(lab: Lab) -> Iterator[Outcome]:
             verdict(holds=ratio <= COMPARABLE),
             f"{workload.name}: a picture takes {ratio:.2f} times as long with {INTERVALS} as with {kd} (limit: at most "
             f"{COMPARABLE:g})",
-            f"per ray: {'; '.join(told)}" + counting.remark({spec: spec for spec in found}, lab.native.structures()),
+            f"per ray: {'; '.join(told)}" + counting.remark({spec: spec for spec in found}, lab.native),
             lab.error(workload, (INTERVALS, kd)),
             {"ratio": ratio},
         )

@@ -98,7 +98,7 @@ def counters(lab: Lab, workload: Workload, configuration: str, trees: Sequence[t
     for name, one in specs.items():
         mean = found[one].counters
         told.append(f"{name} {mean['steps']:.1f} nodes, {mean['leaves']:.1f} leaves, {mean['tests']:.1f} tests")
-    return f"per ray: {'; '.join(told)}{counting.remark(specs, lab.native.structures())}"
+    return f"per ray: {'; '.join(told)}{counting.remark(specs, lab.native)}"
 
 
 def nowhere(lab: Lab) -> Iterator[Outcome]:

@@ -17,7 +17,7 @@ import numpy as np
 
 from addon.core.measure import accuracy
 from addon.core.measure.accuracy import Answers, Errors
-from addon.core.structures import specs
+from addon.core.structures import catalogue, relevance, specs, ways
 
 if TYPE_CHECKING:
     from addon.core.base.interface import Native, Structure
@@ -81,20 +81,29 @@ def configurations(structures: Sequence[Mapping[str, Any]], chosen: Sequence[str
     structures: the native registry. A key that a configuration sets is not varied, nor is one that its structure lacks.
     """
     rows = {row["id"]: row for row in structures}
+    known = catalogue.of(structures)
     made: list[str] = []
     for spec in chosen:
         # Add the traversals, the shadow methods and the unbounded variants of the structure.
         row = rows[specs.structure_of(spec)]
         keys = {parameter["name"]: parameter for parameter in row["parameters"]}
         walks = [spec]
-        if "traversal" in keys and "traversal=" not in spec:
-            walks += [specs.joined(spec, f"traversal={name}") for name in row["traversals"][1:]]
+        if not ways.is_spelled(spec):
+            others = (ways.spelled(known[row["id"]], spec, way) for way in known[row["id"]].ways[1:])
+            walks += [other for other in others if _is_valid(known[row["id"]], other, structures)]
         made += walks
         if "shadow" in keys and "shadow=" not in spec:
             made += [specs.joined(spec, f"shadow={name}") for name in keys["shadow"]["options"][1:]]
         if "robust" in keys and "robust=" not in spec and "none" in (keys["robust"]["options"] or ()):
             made += [specs.joined(walk, "robust=none") for walk in walks]
     return list(dict.fromkeys(made))
+
+
+def _is_valid(structure: catalogue.Structure, spec: str, structures: Sequence[Mapping[str, Any]]) -> bool:
+    """Whether every value that a configuration gives has an effect."""
+    values = specs.values(spec, structures)
+    given = {key for key, _ in specs.pairs(spec)}
+    return all(relevance.has_effect(one, values) for one in structure.parameters if one.name in given)
 
 
 VERSION = 3

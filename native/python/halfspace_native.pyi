@@ -46,6 +46,39 @@ class Parameter(TypedDict):
     min: int | float | None
     max: int | float | None
     options: list[str] | None
+    labels: list[str] | None
+    """Names of the options for people."""
+    group: Literal["main", "builder", "costs", "numerics"]
+    """Part of a panel that shows it."""
+    needs: list[Need]
+    """Where it has an effect: where each of these holds."""
+
+class Need(TypedDict):
+    """A condition on another parameter: its value is one of `options`, or a number above `above`; the other is None."""
+
+    key: str
+    options: list[str] | None
+    above: float | None
+
+class Way(TypedDict):
+    """A valid pair of nodes and traversal.
+
+    nodes: planes, wide, boxes, intervals, octants, cells or none. traversal: value of that parameter, "" for a
+    structure without one. rays: how rays go together.
+    """
+
+    nodes: str
+    traversal: str
+    rays: Literal["single", "flight", "packet", "tile", "beam", "stream", "auto"]
+    label: str
+    doc: str
+
+class Route(TypedDict):
+    """Which kernel answers a kind of batch: its nodes, how rays go together, and whether counters are its own."""
+
+    nodes: str
+    rays: Literal["single", "flight", "packet", "tile", "beam", "stream"]
+    counted: bool
 
 class StructureRow(TypedDict):
     """A row of the registry. code is saved in .blend files and never reused. aliases: other names of the id."""
@@ -59,14 +92,16 @@ class StructureRow(TypedDict):
     paper: str
     parameters: list[Parameter]
     traversals: list[str]
+    """Values of the parameter `traversal` through the structure's own nodes, the default first."""
+    ways: list[Way]
+    """All valid pairs of nodes and traversal, the default first."""
 
 class Statistics(TypedDict):
     """Statistics of a build.
 
-    build_seconds: wall-clock time. bytes: nodes and leaves of all layouts, without the arrays of the scene; leaves,
-    depths, references and cost are those of the planes where rays are traced through boxes made from them.
-    references: triangles in all leaves together. links: from leaves to their neighbours, where a
-    structure stores them. depth_max, depth_mean: of the leaves, the root at 0. leaf_max: triangles
+    build_seconds: wall-clock time. bytes: nodes and leaves, without the arrays of the scene. All numbers are those of
+    the nodes that rays traverse. references: triangles in all leaves together. links: from leaves to their neighbours,
+    where a structure stores them. depth_max, depth_mean: of the leaves, the root at 0. leaf_max: triangles
     in the largest leaf. leaves_large: leaves of more than 64. sah_cost: expected cost of a random ray in the
     thesis's units (80 a triangle, 1 an axis step, 5 an oblique step), the same for all structures.
     parts_built, parts_waiting: with lazy=1 the subtrees that rays have caused to be built, and those not built yet;
@@ -318,6 +353,8 @@ class Structure:
     counted_as: str
     """Name of the traversal of single rays, which counters count where rays are traced together but not counted
     together."""
+    routes: dict[str, Route]
+    """Which kernel answers each kind of batch: single, closest, tiles (rays with order="tile8"), shadow (any-hit rays)."""
 
     def closest(
         self,

@@ -12,6 +12,7 @@ use halfspace::registry::{self, TREES};
 use halfspace::scene::Triangles;
 use halfspace::structure::Structure;
 use halfspace::structure::row::Kind;
+use halfspace::structure::way::{NODES, TRAVERSAL, Way};
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -26,35 +27,30 @@ fn closest(structure: &Structure, rays: &[Ray]) -> Vec<Hit> {
     hits
 }
 
-/// Whether a traversal is compared in full on another tree of the same kind of nodes.
-fn elsewhere(tree: &str, traversal: &str) -> bool {
-    let on: &[&str] = match traversal {
-        "p4" | "p8" | "p16" => &["kd", "rbsp-kd", "bvh-sah"],
-        "ta-b-poly" => &["rbsp-kd", "bsp-wn"],
-        "seq" | "rope" | "ropetree" => &["kd", "kd-median"],
-        "ta-a" | "sung" | "arvo" => &["kd", "kd-sah"],
+/// Whether a way is compared in full on another tree of the same kind of nodes.
+fn elsewhere(tree: &str, way: &Way) -> bool {
+    let on: &[&str] = match (way.nodes, way.traversal) {
+        ("planes" | "boxes", "packet" | "packet4" | "packet8") => &["kd", "rbsp-kd", "bvh-sah"],
+        ("boxes", "flight" | "stream" | "ordered") => &["kd", "bsp-wn", "bvh-sah"],
+        (_, "ta-b-poly") => &["rbsp-kd", "bsp-wn"],
+        (_, "seq" | "rope" | "ropetree") => &["kd", "kd-median"],
+        (_, "ta-a" | "sung" | "arvo") => &["kd", "kd-sah"],
         _ => return false,
     };
     !on.contains(&tree)
 }
 
-/// Every structure with every traversal it offers.
+/// Every structure with every way that it offers.
 fn specs() -> Vec<String> {
     let mut specs = Vec::new();
     for tree in TREES {
-        specs.push(tree.id.to_owned());
         if tree.params.iter().any(|p| p.name == "lazy") {
             specs.push(format!("{}:lazy=1", tree.id));
         }
-        specs.extend(
-            tree.traversals()
-                .iter()
-                .skip(1)
-                // These differ only for tiles of rays, which `tiles.rs` tests.
-                .filter(|t| !t.starts_with("tile"))
-                .filter(|t| !elsewhere(tree.id, t))
-                .map(|t| format!("{}:traversal={t}", tree.id)),
-        );
+        // Tiles differ only for tiles of rays, which `tiles.rs` tests.
+        let ways = (tree.ways.iter().zip(tree.spelled_ways()))
+            .filter(|(way, _)| !way.traversal.starts_with("tile") && !elsewhere(tree.id, way));
+        specs.extend(ways.map(|(_, spec)| spec));
     }
     specs
 }
@@ -337,10 +333,9 @@ fn extreme_parameters_build_valid_trees() {
             let ends = match param.kind {
                 Kind::Integer { min, max } => vec![min.to_string(), max.to_string()],
                 Kind::Float { min, max } => vec![min.to_string(), max.to_string()],
-                Kind::Choice(_) | Kind::Described(_) => {
-                    let options = param.kind.options().unwrap();
-                    options.iter().map(ToString::to_string).collect()
-                }
+                // Other tests go over all ways.
+                Kind::Choice(_) if [NODES, TRAVERSAL].contains(&param.name) => continue,
+                Kind::Choice(options) => options.iter().map(|o| o.name.to_owned()).collect(),
             };
             for end in ends.iter().filter(|_| param.name != "robust") {
                 let spec = format!("{}:{}={end}", tree.id, param.name);
@@ -370,7 +365,8 @@ fn traversals_without_error_bounds_are_caught() {
         "kd:robust=none,traversal=rope",
         "kd:robust=none,traversal=ropetree",
         "bsp-random:robust=none,traversal=ta-b-poly",
-        "kd:robust=none,traversal=p8",
+        "kd:robust=none,traversal=packet8",
+        "kd:robust=none,nodes=wide",
         "bsp-wn-plus-kd:robust=none,k=4,seed=1",
         "bsp-random:robust=none",
         "bih:robust=none",

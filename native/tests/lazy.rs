@@ -195,16 +195,14 @@ fn a_lazy_tree_that_would_exceed_the_memory_is_refused_at_once() {
 }
 
 #[test]
-fn traversals_of_complete_trees_report_why_nothing_is_lazy() {
-    let scene = soup(grid(4, 0.3));
-    for (at_once, spec) in specs() {
-        for more in ["traversal=p8", "shadow=beam"] {
-            let structure = build(&scene, &format!("{spec},{more}"), 1);
-            let said = |reason: &String| reason.starts_with("lazy: ") && reason.contains(more);
-            assert!(structure.left_out().iter().any(said), "{spec},{more}");
-            assert_eq!(structure.progress().waiting, 0);
+fn traversals_of_complete_trees_exclude_a_lazy_build() {
+    for (_, spec) in specs() {
+        for more in ["traversal=packet8", "shadow=beam", "nodes=boxes"] {
+            let refused = registry::parse(&format!("{spec},{more}")).unwrap_err();
+            let reason = refused.to_string();
+            let named = reason.contains("lazy=1 has no effect") && reason.contains(more);
+            assert!(named, "{spec},{more}: {reason}");
         }
-        assert!(build(&scene, &at_once, 1).left_out().is_empty());
     }
     let bad = registry::parse("kd:lazy=2").unwrap_err().to_string();
     assert!(bad.contains("lazy=2 is not one of 0, 1"), "{bad}");

@@ -20,7 +20,7 @@ fn depths_are_those_of_the_ray_s_path() {
     let vertices: Vec<[f32; 3]> = corners.concat();
     let triangles: Vec<[u32; 3]> = (0..40).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
     let scene = Arc::new(Triangles::new(vertices, triangles).unwrap());
-    let boxes = ["kd:traversal=boxes", "rbsp:traversal=boxes"];
+    let boxes = ["kd:nodes=boxes", "rbsp:nodes=boxes"];
     for spec in ["kd", "bvh-sah", "octree-net", "brute"]
         .into_iter()
         .chain(boxes)

@@ -10,17 +10,21 @@ use halfspace::oracle::cases::{
 use halfspace::oracle::levels;
 use halfspace::ray::{Hit, Order, Ray, RayCounters, Tracer};
 
-const SPECS: [&str; 9] = [
-    "kd:traversal=p16",
-    "kd-sah:traversal=p4",
-    "bsp-wn-plus-kd:traversal=p16",
-    "bvh-sah:traversal=p8",
-    "kd:traversal=tile8",
-    "bvh-sah:traversal=tile8",
-    // Traversals of the boxes around the cells.
-    "kd:traversal=auto",
-    "bsp-wn-plus-kd:traversal=auto",
-    "bsp-wn:traversal=auto",
+const SPECS: [&str; 13] = [
+    "kd:traversal=packet",
+    "kd-sah:traversal=packet4",
+    "bsp-wn-plus-kd:traversal=packet",
+    "bvh-sah:traversal=packet8",
+    "kd:traversal=tile",
+    "bvh-sah:traversal=tile",
+    "kd",
+    "bsp-wn-plus-kd",
+    "bsp-wn",
+    // Boxes around what the planes separate.
+    "kd:nodes=boxes",
+    "bsp-wn-plus-kd:nodes=boxes",
+    "bsp-wn:nodes=boxes",
+    "kd:nodes=boxes,traversal=packet",
 ];
 
 /// Bit patterns of the nearest hits, and whether each ray is occluded.
@@ -105,9 +109,9 @@ fn packets_without_bounds_are_caught() {
     let mut expected = vec![Hit::MISS; rays.len()];
     build(&scene, "brute").closest(&rays, &mut expected, None);
     for spec in [
-        "kd:robust=none,traversal=p4",
-        "kd:robust=none,traversal=p16",
-        "bsp-random:robust=none,traversal=p8",
+        "kd:robust=none,traversal=packet4",
+        "kd:robust=none,traversal=packet",
+        "bsp-random:robust=none,traversal=packet8",
     ] {
         let mut found = vec![Hit::MISS; rays.len()];
         build(&scene, spec).closest(&rays, &mut found, None);

@@ -16,6 +16,7 @@ use halfspace::nodes::plane_tree::PlaneTree;
 use halfspace::nodes::tree::{Body, Tree};
 use halfspace::oracle::cases::{Random, grid, soup};
 use halfspace::structure::Structure;
+use halfspace::structure::way::Rays;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
@@ -34,10 +35,9 @@ fn objects(structure: &Structure, monitor: &Monitor) -> Result<ObjectTree> {
 
 /// The boxes that were made from the planes of a structure.
 fn boxes(structure: &Structure) -> &PlaneBoxTree {
-    let mut derived = structure.built().derived.iter();
-    derived
-        .find_map(|derived| derived.tree.downcast_ref())
-        .expect("boxes made from planes")
+    let tree = structure.built().tree.as_deref();
+    let boxes = tree.and_then(|tree| tree.downcast_ref());
+    boxes.expect("boxes made from planes")
 }
 
 /// The leaves of a tree: a box and the triangles in it.
@@ -250,38 +250,36 @@ fn each_leaf_occurs_once_in_the_boxes_and_their_memory_counts() {
 
 /// Without them no answer would change, only the time of tracing.
 #[test]
-fn all_rays_of_auto_go_through_boxes_whatever_the_planes_are() {
+fn all_rays_go_through_the_boxes_and_the_planes_are_freed() {
     let mut random = Random(13);
     let corners: Vec<_> = (0..900).map(|_| random.point(-1.0, 1.0)).collect();
     for id in ["kd", "rbsp", "bsp-random", "bsp-wn", "bsp-ize"] {
-        let structure = build(&soup(corners.clone()), id);
-        assert!(structure.shape().nodes_oblique > 0 || id == "kd", "{id}");
+        let structure = build(&soup(corners.clone()), &format!("{id}:nodes=boxes"));
         let boxes = boxes(&structure);
-        let plan = &structure.built().plan;
-        let kernels = [
-            plan.placed.is_some(),
-            plan.closest.is_some(),
-            plan.tiles.is_some(),
-            plan.shadow.is_some(),
-        ];
-        assert_eq!(kernels, [true; 4], "{id}");
-        assert!(
-            Arc::strong_count(&boxes.0) > kernels.len(),
-            "{id}: shared by all kernels"
+        assert!(structure.built().derived.is_empty(), "{id}");
+        let bytes = Tree::bytes(boxes) + structure.leaves().bytes();
+        assert_eq!(structure.bytes(), bytes, "{id}");
+        for route in structure.routes() {
+            assert_eq!(route.nodes, "boxes", "{id}: {}", route.batch);
+        }
+        let rays = structure.routes().map(|route| route.rays);
+        assert_eq!(
+            rays,
+            [Rays::Single, Rays::Stream, Rays::Tile, Rays::Tile],
+            "{id}"
         );
     }
 }
 
 #[test]
 fn boxes_at_other_positions_are_reported() {
-    let [structure, other] =
-        [0.3, 0.2].map(|size| build(&soup(grid(4, size)), "kd:traversal=boxes"));
+    let [structure, other] = [0.3, 0.2].map(|size| build(&soup(grid(4, size)), "kd:nodes=boxes"));
     let shape = structure.shape();
     let check = |made: &Structure, broken: &mut Vec<String>| {
         let body = Body {
             scene: structure.scene(),
             frame: structure.frame(),
-            blocks: made.leaves_traversed(),
+            blocks: made.leaves(),
             shape: &shape,
         };
         boxes(made).validate(&body, broken);

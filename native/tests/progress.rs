@@ -10,11 +10,7 @@ use halfspace::structure::Structure;
 fn every_build_reports_all_its_work_once() {
     let scene = soup(grid(8, 0.3));
     for tree in registry::TREES.iter().filter(|tree| tree.id != "brute") {
-        let walks = tree
-            .traversals()
-            .into_iter()
-            .map(|walk| format!("{}:traversal={walk}", tree.id));
-        for spec in walks.chain([tree.id.to_owned()]) {
+        for spec in tree.spelled_ways() {
             let monitor = Monitor::new();
             let config = registry::parse(&spec).unwrap();
             Structure::build(scene.clone(), config, 2, &monitor).unwrap();

@@ -5,7 +5,6 @@ use halfspace::oracle::cases::{Random, grid, ray, soup};
 use halfspace::ray::{Ray, RayCounters, Tracer};
 use halfspace::registry::TREES;
 use halfspace::scene::Triangles;
-use halfspace::structure::row::Kind;
 
 mod common;
 
@@ -54,9 +53,10 @@ fn shadow_kernels_change_no_answer() {
     let rays = shadow_rays(&scene);
     for tree in TREES {
         let shadow = tree.all_params().find(|p| p.name == "shadow").unwrap();
-        let Kind::Choice(kernels) = shadow.kind else {
-            panic!("{}: kernels of shadow rays have names", tree.id);
-        };
+        let kernels = shadow
+            .kind
+            .options()
+            .expect("kernels of shadow rays have names");
         let trace = |shadow: &str, traversal: &str| {
             let structure = build(&scene, &format!("{}:shadow={shadow}{traversal}", tree.id));
             let mut blocked = vec![false; rays.len()];

@@ -14,7 +14,12 @@ use halfspace::trace::stream::STREAM;
 use std::sync::Arc;
 
 /// Structures whose nearest hits are found in streams.
-const SPECS: [&str; 3] = ["kd", "bsp-wn-plus-kd", "bvh-sah:traversal=auto"];
+const SPECS: [&str; 4] = [
+    "kd:nodes=boxes",
+    "bsp-wn-plus-kd:nodes=boxes",
+    "bvh-sah",
+    "bvh-sah:traversal=stream",
+];
 
 fn closest(structure: &impl Tracer, rays: &[Ray]) -> Vec<[u32; 4]> {
     let mut hits = vec![Hit::MISS; rays.len()];

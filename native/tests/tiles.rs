@@ -11,12 +11,13 @@ use halfspace::ray::frame::Frame;
 use halfspace::ray::{Hit, Order, Ray, RayCounters, Tracer};
 use halfspace::trace::tile::shadow::Shadows;
 
-const SPECS: [&str; 5] = [
+const SPECS: [&str; 6] = [
     "kd",
-    "kd-sah:traversal=tile8",
+    "kd:nodes=boxes",
+    "kd-sah:traversal=tile",
     "bsp-wn",
     "bsp-wn-plus-kd:traversal=tile16",
-    "bvh-sah:traversal=tile8",
+    "bvh-sah:traversal=tile",
 ];
 
 fn blocked(structure: &impl Tracer, rays: &[Ray]) -> Vec<bool> {
@@ -173,7 +174,7 @@ fn shadow_tiles_answer_like_brute_force_on_hard_scenes() {
 /// A tree of boxes has no empty leaves, and an empty slot of a node is not visited.
 #[test]
 fn tiles_of_all_directions_visit_no_empty_slots() {
-    let structure = build(&soup(grid(4, 0.3)), "bvh-sah:traversal=tile8");
+    let structure = build(&soup(grid(4, 0.3)), "bvh-sah:traversal=tile");
     let mut random = Random(3);
     let rays: Vec<_> = (0..64)
         .map(|_| ray([1.2, 1.7, 2.1], random.point(-1.0, 1.0)))

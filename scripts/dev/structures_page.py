@@ -36,8 +36,11 @@ ray; only time and memory differ. See [papers](papers.md) for what the sources c
 """
 
 TRAVERSALS = """\
-Values of the parameter [traversal](#traversal), the default first. A structure that is missing here has one traversal.
-A `*` stands for all structures whose id begins so."""
+What rays are tested against (*nodes*), and how they are sent through it ([traversal](#traversal)), the default first. A
+structure with only one of them lacks the parameter. A `*` stands for all structures whose id begins so.
+
+Former values of `traversal` stay accepted: `p16`, `p8`, `p4` for `packet`, `packet8`, `packet4`; `tile8` for `tile`;
+`wide` for `nodes=wide,traversal=flight`; `boxes` for `nodes=boxes,traversal=ordered`."""
 
 Row = Mapping[str, Any]
 
@@ -63,14 +66,25 @@ def _family(family: str, rows: Iterable[Row]) -> str:
 
 
 def _traversals(rows: Sequence[Row]) -> str:
-    """Which values of the parameter `traversal` each structure has, the default first."""
-    sets: dict[tuple[str, ...], list[str]] = {}
+    """The ways of tracing of each structure, the default first, then what each of them does."""
+    sets: dict[tuple[tuple[str, tuple[str, ...]], ...], list[str]] = {}
+    known: dict[tuple[str, str], Row] = {}
     for row in rows:
-        if row["traversals"]:
-            sets.setdefault(tuple(row["traversals"]), []).append(row["id"])
+        found: dict[str, list[str]] = {}
+        for way in row["ways"]:
+            found.setdefault(way["nodes"], []).append(way["traversal"])
+            if way["traversal"]:
+                known.setdefault((way["nodes"], way["traversal"]), way)
+        sets.setdefault(tuple((nodes, tuple(names)) for nodes, names in found.items()), []).append(row["id"])
     every = [row["id"] for row in rows]
-    lines = ["## Traversals", "", TRAVERSALS, "", "| structures | traversals |", "| --- | --- |"]
-    lines += [f"| {_whose(ids, every)} | {_ids(names)} |" for names, ids in sets.items()]
+    lines = ["## Nodes and rays", "", TRAVERSALS, "", "| structures | nodes | traversals |", "| --- | --- | --- |"]
+    for choices, ids in sets.items():
+        for nodes, names in choices:
+            whose = _whose(ids, every) if (nodes, names) == choices[0] else ""
+            lines.append(f"| {whose} | `{nodes}` | {_ids(filter(None, names)) or 'one by one'} |")
+    lines += ["", "| nodes | traversal | name | what it does |", "| --- | --- | --- | --- |"]
+    for (nodes, name), way in known.items():
+        lines.append(f"| `{nodes}` | `{name}` | {way['label']} | {_cell(way['doc'])} |")
     return "\n".join(lines) + "\n"
 
 
@@ -95,7 +109,8 @@ def _parameters(rows: Sequence[Row]) -> str:
 def _text(parameter: Row) -> str:
     """Label, description and unit."""
     unit = f" Unit: {parameter['unit']}." if parameter["unit"] else ""
-    return f"*{parameter['label']}*: {parameter['doc'].rstrip('.')}.{unit}"
+    doc = "How rays traverse the nodes, see above" if parameter["name"] == "traversal" else parameter["doc"]
+    return f"*{parameter['label']}*: {doc.rstrip('.')}.{unit}"
 
 
 def _grouped(having: Mapping[str, Row], key: Any) -> dict[Any, list[str]]:
@@ -107,6 +122,19 @@ def _grouped(having: Mapping[str, Row], key: Any) -> dict[Any, list[str]]:
 
 
 def _values(parameter: Row) -> str:
+    """Default and range of a parameter, and where it has an effect."""
+    needs = [_need(need) for need in parameter["needs"]]
+    return _range(parameter) + (f"; only with {' and '.join(needs)}" if needs else "")
+
+
+def _need(need: Row) -> str:
+    """A condition on another parameter."""
+    if need["options"] is None:
+        return f"`{need['key']}` above {need['above']:g}"
+    return f"`{need['key']}={'|'.join(need['options'])}`"
+
+
+def _range(parameter: Row) -> str:
     """Default and range of a parameter."""
     if parameter["kind"] == "choice":
         return f"one of {_ids(parameter['options'])}; default `{parameter['default']}`"

@@ -22,9 +22,6 @@ PARTS = {"builder": "Builder", "costs": "Costs", "numerics": "Numerics"}
 LABEL = 0.48
 """Share of the width that labels take: at the default width this fits 17 characters, and the values fit 14."""
 
-LABELS = {relevance.TRAVERSAL: "Rays"}
-"""Labels that differ from the registry's."""
-
 NODES = {
     "planes": "Planes",
     "wide": "Wide Planes",
@@ -40,6 +37,7 @@ RAYS = {
     "flight": "In flight",
     "packet": "Packets",
     "tile": "Tiles",
+    "beam": "Beams",
     "stream": "Streams",
     "auto": "Automatic",
 }
@@ -81,7 +79,7 @@ def _part(layout: Any, group: Any, key: str, title: str, parameters: list[Parame
 
 def _field(layout: Any, group: Any, parameter: Parameter) -> None:
     """Draw a parameter: a number, a check box, or a menu of the options that are valid here."""
-    label = LABELS.get(parameter.name, parameter.label)
+    label = parameter.label
     if parameter.is_switch:
         row = _row(layout, "")
         row.prop(group, properties.switch(parameter.name), text=label)
@@ -106,7 +104,7 @@ def _only_rays(layout: Any, chosen: Structure) -> None:
     """Name the rays of a structure that has only one kind of them."""
     kinds = {way.rays for way in chosen.ways}
     if len(kinds) == 1 and kinds <= RAYS.keys():
-        _row(layout, LABELS[relevance.TRAVERSAL]).label(text=RAYS[kinds.pop()])
+        _row(layout, "Rays").label(text=RAYS[kinds.pop()])
 
 
 def _row(layout: Any, label: str) -> Any:
@@ -144,8 +142,7 @@ def register() -> None:
         return
     for parameter in catalogue.load().parameters().values():
         if parameter.kind == "choice" and not parameter.is_switch:
-            label = LABELS.get(parameter.name, parameter.label)
-            content = {"bl_label": label, "bl_description": parameter.doc, "name": parameter.name}
+            content = {"bl_label": parameter.label, "bl_description": parameter.doc, "name": parameter.name}
             menu = type(menu_of(parameter.name), (_Choice, bpy.types.Menu), content)
             bpy.utils.register_class(menu)
             _registered.append(menu)

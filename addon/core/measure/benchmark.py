@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 from ..base.native import FAILURES, first_line
 from ..scene import rays
 from ..scene.workload import Workload
-from ..structures import catalogue, specs
+from ..structures import specs
 from . import accuracy, costmap, counting, first, peak, picture_times, rows, thesis, timing, yardstick
 from .accuracy import Answers
 from .analysis import field
@@ -429,9 +429,7 @@ class _Run:
             for one in self._prepared.ray_sets
         }
         if candidate.spec != yardstick.SPEC:
-            structures = self._native.structures()
-            if not catalogue.counts_itself(structures):
-                counting.mark(row["rays"], self._prepared.ray_sets, specs.values(candidate.spec, structures))
+            counting.mark(row["rays"], self._prepared.ray_sets, candidate.native)
             rows.add_ways(row, counting.ways(candidate.native, self._prepared.ray_sets))
         # Add errors: in total, per ray set, and in pictures.
         row["errors"] = accuracy.total(candidate.errors.values()).as_row(options.reference)

@@ -9,9 +9,23 @@ from functools import cache
 from typing import Any
 
 from ..base import native
-from .names import name_of
 
 Value = int | float | str
+
+
+@dataclass(frozen=True)
+class Need:
+    """A condition on another parameter: its value is one of `options`, or a number above `above`."""
+
+    key: str
+    options: tuple[str, ...] = ()
+    above: float | None = None
+
+    def holds(self, value: Value) -> bool:
+        """Whether a value of the other parameter meets the condition."""
+        if self.above is None:
+            return value in self.options
+        return not isinstance(value, str) and value > self.above
 
 
 @dataclass(frozen=True)
@@ -19,7 +33,8 @@ class Parameter:
     """One key of a configuration string, with the texts and limits that a user interface needs.
 
     kind: "integer", "float" or "choice". `minimum` and `maximum` bound a number; `options` lists the values of a
-    choice, `labels` their names for people. group: part of a panel, one of relevance.GROUPS, or "".
+    choice, `labels` their names for people. group: part of a panel, one of relevance.GROUPS. needs: where it has an
+    effect, where each of them holds.
     """
 
     name: str
@@ -32,7 +47,8 @@ class Parameter:
     maximum: float | None
     options: tuple[str, ...] = ()
     labels: tuple[str, ...] = ()
-    group: str = ""
+    group: str = "builder"
+    needs: tuple[Need, ...] = ()
 
     @property
     def is_switch(self) -> bool:
@@ -60,7 +76,7 @@ class Way:
     """One valid pair of nodes and traversal.
 
     nodes: planes, wide, boxes, intervals, octants, cells or none. traversal: value of that parameter, "" for a
-    structure without one. rays: single, flight, packet, tile, stream, or auto for the quickest of them per batch.
+    structure without one. rays: single, flight, packet, tile, beam, stream, or auto for the quickest of them per batch.
     """
 
     nodes: str
@@ -143,38 +159,12 @@ def _structure(row: Mapping[str, Any]) -> Structure:
         paper=row["paper"],
         parameters=tuple(_parameter(parameter) for parameter in row["parameters"]),
         aliases=tuple(row["aliases"]),
-        ways=tuple(_way(way) for way in row["ways"]) if "ways" in row else _derived_ways(row),
+        ways=tuple(_way(way) for way in row["ways"]),
     )
 
 
 def _way(row: Mapping[str, Any]) -> Way:
     return Way(row["nodes"], row["traversal"], row["rays"], row["label"], row["doc"])
-
-
-OWN_NODES = {
-    "bih": "intervals",
-    "octree": "octants",
-    "grid": "cells",
-    "brute": "none",
-    "bvh": "boxes",
-    "obb": "boxes",
-    "bbox": "boxes",
-}
-"""Kinds of nodes by the beginning of the id; those of all other structures are planes."""
-
-TOGETHER = {"wide": "flight", "tile8": "tile", "tile16": "tile", "p4": "packet", "p8": "packet", "p16": "packet"}
-"""How the rays of these traversals go together."""
-
-
-def _derived_ways(row: Mapping[str, Any]) -> tuple[Way, ...]:
-    """The ways of a registry without `ways`, from its parameter `traversal`. For modules before the key."""
-    own = next((nodes for begin, nodes in OWN_NODES.items() if row["id"].startswith(begin)), "planes")
-    names = next((p["options"] for p in row["parameters"] if p["name"] == "traversal"), [""])
-    if names == [""] and any(p["name"] == "beam_least" for p in row["parameters"]):
-        return (Way(own, "", "tile"),)
-    nodes = {} if own == "boxes" else {"auto": "boxes", "boxes": "boxes", "wide": "wide"}
-    rays = {"auto": "auto", **TOGETHER}
-    return tuple(Way(nodes.get(name, own), name, rays.get(name, "single")) for name in names)
 
 
 def _parameter(row: Mapping[str, Any]) -> Parameter:
@@ -187,17 +177,11 @@ def _parameter(row: Mapping[str, Any]) -> Parameter:
         default=row["default"],
         minimum=row["min"],
         maximum=row["max"],
-        options=(options := tuple(row["options"] or ())),
-        labels=_labels(row, options),
-        group=row.get("group", ""),
+        options=tuple(row["options"] or ()),
+        labels=tuple(row["labels"] or ()),
+        group=row["group"],
+        needs=tuple(Need(need["key"], tuple(need["options"] or ()), need["above"]) for need in row["needs"]),
     )
-
-
-def _labels(row: Mapping[str, Any], options: tuple[str, ...]) -> tuple[str, ...]:
-    """The names of a choice's options; those of a registry without names are made from the values."""
-    given = row.get("labels") or {}
-    named = given if isinstance(given, Mapping) else dict(zip(options, given, strict=True))
-    return tuple(named.get(option) or name_of(row["name"], option) for option in options)
 
 
 def _widen(a: Parameter, b: Parameter) -> Parameter:
@@ -217,35 +201,5 @@ def _widen(a: Parameter, b: Parameter) -> Parameter:
         options=tuple(names),
         labels=tuple(names.values()),
         group=a.group,
+        needs=a.needs,
     )
-
-
-def routes(structure: Any) -> Mapping[str, Mapping[str, str]]:
-    """The nodes and rays that answer each kind of batch of a native structure: `Structure.routes`."""
-    found = getattr(structure, "routes", None)
-    return _derived_routes(structure.spec) if found is None else found
-
-
-def counts_itself(structures: Iterable[Mapping[str, Any]]) -> bool:
-    """Whether every kernel of a module counts its own work: those whose registry has `ways` do."""
-    return all("ways" in row for row in structures)
-
-
-def _derived_routes(spec: str) -> dict[str, dict[str, str]]:
-    """The routes of a module without `Structure.routes`. For modules before the attribute."""
-    from . import specs, ways
-
-    structure = load()[specs.structure_of(spec)]
-    way = ways.way_of(structure, spec)
-    assert way is not None, "native specs are valid"
-    kinds = {"single": "single", "tiles": way.rays, "closest": way.rays, "shadow": way.rays}
-    if way.rays == "auto":
-        kinds |= {"tiles": "tile", "closest": "stream", "shadow": "tile"}
-    elif way.rays == "tile":
-        kinds |= {"closest": "single", "shadow": "single" if way.traversal == "" else "tile"}
-    elif way.rays == "packet" and way.traversal != "p16":
-        kinds["shadow"] = "single"
-    shadow = dict(specs.pairs(spec)).get("shadow")
-    if shadow is not None:
-        kinds["shadow"] = "tile" if shadow == "beam" else "single"
-    return {kind: {"nodes": way.nodes, "rays": rays} for kind, rays in kinds.items()}

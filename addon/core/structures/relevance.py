@@ -7,7 +7,7 @@ builds every structure with several values of every parameter and compares the t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -19,74 +19,18 @@ NODES, TRAVERSAL = "nodes", "traversal"
 GROUPS = ("main", "builder", "costs", "numerics")
 """Parts of a panel, in order: the first is always open."""
 
-OF_GROUP = {
-    "main": ("k", "alpha", "tried", "width", "n", "density", "frames", "slabs", "children", NODES, TRAVERSAL, "shadow"),
-    "costs": (
-        *("costs", "step_cost", "oblique_cost", "oblique_step_cost", "leaf_cost", "triangle_cost"),
-        *("empty_factor", "empty", "area_stop", "enough", "rule"),
-    ),
-    "numerics": ("robust", "ties", "slab", "clip", "leaves"),
-}
-"""Parameters of each group in the order of the panel, for registry rows without a group; the builder has the others."""
+MAIN = ("k", "alpha", "tried", "width", "n", "density", "frames", "slabs", "children", NODES, TRAVERSAL, "shadow")
+"""Parameters of the first group in the order of the panel; other groups have the order of the registry."""
 
 Values = Mapping[str, "Value"]
-
-_PRICES = ("step_cost", "oblique_cost", "leaf_cost", "triangle_cost", "empty_factor", "area_stop")
-_LAZY = ("auto", "dir", "tile", "tile8")
-
-
-def _is(name: str, *choices: Value) -> Callable[[Structure, Values], bool]:
-    """A condition: the structure has the parameter, and its value is one of these."""
-    return lambda _structure, values: values.get(name) in choices
-
-
-def _axes_alone(structure: Structure, values: Values) -> bool:
-    """Whether K leaves only the axes, in a tree that tries them anyway."""
-    return values.get("k") == 3 and any(structure.parameter(name) for name in ("alpha", "enough", "oblique_step_cost"))
-
-
-def _in_one_piece(_structure: Structure, values: Values) -> bool:
-    """Whether the traversal or the shadow rays need the whole tree at once."""
-    return (
-        values.get(TRAVERSAL) not in _LAZY
-        or values.get(NODES, "planes") != "planes"
-        or values.get("shadow", "none") == "beam"
-    )
-
-
-WITHOUT_EFFECT: tuple[tuple[Callable[[Structure, Values], bool], tuple[str, ...]], ...] = (
-    # Only trees with a linear cost of oblique nodes price steps through other nodes on their own.
-    (lambda one, _: one.parameter("oblique_cost") is not None and one.parameter("alpha") is None, ("step_cost",)),
-    (_is("costs", "thesis"), (*_PRICES, "k_small", "enough")),
-    # These trees are then the kd-tree.
-    (
-        lambda one, values: values.get("k") == 3 and one.parameter("alpha") is not None,
-        ("alpha", "set", "seed", "k_small", "rule", "slab", "enough", "axes_depth", "oblique_cost"),
-    ),
-    (_axes_alone, ("seed", "k_small", "enough", "axes_depth", "oblique_step_cost")),
-    (lambda one, values: values.get("k") == 3 and one.parameter("set") is not None, ("axes_depth",)),
-    (_is("alpha", 0, 0.0), ("rule",)),
-    (_is("frames", 1), ("oblique_step_cost",)),
-    (_in_one_piece, ("lazy",)),
-)
-"""Conditions, and the parameters that have no effect where they hold."""
-
-
-def group(parameter: Parameter) -> str:
-    """The part of a panel that shows a parameter: one of GROUPS."""
-    if parameter.group in GROUPS:
-        return parameter.group
-    return next((key for key, names in OF_GROUP.items() if parameter.name in names), "builder")
 
 
 def grouped(structure: Structure, values: Values) -> dict[str, list[Parameter]]:
     """The parameters that have an effect, by group. values: as `effective` returns them."""
     found: dict[str, list[Parameter]] = {key: [] for key in GROUPS}
     for parameter in relevant(structure, values):
-        found[group(parameter)].append(parameter)
-    order = {name: place for names in OF_GROUP.values() for place, name in enumerate(names)}
-    for parameters in found.values():
-        parameters.sort(key=lambda parameter: order.get(parameter.name, len(order)))
+        found[parameter.group].append(parameter)
+    found["main"].sort(key=lambda parameter: MAIN.index(parameter.name))
     return found
 
 
@@ -101,9 +45,6 @@ def traversals(structure: Structure, values: Values) -> tuple[str, ...]:
         chosen = nodes.clamp(values.get(NODES, nodes.default))
         able = {way.traversal for way in structure.ways if way.nodes == chosen}
         options = tuple(option for option in options if option in able)
-    # Only boxes of eight have kernels for several rays.
-    if values.get("width", "8") != "8":
-        options = tuple(option for option in options if option == "ordered")
     return options
 
 
@@ -125,5 +66,9 @@ def effective(structure: Structure, values: Values) -> dict[str, Value]:
 
 def relevant(structure: Structure, values: Values) -> tuple[Parameter, ...]:
     """The parameters that have an effect. values: as `effective` returns them."""
-    without = {name for holds, names in WITHOUT_EFFECT if holds(structure, values) for name in names}
-    return tuple(one for one in structure.parameters if one.name not in without)
+    return tuple(one for one in structure.parameters if has_effect(one, values))
+
+
+def has_effect(parameter: Parameter, values: Values) -> bool:
+    """Whether a parameter has an effect beside these values; those of parameters that are missing exclude nothing."""
+    return all(need.holds(values[need.key]) for need in parameter.needs if need.key in values)

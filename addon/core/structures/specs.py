@@ -5,13 +5,13 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 if TYPE_CHECKING:
-    from ..base.interface import Native
+    from ..base.interface import Native, Structure
 
 
 class SpecError(ValueError):
@@ -177,7 +177,43 @@ def expand(
         count += math.prod(map(len, taken[spec].values()))
         if count > MOST:
             raise SpecError(f"these are more than {MOST:,} configurations")
-    return list(dict.fromkeys(made for spec, allowed in taken.items() for made in _with_values(spec, allowed)))
+    made = (one for spec, allowed in taken.items() for one in _with_values(spec, allowed))
+    return list(dict.fromkeys(_effective(one, rows[structure_of(one)], ranges, told) for one in made))
+
+
+def _effective(spec: str, row: Mapping[str, Any], swept: Collection[str], left_out: list[str]) -> str:
+    """A configuration without values that a sweep made idle; `left_out` names them."""
+    found = [(key, other, words) for key, other, words in idle(spec, row) if key in swept or other in swept]
+    for _, _, words in found[:1]:
+        line = f"{structure_of(spec)}: {words}"
+        if line not in left_out:
+            left_out.append(line)
+    return without(spec, {key for key, _, _ in found})
+
+
+def idle(spec: str, row: Mapping[str, Any]) -> list[tuple[str, str, str]]:
+    """The values of a configuration that have no effect beside its others: key, the key of the other, and a sentence."""
+    chosen = values(spec, [row])
+    given = {key for key, _ in pairs(spec)}
+    return [
+        (name, need["key"], f"{name} has no effect with {need['key']}={chosen[need['key']]}")
+        for parameter in row["parameters"]
+        if (name := parameter["name"]) in given and chosen[name] != parameter["default"]
+        for need in parameter.get("needs", ())
+        if need["key"] in chosen and not _holds(need, chosen[need["key"]])
+    ]
+
+
+def without(spec: str, keys: Collection[str]) -> str:
+    """A configuration without these keys."""
+    return joined(structure_of(spec), *(f"{key}={value}" for key, value in pairs(spec) if key not in keys))
+
+
+def _holds(need: Mapping[str, Any], value: Any) -> bool:
+    """Whether a value meets a condition of the registry: it is one of its options, or above its number."""
+    if need["above"] is None:
+        return value in need["options"]
+    return not isinstance(value, str) and value > need["above"]
 
 
 def prove(native: Native, chosen: Sequence[str]) -> list[str]:
@@ -196,8 +232,13 @@ CORNERS, TRIANGLE = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32), np.
 
 def canonical(native: Native, spec: str) -> str:
     """A configuration in the native spelling, without defaults, from a tiny build. Raises SpecError."""
+    return tiny(native, spec).spec
+
+
+def tiny(native: Native, spec: str) -> Structure:
+    """A structure of one triangle. Raises SpecError."""
     try:
-        return native.build(CORNERS, TRIANGLE, spec, threads=1).spec
+        return native.build(CORNERS, TRIANGLE, spec, threads=1)
     except ValueError as error:
         raise SpecError(f"{spec}: {error}") from error
 

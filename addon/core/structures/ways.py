@@ -60,7 +60,7 @@ def single(structure: Structure, tree: str) -> str | None:
     own = own_nodes(structure)
     if _is_only_single(structure, own):
         return tree
-    return next((_with(structure, tree, way) for way in structure.ways if _is_single(way, own)), None)
+    return next((spelled(structure, tree, way) for way in structure.ways if _is_single(way, own)), None)
 
 
 def fastest(structure: Structure, tree: str) -> list[str]:
@@ -68,7 +68,7 @@ def fastest(structure: Structure, tree: str) -> list[str]:
 
     tree: a configuration without nodes and traversal.
     """
-    return [_with(structure, tree, way) for way in _fastest(structure)] or [tree]
+    return [spelled(structure, tree, way) for way in _fastest(structure)] or [tree]
 
 
 def tables(structure: Structure, spec: str) -> tuple[Table, ...]:
@@ -144,7 +144,7 @@ def _fastest(structure: Structure) -> Sequence[Way]:
     return [way for way in structure.ways if way.rays == "auto"] or structure.ways[:1]
 
 
-def _with(structure: Structure, tree: str, way: Way) -> str:
+def spelled(structure: Structure, tree: str, way: Way) -> str:
     """A tree with a way to trace it; values that are defaults are left out."""
     given: Mapping[str, Any] = {"nodes": way.nodes, "traversal": way.traversal}
     parameters = ((key, structure.parameter(key)) for key in KEYS)

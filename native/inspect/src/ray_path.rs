@@ -73,7 +73,7 @@ pub fn ray_path(structure: &Structure, ray: &Ray) -> RayPath {
         span: (f64::from(ray.t_min), f64::from(ray.t_max.min(hit.t))),
         path: &path,
     };
-    match built.traversed().0.and_then(|tree| tree.cells()) {
+    match built.tree.as_ref().and_then(|tree| tree.cells()) {
         Some(cells) => {
             let (visits, crossings) = follow.run(cells);
             RayPath {

@@ -30,8 +30,7 @@ pub fn validate(structure: &Structure) -> Vec<String> {
         }
     }
     for derived in &built.derived {
-        let blocks = derived.leaves.as_deref().unwrap_or(&built.leaves);
-        derived.tree.validate(&Body { blocks, ..body }, &mut broken);
+        derived.tree.validate(&body, &mut broken);
     }
     if built.plan.tiles.is_some() {
         tiles(structure, &mut broken);

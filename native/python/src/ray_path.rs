@@ -55,7 +55,7 @@ fn visits<'py>(
 ) -> PyResult<Bound<'py, PyDict>> {
     // Collect the faces of the cells and the triangles of the leaves.
     let dict = PyDict::new(py);
-    let leaves = structure.leaves_traversed();
+    let leaves = structure.leaves();
     let mut faces = Faces::default();
     let (mut triangles, mut ends) = (Vec::new(), vec![0_u32]);
     for visit in &path.visits {

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The registry as dictionaries for Python.
 
-use halfspace_structure::row::{Kind, ParamSpec, StructureSpec};
+use halfspace_structure::row::{Kind, Need, Only, ParamSpec, StructureSpec};
 use halfspace_structure::spec::Value;
+use halfspace_structure::way::Way;
 use halfspace_trees::registry::{TREES, aliases};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
@@ -24,7 +25,7 @@ fn parameter<'py>(py: Python<'py>, param: &ParamSpec) -> PyResult<Bound<'py, PyD
     dict.set_item("doc", param.full_doc())?;
     dict.set_item("unit", param.unit)?;
     set_value(&dict, "default", &param.default)?;
-    for key in ["min", "max", "options"] {
+    for key in ["min", "max", "options", "labels"] {
         dict.set_item(key, py.None())?;
     }
     match param.kind {
@@ -38,11 +39,44 @@ fn parameter<'py>(py: Python<'py>, param: &ParamSpec) -> PyResult<Bound<'py, PyD
             dict.set_item("min", min)?;
             dict.set_item("max", max)?;
         }
-        Kind::Choice(_) | Kind::Described(_) => {
+        Kind::Choice(options) => {
             dict.set_item("kind", "choice")?;
             dict.set_item("options", param.kind.options())?;
+            let labels: Vec<_> = options.iter().map(|option| option.label).collect();
+            dict.set_item("labels", labels)?;
         }
     }
+    dict.set_item("group", param.group.name())?;
+    let needs = PyList::empty(py);
+    for condition in param.needs {
+        needs.append(need(py, condition)?)?;
+    }
+    dict.set_item("needs", needs)?;
+    Ok(dict)
+}
+
+/// Converts a condition: the key of another parameter, and its values under which the parameter has an effect, as a list
+/// of options or as a number that it exceeds; the other of the two is None.
+fn need<'py>(py: Python<'py>, need: &Need) -> PyResult<Bound<'py, PyDict>> {
+    let dict = PyDict::new(py);
+    dict.set_item("key", need.key)?;
+    let (options, above) = match need.only {
+        Only::Options(options) => (Some(options.to_vec()), None),
+        Only::Above(least) => (None, Some(least)),
+    };
+    dict.set_item("options", options)?;
+    dict.set_item("above", above)?;
+    Ok(dict)
+}
+
+/// Converts a way of tracing.
+fn way<'py>(py: Python<'py>, way: &Way) -> PyResult<Bound<'py, PyDict>> {
+    let dict = PyDict::new(py);
+    dict.set_item("nodes", way.nodes)?;
+    dict.set_item("traversal", way.traversal)?;
+    dict.set_item("rays", way.rays.name())?;
+    dict.set_item("label", way.label)?;
+    dict.set_item("doc", way.doc)?;
     Ok(dict)
 }
 
@@ -62,6 +96,11 @@ fn row<'py>(py: Python<'py>, spec: &StructureSpec) -> PyResult<Bound<'py, PyDict
     }
     dict.set_item("parameters", parameters)?;
     dict.set_item("traversals", spec.traversals())?;
+    let ways = PyList::empty(py);
+    for one in spec.ways {
+        ways.append(way(py, one)?)?;
+    }
+    dict.set_item("ways", ways)?;
     Ok(dict)
 }
 

@@ -77,6 +77,22 @@ impl Structure {
         self.0.counted_as()
     }
 
+    /// Which kernel answers each kind of batch: "single", "closest", "tiles" (rays with order="tile8"), "shadow". Each is
+    /// a dictionary: "nodes", what rays are tested against; "rays", how they go together; "counted", whether counters
+    /// are those of this kernel, and not of single rays.
+    #[getter]
+    fn routes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let dict = PyDict::new(py);
+        for route in self.0.routes() {
+            let entry = PyDict::new(py);
+            entry.set_item("nodes", route.nodes)?;
+            entry.set_item("rays", route.rays.name())?;
+            entry.set_item("counted", route.counted)?;
+            dict.set_item(route.batch, entry)?;
+        }
+        Ok(dict)
+    }
+
     /// The nearest triangle that each ray hits; the same bits for every structure.
     ///
     /// origins, directions: (n, 3), scene frame; directions of any length, a zero direction hits

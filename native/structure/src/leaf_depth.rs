@@ -20,7 +20,7 @@ impl LeafDepths {
         let built = structure.built();
         let bounds = built.frame.bounds();
         let mut depths = HashMap::new();
-        if let Some(cells) = built.traversed().0.and_then(|tree| tree.cells())
+        if let Some(cells) = built.tree.as_ref().and_then(|tree| tree.cells())
             && !bounds.is_empty()
         {
             each_leaf(cells, bounds, |leaf| {

@@ -9,6 +9,7 @@ pub mod row;
 pub mod spec;
 pub mod structure;
 pub mod tracer;
+pub mod way;
 
 pub use plan::Plan;
 pub use row::Built;

@@ -2,24 +2,35 @@
 //! Which kernel answers which batch of rays. A plan is made once, with the tree; no caller matches on the kind of
 //! the tree.
 
-use halfspace_ray::query::{Any, Closest};
+use crate::way::Rays;
+use halfspace_ray::query::{Any, Closest, Query};
 use halfspace_trace::kernel::{Kernel, SingleRays};
 use std::sync::Arc;
 
+/// A kernel, and how it sends rays.
+#[derive(Debug)]
+pub struct Together<Q: Query> {
+    /// The kernel.
+    pub kernel: Arc<dyn Kernel<Q>>,
+    /// How its rays go together.
+    pub rays: Rays,
+}
+
 /// The kernels of a structure. Batches without a kernel of their own go to `single`.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub struct Plan {
-    /// Single rays: also the traversal that is counted where the kernel of a batch cannot count, that is shown, and that
-    /// is recorded.
+    /// What rays are tested against.
+    pub nodes: &'static str,
+    /// Single rays: also the traversal that is shown and recorded.
     pub single: Arc<dyn SingleRays>,
     /// Rays in the space of an instance, where that is not `single`.
     pub placed: Option<Arc<dyn SingleRays>>,
     /// Nearest hits of rays in any order.
-    pub closest: Option<Arc<dyn Kernel<Closest>>>,
-    /// Nearest hits of rays that come in tiles of 8 x 8 pixels.
-    pub tiles: Option<Arc<dyn Kernel<Closest>>>,
+    pub closest: Option<Together<Closest>>,
+    /// Nearest hits of rays that come in tiles of 8 x 8 pixels, where those have a kernel of their own.
+    pub tiles: Option<Together<Closest>>,
     /// Any hits of shadow rays.
-    pub shadow: Option<Arc<dyn Kernel<Any>>>,
+    pub shadow: Option<Together<Any>>,
     /// Whether any-hit rays first test the triangle that blocked their light last (Wilt 1994).
     pub shadow_cache: bool,
     /// Name of the traversal of `single`.
@@ -28,10 +39,24 @@ pub struct Plan {
     pub cases: &'static [&'static str],
 }
 
+/// Which kernel answers one kind of batch.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Route {
+    /// The kind: single, closest, tiles or shadow.
+    pub batch: &'static str,
+    /// What rays are tested against.
+    pub nodes: &'static str,
+    /// How they go together.
+    pub rays: Rays,
+    /// Whether the kernel counts its own steps and tests; if not, single rays are counted in its place.
+    pub counted: bool,
+}
+
 impl Plan {
-    /// A plan of single rays alone; `name` is the name of their traversal.
-    pub fn single(name: &'static str, single: Arc<dyn SingleRays>) -> Self {
+    /// A plan of single rays alone through `nodes`; `name` is the name of their traversal.
+    pub fn single(nodes: &'static str, name: &'static str, single: Arc<dyn SingleRays>) -> Self {
         Self {
+            nodes,
             single,
             placed: None,
             closest: None,
@@ -43,27 +68,73 @@ impl Plan {
         }
     }
 
-    /// Applies the parameter `shadow`: `cache` sends shadow rays one by one past a cache of blockers, unless their
-    /// kernel looks into that cache itself (`cached`); `beam` replaces their kernel by `beams`.
+    /// Sends nearest-hit rays in any order to `kernel`.
+    pub fn with_closest(mut self, rays: Rays, kernel: Arc<dyn Kernel<Closest>>) -> Self {
+        self.closest = Some(Together { kernel, rays });
+        self
+    }
+
+    /// Sends nearest-hit rays that come in tiles of pixels to `kernel`.
+    pub fn with_tiles(mut self, rays: Rays, kernel: Arc<dyn Kernel<Closest>>) -> Self {
+        self.tiles = Some(Together { kernel, rays });
+        self
+    }
+
+    /// Sends any-hit rays to `kernel`.
+    pub fn with_any(mut self, rays: Rays, kernel: Arc<dyn Kernel<Any>>) -> Self {
+        self.shadow = Some(Together { kernel, rays });
+        self
+    }
+
+    /// Sends the rays of instances to `kernel`.
+    pub fn with_placed(mut self, kernel: Arc<dyn SingleRays>) -> Self {
+        self.placed = Some(kernel);
+        self
+    }
+
+    /// Applies the parameter `shadow`: `cache` sends shadow rays one by one past a cache of blockers, unless they are
+    /// rays in flight, which look into that cache themselves; `beam` replaces their kernel by `beams`.
     ///
     /// # Panics
     /// For `beam` without `beams`, which the parameter's choices exclude.
-    pub fn with_shadow(
-        mut self,
-        choice: &str,
-        cached: bool,
-        beams: Option<Arc<dyn Kernel<Any>>>,
-    ) -> Self {
+    pub fn with_shadow(mut self, choice: &str, beams: Option<Arc<dyn Kernel<Any>>>) -> Self {
         match choice {
             "cache" => {
                 self.shadow_cache = true;
-                if !cached {
-                    self.shadow = None;
-                }
+                self.shadow = self.shadow.filter(|group| group.rays == Rays::Flight);
+                self
             }
-            "beam" => self.shadow = Some(beams.expect("offered only where beams exist")),
-            _ => {}
+            "beam" => {
+                let beams = beams.expect("offered only where beams exist");
+                self.with_any(Rays::Beam, beams)
+            }
+            _ => self,
         }
-        self
     }
+
+    /// Which kernel answers each kind of batch.
+    pub fn routes(&self) -> [Route; 4] {
+        let closest = known(self.closest.as_ref());
+        let tiles = known(self.tiles.as_ref()).or(closest);
+        [
+            ("single", None),
+            ("closest", closest),
+            ("tiles", tiles),
+            ("shadow", known(self.shadow.as_ref())),
+        ]
+        .map(|(batch, group)| {
+            let (rays, counted) = group.unwrap_or((Rays::Single, true));
+            Route {
+                batch,
+                nodes: self.nodes,
+                rays,
+                counted,
+            }
+        })
+    }
+}
+
+/// How the rays of a kernel go together, and whether it counts them.
+fn known<Q: Query>(group: Option<&Together<Q>>) -> Option<(Rays, bool)> {
+    group.map(|group| (group.rays, group.kernel.counts()))
 }

@@ -3,6 +3,7 @@
 
 use crate::plan::Plan;
 use crate::spec::{Config, Value};
+use crate::way::{NODES, TRAVERSAL, Way};
 use halfspace_base::Monitor;
 use halfspace_base::error::Result;
 use halfspace_leaf::blocks::Blocks;
@@ -11,7 +12,7 @@ use halfspace_nodes::lazy_tree::Progress;
 use halfspace_nodes::shape::Shape;
 use halfspace_ray::frame::Frame;
 use halfspace_scene::Triangles;
-use std::fmt::Debug;
+use std::fmt::{self, Debug};
 use std::sync::Arc;
 
 /// A structure's row.
@@ -31,6 +32,8 @@ pub struct StructureSpec {
     pub paper: &'static str,
     /// Its own parameters; see [`Self::all_params`].
     pub params: &'static [ParamSpec],
+    /// All valid pairs of nodes and traversal; the first is the default.
+    pub ways: &'static [Way],
     /// Builds it over the live triangles, in the current rayon pool.
     pub build: fn(&Triangles, &Config, &Monitor) -> Result<Built>,
 }
@@ -44,15 +47,11 @@ pub trait Growing: Debug + Send + Sync {
     fn whole(&self, scene: &Triangles, frame: &Frame, left_out: &[String]) -> Built;
 }
 
-/// Nodes that were made from the tree, for kernels that do not run on the tree itself.
+/// What was made from the tree for kernels that do not run on the tree alone: its leaves are those of the tree.
 #[derive(Debug, Clone)]
 pub struct Derived {
-    /// The nodes.
+    /// The nodes or links.
     pub tree: Arc<dyn Tree>,
-    /// Their leaves, where those are not the leaves of the tree.
-    pub leaves: Option<Arc<Blocks>>,
-    /// Whether single rays traverse these nodes in place of the tree's.
-    pub single: bool,
 }
 
 /// What a build function returns.
@@ -77,17 +76,6 @@ pub struct Built {
 }
 
 impl Built {
-    /// The tree that single rays traverse, and its leaves.
-    pub fn traversed(&self) -> (Option<&dyn Tree>, &Blocks) {
-        match self.derived.iter().find(|derived| derived.single) {
-            Some(derived) => (
-                Some(&*derived.tree),
-                derived.leaves.as_deref().unwrap_or(&self.leaves),
-            ),
-            None => (self.tree.as_deref(), &self.leaves),
-        }
-    }
-
     /// Whether both have the same nodes, bit for bit.
     pub fn same_nodes(&self, other: &Self) -> bool {
         match (&self.tree, &other.tree) {
@@ -99,9 +87,7 @@ impl Built {
 
     /// Bytes of nodes and leaves, those of derived nodes included.
     pub fn bytes(&self) -> usize {
-        let derived = self.derived.iter().map(|derived| {
-            derived.tree.bytes() + derived.leaves.as_ref().map_or(0, |leaves| leaves.bytes())
-        });
+        let derived = self.derived.iter().map(|derived| derived.tree.bytes());
         let nodes = match &self.growing {
             Some(growing) => growing.progress().bytes,
             None => self.tree.as_ref().map_or(0, |tree| tree.bytes()),
@@ -125,7 +111,102 @@ pub struct ParamSpec {
     pub kind: Kind,
     /// Value where none is given.
     pub default: Value,
+    /// Part of a panel that shows it.
+    pub group: Group,
+    /// Where it has an effect: where each of these holds.
+    pub needs: &'static [Need],
 }
+
+/// Parts of a panel.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Group {
+    /// What matters most; always open.
+    Main,
+    /// How the tree is built.
+    Builder,
+    /// Prices of the cost model.
+    Costs,
+    /// Rounding, and what leaves store.
+    Numerics,
+}
+
+impl Group {
+    /// The name in registries.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Main => "main",
+            Self::Builder => "builder",
+            Self::Costs => "costs",
+            Self::Numerics => "numerics",
+        }
+    }
+}
+
+/// A condition on another parameter of the same structure.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Need {
+    /// The other parameter.
+    pub key: &'static str,
+    /// Its values under which the condition holds.
+    pub only: Only,
+}
+
+/// A set of values.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Only {
+    /// These options of a choice.
+    Options(&'static [&'static str]),
+    /// Numbers above this one.
+    Above(f64),
+}
+
+impl Need {
+    /// Whether the condition holds for a value of the other parameter.
+    pub fn holds(&self, value: &Value) -> bool {
+        match (self.only, value) {
+            (Only::Options(options), Value::Choice(x)) => options.contains(x),
+            #[expect(clippy::cast_precision_loss, reason = "small numbers")]
+            (Only::Above(least), Value::Integer(x)) => *x as f64 > least,
+            (Only::Above(least), Value::Float(x)) => *x > least,
+            _ => false,
+        }
+    }
+}
+
+impl fmt::Display for Need {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.only {
+            Only::Options(options) => write!(f, "{}={}", self.key, options.join("|")),
+            Only::Above(least) => write!(f, "{} above {least}", self.key),
+        }
+    }
+}
+
+/// An option of a choice.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Named {
+    /// Value in configuration strings.
+    pub name: &'static str,
+    /// Name in user interfaces.
+    pub label: &'static str,
+    /// One clause for the documentation; empty where the parameter's own text says it.
+    pub doc: &'static str,
+}
+
+/// An option that its parameter's text describes.
+pub const fn named(name: &'static str, label: &'static str) -> Named {
+    Named {
+        name,
+        label,
+        doc: "",
+    }
+}
+
+/// A switch that is off by default.
+pub const OFF_ON: Kind = Kind::Choice(&[named("0", "Off"), named("1", "On")]);
+
+/// A switch that is on by default.
+pub const ON_OFF: Kind = Kind::Choice(&[named("1", "On"), named("0", "Off")]);
 
 /// Type and range of a parameter.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -144,38 +225,42 @@ pub enum Kind {
         /// Largest value.
         max: f64,
     },
-    /// One of these names.
-    Choice(&'static [&'static str]),
-    /// One of these names, each with its description: the rows of a table of traversals.
-    Described(&'static [(&'static str, &'static str)]),
+    /// One of these options.
+    Choice(&'static [Named]),
 }
 
 impl Kind {
     /// The names of a choice; `None` for a number.
     pub fn options(&self) -> Option<Vec<&'static str>> {
         match self {
-            Self::Choice(names) => Some(names.to_vec()),
-            Self::Described(rows) => Some(rows.iter().map(|(name, _)| *name).collect()),
+            Self::Choice(options) => Some(options.iter().map(|option| option.name).collect()),
             _ => None,
         }
     }
 }
 
 impl ParamSpec {
-    /// The description with a clause for each described option.
+    /// The description with a clause for each option that has one.
     pub fn full_doc(&self) -> String {
-        let Kind::Described(rows) = self.kind else {
+        let Kind::Choice(options) = self.kind else {
             return self.doc.to_owned();
         };
-        let rows: Vec<_> = rows
-            .iter()
-            .map(|(name, doc)| format!("{name}: {doc}"))
+        let described: Vec<_> = (options.iter().filter(|option| !option.doc.is_empty()))
+            .map(|option| format!("{}: {}", option.name, option.doc))
             .collect();
+        if described.is_empty() {
+            return self.doc.to_owned();
+        }
         format!(
             "{}. {}. The answers are the same",
             self.doc,
-            rows.join("; ")
+            described.join("; ")
         )
+    }
+
+    /// The same parameter with these conditions.
+    pub const fn needing(self, needs: &'static [Need]) -> Self {
+        Self { needs, ..self }
     }
 }
 
@@ -190,10 +275,37 @@ impl StructureSpec {
         own.iter().chain(common)
     }
 
-    /// The traversals that it offers, the default first.
+    /// The traversals that it offers through its own nodes, the default first; empty with only one.
     pub fn traversals(&self) -> Vec<&'static str> {
-        let traversal = self.params.iter().find(|p| p.name == "traversal");
-        traversal.and_then(|p| p.kind.options()).unwrap_or_default()
+        let own = self.ways[0].nodes;
+        (self.ways.iter())
+            .filter(|way| way.nodes == own && !way.traversal.is_empty())
+            .map(|way| way.traversal)
+            .collect()
+    }
+
+    /// The part of a configuration string that chooses a way; empty for the default.
+    pub fn spelled(&self, way: &Way) -> String {
+        let usual = &self.ways[0];
+        let choices = [
+            (NODES, way.nodes, usual.nodes),
+            (TRAVERSAL, way.traversal, usual.traversal),
+        ];
+        let changed = choices.iter().filter(|(_, value, usual)| value != usual);
+        let parts: Vec<_> = changed
+            .map(|(key, value, _)| format!("{key}={value}"))
+            .collect();
+        parts.join(",")
+    }
+
+    /// Configuration strings for all ways, the default first.
+    pub fn spelled_ways(&self) -> Vec<String> {
+        let spelled = self.ways.iter().map(|way| self.spelled(way));
+        let whole = spelled.map(|part| {
+            let separator = if part.is_empty() { "" } else { ":" };
+            format!("{}{separator}{part}", self.id)
+        });
+        whole.collect()
     }
 }
 
@@ -204,8 +316,13 @@ pub const SHADOW: ParamSpec = ParamSpec {
     doc: "cache: the triangle that blocked a light last is tested first (Wilt 1994). Saves time where shadows are large, \
           and costs a test where they end. The answer is the same",
     unit: "",
-    kind: Kind::Choice(&["none", "cache"]),
+    kind: Kind::Choice(&[
+        named("none", "As Other Rays"),
+        named("cache", "Blocker First"),
+    ]),
     default: Value::Choice("none"),
+    group: Group::Main,
+    needs: &[],
 };
 
 /// The same for trees that divide space, which offer beams too.
@@ -214,7 +331,11 @@ pub const SHADOW_BEAM: ParamSpec = ParamSpec {
           through the tree together; mostly one traversal shows that nothing blocks any of 64. On trees \
           of planes that saves traversals, but is still slower than single rays. \
           The answer is the same",
-    kind: Kind::Choice(&["none", "cache", "beam"]),
+    kind: Kind::Choice(&[
+        named("none", "As Other Rays"),
+        named("cache", "Blocker First"),
+        named("beam", "Beams"),
+    ]),
     ..SHADOW
 };
 

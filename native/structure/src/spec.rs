@@ -2,6 +2,7 @@
 //! Configuration strings: `id`, or `id:key=value,key=value`.
 
 use crate::row::{Kind, ParamSpec, StructureSpec};
+use crate::way::{NODES, TRAVERSAL, Way, former};
 use halfspace_base::error::{Error, Result};
 use std::fmt::{self, Write};
 
@@ -35,43 +36,25 @@ pub struct Config {
 
 impl Config {
     /// Reads the part of a configuration string behind the colon: `key=value,key=value`. Keys not given take their
-    /// defaults. The registry reads whole strings.
+    /// defaults; the traversal of nodes without the default one is their first. The registry reads whole strings.
     ///
     /// # Errors
-    /// [`Error::Spec`] that names an unknown key, a key given twice, or a value out of its range.
+    /// [`Error::Spec`] that names an unknown key, a key given twice, a value out of its range, nodes and a traversal that
+    /// do not go together, or a value without effect beside the others.
     pub fn read(structure: &'static StructureSpec, rest: &str) -> Result<Self> {
-        let id = structure.id;
-        let mut values: Vec<_> = structure.all_params().map(|p| (p, p.default)).collect();
-        let mut given = vec![false; values.len()];
+        let mut reader = Reader::new(structure);
         for pair in rest
             .split(',')
             .map(str::trim)
             .filter(|pair| !pair.is_empty())
         {
             let (key, text) = pair.split_once('=').ok_or_else(|| {
+                let id = structure.id;
                 Error::Spec(format!("spec: '{pair}' in '{id}' should read key=value"))
             })?;
-            // Find the parameter of this key.
-            let slot = values.iter().position(|(p, _)| p.name == key.trim());
-            let slot = slot.ok_or_else(|| {
-                let known: Vec<_> = values.iter().map(|(p, _)| p.name).collect();
-                Error::Spec(format!(
-                    "spec: '{id}' has no key '{}'; it has {}",
-                    key.trim(),
-                    known.join(", ")
-                ))
-            })?;
-            // Reject a key that is given twice.
-            if std::mem::replace(&mut given[slot], true) {
-                let name = values[slot].0.name;
-                return Err(Error::Spec(format!(
-                    "spec: {name} is given twice in '{id}'"
-                )));
-            }
-            let slot = &mut values[slot];
-            slot.1 = slot.0.parse(text.trim())?;
+            reader.give(key.trim(), text.trim())?;
         }
-        Ok(Self { structure, values })
+        reader.finish()
     }
 
     /// Returns the structure's row in the registry.
@@ -82,12 +65,38 @@ impl Config {
     /// Returns the shortest string of this configuration: only the values that differ from their defaults.
     pub fn canonical(&self) -> String {
         let mut text = self.structure.id.to_owned();
-        let changed = self.values.iter().filter(|(p, v)| p.default != *v);
+        let usual = self.usual_traversal();
+        let changed = self.values.iter().filter(|(p, v)| match usual {
+            Some(usual) if p.name == TRAVERSAL => *v != Value::Choice(usual),
+            _ => p.default != *v,
+        });
         for (i, (param, value)) in changed.enumerate() {
             let separator = if i == 0 { ':' } else { ',' };
             write!(text, "{separator}{}={value}", param.name).expect("writing to a string");
         }
         text
+    }
+
+    /// The traversal that the chosen nodes have where none is given; `None` without a choice of nodes.
+    fn usual_traversal(&self) -> Option<&'static str> {
+        let Some(Value::Choice(nodes)) = self.find(NODES) else {
+            return None;
+        };
+        let first = self.structure.ways.iter().find(|way| way.nodes == *nodes);
+        first.map(|way| way.traversal)
+    }
+
+    /// The chosen nodes and traversal.
+    pub fn way(&self) -> &'static Way {
+        let chosen = |key: &str, usual| match self.find(key) {
+            Some(Value::Choice(name)) => *name,
+            _ => usual,
+        };
+        let ways = self.structure.ways;
+        let nodes = chosen(NODES, ways[0].nodes);
+        let traversal = chosen(TRAVERSAL, ways[0].traversal);
+        let way = (ways.iter()).find(|way| way.nodes == nodes && way.traversal == traversal);
+        way.expect("reading checks the pair")
     }
 
     /// The value of a parameter; `None` when the structure's row declares no such parameter.
@@ -154,6 +163,148 @@ impl Config {
     }
 }
 
+/// The state of reading a configuration string.
+struct Reader {
+    structure: &'static StructureSpec,
+    values: Vec<(&'static ParamSpec, Value)>,
+    /// Whether each value was given.
+    given: Vec<bool>,
+}
+
+impl Reader {
+    fn new(structure: &'static StructureSpec) -> Self {
+        let values: Vec<_> = structure.all_params().map(|p| (p, p.default)).collect();
+        Self {
+            structure,
+            given: vec![false; values.len()],
+            values,
+        }
+    }
+
+    fn slot(&self, key: &str) -> Option<usize> {
+        self.values.iter().position(|(p, _)| p.name == key)
+    }
+
+    /// Takes one `key=value`; a former value of `traversal` may choose the nodes too.
+    fn give(&mut self, key: &str, text: &str) -> Result<()> {
+        let former = former(text).filter(|_| key == TRAVERSAL && self.slot(key).is_some());
+        let Some(former) = former else {
+            return self.set(key, text);
+        };
+        // A former name of nodes chooses nothing for a structure that has no other nodes.
+        match former.nodes {
+            Some(nodes) if self.slot(NODES).is_some() => {
+                self.set(key, former.traversal)?;
+                self.set(NODES, nodes)
+            }
+            _ => self.set(key, former.traversal),
+        }
+    }
+
+    fn set(&mut self, key: &str, text: &str) -> Result<()> {
+        let id = self.structure.id;
+        // Find the parameter of this key.
+        let slot = self.slot(key).ok_or_else(|| {
+            let known: Vec<_> = self.values.iter().map(|(p, _)| p.name).collect();
+            Error::Spec(format!(
+                "spec: '{id}' has no key '{key}'; it has {}",
+                known.join(", ")
+            ))
+        })?;
+        // Reject a key that is given twice.
+        if std::mem::replace(&mut self.given[slot], true) {
+            return Err(Error::Spec(format!("spec: {key} is given twice in '{id}'")));
+        }
+        let slot = &mut self.values[slot];
+        slot.1 = slot.0.parse(text)?;
+        Ok(())
+    }
+
+    fn chosen(&self, key: &str) -> Option<&'static str> {
+        match self.values[self.slot(key)?].1 {
+            Value::Choice(name) => Some(name),
+            _ => None,
+        }
+    }
+
+    /// Checks the values together.
+    fn finish(mut self) -> Result<Config> {
+        self.choose_way()?;
+        self.check_beams()?;
+        self.check_needs()?;
+        Ok(Config {
+            structure: self.structure,
+            values: self.values,
+        })
+    }
+
+    /// Takes the first traversal of the chosen nodes if none was given, and checks that the two go together.
+    fn choose_way(&mut self) -> Result<()> {
+        let ways = self.structure.ways;
+        let (Some(nodes), Some(at)) = (self.chosen(NODES), self.slot(TRAVERSAL)) else {
+            return Ok(());
+        };
+        if !self.given[at] {
+            let first = ways.iter().find(|way| way.nodes == nodes);
+            let first = first.expect("each option of nodes has a way").traversal;
+            self.values[at].1 = Value::Choice(first);
+        }
+        let traversal = self.chosen(TRAVERSAL).unwrap_or_default();
+        if ways
+            .iter()
+            .any(|way| way.nodes == nodes && way.traversal == traversal)
+        {
+            return Ok(());
+        }
+        // Name what would do.
+        let through: Vec<_> = (ways.iter().filter(|way| way.nodes == nodes))
+            .map(|way| way.traversal)
+            .collect();
+        let by: Vec<_> = (ways.iter().filter(|way| way.traversal == traversal))
+            .map(|way| way.nodes)
+            .collect();
+        Err(Error::Spec(format!(
+            "spec: '{}' has no traversal={traversal} through nodes={nodes}; nodes={nodes} has {}, and \
+             traversal={traversal} needs nodes={}",
+            self.structure.id,
+            through.join(", "),
+            by.join("|")
+        )))
+    }
+
+    /// Checks that beams of shadow rays have the tree's own nodes.
+    fn check_beams(&self) -> Result<()> {
+        let own = self.structure.ways[0].nodes;
+        match (self.chosen("shadow"), self.chosen(NODES)) {
+            (Some("beam"), Some(nodes)) if nodes != own => Err(Error::Spec(format!(
+                "spec: shadow=beam needs nodes={own}, got nodes={nodes}"
+            ))),
+            _ => Ok(()),
+        }
+    }
+
+    /// Checks that each value that was given and differs from the default has an effect.
+    fn check_needs(&self) -> Result<()> {
+        for ((param, value), _) in
+            (self.values.iter().zip(&self.given)).filter(|(_, given)| **given)
+        {
+            if param.default == *value {
+                continue;
+            }
+            for need in param.needs {
+                let other = self.slot(need.key).map(|slot| &self.values[slot].1);
+                if let Some(other) = other.filter(|other| !need.holds(other)) {
+                    return Err(Error::Spec(format!(
+                        "spec: {}={value} has no effect in '{}' with {}={other}; it needs {need}",
+                        param.name, self.structure.id, need.key
+                    )));
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
 impl ParamSpec {
     /// Parses and checks one value of this parameter.
     fn parse(&self, text: &str) -> Result<Value> {
@@ -169,7 +320,7 @@ impl ParamSpec {
                 Ok(x) if (min..=max).contains(&x) => Ok(Value::Float(x)),
                 _ => Err(wrong(format!("a number from {min} to {max}"))),
             },
-            Kind::Choice(_) | Kind::Described(_) => {
+            Kind::Choice(_) => {
                 let options = self.kind.options().unwrap_or_default();
                 match options.iter().find(|option| **option == text) {
                     Some(option) => Ok(Value::Choice(option)),

@@ -3,6 +3,7 @@
 
 use crate::leaf_depth::LeafDepths;
 use crate::outline::Outline;
+use crate::plan::Route;
 use crate::row::Built;
 use crate::spec::Config;
 use halfspace_base::error::{Error, Result};
@@ -116,9 +117,14 @@ impl Structure {
         }
     }
 
-    /// The leaves that single rays test.
-    pub fn leaves_traversed(&self) -> &Blocks {
-        self.built().traversed().1
+    /// The leaves that rays test.
+    pub fn leaves(&self) -> &Blocks {
+        &self.built().leaves
+    }
+
+    /// Which kernel answers each kind of batch.
+    pub fn routes(&self) -> [Route; 4] {
+        self.built.plan.routes()
     }
 
     /// Name of the traversal that counters count where the kernel of a batch cannot count.

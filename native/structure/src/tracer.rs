@@ -2,6 +2,7 @@
 //! Rays through a structure: each batch goes to the kernel that the plan names.
 
 use crate::leaf_depth::LeafDepths;
+use crate::plan::Together;
 use crate::row::Built;
 use crate::structure::Structure;
 use fearless_simd::Level;
@@ -116,13 +117,14 @@ impl Structure {
 
 /// Traces a batch by `kernel`, or by single rays where there is none or it cannot count. `counters`: one per ray, or none.
 fn trace<Q: Query>(
-    kernel: Option<&dyn Kernel<Q>>,
+    group: Option<&Together<Q>>,
     single: &dyn Kernel<Q>,
     batch: &Batch<'_>,
     answers: &mut [Q::Answer],
     counters: Option<&mut [RayCounters]>,
 ) {
     assert_eq!(batch.rays.len(), answers.len(), "one answer per ray");
+    let kernel = group.map(|group| &*group.kernel);
     match counters {
         None => kernel.unwrap_or(single).trace(batch, answers),
         Some(counters) => {
@@ -157,7 +159,7 @@ impl Tracer for AtLevel<'_> {
         let plan = &self.structure.built.plan;
         let single: &dyn SingleRays = &*plan.single;
         let batch = self.structure.batch(self.level, rays);
-        trace::<Closest>(plan.closest.as_deref(), single, &batch, hits, counters);
+        trace::<Closest>(plan.closest.as_ref(), single, &batch, hits, counters);
     }
 
     fn closest_ordered(
@@ -168,17 +170,17 @@ impl Tracer for AtLevel<'_> {
         order: Order,
     ) {
         let plan = &self.structure.built.plan;
-        let Some(tiles) = plan.tiles.as_deref().filter(|_| order == Order::Tiles) else {
+        let Some(tiles) = plan.tiles.as_ref().filter(|_| order == Order::Tiles) else {
             return self.closest(rays, hits, counters);
         };
         let batch = self.structure.batch(self.level, rays);
         assert_eq!(rays.len(), hits.len(), "one answer per ray");
         let answered = match counters.as_deref_mut() {
             None => {
-                tiles.trace(&batch, hits);
+                tiles.kernel.trace(&batch, hits);
                 true
             }
-            Some(counters) => tiles.count(&batch, hits, counters),
+            Some(counters) => tiles.kernel.count(&batch, hits, counters),
         };
         if !answered {
             self.closest(rays, hits, counters);
@@ -189,7 +191,7 @@ impl Tracer for AtLevel<'_> {
         let plan = &self.structure.built.plan;
         let single: &dyn SingleRays = &*plan.single;
         let batch = self.structure.batch(self.level, rays);
-        trace::<Any>(plan.shadow.as_deref(), single, &batch, occluded, counters);
+        trace::<Any>(plan.shadow.as_ref(), single, &batch, occluded, counters);
     }
 }
 
@@ -222,7 +224,7 @@ impl Tracer for Structure {
     }
 
     fn near_rays(&self) -> Option<Aabb> {
-        let bytes = self.built.plan.closest.as_ref()?.working_set()?;
+        let bytes = self.built.plan.closest.as_ref()?.kernel.working_set()?;
         (bytes > IN_CACHE).then(|| self.scene.bounds())
     }
 

@@ -22,6 +22,7 @@ use halfspace::scene::Triangles;
 use halfspace::structure::Structure;
 use halfspace::structure::row::Kind;
 use halfspace::structure::spec::Config;
+use halfspace::structure::way::{NODES, TRAVERSAL};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -74,8 +75,12 @@ impl Bytes<'_> {
     /// A valid configuration of any structure.
     fn config(&mut self) -> Config {
         let tree = &TREES[usize::from(self.byte()) % TREES.len()];
-        let mut pairs = Vec::new();
-        for param in tree.params.iter().filter(|p| p.name != "robust") {
+        let mut spec = format!("{}:{}", tree.id, {
+            let way = &tree.ways[usize::from(self.byte()) % tree.ways.len()];
+            tree.spelled(way)
+        });
+        let own = ["robust", NODES, TRAVERSAL];
+        for param in tree.params.iter().filter(|p| !own.contains(&p.name)) {
             let value = match (self.byte() % 4, param.kind) {
                 (0, Kind::Integer { min, max }) => {
                     (min + i64::from(self.word()).rem_euclid(max - min + 1)).to_string()
@@ -83,15 +88,18 @@ impl Bytes<'_> {
                 (0, Kind::Float { min, max }) => {
                     (min + f64::from(self.byte()) / 255.0 * (max - min)).to_string()
                 }
-                (0, Kind::Choice(_) | Kind::Described(_)) => {
-                    let options = param.kind.options().expect("it is a choice");
-                    options[usize::from(self.byte()) % options.len()].to_owned()
-                }
+                (0, Kind::Choice(options)) => options[usize::from(self.byte()) % options.len()]
+                    .name
+                    .to_owned(),
                 _ => continue,
             };
-            pairs.push(format!("{}={value}", param.name));
+            // Leave out what has no effect beside the others.
+            let more = format!("{spec},{}={value}", param.name);
+            if registry::parse(&more).is_ok() {
+                spec = more;
+            }
         }
-        registry::parse(&format!("{}:{}", tree.id, pairs.join(","))).expect("a valid configuration")
+        registry::parse(&spec).expect("a valid configuration")
     }
 
     /// Up to 63 triangles over up to 255 vertices.

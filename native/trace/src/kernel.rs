@@ -27,6 +27,11 @@ pub trait Kernel<Q: Query>: Debug + Send + Sync {
         false
     }
 
+    /// Whether [`Self::count`] counts what this kernel does.
+    fn counts(&self) -> bool {
+        false
+    }
+
     /// Bytes that rays in random order read from, if the kernel gains from near rays following one another; `None` if
     /// it does not.
     fn working_set(&self) -> Option<usize> {
@@ -68,20 +73,6 @@ pub trait SingleRays: Kernel<Closest> + Kernel<Any> {
     /// Returns the seconds that each chunk of rays took, and the number of rays that did not visit the recorded leaves,
     /// which is 0 unless there is a bug.
     fn replay(&self, batch: &Batch<'_>, recording: &Recording) -> (Vec<f64>, usize);
-}
-
-/// A kernel without its counting version, which then is not compiled.
-#[derive(Debug)]
-pub struct Uncounted<K>(pub K);
-
-impl<Q: Query, K: Kernel<Q>> Kernel<Q> for Uncounted<K> {
-    fn trace(&self, batch: &Batch<'_>, answers: &mut [Q::Answer]) {
-        self.0.trace(batch, answers);
-    }
-
-    fn working_set(&self) -> Option<usize> {
-        self.0.working_set()
-    }
 }
 
 /// Stores the answer of ray `i` in `answers[i]`.

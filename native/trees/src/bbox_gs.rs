@@ -3,6 +3,7 @@
 //! ray tracers of the early nineties used, among them the OORT library.
 
 use crate::bih::LEAVES;
+use crate::ways::only_singly;
 use crate::{objects, params};
 use halfspace_base::Monitor;
 use halfspace_base::error::Result;
@@ -14,12 +15,15 @@ use halfspace_nodes::dop_tree::DopTree;
 use halfspace_nodes::nested;
 use halfspace_ray::frame::Frame;
 use halfspace_scene::Triangles;
-use halfspace_structure::row::{Kind, ParamSpec, StructureSpec};
+use halfspace_structure::row::{Group, Kind, ParamSpec, StructureSpec, named};
 use halfspace_structure::spec::{Config, Value};
+use halfspace_structure::way::Way;
 use halfspace_structure::{Built, Plan};
 use halfspace_trace::kernel::SingleRays;
 use halfspace_trace::single::objects::dops;
 use std::sync::Arc;
+
+const WAYS: [Way; 1] = only_singly("boxes");
 
 /// The registry's row.
 pub const SPEC: StructureSpec = StructureSpec {
@@ -31,6 +35,7 @@ pub const SPEC: StructureSpec = StructureSpec {
     paper: "Goldsmith and Salmon 1987, Automatic creation of object hierarchies for ray tracing; Kay and \
             Kajiya 1986, Ray tracing complex scenes",
     params: PARAMS,
+    ways: &WAYS,
     build: |scene, config, monitor| build(scene, config, monitor, Search::Greedy),
 };
 
@@ -54,8 +59,14 @@ const SLABS: ParamSpec = ParamSpec {
     doc: "Pairs of planes around each node: 3 are a box, 7 add the diagonals of the cube, 13 those of its \
           faces too. More fit closer and cost memory and time at each node",
     unit: "slabs",
-    kind: Kind::Choice(&["3", "7", "13"]),
+    kind: Kind::Choice(&[
+        named("3", "3 Slabs"),
+        named("7", "7 Slabs"),
+        named("13", "13 Slabs"),
+    ]),
     default: Value::Choice("3"),
+    group: Group::Main,
+    needs: &[],
 };
 
 const CHILDREN: ParamSpec = ParamSpec {
@@ -68,6 +79,8 @@ const CHILDREN: ParamSpec = ParamSpec {
         max: WIDEST as i64,
     },
     default: Value::Integer(WIDEST as i64),
+    group: Group::Main,
+    needs: &[],
 };
 
 const LEAF_SIZE: ParamSpec = ParamSpec {
@@ -78,6 +91,8 @@ const LEAF_SIZE: ParamSpec = ParamSpec {
     unit: "triangles",
     kind: Kind::Integer { min: 1, max: 64 },
     default: Value::Integer(4),
+    group: Group::Builder,
+    needs: &[],
 };
 
 const SEED: ParamSpec = ParamSpec {
@@ -90,6 +105,8 @@ const SEED: ParamSpec = ParamSpec {
         max: 0x7fff_ffff,
     },
     default: Value::Integer(1),
+    group: Group::Builder,
+    needs: &[],
 };
 
 fn build(scene: &Triangles, config: &Config, monitor: &Monitor, search: Search) -> Result<Built> {
@@ -139,14 +156,13 @@ impl Inserted<'_> {
         let shape = nested::shape(&tree, self.frame.bounds());
         let leaves = Arc::new(leaves.write(self.scene, &self.frame, &ids));
         let tree = Arc::new(tree);
-        let plan = Plan::single("heap", kernel(&tree, &leaves));
+        let plan = Plan::single("boxes", "heap", kernel(&tree, &leaves));
         Ok(objects::built(
             self.config,
             self.frame,
             tree,
             leaves,
             plan,
-            false,
             shape,
         ))
     }

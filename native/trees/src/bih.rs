@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Bounding interval hierarchies: one build, and a row for each form of the nodes (Wächter and Keller 2006).
 
+use crate::ways::only_singly;
 use crate::{objects, params};
 use halfspace_base::Monitor;
 use halfspace_base::error::Result;
@@ -18,8 +19,9 @@ use halfspace_nodes::slab_tree::SlabTree;
 use halfspace_nodes::slab_wide::WideSlabs;
 use halfspace_ray::frame::Frame;
 use halfspace_scene::Triangles;
-use halfspace_structure::row::{Kind, ParamSpec, StructureSpec};
+use halfspace_structure::row::{Group, Kind, ParamSpec, StructureSpec, named};
 use halfspace_structure::spec::{Config, Value};
+use halfspace_structure::way::Way;
 use halfspace_structure::{Built, Plan};
 use halfspace_trace::kernel::SingleRays;
 use halfspace_trace::single::objects::{slab_boxes, slabs, wide_slabs};
@@ -33,6 +35,8 @@ const LEAF_SIZE: ParamSpec = ParamSpec {
     unit: "triangles",
     kind: Kind::Integer { min: 1, max: 64 },
     default: Value::Integer(6),
+    group: Group::Builder,
+    needs: &[],
 };
 
 /// What leaves keep.
@@ -42,8 +46,13 @@ pub const LEAVES: ParamSpec = ParamSpec {
     doc: "indices: leaves name triangles and corners, less than half the memory. corners: they hold \
           copies, which are tested sooner and take longer to build",
     unit: "",
-    kind: Kind::Choice(&["indices", "corners"]),
+    kind: Kind::Choice(&[
+        named("indices", "Indices"),
+        named("corners", "Copies of Corners"),
+    ]),
     default: Value::Choice("indices"),
+    group: Group::Numerics,
+    needs: &[],
 };
 
 /// When empty space is cut off.
@@ -55,6 +64,8 @@ pub const EMPTY: ParamSpec = ParamSpec {
     unit: "",
     kind: Kind::Float { min: 0.0, max: 1.0 },
     default: Value::Float(0.7),
+    group: Group::Costs,
+    needs: &[],
 };
 
 /// The threshold below which empty space is cut off, from the configuration.
@@ -62,13 +73,15 @@ pub fn tighten(config: &Config) -> Tighten {
     Tighten(f64::from(config.float("empty")))
 }
 
-const WAYS: ParamSpec = ParamSpec {
+const CHILDREN: ParamSpec = ParamSpec {
     name: "n",
     label: "Width",
     doc: "Intervals per node, all tested at once. More makes fewer, dearer steps; 2 is another name of bih4",
     unit: "intervals",
-    kind: Kind::Choice(&["4", "2", "8"]),
+    kind: Kind::Choice(&[named("4", "4"), named("2", "2"), named("8", "8")]),
     default: Value::Choice("4"),
+    group: Group::Main,
+    needs: &[],
 };
 
 const WACHTER_KELLER: &str =
@@ -76,6 +89,8 @@ const WACHTER_KELLER: &str =
 
 const WACHTER: &str = "Wächter and Keller 2006, Instant ray tracing: the bounding interval hierarchy; \
                        Wächter 2008, Quasi-Monte Carlo light transport simulation by efficient ray tracing";
+
+const WAYS: [Way; 1] = only_singly("intervals");
 
 /// The registry's row: two planes a node.
 pub const PLAIN: StructureSpec = StructureSpec {
@@ -88,6 +103,7 @@ pub const PLAIN: StructureSpec = StructureSpec {
             McDonell and Sacks-Davis 1987, Spatial kd-tree; Zachmann 2002, Minimal hierarchical \
             collision detection",
     params: &[LEAF_SIZE, EMPTY, LEAVES, params::ROBUST],
+    ways: &WAYS,
     build: |scene, config, monitor| {
         let order = by_grid(scene, config, monitor, 2)?;
         order.lay_out(
@@ -189,7 +205,7 @@ pub const WIDE: StructureSpec = StructureSpec {
     label: "Interval hierarchy, wide",
     summary: "Several intervals a node along one axis, tested at once.",
     paper: WACHTER,
-    params: &[WAYS, LEAF_SIZE, EMPTY, LEAVES, params::ROBUST],
+    params: &[CHILDREN, LEAF_SIZE, EMPTY, LEAVES, params::ROBUST],
     build: |scene, config, monitor| {
         let ways = config.choice("n").parse().expect("a choice of numbers");
         wide(scene, config, monitor, ways)
@@ -266,14 +282,13 @@ impl Ordered<'_> {
             || leaves.write(self.scene, &self.frame, &self.binary.ids),
         );
         let (tree, leaves) = (Arc::new(tree), Arc::new(blocks));
-        let plan = Plan::single("intervals", kernel(&tree, &leaves, bounds));
+        let plan = Plan::single("intervals", "intervals", kernel(&tree, &leaves, bounds));
         Ok(objects::built(
             self.config,
             self.frame,
             tree,
             leaves,
             plan,
-            false,
             shape,
         ))
     }

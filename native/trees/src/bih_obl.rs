@@ -3,6 +3,8 @@
 //! against, for measuring what it does.
 
 use crate::bih::{EMPTY, LEAVES};
+use crate::bsp::params::MORE_THAN_AXES;
+use crate::ways::only_singly;
 use crate::{objects, params};
 use halfspace_base::Monitor;
 use halfspace_base::error::Result;
@@ -13,8 +15,9 @@ use halfspace_nodes::slant_tree::SlantTree;
 use halfspace_nodes::slanted_tree::DIRECTIONS;
 use halfspace_ray::frame::Frame;
 use halfspace_scene::Triangles;
-use halfspace_structure::row::{Kind, ParamSpec, StructureSpec};
+use halfspace_structure::row::{Group, Kind, ParamSpec, StructureSpec};
 use halfspace_structure::spec::{Config, Value};
+use halfspace_structure::way::Way;
 use halfspace_structure::{Built, Plan};
 use halfspace_trace::single::objects::slanted::slanted as slanted_rays;
 use std::sync::Arc;
@@ -32,6 +35,8 @@ const K: ParamSpec = ParamSpec {
         max: DIRECTIONS as i64,
     },
     default: Value::Integer(DIRECTIONS as i64),
+    group: Group::Main,
+    needs: &[],
 };
 
 const OBLIQUE_STEP: ParamSpec = ParamSpec {
@@ -41,7 +46,11 @@ const OBLIQUE_STEP: ParamSpec = ParamSpec {
     unit: "",
     kind: Kind::Float { min: 0.0, max: 1e6 },
     default: Value::Float(12.0),
+    group: Group::Costs,
+    needs: MORE_THAN_AXES,
 };
+
+const WAYS: [Way; 1] = only_singly("intervals");
 
 /// The registry's row.
 pub const SPEC: StructureSpec = StructureSpec {
@@ -63,6 +72,7 @@ pub const SPEC: StructureSpec = StructureSpec {
         params::triangle_cost(COSTS),
         params::LEAF_MAX,
     ],
+    ways: &WAYS,
     build,
 };
 
@@ -85,8 +95,8 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built>
     let tree = SlantTree::new(&built, &mut leaves)?;
     let leaves = Arc::new(leaves.write(scene, &frame, &built.ids));
     let (tree, shape) = (Arc::new(tree), built.shape());
-    let plan = Plan::single("intervals", slanted_rays(&tree, &leaves));
-    let mut built = objects::built(config, frame, tree, leaves, plan, false, shape);
+    let plan = Plan::single("intervals", "intervals", slanted_rays(&tree, &leaves));
+    let mut built = objects::built(config, frame, tree, leaves, plan, shape);
     if shape.nodes_oblique == 0 && shape.nodes_axis > 0 {
         let reason = "oblique planes: those along the axes were cheaper everywhere";
         built.left_out.push(reason.to_owned());

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Brute force: every ray against every triangle. The oracle that all other structures must equal.
 
+use crate::ways::only_singly;
 use halfspace_base::Monitor;
 use halfspace_base::error::Result;
 use halfspace_leaf::blocks::Blocks;
@@ -9,9 +10,12 @@ use halfspace_ray::frame::Frame;
 use halfspace_scene::Triangles;
 use halfspace_structure::row::StructureSpec;
 use halfspace_structure::spec::Config;
+use halfspace_structure::way::Way;
 use halfspace_structure::{Built, Plan};
 use halfspace_trace::single::brute::brute;
 use std::sync::Arc;
+
+const WAYS: [Way; 1] = only_singly("none");
 
 /// The registry's row.
 pub const SPEC: StructureSpec = StructureSpec {
@@ -22,6 +26,7 @@ pub const SPEC: StructureSpec = StructureSpec {
     summary: "Tests every triangle against every ray: no tree, no doubt. What all others must equal.",
     paper: "Whitted 1980, An improved illumination model for shaded display",
     params: &[],
+    ways: &WAYS,
     build,
 };
 
@@ -34,13 +39,13 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built>
     let mut measure = Measure::default();
     measure.leaf(scene.live().len(), 0, 1.0);
     let leaves = Arc::new(blocks);
-    let plan = Plan::single("all", brute(&leaves, scene.live().len()));
+    let plan = Plan::single("none", "all", brute(&leaves, scene.live().len()));
     Ok(Built {
         frame,
         tree: None,
         leaves,
         derived: Vec::new(),
-        plan: plan.with_shadow(config.choice("shadow"), false, None),
+        plan: plan.with_shadow(config.choice("shadow"), None),
         shape: measure.finish(),
         left_out: Vec::new(),
         growing: None,

@@ -2,10 +2,11 @@
 //! The bounding volume hierarchy of today's renderers: binned surface area heuristic, wide nodes,
 //! ordered traversal. The yardstick of all other structures.
 
-use crate::traversal::{Traversal, chosen, offer, parameter};
+use crate::boxes::{self, Boxes};
+use crate::ways::{all, chosen, distinct, traversal};
 use crate::{objects, params};
 use halfspace_base::Monitor;
-use halfspace_base::error::{Error, Result};
+use halfspace_base::error::Result;
 use halfspace_builders::object;
 use halfspace_leaf::blocks::Blocks;
 use halfspace_leaf::keep::Keep;
@@ -16,12 +17,12 @@ use halfspace_nodes::nested;
 use halfspace_nodes::object_tree::ObjectTree;
 use halfspace_ray::frame::Frame;
 use halfspace_scene::Triangles;
-use halfspace_structure::row::{Kind, ParamSpec, StructureSpec};
+use halfspace_structure::row::{Group, Kind, Named, Need, Only, ParamSpec, StructureSpec, named};
 use halfspace_structure::spec::{Config, Value};
+use halfspace_structure::way::Way;
 use halfspace_structure::{Built, Plan};
 use halfspace_trace::kernel::SingleRays;
-use halfspace_trace::single::objects::boxes::{boxes2, boxes4, boxes8};
-use halfspace_trace::{flight, packet, stream, tile};
+use halfspace_trace::single::objects::boxes::{boxes2, boxes4};
 use std::sync::Arc;
 
 /// The registry's row.
@@ -42,134 +43,32 @@ pub const SPEC: StructureSpec = StructureSpec {
         params::triangle_cost(Costs::BOXES),
         params::LEAF_MAX,
     ],
+    ways: &WAYS,
     build,
 };
 
-/// A tree of eight boxes to a node for which a plan is made.
-struct Boxes {
-    tree: Arc<BoxTree<8>>,
-    leaves: Arc<Blocks>,
-}
+const WAYS: [Way; boxes::TRAVERSALS.len()] = all(&boxes::TRAVERSALS);
 
-/// Makes the kernels for a tree of eight boxes to a node.
-type MakePlan = fn(&Boxes) -> Result<Plan>;
+const OPTIONS: [Named; WAYS.len()] = distinct(&WAYS);
 
-/// Traversals of eight boxes to a node.
-const TRAVERSALS: [Traversal<MakePlan>; 8] = [
-    Traversal {
-        name: "ordered",
-        doc: "one by one, the nearest box first",
-        plan: |boxes| Ok(boxes.singly()),
-    },
-    Traversal {
-        name: "auto",
-        doc: "the fastest for each batch: tile8 for camera rays and for shadow rays, for other rays streams, which visit \
-              each node once for all rays that meet it",
-        plan: |boxes| {
-            let mut plan = boxes.singly();
-            plan.placed = Some(boxes8(&boxes.tree, &boxes.leaves));
-            plan.closest = Some(stream::kernel::boxes(&boxes.tree, &boxes.leaves));
-            plan.tiles = Some(tile::kernel::boxes_uncounted(&boxes.tree, &boxes.leaves));
-            plan.shadow = Some(tile::kernel::shadow_boxes(&boxes.tree, &boxes.leaves));
-            Ok(plan)
-        },
-    },
-    Traversal {
-        name: "wide",
-        doc: "several rays in flight, boxes in the order of the direction's octant, many rays in random order sorted by \
-              origin",
-        plan: |boxes| {
-            let mut plan = boxes.singly();
-            plan.closest = Some(flight::kernel::wide_boxes(&boxes.tree, &boxes.leaves));
-            plan.shadow = Some(flight::kernel::shadow_wide_boxes(
-                &boxes.tree,
-                &boxes.leaves,
-            ));
-            Ok(plan)
-        },
-    },
-    Traversal {
-        name: "tile8",
-        doc: "camera rays in tiles of 64, shadow rays of one light in tiles of 64 from the light; tiles whose rays diverge \
-              are split into packets",
-        plan: |boxes| {
-            let mut plan = boxes.singly();
-            plan.tiles = Some(tile::kernel::boxes(&boxes.tree, &boxes.leaves));
-            plan.shadow = Some(tile::kernel::shadow_boxes(&boxes.tree, &boxes.leaves));
-            Ok(plan)
-        },
-    },
-    Traversal {
-        name: "tile16",
-        doc: "as tile8, but camera rays in tiles of 256",
-        plan: |boxes| {
-            let mut plan = boxes.singly();
-            plan.tiles = Some(tile::kernel::large_boxes(&boxes.tree, &boxes.leaves));
-            plan.shadow = Some(tile::kernel::shadow_boxes(&boxes.tree, &boxes.leaves));
-            Ok(plan)
-        },
-    },
-    Traversal {
-        name: "p4",
-        doc: "packets of 4 rays, one to a lane",
-        plan: |boxes| Ok(boxes.packets(4)),
-    },
-    Traversal {
-        name: "p8",
-        doc: "packets of 8",
-        plan: |boxes| Ok(boxes.packets(8)),
-    },
-    Traversal {
-        name: "p16",
-        doc: "packets of 16, shadow rays too. All but ordered need eight boxes to a node, and count shadow rays as ordered \
-              traverses them",
-        plan: |boxes| {
-            let mut plan = boxes.packets(16);
-            plan.shadow = Some(packet::kernel::shadow_boxes(&boxes.tree, &boxes.leaves));
-            Ok(plan)
-        },
-    },
-];
-
-impl Boxes {
-    fn singly(&self) -> Plan {
-        Plan::single("ordered", boxes8(&self.tree, &self.leaves))
-    }
-
-    fn packets(&self, rays: usize) -> Plan {
-        let mut plan = self.singly();
-        plan.closest = Some(packet::kernel::boxes(&self.tree, &self.leaves, rays));
-        plan
-    }
-}
-
-const TRAVERSAL: ParamSpec = parameter(
-    &const {
-        offer(
-            &TRAVERSALS,
-            [
-                "ordered", "auto", "wide", "tile8", "tile16", "p4", "p8", "p16",
-            ],
-        )
-    },
-);
+const TRAVERSAL: ParamSpec = traversal(&OPTIONS);
 
 const WIDTH: ParamSpec = ParamSpec {
     name: "width",
     label: "Width",
     doc: "Boxes per node, all tested at once. More makes fewer, dearer steps; 2 is the textbook's tree",
     unit: "boxes",
-    kind: Kind::Choice(&["8", "4", "2"]),
+    kind: Kind::Choice(&[named("8", "8"), named("4", "4"), named("2", "2")]),
     default: Value::Choice("8"),
+    group: Group::Main,
+    needs: &[Need {
+        key: "traversal",
+        only: Only::Options(&["auto", "ordered"]),
+    }],
 };
 
 fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built> {
-    let (traversal, width) = (config.choice("traversal"), config.choice("width"));
-    if traversal != "ordered" && width != "8" {
-        return Err(Error::Spec(format!(
-            "traversal={traversal} needs width=8, got width={width}"
-        )));
-    }
+    let (traversal, width) = (config.way().traversal, config.choice("width"));
     let frame = Frame::new(scene.bounds());
     let policy = params::surface_area(config, Costs::BOXES);
     let binary = object::build(scene, &frame, &policy, monitor)?;
@@ -189,7 +88,7 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built>
             |tree, leaves| Ok(ordered(boxes4(tree, leaves))),
         ),
         _ => {
-            let by_corners = matches!(traversal, "wide" | "auto");
+            let by_corners = matches!(traversal, "auto" | "flight" | "stream");
             order.lay_out(
                 |tree| if by_corners { tree.by_corners() } else { tree },
                 |tree, leaves| {
@@ -197,7 +96,7 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built>
                         tree: tree.clone(),
                         leaves: leaves.clone(),
                     };
-                    (chosen(&TRAVERSALS, config).plan)(&boxes)
+                    Ok((chosen(&boxes::TRAVERSALS, config.way()).plan)(&boxes))
                 },
             )
         }
@@ -205,7 +104,7 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built>
 }
 
 fn ordered(kernel: Arc<dyn SingleRays>) -> Plan {
-    Plan::single("ordered", kernel)
+    Plan::single("boxes", "ordered", kernel)
 }
 
 /// Triangles in the order of a binary tree over them.
@@ -228,15 +127,12 @@ impl Ordered<'_> {
         let leaves = Arc::new(leaves.write(self.scene, &self.frame, &self.binary.ids));
         let shape = nested::shape(&*tree, self.frame.bounds());
         let plan = plan(&tree, &leaves)?;
-        // Rays in flight look into the shadow cache themselves.
-        let cached = params::traversal(self.config) == "wide";
         Ok(objects::built(
             self.config,
             self.frame,
             tree,
             leaves,
             plan,
-            cached,
             shape,
         ))
     }

@@ -2,6 +2,7 @@
 //! The uniform grid: equal cells, each with the triangles that reach into it, and no tree at all.
 
 use crate::params;
+use crate::ways::only_singly;
 use halfspace_base::Monitor;
 use halfspace_base::error::Result;
 use halfspace_builders::grid;
@@ -11,11 +12,14 @@ use halfspace_nodes::grid::Grid;
 use halfspace_nodes::shape::{Measure, Shape};
 use halfspace_ray::frame::Frame;
 use halfspace_scene::Triangles;
-use halfspace_structure::row::{Kind, ParamSpec, SHADOW, StructureSpec};
+use halfspace_structure::row::{Group, Kind, ParamSpec, SHADOW, StructureSpec};
 use halfspace_structure::spec::{Config, Value};
+use halfspace_structure::way::Way;
 use halfspace_structure::{Built, Plan};
 use halfspace_trace::single;
 use std::sync::Arc;
+
+const WAYS: [Way; 1] = only_singly("cells");
 
 /// The registry's row.
 pub const SPEC: StructureSpec = StructureSpec {
@@ -28,6 +32,7 @@ pub const SPEC: StructureSpec = StructureSpec {
             Analysis of an algorithm for fast ray tracing using uniform space subdivision",
     // Not a tree: no beam of shadow rays goes down in it.
     params: &[DENSITY, params::ROBUST, SHADOW],
+    ways: &WAYS,
     build,
 };
 
@@ -43,6 +48,8 @@ const DENSITY: ParamSpec = ParamSpec {
         max: 64.0,
     },
     default: Value::Float(4.0),
+    group: Group::Main,
+    needs: &[],
 };
 
 /// Levels above a cell as the overlay shows them: slices, rows, cells.
@@ -71,13 +78,13 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built>
         ));
     }
     let (tree, leaves) = (Arc::new(grid), Arc::new(blocks));
-    let plan = Plan::single("steps", single::grid::grid(&tree, &leaves));
+    let plan = Plan::single("cells", "steps", single::grid::grid(&tree, &leaves));
     Ok(Built {
         frame: frame.with_robust(config.robust()),
         tree: Some(tree),
         leaves,
         derived: Vec::new(),
-        plan: plan.with_shadow(config.choice("shadow"), false, None),
+        plan: plan.with_shadow(config.choice("shadow"), None),
         shape,
         left_out,
         growing: None,

@@ -2,6 +2,8 @@
 //! The kd-tree: axis-aligned planes where the surface area heuristic wants them, triangles cut to
 //! their cells (Wald and Havran 2006).
 
+use crate::planes::rows::{AXIS_TRAVERSAL, AXIS_WAYS};
+use crate::ways::PLANE_NODES;
 use crate::{lazy, params, planes};
 use halfspace_base::Monitor;
 use halfspace_base::error::Result;
@@ -28,7 +30,8 @@ pub const SPEC: StructureSpec = StructureSpec {
     summary: "Axis-aligned split planes by the surface area heuristic, triangles cut to their cells.",
     paper: "Wald and Havran 2006, On building fast kd-trees for ray tracing, and on doing that in O(N log N)",
     params: &[
-        planes::AXIS,
+        PLANE_NODES,
+        AXIS_TRAVERSAL,
         params::ROBUST,
         params::step_cost(Costs::PLANES),
         params::leaf_cost(Costs::PLANES),
@@ -38,6 +41,7 @@ pub const SPEC: StructureSpec = StructureSpec {
         params::MAX_DEPTH,
         params::LAZY,
     ],
+    ways: AXIS_WAYS,
     build,
 };
 

@@ -3,6 +3,8 @@
 //! their triangles (MacDonald and Booth 1990, who show that the best plane lies between the two).
 
 use crate::kd::default_depth;
+use crate::planes::rows::{AXIS_TRAVERSAL, AXIS_WAYS};
+use crate::ways::PLANE_NODES;
 use crate::{params, planes};
 use halfspace_base::error::Result;
 use halfspace_base::{Monitor, footprint};
@@ -25,11 +27,13 @@ pub const SPACE: StructureSpec = StructureSpec {
     summary: "Each cell is halved, along one axis after the other: a regular tree, without a cost model.",
     paper: "Kaplan 1985, Space-tracing: a constant time ray-tracer; Jansen 1986, Data structures for ray tracing",
     params: &[
-        planes::PLAIN,
+        PLANE_NODES,
+        AXIS_TRAVERSAL,
         params::ROBUST,
         params::LEAF_SIZE,
         params::MAX_DEPTH,
     ],
+    ways: AXIS_WAYS,
     build: |scene, config, monitor| build(scene, config, monitor, Halves::Space),
 };
 

@@ -3,7 +3,9 @@
 //! leaf; a triangle costs 80 steps. The baseline of that thesis, and so of everything compared with it.
 
 use crate::kd::{Axes, plane_tree};
-use crate::{params, planes};
+use crate::params;
+use crate::planes::rows::{AXIS_TRAVERSAL, AXIS_WAYS};
+use crate::ways::PLANE_NODES;
 use halfspace_base::Monitor;
 use halfspace_base::error::Result;
 use halfspace_builders::piece::Boxed;
@@ -25,7 +27,8 @@ pub const SPEC: StructureSpec = StructureSpec {
     summary: "That of the thesis on BSP trees, pbrt's without its bonus for empty sides: whole triangles, one per leaf.",
     paper: "Pharr, Jakob and Humphreys, Physically Based Rendering, 3rd ed., section 4.4; Hoobergs 2019",
     params: &[
-        planes::BASELINE,
+        PLANE_NODES,
+        AXIS_TRAVERSAL,
         params::ROBUST,
         params::step_cost(Costs::THESIS),
         params::triangle_cost(Costs::THESIS),
@@ -33,6 +36,7 @@ pub const SPEC: StructureSpec = StructureSpec {
         params::LEAF_SIZE,
         params::MAX_DEPTH,
     ],
+    ways: AXIS_WAYS,
     build,
 };
 

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! kd- and BSP trees whose lower parts are built when the first ray needs them.
 
-use crate::kd::plane_tree;
 use halfspace_base::Monitor;
 use halfspace_base::error::Result;
 use halfspace_builders::space::{Params, PlanePolicy, lazy};
@@ -12,29 +11,16 @@ use halfspace_ray::frame::Frame;
 use halfspace_scene::Triangles;
 use halfspace_structure::row::Growing;
 use halfspace_structure::spec::Config;
+use halfspace_structure::way::Rays;
 use halfspace_structure::{Built, Plan};
 use halfspace_trace::single::planes::dir;
 use halfspace_trace::tile;
 use std::sync::Arc;
 
-/// Why the whole tree is built at once in spite of `lazy=1`, if it is.
-fn obstacle(config: &Config) -> Option<String> {
-    for (key, walks) in [
-        ("traversal", ["auto", "dir", "tile8"].as_slice()),
-        ("shadow", &["none", "cache"]),
-    ] {
-        let chosen = config.choice(key);
-        if !walks.contains(&chosen) {
-            return Some(format!("lazy: {key}={chosen} needs a tree in one piece"));
-        }
-    }
-    None
-}
-
-/// Builds the upper part of the tree, or the whole tree where the traversal needs it.
+/// Builds the upper part of the tree; its plan builds the rest where rays reach.
 ///
 /// # Errors
-/// As [`lazy::build`] and [`plane_tree`].
+/// As [`lazy::build`].
 pub fn build<P: PlanePolicy + Send + 'static>(
     scene: &Triangles,
     config: &Config,
@@ -42,25 +28,21 @@ pub fn build<P: PlanePolicy + Send + 'static>(
     params: &Params,
     monitor: &Monitor,
 ) -> Result<Built> {
-    if let Some(reason) = obstacle(config) {
-        let mut built = plane_tree(scene, config, &policy, params, monitor)?;
-        built.left_out.push(reason);
-        return Ok(built);
-    }
     let frame = Frame::new(scene.bounds());
     let tree = Arc::new(lazy::build(scene, frame, policy, params, monitor)?);
     let leaves = Arc::new(Blocks::new());
-    let mut plan = Plan::single("dir", dir::lazy(&tree, &leaves));
-    if crate::params::traversal(config) != "dir" {
-        plan.tiles = Some(tile::kernel::lazy(&tree, &leaves));
-        plan.shadow = Some(tile::kernel::shadow_lazy(&tree, &leaves));
+    let mut plan = Plan::single("planes", "dir", dir::lazy(&tree, &leaves));
+    if config.way().traversal != "dir" {
+        let shadow = tile::kernel::shadow_lazy(&tree, &leaves);
+        plan = (plan.with_tiles(Rays::Tile, tile::kernel::lazy(&tree, &leaves)))
+            .with_any(Rays::Tile, shadow);
     }
     Ok(Built {
         frame: frame.with_robust(config.robust()),
         tree: None,
         leaves,
         derived: Vec::new(),
-        plan: plan.with_shadow(config.choice("shadow"), false, None),
+        plan: plan.with_shadow(config.choice("shadow"), None),
         // The shape of what is built at the time is that of `growing`.
         shape: Shape::default(),
         left_out: Vec::new(),
@@ -83,7 +65,7 @@ impl Growing for Lazy {
         let (tree, leaves) = (Arc::new(tree), Arc::new(blocks));
         Built {
             frame: *frame,
-            plan: Plan::single("dir", dir::dir(&tree, &leaves)),
+            plan: Plan::single("planes", "dir", dir::dir(&tree, &leaves)),
             tree: Some(tree),
             leaves,
             derived: Vec::new(),

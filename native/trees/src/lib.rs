@@ -5,6 +5,7 @@
 pub mod bbox_gs;
 pub mod bih;
 pub mod bih_obl;
+pub mod boxes;
 pub mod brute;
 pub mod bsp;
 pub mod bvh_sah;
@@ -19,4 +20,4 @@ pub mod octree;
 pub mod params;
 pub mod planes;
 pub mod registry;
-pub mod traversal;
+pub mod ways;

@@ -16,6 +16,7 @@
 use crate::bih;
 use crate::objects;
 use crate::params;
+use crate::ways::only_singly;
 use halfspace_base::error::Result;
 use halfspace_base::monitor::Monitor;
 use halfspace_builders::object;
@@ -28,8 +29,9 @@ use halfspace_nodes::cost::Costs;
 use halfspace_nodes::obb_tree::{ObbTree, Rotation, Turn, WIDTH, outwards};
 use halfspace_ray::frame::Frame;
 use halfspace_scene::triangles::Triangles;
-use halfspace_structure::row::{Kind, ParamSpec, StructureSpec};
+use halfspace_structure::row::{Group, Kind, Need, Only, ParamSpec, StructureSpec, named};
 use halfspace_structure::spec::{Config, Value};
+use halfspace_structure::way::Way;
 use halfspace_structure::{Built, Plan};
 use halfspace_trace::single::objects::obb::oriented_boxes;
 use rayon::prelude::*;
@@ -42,6 +44,8 @@ const FIXED: usize = 26;
 
 /// Nodes above this depth, at most 1 + 8 + 64, turn their children in parallel.
 const PARALLEL: usize = 3;
+
+const WAYS: [Way; 1] = only_singly("boxes");
 
 /// The registry's row.
 pub const SPEC: StructureSpec = StructureSpec {
@@ -62,6 +66,7 @@ pub const SPEC: StructureSpec = StructureSpec {
         params::triangle_cost(COSTS),
         params::LEAF_MAX,
     ],
+    ways: &WAYS,
     build,
 };
 
@@ -76,12 +81,17 @@ const FRAMES: ParamSpec = ParamSpec {
         max: 2 + FIXED as i64,
     },
     default: Value::Integer(2 + FIXED as i64),
+    group: Group::Main,
+    needs: &[],
 };
 
 const LEAVES: ParamSpec = ParamSpec {
     doc: "corners: leaves hold copies of the corners, ready for the test. indices: they name triangles and corners, \
           less than half the memory",
-    kind: Kind::Choice(&["corners", "indices"]),
+    kind: Kind::Choice(&[
+        named("corners", "Copies of Corners"),
+        named("indices", "Indices"),
+    ]),
     default: Value::Choice("corners"),
     ..bih::LEAVES
 };
@@ -93,6 +103,11 @@ const OBLIQUE_STEP: ParamSpec = ParamSpec {
     unit: "",
     kind: Kind::Float { min: 0.0, max: 1e6 },
     default: Value::Float(12.0),
+    group: Group::Costs,
+    needs: &[Need {
+        key: "frames",
+        only: Only::Above(1.0),
+    }],
 };
 
 fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built> {
@@ -122,8 +137,8 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor) -> Result<Built>
     let tree = Arc::new(ObbTree::new(boxes, &turns));
 
     let shape = tree.shape(frame.bounds());
-    let plan = Plan::single("ordered", oriented_boxes(&tree, &leaves));
-    let mut built = objects::built(config, frame, tree, leaves, plan, false, shape);
+    let plan = Plan::single("boxes", "ordered", oriented_boxes(&tree, &leaves));
+    let mut built = objects::built(config, frame, tree, leaves, plan, shape);
     if frames > 1 && shape.nodes_oblique == 0 && !scene.live().is_empty() {
         let reason = "turned boxes: those along the axes were cheapest at every node";
         built.left_out.push(reason.to_owned());

@@ -9,15 +9,13 @@ use halfspace_structure::spec::Config;
 use halfspace_structure::{Built, Plan};
 use std::sync::Arc;
 
-/// A built hierarchy. The parameters `robust` and `shadow` are applied here. `cached`: whether the kernel for shadow rays
-/// looks into the shadow cache itself.
+/// A built hierarchy. The parameters `robust` and `shadow` are applied here.
 pub fn built<T: Tree>(
     config: &Config,
     frame: Frame,
     tree: Arc<T>,
     leaves: Arc<Blocks>,
     plan: Plan,
-    cached: bool,
     shape: Shape,
 ) -> Built {
     Built {
@@ -25,7 +23,7 @@ pub fn built<T: Tree>(
         tree: Some(tree),
         leaves,
         derived: Vec::new(),
-        plan: plan.with_shadow(config.choice("shadow"), cached, None),
+        plan: plan.with_shadow(config.choice("shadow"), None),
         shape,
         left_out: Vec::new(),
         growing: None,

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Octrees: one build, and one row for each way from a cell to the next.
 
+use crate::ways::{distinct, only_singly, traversal, way};
 use halfspace_base::Monitor;
 use halfspace_base::error::Result;
 use halfspace_builders::octree::{self, Params};
@@ -9,8 +10,9 @@ use halfspace_nodes::octants::{Cube, MAX_DEPTH};
 use halfspace_nodes::octree_nodes::Octree;
 use halfspace_ray::frame::Frame;
 use halfspace_scene::Triangles;
-use halfspace_structure::row::{Kind, ParamSpec, StructureSpec};
+use halfspace_structure::row::{Group, Kind, Named, Need, Only, ParamSpec, StructureSpec};
 use halfspace_structure::spec::{Config, Value};
+use halfspace_structure::way::{Rays, Way};
 use halfspace_structure::{Built, Plan};
 use halfspace_trace::beam;
 use halfspace_trace::single::octants::{glassner, net, param, samet};
@@ -28,6 +30,8 @@ pub const MAX_DEPTH_PARAM: ParamSpec = ParamSpec {
         max: MAX_DEPTH as i64,
     },
     default: Value::Integer(0),
+    group: Group::Builder,
+    needs: &[],
 };
 
 /// Leaf size.
@@ -39,6 +43,8 @@ pub const LEAF_SIZE: ParamSpec = ParamSpec {
     unit: "triangles",
     kind: Kind::Integer { min: 0, max: 64 },
     default: Value::Integer(2),
+    group: Group::Builder,
+    needs: &[],
 };
 
 /// Budget.
@@ -50,6 +56,8 @@ pub const REFERENCES: ParamSpec = ParamSpec {
     unit: "per triangle",
     kind: Kind::Integer { min: 1, max: 64 },
     default: Value::Integer(3),
+    group: Group::Builder,
+    needs: &[],
 };
 
 /// The depth limit where the user gives none: enough for triangles of uneven size.
@@ -86,7 +94,36 @@ const BEAM_LEAST: ParamSpec = ParamSpec {
     unit: "rays",
     kind: Kind::Integer { min: 1, max: 65 },
     default: Value::Integer(4),
+    group: Group::Numerics,
+    needs: &[Need {
+        key: "traversal",
+        only: Only::Options(&["beam"]),
+    }],
 };
+
+const SINGLY: [Way; 1] = only_singly("octants");
+
+/// Rays of T.Haces: beams, or the single rays with which beams end.
+const BEAM_WAYS: [Way; 2] = [
+    way(
+        "octants",
+        "beam",
+        "Beams",
+        Rays::Beam,
+        "camera rays in tiles of 64 that go through the cells as one beam, other rays as net",
+    ),
+    way(
+        "octants",
+        "net",
+        "By Links",
+        Rays::Single,
+        "one by one, from leaf to leaf by links",
+    ),
+];
+
+const BEAM_OPTIONS: [Named; 2] = distinct(&BEAM_WAYS);
+
+const BEAM_TRAVERSAL: ParamSpec = traversal(&BEAM_OPTIONS);
 
 /// The registry's row: from the root down.
 pub const PARAM: StructureSpec = StructureSpec {
@@ -97,6 +134,7 @@ pub const PARAM: StructureSpec = StructureSpec {
     summary: "Cubes halved along all axes; rays go down from the root, octants in the order of the direction.",
     paper: "Revelles, Ureña and Lastra 2000, An efficient parametric algorithm for octree traversal",
     params: &[LEAF_SIZE, REFERENCES, MAX_DEPTH_PARAM],
+    ways: &SINGLY,
     build: |scene, config, monitor| build(scene, config, monitor, Method::FromRoot),
 };
 
@@ -128,7 +166,14 @@ pub const BEAM: StructureSpec = StructureSpec {
     label: "Octree with beams",
     summary: "The octree with links, on which 64 camera rays of a tile go as one beam until they part.",
     paper: "González López and Gisbert Canto, Trazado de haces de rayos en escenas estructuradas espacialmente mediante árboles octales",
-    params: &[LEAF_SIZE, REFERENCES, MAX_DEPTH_PARAM, BEAM_LEAST],
+    params: &[
+        LEAF_SIZE,
+        REFERENCES,
+        BEAM_TRAVERSAL,
+        MAX_DEPTH_PARAM,
+        BEAM_LEAST,
+    ],
+    ways: &BEAM_WAYS,
     build: |scene, config, monitor| build(scene, config, monitor, Method::Beams),
     ..PARAM
 };
@@ -192,14 +237,14 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor, method: Method) 
 
 fn plan(tree: &Arc<Octree>, leaves: &Arc<Blocks>, config: &Config, method: Method) -> Plan {
     let mut plan = match method {
-        Method::FromRoot => Plan::single("param", param::param(tree, leaves)),
-        Method::Links | Method::Beams => Plan::single("net", net::net(tree, leaves)),
-        Method::Ascent => Plan::single("samet", samet::samet(tree, leaves)),
-        Method::Location => Plan::single("glassner", glassner::glassner(tree, leaves)),
+        Method::FromRoot => Plan::single("octants", "param", param::param(tree, leaves)),
+        Method::Links | Method::Beams => Plan::single("octants", "net", net::net(tree, leaves)),
+        Method::Ascent => Plan::single("octants", "samet", samet::samet(tree, leaves)),
+        Method::Location => Plan::single("octants", "glassner", glassner::glassner(tree, leaves)),
     };
-    if method == Method::Beams {
+    if method == Method::Beams && config.way().rays == Rays::Beam {
         let least = u32::try_from(config.integer("beam_least")).expect("in range");
-        plan.tiles = Some(beam::kernel::octants(tree, leaves, least));
+        plan = plan.with_tiles(Rays::Beam, beam::kernel::octants(tree, leaves, least));
     }
     let beams = match method {
         Method::FromRoot => beam::kernel::shadow_param,
@@ -208,9 +253,5 @@ fn plan(tree: &Arc<Octree>, leaves: &Arc<Blocks>, config: &Config, method: Metho
         Method::Location => beam::kernel::shadow_glassner,
     };
     let choice = config.choice("shadow");
-    plan.with_shadow(
-        choice,
-        false,
-        (choice == "beam").then(|| beams(tree, leaves)),
-    )
+    plan.with_shadow(choice, (choice == "beam").then(|| beams(tree, leaves)))
 }

@@ -5,7 +5,7 @@ use halfspace_builders::binned::SurfaceArea;
 use halfspace_leaf::keep::Keep;
 use halfspace_nodes::cost::Costs;
 use halfspace_nodes::plane_tree;
-use halfspace_structure::row::{Kind, ParamSpec};
+use halfspace_structure::row::{Group, Kind, Need, OFF_ON, Only, ParamSpec, named};
 use halfspace_structure::spec::{Config, Value};
 
 /// Whether a traversal uses error bounds.
@@ -15,8 +15,13 @@ pub const ROBUST: ParamSpec = ParamSpec {
     doc: "widen: intervals grow by the rounding error, no hit is ever lost. none: as in textbooks, \
           for measuring how often that fails; never for pictures",
     unit: "",
-    kind: Kind::Choice(&["widen", "none"]),
+    kind: Kind::Choice(&[
+        named("widen", "Error Bounds"),
+        named("none", "As Published"),
+    ]),
     default: Value::Choice("widen"),
+    group: Group::Numerics,
+    needs: &[],
 };
 
 /// Depth limit.
@@ -31,6 +36,8 @@ pub const MAX_DEPTH: ParamSpec = ParamSpec {
         max: plane_tree::MAX_DEPTH as i64,
     },
     default: Value::Integer(0),
+    group: Group::Builder,
+    needs: &[],
 };
 
 /// Leaf size.
@@ -41,6 +48,8 @@ pub const LEAF_SIZE: ParamSpec = ParamSpec {
     unit: "triangles",
     kind: Kind::Integer { min: 0, max: 64 },
     default: Value::Integer(1),
+    group: Group::Builder,
+    needs: &[],
 };
 
 /// Largest leaf of hierarchies split by the surface area heuristic.
@@ -51,6 +60,8 @@ pub const LEAF_MAX: ParamSpec = ParamSpec {
     unit: "triangles",
     kind: Kind::Integer { min: 1, max: 4096 },
     default: Value::Integer(64),
+    group: Group::Builder,
+    needs: &[],
 };
 
 const fn cost(name: &'static str, label: &'static str, doc: &'static str, value: f32) -> ParamSpec {
@@ -61,6 +72,8 @@ const fn cost(name: &'static str, label: &'static str, doc: &'static str, value:
         unit: "",
         kind: Kind::Float { min: 0.0, max: 1e6 },
         default: Value::Float(value as f64),
+        group: Group::Costs,
+        needs: &[],
     }
 }
 
@@ -104,6 +117,8 @@ pub const fn empty_factor(costs: Costs) -> ParamSpec {
         unit: "",
         kind: Kind::Float { min: 0.1, max: 1.0 },
         default: Value::Float(costs.empty as f64),
+        group: Group::Costs,
+        needs: &[],
     }
 }
 
@@ -112,13 +127,27 @@ pub const LAZY: ParamSpec = ParamSpec {
     name: "lazy",
     label: "Lazy Build",
     doc: "1: only the upper part is built at once, the rest where a ray comes for the first time. The first picture \
-          is there sooner, the tree and the answer are the same; rays outside tiles are traced one by one. Only with \
-          the traversals auto, dir and tile8; others build the whole tree at once. What rays build later is not \
-          counted as build time. The memory limit covers what is built before the first ray; where the whole, \
+          is there sooner, the tree and the answer are the same; rays outside tiles are traced one by one. What rays \
+          build later is not counted as build time. The memory limit covers what is built before the first ray; where the whole, \
           estimated from some subtrees built on trial, would not fit, nothing is built",
     unit: "",
-    kind: Kind::Choice(&["0", "1"]),
+    kind: OFF_ON,
     default: Value::Choice("0"),
+    group: Group::Builder,
+    needs: &[
+        Need {
+            key: "nodes",
+            only: Only::Options(&["planes"]),
+        },
+        Need {
+            key: "traversal",
+            only: Only::Options(&["auto", "dir", "tile"]),
+        },
+        Need {
+            key: "shadow",
+            only: Only::Options(&["none", "cache"]),
+        },
+    ],
 };
 
 /// When a cell is too small to be split.
@@ -130,23 +159,21 @@ pub const AREA_STOP: ParamSpec = ParamSpec {
     unit: "",
     kind: Kind::Float { min: 0.0, max: 1e6 },
     default: Value::Float(16.0),
+    group: Group::Costs,
+    needs: &[],
 };
 
-/// The chosen traversal; empty for a structure without that choice.
-pub fn traversal(config: &Config) -> &'static str {
-    match config.find("traversal") {
-        Some(Value::Choice(name)) => name,
-        _ => "",
-    }
-}
-
-/// Prices for leaves of blocks, from `step_cost`, `leaf_cost`, `triangle_cost` and `empty_factor`.
+/// Prices for leaves of blocks, from `step_cost`, `leaf_cost`, `triangle_cost` and `empty_factor`. A tree whose steps all
+/// have another cost has no `step_cost`.
 ///
 /// # Panics
-/// When the structure's row lacks one of these parameters.
+/// When the structure's row lacks one of the other parameters.
 pub fn costs(config: &Config) -> Costs {
     Costs {
-        step: config.float("step_cost"),
+        step: match config.find("step_cost") {
+            Some(_) => config.float("step_cost"),
+            None => Costs::PLANES.step,
+        },
         leaf: config.float("leaf_cost"),
         triangle: config.float("triangle_cost"),
         empty: config.float("empty_factor"),

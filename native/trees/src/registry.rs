@@ -89,8 +89,9 @@ pub fn parse(text: &str) -> Result<Config> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use halfspace_structure::row::Kind;
+    use halfspace_structure::row::{Kind, Only};
     use halfspace_structure::spec::Value;
+    use halfspace_structure::way::{NODES, TRAVERSAL};
 
     #[test]
     fn ids_and_codes_are_unique_and_defaults_lie_in_their_ranges() {
@@ -136,6 +137,60 @@ mod tests {
     }
 
     #[test]
+    fn every_way_is_chosen_by_its_spelling() {
+        for tree in TREES {
+            for (way, spelled) in tree.ways.iter().zip(tree.spelled_ways()) {
+                let config = parse(&spelled).unwrap();
+                assert_eq!(config.way(), way, "{spelled}");
+                assert_eq!(parse(&config.canonical()).unwrap().way(), way, "{spelled}");
+            }
+            let nodes = tree.params.iter().find(|p| p.name == NODES);
+            for option in nodes.and_then(|p| p.kind.options()).unwrap_or_default() {
+                let usual = parse(&format!("{}:nodes={option}", tree.id)).unwrap();
+                assert_eq!(usual.way().nodes, option, "{}", tree.id);
+                assert_eq!(usual.canonical().contains(TRAVERSAL), false, "{}", tree.id);
+            }
+        }
+    }
+
+    #[test]
+    fn former_spellings_choose_what_they_chose() {
+        for (former, today) in [
+            ("kd:traversal=p16", "kd:traversal=packet"),
+            (
+                "kd:traversal=tile8,max_depth=9",
+                "kd:traversal=tile,max_depth=9",
+            ),
+            ("kd:traversal=wide", "kd:nodes=wide,traversal=flight"),
+            ("kd:traversal=boxes", "kd:nodes=boxes,traversal=ordered"),
+            ("bvh-sah:traversal=wide", "bvh-sah:traversal=flight"),
+            ("bvh-sah:traversal=p4", "bvh-sah:traversal=packet4"),
+        ] {
+            assert_eq!(parse(former).unwrap().canonical(), today);
+        }
+    }
+
+    #[test]
+    fn conditions_name_parameters_and_options_that_exist() {
+        for tree in TREES {
+            let all: Vec<_> = tree.all_params().collect();
+            let needs = all.iter().flat_map(|param| param.needs);
+            for need in needs.filter(|need| need.key != NODES) {
+                let other = all.iter().find(|param| param.name == need.key);
+                let other = other.unwrap_or_else(|| panic!("{}: {need}", tree.id));
+                let known = match need.only {
+                    Only::Options(names) => {
+                        let options = other.kind.options().unwrap();
+                        names.iter().all(|name| options.contains(name))
+                    }
+                    Only::Above(_) => other.kind.options().is_none(),
+                };
+                assert!(known, "{}: {need}", tree.id);
+            }
+        }
+    }
+
+    #[test]
     fn mistakes_are_named() {
         for (text, part) in [
             ("tree", "unknown structure 'tree'"),
@@ -155,6 +210,33 @@ mod tests {
                 "spec: traversal is given twice in 'kd'",
             ),
             ("", "unknown structure ''"),
+            (
+                "kd:nodes=boxes,traversal=ta-a",
+                "no traversal=ta-a through nodes=boxes; nodes=boxes has auto, ordered, flight, stream, tile, tile16, \
+                 packet, packet8, packet4, and traversal=ta-a needs nodes=planes",
+            ),
+            (
+                "kd:traversal=ordered",
+                "no traversal=ordered through nodes=planes",
+            ),
+            ("kd:traversal=wide,nodes=planes", "nodes is given twice"),
+            (
+                "kd:nodes=boxes,shadow=beam",
+                "shadow=beam needs nodes=planes, got nodes=boxes",
+            ),
+            (
+                "bsp-wn-plus-kd:costs=thesis,step_cost=3",
+                "step_cost=3 has no effect in 'bsp-wn-plus-kd' with costs=thesis; it needs costs=fitted",
+            ),
+            (
+                "bsp-wn-plus-kd:k=3,alpha=2",
+                "alpha=2 has no effect in 'bsp-wn-plus-kd' with k=3; it needs k above 3",
+            ),
+            (
+                "bvh-sah:width=4,traversal=packet",
+                "width=4 has no effect in 'bvh-sah' with traversal=packet",
+            ),
+            ("bsp-wn:step_cost=3", "'bsp-wn' has no key 'step_cost'"),
         ] {
             let message = parse(text).unwrap_err().to_string();
             assert!(message.contains(part), "{text}: {message}");

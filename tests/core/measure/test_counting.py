@@ -13,9 +13,11 @@ from report_rows import everything, row
 from addon.core.measure import benchmark, counting
 from addon.core.report import costs, plots, report
 from addon.core.scene import grid, rays
-from addon.core.structures import specs
+from addon.core.structures import catalogue, specs, ways
 
-NAMES = [row["id"] for row in halfspace_native.structures() if any(p["name"] == "traversal" for p in row["parameters"])]
+TRIANGLE = specs.CORNERS, specs.TRIANGLE
+
+NAMES = [row["id"] for row in halfspace_native.structures()]
 
 
 def marked(*chosen: str) -> dict[str, dict[str, bool]]:
@@ -29,54 +31,25 @@ def marked(*chosen: str) -> dict[str, dict[str, bool]]:
 
 def test_a_row_tells_whether_its_counters_are_of_the_timed_walk() -> None:
     alone = dict.fromkeys(rays.NAMES, True)
-    first = "kd", "kd:traversal=dir", "kd:traversal=tile8", "kd:shadow=beam", "bvh-sah", "octree-net"
-    assert marked(*first) == {
-        "kd": dict.fromkeys(rays.NAMES, False),
-        "kd:traversal=dir": alone,
-        "kd:traversal=tile8": {**alone, "shadow": False},
-        "kd:shadow=beam": {**dict.fromkeys(rays.NAMES, False), "shadow": True},
-        "bvh-sah": alone,
-        "octree-net": alone,
-    }
-    together = dict.fromkeys(rays.NAMES, False)
-    # Shadow rays that ask a cache, or whose packets are small, go singly; tiles of a lazy tree are not counted as such.
-    assert marked("kd:shadow=cache", "kd:traversal=p4", "kd:lazy=1,traversal=tile8") == {
-        "kd:shadow=cache": {**together, "shadow": True},
-        "kd:traversal=p4": alone,
-        "kd:lazy=1,traversal=tile8": together,
-    }
-
-
-def test_tiles_of_a_lazy_tree_are_counted_as_single_rays() -> None:
-    scene = grid.workload(3, 64)
-    tile, single = (
-        halfspace_native.build(scene.vertices, scene.triangles, f"kd:lazy=1,traversal={walk}")
-        for walk in ("tile8", "dir")
-    )
-    (some, *_) = rays.make(scene, single, size=(32, 32), seed=1, names=("primary",))
-    assert np.array_equal(_steps(tile, some), _steps(single, some))
+    chosen = ("kd:traversal=dir", "kd:traversal=packet", "kd:shadow=beam,traversal=dir", "octree-net", "octree-beam")
+    assert marked(*chosen) == dict.fromkeys(chosen, alone)
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_what_is_not_counted_as_timed_is_counted_as_single_rays(name: str) -> None:
-    """In a traversal that is marked so, the counters are those of single rays; else the mark would be wrong."""
-    rows = halfspace_native.structures()
-    walks = next(
-        (p["options"] for r in rows if r["id"] == name for p in r["parameters"] if p["name"] == "traversal"), []
-    )
+    """Where a kernel does not count itself, the counters are those of single rays; else the mark would be wrong."""
+    one = catalogue.load()[name]
     scene = grid.workload(3, 64)
-    trees = {
-        walk: halfspace_native.build(scene.vertices, scene.triangles, f"{name}:traversal={walk}") for walk in walks
-    }
-    single = {"bvh-sah": "ordered"}.get(name, "dir")
-    for some in rays.make(scene, trees[single], size=(32, 32), seed=1, names=("primary", "shadow")) if trees else ():
-        for walk in ("auto", "tile8", "p16"):
-            if walk not in trees or counting.is_of_the_timed_walk(
-                specs.values(f"{name}:traversal={walk}", rows), any_hit=some.any_hit
-            ):
+    singles = {way.nodes: ways.spelled(one, name, way) for way in one.ways if way.rays == "single"}
+    for way in one.ways:
+        tree = halfspace_native.build(scene.vertices, scene.triangles, ways.spelled(one, name, way))
+        for some in rays.make(scene, tree, size=(32, 32), seed=1, names=("primary", "shadow", "diffuse")):
+            route = tree.routes[counting.kind_of(some)]
+            assert route["nodes"] == way.nodes
+            if route["counted"]:
                 continue
-            counts = [_steps(trees[one], some) for one in (walk, single)]
-            assert np.array_equal(*counts), (name, walk, some.name)
+            single = halfspace_native.build(scene.vertices, scene.triangles, singles[way.nodes])
+            assert np.array_equal(_steps(tree, some), _steps(single, some)), (name, way.traversal, some.name)
 
 
 def _steps(tree: Any, some: rays.RaySet) -> Any:
@@ -122,7 +95,9 @@ def test_times_of_walks_that_are_not_counted_are_not_fitted() -> None:
 
 
 def test_claims_say_which_of_their_counters_are_of_another_walk() -> None:
-    structures = halfspace_native.structures()
-    assert counting.remark({"kd": "kd:traversal=dir", "boxes": "bvh-sah"}, structures) == ""
-    told = counting.remark({"a tree": "kd", "boxes": "bvh-sah"}, structures)
+    assert counting.remark({"kd": "kd:traversal=dir", "boxes": "octree-net"}, halfspace_native) == ""
+    silent = "kd:nodes=wide,traversal=flight"
+    if halfspace_native.build(*TRIANGLE, silent).routes["closest"]["counted"]:
+        pytest.skip("all kernels count")
+    told = counting.remark({"a tree": silent, "boxes": "octree-net"}, halfspace_native)
     assert told == " (rays of a tree are counted one by one, though they may be traced together)"

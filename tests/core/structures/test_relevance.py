@@ -196,20 +196,34 @@ def test_only_traversals_of_the_chosen_nodes_are_offered() -> None:
 def test_what_is_offered_is_understood(structure: Structure) -> None:
     """Every traversal that a menu offers builds, and every other one of the registry is refused."""
     parameter = structure.parameter(relevance.TRAVERSAL)
-    widths = structure.parameter("width")
     nodes = structure.parameter(relevance.NODES)
-    for width in widths.options if widths is not None else ("",):
-        for kind in nodes.options if nodes is not None else ("",):
-            values = {name: value for name, value in (("width", width), ("nodes", kind)) if value}
-            offered = relevance.traversals(structure, values)
-            assert bool(offered) == (parameter is not None)
-            for traversal in parameter.options if parameter is not None else ():
-                given = text(structure, {**values, "traversal": traversal})
-                if traversal in offered:
+    for kind in nodes.options if nodes is not None else ("",):
+        values = {"nodes": kind} if kind else {}
+        offered = relevance.traversals(structure, values)
+        assert bool(offered) == (parameter is not None)
+        for traversal in parameter.options if parameter is not None else ():
+            given = text(structure, {**values, "traversal": traversal})
+            if traversal in offered:
+                native.build(*SCENES[0], given)
+            else:
+                with pytest.raises(ValueError, match=traversal):
                     native.build(*SCENES[0], given)
-                else:
-                    with pytest.raises(ValueError, match=traversal):
-                        native.build(*SCENES[0], given)
+
+
+@pytest.mark.parametrize("structure", KNOWN.structures, ids=lambda one: one.id)
+def test_what_is_hidden_is_refused(structure: Structure) -> None:
+    """A value other than the default that has no effect is an error that names it and what it needs."""
+    for context in CONTEXTS:
+        if any(structure.parameter(name) is None for name in context):
+            continue
+        values = relevance.effective(structure, context)
+        shown = relevance.relevant(structure, values)
+        for parameter in structure.parameters:
+            if parameter in shown or parameter.name in context or parameter.name in OF_RAYS:
+                continue
+            given = text(structure, {**context, parameter.name: others(parameter)[0]})
+            with pytest.raises(ValueError, match=f"{parameter.name}=.* has no effect"):
+                native.build(*SCENES[0], given)
 
 
 def test_choices_have_names() -> None:
@@ -219,12 +233,10 @@ def test_choices_have_names() -> None:
             assert len(set(labels)) == len(labels)
             assert all(label[0].isupper() or label[0].isdecimal() for label in labels), labels
     row = {"name": "a", "label": "A", "doc": "", "unit": "", "kind": "choice", "default": "x", "min": None, "max": None}
-    for labels in (["One", "Two"], {"x": "One", "y": "Two"}):
-        parameter = catalogue._parameter({**row, "options": ["x", "y"], "labels": labels, "group": "costs"})
-        assert [parameter.label_of(option) for option in "xyz"] == ["One", "Two", "z"]
-        assert relevance.group(parameter) == "costs"
-    assert catalogue._parameter({**row, "options": ["to-do", "1"]}).labels == ("To do", "1")
-    assert catalogue._parameter({**row, "name": "traversal", "options": ["ta-b"]}).labels == ("TA-B",)
+    row |= {"options": ["x", "y"], "labels": ["One", "Two"], "group": "costs", "needs": []}
+    parameter = catalogue._parameter(row)
+    assert [parameter.label_of(option) for option in "xyz"] == ["One", "Two", "z"]
+    assert parameter.group == "costs"
 
 
 def test_no_choice_is_shown_as_a_code_word() -> None:

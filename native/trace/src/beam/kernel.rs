@@ -64,6 +64,10 @@ impl<T: BeamTree> Kernel<Closest> for CameraBeams<T> {
         launch.tiles(&beams, store::<Closest>(answers), Some(counters));
         true
     }
+
+    fn counts(&self) -> bool {
+        true
+    }
 }
 
 /// Camera rays as beams through octants; below `least` rays they go on singly.
@@ -111,6 +115,10 @@ macro_rules! shadow_beams {
                     let (single, write) = ($single, store::<Any>(answers));
                     let launch = batch.on(&self.leaves);
                     launch.shadow_beams((&*self.tree, &single), write, Some(counters));
+                    true
+                }
+
+                fn counts(&self) -> bool {
                     true
                 }
             }

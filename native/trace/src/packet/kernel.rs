@@ -4,7 +4,7 @@
 use super::traversal::{PacketTree, Packets};
 use super::{Eight, Four, Sixteen, Width};
 use crate::batch::Batch;
-use crate::kernel::{Kernel, Uncounted, store};
+use crate::kernel::{Kernel, store};
 use halfspace_leaf::blocks::Blocks;
 use halfspace_nodes::box_tree::BoxTree;
 use halfspace_nodes::plane_tree::PlaneTree;
@@ -55,6 +55,10 @@ where
         launch.tiles(&packets, store::<Q>(answers), Some(counters));
         true
     }
+
+    fn counts(&self) -> bool {
+        true
+    }
 }
 
 fn nearest<T: PacketTree + Debug + Send + 'static>(
@@ -89,10 +93,10 @@ pub fn boxes(
 
 /// Any hits by packets of 16 rays through split planes.
 pub fn shadow_planes(tree: &Arc<PlaneTree>, leaves: &Arc<Blocks>) -> Arc<dyn Kernel<Any>> {
-    Arc::new(Uncounted(InPackets::<_, Sixteen>::new(tree, leaves)))
+    Arc::new(InPackets::<_, Sixteen>::new(tree, leaves))
 }
 
 /// Any hits by packets of 16 rays through nodes of eight boxes.
 pub fn shadow_boxes(tree: &Arc<BoxTree<8>>, leaves: &Arc<Blocks>) -> Arc<dyn Kernel<Any>> {
-    Arc::new(Uncounted(InPackets::<_, Sixteen>::new(tree, leaves)))
+    Arc::new(InPackets::<_, Sixteen>::new(tree, leaves))
 }

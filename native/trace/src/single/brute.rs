@@ -44,6 +44,10 @@ impl<Q: Query> Kernel<Q> for Brute {
         launch.brute::<Q>(self.count, &mut store::<Q>(answers), Some(counters));
         true
     }
+
+    fn counts(&self) -> bool {
+        true
+    }
 }
 
 impl SingleRays for Brute {

@@ -56,6 +56,10 @@ impl<Q: Query, M: Method> Kernel<Q> for Single<M> {
         launch.walk::<_, Q>(&walk, &mut store::<Q>(answers), Some(counters));
         true
     }
+
+    fn counts(&self) -> bool {
+        true
+    }
 }
 
 impl<M: Method> SingleRays for Single<M> {

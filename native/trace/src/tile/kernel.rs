@@ -4,7 +4,7 @@
 use super::SuccessRate;
 use super::traversal::{ShadowTiles, TileTree, Tiles};
 use crate::batch::Batch;
-use crate::kernel::{Kernel, Uncounted, store};
+use crate::kernel::{Kernel, store};
 use halfspace_leaf::blocks::Blocks;
 use halfspace_nodes::box_tree::BoxTree;
 use halfspace_nodes::lazy_tree::LazyTree;
@@ -40,6 +40,10 @@ impl<T: TileTree + Debug + Send + 'static, const R: usize> Kernel<Closest> for C
         let tiles = Tiles::<_, R>(&*self.tree, None);
         let launch = batch.on(&self.leaves);
         launch.tiles(&tiles, store::<Closest>(answers), Some(counters));
+        true
+    }
+
+    fn counts(&self) -> bool {
         true
     }
 }
@@ -89,17 +93,12 @@ pub fn large_planes(tree: &Arc<PlaneTree>, leaves: &Arc<Blocks>) -> Arc<dyn Kern
 
 /// Camera rays in tiles of 64 through a tree that rays have built.
 pub fn lazy(tree: &Arc<LazyTree>, leaves: &Arc<Blocks>) -> Arc<dyn Kernel<Closest>> {
-    Arc::new(Uncounted(camera::<_, 4>(tree, leaves)))
+    Arc::new(camera::<_, 4>(tree, leaves))
 }
 
 /// Camera rays in tiles of 64 through nodes of eight boxes.
 pub fn boxes(tree: &Arc<BoxTree<8>>, leaves: &Arc<Blocks>) -> Arc<dyn Kernel<Closest>> {
     Arc::new(camera::<_, 4>(tree, leaves))
-}
-
-/// The same without a counting version of its own: counts are those of single rays.
-pub fn boxes_uncounted(tree: &Arc<BoxTree<8>>, leaves: &Arc<Blocks>) -> Arc<dyn Kernel<Closest>> {
-    Arc::new(Uncounted(camera::<_, 4>(tree, leaves)))
 }
 
 /// Camera rays in tiles of 256 through nodes of eight boxes.

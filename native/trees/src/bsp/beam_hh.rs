@@ -5,11 +5,12 @@
 
 use crate::bsp::normals::Arbitrary;
 use crate::bsp::{Variant, build as build_bsp, params};
+use crate::planes::rows::{BEAM_TRAVERSAL, BEAM_WAYS};
 use halfspace_base::Monitor;
 use halfspace_base::error::Result;
 use halfspace_scene::Triangles;
 use halfspace_structure::Built;
-use halfspace_structure::row::{Kind, ParamSpec, StructureSpec};
+use halfspace_structure::row::{Group, Kind, Need, Only, ParamSpec, StructureSpec};
 use halfspace_structure::spec::{Config, Value};
 
 const BEAM_LEAST: ParamSpec = ParamSpec {
@@ -20,6 +21,11 @@ const BEAM_LEAST: ParamSpec = ParamSpec {
     unit: "rays",
     kind: Kind::Integer { min: 1, max: 65 },
     default: Value::Integer(4),
+    group: Group::Numerics,
+    needs: &[Need {
+        key: "traversal",
+        only: Only::Options(&["beam"]),
+    }],
 };
 
 /// The registry's row.
@@ -32,15 +38,18 @@ pub const SPEC: StructureSpec = StructureSpec {
     paper: "Heckbert and Hanrahan 1984, Beam tracing polygonal objects; Fuchs, Kedem and Naylor 1980, for the order; \
             Weiler and Atherton 1977, for the cuts",
     params: &PARAMS,
+    ways: BEAM_WAYS,
     build,
 };
 
 const PARAMS: [ParamSpec; params::KD] = params();
 
-/// The parameters of the tree; the threshold replaces the choice of traversals, since there is only one.
+/// The parameters of the tree: its only nodes are planes, and beams have a threshold.
 const fn params() -> [ParamSpec; params::KD] {
     let mut all = params::kd(params::k(3, 6));
-    all[1] = BEAM_LEAST;
+    let [nodes, traversal, _] = params::PLACES_KD;
+    all[nodes] = BEAM_TRAVERSAL;
+    all[traversal] = BEAM_LEAST;
     all
 }
 

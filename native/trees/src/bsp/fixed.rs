@@ -2,11 +2,12 @@
 //! Sets of directions that are the same at every node.
 
 use crate::bsp::{Source, Triangulated, Variant, build, params};
+use crate::planes::rows::ANY_WAYS;
 use halfspace_base::Monitor;
 use halfspace_base::error::Result;
 use halfspace_scene::Triangles;
 use halfspace_structure::Built;
-use halfspace_structure::row::{Kind, ParamSpec, StructureSpec};
+use halfspace_structure::row::{Group, Kind, ParamSpec, StructureSpec, named};
 use halfspace_structure::spec::{Config, Value};
 
 /// The same directions at every node.
@@ -63,6 +64,7 @@ pub const PLAIN: StructureSpec = StructureSpec {
     summary: "Planes along K directions that are the same at every node.",
     paper: PAPER,
     params: &PLAIN_PARAMS,
+    ways: ANY_WAYS,
     build: |scene, config, monitor| grow(scene, config, monitor, Variant::Plain),
 };
 
@@ -75,6 +77,7 @@ pub const KD: StructureSpec = StructureSpec {
     summary: "Planes along K directions that are the same at every node; the axes among them make cheap nodes.",
     paper: "Kammaje and Mora 2007; Budge et al. 2008; Hoobergs 2019",
     params: &KD_PARAMS,
+    ways: ANY_WAYS,
     build: |scene, config, monitor| grow(scene, config, monitor, Variant::PlusKd),
 };
 
@@ -84,8 +87,10 @@ const SET: ParamSpec = ParamSpec {
     doc: "cube: the axes, the cube's diagonals and its faces' (Klosowski et al. 1998), up to 13, and a spiral \
           beyond. spiral: always even over the sphere (Kammaje and Mora 2007)",
     unit: "",
-    kind: Kind::Choice(&["cube", "spiral"]),
+    kind: Kind::Choice(&[named("cube", "Cube"), named("spiral", "Spiral")]),
     default: Value::Choice("cube"),
+    group: Group::Builder,
+    needs: &[],
 };
 
 const K: ParamSpec = ParamSpec {
@@ -93,18 +98,32 @@ const K: ParamSpec = ParamSpec {
     ..params::k(3, 13)
 };
 
-const PLAIN_PARAMS: [ParamSpec; params::USUAL] = with_set(params::usual(K), 2);
-const KD_PARAMS: [ParamSpec; params::KD] = with_set(params::kd(K), 3);
+const PLAIN_PARAMS: [ParamSpec; params::USUAL] = plain_params();
+const KD_PARAMS: [ParamSpec; params::KD] = kd_params();
 
-/// Replaces the seed, which fixed directions do not need, by the set. Small nodes try all directions, since the first
-/// few are not chosen for the node.
-const fn with_set<const N: usize>(mut params: [ParamSpec; N], seed: usize) -> [ParamSpec; N] {
-    params[seed] = SET;
-    params[seed + 1] = ParamSpec {
-        default: Value::Float(1.0),
-        ..params::K_SMALL
-    };
-    params
+/// K at small nodes, which is K by default.
+const K_SMALL: ParamSpec = ParamSpec {
+    default: Value::Float(1.0),
+    ..params::K_SMALL
+};
+
+/// The set in place of the seed.
+const fn plain_params() -> [ParamSpec; params::USUAL] {
+    let mut all = params::usual(K);
+    let [seed, axes_depth] = params::PLACES_USUAL;
+    all[seed] = SET;
+    all[seed + 1] = K_SMALL.needing(all[seed + 1].needs);
+    all[axes_depth] = all[axes_depth].needing(params::MORE_THAN_AXES);
+    all
+}
+
+/// The same with cheap axis nodes.
+const fn kd_params() -> [ParamSpec; params::KD] {
+    let mut all = params::kd(K);
+    let [_, _, seed] = params::PLACES_KD;
+    all[seed] = SET.needing(params::MORE_THAN_AXES);
+    all[seed + 1] = K_SMALL.needing(all[seed + 1].needs);
+    all
 }
 
 fn grow(scene: &Triangles, config: &Config, monitor: &Monitor, variant: Variant) -> Result<Built> {

@@ -5,6 +5,7 @@
 use crate::bsp::normals::Arbitrary;
 use crate::bsp::random::{direction, generator};
 use crate::bsp::{Source, Triangulated, Variant, add_distinct, build, params};
+use crate::planes::rows::ANY_WAYS;
 use halfspace_base::Monitor;
 use halfspace_base::error::Result;
 use halfspace_scene::Triangles;
@@ -41,6 +42,7 @@ pub const SPEC: StructureSpec = StructureSpec {
     summary: "Planes along the axes and few normals; random directions only where those found no good plane.",
     paper: "Our own, after Hoobergs 2019",
     params: &const { params::kd(params::k(3, 5)) },
+    ways: ANY_WAYS,
     build: |scene, config, monitor| grow(scene, config, monitor, Variant::PlusKd),
 };
 

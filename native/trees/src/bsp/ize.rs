@@ -4,6 +4,7 @@
 
 use crate::bsp::normals::{Normals, oriented};
 use crate::bsp::{AXES, Variant, anything, build_with, loop_params, params};
+use crate::planes::rows::ANY_WAYS;
 use halfspace_base::Monitor;
 use halfspace_base::error::Result;
 use halfspace_builders::piece::{Clipped, Piece, Whole};
@@ -14,7 +15,7 @@ use halfspace_geom::vec3::{cross, dot, length, sub, widen};
 use halfspace_ray::frame::Frame;
 use halfspace_scene::Triangles;
 use halfspace_structure::Built;
-use halfspace_structure::row::{Kind, ParamSpec, StructureSpec};
+use halfspace_structure::row::{Group, Kind, ParamSpec, StructureSpec};
 use halfspace_structure::spec::{Config, Value};
 use std::marker::PhantomData;
 
@@ -29,6 +30,7 @@ pub const PLAIN: StructureSpec = StructureSpec {
     summary: "Planes along the axes, in the triangles and through their edges.",
     paper: PAPER,
     params: &PLAIN_PARAMS,
+    ways: ANY_WAYS,
     build: |scene, config, monitor| grow(scene, config, monitor, Variant::Plus),
 };
 
@@ -41,6 +43,7 @@ pub const KD: StructureSpec = StructureSpec {
     summary: "Planes along the axes, at cheap nodes, in the triangles and through their edges.",
     paper: PAPER,
     params: &KD_PARAMS,
+    ways: ANY_WAYS,
     build: |scene, config, monitor| grow(scene, config, monitor, Variant::PlusKd),
 };
 
@@ -58,6 +61,8 @@ const TRIED: ParamSpec = ParamSpec {
         max: 1_000_000_000,
     },
     default: Value::Integer(128),
+    group: Group::Main,
+    needs: &[],
 };
 
 const PLAIN_PARAMS: [ParamSpec; params::SINGLE] = params::single(TRIED);

@@ -24,6 +24,7 @@ use halfspace_geom::Aabb;
 use halfspace_geom::cell::{ConvexCell, Direction};
 use halfspace_nodes::cost::Costs;
 use halfspace_nodes::preorder::Preorder;
+use halfspace_nodes::shape::Shape;
 use halfspace_ray::frame::{Frame, U};
 use halfspace_scene::Triangles;
 use halfspace_structure::Built;
@@ -49,6 +50,7 @@ macro_rules! sweep_rows {
             summary: concat!("Planes along ", $along, "."),
             paper: $crate::bsp::HOOBERGS,
             params: &const { params::usual(params::k(1, $k)) },
+            ways: $crate::planes::rows::ANY_WAYS,
             build: |scene, config, monitor| $grow(scene, config, monitor, Variant::Plain),
         };
 
@@ -332,8 +334,11 @@ pub fn build_with(
     let mut built = lay_out(scene, config, frame, &preorder, monitor)?;
     // Report the reason only if it held: a node that no axis splits tries random directions, and an empty scene has no
     // planes at all.
-    let shape = &built.shape;
-    if let Some(reason) = needless.filter(|_| shape.nodes_axis > 0 && shape.nodes_oblique == 0) {
+    let axes_alone = || {
+        let shape = Shape::new(&preorder);
+        shape.nodes_axis > 0 && shape.nodes_oblique == 0
+    };
+    if let Some(reason) = needless.filter(|_| axes_alone()) {
         built.left_out.push(format!("oblique planes: {reason}"));
     }
     Ok(built)
@@ -410,10 +415,11 @@ pub fn lay_out(
     let mut built = planes::lay_out(scene, config, frame, preorder, monitor)?;
     // Report how many nodes tried only the axes.
     if preorder.first_only > 0 {
+        let shape = Shape::new(preorder);
         built.left_out.push(format!(
             "directions besides the axes: at {} of {} nodes, where a plane along an axis costs less than {} of a leaf",
             preorder.first_only,
-            built.shape.nodes_axis + built.shape.nodes_oblique,
+            shape.nodes_axis + shape.nodes_oblique,
             config.float("enough"),
         ));
     }

@@ -4,9 +4,10 @@
 use crate::params::{
     AREA_STOP, MAX_DEPTH, ROBUST, empty_factor, leaf_cost, step_cost, triangle_cost,
 };
-use crate::planes::ANY as TRAVERSAL;
+use crate::planes::rows::ANY_TRAVERSAL as TRAVERSAL;
+use crate::ways::PLANE_NODES as NODES;
 use halfspace_nodes::cost::Costs;
-use halfspace_structure::row::{Kind, ParamSpec};
+use halfspace_structure::row::{Group, Kind, Need, OFF_ON, ON_OFF, Only, ParamSpec, named};
 use halfspace_structure::spec::Value;
 
 /// Cost of a step through an oblique node, in the units of [`Costs::PLANES`]. Measured on killeroo, Sponza and
@@ -26,6 +27,8 @@ pub const fn k(min: i64, usual: i64) -> ParamSpec {
         unit: "directions",
         kind: Kind::Integer { min, max: 32 },
         default: Value::Integer(usual),
+        group: Group::Main,
+        needs: &[],
     }
 }
 
@@ -41,6 +44,8 @@ pub const ALPHA: ParamSpec = ParamSpec {
         max: 1000.0,
     },
     default: Value::Float(0.1),
+    group: Group::Main,
+    needs: &[],
 };
 
 /// Parameter seed.
@@ -54,6 +59,8 @@ pub const SEED: ParamSpec = ParamSpec {
         max: 0xffff_ffff,
     },
     default: Value::Integer(0),
+    group: Group::Builder,
+    needs: &[],
 };
 
 const COSTS: ParamSpec = ParamSpec {
@@ -62,8 +69,10 @@ const COSTS: ParamSpec = ParamSpec {
     doc: "fitted: costs measured for leaves that test eight triangles at once. thesis: 80 a triangle, 1 an \
           axis step, 5 an oblique step, one triangle per leaf, pbrt's stopping rule (Hoobergs 2019)",
     unit: "",
-    kind: Kind::Choice(&["fitted", "thesis"]),
+    kind: Kind::Choice(&[named("fitted", "Measured"), named("thesis", "Thesis")]),
     default: Value::Choice("fitted"),
+    group: Group::Costs,
+    needs: &[],
 };
 
 const RULE: ParamSpec = ParamSpec {
@@ -72,8 +81,13 @@ const RULE: ParamSpec = ParamSpec {
     doc: "Where no plane pays at the linear cost of oblique planes but one does at the fixed cost: text \
           takes that one, code takes the first attempt's, as the thesis's program does",
     unit: "",
-    kind: Kind::Choice(&["text", "code"]),
+    kind: Kind::Choice(&[
+        named("text", "As in the Text"),
+        named("code", "As in the Code"),
+    ]),
     default: Value::Choice("text"),
+    group: Group::Costs,
+    needs: &[],
 };
 
 const TIES: ParamSpec = ParamSpec {
@@ -83,8 +97,10 @@ const TIES: ParamSpec = ParamSpec {
           before ends, so that some land on both sides, and planes of a sweep may lie next to a cell's end; larger \
           trees",
     unit: "",
-    kind: Kind::Choice(&["clean", "pbrt"]),
+    kind: Kind::Choice(&[named("clean", "To One Side"), named("pbrt", "As in pbrt")]),
     default: Value::Choice("clean"),
+    group: Group::Numerics,
+    needs: &[],
 };
 
 const SLAB: ParamSpec = ParamSpec {
@@ -93,8 +109,10 @@ const SLAB: ParamSpec = ParamSpec {
     doc: "Whether planes close to both sides of a flat group of triangles are tried, which keeps it away \
           from rays that pass. Fewer tests on walls, a longer build",
     unit: "",
-    kind: Kind::Choice(&["1", "0"]),
+    kind: ON_OFF,
     default: Value::Choice("1"),
+    group: Group::Numerics,
+    needs: &[],
 };
 
 const CLIP: ParamSpec = ParamSpec {
@@ -102,8 +120,10 @@ const CLIP: ParamSpec = ParamSpec {
     label: "Clip",
     doc: "Whether triangles are cut to their cells. Fewer tests where triangles are long, a longer build",
     unit: "",
-    kind: Kind::Choice(&["1", "0"]),
+    kind: ON_OFF,
     default: Value::Choice("1"),
+    group: Group::Numerics,
+    needs: &[],
 };
 
 const EARLY: ParamSpec = ParamSpec {
@@ -112,8 +132,10 @@ const EARLY: ParamSpec = ParamSpec {
     doc: "Whether a node tries no further direction once a plane parts its triangles without cutting any. \
           Builds faster, tests slightly more",
     unit: "",
-    kind: Kind::Choice(&["0", "1"]),
+    kind: OFF_ON,
     default: Value::Choice("0"),
+    group: Group::Builder,
+    needs: &[],
 };
 
 const AXES_DEPTH: ParamSpec = ParamSpec {
@@ -123,6 +145,8 @@ const AXES_DEPTH: ParamSpec = ParamSpec {
     unit: "levels",
     kind: Kind::Integer { min: 0, max: 60 },
     default: Value::Integer(0),
+    group: Group::Builder,
+    needs: &[],
 };
 
 /// Nodes of at most this number of triangles are small.
@@ -137,6 +161,8 @@ pub const K_SMALL: ParamSpec = ParamSpec {
     unit: "of K",
     kind: Kind::Float { min: 0.0, max: 1.0 },
     default: Value::Float(0.66),
+    group: Group::Builder,
+    needs: &[],
 };
 
 const ENOUGH: ParamSpec = ParamSpec {
@@ -147,6 +173,8 @@ const ENOUGH: ParamSpec = ParamSpec {
     unit: "",
     kind: Kind::Float { min: 0.0, max: 1.0 },
     default: Value::Float(0.6),
+    group: Group::Costs,
+    needs: &[],
 };
 
 const OBLIQUE: ParamSpec = ParamSpec {
@@ -157,16 +185,51 @@ const OBLIQUE: ParamSpec = ParamSpec {
     unit: "",
     kind: Kind::Float { min: 0.0, max: 1e6 },
     default: Value::Float(OBLIQUE_STEP as f64),
+    group: Group::Costs,
+    needs: &[],
 };
 
-/// The costs of `costs=fitted` as parameters.
-const PRICES: [ParamSpec; 6] = [
-    step_cost(Costs::PLANES),
-    OBLIQUE,
-    leaf_cost(Costs::PLANES),
-    triangle_cost(Costs::PLANES),
-    empty_factor(Costs::PLANES),
-    AREA_STOP,
+/// Costs that only `costs=fitted` reads.
+const FITTED: &[Need] = &[Need {
+    key: "costs",
+    only: Only::Options(&["fitted"]),
+}];
+
+/// More directions than the axes.
+pub const MORE_THAN_AXES: &[Need] = &[Need {
+    key: "k",
+    only: Only::Above(3.0),
+}];
+
+/// Both.
+const FITTED_MORE: &[Need] = &[FITTED[0], MORE_THAN_AXES[0]];
+
+/// A linear cost of oblique planes.
+const LINEAR: &[Need] = &[Need {
+    key: "alpha",
+    only: Only::Above(0.0),
+}];
+
+/// A linear cost, and directions that have it.
+const LINEAR_MORE: &[Need] = &[LINEAR[0], MORE_THAN_AXES[0]];
+
+/// The costs of `costs=fitted` as parameters, without that of a step along an axis: all steps cost the same.
+const PRICES: [ParamSpec; 5] = [
+    OBLIQUE.needing(FITTED),
+    leaf_cost(Costs::PLANES).needing(FITTED),
+    triangle_cost(Costs::PLANES).needing(FITTED),
+    empty_factor(Costs::PLANES).needing(FITTED),
+    AREA_STOP.needing(FITTED),
+];
+
+/// The same where steps along an axis have a cost of their own.
+const PRICES_KD: [ParamSpec; 6] = [
+    step_cost(Costs::PLANES).needing(FITTED),
+    PRICES[0],
+    PRICES[1],
+    PRICES[2],
+    PRICES[3],
+    PRICES[4],
 ];
 
 /// Concatenates two lists.
@@ -191,13 +254,24 @@ pub const USUAL: usize = 18;
 pub const PLUS: usize = USUAL + 1;
 
 /// Number of parameters of a variant with cheap axis nodes.
-pub const KD: usize = PLUS + 2;
+pub const KD: usize = PLUS + 3;
 
 /// Returns the parameters of a variant without special axes.
 pub const fn usual(k: ParamSpec) -> [ParamSpec; USUAL] {
     join(
         [
-            k, TRAVERSAL, SEED, K_SMALL, COSTS, TIES, SLAB, CLIP, EARLY, AXES_DEPTH, ROBUST,
+            k,
+            NODES,
+            TRAVERSAL,
+            SEED,
+            K_SMALL.needing(FITTED),
+            COSTS,
+            TIES,
+            SLAB,
+            CLIP,
+            EARLY,
+            AXES_DEPTH,
+            ROBUST,
             MAX_DEPTH,
         ],
         PRICES,
@@ -208,8 +282,20 @@ pub const fn usual(k: ParamSpec) -> [ParamSpec; USUAL] {
 pub const fn plus(k: ParamSpec) -> [ParamSpec; PLUS] {
     join(
         [
-            k, TRAVERSAL, SEED, K_SMALL, COSTS, TIES, SLAB, CLIP, EARLY, ENOUGH, AXES_DEPTH,
-            ROBUST, MAX_DEPTH,
+            k,
+            NODES,
+            TRAVERSAL,
+            SEED.needing(MORE_THAN_AXES),
+            K_SMALL.needing(FITTED_MORE),
+            COSTS,
+            TIES,
+            SLAB,
+            CLIP,
+            EARLY,
+            ENOUGH.needing(FITTED_MORE),
+            AXES_DEPTH.needing(MORE_THAN_AXES),
+            ROBUST,
+            MAX_DEPTH,
         ],
         PRICES,
     )
@@ -217,12 +303,28 @@ pub const fn plus(k: ParamSpec) -> [ParamSpec; PLUS] {
 
 /// Returns the parameters of a variant with cheap axis nodes.
 pub const fn kd(k: ParamSpec) -> [ParamSpec; KD] {
+    let mut prices = PRICES_KD;
+    prices[1] = OBLIQUE.needing(FITTED_MORE);
     join(
         [
-            k, TRAVERSAL, ALPHA, SEED, K_SMALL, COSTS, RULE, TIES, SLAB, CLIP, EARLY, ENOUGH,
-            AXES_DEPTH, ROBUST, MAX_DEPTH,
+            k,
+            ALPHA.needing(MORE_THAN_AXES),
+            NODES,
+            TRAVERSAL,
+            SEED.needing(MORE_THAN_AXES),
+            K_SMALL.needing(FITTED_MORE),
+            COSTS,
+            RULE.needing(LINEAR_MORE),
+            TIES,
+            SLAB.needing(MORE_THAN_AXES),
+            CLIP,
+            EARLY,
+            ENOUGH.needing(FITTED_MORE),
+            AXES_DEPTH.needing(MORE_THAN_AXES),
+            ROBUST,
+            MAX_DEPTH,
         ],
-        PRICES,
+        prices,
     )
 }
 
@@ -230,12 +332,14 @@ pub const fn kd(k: ParamSpec) -> [ParamSpec; KD] {
 pub const SINGLE: usize = 14;
 
 /// Number of parameters of such a tree with cheap axis nodes.
-pub const SINGLE_KD: usize = SINGLE + 2;
+pub const SINGLE_KD: usize = SINGLE + 3;
 
 /// Returns the parameters of a tree that sweeps only the axes.
 pub const fn single(own: ParamSpec) -> [ParamSpec; SINGLE] {
     join(
-        [own, TRAVERSAL, COSTS, TIES, SLAB, CLIP, ROBUST, MAX_DEPTH],
+        [
+            own, NODES, TRAVERSAL, COSTS, TIES, SLAB, CLIP, ROBUST, MAX_DEPTH,
+        ],
         PRICES,
     )
 }
@@ -244,8 +348,24 @@ pub const fn single(own: ParamSpec) -> [ParamSpec; SINGLE] {
 pub const fn single_kd(own: ParamSpec) -> [ParamSpec; SINGLE_KD] {
     join(
         [
-            own, TRAVERSAL, ALPHA, COSTS, RULE, TIES, SLAB, CLIP, ROBUST, MAX_DEPTH,
+            own,
+            ALPHA,
+            NODES,
+            TRAVERSAL,
+            COSTS,
+            RULE.needing(LINEAR),
+            TIES,
+            SLAB,
+            CLIP,
+            ROBUST,
+            MAX_DEPTH,
         ],
-        PRICES,
+        PRICES_KD,
     )
 }
+
+/// Where [`kd`] has the nodes, the traversal and the seed.
+pub const PLACES_KD: [usize; 3] = [2, 3, 4];
+
+/// Where [`usual`] has the seed and the depth above which only the axes are tried.
+pub const PLACES_USUAL: [usize; 2] = [3, 10];

@@ -1,0 +1,129 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The two choices of tracing: the nodes that rays are tested against, and how rays are sent through them.
+
+use crate::row::Named;
+
+/// How the rays of a batch go through the nodes together.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Rays {
+    /// One ray after another.
+    Single,
+    /// Several single rays in turn.
+    Flight,
+    /// Packets of rays, one to a lane.
+    Packet,
+    /// Tiles of camera rays, and of shadow rays turned round.
+    Tile,
+    /// Beams: a bundle of rays is clipped or split by the nodes.
+    Beam,
+    /// Streams: a node is visited once for all rays that meet it.
+    Stream,
+    /// The quickest of these for each batch.
+    Auto,
+}
+
+impl Rays {
+    /// The name in registries and reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Single => "single",
+            Self::Flight => "flight",
+            Self::Packet => "packet",
+            Self::Tile => "tile",
+            Self::Beam => "beam",
+            Self::Stream => "stream",
+            Self::Auto => "auto",
+        }
+    }
+}
+
+/// One valid pair of nodes and traversal.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Way {
+    /// What rays are tested against: planes, wide, boxes, intervals, octants, cells, or none.
+    pub nodes: &'static str,
+    /// Value of the parameter `traversal`; empty for a structure with only one.
+    pub traversal: &'static str,
+    /// Name of the traversal in user interfaces.
+    pub label: &'static str,
+    /// How rays go together.
+    pub rays: Rays,
+    /// One clause for the documentation.
+    pub doc: &'static str,
+}
+
+/// Name of the parameter that chooses the nodes.
+pub const NODES: &str = "nodes";
+
+/// Name of the parameter that chooses the traversal.
+pub const TRAVERSAL: &str = "traversal";
+
+/// The kinds of nodes that a tree of split planes offers, its own first.
+pub const NODES_OF_PLANES: [Named; 3] = [
+    Named {
+        name: "planes",
+        label: "Split Planes",
+        doc: "the planes of the tree, one to a node",
+    },
+    Named {
+        name: "wide",
+        label: "Wide Split Planes",
+        doc: "the planes of the tree, seven of three levels to a node",
+    },
+    Named {
+        name: "boxes",
+        label: "Boxes from Planes",
+        doc: "boxes around the triangles that the planes separate, eight to a node, with leaves of their own; the planes \
+              and their leaves are freed after the build",
+    },
+];
+
+/// A value of `traversal` of former versions: what it means today.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Former {
+    /// The former value.
+    pub spelled: &'static str,
+    /// Value of `nodes` that it stands for, for structures with that parameter.
+    pub nodes: Option<&'static str>,
+    /// Value of `traversal`.
+    pub traversal: &'static str,
+}
+
+/// Former values of `traversal`; they stay accepted.
+pub const FORMER: [Former; 6] = [
+    Former {
+        spelled: "p16",
+        nodes: None,
+        traversal: "packet",
+    },
+    Former {
+        spelled: "p8",
+        nodes: None,
+        traversal: "packet8",
+    },
+    Former {
+        spelled: "p4",
+        nodes: None,
+        traversal: "packet4",
+    },
+    Former {
+        spelled: "tile8",
+        nodes: None,
+        traversal: "tile",
+    },
+    Former {
+        spelled: "wide",
+        nodes: Some("wide"),
+        traversal: "flight",
+    },
+    Former {
+        spelled: "boxes",
+        nodes: Some("boxes"),
+        traversal: "ordered",
+    },
+];
+
+/// What a former value of `traversal` means; `None` for a value of today.
+pub fn former(spelled: &str) -> Option<Former> {
+    FORMER.into_iter().find(|former| former.spelled == spelled)
+}

@@ -1,0 +1,158 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Traversals of nodes of eight boxes: those of a box hierarchy, and those made from split planes.
+
+use crate::ways::{Traversal, way};
+use halfspace_leaf::blocks::Blocks;
+use halfspace_nodes::box_tree::BoxTree;
+use halfspace_ray::query::Closest;
+use halfspace_structure::Plan;
+use halfspace_structure::way::Rays;
+use halfspace_trace::kernel::Kernel;
+use halfspace_trace::single::objects::boxes::boxes8;
+use halfspace_trace::{flight, packet, stream, tile};
+use std::sync::Arc;
+
+/// A tree of eight boxes to a node for which a plan is made.
+pub struct Boxes {
+    /// The nodes, [`BoxTree::by_corners`] unless rays go one by one.
+    pub tree: Arc<BoxTree<8>>,
+    /// The triangles of its leaves.
+    pub leaves: Arc<Blocks>,
+}
+
+/// Makes the kernels for a tree of eight boxes to a node.
+pub type MakePlan = fn(&Boxes) -> Plan;
+
+/// All traversals of eight boxes to a node.
+pub const TRAVERSALS: [Traversal<MakePlan>; 9] = [
+    Traversal {
+        way: way(
+            "boxes",
+            "auto",
+            "Automatic",
+            Rays::Auto,
+            "the quickest for each batch: camera rays and shadow rays in tiles, other rays in streams",
+        ),
+        plan: |boxes| {
+            let tiles = tile::kernel::boxes(&boxes.tree, &boxes.leaves);
+            let shadow = tile::kernel::shadow_boxes(&boxes.tree, &boxes.leaves);
+            let streams = stream::kernel::boxes(&boxes.tree, &boxes.leaves);
+            (boxes.singly().with_closest(Rays::Stream, streams))
+                .with_tiles(Rays::Tile, tiles)
+                .with_any(Rays::Tile, shadow)
+        },
+    },
+    Traversal {
+        way: way(
+            "boxes",
+            "ordered",
+            "Nearest First",
+            Rays::Single,
+            "one by one, the nearest box first",
+        ),
+        plan: |boxes| boxes.singly(),
+    },
+    Traversal {
+        way: way(
+            "boxes",
+            "flight",
+            "In Flight",
+            Rays::Flight,
+            "several rays in turn, boxes in the order of the direction's octant, many rays in random order sorted by origin",
+        ),
+        plan: |boxes| {
+            let closest = flight::kernel::wide_boxes(&boxes.tree, &boxes.leaves);
+            let shadow = flight::kernel::shadow_wide_boxes(&boxes.tree, &boxes.leaves);
+            (boxes.singly().with_closest(Rays::Flight, closest)).with_any(Rays::Flight, shadow)
+        },
+    },
+    Traversal {
+        way: way(
+            "boxes",
+            "stream",
+            "Streams",
+            Rays::Stream,
+            "nearest hits in streams, which visit each node once for all rays that meet it",
+        ),
+        plan: |boxes| {
+            let streams = stream::kernel::boxes(&boxes.tree, &boxes.leaves);
+            boxes.singly().with_closest(Rays::Stream, streams)
+        },
+    },
+    Traversal {
+        way: way(
+            "boxes",
+            "tile",
+            "Tiles of 64",
+            Rays::Tile,
+            "camera rays in tiles of 64, shadow rays of one light in tiles of 64 from the light; tiles whose rays diverge \
+             are split into packets",
+        ),
+        plan: |boxes| {
+            let tiles = tile::kernel::boxes(&boxes.tree, &boxes.leaves);
+            boxes.in_tiles(tiles)
+        },
+    },
+    Traversal {
+        way: way(
+            "boxes",
+            "tile16",
+            "Tiles of 256",
+            Rays::Tile,
+            "as tile, but camera rays in tiles of 256",
+        ),
+        plan: |boxes| {
+            let tiles = tile::kernel::large_boxes(&boxes.tree, &boxes.leaves);
+            boxes.in_tiles(tiles)
+        },
+    },
+    Traversal {
+        way: way(
+            "boxes",
+            "packet",
+            "Packets of 16",
+            Rays::Packet,
+            "packets of 16 rays, one to a lane, shadow rays too",
+        ),
+        plan: |boxes| {
+            let shadow = packet::kernel::shadow_boxes(&boxes.tree, &boxes.leaves);
+            boxes.packets(16).with_any(Rays::Packet, shadow)
+        },
+    },
+    Traversal {
+        way: way(
+            "boxes",
+            "packet8",
+            "Packets of 8",
+            Rays::Packet,
+            "nearest hits in packets of 8",
+        ),
+        plan: |boxes| boxes.packets(8),
+    },
+    Traversal {
+        way: way(
+            "boxes",
+            "packet4",
+            "Packets of 4",
+            Rays::Packet,
+            "nearest hits in packets of 4",
+        ),
+        plan: |boxes| boxes.packets(4),
+    },
+];
+
+impl Boxes {
+    fn singly(&self) -> Plan {
+        Plan::single("boxes", "ordered", boxes8(&self.tree, &self.leaves))
+    }
+
+    fn in_tiles(&self, tiles: Arc<dyn Kernel<Closest>>) -> Plan {
+        let shadow = tile::kernel::shadow_boxes(&self.tree, &self.leaves);
+        (self.singly().with_tiles(Rays::Tile, tiles)).with_any(Rays::Tile, shadow)
+    }
+
+    fn packets(&self, rays: usize) -> Plan {
+        let packets = packet::kernel::boxes(&self.tree, &self.leaves, rays);
+        self.singly().with_closest(Rays::Packet, packets)
+    }
+}

@@ -1,0 +1,212 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Trees of split planes: from the builder's nodes to the tree and its plan.
+
+pub mod rows;
+
+use crate::boxes::{self, Boxes};
+use crate::ways::chosen;
+use halfspace_base::Monitor;
+use halfspace_base::error::Result;
+use halfspace_builders::plane_boxes::PlaneBoxes;
+use halfspace_leaf::blocks::Blocks;
+use halfspace_nodes::nested;
+use halfspace_nodes::plane_boxes::PlaneBoxTree;
+use halfspace_nodes::plane_tree::PlaneTree;
+use halfspace_nodes::planes::views::Linked;
+use halfspace_nodes::preorder::Preorder;
+use halfspace_nodes::ropes::{self, Ropes};
+use halfspace_nodes::shape::Shape;
+use halfspace_nodes::wide_tree::WideTree;
+use halfspace_ray::frame::Frame;
+use halfspace_ray::query::Closest;
+use halfspace_scene::Triangles;
+use halfspace_structure::row::Derived;
+use halfspace_structure::spec::Config;
+use halfspace_structure::way::Rays;
+use halfspace_structure::{Built, Plan};
+use halfspace_trace::kernel::{Kernel, SingleRays};
+use halfspace_trace::single::planes::{dir, rope};
+use halfspace_trace::{beam, flight, packet, tile};
+use std::sync::Arc;
+
+/// A tree of split planes for which a plan is made.
+pub struct Planes<'a> {
+    tree: Arc<PlaneTree>,
+    leaves: Arc<Blocks>,
+    config: &'a Config,
+    /// Without the choice of `robust`.
+    frame: &'a Frame,
+    /// Whether traversals use error bounds, rather than being as published.
+    robust: bool,
+    monitor: &'a Monitor,
+    shape: Shape,
+    derived: Vec<Derived>,
+}
+
+/// Share of the build time that progress gives to the boxes. It is less where planes are expensive.
+const BOXES: f64 = 0.35;
+
+/// Makes the kernel of single rays over a tree of planes.
+type Single = fn(&Arc<PlaneTree>, &Arc<Blocks>) -> Arc<dyn SingleRays>;
+
+impl Planes<'_> {
+    /// Single rays by plane distances.
+    fn by_distances(&self) -> Plan {
+        Plan::single("planes", "dir", dir::dir(&self.tree, &self.leaves))
+    }
+
+    /// Single rays with error bounds, or as published.
+    fn as_chosen(
+        &self,
+        name: &'static str,
+        bounded: Single,
+        published: impl FnOnce(&Arc<PlaneTree>, &Arc<Blocks>) -> Arc<dyn SingleRays>,
+    ) -> Plan {
+        let kernel = if self.robust {
+            bounded(&self.tree, &self.leaves)
+        } else {
+            published(&self.tree, &self.leaves)
+        };
+        Plan::single("planes", name, kernel)
+    }
+
+    /// Nearest hits in packets of this number of rays; shadow rays too in those of 16.
+    fn packets(&self, rays: usize) -> Plan {
+        let packets = packet::kernel::planes(&self.tree, &self.leaves, rays);
+        let plan = self.by_distances().with_closest(Rays::Packet, packets);
+        if rays < 16 {
+            return plan;
+        }
+        let shadow = packet::kernel::shadow_planes(&self.tree, &self.leaves);
+        plan.with_any(Rays::Packet, shadow)
+    }
+
+    /// Camera rays in `tiles`, shadow rays in tiles of 64.
+    fn in_tiles(&self, tiles: Arc<dyn Kernel<Closest>>) -> Plan {
+        let shadow = tile::kernel::shadow_planes(&self.tree, &self.leaves);
+        (self.by_distances().with_tiles(Rays::Tile, tiles)).with_any(Rays::Tile, shadow)
+    }
+
+    /// Rays in flight through nodes of seven planes.
+    fn wide(&mut self) -> Result<Plan> {
+        let nodes = WideTree::new(&self.tree);
+        self.monitor.take(nodes.bytes())?;
+        let nodes = Arc::new(nodes);
+        self.derived.push(Derived {
+            tree: nodes.clone(),
+        });
+        let single = flight::kernel::single_wide_planes(&nodes, &self.leaves);
+        let closest = flight::kernel::wide_planes(&nodes, &self.leaves);
+        let shadow = flight::kernel::shadow_wide_planes(&nodes, &self.leaves);
+        let plan = Plan::single("wide", "flight", single);
+        Ok((plan.with_closest(Rays::Flight, closest)).with_any(Rays::Flight, shadow))
+    }
+
+    fn roped(&mut self, name: &'static str, kind: ropes::Kind) -> Result<Plan> {
+        let ropes = Ropes::new(&self.tree, self.frame.bounds(), kind, self.monitor)?;
+        self.shape.links = ropes.count();
+        let ropes = Arc::new(ropes);
+        self.derived.push(Derived {
+            tree: Arc::new(Linked {
+                tree: self.tree.clone(),
+                ropes: ropes.clone(),
+            }),
+        });
+        let make = if self.robust {
+            rope::rope
+        } else {
+            rope::rope_published
+        };
+        let kernel = make(&self.tree, &self.leaves, ropes);
+        Ok(Plan::single("planes", name, kernel))
+    }
+}
+
+/// Runs the part of a build that makes the planes; progress leaves room for boxes where rays need them.
+pub fn during_planes<T>(config: &Config, monitor: &Monitor, work: impl FnOnce() -> T) -> T {
+    let boxed = config.way().nodes == "boxes";
+    monitor.during(if boxed { 1.0 - BOXES } else { 1.0 }, work)
+}
+
+/// Lays out a tree of split planes and makes the plan that the configuration chooses.
+///
+/// # Errors
+/// As [`PlaneTree::new`], and those of the nodes that the traversal derives.
+pub fn lay_out(
+    scene: &Triangles,
+    config: &Config,
+    frame: Frame,
+    preorder: &Preorder,
+    monitor: &Monitor,
+) -> Result<Built> {
+    let mut blocks = Blocks::new();
+    let tree = PlaneTree::new(preorder, scene, &frame, &mut blocks)?;
+    let frame = frame.with_robust(config.robust());
+    if config.way().nodes == "boxes" {
+        drop(blocks);
+        return boxed(scene, config, frame, &tree, monitor);
+    }
+    let mut planes = Planes {
+        tree: Arc::new(tree),
+        leaves: Arc::new(blocks),
+        config,
+        frame: &frame,
+        robust: config.robust(),
+        monitor,
+        shape: Shape::new(preorder),
+        derived: Vec::new(),
+    };
+    let way = config.way();
+    let plan = match way.rays {
+        Rays::Beam => (chosen(&rows::BEAMS, way).plan)(&mut planes)?,
+        _ if way.nodes == "wide" => (chosen(&rows::WIDE, way).plan)(&mut planes)?,
+        _ => (chosen(&rows::BINARY, way).plan)(&mut planes)?,
+    };
+    let choice = config.choice("shadow");
+    let beams =
+        (choice == "beam").then(|| beam::kernel::shadow_planes(&planes.tree, &planes.leaves));
+    let plan = plan.with_shadow(choice, beams);
+    let Planes {
+        tree,
+        leaves,
+        shape,
+        derived,
+        ..
+    } = planes;
+    Ok(Built {
+        frame,
+        tree: Some(tree),
+        leaves,
+        derived,
+        plan,
+        shape,
+        left_out: Vec::new(),
+        growing: None,
+    })
+}
+
+/// Makes boxes around what the planes separate, with leaves of their own. The planes are not kept.
+fn boxed(
+    scene: &Triangles,
+    config: &Config,
+    frame: Frame,
+    planes: &PlaneTree,
+    monitor: &Monitor,
+) -> Result<Built> {
+    let made = monitor.during(BOXES, || PlaneBoxes::new(planes, (scene, &frame), monitor))?;
+    let boxes = Boxes {
+        tree: Arc::new(made.tree),
+        leaves: Arc::new(made.blocks),
+    };
+    let plan = (chosen(&boxes::TRAVERSALS, config.way()).plan)(&boxes);
+    Ok(Built {
+        frame,
+        shape: nested::shape(&*boxes.tree, frame.bounds()),
+        tree: Some(Arc::new(PlaneBoxTree(boxes.tree))),
+        leaves: boxes.leaves,
+        derived: Vec::new(),
+        plan: plan.with_shadow(config.choice("shadow"), None),
+        left_out: Vec::new(),
+        growing: None,
+    })
+}

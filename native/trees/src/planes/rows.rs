@@ -1,0 +1,297 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Traversals of split planes, binary and wide.
+
+use super::Planes;
+use crate::boxes;
+use crate::ways::{Traversal, all, distinct, join, offer, traversal, way};
+use halfspace_base::error::Result;
+use halfspace_nodes::ropes;
+use halfspace_structure::Plan;
+use halfspace_structure::row::{Named, ParamSpec};
+use halfspace_structure::way::{Rays, Way};
+use halfspace_trace::single::planes::{
+    arvo, seq, seq_1985, sung, ta_a, ta_b, ta_b_1997, ta_b_poly,
+};
+use halfspace_trace::{beam, tile};
+
+/// Makes the kernels for a tree of split planes. May derive further nodes from it.
+pub type MakePlan = fn(&mut Planes<'_>) -> Result<Plan>;
+
+/// All traversals of split planes, one to a node.
+pub const BINARY: [Traversal<MakePlan>; 15] = [
+    Traversal {
+        way: way(
+            "planes",
+            "auto",
+            "Automatic",
+            Rays::Auto,
+            "the quickest for each batch: camera rays and shadow rays in tiles, other rays as dir",
+        ),
+        plan: |planes| {
+            let tiles = tile::kernel::planes(&planes.tree, &planes.leaves);
+            Ok(planes.in_tiles(tiles))
+        },
+    },
+    Traversal {
+        way: way(
+            "planes",
+            "dir",
+            "By Distances",
+            Rays::Single,
+            "one by one, by plane distances in the order of the direction",
+        ),
+        plan: |planes| Ok(planes.by_distances()),
+    },
+    Traversal {
+        way: way(
+            "planes",
+            "tile",
+            "Tiles of 64",
+            Rays::Tile,
+            "camera rays in tiles of 64, and shadow rays of one light in tiles of 64 from the light; tiles whose rays \
+             diverge are split into packets; other rays as dir",
+        ),
+        plan: |planes| {
+            let tiles = tile::kernel::planes(&planes.tree, &planes.leaves);
+            Ok(planes.in_tiles(tiles))
+        },
+    },
+    Traversal {
+        way: way(
+            "planes",
+            "tile16",
+            "Tiles of 256",
+            Rays::Tile,
+            "as tile, but camera rays in tiles of 256",
+        ),
+        plan: |planes| {
+            let tiles = tile::kernel::large_planes(&planes.tree, &planes.leaves);
+            Ok(planes.in_tiles(tiles))
+        },
+    },
+    Traversal {
+        way: way(
+            "planes",
+            "packet",
+            "Packets of 16",
+            Rays::Packet,
+            "packets of 16 rays, one to a lane, shadow rays too",
+        ),
+        plan: |planes| Ok(planes.packets(16)),
+    },
+    Traversal {
+        way: way(
+            "planes",
+            "packet8",
+            "Packets of 8",
+            Rays::Packet,
+            "nearest hits in packets of 8, shadow rays as dir",
+        ),
+        plan: |planes| Ok(planes.packets(8)),
+    },
+    Traversal {
+        way: way(
+            "planes",
+            "packet4",
+            "Packets of 4",
+            Rays::Packet,
+            "nearest hits in packets of 4, shadow rays as dir",
+        ),
+        plan: |planes| Ok(planes.packets(4)),
+    },
+    Traversal {
+        way: way(
+            "planes",
+            "ta-b",
+            "TA-B",
+            Rays::Single,
+            "one by one, by entry and exit points (Havran et al. 1997)",
+        ),
+        plan: |planes| {
+            let (bounded, published) = (ta_b::ta_b, ta_b_1997::ta_b_published);
+            let mut plan = planes.as_chosen("ta-b", bounded, published);
+            plan.cases = &halfspace_ray::cases::NAMES;
+            Ok(plan)
+        },
+    },
+    Traversal {
+        way: way(
+            "planes",
+            "ta-b-poly",
+            "TA-B, Oblique",
+            Rays::Single,
+            "one by one, by the heights of entry and exit points over planes of any direction",
+        ),
+        plan: |planes| {
+            let kernel = ta_b_poly::ta_b_poly(&planes.tree, &planes.leaves);
+            Ok(Plan::single("planes", "ta-b-poly", kernel))
+        },
+    },
+    Traversal {
+        way: way(
+            "planes",
+            "ta-a",
+            "TA-A",
+            Rays::Single,
+            "one by one, by the side of the origin and distances (Havran et al. 1997)",
+        ),
+        plan: |planes| Ok(planes.as_chosen("ta-a", ta_a::ta_a, ta_a::ta_a_published)),
+    },
+    Traversal {
+        way: way(
+            "planes",
+            "sung",
+            "Sung",
+            Rays::Single,
+            "one by one, by the side of the origin and distances (Sung and Shirley 1992)",
+        ),
+        plan: |planes| Ok(planes.as_chosen("sung", sung::sung, sung::sung_published)),
+    },
+    Traversal {
+        way: way(
+            "planes",
+            "arvo",
+            "Arvo",
+            Rays::Single,
+            "one by one, by the side of the origin and distances (Arvo 1988)",
+        ),
+        plan: |planes| Ok(planes.as_chosen("arvo", arvo::arvo, arvo::arvo_published)),
+    },
+    Traversal {
+        way: way(
+            "planes",
+            "seq",
+            "Sequential",
+            Rays::Single,
+            "one by one, each leaf located from the root, without a stack (Kaplan 1985)",
+        ),
+        plan: |planes| {
+            let bounds = planes.frame.bounds();
+            Ok(planes.as_chosen("seq", seq::seq, |tree, leaves| {
+                seq_1985::seq_published(tree, leaves, bounds)
+            }))
+        },
+    },
+    Traversal {
+        way: way(
+            "planes",
+            "rope",
+            "Ropes",
+            Rays::Single,
+            "one by one, from leaf to leaf by links to what lies across each face (MacDonald and Booth 1990), which take \
+             about twice the memory of the nodes and more",
+        ),
+        plan: |planes| planes.roped("rope", ropes::Kind::Ropes),
+    },
+    Traversal {
+        way: way(
+            "planes",
+            "ropetree",
+            "Rope Trees",
+            Rays::Single,
+            "the same by a small tree for each face (Havran et al. 1998)",
+        ),
+        plan: |planes| planes.roped("ropetree", ropes::Kind::RopeTrees),
+    },
+];
+
+/// All traversals of split planes, seven of three levels to a node.
+pub const WIDE: [Traversal<MakePlan>; 2] = [
+    Traversal {
+        way: way(
+            "wide",
+            "auto",
+            "Automatic",
+            Rays::Auto,
+            "the quickest for each batch: all rays in flight",
+        ),
+        plan: |planes| planes.wide(),
+    },
+    Traversal {
+        way: way(
+            "wide",
+            "flight",
+            "In Flight",
+            Rays::Flight,
+            "several rays in turn, many rays in random order sorted by origin",
+        ),
+        plan: |planes| planes.wide(),
+    },
+];
+
+/// Camera rays as beams, for a structure that offers them (Heckbert and Hanrahan 1984).
+pub const BEAMS: [Traversal<MakePlan>; 1] = [Traversal {
+    way: way(
+        "planes",
+        "beam",
+        "Beams",
+        Rays::Beam,
+        "camera rays in tiles of 64 that each plane cuts as one beam, other rays as dir",
+    ),
+    plan: |planes| {
+        let least = u32::try_from(planes.config.integer("beam_least")).expect("in range");
+        let beams = beam::kernel::planes(&planes.tree, &planes.leaves, least);
+        let mut plan = planes.by_distances().with_tiles(Rays::Beam, beams);
+        plan.cases = &beam::planes::NAMES;
+        Ok(plan)
+    },
+}];
+
+/// Number of ways through wide nodes and boxes.
+const OTHERS: usize = WIDE.len() + boxes::TRAVERSALS.len();
+
+const OTHER_WAYS: [Way; OTHERS] = join(all(&WIDE), all(&boxes::TRAVERSALS));
+
+const AXIS: [Way; 14 + OTHERS] = join(
+    offer(
+        &BINARY,
+        [
+            "auto", "dir", "tile", "tile16", "packet", "packet8", "packet4", "ta-b", "ta-a",
+            "sung", "arvo", "seq", "rope", "ropetree",
+        ],
+    ),
+    OTHER_WAYS,
+);
+
+/// Ways through axis-aligned trees.
+pub const AXIS_WAYS: &[Way] = &AXIS;
+
+const AXIS_OPTIONS: [Named; 17] = distinct(&AXIS);
+
+/// Traversals of axis-aligned trees.
+pub const AXIS_TRAVERSAL: ParamSpec = traversal(&AXIS_OPTIONS);
+
+const ANY: [Way; 8 + OTHERS] = join(
+    offer(
+        &BINARY,
+        [
+            "auto",
+            "dir",
+            "tile",
+            "tile16",
+            "packet",
+            "packet8",
+            "packet4",
+            "ta-b-poly",
+        ],
+    ),
+    OTHER_WAYS,
+);
+
+/// Ways through trees with oblique planes.
+pub const ANY_WAYS: &[Way] = &ANY;
+
+const ANY_OPTIONS: [Named; 11] = distinct(&ANY);
+
+/// Traversals of trees with oblique planes.
+pub const ANY_TRAVERSAL: ParamSpec = traversal(&ANY_OPTIONS);
+
+const BEAM: [Way; 2] = join(all(&BEAMS), offer(&BINARY, ["dir"]));
+
+/// Ways through the tree of beams.
+pub const BEAM_WAYS: &[Way] = &BEAM;
+
+const BEAM_OPTIONS: [Named; 2] = distinct(&BEAM);
+
+/// Traversals of the tree of beams.
+pub const BEAM_TRAVERSAL: ParamSpec = traversal(&BEAM_OPTIONS);
