@@ -354,7 +354,11 @@ class Structure:
     """Name of the traversal of single rays, which counters count where rays are traced together but not counted
     together."""
     routes: dict[str, Route]
-    """Which kernel answers each kind of batch: single, closest, tiles (rays with order="tile8"), shadow (any-hit rays)."""
+    """Which kernel answers each kind of batch: "single", "closest", "tiles" (rays with order="tile8"), "shadow".
+
+    Each is a dictionary: "nodes", what rays are tested against; "rays", how they go together; "counted", whether
+    counters are those of this kernel, and not of single rays.
+    """
 
     def closest(
         self,

@@ -32,6 +32,8 @@ fn elsewhere(tree: &str, way: &Way) -> bool {
     let on: &[&str] = match (way.nodes, way.traversal) {
         ("planes" | "boxes", "packet" | "packet4" | "packet8") => &["kd", "rbsp-kd", "bvh-sah"],
         ("boxes", "flight" | "stream" | "ordered") => &["kd", "bsp-wn", "bvh-sah"],
+        ("boxes", "auto") => &["kd", "kd-median", "rbsp-kd", "bsp-wn", "bsp-ize", "bvh-sah"],
+        ("wide", "flight") => &["kd", "bsp-wn"],
         (_, "ta-b-poly") => &["rbsp-kd", "bsp-wn"],
         (_, "seq" | "rope" | "ropetree") => &["kd", "kd-median"],
         (_, "ta-a" | "sung" | "arvo") => &["kd", "kd-sah"],

@@ -3,7 +3,6 @@
 //! like brute force.
 
 use halfspace::base::Monitor;
-use halfspace::base::error::Error;
 use halfspace::oracle::exact_closest;
 use halfspace::ray::{Hit, Order, Ray, Tracer};
 use halfspace::registry::{self, TREES};

@@ -18,7 +18,6 @@ use halfspace::oracle::cases::{Random, grid, soup};
 use halfspace::structure::Structure;
 use halfspace::structure::way::Rays;
 use std::collections::BTreeSet;
-use std::sync::Arc;
 
 /// The tree of planes of a structure.
 fn planes(structure: &Structure) -> &PlaneTree {

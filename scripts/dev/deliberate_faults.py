@@ -392,11 +392,11 @@ FAULTS = (
         ("lib", "every_point_of_the_triangle_is_in_the_part_on_its_side"),
     ),
     Fault(
-        "box trees traversed with the leaves of plane trees",
-        "native/structure/src/row.rs",
-        "derived.leaves.as_deref().unwrap_or(&self.leaves)",
-        "&self.leaves",
-        ALL,
+        "rays through boxes reported as rays through planes",
+        "native/trees/src/boxes.rs",
+        'Plan::single("boxes", "ordered", boxes8(&self.tree, &self.leaves))',
+        'Plan::single("planes", "ordered", boxes8(&self.tree, &self.leaves))',
+        ("plane_boxes", "all_rays_go_through_the_boxes_and_the_planes_are_freed"),
     ),
     Fault(
         "lists of children written over the list that is split",

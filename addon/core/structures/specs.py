@@ -192,7 +192,7 @@ def _effective(spec: str, row: Mapping[str, Any], swept: Collection[str], left_o
 
 
 def idle(spec: str, row: Mapping[str, Any]) -> list[tuple[str, str, str]]:
-    """The values of a configuration that have no effect beside its others: key, the key of the other, and a sentence."""
+    """The values of a configuration without effect beside its others: key, the key of the other, and a sentence."""
     chosen = values(spec, [row])
     given = {key for key, _ in pairs(spec)}
     return [
@@ -202,6 +202,11 @@ def idle(spec: str, row: Mapping[str, Any]) -> list[tuple[str, str, str]]:
         for need in parameter.get("needs", ())
         if need["key"] in chosen and not _holds(need, chosen[need["key"]])
     ]
+
+
+def effective(spec: str, row: Mapping[str, Any]) -> str:
+    """A configuration without values that have no effect beside its others. row: its structure's, of the registry."""
+    return without(spec, {key for key, _, _ in idle(spec, row)})
 
 
 def without(spec: str, keys: Collection[str]) -> str:

@@ -77,9 +77,10 @@ impl Structure {
         self.0.counted_as()
     }
 
-    /// Which kernel answers each kind of batch: "single", "closest", "tiles" (rays with order="tile8"), "shadow". Each is
-    /// a dictionary: "nodes", what rays are tested against; "rays", how they go together; "counted", whether counters
-    /// are those of this kernel, and not of single rays.
+    /// Which kernel answers each kind of batch: "single", "closest", "tiles" (rays with order="tile8"), "shadow".
+    ///
+    /// Each is a dictionary: "nodes", what rays are tested against; "rays", how they go together; "counted", whether
+    /// counters are those of this kernel, and not of single rays.
     #[getter]
     fn routes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let dict = PyDict::new(py);

@@ -223,7 +223,9 @@ fn build(scene: &Triangles, config: &Config, monitor: &Monitor, halves: Halves) 
         work: 1.0,
     };
     let (mut preorder, mut gathered) = (Preorder::default(), 0);
-    builder.node(root, &mut preorder, &mut gathered)?;
+    planes::during_planes(config, monitor, || {
+        builder.node(root, &mut preorder, &mut gathered)
+    })?;
     monitor.take(gathered)?;
     planes::lay_out(scene, config, frame, &preorder, monitor)
 }

@@ -17,6 +17,7 @@ from lying_native import LIES, Lying, LyingNative
 
 from addon.core.report import results
 from addon.core.scene import grid
+from addon.core.structures import catalogue, ways
 from lab.stability import agreement, leaks, stability, trials
 
 LIMIT = 1500
@@ -54,9 +55,10 @@ def test_configurations_add_traversals_and_what_may_fail() -> None:
     rows = halfspace_native.structures()
     made = stability.configurations(rows, ["kd", "kd:max_depth=9,traversal=dir", "brute"])
     deep = "kd:max_depth=9,traversal=dir"
-    walks = next(row for row in rows if row["id"] == "kd")["traversals"][1:]
-    assert "dir" in walks
-    own = ["kd", *(f"kd:traversal={walk}" for walk in walks)]
+    kd = catalogue.load()["kd"]
+    own = [ways.spelled(kd, "kd", way) for way in kd.ways]
+    assert own[0] == "kd"
+    assert {"kd:traversal=dir", "kd:nodes=wide", "kd:nodes=boxes,traversal=ordered"} < set(own)
     textbook = ["kd:robust=none", *(f"{spec},robust=none" for spec in own[1:])]
     cached = f"{deep},shadow=cache"
     assert made == [
@@ -71,6 +73,9 @@ def test_configurations_add_traversals_and_what_may_fail() -> None:
         "brute",
         "brute:shadow=cache",
     ]
+    narrow = stability.configurations(rows, ["bvh-sah:width=4"])
+    assert "bvh-sah:width=4,traversal=ordered" in narrow
+    assert not any("packet" in spec for spec in narrow), "what has no effect is not tried"
     octree = stability.configurations(rows, ["octree-net"])
     assert {"octree-net:shadow=cache", "octree-net:shadow=beam"} < set(octree)
 

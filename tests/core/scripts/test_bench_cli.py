@@ -324,7 +324,7 @@ def test_a_preset_names_scenes_structures_and_rays(
     out = tmp_path / "out"
     assert bench.main(["--preset", "beams", *FAST, "--out", str(out)]) == 0
     row = document(out)["rows"][-1]
-    assert (row["scene"], row["spec"], list(row["rays"])) == ("conference", "kd", ["primary", "shadow"])
+    assert (row["scene"], row["tree"], list(row["rays"])) == ("conference", "kd", ["primary", "shadow"])
 
 
 def test_the_thesis_is_repeated_on_what_of_a_scene_it_measured(

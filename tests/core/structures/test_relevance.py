@@ -103,9 +103,11 @@ def acts(structure: Structure, parameter: Parameter, context: dict[str, Any], pl
             try:
                 after = tree(scene, text(structure, {**context, parameter.name: value}))
             except ValueError as error:
-                if parameter.name not in str(error):
+                if "has no effect" not in str(error):
                     raise
-                return False
+                if f"{parameter.name}=" in str(error).partition(" has no effect")[0]:
+                    return False
+                continue  # with this value another one of the context has none
             if after != before:
                 return True
     return False

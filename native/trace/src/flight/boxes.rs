@@ -103,6 +103,11 @@ impl Steps for Walk<'_> {
     }
 
     #[inline(always)]
+    fn count_plain<C: Counters>(&self, counters: &mut C) {
+        counters.step_boxes();
+    }
+
+    #[inline(always)]
     fn next(&self, course: &Course) -> Next {
         match course.next.1 {
             INNER => Next::PLAIN,

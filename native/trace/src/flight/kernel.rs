@@ -8,6 +8,7 @@ use crate::single::single_rays;
 use halfspace_leaf::blocks::Blocks;
 use halfspace_nodes::box_tree::BoxTree;
 use halfspace_nodes::wide_tree::WideTree;
+use halfspace_ray::RayCounters;
 use halfspace_ray::query::{Any, Closest, Query};
 use std::fmt::Debug;
 use std::sync::Arc;
@@ -61,6 +62,23 @@ impl<Q: Query, T: Steppable> Kernel<Q> for InFlight<T> {
     fn trace(&self, batch: &Batch<'_>, answers: &mut [Q::Answer]) {
         let launch = batch.on(&self.leaves);
         launch.fly::<_, Q>(&self.tree.steps(), store::<Q>(answers));
+    }
+
+    /// A ray in flight takes the steps that it takes alone; only their order among those of other rays differs.
+    fn count(
+        &self,
+        batch: &Batch<'_>,
+        answers: &mut [Q::Answer],
+        counters: &mut [RayCounters],
+    ) -> bool {
+        let launch = batch.on(&self.leaves);
+        let mut write = store::<Q>(answers);
+        launch.walk::<_, Q>(&Alone(self.tree.steps()), &mut write, Some(counters));
+        true
+    }
+
+    fn counts(&self) -> bool {
+        true
     }
 
     fn working_set(&self) -> Option<usize> {

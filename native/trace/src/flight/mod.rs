@@ -61,6 +61,12 @@ pub trait Steps: Sync {
     /// The kind of the ray's next step.
     fn next(&self, course: &Self::Course) -> Next;
 
+    /// Counts a step through a plain node.
+    #[inline(always)]
+    fn count_plain<C: Counters>(&self, counters: &mut C) {
+        counters.step_axis();
+    }
+
     /// Steps through a plain node and selects the next child that starts within `reach`.
     fn plain<S: Simd>(&self, simd: S, course: &mut Self::Course, reach: f32);
 
@@ -122,7 +128,7 @@ impl<W: Steps> batch::Walk for Alone<W> {
             // Take the steps one after another; nothing is sorted for a single ray.
             match walk.next(course) {
                 Next::PLAIN => {
-                    counters.step_axis();
+                    walk.count_plain(counters);
                     walk.plain(simd, course, best.reach);
                 }
                 Next::GENERAL => {

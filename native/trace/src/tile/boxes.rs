@@ -5,6 +5,7 @@
 use crate::input::Input;
 use crate::pending::{Waits, make_room};
 use crate::tile::leaf::{self, Resolver};
+use crate::tile::nearest::join;
 use crate::tile::traversal::TileTree;
 use crate::tile::{LANES, Tile};
 use fearless_simd::Simd;
@@ -53,6 +54,7 @@ impl<const W: usize> TileTree for BoxTree<W> {
         let mut node = &self.nodes[0];
         loop {
             counters[0].step_boxes();
+            join(tile, counters);
             push_children(tile, node, stack, &mut waiting);
             // Pop the nearest box, and test leaves until an inner node comes up.
             node = loop {
@@ -78,6 +80,7 @@ impl<const W: usize> TileTree for BoxTree<W> {
                     self.fetch_ahead((further.link, further.count), input.blocks);
                 }
                 counters[0].leaf(own.count);
+                join(tile, counters);
                 let kept = leaf::test(simd, input, own, next.inside, tile, resolver, counters);
                 // Give up tiles whose rays diverge: a leaf costs four units of the budget, each kept candidate
                 // one.

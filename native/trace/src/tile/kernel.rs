@@ -63,6 +63,18 @@ impl<T: TileTree + Debug + Send + 'static> Kernel<Any> for LightTiles<T> {
         let launch = batch.on(&self.leaves);
         launch.quick_tiles(&tiles, store::<Any>(answers));
     }
+
+    fn count(&self, batch: &Batch<'_>, answers: &mut [bool], counters: &mut [RayCounters]) -> bool {
+        // Counts must not depend on earlier batches.
+        let tiles = ShadowTiles::<_, 4>(&*self.tree, None);
+        let launch = batch.on(&self.leaves);
+        launch.tiles(&tiles, store::<Any>(answers), Some(counters));
+        true
+    }
+
+    fn counts(&self) -> bool {
+        true
+    }
 }
 
 fn camera<T, const R: usize>(tree: &Arc<T>, leaves: &Arc<Blocks>) -> CameraTiles<T, R> {

@@ -121,6 +121,24 @@ fn decide_rows<S: Simd, C: Counters, const R: usize>(
     }
 }
 
+/// Counts a visit of the tile for each of its active rays but the first, for which the step or leaf is counted.
+#[inline(always)]
+pub fn join<C: Counters, const R: usize>(tile: &Tile<R>, counters: &mut [C]) {
+    if !C::COUNTS {
+        return;
+    }
+    for (row, &active) in tile.active.iter().enumerate() {
+        let mut left = active;
+        while left != 0 {
+            let ray = ray_index(row, left.trailing_zeros() as usize);
+            left &= left - 1;
+            if ray != 0 {
+                counters[ray].joined();
+            }
+        }
+    }
+}
+
 /// Counts one verdict for each of these rays.
 #[inline(always)]
 pub fn count<C: Counters>(lanes: u16, row: usize, counters: &mut [C]) {

@@ -11,6 +11,7 @@
 use crate::input::Input;
 use crate::pending::{Pending, next};
 use crate::tile::leaf::{self, Resolver};
+use crate::tile::nearest::join;
 use crate::tile::traversal::TileTree;
 use crate::tile::{LANES, Tile, load, splat};
 use fearless_simd::{Select, Simd, SimdBase, SimdFloat, SimdMask, f32x16, mask32x16};
@@ -86,8 +87,8 @@ struct Cut {
     crossing: Interval,
 }
 
-/// Traverses the tree with a tile; returns whether it finished within its budget. Visits are counted for the
-/// tile's first ray.
+/// Traverses the tree with a tile; returns whether it finished within its budget. Steps and leaves are counted for the
+/// tile's first ray, visits for each active ray.
 #[inline(always)]
 fn trace<S: Simd, T: Planes, C: Counters, J: Resolver<R>, const R: usize>(
     simd: S,
@@ -112,6 +113,7 @@ fn trace<S: Simd, T: Planes, C: Counters, J: Resolver<R>, const R: usize>(
                 ..
             } => {
                 counters[0].step_axis();
+                join(tile, counters);
                 let cut = across(tile, axis, split, children, empty);
                 (node, inside) = step(tree, node, &cut, inside, &mut stack);
                 continue;
@@ -123,6 +125,7 @@ fn trace<S: Simd, T: Planes, C: Counters, J: Resolver<R>, const R: usize>(
                 empty,
             } => {
                 counters[0].step_oblique();
+                join(tile, counters);
                 let plane = Plane { normal, offset };
                 let cut = oblique(simd, tile, plane, children, empty);
                 (node, inside) = step(tree, node, &cut, inside, &mut stack);
@@ -138,6 +141,7 @@ fn trace<S: Simd, T: Planes, C: Counters, J: Resolver<R>, const R: usize>(
                     }
                 };
                 counters[0].leaf(count);
+                join(tile, counters);
                 if count != 0 {
                     // In a tree built in parts, decide the hits in the blocks of the part that is left.
                     if T::PARTS && !std::ptr::eq(blocks, input.blocks) {
