@@ -45,6 +45,16 @@ def traversals(structure: Structure, values: Values) -> tuple[str, ...]:
         chosen = nodes.clamp(values.get(NODES, nodes.default))
         able = {way.traversal for way in structure.ways if way.nodes == chosen}
         options = tuple(option for option in options if option in able)
+    # A value that stands in the first part of a panel, such as the width of nodes, is kept.
+    needs = (
+        need
+        for one in structure.parameters
+        if one.group == "main" and values.get(one.name, one.default) != one.default
+        for need in one.needs
+        if need.key == TRAVERSAL
+    )
+    for need in needs:
+        options = tuple(filter(need.holds, options))
     return options
 
 

@@ -67,12 +67,12 @@ pub const NODES_OF_PLANES: [Named; 3] = [
     },
     Named {
         name: "wide",
-        label: "Wide Split Planes",
+        label: "Wide Planes",
         doc: "the planes of the tree, seven of three levels to a node",
     },
     Named {
         name: "boxes",
-        label: "Boxes from Planes",
+        label: "Plane Boxes",
         doc: "boxes around the triangles that the planes separate, eight to a node, with leaves of their own; the planes \
               and their leaves are freed after the build",
     },

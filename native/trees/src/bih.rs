@@ -48,7 +48,7 @@ pub const LEAVES: ParamSpec = ParamSpec {
     unit: "",
     kind: Kind::Choice(&[
         named("indices", "Indices"),
-        named("corners", "Copies of Corners"),
+        named("corners", "Corner Copies"),
     ]),
     default: Value::Choice("indices"),
     group: Group::Numerics,

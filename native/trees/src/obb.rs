@@ -89,7 +89,7 @@ const LEAVES: ParamSpec = ParamSpec {
     doc: "corners: leaves hold copies of the corners, ready for the test. indices: they name triangles and corners, \
           less than half the memory",
     kind: Kind::Choice(&[
-        named("corners", "Copies of Corners"),
+        named("corners", "Corner Copies"),
         named("indices", "Indices"),
     ]),
     default: Value::Choice("corners"),

@@ -31,7 +31,7 @@ def seen(scene: Any, add: Any) -> Any:
 
 def test_maps_are_the_counters_of_each_pixel(seen: Any) -> None:
     workload = workloads.current("boxes", (64, 32))
-    tree = native.load().build(workload.vertices, workload.triangles, "kd")
+    tree = native.load().build(workload.vertices, workload.triangles, "kd:traversal=dir")
     steps = costmap.measure(tree, workload, (64, 32), "STEPS")
     tests = costmap.measure(tree, workload, (64, 32), "TESTS")
     assert steps.shape == tests.shape == (32, 64)

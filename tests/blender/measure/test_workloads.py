@@ -120,5 +120,5 @@ def test_the_benchmark_runs_on_a_blend_file(cube: Any, tmp_path: Path) -> None:
     assert done.returncode == 0, done.stdout + done.stderr
     document = json.loads((tmp_path / "out" / "bench.json").read_text(encoding="utf-8"))
     row = document["rows"][-1]
-    assert (row["scene"], row["triangles"], row["spec"]) == ("cube", 12, "kd")
+    assert (row["scene"], row["triangles"], row["tree"]) == ("cube", 12, "kd")
     assert [point["spp"] for point in row["curve"]] == [1, 4]

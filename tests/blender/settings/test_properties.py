@@ -199,16 +199,16 @@ def test_switches_of_files_that_stored_a_choice_are_read(tmp_path: Path, scene: 
 def test_menus_offer_only_what_is_valid_here(scene: Any) -> None:
     group = scene.halfspace
     group.structure = "bvh-sah"
-    group.traversal = "auto"
+    group.traversal = "tile"
     wide = choices(scene, "traversal")
     assert len(wide) > 1
     assert not {"sung", "ta-b"} & set(wide), "those of other structures"
     group.width = "2"
-    assert choices(scene, "traversal") == ["ordered"]
+    assert choices(scene, "traversal") == ["auto", "ordered"]
     assert properties.spec(group) == "bvh-sah:width=2"
     group.width = "8"
     assert choices(scene, "traversal") == wide
-    assert properties.spec(group) == "bvh-sah:traversal=auto", "the choice comes back with the nodes"
+    assert properties.spec(group) == "bvh-sah:traversal=tile", "the choice comes back with the nodes"
     group.structure = "bih"
     assert choices(scene, "shadow") == ["none", "cache"]
     group.structure = "kd"
@@ -230,7 +230,7 @@ def test_no_label_is_cut_at_the_default_width() -> None:
     for one in known.structures:
         wide.append((one.label, WHOLE))
         for parameter in one.parameters:
-            wide.append((structure.LABELS.get(parameter.name, parameter.label), LABEL))
+            wide.append((parameter.label, LABEL))
             if not parameter.is_switch:
                 wide += [(parameter.label_of(option), VALUE) for option in parameter.options]
     wide += [(label, VALUE) for label in (*structure.NODES.values(), *structure.RAYS.values())]
