@@ -55,12 +55,17 @@ BUILDS, IZE_BUILDS = 50.0, 200.0
 """The paper's 'about a hundred times' as a lower limit, and the lower limit for trees after Ize."""
 
 
+AXES = 3
+"""K with which trees that try the axes first try nothing else."""
+
+
 def spec(configuration: str, tree: tuple[str, int]) -> str:
     """A tree with k directions (0: it has no such parameter) in one of the two configurations."""
     name, k = tree
     rules = RULES[configuration]
     if rules and name.endswith("-kd"):
-        rules += ",rule=code"
+        # With the axes alone, slabs and the fallback rule of oblique planes have no effect.
+        rules = rules.replace("slab=0,", "") if k == AXES else f"{rules},rule=code"
     own = ",".join(part for part in (f"k={k}" if k else "", rules) if part)
     return f"{name}:{own}" if own else name
 

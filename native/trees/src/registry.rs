@@ -148,7 +148,7 @@ mod tests {
             for option in nodes.and_then(|p| p.kind.options()).unwrap_or_default() {
                 let usual = parse(&format!("{}:nodes={option}", tree.id)).unwrap();
                 assert_eq!(usual.way().nodes, option, "{}", tree.id);
-                assert_eq!(usual.canonical().contains(TRAVERSAL), false, "{}", tree.id);
+                assert!(!usual.canonical().contains(TRAVERSAL), "{}", tree.id);
             }
         }
     }
