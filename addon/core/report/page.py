@@ -272,18 +272,23 @@ def _left_out(rows: Sequence[Row]) -> str:
     }
     parts = []
     for title, reasons_of in groups.items():
-        reasons: dict[str, tuple[str, list[str]]] = {}
+        reasons: dict[str, list[tuple[str, str]]] = {}
         for row in rows:
             for text in reasons_of(row):
-                # Reasons that differ only in their numbers are one.
-                reasons.setdefault(re.sub(r"[\d.,]+", "0", text), (text, []))[1].append(row["spec"] or row["scene"])
-        items = "".join(
-            f"<li>{_safe(text)} <span class=note>({_safe(some(list(dict.fromkeys(specs)), OTHERS))})</span></li>"
-            for text, specs in reasons.values()
-        )
+                # Reasons that differ only in their numbers stand in one line, with the numbers of the first.
+                reasons.setdefault(re.sub(r"[\d.,]+", "0", text), []).append((text, row["spec"] or row["scene"]))
+        items = "".join(f"<li>{_reason(told)}</li>" for told in reasons.values())
         parts.append(f"<li>{title}:<ul>{items}</ul></li>" if items else "")
     items = "".join(parts)
     return f"<h3>Left out, and failed</h3><ul>{items}</ul>" if items else ""
+
+
+def _reason(told: Sequence[tuple[str, str]]) -> str:
+    """A reason, the structures it applies to, and whether the numbers of some of them are others."""
+    text, first = told[0]
+    names = some(list(dict.fromkeys(name for _, name in told)), OTHERS)
+    differ = f"; numbers of {first}, the others have their own" if any(other != text for other, _ in told) else ""
+    return f"{_safe(text)} <span class=note>({_safe(names + differ)})</span>"
 
 
 def _thesis(rows: Sequence[Row], published: Published | None) -> str:

@@ -139,7 +139,9 @@ def test_what_was_left_out_is_grouped() -> None:
         part.index(title) for title in ("Failed:", "Took too long:", "Left out, as")
     )
     assert part.count("peak memory") == 1
-    assert "kd:leaf_size=0, kd:leaf_size=1, kd:leaf_size=2 and 2 more" in part
+    several = "kd:leaf_size=0, kd:leaf_size=1, kd:leaf_size=2 and 2 more"
+    assert f"needs 1.5 GB <span class=note>({several}; numbers of kd:leaf_size=0, the others have their own)" in part
+    assert part.count("the others have their own") == 1, "equal reasons have equal numbers"
 
 
 def test_tables_that_scroll_say_so() -> None:
