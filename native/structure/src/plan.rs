@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 /// A kernel, and how it sends rays.
 #[derive(Debug)]
-pub struct Together<Q: Query> {
+pub struct RoutedKernel<Q: Query> {
     /// The kernel.
     pub kernel: Arc<dyn Kernel<Q>>,
     /// How its rays go together.
@@ -21,16 +21,14 @@ pub struct Together<Q: Query> {
 pub struct Plan {
     /// What rays are tested against.
     pub nodes: &'static str,
-    /// Single rays: also the traversal that is shown and recorded.
+    /// Single rays: also those of instances, and the traversal that is shown and recorded.
     pub single: Arc<dyn SingleRays>,
-    /// Rays in the space of an instance, where that is not `single`.
-    pub placed: Option<Arc<dyn SingleRays>>,
     /// Nearest hits of rays in any order.
-    pub closest: Option<Together<Closest>>,
+    pub closest: Option<RoutedKernel<Closest>>,
     /// Nearest hits of rays that come in tiles of 8 x 8 pixels, where those have a kernel of their own.
-    pub tiles: Option<Together<Closest>>,
+    pub tiles: Option<RoutedKernel<Closest>>,
     /// Any hits of shadow rays.
-    pub shadow: Option<Together<Any>>,
+    pub shadow: Option<RoutedKernel<Any>>,
     /// Whether any-hit rays first test the triangle that blocked their light last (Wilt 1994).
     pub shadow_cache: bool,
     /// Name of the traversal of `single`.
@@ -58,7 +56,6 @@ impl Plan {
         Self {
             nodes,
             single,
-            placed: None,
             closest: None,
             tiles: None,
             shadow: None,
@@ -70,25 +67,19 @@ impl Plan {
 
     /// Sends nearest-hit rays in any order to `kernel`.
     pub fn with_closest(mut self, rays: Rays, kernel: Arc<dyn Kernel<Closest>>) -> Self {
-        self.closest = Some(Together { kernel, rays });
+        self.closest = Some(RoutedKernel { kernel, rays });
         self
     }
 
     /// Sends nearest-hit rays that come in tiles of pixels to `kernel`.
     pub fn with_tiles(mut self, rays: Rays, kernel: Arc<dyn Kernel<Closest>>) -> Self {
-        self.tiles = Some(Together { kernel, rays });
+        self.tiles = Some(RoutedKernel { kernel, rays });
         self
     }
 
     /// Sends any-hit rays to `kernel`.
     pub fn with_any(mut self, rays: Rays, kernel: Arc<dyn Kernel<Any>>) -> Self {
-        self.shadow = Some(Together { kernel, rays });
-        self
-    }
-
-    /// Sends the rays of instances to `kernel`.
-    pub fn with_placed(mut self, kernel: Arc<dyn SingleRays>) -> Self {
-        self.placed = Some(kernel);
+        self.shadow = Some(RoutedKernel { kernel, rays });
         self
     }
 
@@ -135,6 +126,6 @@ impl Plan {
 }
 
 /// How the rays of a kernel go together, and whether it counts them.
-fn known<Q: Query>(group: Option<&Together<Q>>) -> Option<(Rays, bool)> {
+fn known<Q: Query>(group: Option<&RoutedKernel<Q>>) -> Option<(Rays, bool)> {
     group.map(|group| (group.rays, group.kernel.counts()))
 }

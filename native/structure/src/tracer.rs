@@ -2,7 +2,7 @@
 //! Rays through a structure: each batch goes to the kernel that the plan names.
 
 use crate::leaf_depth::LeafDepths;
-use crate::plan::Together;
+use crate::plan::RoutedKernel;
 use crate::row::Built;
 use crate::structure::Structure;
 use fearless_simd::Level;
@@ -87,12 +87,7 @@ impl Structure {
             shadow_cache: false,
             placed: Some(placed),
         };
-        let plan = &self.built.plan;
-        let kernel = match (&plan.placed, &counters) {
-            (Some(placed), None) => placed,
-            _ => &plan.single,
-        };
-        kernel.cast(&batch, Q::ANY, write, counters);
+        self.built.plan.single.cast(&batch, Q::ANY, write, counters);
     }
 
     fn batch<'a>(&'a self, level: Level, rays: &'a [Ray]) -> Batch<'a> {
@@ -117,14 +112,14 @@ impl Structure {
 
 /// Traces a batch by `kernel`, or by single rays where there is none or it cannot count. `counters`: one per ray, or none.
 fn trace<Q: Query>(
-    group: Option<&Together<Q>>,
+    routed: Option<&RoutedKernel<Q>>,
     single: &dyn Kernel<Q>,
     batch: &Batch<'_>,
     answers: &mut [Q::Answer],
     counters: Option<&mut [RayCounters]>,
 ) {
     assert_eq!(batch.rays.len(), answers.len(), "one answer per ray");
-    let kernel = group.map(|group| &*group.kernel);
+    let kernel = routed.map(|routed| &*routed.kernel);
     match counters {
         None => kernel.unwrap_or(single).trace(batch, answers),
         Some(counters) => {
