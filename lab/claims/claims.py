@@ -22,7 +22,6 @@ from addon.core.measure.accuracy import Answers, Errors
 from addon.core.measure.check import timed_build
 from addon.core.scene.rays import RaySet, blocks
 from addon.core.scene.workload import Workload, load_both
-from addon.core.structures import specs
 from addon.core.structures.specs import structure_of
 
 from ..stability.stability import allowed_to_fail
@@ -168,8 +167,7 @@ class Lab:
         self.quick = quick
         self.say = say
         self.repeats = REPEATS[quick]
-        self._rows = {row["id"]: row for row in native.structures()}
-        self._ids = set(self._rows)
+        self._ids = {row["id"] for row in native.structures()}
         self._structures: dict[tuple[str, str], Any] = {}
         self._timings: dict[tuple[str, str, str], Timing] = {}
         self._right: dict[tuple[str, str], Answers] = {}
@@ -226,9 +224,7 @@ class Lab:
             while self._structures and held > ROOM:
                 oldest = next(iter(self._structures))
                 held -= self._structures.pop(oldest).statistics["bytes"]
-            # Rules of the thesis that have no effect with K = 3 are left out.
-            effective = specs.effective(spec, self._rows[specs.structure_of(spec)])
-            self._structures[key] = self.native.build(workload.vertices, workload.triangles, effective, threads=1)
+            self._structures[key] = self.native.build(workload.vertices, workload.triangles, spec, threads=1)
         return self._structures[key]
 
     def statistics(self, workload: Workload, spec: str) -> Mapping[str, Any]:

@@ -17,7 +17,7 @@ import numpy as np
 
 from addon.core.measure import accuracy
 from addon.core.measure.accuracy import Answers, Errors
-from addon.core.structures import catalogue, relevance, specs, ways
+from addon.core.structures import catalogue, specs, ways
 
 if TYPE_CHECKING:
     from addon.core.base.interface import Native, Structure
@@ -90,20 +90,14 @@ def configurations(structures: Sequence[Mapping[str, Any]], chosen: Sequence[str
         walks = [spec]
         if not ways.is_spelled(spec):
             others = (ways.spelled(known[row["id"]], spec, way) for way in known[row["id"]].ways[1:])
-            walks += [other for other in others if _is_valid(known[row["id"]], other, structures)]
+            walks += [other for other in others if not specs.idle(other, row)]
         made += walks
         if "shadow" in keys and "shadow=" not in spec:
-            made += [specs.joined(spec, f"shadow={name}") for name in keys["shadow"]["options"][1:]]
+            shadows = (specs.joined(spec, f"shadow={name}") for name in keys["shadow"]["options"][1:])
+            made += [other for other in shadows if not specs.idle(other, row)]
         if "robust" in keys and "robust=" not in spec and "none" in (keys["robust"]["options"] or ()):
             made += [specs.joined(walk, "robust=none") for walk in walks]
     return list(dict.fromkeys(made))
-
-
-def _is_valid(structure: catalogue.Structure, spec: str, structures: Sequence[Mapping[str, Any]]) -> bool:
-    """Whether every value that a configuration gives has an effect."""
-    values = specs.values(spec, structures)
-    given = {key for key, _ in specs.pairs(spec)}
-    return all(relevance.has_effect(one, values) for one in structure.parameters if one.name in given)
 
 
 VERSION = 3

@@ -52,6 +52,8 @@ class Parameter(TypedDict):
     """Part of a panel that shows it."""
     needs: list[Need]
     """Where it has an effect: where each of these holds."""
+    option_needs: dict[str, list[Need]]
+    """Where an option can be chosen, for those that cannot be chosen everywhere."""
 
 class Need(TypedDict):
     """A condition on another parameter: its value is one of `options`, or a number above `above`; the other is None."""

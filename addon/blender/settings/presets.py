@@ -16,7 +16,8 @@ from . import properties
 
 def apply(group: Any, spec: str) -> None:
     """Set the structure and all parameters of a configuration in a `scene.halfspace` group. Raises specs.SpecError."""
-    structure, values = presets.settings(catalogue.load(), spec)
+    # The native spelling has today's names for those of former versions.
+    structure, values = presets.settings(catalogue.load(), specs.canonical(native.load(), spec))
     group.structure = structure
     for name, value in values.items():
         setattr(group, name, value)

@@ -55,7 +55,9 @@ class RayColumns(TypedDict):
 
 
 class Way(TypedDict):
-    """Nodes that the rays of a set meet, and how the rays go: `single`, `flight`, `packet`, `tile` or `stream`."""
+    """Nodes that the rays of a set meet, and how the rays go: `single`, `flight`, `packet`, `tile`, `beam` or
+    `stream`.
+    """
 
     nodes: str
     rays: str

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from typing import Any
 
@@ -21,6 +21,11 @@ class Need:
     options: tuple[str, ...] = ()
     above: float | None = None
 
+    @classmethod
+    def of(cls, row: Mapping[str, Any]) -> Need:
+        """The condition of a row of the native registry."""
+        return cls(row["key"], tuple(row["options"] or ()), row["above"])
+
     def holds(self, value: Value) -> bool:
         """Whether a value of the other parameter meets the condition."""
         if self.above is None:
@@ -34,7 +39,7 @@ class Parameter:
 
     kind: "integer", "float" or "choice". `minimum` and `maximum` bound a number; `options` lists the values of a
     choice, `labels` their names for people. group: part of a panel, one of relevance.GROUPS. needs: where it has an
-    effect, where each of them holds.
+    effect, where each of them holds. option_needs: the same for options that cannot be chosen everywhere.
     """
 
     name: str
@@ -49,6 +54,7 @@ class Parameter:
     labels: tuple[str, ...] = ()
     group: str = "builder"
     needs: tuple[Need, ...] = ()
+    option_needs: Mapping[str, tuple[Need, ...]] = field(default_factory=dict, hash=False)
 
     @property
     def is_switch(self) -> bool:
@@ -180,7 +186,8 @@ def _parameter(row: Mapping[str, Any]) -> Parameter:
         options=tuple(row["options"] or ()),
         labels=tuple(row["labels"] or ()),
         group=row["group"],
-        needs=tuple(Need(need["key"], tuple(need["options"] or ()), need["above"]) for need in row["needs"]),
+        needs=tuple(map(Need.of, row["needs"])),
+        option_needs={option: tuple(map(Need.of, needs)) for option, needs in row["option_needs"].items()},
     )
 
 
@@ -202,4 +209,5 @@ def _widen(a: Parameter, b: Parameter) -> Parameter:
         labels=tuple(names.values()),
         group=a.group,
         needs=a.needs,
+        option_needs={**a.option_needs, **b.option_needs},
     )

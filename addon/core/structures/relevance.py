@@ -7,11 +7,11 @@ builds every structure with several values of every parameter and compares the t
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from .catalogue import Parameter, Structure, Value
+    from .catalogue import Need, Parameter, Structure, Value
 
 NODES, TRAVERSAL = "nodes", "traversal"
 """Names of the parameters that choose how rays are traced; all others choose the tree."""
@@ -19,18 +19,14 @@ NODES, TRAVERSAL = "nodes", "traversal"
 GROUPS = ("main", "builder", "costs", "numerics")
 """Parts of a panel, in order: the first is always open."""
 
-MAIN = ("k", "alpha", "tried", "width", "n", "density", "frames", "slabs", "children", NODES, TRAVERSAL, "shadow")
-"""Parameters of the first group in the order of the panel; other groups have the order of the registry."""
-
 Values = Mapping[str, "Value"]
 
 
 def grouped(structure: Structure, values: Values) -> dict[str, list[Parameter]]:
-    """The parameters that have an effect, by group. values: as `effective` returns them."""
+    """The parameters that have an effect, by group, in the registry's order. values: as `effective` returns them."""
     found: dict[str, list[Parameter]] = {key: [] for key in GROUPS}
     for parameter in relevant(structure, values):
         found[parameter.group].append(parameter)
-    found["main"].sort(key=lambda parameter: MAIN.index(parameter.name))
     return found
 
 
@@ -60,17 +56,18 @@ def traversals(structure: Structure, values: Values) -> tuple[str, ...]:
 
 def options(structure: Structure, parameter: Parameter, values: Values) -> tuple[str, ...]:
     """The valid options of a choice with the other values."""
-    return traversals(structure, values) if parameter.name == TRAVERSAL else parameter.options
+    offered = traversals(structure, values) if parameter.name == TRAVERSAL else parameter.options
+    return tuple(one for one in offered if _hold(parameter.option_needs.get(one, ()), values))
 
 
 def effective(structure: Structure, values: Values) -> dict[str, Value]:
     """A valid value for each parameter: the given one, or the nearest, or the default."""
     found = {one.name: one.clamp(values.get(one.name, one.default)) for one in structure.parameters}
-    offered = traversals(structure, found)
-    if offered and found[TRAVERSAL] not in offered:
-        parameter = structure.parameter(TRAVERSAL)
-        assert parameter is not None, "it has options"
-        found[TRAVERSAL] = parameter.default if parameter.default in offered else offered[0]
+    for parameter in structure.parameters:
+        if parameter.kind == "choice":
+            offered = options(structure, parameter, found)
+            if found[parameter.name] not in offered:
+                found[parameter.name] = parameter.default if parameter.default in offered else offered[0]
     return found
 
 
@@ -81,4 +78,8 @@ def relevant(structure: Structure, values: Values) -> tuple[Parameter, ...]:
 
 def has_effect(parameter: Parameter, values: Values) -> bool:
     """Whether a parameter has an effect beside these values; those of parameters that are missing exclude nothing."""
-    return all(need.holds(values[need.key]) for need in parameter.needs if need.key in values)
+    return _hold(parameter.needs, values)
+
+
+def _hold(needs: Iterable[Need], values: Values) -> bool:
+    return all(need.holds(values[need.key]) for need in needs if need.key in values)

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from .catalogue import Need
+
 if TYPE_CHECKING:
     from ..base.interface import Native, Structure
 
@@ -196,29 +198,22 @@ def idle(spec: str, row: Mapping[str, Any]) -> list[tuple[str, str, str]]:
     chosen = values(spec, [row])
     given = {key for key, _ in pairs(spec)}
     return [
-        (name, need["key"], f"{name} has no effect with {need['key']}={chosen[need['key']]}")
+        (name, need.key, f"{name} has no effect with {need.key}={chosen[need.key]}")
         for parameter in row["parameters"]
         if (name := parameter["name"]) in given and chosen[name] != parameter["default"]
-        for need in parameter.get("needs", ())
-        if need["key"] in chosen and not _holds(need, chosen[need["key"]])
+        for need in _needs(parameter, chosen[name])
+        if need.key in chosen and not need.holds(chosen[need.key])
     ]
 
 
-def effective(spec: str, row: Mapping[str, Any]) -> str:
-    """A configuration without values that have no effect beside its others. row: its structure's, of the registry."""
-    return without(spec, {key for key, _, _ in idle(spec, row)})
+def _needs(parameter: Mapping[str, Any], value: Any) -> list[Need]:
+    """Where a value of a parameter of the registry has an effect."""
+    return [Need.of(row) for row in (*parameter.get("needs", ()), *parameter.get("option_needs", {}).get(value, ()))]
 
 
 def without(spec: str, keys: Collection[str]) -> str:
     """A configuration without these keys."""
     return joined(structure_of(spec), *(f"{key}={value}" for key, value in pairs(spec) if key not in keys))
-
-
-def _holds(need: Mapping[str, Any], value: Any) -> bool:
-    """Whether a value meets a condition of the registry: it is one of its options, or above its number."""
-    if need["above"] is None:
-        return value in need["options"]
-    return not isinstance(value, str) and value > need["above"]
 
 
 def prove(native: Native, chosen: Sequence[str]) -> list[str]:

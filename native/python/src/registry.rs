@@ -47,12 +47,24 @@ fn parameter<'py>(py: Python<'py>, param: &ParamSpec) -> PyResult<Bound<'py, PyD
         }
     }
     dict.set_item("group", param.group.name())?;
-    let needs = PyList::empty(py);
-    for condition in param.needs {
-        needs.append(need(py, condition)?)?;
+    dict.set_item("needs", needs(py, param.needs)?)?;
+    let of_options = PyDict::new(py);
+    if let Kind::Choice(options) = param.kind {
+        for option in options.iter().filter(|option| !option.needs.is_empty()) {
+            of_options.set_item(option.name, needs(py, option.needs)?)?;
+        }
     }
-    dict.set_item("needs", needs)?;
+    dict.set_item("option_needs", of_options)?;
     Ok(dict)
+}
+
+/// Converts conditions.
+fn needs<'py>(py: Python<'py>, needs: &[Need]) -> PyResult<Bound<'py, PyList>> {
+    let list = PyList::empty(py);
+    for condition in needs {
+        list.append(need(py, condition)?)?;
+    }
+    Ok(list)
 }
 
 /// Converts a condition: the key of another parameter, and its values under which the parameter has an effect, as a list

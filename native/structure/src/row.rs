@@ -183,7 +183,7 @@ impl fmt::Display for Need {
 }
 
 /// An option of a choice.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Named {
     /// Value in configuration strings.
     pub name: &'static str,
@@ -191,6 +191,8 @@ pub struct Named {
     pub label: &'static str,
     /// One clause for the documentation; empty where the parameter's own text says it.
     pub doc: &'static str,
+    /// Where it can be chosen: where each of these holds.
+    pub needs: &'static [Need],
 }
 
 /// An option that its parameter's text describes.
@@ -199,6 +201,7 @@ pub const fn named(name: &'static str, label: &'static str) -> Named {
         name,
         label,
         doc: "",
+        needs: &[],
     }
 }
 
@@ -230,6 +233,16 @@ pub enum Kind {
 }
 
 impl Kind {
+    /// Where a value can be chosen.
+    pub fn needs(&self, value: &Value) -> &'static [Need] {
+        match (self, value) {
+            (Self::Choice(options), Value::Choice(name)) => (options.iter())
+                .find(|option| option.name == *name)
+                .map_or(&[], |option| option.needs),
+            _ => &[],
+        }
+    }
+
     /// The names of a choice; `None` for a number.
     pub fn options(&self) -> Option<Vec<&'static str>> {
         match self {
@@ -334,7 +347,13 @@ pub const SHADOW_BEAM: ParamSpec = ParamSpec {
     kind: Kind::Choice(&[
         named("none", "As Other Rays"),
         named("cache", "Blocker First"),
-        named("beam", "Beams"),
+        Named {
+            needs: &[Need {
+                key: NODES,
+                only: Only::Options(&["planes"]),
+            }],
+            ..named("beam", "Beams")
+        },
     ]),
     ..SHADOW
 };

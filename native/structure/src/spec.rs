@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Configuration strings: `id`, or `id:key=value,key=value`.
 
-use crate::row::{Kind, ParamSpec, StructureSpec};
+use crate::row::{Kind, Need, ParamSpec, StructureSpec};
 use crate::way::{NODES, TRAVERSAL, Way, former};
 use halfspace_base::error::{Error, Result};
 use std::fmt::{self, Write};
@@ -230,7 +230,6 @@ impl Reader {
     /// Checks the values together.
     fn finish(mut self) -> Result<Config> {
         self.choose_way()?;
-        self.check_beams()?;
         self.check_needs()?;
         Ok(Config {
             structure: self.structure,
@@ -272,33 +271,32 @@ impl Reader {
         )))
     }
 
-    /// Checks that beams of shadow rays have the tree's own nodes.
-    fn check_beams(&self) -> Result<()> {
-        let own = self.structure.ways[0].nodes;
-        match (self.chosen("shadow"), self.chosen(NODES)) {
-            (Some("beam"), Some(nodes)) if nodes != own => Err(Error::Spec(format!(
-                "spec: shadow=beam needs nodes={own}, got nodes={nodes}"
-            ))),
-            _ => Ok(()),
-        }
+    /// The first condition that does not hold, and the value that it is about.
+    fn unmet(&self, needs: &'static [Need]) -> Option<(&'static Need, &Value)> {
+        needs.iter().find_map(|need| {
+            let other = &self.values[self.slot(need.key)?].1;
+            (!need.holds(other)).then_some((need, other))
+        })
     }
 
-    /// Checks that each value that was given and differs from the default has an effect.
+    /// Checks that each value that was given and differs from the default can be chosen and has an effect.
     fn check_needs(&self) -> Result<()> {
-        for ((param, value), _) in
-            (self.values.iter().zip(&self.given)).filter(|(_, given)| **given)
-        {
-            if param.default == *value {
+        for ((param, value), given) in self.values.iter().zip(&self.given) {
+            if !given || param.default == *value {
                 continue;
             }
-            for need in param.needs {
-                let other = self.slot(need.key).map(|slot| &self.values[slot].1);
-                if let Some(other) = other.filter(|other| !need.holds(other)) {
-                    return Err(Error::Spec(format!(
-                        "spec: {}={value} has no effect in '{}' with {}={other}; it needs {need}",
-                        param.name, self.structure.id, need.key
-                    )));
-                }
+            let (id, name) = (self.structure.id, param.name);
+            if let Some((need, other)) = self.unmet(param.needs) {
+                return Err(Error::Spec(format!(
+                    "spec: {name}={value} has no effect in '{id}' with {}={other}; it needs {need}",
+                    need.key
+                )));
+            }
+            if let Some((need, other)) = self.unmet(param.kind.needs(value)) {
+                return Err(Error::Spec(format!(
+                    "spec: {name}={value} needs {need} in '{id}', got {}={other}",
+                    need.key
+                )));
             }
         }
         Ok(())

@@ -64,17 +64,20 @@ pub const NODES_OF_PLANES: [Named; 3] = [
         name: "planes",
         label: "Split Planes",
         doc: "the planes of the tree, one to a node",
+        needs: &[],
     },
     Named {
         name: "wide",
         label: "Wide Planes",
         doc: "the planes of the tree, seven of three levels to a node",
+        needs: &[],
     },
     Named {
         name: "boxes",
         label: "Plane Boxes",
         doc: "boxes around the triangles that the planes separate, eight to a node, with leaves of their own; the planes \
               and their leaves are freed after the build",
+        needs: &[],
     },
 ];
 

@@ -35,8 +35,8 @@ pub const SPEC: StructureSpec = StructureSpec {
     paper: "Wald 2007, On fast construction of SAH-based bounding volume hierarchies; Wald, Benthin and \
             Boulos 2008, Getting rid of packets",
     params: &[
-        TRAVERSAL,
         WIDTH,
+        TRAVERSAL,
         params::ROBUST,
         params::step_cost(Costs::BOXES),
         params::leaf_cost(Costs::BOXES),

@@ -89,7 +89,7 @@ pub fn parse(text: &str) -> Result<Config> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use halfspace_structure::row::{Kind, Only};
+    use halfspace_structure::row::{Kind, Only, ParamSpec};
     use halfspace_structure::spec::Value;
     use halfspace_structure::way::{NODES, TRAVERSAL};
 
@@ -174,7 +174,12 @@ mod tests {
     fn conditions_name_parameters_and_options_that_exist() {
         for tree in TREES {
             let all: Vec<_> = tree.all_params().collect();
+            let of_options = |param: &&ParamSpec| match param.kind {
+                Kind::Choice(options) => options.iter().flat_map(|option| option.needs).collect(),
+                _ => Vec::new(),
+            };
             let needs = all.iter().flat_map(|param| param.needs);
+            let needs = needs.chain(all.iter().flat_map(of_options));
             for need in needs.filter(|need| need.key != NODES) {
                 let other = all.iter().find(|param| param.name == need.key);
                 let other = other.unwrap_or_else(|| panic!("{}: {need}", tree.id));
@@ -222,7 +227,7 @@ mod tests {
             ("kd:traversal=wide,nodes=planes", "nodes is given twice"),
             (
                 "kd:nodes=boxes,shadow=beam",
-                "shadow=beam needs nodes=planes, got nodes=boxes",
+                "shadow=beam needs nodes=planes in 'kd', got nodes=boxes",
             ),
             (
                 "bsp-wn-plus-kd:costs=thesis,step_cost=3",

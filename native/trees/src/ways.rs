@@ -94,6 +94,7 @@ pub const fn distinct<const N: usize>(ways: &[Way]) -> [Named; N] {
         name: "",
         label: "",
         doc: "",
+        needs: &[],
     }; N];
     let (mut i, mut count) = (0, 0);
     while i < ways.len() {
@@ -106,6 +107,7 @@ pub const fn distinct<const N: usize>(ways: &[Way]) -> [Named; N] {
                 name: ways[i].traversal,
                 label: ways[i].label,
                 doc: ways[i].doc,
+                needs: &[],
             };
             count += 1;
         }

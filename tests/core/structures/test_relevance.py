@@ -194,6 +194,21 @@ def test_only_traversals_of_the_chosen_nodes_are_offered() -> None:
     assert settings.spec(one, {**stored, "nodes": "planes"}) == "new:traversal=sung"
 
 
+def test_shadow_beams_are_offered_where_the_tree_has_them() -> None:
+    kd = KNOWN["kd"]
+    shadow = kd.parameter("shadow")
+    assert shadow is not None
+    for nodes, names in (
+        ("planes", ("none", "cache", "beam")),
+        ("wide", ("none", "cache")),
+        ("boxes", ("none", "cache")),
+    ):
+        assert relevance.options(kd, shadow, {"nodes": nodes}) == names
+    stored = {"nodes": "boxes", "shadow": "beam"}
+    assert settings.spec(kd, stored) == "kd:nodes=boxes"
+    assert settings.spec(kd, {**stored, "nodes": "planes"}) == "kd:shadow=beam", "the choice comes back with the nodes"
+
+
 @pytest.mark.parametrize("structure", KNOWN.structures, ids=lambda one: one.id)
 def test_what_is_offered_is_understood(structure: Structure) -> None:
     """Every traversal that a menu offers builds, and every other one of the registry is refused."""
@@ -235,7 +250,7 @@ def test_choices_have_names() -> None:
             assert len(set(labels)) == len(labels)
             assert all(label[0].isupper() or label[0].isdecimal() for label in labels), labels
     row = {"name": "a", "label": "A", "doc": "", "unit": "", "kind": "choice", "default": "x", "min": None, "max": None}
-    row |= {"options": ["x", "y"], "labels": ["One", "Two"], "group": "costs", "needs": []}
+    row |= {"options": ["x", "y"], "labels": ["One", "Two"], "group": "costs", "needs": [], "option_needs": {}}
     parameter = catalogue._parameter(row)
     assert [parameter.label_of(option) for option in "xyz"] == ["One", "Two", "z"]
     assert parameter.group == "costs"
