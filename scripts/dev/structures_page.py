@@ -123,8 +123,12 @@ def _grouped(having: Mapping[str, Row], key: Any) -> dict[Any, list[str]]:
 
 def _values(parameter: Row) -> str:
     """Default and range of a parameter, and where it has an effect."""
-    needs = [_need(need) for need in parameter["needs"]]
-    return _range(parameter) + (f"; only with {' and '.join(needs)}" if needs else "")
+    found = [_range(parameter)]
+    for option, needs in parameter["option_needs"].items():
+        found.append(f"`{option}` only with {' and '.join(map(_need, needs))}")
+    if parameter["needs"]:
+        found.append(f"only with {' and '.join(map(_need, parameter['needs']))}")
+    return "; ".join(found)
 
 
 def _need(need: Row) -> str:

@@ -281,10 +281,15 @@ impl StructureSpec {
     /// Its parameters, and those that all structures have.
     pub fn all_params(&self) -> impl Iterator<Item = &'static ParamSpec> + use<> {
         let own = self.params;
-        let space = matches!(self.family, "space" | "octants");
-        let common = if space { COMMON_SPACE } else { COMMON }
-            .iter()
-            .filter(move |c| own.iter().all(|p| p.name != c.name));
+        let divided = matches!(self.family, "space" | "octants");
+        let common = if own.iter().any(|param| param.name == NODES) {
+            COMMON_NODES
+        } else if divided {
+            COMMON_SPACE
+        } else {
+            COMMON
+        };
+        let common = (common.iter()).filter(move |c| own.iter().all(|p| p.name != c.name));
         own.iter().chain(common)
     }
 
@@ -347,6 +352,16 @@ pub const SHADOW_BEAM: ParamSpec = ParamSpec {
     kind: Kind::Choice(&[
         named("none", "As Other Rays"),
         named("cache", "Blocker First"),
+        named("beam", "Beams"),
+    ]),
+    ..SHADOW
+};
+
+/// The same for trees with a choice of nodes: beams go through the planes.
+const SHADOW_NODES: ParamSpec = ParamSpec {
+    kind: Kind::Choice(&[
+        named("none", "As Other Rays"),
+        named("cache", "Blocker First"),
         Named {
             needs: &[Need {
                 key: NODES,
@@ -355,7 +370,7 @@ pub const SHADOW_BEAM: ParamSpec = ParamSpec {
             ..named("beam", "Beams")
         },
     ]),
-    ..SHADOW
+    ..SHADOW_BEAM
 };
 
 /// Parameters that every structure has, unless its row has one of the same name.
@@ -363,3 +378,6 @@ pub const COMMON: &[ParamSpec] = &[SHADOW];
 
 /// The same for structures that divide space.
 const COMMON_SPACE: &[ParamSpec] = &[SHADOW_BEAM];
+
+/// The same for trees with a choice of nodes.
+const COMMON_NODES: &[ParamSpec] = &[SHADOW_NODES];
