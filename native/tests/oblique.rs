@@ -108,7 +108,13 @@ fn directions_left_untried_are_reported() {
         assert_eq!(told(&format!("{enough},k_small=1")), [true, false], "{id}");
         let thesis = format!("{id}:costs=thesis");
         assert_eq!(told(&thesis), [false; 2], "{id}");
-        same_tree(&scene, &thesis, &format!("{thesis},enough=0,k_small=1"));
+        for idle in ["enough=0", "k_small=1"] {
+            let refused = registry::parse(&format!("{thesis},{idle}")).unwrap_err();
+            assert!(
+                refused.to_string().contains("has no effect"),
+                "{id}: {refused}"
+            );
+        }
         let all = build(&scene, &format!("{id}:enough=0,k_small=1"));
         assert!(
             !build(&scene, &enough).built().same_nodes(all.built()),

@@ -382,7 +382,7 @@ def test_ulps_are_counted_through_zero() -> None:
 
 
 def test_recorded_walks_are_replayed() -> None:
-    tree = native.build(*soup(300))
+    tree = native.build(*soup(300), "kd:traversal=dir")
     rays = random_rays(3000)
     recording = tree.record(*rays)
     assert len(recording) == 3000

@@ -348,8 +348,8 @@ pub const fn single(own: ParamSpec) -> [ParamSpec; SINGLE] {
 pub const fn single_kd(own: ParamSpec) -> [ParamSpec; SINGLE_KD] {
     join(
         [
-            own,
             ALPHA,
+            own,
             NODES,
             TRAVERSAL,
             COSTS,
