@@ -241,16 +241,19 @@ def _plain(value: float) -> str:
     return f"{value:,g}" if value < 1e6 else f"{value / 1e6:,g} million"
 
 
-def plain_numbers(axis: Any) -> None:
-    """Label an axis 0.1, 1, 10 instead of with powers of ten, and label minor ticks if it spans one decade or less."""
+def plain_numbers(axis: Any, *, narrow: bool = False) -> None:
+    """Label an axis 0.1, 1, 10 instead of with powers of ten, and label minor ticks if it spans few decades.
+
+    narrow: whether there is room for few labels.
+    """
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     plain = FuncFormatter(lambda value, _: _plain(value))
     axis.set_major_formatter(plain)
     low, high = axis.get_view_interval()
-    narrow = high < 30 * low
-    axis.set_minor_locator(LogLocator(subs=(2, 3, 5) if narrow else (2, 5)))
-    axis.set_minor_formatter(plain if narrow else NullFormatter())
+    labelled = high < 30 * low
+    axis.set_minor_locator(LogLocator(subs=(2, 3, 5) if labelled and not narrow else (2, 5)))
+    axis.set_minor_formatter(plain if labelled else NullFormatter())
 
 
 def _unnamed(rows: Sequence[Row], marks: dict[str, Mark]) -> int:

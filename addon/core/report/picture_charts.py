@@ -52,11 +52,16 @@ def error_against_time(figure: Any, rows: Sequence[Row], marks: dict[str, Mark])
         text = f"{point['spp']} {'sample' if point['spp'] == 1 else 'samples'}"
         axes.axhline(point["relmse"], color=PALE, linewidth=0.8, linestyle=":", zorder=1)
         place = {"xycoords": axes.get_yaxis_transform(), "textcoords": "offset points"}
-        axes.annotate(text, (1.0, point["relmse"]), (-2, 2), ha="right", fontsize=8, color=GREY, **place)
-    # Leave room for these labels beyond the last point.
-    low, high = axes.get_xlim()
-    axes.set_xlim(low, high * (high / low) ** 0.16 if axes.get_xscale() == "log" else high)
+        axes.annotate(text, (1.0, point["relmse"]), (3, 0), va="center", fontsize=8, color=GREY, **place)
+    pixels = _pixels(rows)
+    if pixels:
+        axes.set_xlabel(f"build and render of {pixels:,} pixels, seconds")
     legend(figure, axes, others=_others(rows, marks))
+
+
+def _pixels(rows: Sequence[Row]) -> int:
+    """Number of pixels of the pictures; 0 in rows of earlier versions."""
+    return next((int(row["image"]["pixels"]) for row in rows if row.get("image") and "pixels" in row["image"]), 0)
 
 
 def other_errors(figure: Any, rows: Sequence[Row], marks: dict[str, Mark]) -> None:
@@ -116,15 +121,17 @@ def _convergence(axes: Any, rows: Sequence[Row]) -> None:
         axes.plot(ends, [0.7 * alone[0]["rmse"] * (x / ends[0]) ** curve.SLOPE for x in ends], ":", color=PALE)
     _floor(axes, rows)
     _finish(axes, "RMSE", "samples per pixel")
-    axes.legend(loc="upper right")
+    axes.legend(loc="lower left")
 
 
 def _floor(axes: Any, rows: Sequence[Row]) -> None:
     """The error of the reference itself: nothing below it can be seen."""
     known = next((row["converged"] for row in rows if row.get("converged")), None)
-    low, _ = axes.get_ylim()
+    low, high = axes.get_ylim()
     if known and known["rmse"] > 0:
-        axes.axhspan(min(known["rmse"] / 10, low), known["rmse"], color="#eceff4", zorder=0)
+        axes.axhspan(known["rmse"] / 1e3, known["rmse"], color="#eceff4", zorder=0)
+        # Show only the upper end of the band, so that it does not compress the curves.
+        axes.set_ylim(min(low, 0.7 * known["rmse"]), high)
 
 
 def _finish(axes: Any, label: str, below: str) -> None:

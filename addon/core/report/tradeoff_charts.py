@@ -133,7 +133,7 @@ def _scales(upper: Any, lower: Any, found: Sequence[Dot]) -> None:
     errors = [value for dot in found for value in (dot.value, dot.high) if value > 0]
     upper.set_xscale("log")
     upper.set_xlim(min(times) / 1.25, max(times) * 1.25)
-    plain_numbers(lower.xaxis)
+    plain_numbers(lower.xaxis, narrow=True)
     upper.set_yscale("log")
     low, high = (min(errors), max(errors)) if errors else (1.0, 1e6)
     upper.set_ylim(10 ** np.floor(np.log10(low) - 0.3), 10 ** np.ceil(np.log10(high) + 0.1))
@@ -165,7 +165,8 @@ def _detectable(upper: Any, lower: Any, rows: Sequence[Row], place: str, name: s
     if rate < low:
         upper.set_ylim(10 ** np.floor(np.log10(rate)), high)
     upper.axhline(rate, color=PALE, linestyle=":", linewidth=1.2)
-    lower.text(0.99, 0.5, f"none of {min(counts):,}", transform=lower.transAxes, ha="right", va="center", fontsize=6.5)
+    # Between both axes, where no point lies.
+    lower.text(1.0, 1.12, f"none of {min(counts):,}", transform=lower.transAxes, ha="right", va="bottom", fontsize=6.5)
 
 
 def _legend(figure: Any, rows: Sequence[Row], marks: dict[str, Mark]) -> None:
