@@ -61,7 +61,8 @@ def error_against_time(figure: Any, rows: Sequence[Row], marks: dict[str, Mark])
 
 def _pixels(rows: Sequence[Row]) -> int:
     """Number of pixels of the pictures; 0 in rows of earlier versions."""
-    return next((int(row["image"]["pixels"]) for row in rows if row.get("image") and "pixels" in row["image"]), 0)
+    images = (image for row in rows if (image := row.get("image")))
+    return next((int(image["pixels"]) for image in images if "pixels" in image), 0)
 
 
 def other_errors(figure: Any, rows: Sequence[Row], marks: dict[str, Mark]) -> None:
