@@ -64,7 +64,7 @@ def parser() -> argparse.ArgumentParser:
         "scenes",
         nargs="*",
         metavar="SCENE",
-        help=f"a file ({' '.join(scenes.SUFFIXES)}), a name in {workload.SCENES}, grid, or showcase (default)",
+        help=f"a file ({' '.join(scenes.SUFFIXES)}), {workload.NAMED}grid, or showcase (default)",
     )
     add("--structures", metavar="SPEC[,SPEC...]", help="configurations, families, or all (default: all); k=2..10 works")
     add("--k", metavar="RANGE", help="values of k, e.g. 2-10")

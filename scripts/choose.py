@@ -43,7 +43,7 @@ coherent than in the picture, and another structure may appear the best.
 def parser() -> argparse.ArgumentParser:
     """The command line."""
     made = Parser(prog="choose", description=(__doc__ or "").splitlines()[0])
-    made.add_argument("scenes", nargs="+", metavar="SCENE", help=f".npz, or a name in {SCENES}")
+    made.add_argument("scenes", nargs="+", metavar="SCENE", help=f".npz{f', or a name in {SCENES}' * SCENES.is_dir()}")
     made.add_argument("--samples", type=int, default=32, help="samples per pixel of the picture (default: 32)")
     made.add_argument("--pixels", type=int, default=1920 * 1080, help="pixels of the picture (default: 1920 x 1080)")
     made.add_argument("--threads", type=int, default=1, help="0 = all; 1, the default, is timed by the processor")

@@ -38,9 +38,8 @@ from addon.core.base.native import first_line
 from addon.core.report import results
 from addon.core.scene import workload
 from addon.core.structures import specs
+from lab.base.places import OUT
 from lab.base.usage import Parser, UsageError, output
-
-ROOT = Path(__file__).resolve().parents[1]
 
 DIFFERENT = 1
 
@@ -84,7 +83,7 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument("--bounces", type=int, help="bounces of light in both engines (default: 4; with --whole 0)")
     made.add_argument("--threads", type=int, default=0, help="threads of both engines, 0 = all (default)")
     made.add_argument("--structure", default="kd", metavar="SPEC", help="Halfspace's acceleration structure")
-    made.add_argument("--out", type=output, default=ROOT / "out" / "compare", metavar="DIR", help="where to write")
+    made.add_argument("--out", type=output, default=OUT / "compare", metavar="DIR", help="where to write")
     return made
 
 

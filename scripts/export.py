@@ -35,7 +35,7 @@ def parser() -> argparse.ArgumentParser:
         nargs="?",
         default="showcase",
         metavar="SCENE",
-        help=f"a file ({' '.join(scenes.SUFFIXES)}), a name in {workload.SCENES}, grid, or showcase (default)",
+        help=f"a file ({' '.join(scenes.SUFFIXES)}), {workload.NAMED}grid, or showcase (default)",
     )
     made.add_argument("--structure", default="kd", metavar="SPEC", help="the configuration (default: kd)")
     made.add_argument("--out", type=output, required=True, metavar="FILE", help="the archive, .npz")

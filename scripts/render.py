@@ -1,15 +1,17 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Render a picture with Halfspace, without a Blender window: `python scripts/render.py [FILE] [options]`.
 
-FILE: a .blend, or an .npz with the keys of the manual, which gets a matte surface, a sun, a lamp and a sky. Without it
-the built-in showcase is rendered. Exit status: 0 done; 2 bad usage or input, 130 stopped; either said in one line, and
-an older picture of that name stays.
+FILE: a .blend, or bare geometry (an .npz with the keys of the manual, .ply, .stl, .obj), which gets a matte surface, a
+sun, a lamp and a sky. Without it the built-in showcase is rendered. Where the module bpy is missing, only bare geometry
+is rendered, without a lamp. Exit status: 0 done; 2 bad usage or input, 130 stopped; either said in one line, and an
+older picture of that name stays.
 """
 
 from __future__ import annotations
 
 import argparse
 import contextlib
+import importlib.util
 import os
 import struct
 import sys
@@ -20,14 +22,16 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from addon.core.base import command, native, picture_files
+from addon.core.base import command, native, picture_files, png
 from addon.core.choose import choice
 from addon.core.report import results
 from addon.core.scene import workload
 from addon.core.structures import specs
+from addon.core.structures.settings import RenderSettings
+from lab.base.places import OUT
 from lab.base.usage import Parser, UsageError, output
-
-ROOT = Path(__file__).resolve().parents[1]
+from lab.bench import mesh_files
+from lab.pictures import bare
 
 MOST = {"samples": 1 << 20, "percentage": 32767}
 """What Blender's own settings go up to."""
@@ -36,11 +40,11 @@ MOST = {"samples": 1 << 20, "percentage": 32767}
 def parser() -> argparse.ArgumentParser:
     """The command line."""
     made = Parser(prog="render", description=(__doc__ or "").splitlines()[0])
-    made.add_argument("file", nargs="?", help=".blend or .npz (default: the built-in showcase)")
+    made.add_argument("file", nargs="?", help=".blend, .npz, .ply, .stl or .obj (default: the built-in showcase)")
     made.add_argument(
         "--out",
         type=output,
-        default=ROOT / "out" / "showcase.png",
+        default=OUT / "showcase.png",
         help="the picture, .png (default: out/showcase.png)",
     )
     made.add_argument("--structure", metavar="SPEC", help="the acceleration structure (default: the file's)")
@@ -61,7 +65,7 @@ def read(arguments: Sequence[str]) -> argparse.Namespace:
     """The command line, checked before any work. Raises UsageError, WorkloadError and FolderError."""
     asked = parser().parse_args(arguments)
     if asked.file is not None:
-        workload.find(asked.file, workload.RENDERED)
+        workload.find(asked.file, mesh_files.RENDERED)
     for name, most in MOST.items():
         value = getattr(asked, name)
         if value is not None and not 1 <= value <= most:
@@ -75,8 +79,13 @@ def read(arguments: Sequence[str]) -> argparse.Namespace:
 
 
 def render(asked: argparse.Namespace) -> int:
-    """Render with Blender's module. Returns the exit status. Raises what opening, building and rendering raise."""
+    """Render with Blender's module, if there is one. Returns the exit status.
+
+    Raises what opening, building and rendering raise.
+    """
     native.load()
+    if importlib.util.find_spec("bpy") is None:
+        return render_bare(asked)
     import bpy
 
     import addon
@@ -107,6 +116,23 @@ def render(asked: argparse.Namespace) -> int:
     is_known = answers != choice.NOT_COMPARED and sum(layer.use for layer in scene.view_layers) == 1
     took = f" in {seconds:.1f} s" * is_known
     print(f"{asked.out}: {width} × {height} pixels{took} with {spec}, {answers}")
+    return 0
+
+
+def render_bare(asked: argparse.Namespace) -> int:
+    """Render a bare geometry without Blender. Returns the exit status. Raises UsageError for other scenes."""
+    path = None if asked.file is None else Path(workload.find(asked.file, mesh_files.RENDERED))
+    if path is None or path.suffix.lower() == ".blend":
+        what = "the built-in showcase" if path is None else path
+        raise UsageError(f"{what}: needs Blender: the module bpy is not installed")
+    module = native.load()
+    scene = mesh_files.bare(path, module.free_memory())
+    width, height = (max(1, side * (asked.percentage or 100) // 100) for side in bare.FULL)
+    given = {name: getattr(asked, name) for name in ("samples", "integrator") if getattr(asked, name) is not None}
+    spec = specs.prove(module, [asked.structure or "kd"])[0]
+    with picture_files.replacing(asked.out) as picture:
+        picture.write_bytes(png.encoded(bare.render(module, scene, spec, RenderSettings(width, height, **given))))
+    print(f"{asked.out}: {width} × {height} pixels with {spec}, {choice.NOT_COMPARED}")
     return 0
 
 

@@ -59,7 +59,7 @@ def parser() -> argparse.ArgumentParser:
     add("--structures", default="all", metavar="SPEC[,SPEC...]", help="configurations, families, or all (default)")
     add("--long", type=float, metavar="N", help="compare N answers on random and extreme scenes, e.g. 1e9")
     add("--seconds", type=float, metavar="S", help="with --long: end after this time")
-    add("--scenes", nargs="+", metavar="SCENE", help=f"compare on these: .npz, names in {workload.SCENES}, grid")
+    add("--scenes", nargs="+", metavar="SCENE", help=f"compare on these: .npz, {workload.NAMED}grid")
     add("--rays", type=int, metavar="N", help="with --scenes: rays of each set (default: 100000)")
     add("--threads", type=int, default=0, metavar="N", help="threads of long runs and leaks, 0 = all (default)")
     add("--leaks-only", action="store_true", help="only send rays out of closed surfaces")

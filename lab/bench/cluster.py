@@ -106,13 +106,18 @@ def measurer(address: str, options: Options, say: Callable[[str], None]) -> Iter
 
 def _package(folder: Path) -> Path:
     """Zip `addon.core` and `lab`, which need no Blender, for workers to import; returns the path."""
-    root = Path(__file__).resolve().parents[2]
     path = folder / "halfspace-core.zip"
+    written = set()
     with zipfile.ZipFile(path, "w") as archive:
-        archive.writestr("addon/__init__.py", "")
-        for package in (root / "addon" / "core", root / "lab"):
-            for file in sorted(package.rglob("*.py")):
-                archive.write(file, file.relative_to(root).as_posix())
+        for module in (native, sweep):
+            # Names and folders of the packages: `addon.core` and `lab`, or those of the installed package.
+            package, file = module.__name__.split(".")[:-2], Path(module.__file__ or "").parents[1]
+            for depth in range(1, len(package)):
+                written.add("/".join([*package[:depth], "__init__.py"]))
+            for one in sorted(file.rglob("*.py")):
+                archive.write(one, "/".join([*package, one.relative_to(file).as_posix()]))
+        for name in sorted(written):
+            archive.writestr(name, "")
     return path
 
 

@@ -11,6 +11,7 @@ from addon.core.base import native
 from addon.core.scene import grid, workload
 
 from ..base.usage import UsageError
+from . import mesh_files
 
 SUFFIXES = (".npz", ".blend", ".obj", ".ply", ".stl", ".glb", ".gltf", ".usd", ".usda", ".usdc", ".usdz")
 
@@ -37,6 +38,9 @@ def loader(scene: str, size: tuple[int, int], published: bool = False) -> Callab
     try:
         from addon.blender.measure import workloads
     except ImportError as error:
+        if isinstance(found, Path) and found.suffix.lower() in mesh_files.READERS:
+            mesh = found
+            return lambda: mesh_files.load(mesh)
         raise UsageError(f"{scene}: needs Blender: {error}") from error
     if found == "showcase":
         return lambda: workloads.built_in_showcase(size)

@@ -10,8 +10,9 @@ import bpy
 
 from addon.blender.samples import showcase
 from addon.core.base import native
-from addon.core.scene.workload import RENDERED, find, load_npz
+from addon.core.scene.workload import find
 
+from ..bench import mesh_files
 from . import stage
 
 
@@ -20,11 +21,11 @@ def open_file(file: str | None, lights: Sequence[str] | None = None) -> str:
 
     file: as for `core.workload.find`. lights: those of `stage.LIGHTS` that a bare geometry gets, None for all.
     """
-    path = None if file is None else Path(find(file, RENDERED))
+    path = None if file is None else Path(find(file, mesh_files.RENDERED))
     if path is not None and path.suffix.lower() == ".blend":
         bpy.ops.wm.open_mainfile(filepath=str(path))
         return path.stem
-    workload = None if path is None else load_npz(path, memory_limit=native.load().free_memory())
+    workload = None if path is None else mesh_files.bare(path, native.load().free_memory())
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     if workload is None:
         showcase.build(bpy.context.scene)

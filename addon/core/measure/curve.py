@@ -101,7 +101,8 @@ class Curve:
         scale = SIZE / min(size)
         self._width, self._height = (max(TILE, round(side * scale)) for side in size)
         self._size = self._width, self._height
-        self._camera = workload.render_camera or _camera(workload.view, self._width / self._height, workload.diagonal())
+        aspect = self._width / self._height
+        self._camera = workload.render_camera or plain_camera(workload.view, aspect, workload.diagonal())
         self._seed = seed
         self._max_bounces = max_bounces
         self._converged: Image | None = None
@@ -239,7 +240,7 @@ class Curve:
         """The scene with this structure. Textures are copied here, outside all timed code."""
         scene = self._workload.render_scene
         if scene is None:
-            return self._native.RenderScene(structure, **_plain_scene())
+            return self._native.RenderScene(structure, **plain_scene())
         return render_scene(self._native, structure, scene)
 
     def _job(
@@ -332,7 +333,8 @@ def of_independent(pictures: Sequence[Image], reference: Image, counts: Iterable
         }
 
 
-def _camera(view: View, aspect: float, diagonal: float) -> dict[str, Any]:
+def plain_camera(view: View, aspect: float, diagonal: float) -> dict[str, Any]:
+    """The native renderer's camera of a view. aspect: width by height. diagonal: of the scene's box."""
     right, up, forward = view.axes()
     to_world = np.eye(4)
     to_world[:3, :4] = np.stack([right, up, -forward, view.eye], axis=1)
@@ -347,7 +349,7 @@ def _camera(view: View, aspect: float, diagonal: float) -> dict[str, Any]:
     }
 
 
-def _plain_scene() -> dict[str, Any]:
+def plain_scene() -> dict[str, Any]:
     """Light grey diffuse surfaces under a bright sky, for files without materials."""
     return {
         "materials": [{"name": "Matt", "base_color": (0.7, 0.7, 0.7), "specular": 0.0}],

@@ -23,6 +23,9 @@ if TYPE_CHECKING:
 SCENES = Path(__file__).resolve().parents[4] / "shared" / "scenes"
 """Folder of scenes outside the project, which are named without a path if they exist."""
 
+NAMED = f"a name in {SCENES}, " if SCENES.is_dir() else ""
+"""That choice for the help of a command."""
+
 RENDERED = (".blend", ".npz")
 """Suffixes of renderable files: a Blender scene, or a bare geometry."""
 

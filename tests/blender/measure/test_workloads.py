@@ -16,6 +16,7 @@ import pytest
 
 from addon.blender.measure import workloads
 from addon.core.scene.workload import WorkloadError
+from lab.bench import mesh_files
 
 BENCH = Path(__file__).resolve().parents[3] / "scripts" / "bench.py"
 SIZE = (64, 32)
@@ -54,6 +55,19 @@ def test_what_blender_exports_comes_back(cube: Any, tmp_path: Path, suffix: str)
     found = workloads.load(path, SIZE)
     assert (found.name, len(found.triangles)) == ("cube", 12)
     assert found.diagonal() == pytest.approx(12**0.5, rel=1e-5)
+
+
+@pytest.mark.parametrize("suffix", sorted(mesh_files.READERS))
+def test_a_mesh_read_without_blender_is_the_one_that_blender_reads(cube: Any, tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"cube{suffix}"
+    EXPORTERS[suffix](str(path))
+    ours, theirs = mesh_files.load(path), workloads.load(path, SIZE)
+    # Blender's scene frame has its origin at the scene's centre, and the triangles of a square may differ.
+    centred = ours.vertices - (ours.vertices.min(axis=0) + ours.vertices.max(axis=0)) / 2
+    expected = theirs.vertices - (theirs.vertices.min(axis=0) + theirs.vertices.max(axis=0)) / 2
+    assert len(ours.triangles) == len(theirs.triangles)
+    assert {tuple(corner) for corner in centred.round(4)} == {tuple(corner) for corner in expected.round(4)}
+    assert ours.vertices[:, 0].mean() == pytest.approx(100.0)
 
 
 def test_a_blend_file_brings_its_camera_and_its_materials(cube: Any, tmp_path: Path) -> None:

@@ -64,7 +64,7 @@ def mirror(angle: float) -> tuple[Any, dict[str, Any]]:
 
 def test_the_limits_let_pictures_of_a_mirrored_sun_converge_and_are_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     workload, scene = mirror(angle=0.02)
-    monkeypatch.setattr(curve, "_plain_scene", lambda: scene)
+    monkeypatch.setattr(curve, "plain_scene", lambda: scene)
     monkeypatch.setattr(curve, "SIZE", 32)
     tree = halfspace_native.build(workload.vertices, workload.triangles, "kd")
     pictures = curve.Curve(halfspace_native, workload, (32, 32), (1, 4, 16), 1)

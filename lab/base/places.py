@@ -1,0 +1,11 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Where commands write by default."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+_ROOT = Path(__file__).resolve().parents[2]
+
+OUT = _ROOT / "out" if (_ROOT / "native" / "Cargo.toml").is_file() else Path("out")
+"""The folder `out` of the clone, or, where the package is installed, of the current folder."""
