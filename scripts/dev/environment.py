@@ -52,7 +52,10 @@ class Environment:
 
 
 CURRENT = Environment(
-    "5.2", "3.13", ROOT / ".venv", ("blender-current", "test", "build", "check", "measure", "cluster")
+    "5.2",
+    "3.13",
+    ROOT / ".venv",
+    ("blender-current", "test", "build", "distribution", "check", "docs", "notebooks", "measure", "cluster"),
 )
 LTS = Environment("4.5 LTS", "3.11", ROOT / ".venv-4.5", ("blender-lts", "test"))
 PORTABLE = Environment(CURRENT.blender, CURRENT.version, ROOT / ".venv-portable", ("build", "portable"))

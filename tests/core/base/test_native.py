@@ -44,7 +44,12 @@ def test_another_version_asks_for_a_restart(monkeypatch: pytest.MonkeyPatch) -> 
 
 
 def test_all_versions_agree() -> None:
-    files = {"blender_manifest.toml": [], "pyproject.toml": ["project"], "native/Cargo.toml": ["workspace", "package"]}
+    files = {
+        "blender_manifest.toml": [],
+        "pyproject.toml": ["project"],
+        "distribution/pyproject.toml": ["project"],
+        "native/Cargo.toml": ["workspace", "package"],
+    }
     for name, keys in files.items():
         table = tomllib.loads((ROOT / name).read_text(encoding="utf-8"))
         for key in keys:

@@ -19,6 +19,7 @@ from typing import Any
 import environment
 import halfspace_native as native
 import numpy as np
+import package_python
 import pytest
 
 ROOT: Path = environment.ROOT
@@ -147,6 +148,20 @@ def check_blender(words: list[str]) -> None:
             raise Problem(f"the option {word} of Blender is not known here")
 
 
+def check_halfspace(words: list[str]) -> None:
+    """A command of the Python package: one of its commands, with the arguments of the script. Raises Problem."""
+    if words[0] not in package_python.COMMANDS:
+        raise Problem(f"halfspace has no command {words[0]}")
+    check_script([f"scripts/{words[0]}.py", *words[1:]])
+
+
+def check_pip(words: list[str]) -> None:
+    """An installation of what `scripts/package_python.py` and `scripts/package.py` build. Raises Problem."""
+    ours = [fnmatch.fnmatch(word, "build/*/halfspace_*.whl") for word in words[1:]]
+    if words[0] != "install" or not ours or not all(ours):
+        raise Problem("expected pip install and our wheels below build")
+
+
 def check_cargo(words: list[str]) -> None:
     """A command of cargo: what it names exists. Raises Problem."""
     for option, folder in (("--test", "tests"), ("--example", "examples"), ("--bench", "benches")):
@@ -165,6 +180,10 @@ def check_command(line: str) -> None:
         check_blender(words[1:])
     elif words[0] == "cargo":
         check_cargo(words[1:])
+    elif words[0] == "halfspace" and len(words) > 1:
+        check_halfspace(words[1:])
+    elif words[0] == "pip" and len(words) > 1:
+        check_pip(words[1:])
     else:
         raise Problem(f"{words[0]} is no command that this test knows")
 
@@ -245,6 +264,9 @@ def test_what_a_document_says_is_so(document: Path) -> None:
         ("```sh\nblender -b a.blend -E CYCLES -f 1\n```\n", "CYCLES"),
         ("```sh\nblender -b a.blend --python scripts/bench.py -- --no-such-option\n```\n", "--no-such-option"),
         ("```sh\ncargo test --test no_such_test\n```\n", "no_such_test"),
+        ("```sh\nhalfspace oak\n```\n", "no command oak"),
+        ("```sh\nhalfspace bench --no-such-option\n```\n", "--no-such-option"),
+        ("```sh\npip install build/python/other.whl\n```\n", "our wheels"),
         ("```sh\nrm -r folder\n```\n", "no command"),
         ("```\npython3 scripts/no_such.py\n```\n", "language"),
         ("```python\nimport halfspace_native\nhalfspace_native.no_such_call()\n```\n", "no_such_call"),
