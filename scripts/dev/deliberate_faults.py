@@ -42,7 +42,7 @@ _FRAME = "native/ray/src/frame.rs"
 _FRAME_RAY = "native/ray/src/frame_ray.rs"
 _QUERY = "native/ray/src/query.rs"
 _RAY = "native/ray/src/ray.rs"
-_STREAM = "native/trace/src/stream/mod.rs"
+_STREAM = "native/trace/src/stream"
 _CANDIDATES = "native/leaf/src/candidates/mod.rs"
 _VERDICT = "native/geom/src/verdict.rs"
 _MONITOR = "native/base/src/monitor.rs"
@@ -400,24 +400,38 @@ FAULTS = (
     ),
     Fault(
         "lists of children written over the list that is split",
-        _STREAM,
+        f"{_STREAM}/boxes.rs",
         "first + rays",
         "first",
         ("streams", "batches_of_any_size_answer_like_brute_force"),
     ),
     Fault(
         "groups of a list after the eighth forgotten",
-        _STREAM,
+        f"{_STREAM}/boxes.rs",
         "masks.iter().enumerate()",
         "masks[..masks.len().min(8)].iter().enumerate()",
         ("streams", "rays_that_meet_everything_answer_like_brute_force"),
     ),
     Fault(
         "directions within a wall recognised by the frame's rounded direction",
-        _STREAM,
+        f"{_STREAM}/prepare.rs",
         "map(own.d, |d| f32::from(u8::from(d != 0.0 || !scene)))",
         "map(own.d, |d| f32::from(u8::from(d.abs() > 1e-44 || !scene)))",
         ("streams", "a_direction_that_rounds_to_zero_in_the_frame_is_not_in_the_wall"),
+    ),
+    Fault(
+        "lists of the children of a plane written over one another",
+        f"{_STREAM}/intervals.rs",
+        "first + child * room + counts[child]",
+        "first + counts[child]",
+        ("lib", "stream::tests::answers::batches_of_any_size_answer_like_brute_force"),
+    ),
+    Fault(
+        "all rays of a list crossing an oblique plane upwards",
+        f"{_STREAM}/planes.rs",
+        "inv.simd_lt(splat(0.0))",
+        "inv.simd_lt(splat(f32::NEG_INFINITY))",
+        ("lib", "stream::tests::answers::streams_answer_like_brute_force_in_difficult_scenes"),
     ),
 )
 

@@ -164,6 +164,24 @@ impl Blocks {
         (block, at + (1 + WORDS * n) as u32)
     }
 
+    /// The block of `n` triangles at word offset `at`, and the offset of the next block, for leaves of either [`Keep`]:
+    /// triangles stored as indices are gathered in `room`.
+    #[inline(always)]
+    pub fn load<'a>(
+        &'a self,
+        scene: &Triangles,
+        (at, n): (u32, usize),
+        room: &'a mut [f32; SPAN],
+    ) -> (&'a [f32; SPAN], u32) {
+        if self.keep != Keep::Indices {
+            return self.block(at, n);
+        }
+        let from = at as usize;
+        self.fetch(scene, &self.words[from..from + 4 * n], room);
+        #[expect(clippy::cast_possible_truncation, reason = "at most 32")]
+        (room, at + (4 * n) as u32)
+    }
+
     /// The vertices of the triangle whose words begin at `from` and are `n` apart.
     #[inline(always)]
     pub fn corners_at(&self, from: usize, n: usize) -> [[f32; 3]; 3] {

@@ -170,6 +170,12 @@ impl<S: Simd> Edges<S> {
         }
     }
 
+    /// Number of triangles.
+    #[inline(always)]
+    pub fn count(&self) -> usize {
+        self.count
+    }
+
     /// The ray's origin minus the first vertex.
     #[inline(always)]
     fn offset(&self, simd: S, ray: &FrameRay) -> [f32x8<S>; 3] {

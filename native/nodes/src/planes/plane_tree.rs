@@ -11,9 +11,11 @@
 use crate::preorder::{Item, Preorder};
 use halfspace_base::error::{Error, Result};
 use halfspace_geom::cell::Direction;
+use halfspace_leaf::Leaf;
 use halfspace_leaf::blocks::Blocks;
 use halfspace_ray::frame::Frame;
 use halfspace_scene::Triangles;
+use prefetch_index::prefetch_index;
 
 /// Largest depth of a tree. Traversals keep at most one child per level on their stack.
 pub const MAX_DEPTH: usize = 60;
@@ -63,6 +65,22 @@ pub enum Node {
         /// Number of triangles.
         count: usize,
     },
+}
+
+/// A node as it is stored. Traversals that hold it in place of its index read the children of a node together.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Words([u32; 2]);
+
+impl Words {
+    /// Returns the leaf, `None` for an inner node.
+    #[inline(always)]
+    pub fn leaf(self) -> Option<Leaf> {
+        let Self([first, link]) = self;
+        (link & KIND == LEAF).then_some(Leaf {
+            first,
+            count: (link >> LOW_BITS) as usize,
+        })
+    }
 }
 
 /// A tree of split planes over a scene.
@@ -159,10 +177,36 @@ impl PlaneTree {
         0
     }
 
-    /// Decodes a node.
+    /// Returns the words of a node.
+    #[inline(always)]
+    pub fn words(&self, index: u32) -> Words {
+        Words(self.nodes[index as usize])
+    }
+
+    /// Returns the words of a child of a node with this mask of empty leaves, `None` if it is one of them.
+    #[inline(always)]
+    pub fn held(&self, child: u32, empty: u32) -> Option<Words> {
+        (empty >> (child & 1) & 1 == 0).then(|| self.words(child))
+    }
+
+    /// Prefetches the children of an inner node, and the plane of an oblique one.
+    #[inline(always)]
+    pub fn fetch_children(&self, Words([word, link]): Words) {
+        prefetch_index(&self.nodes, (link >> LOW_BITS) as usize);
+        if link & KIND == OBLIQUE {
+            prefetch_index(&self.planes, word as usize);
+        }
+    }
+
+    /// Decodes the node with this index.
     #[inline(always)]
     pub fn node(&self, index: u32) -> Node {
-        let [word, link] = self.nodes[index as usize];
+        self.decode(self.words(index))
+    }
+
+    /// Decodes a node.
+    #[inline(always)]
+    pub fn decode(&self, Words([word, link]): Words) -> Node {
         match link & KIND {
             axis @ 0..=2 => Node::Axis {
                 axis: axis as usize,

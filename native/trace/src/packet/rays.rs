@@ -122,6 +122,7 @@ impl Packet {
             t_min: self.start[lane],
             t_max: self.reach[lane],
             span: self.span[lane],
+            oblique_pad: self.oblique_pad[lane],
             to_frame: f64::from(self.to_frame[lane]),
             last_place: self.last_place[lane],
             ..FrameRay::NOTHING

@@ -7,28 +7,47 @@ use halfspace_geom::bound::{keep_max, keep_max_each, keep_min_each};
 use halfspace_leaf::blocks::SPAN;
 use halfspace_leaf::candidates::{Candidates, Edges};
 use halfspace_ray::FrameRay;
-use halfspace_ray::query::{Best, Closest, NoCountLate};
+use halfspace_ray::query::{Best, Counters, Query};
 use prefetch_index::prefetch_index;
 
-/// What slab tests need of a ray: the coefficients of [`crate::slabs::Slabs`] and its interval.
+/// Positions in a row of [`Line::axes`]: the reciprocal direction, the terms added for planes of entry and of exit
+/// ([`crate::slabs::Slabs`]), and the reach.
+pub const INV: usize = 0;
+pub const NEAR: usize = 1;
+pub const FAR: usize = 2;
+pub const REACH: usize = 3;
+
+/// What tests of axis planes need of a ray: one row of four numbers per axis, so that one load gets all that a plane
+/// needs, and the start of its interval.
+#[derive(Clone, Copy)]
 pub struct Line {
-    inv: [f32; 3],
-    near: [f32; 3],
-    far: [f32; 3],
+    /// Per axis the coefficients, and a copy of the best hit's `reach`.
+    pub axes: [[f32; 4]; 3],
+    /// Where the ray enters the scene.
     pub start: f32,
-    /// Copy of the best hit's `reach`, in the same cache line.
-    pub reach: f32,
 }
 
 impl Line {
     #[inline(always)]
     pub fn new(ray: &FrameRay, inv: [f32; 3], near: [f32; 3], far: [f32; 3]) -> Self {
+        let axis = |k: usize| [inv[k], near[k], far[k], ray.t_max];
         Self {
-            inv,
-            near,
-            far,
+            axes: [axis(0), axis(1), axis(2)],
             start: ray.t_min,
-            reach: ray.t_max,
+        }
+    }
+
+    /// Distance beyond which no hit is needed.
+    #[inline(always)]
+    pub fn reach(&self) -> f32 {
+        self.axes[0][REACH]
+    }
+
+    /// Sets [`Self::reach`].
+    #[inline(always)]
+    pub fn set_reach(&mut self, reach: f32) {
+        for axis in &mut self.axes {
+            axis[REACH] = reach;
         }
     }
 
@@ -37,11 +56,11 @@ impl Line {
     #[inline(always)]
     pub fn meets<S: Simd>(&self, simd: S, near: &[f32x8<S>; 3], far: &[f32x8<S>; 3]) -> u64 {
         let mut enter = f32x8::splat(simd, self.start);
-        let mut leave = f32x8::splat(simd, self.reach);
-        for (k, (near, far)) in near.iter().zip(far).enumerate() {
-            let inv = f32x8::splat(simd, self.inv[k]);
-            let soon = near.mul_add(inv, f32x8::splat(simd, self.near[k]));
-            let late = far.mul_add(inv, f32x8::splat(simd, self.far[k]));
+        let mut leave = f32x8::splat(simd, self.reach());
+        for (axis, (near, far)) in self.axes.iter().zip(near.iter().zip(far)) {
+            let inv = f32x8::splat(simd, axis[INV]);
+            let soon = near.mul_add(inv, f32x8::splat(simd, axis[NEAR]));
+            let late = far.mul_add(inv, f32x8::splat(simd, axis[FAR]));
             // Ignore bounds that are NaN.
             enter = keep_max_each(soon, enter);
             leave = keep_min_each(late, leave);
@@ -53,26 +72,29 @@ impl Line {
     #[inline(always)]
     pub fn enters(&self, near: [f32; 3]) -> bool {
         let mut enter = self.start;
-        for (k, near) in near.into_iter().enumerate() {
-            enter = keep_max(near * self.inv[k] + self.near[k], enter);
+        for (axis, near) in self.axes.iter().zip(near) {
+            enter = keep_max(near * axis[INV] + axis[NEAR], enter);
         }
-        enter <= self.reach
+        enter <= self.reach()
     }
 }
 
 /// The state of one ray: the part of a [`FrameRay`] that the traversal needs, which is smaller, since thousands
-/// of rays are in use at once. A visit to a node reads one cache line of it.
+/// of rays are in use at once. A visit to a node of axis planes or boxes reads one cache line of it.
 #[repr(C, align(64))]
 pub struct Course {
     pub line: Line,
     span: f32,
     last_place: f32,
+    still_x: f32,
+    /// Origin, and the error bound of heights over oblique planes ([`FrameRay::oblique_pad`]).
+    pub origin: [f32; 4],
+    /// Direction, and nothing.
+    pub direction: [f32; 4],
+    still_yz: [f32; 2],
     /// [`FrameRay::certain`].
     certain: [f32; 2],
     to_frame: f64,
-    o: [f32; 3],
-    d: [f32; 3],
-    still: [f32; 3],
     pub best: Best,
 }
 
@@ -82,14 +104,15 @@ impl Course {
     #[inline(always)]
     pub fn new(ray: &FrameRay, line: Line, certain: [f32; 2], still: [f32; 3]) -> Self {
         Self {
-            certain,
             line,
             span: ray.span,
             last_place: ray.last_place,
+            still_x: still[0],
+            origin: [ray.o[0], ray.o[1], ray.o[2], ray.oblique_pad],
+            direction: [ray.d[0], ray.d[1], ray.d[2], 0.0],
+            still_yz: [still[1], still[2]],
+            certain,
             to_frame: ray.to_frame,
-            o: ray.o,
-            d: ray.d,
-            still,
             best: Best::new(ray),
         }
     }
@@ -105,12 +128,13 @@ impl Course {
     /// The ray as the tests in leaves need it.
     #[inline(always)]
     pub fn ray(&self) -> FrameRay<'static> {
+        let first = |row: &[f32; 4]| [row[0], row[1], row[2]];
         FrameRay {
-            o: self.o,
-            d: self.d,
-            still: self.still,
+            o: first(&self.origin),
+            d: first(&self.direction),
+            still: [self.still_x, self.still_yz[0], self.still_yz[1]],
             t_min: self.line.start,
-            t_max: self.line.reach,
+            t_max: self.line.reach(),
             span: self.span,
             to_frame: self.to_frame,
             last_place: self.last_place,
@@ -118,29 +142,39 @@ impl Course {
         }
     }
 
-    /// Tests the ray against a block of `n` triangles.
+    /// Tests the ray, the one at `place` of the batch, against a block of `n` triangles up to the distance `reach`.
+    /// An any-hit ray that hits one ends: its reach becomes negative infinity.
     #[inline(always)]
-    pub fn test<S: Simd>(
+    pub fn test<S: Simd, Q: Query, C: Counters>(
         &mut self,
         simd: S,
         (batch, place): (&Launch<'_>, usize),
-        (block, n): (&[f32; SPAN], usize),
-        edges: &Edges<S>,
+        block: (&[f32; SPAN], &Edges<S>),
+        reach: f32,
+        counters: &mut C,
     ) {
+        let (block, edges) = block;
+        let n = edges.count();
+        counters.tests(n);
         let ray = self.ray();
-        let mut open = Candidates::new(simd, edges, &ray, self.line.reach);
+        let mut open = Candidates::new(simd, edges, &ray, reach);
         // Refine the candidates and update the best hit.
         if open.any() {
-            let surely = open.refine::<Closest, NoCountLate>(simd, edges, &ray);
-            batch.blocks.settle::<S, Closest, _>(
+            let surely = open.refine::<Q, C>(simd, edges, &ray);
+            let ends = batch.blocks.settle::<S, Q, C>(
                 simd,
                 (open, &surely),
                 (block, n, batch.scene),
                 (&batch.rays[place], &ray, self.certain),
                 &mut self.best,
-                &mut NoCountLate,
+                counters,
             );
-            self.line.reach = self.best.reach;
+            let reach = if Q::ANY && ends {
+                f32::NEG_INFINITY
+            } else {
+                self.best.reach
+            };
+            self.line.set_reach(reach);
         }
     }
 
@@ -148,8 +182,14 @@ impl Course {
     #[inline(always)]
     pub fn fetch_ahead(&self) {
         prefetch_index(std::slice::from_ref(&self.line), 0);
-        prefetch_index(self.o.as_slice(), 0);
+        prefetch_index(self.origin.as_slice(), 0);
         // The best hit lies sixteen numbers, one cache line, behind.
-        prefetch_index(self.o.as_slice(), 16);
+        prefetch_index(self.origin.as_slice(), 16);
+    }
+
+    /// Prefetches what a visit to a node reads.
+    #[inline(always)]
+    pub fn fetch_line(&self) {
+        prefetch_index(std::slice::from_ref(&self.line), 0);
     }
 }

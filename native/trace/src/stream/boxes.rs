@@ -1,0 +1,293 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Streams through nodes of eight boxes. The children of a node lie in slots named by its corners, so the rays of
+//! one octant share an order, the one of [`crate::flight::boxes`].
+
+use crate::stream::course::{Course, Line};
+use crate::stream::lists::{Stream, Waiting, small};
+use crate::stream::{OCTANTS, Steps};
+use fearless_simd::{
+    Bytes, Simd, SimdBase, SimdMask, f32x8, f32x16, mask32x16, u8x16, u32x16, u64x2,
+};
+use halfspace_leaf::Leaf;
+use halfspace_leaf::blocks::Blocks;
+use halfspace_nodes::box_corners::rank;
+use halfspace_nodes::box_tree::{BoxTree, INNER, Wide};
+use halfspace_ray::query::Counters;
+
+/// Number of children of a node.
+const CHILDREN: usize = 8;
+
+/// Number of rays of a list whose masks are distributed at once.
+const GROUP: usize = 16;
+
+/// For each octant and each mask of children, the same mask in stack order, the farthest child in the lowest
+/// bit: child `c` has bit [`rank`].
+static RANKED: [[u8; 1 << CHILDREN]; OCTANTS] = ranked();
+
+const fn ranked() -> [[u8; 1 << CHILDREN]; OCTANTS] {
+    let mut table = [[0; 1 << CHILDREN]; OCTANTS];
+    let mut octant = 0;
+    while octant < OCTANTS {
+        let mut mask = 0;
+        while mask < 1 << CHILDREN {
+            let mut child = 0;
+            while child < CHILDREN {
+                table[octant][mask] |= ((mask >> child & 1) << rank(octant, child)) as u8;
+                child += 1;
+            }
+            mask += 1;
+        }
+        octant += 1;
+    }
+    table
+}
+
+/// A child of a node.
+#[derive(Clone, Copy)]
+pub struct Child {
+    /// Link and count, as in the node.
+    link: u32,
+    count: u32,
+    /// Sides of its box through which the rays enter.
+    near: [f32; 3],
+}
+
+impl Steps for BoxTree<CHILDREN> {
+    type Place = Child;
+    type Scratch<S: Simd> = Vec<u8x16<S>>;
+    const INTERVALS: bool = false;
+
+    fn root(&self) -> Child {
+        Child {
+            link: 0,
+            count: INNER,
+            // NaN bounds nothing: all rays enter the root.
+            near: [f32::NAN; 3],
+        }
+    }
+
+    #[inline(always)]
+    fn leaf(&self, place: &Child) -> Option<Leaf> {
+        (place.count != INNER).then_some(Leaf {
+            first: place.link,
+            count: place.count as usize,
+        })
+    }
+
+    #[inline(always)]
+    fn fetch_ahead(&self, place: &Child, blocks: &Blocks) {
+        BoxTree::fetch_ahead(self, (place.link, place.count), blocks);
+    }
+
+    #[inline(always)]
+    fn enters(place: &Child, line: &Line) -> bool {
+        line.enters(place.near)
+    }
+
+    #[inline(always)]
+    fn count<C: Counters>(&self, _: &Child, counters: &mut C) {
+        counters.step_boxes();
+    }
+
+    #[inline(always)]
+    fn visit<S: Simd>(
+        &self,
+        simd: S,
+        stream: &mut Stream<Child>,
+        own: Waiting<Child>,
+        courses: &[Course],
+        masks: &mut Vec<u8x16<S>>,
+    ) {
+        let node = &self.nodes[own.place.link as usize];
+        let sides = Sides::new(simd, node, stream.octant);
+        let list = stream.list(&own);
+        if own.rays == 1 {
+            let line = &courses[list[0] as usize].line;
+            if !line.enters(own.place.near) {
+                return;
+            }
+            let octant = stream.octant % OCTANTS;
+            let mut left = RANKED[octant][line.meets(simd, &sides.near, &sides.far) as usize];
+            while let Some(child) = take(octant, &mut left) {
+                // All children share the parent's list.
+                push(stream, node, child, (own.first, 1));
+            }
+        } else if own.rays as usize <= GROUP {
+            // Keep the masks in registers: a vector load of bytes just stored one by one would stall.
+            let (masks, some) = met(simd, list, courses, &sides);
+            distribute(
+                simd,
+                stream,
+                node,
+                own,
+                (std::slice::from_ref(&masks), some),
+            );
+        } else {
+            masks.resize(list.len().div_ceil(GROUP), u8x16::splat(simd, 0));
+            let mut some = 0;
+            for (masks, group) in masks.iter_mut().zip(list.chunks(GROUP)) {
+                let (own, met) = met(simd, group, courses, &sides);
+                *masks = own;
+                some |= met;
+            }
+            distribute(simd, stream, node, own, (masks, some));
+        }
+    }
+
+    fn bytes(&self) -> usize {
+        size_of_val(&*self.nodes)
+    }
+}
+
+/// The sides of entry and exit of all boxes of a node, which are common to an octant.
+struct Sides<S: Simd> {
+    near: [f32x8<S>; 3],
+    far: [f32x8<S>; 3],
+}
+
+impl<S: Simd> Sides<S> {
+    #[inline(always)]
+    fn new(simd: S, node: &Wide<CHILDREN>, octant: usize) -> Self {
+        let octant = octant % OCTANTS;
+        let zero = f32x8::splat(simd, 0.0);
+        let (mut near, mut far) = ([zero; 3], [zero; 3]);
+        for k in 0..3 {
+            let back = octant >> k & 1;
+            near[k] = f32x8::from_slice(simd, &node.bounds[k + 3 * back]);
+            far[k] = f32x8::from_slice(simd, &node.bounds[k + 3 * (1 - back)]);
+        }
+        Self { near, far }
+    }
+}
+
+/// Removes the farthest child of a mask in stack order and returns it.
+#[inline(always)]
+fn take(octant: usize, left: &mut u8) -> Option<usize> {
+    if *left == 0 {
+        return None;
+    }
+    let child = rank(octant, left.trailing_zeros() as usize) % CHILDREN;
+    *left &= *left - 1;
+    Some(child)
+}
+
+/// Pushes a child with its list of rays.
+#[inline(always)]
+fn push(
+    stream: &mut Stream<Child>,
+    node: &Wide<CHILDREN>,
+    child: usize,
+    (first, rays): (u32, u32),
+) {
+    let side = |k: usize| node.bounds[k + 3 * (stream.octant >> k & 1)][child];
+    let place = Child {
+        link: node.link[child],
+        count: node.count[child],
+        near: [side(0), side(1), side(2)],
+    };
+    // A ray whose bounds are NaN on every axis meets missing children, too.
+    stream.push(Waiting { place, first, rays }, place.count != 0);
+}
+
+/// Distributes a list over the children that its rays meet: `masks` has one byte per ray, `some` is their
+/// union.
+#[inline(always)]
+fn distribute<S: Simd>(
+    simd: S,
+    stream: &mut Stream<Child>,
+    node: &Wide<CHILDREN>,
+    own: Waiting<Child>,
+    (masks, some): (&[u8x16<S>], u64),
+) {
+    let octant = stream.octant % OCTANTS;
+    let mut left = RANKED[octant][some as usize % (1 << CHILDREN)];
+    let (first, rays) = (own.first as usize, own.rays as usize);
+    // The lists of all stack entries lie below.
+    let mut top = first + rays;
+    stream.make_room(top + left.count_ones() as usize * rays, false);
+    // Write each child's list by compressing the parent's under the child's bit, then push the child.
+    while let Some(child) = take(octant, &mut left) {
+        let bit = u8x16::splat(simd, 1 << child);
+        let begins = top;
+        for (group, masks) in masks.iter().enumerate() {
+            let lanes = (*masks & bit).simd_eq(bit).to_bitmask();
+            let live = mask32x16::from_bitmask(simd, lanes);
+            let from = first + GROUP * group;
+            let own = u32x16::from_slice(simd, &stream.lists[from..from + GROUP]);
+            let own: f32x16<S> = own.bitcast();
+            let own: u32x16<S> = own.compress(live).bitcast();
+            own.store_slice(&mut stream.lists[top..top + GROUP]);
+            top += lanes.count_ones() as usize;
+        }
+        push(stream, node, child, (small(begins), small(top - begins)));
+    }
+}
+
+/// Tests at most sixteen rays against eight boxes. Returns one mask of boxes per ray, as bytes, and their
+/// union.
+#[inline(always)]
+fn met<S: Simd>(simd: S, list: &[u32], courses: &[Course], sides: &Sides<S>) -> (u8x16<S>, u64) {
+    let mut words = [0_u64; 2];
+    for (word, rays) in words.iter_mut().zip(list.chunks(8)) {
+        for (i, &ray) in rays.iter().enumerate() {
+            let line = &courses[ray as usize].line;
+            *word |= line.meets(simd, &sides.near, &sides.far) << (8 * i);
+        }
+    }
+    let mut some = words[0] | words[1];
+    some |= some >> 32;
+    some |= some >> 16;
+    some |= some >> 8;
+    // Little-endian words put the first ray into the vector's lowest byte on every machine.
+    let words = words.map(u64::to_le);
+    (u64x2::from_slice(simd, &words).bitcast(), some & 0xff)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use fearless_simd::{Level, dispatch};
+
+    /// The hits do not depend on the order, only the speed does; so it is tested here.
+    #[test]
+    fn the_child_at_the_nearest_corner_is_visited_first() {
+        let mut node = BoxTree::<CHILDREN>::BLANK;
+        for child in 0..CHILDREN {
+            for k in 0..3 {
+                (node.bounds[k][child], node.bounds[3 + k][child]) = (-1.0, 1.0);
+            }
+            (node.link[child], node.count[child]) = (small(child), 1);
+        }
+        let tree = BoxTree { nodes: vec![node] };
+        let course = || {
+            let mut course = Course::nothing();
+            course.line.start = 0.0;
+            course.line.set_reach(1.0);
+            course
+        };
+        let courses = [course(), course()];
+        for octant in 0..OCTANTS {
+            for rays in 1..3 {
+                let mut stream = Stream::new(octant);
+                for (place, course) in courses.iter().enumerate().take(rays) {
+                    stream.put(place, &course.line, false);
+                }
+                assert!(stream.begin(tree.root()));
+                let root = stream.pop().expect("it waits");
+                dispatch!(Level::new(), simd => {
+                    tree.visit(simd, &mut stream, root, &courses, &mut Vec::new());
+                });
+                let links: Vec<_> = (stream.stack().iter())
+                    .map(|next| next.place.link as usize)
+                    .collect();
+                // A ray that descends along an axis comes from its upper end.
+                let far_to_near = [7, 6, 5, 4, 3, 2, 1, 0].map(|corner: usize| corner ^ octant);
+                assert_eq!(links, far_to_near, "octant {octant}, {rays} rays");
+                for next in stream.stack() {
+                    let list = stream.list(next).iter();
+                    assert!(list.map(|&place| place as usize).eq(0..rays));
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,155 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Lists whose entries have the ray's interval in the node, for nodes that cut intervals: eight rays at a time, one to
+//! a lane.
+
+use crate::stream::course::{Course, REACH};
+use crate::stream::lists::{Stream, Waiting, small};
+use fearless_simd::{Simd, SimdBase, SimdCombine, SimdMask, f32x4, f32x8, mask32x8, u32x8};
+use halfspace_geom::bound::keep_min_each;
+
+/// Number of rays of a list that are cut at once.
+pub const LANES: usize = 8;
+
+/// The intervals of eight rays in a region.
+#[derive(Clone, Copy)]
+pub struct Inside<S: Simd> {
+    pub enter: f32x8<S>,
+    pub leave: f32x8<S>,
+}
+
+/// Up to eight rays of a list. The lanes beyond its end hold any rays, whose results are ignored.
+pub struct Group<'a, S: Simd> {
+    simd: S,
+    courses: &'a [Course],
+    rays: [u32; LANES],
+    /// The intervals in the node, as they were when its parent was visited.
+    pub inside: Inside<S>,
+}
+
+impl<S: Simd> Group<'_, S> {
+    /// The rows of an axis of all rays ([`crate::stream::course::Line::axes`]), one vector per column.
+    #[inline(always)]
+    pub fn axis(&self, axis: usize) -> [f32x8<S>; 4] {
+        self.columns(
+            #[inline(always)]
+            |course| &course.line.axes[axis],
+        )
+    }
+
+    /// The origins of all rays, and the error bounds of their heights over oblique planes.
+    #[inline(always)]
+    pub fn origins(&self) -> [f32x8<S>; 4] {
+        self.columns(
+            #[inline(always)]
+            |course| &course.origin,
+        )
+    }
+
+    /// The directions of all rays; the fourth vector is zero.
+    #[inline(always)]
+    pub fn directions(&self) -> [f32x8<S>; 4] {
+        self.columns(
+            #[inline(always)]
+            |course| &course.direction,
+        )
+    }
+
+    /// The reach of each ray.
+    #[inline(always)]
+    pub fn reach(&self) -> f32x8<S> {
+        self.axis(0)[REACH]
+    }
+
+    /// The intervals, cut at each ray's best hit; `rows` are those of any axis.
+    #[inline(always)]
+    pub fn within(&self, rows: &[f32x8<S>; 4]) -> Inside<S> {
+        Inside {
+            enter: self.inside.enter,
+            leave: keep_min_each(self.inside.leave, rows[REACH]),
+        }
+    }
+
+    /// Transposes a row of four numbers of each ray.
+    #[inline(always)]
+    fn columns(&self, row: impl Fn(&Course) -> &[f32; 4]) -> [f32x8<S>; 4] {
+        let quad = |i: usize| {
+            let course = &self.courses[self.rays[i] as usize];
+            f32x4::from_slice(self.simd, row(course))
+        };
+        let low = transpose([quad(0), quad(1), quad(2), quad(3)]);
+        let high = transpose([quad(4), quad(5), quad(6), quad(7)]);
+        [
+            low[0].combine(high[0]),
+            low[1].combine(high[1]),
+            low[2].combine(high[2]),
+            low[3].combine(high[3]),
+        ]
+    }
+}
+
+/// The columns of a matrix of four rows.
+#[inline(always)]
+fn transpose<S: Simd>([a, b, c, d]: [f32x4<S>; 4]) -> [f32x4<S>; 4] {
+    let (even, odd) = ((a.zip_low(c), a.zip_high(c)), (b.zip_low(d), b.zip_high(d)));
+    [
+        even.0.zip_low(odd.0),
+        even.0.zip_high(odd.0),
+        even.1.zip_low(odd.1),
+        even.1.zip_high(odd.1),
+    ]
+}
+
+impl<P: Copy> Stream<P> {
+    /// Distributes a list over the children of a node: `cut` computes the intervals of eight rays in each child, empty
+    /// ones where a ray misses it. Pushes the children that some ray meets and that exist, in this order.
+    #[inline(always)]
+    pub fn distribute<S: Simd, const N: usize>(
+        &mut self,
+        simd: S,
+        own: Waiting<P>,
+        courses: &[Course],
+        children: [Option<P>; N],
+        mut cut: impl FnMut(&Group<'_, S>) -> [Inside<S>; N],
+    ) {
+        let (first, rays) = (own.first as usize, own.rays as usize);
+        // Give each child room for all rays. The first child's list replaces the parent's, whose entries are loaded
+        // before they are overwritten.
+        let room = rays.next_multiple_of(LANES);
+        self.make_room(first + N * room, true);
+        let mut counts = [0; N];
+        for from in (0..rays).step_by(LANES) {
+            let at = first + from..first + from + LANES;
+            let indices = u32x8::from_slice(simd, &self.lists[at.clone()]);
+            let group = Group {
+                simd,
+                courses,
+                rays: self.lists[at.clone()].try_into().expect("eight"),
+                inside: Inside {
+                    enter: f32x8::from_slice(simd, &self.enter[at.clone()]),
+                    leave: f32x8::from_slice(simd, &self.leave[at]),
+                },
+            };
+            let valid = u64::MAX >> (64 - (rays - from).min(LANES));
+            // Append the rays that meet a child to its list.
+            let parts = cut(&group);
+            for (child, part) in parts.iter().enumerate() {
+                let lanes = part.enter.simd_le(part.leave).to_bitmask() & valid;
+                let live = mask32x8::from_bitmask(simd, lanes);
+                let to = first + child * room + counts[child];
+                let to = to..to + LANES;
+                (indices.compress(live)).store_slice(&mut self.lists[to.clone()]);
+                (part.enter.compress(live)).store_slice(&mut self.enter[to.clone()]);
+                (part.leave.compress(live)).store_slice(&mut self.leave[to]);
+                counts[child] += lanes.count_ones() as usize;
+            }
+        }
+        for (child, place) in children.into_iter().enumerate() {
+            let entry = Waiting {
+                place: place.unwrap_or(own.place),
+                first: small(first + child * room),
+                rays: small(counts[child]),
+            };
+            self.push(entry, place.is_some() && counts[child] > 0);
+        }
+    }
+}

@@ -1,0 +1,141 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The lists of rays of a stream, and its stack of nodes to visit.
+
+use crate::stream::course::Line;
+
+/// Number of lanes that vectors read and write beyond the end of a list.
+pub const ROOM: usize = 16;
+
+/// A stack entry: a node or a leaf, to be visited by the rays that meet it.
+#[derive(Clone, Copy)]
+pub struct Waiting<P> {
+    /// The node or leaf.
+    pub place: P,
+    /// Start of its list of rays.
+    pub first: u32,
+    /// Length of the list.
+    pub rays: u32,
+}
+
+/// The rays of one octant of directions, and their traversal.
+pub struct Stream<P> {
+    /// The octant: bit `k` is set for rays that descend along axis `k`.
+    pub octant: usize,
+    /// Number of rays at the root.
+    rays: usize,
+    /// Indices of rays: first the list of the root, then those of the stack entries, the next one last. Vectors
+    /// read and write beyond the end of the lists in use.
+    pub lists: Vec<u32>,
+    /// For each entry of the lists the distances at which the ray enters and leaves the node; empty for trees
+    /// whose lists have no intervals.
+    pub enter: Vec<f32>,
+    pub leave: Vec<f32>,
+    /// The stack, the next entry last; entries from `waiting` on are unused.
+    entries: Vec<Waiting<P>>,
+    waiting: usize,
+}
+
+impl<P: Copy> Stream<P> {
+    /// A stream without rays.
+    pub fn new(octant: usize) -> Self {
+        Self {
+            octant,
+            rays: 0,
+            lists: Vec::new(),
+            enter: Vec::new(),
+            leave: Vec::new(),
+            entries: Vec::new(),
+            waiting: 0,
+        }
+    }
+
+    /// Adds a ray. `intervals`: whether the lists have intervals.
+    #[inline(always)]
+    pub fn put(&mut self, place: usize, line: &Line, intervals: bool) {
+        self.make_room(self.rays + 1, intervals);
+        self.lists[self.rays] = small(place);
+        if intervals {
+            self.enter[self.rays] = line.start;
+            self.leave[self.rays] = line.reach();
+        }
+        self.rays += 1;
+    }
+
+    /// Makes room for lists that end before `end`, and for vectors beyond the last.
+    #[inline(always)]
+    pub fn make_room(&mut self, end: usize, intervals: bool) {
+        if self.lists.len() < end + ROOM {
+            self.grow(2 * (end + ROOM), intervals);
+        }
+    }
+
+    #[cold]
+    fn grow(&mut self, length: usize, intervals: bool) {
+        self.lists.resize(length, 0);
+        if intervals {
+            self.enter.resize(length, 0.0);
+            self.leave.resize(length, 0.0);
+        }
+    }
+
+    /// Pushes the root, if there are rays; returns whether there are.
+    pub fn begin(&mut self, root: P) -> bool {
+        let rays = small(std::mem::take(&mut self.rays));
+        let root = Waiting {
+            place: root,
+            first: 0,
+            rays,
+        };
+        self.push(root, rays > 0);
+        rays > 0
+    }
+
+    /// Removes all indices of rays from the lists, for a batch that may have fewer rays.
+    pub fn forget(&mut self) {
+        self.lists.fill(0);
+    }
+
+    /// Pushes a stack entry if `live`, without a branch.
+    #[inline(always)]
+    pub fn push(&mut self, entry: Waiting<P>, live: bool) {
+        if self.waiting == self.entries.len() {
+            self.entries.resize(2 * self.waiting + ROOM, entry);
+        }
+        self.entries[self.waiting] = entry;
+        self.waiting += usize::from(live);
+    }
+
+    /// Pops the next stack entry.
+    #[inline(always)]
+    pub fn pop(&mut self) -> Option<Waiting<P>> {
+        self.waiting = self.waiting.checked_sub(1)?;
+        Some(self.entries[self.waiting])
+    }
+
+    /// The stack, the next entry last.
+    #[inline(always)]
+    pub fn stack(&self) -> &[Waiting<P>] {
+        &self.entries[..self.waiting]
+    }
+
+    /// The list of a stack entry.
+    #[inline(always)]
+    pub fn list(&self, own: &Waiting<P>) -> &[u32] {
+        &self.lists[own.first as usize..(own.first + own.rays) as usize]
+    }
+
+    /// The distances at which the rays of a list enter and leave its node, if lists have intervals.
+    #[inline(always)]
+    pub fn intervals(&self, own: &Waiting<P>) -> (&[f32], &[f32]) {
+        let range = own.first as usize..(own.first + own.rays) as usize;
+        (&self.enter[range.clone()], &self.leave[range])
+    }
+}
+
+/// Narrows an index of a ray or a position in lists. Both fit: each level of a tree adds at most eight entries
+/// for each of 8192 rays.
+#[inline(always)]
+#[expect(clippy::cast_possible_truncation, reason = "see above")]
+pub fn small(x: usize) -> u32 {
+    x as u32
+}

@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The start of a stream: rays are scaled into the frame and sorted by octant.
+
+use crate::batch::Launch;
+use crate::packet::boxes::slabs;
+use crate::packet::{MOST, Packet, Sixteen};
+use crate::slabs::Slabs;
+use crate::stream::OCTANTS;
+use crate::stream::course::{Course, Line};
+use crate::stream::lists::Stream;
+use fearless_simd::{Simd, SimdBase};
+use halfspace_geom::vec3::map;
+
+impl Launch<'_> {
+    /// Scales the rays into the frame, sixteen at once, and adds those that meet the scene to the stream of
+    /// their octant. `intervals`: whether the lists have intervals.
+    #[inline(always)]
+    pub(super) fn set_out<S: Simd, P: Copy>(
+        &self,
+        simd: S,
+        streams: &mut [Stream<P>; OCTANTS],
+        courses: &mut Vec<Course>,
+        intervals: bool,
+    ) {
+        courses.clear();
+        for stream in &mut *streams {
+            stream.forget();
+        }
+        let scene = self.frame.is_scene();
+        let mut packet = Packet::default();
+        // Fill a packet with sixteen rays, and compute their slab coefficients.
+        for (chunk, rays) in self.rays.chunks(MOST).enumerate() {
+            let first = MOST * chunk;
+            packet.count = rays.len();
+            for (i, place) in packet.places.iter_mut().enumerate().take(rays.len()) {
+                *place = first + i;
+            }
+            let there = packet.fill(simd, self.frame, self.rays, None);
+            let mut rows = [[[0.0; MOST]; 3]; 3];
+            for (rows, slabs) in rows.iter_mut().zip(slabs::<S, Sixteen>(simd, &packet)) {
+                for (row, slab) in rows.iter_mut().zip(slabs) {
+                    slab.store_slice(row);
+                }
+            }
+            // Store the state of each ray; irregular ones are framed by themselves.
+            for (lane, own) in rays.iter().enumerate().take(MOST) {
+                let place = first + lane;
+                let still = map(own.d, |d| f32::from(u8::from(d != 0.0 || !scene)));
+                let course = match packet.framed(lane) {
+                    Some(ray) => (there >> lane & 1 == 1).then(|| {
+                        let row = |of: usize| map([0, 1, 2], |k: usize| rows[k][of][lane]);
+                        let line = Line::new(&ray, row(0), row(1), row(2));
+                        (ray.signs, Course::new(&ray, line, ray.certain(own), still))
+                    }),
+                    // An irregular ray.
+                    None => self.framed(place).map(|ray| {
+                        let Slabs { inv, near, far, .. } = Slabs::new(&ray);
+                        let line = Line::new(&ray, inv, near, far);
+                        (ray.signs, Course::new(&ray, line, ray.certain(own), still))
+                    }),
+                };
+                courses.push(match course {
+                    Some((signs, course)) => {
+                        streams[signs as usize % OCTANTS].put(place, &course.line, intervals);
+                        course
+                    }
+                    None => Course::nothing(),
+                });
+            }
+        }
+    }
+}

@@ -1,0 +1,179 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Streams through interval hierarchies: the steps of [`crate::single::objects::slabs`] with one ray per lane.
+
+use crate::stream::Steps;
+use crate::stream::course::{Course, FAR, INV, NEAR};
+use crate::stream::intervals::{Group, Inside};
+use crate::stream::lists::{Stream, Waiting};
+use fearless_simd::{Simd, SimdBase, SimdFloat, f32x8};
+use halfspace_geom::Aabb;
+use halfspace_geom::bound::{keep_max_each, keep_min_each};
+use halfspace_leaf::Leaf;
+use halfspace_leaf::blocks::Blocks;
+use halfspace_nodes::slab_node::{Kind, SlabNode};
+use halfspace_nodes::slab_tree::SlabTree;
+use halfspace_ray::query::Counters;
+use prefetch_index::prefetch_index;
+
+/// The region of a node of which no plane is known.
+const EVERYWHERE: Aabb = Aabb {
+    min: [f32::NEG_INFINITY; 3],
+    max: [f32::INFINITY; 3],
+};
+
+impl<N: SlabNode> Steps for SlabTree<N> {
+    /// The node itself.
+    type Place = N;
+    type Scratch<S: Simd> = ();
+    const INTERVALS: bool = true;
+
+    fn root(&self) -> N {
+        self.nodes[0]
+    }
+
+    #[inline(always)]
+    fn leaf(&self, place: &N) -> Option<Leaf> {
+        match place.kind() {
+            Kind::Leaf { first, count } => Some(Leaf { first, count }),
+            _ => None,
+        }
+    }
+
+    #[inline(always)]
+    fn fetch_ahead(&self, place: &N, blocks: &Blocks) {
+        match place.kind() {
+            Kind::Leaf { first, .. } => blocks.fetch_ahead(first),
+            Kind::Pair { link, .. } | Kind::Only { link, .. } => {
+                // The second child may begin in the next cache line.
+                prefetch_index(&self.nodes, link as usize);
+                prefetch_index(&self.nodes, link as usize + 1);
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn count<C: Counters>(&self, _: &N, counters: &mut C) {
+        counters.step_boxes();
+    }
+
+    #[inline(always)]
+    fn visit<S: Simd>(
+        &self,
+        simd: S,
+        stream: &mut Stream<N>,
+        own: Waiting<N>,
+        courses: &[Course],
+        (): &mut (),
+    ) {
+        match own.place.kind() {
+            Kind::Pair { axis, link } => {
+                // The near child ends at its plane, and the far child begins at its own.
+                let back = stream.octant >> axis & 1;
+                let [below, above] = own.place.parts(axis, &EVERYWHERE);
+                let (ends, begins) = if back == 0 {
+                    (below.max[axis], above.min[axis])
+                } else {
+                    (above.min[axis], below.max[axis])
+                };
+                let near = link as usize + back;
+                let far = link as usize + (back ^ 1);
+                stream.distribute(
+                    simd,
+                    own,
+                    courses,
+                    [self.held(far), self.held(near)],
+                    #[inline(always)]
+                    |group| {
+                        let cut = Cut::new(group, axis);
+                        [cut.after(simd, begins), cut.before(simd, ends)]
+                    },
+                );
+            }
+            Kind::Only { axis, link } => {
+                let back = stream.octant >> axis & 1;
+                let [inside, _] = own.place.parts(axis, &EVERYWHERE);
+                let sides = [inside.min[axis], inside.max[axis]];
+                stream.distribute(
+                    simd,
+                    own,
+                    courses,
+                    [self.held(link as usize)],
+                    #[inline(always)]
+                    |group| {
+                        let cut = Cut::new(group, axis);
+                        let after = cut.after(simd, sides[back]);
+                        let before = cut.before(simd, sides[back ^ 1]);
+                        [Inside {
+                            enter: after.enter,
+                            leave: before.leave,
+                        }]
+                    },
+                );
+            }
+            Kind::Leaf { .. } => {}
+        }
+    }
+
+    fn bytes(&self) -> usize {
+        size_of_val(&*self.nodes)
+    }
+}
+
+/// Children as stack entries hold them.
+trait Held {
+    /// A node.
+    type Node;
+
+    /// The node with this index, `None` for an empty leaf.
+    fn held(&self, index: usize) -> Option<Self::Node>;
+}
+
+impl<N: SlabNode> Held for SlabTree<N> {
+    type Node = N;
+
+    #[inline(always)]
+    fn held(&self, index: usize) -> Option<N> {
+        let node = self.nodes[index];
+        let empty = matches!(node.kind(), Kind::Leaf { count: 0, .. });
+        (!empty).then_some(node)
+    }
+}
+
+/// The intervals of eight rays, to be cut across one axis.
+struct Cut<S: Simd> {
+    rows: [f32x8<S>; 4],
+    inside: Inside<S>,
+}
+
+impl<S: Simd> Cut<S> {
+    #[inline(always)]
+    fn new(group: &Group<'_, S>, axis: usize) -> Self {
+        let rows = group.axis(axis % 3);
+        Self {
+            rows,
+            inside: group.within(&rows),
+        }
+    }
+
+    /// The part before the rays cross the plane. A plane at infinity, or a distance that is NaN, cuts off nothing.
+    #[inline(always)]
+    fn before(&self, simd: S, plane: f32) -> Inside<S> {
+        let plane = f32x8::splat(simd, plane);
+        let late = plane.mul_add(self.rows[INV], self.rows[FAR]);
+        Inside {
+            enter: self.inside.enter,
+            leave: keep_min_each(late, self.inside.leave),
+        }
+    }
+
+    /// The part after the rays cross the plane.
+    #[inline(always)]
+    fn after(&self, simd: S, plane: f32) -> Inside<S> {
+        let plane = f32x8::splat(simd, plane);
+        let soon = plane.mul_add(self.rows[INV], self.rows[NEAR]);
+        Inside {
+            enter: keep_max_each(soon, self.inside.enter),
+            leave: self.inside.leave,
+        }
+    }
+}

@@ -1,0 +1,210 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Hits of streams are those of brute force bit for bit, in every scene of the contract tests.
+
+use super::trees::{self, Grown, answers, brute_force};
+use crate::kernel::Kernel;
+use crate::stream::{STREAM, kernel};
+use halfspace_leaf::keep::Keep;
+use halfspace_nodes::box_tree::BoxTree;
+use halfspace_nodes::plane_tree::PlaneTree;
+use halfspace_nodes::wide_tree::WideTree;
+use halfspace_oracle::cases::{Case, Random, Size, aimed, cases, cloud, everywhere, soup, strew};
+use halfspace_oracle::levels;
+use halfspace_ray::query::{Any, Closest};
+use halfspace_ray::{Hit, Ray};
+use halfspace_scene::Triangles;
+use proptest::prelude::*;
+use std::sync::Arc;
+
+/// The kernels of one scene, each with its name.
+pub type Kernels<Q> = Vec<(&'static str, Arc<dyn Kernel<Q>>)>;
+
+/// Makes both kernels of streams through a tree.
+macro_rules! both {
+    ($kernels:ident, $name:literal, $grown:expr, $closest:ident, $shadow:ident) => {{
+        let Grown { tree, leaves } = $grown;
+        $kernels
+            .closest
+            .push(($name, kernel::$closest(&tree, &leaves)));
+        $kernels
+            .shadow
+            .push(($name, kernel::$shadow(&tree, &leaves)));
+    }};
+}
+
+/// The kernels of streams through trees of all kinds over one scene.
+pub struct All {
+    pub closest: Kernels<Closest>,
+    pub shadow: Kernels<Any>,
+}
+
+impl All {
+    pub fn new(scene: &Triangles) -> Self {
+        let mut all = Self {
+            closest: Vec::new(),
+            shadow: Vec::new(),
+        };
+        both!(
+            all,
+            "axis planes",
+            trees::planes(scene, false),
+            planes,
+            shadow_planes
+        );
+        both!(
+            all,
+            "oblique planes",
+            trees::planes(scene, true),
+            planes,
+            shadow_planes
+        );
+        for oblique in [false, true] {
+            let Grown { tree, leaves } = trees::planes(scene, oblique);
+            let tree = Arc::new(WideTree::new(&tree));
+            let wide = Grown { tree, leaves };
+            both!(all, "wide planes", wide, wide_planes, shadow_wide_planes);
+        }
+        let Grown { tree, leaves } = trees::boxes::<8>(scene);
+        let tree = Arc::new(BoxTree::by_corners((*tree).clone()));
+        let eight = Grown { tree, leaves };
+        both!(all, "eight boxes", eight, boxes, shadow_boxes);
+        both!(
+            all,
+            "four boxes",
+            trees::boxes(scene),
+            boxes4,
+            shadow_boxes4
+        );
+        both!(all, "two boxes", trees::boxes(scene), boxes2, shadow_boxes2);
+        for keep in [Keep::Corners, Keep::Indices] {
+            let (double, single) = (trees::slabs(scene, keep), trees::slabs(scene, keep));
+            both!(all, "intervals", double, intervals, shadow_intervals);
+            both!(
+                all,
+                "single",
+                single,
+                single_intervals,
+                shadow_single_intervals
+            );
+        }
+        both!(
+            all,
+            "slanted",
+            trees::slanted(scene),
+            slanted,
+            shadow_slanted
+        );
+        both!(
+            all,
+            "octants",
+            trees::octree(scene),
+            octants,
+            shadow_octants
+        );
+        all
+    }
+}
+
+fn bits(hits: &[Hit]) -> Vec<[u32; 4]> {
+    let bits = |hit: &Hit| {
+        let [t, u, v] = [hit.t, hit.u, hit.v].map(f32::to_bits);
+        [t, hit.triangle, u, v]
+    };
+    hits.iter().map(bits).collect()
+}
+
+/// Checks every kernel on every instruction set. Returns the nearest hits.
+fn agree(name: &str, scene: &Triangles, rays: &[Ray]) -> Vec<Hit> {
+    let (brute, all) = (brute_force(scene), All::new(scene));
+    let closest: &dyn Kernel<Closest> = &*brute;
+    let (_, best) = *levels().last().expect("there is one");
+    let expected = answers(closest, scene, rays, best, Hit::MISS);
+    let blocked: Vec<_> = expected.iter().map(Hit::is_hit).collect();
+    for (set, level) in levels() {
+        for (tree, kernel) in &all.closest {
+            let found = answers(&**kernel, scene, rays, level, Hit::MISS);
+            let wrong = || (0..rays.len()).find(|&i| bits(&found)[i] != bits(&expected)[i]);
+            let same = bits(&found) == bits(&expected);
+            assert!(same, "{name}, {tree}, {set}: ray {:?}", wrong());
+        }
+        for (tree, kernel) in &all.shadow {
+            let found = answers(&**kernel, scene, rays, level, false);
+            assert!(found == blocked, "any hits: {name}, {tree}, {set}");
+        }
+    }
+    expected
+}
+
+#[test]
+fn streams_answer_like_brute_force_in_difficult_scenes() {
+    for Case {
+        name, scene, rays, ..
+    } in cases(Size::Small, 1)
+    {
+        if !scene.live().is_empty() {
+            agree(name, &scene, &rays);
+        }
+    }
+}
+
+/// There are more rays than a stream holds, the second time fewer than before.
+#[test]
+fn streams_follow_one_another() {
+    let mut random = Random(3);
+    let scene = soup(cloud(300, 0.3, &mut random));
+    let mut rays = aimed(&scene, STREAM + 900, &mut random);
+    rays.extend(everywhere(300, &mut random));
+    strew(&mut rays, 13);
+    let hits = agree("cloud", &scene, &rays);
+    assert!(hits.iter().filter(|hit| hit.is_hit()).count() > rays.len() / 2);
+}
+
+#[test]
+fn batches_of_any_size_answer_like_brute_force() {
+    let mut random = Random(5);
+    let scene = soup(cloud(800, 0.1, &mut random));
+    let mut rays = aimed(&scene, 400, &mut random);
+    strew(&mut rays, 9);
+    for size in [1, 2, 7, 8, 9, 15, 16, 17, 33] {
+        for rays in rays.chunks(size).take(12) {
+            agree("cloud", &scene, rays);
+        }
+    }
+}
+
+/// The trees of the tests have oblique planes, else they would test nothing of them.
+#[test]
+fn some_planes_are_oblique() {
+    let mut random = Random(6);
+    let scene = soup(cloud(300, 0.3, &mut random));
+    let count = |tree: &PlaneTree| {
+        let mut count = 0;
+        tree.visit(|_, node, _| {
+            use halfspace_nodes::plane_tree::Node;
+            count += usize::from(matches!(node, Node::Oblique { .. }));
+        });
+        count
+    };
+    assert_eq!(count(&trees::planes(&scene, false).tree), 0);
+    assert!(count(&trees::planes(&scene, true).tree) > 20);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(40))]
+
+    #[test]
+    fn streams_answer_like_brute_force(
+        seed: u64,
+        triangles in 1_usize..200,
+        size in 0.001_f32..1.0,
+        count in 1_usize..400,
+        every in 2_usize..50,
+    ) {
+        let mut random = Random(seed);
+        let scene = soup(cloud(triangles, size, &mut random));
+        let mut rays = aimed(&scene, count, &mut random);
+        rays.extend(everywhere(count / 4, &mut random));
+        strew(&mut rays, every);
+        agree("random", &scene, &rays);
+    }
+}

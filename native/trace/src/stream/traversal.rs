@@ -1,0 +1,289 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! The traversal of streams: they take turns, one visit each, until all their stacks are empty.
+
+use crate::batch::{Launch, baseline};
+use crate::flight::late::Late;
+use crate::stream::course::Course;
+use crate::stream::lists::{Stream, Waiting};
+use crate::stream::{AHEAD, OCTANTS, STREAM, Steps};
+use fearless_simd::Simd;
+use halfspace_geom::bound::keep_min;
+use halfspace_leaf::Leaf;
+use halfspace_leaf::blocks::{LANES, SPAN};
+use halfspace_leaf::candidates::Edges;
+use halfspace_ray::query::{Count, Counters, NoCountLate, Query};
+use halfspace_ray::{Hit, RayCounters, RayRef};
+
+impl Launch<'_> {
+    /// Finds the nearest hits, or any hits, of the rays, which must be those of the scene, in streams through a tree
+    /// Calls `write` with each ray's index and hit, in no particular order.
+    pub fn streams<T: Steps, Q: Query>(&self, tree: &T, write: &mut dyn FnMut(usize, Hit)) {
+        debug_assert!(self.placed.is_none(), "rays of instances go one by one");
+        #[cfg(target_arch = "x86_64")]
+        if let Some(simd) = self.level.as_avx512() {
+            simd.vectorize(
+                #[inline(always)]
+                || self.streaming::<_, T, Q, _>(simd, tree, write, |_| NoCountLate),
+            );
+        } else if let Some(simd) = self.level.as_avx2() {
+            simd.vectorize(
+                #[inline(always)]
+                || self.streaming::<_, T, Q, _>(simd, tree, write, |_| NoCountLate),
+            );
+        } else {
+            // Processors with neither take the counting version, which is compiled for them anyway.
+            let mut unused = vec![RayCounters::default(); self.rays.len()];
+            self.count_streams::<T, Q>(tree, write, &mut unused);
+        }
+        #[cfg(not(target_arch = "x86_64"))]
+        fearless_simd::dispatch!(self.level, simd => {
+            self.streaming::<_, T, Q, _>(simd, tree, write, |_| NoCountLate);
+        });
+    }
+
+    /// Does the same and counts. A visit is a step or a leaf of the first ray of its list that still needs it.
+    pub fn count_streams<T: Steps, Q: Query>(
+        &self,
+        tree: &T,
+        write: &mut dyn FnMut(usize, Hit),
+        counters: &mut [RayCounters],
+    ) {
+        let mut counters = counters.iter_mut();
+        baseline!(simd => {
+            self.streaming::<_, T, Q, _>(simd, tree, write, |_| {
+                Count::new(counters.next().expect("one set of counters per ray"))
+            });
+        });
+    }
+
+    /// Traces part by part, each of at most [`STREAM`] rays.
+    #[inline(always)]
+    fn streaming<S: Simd, T: Steps, Q: Query, C: Counters>(
+        &self,
+        simd: S,
+        tree: &T,
+        write: &mut dyn FnMut(usize, Hit),
+        mut counter: impl FnMut(usize) -> C,
+    ) {
+        let mut streams: [Stream<T::Place>; OCTANTS] = std::array::from_fn(Stream::new);
+        let mut courses = Vec::with_capacity(self.rays.len().min(STREAM));
+        let mut scratch = T::Scratch::default();
+        let mut late = Late::default();
+        for (part, rays) in self.rays.chunks(STREAM).enumerate() {
+            let own = Launch { rays, ..*self };
+            let mut write = |place: usize, hit: Hit| write(STREAM * part + place, hit);
+            let mut counters: Vec<C> = (0..rays.len()).map(&mut counter).collect();
+            own.set_out(simd, &mut streams, &mut courses, T::INTERVALS);
+            let mut open = 0;
+            for stream in &mut streams {
+                open += usize::from(stream.begin(tree.root()));
+            }
+            // Let the streams take turns until all stacks are empty.
+            while open > 0 {
+                for stream in &mut streams {
+                    let Some(next) = stream.pop() else {
+                        continue;
+                    };
+                    if let Some(leaf) = tree.leaf(&next.place) {
+                        let rays = (&mut courses[..], &mut counters[..]);
+                        own.visit_leaf::<S, T, Q, C>(simd, stream, &next, leaf, rays);
+                    } else {
+                        if C::COUNTS {
+                            count_node(tree, stream, &next, &courses, &mut counters);
+                        }
+                        tree.visit(simd, stream, next, &courses, &mut scratch);
+                    }
+                    own.fetch_next(tree, stream, &courses);
+                    open -= usize::from(stream.stack().is_empty());
+                }
+            }
+            own.answer(simd, &mut courses, &mut late, &mut write);
+        }
+    }
+
+    /// Decides the deferred hits, many at once in f64 where the frame allows it, and writes all answers. Compiled once
+    /// for all trees.
+    #[inline(never)]
+    fn answer<S: Simd>(
+        &self,
+        simd: S,
+        courses: &mut [Course],
+        late: &mut Late,
+        write: &mut dyn FnMut(usize, Hit),
+    ) {
+        simd.vectorize(
+            #[inline(always)]
+            || {
+                for (place, course) in courses.iter_mut().enumerate() {
+                    let (ray, frame) = (&self.rays[place], course.ray());
+                    match course.best.held() {
+                        Some(held) if self.frame.is_scene() => {
+                            late.push(simd, (place, self.rays), &frame, held, &mut &mut *write);
+                        }
+                        _ => write(place, course.best.answer(RayRef { ray, frame: &frame })),
+                    }
+                }
+                late.settle(simd, self.rays, &mut &mut *write);
+            },
+        );
+    }
+
+    /// Visits a leaf.
+    #[inline(always)]
+    fn visit_leaf<S: Simd, T: Steps, Q: Query, C: Counters>(
+        &self,
+        simd: S,
+        stream: &Stream<T::Place>,
+        own: &Waiting<T::Place>,
+        leaf: Leaf,
+        (courses, counters): (&mut [Course], &mut [C]),
+    ) {
+        if C::COUNTS {
+            count_leaf::<T, C>(stream, own, leaf, courses, counters);
+        }
+        let list = stream.list(own);
+        if T::INTERVALS {
+            let rays = (list, stream.intervals(own));
+            self.test_inside::<S, Q, C>(simd, leaf, rays, courses, counters);
+        } else {
+            let part = |_: usize, course: &Course| {
+                T::enters(&own.place, &course.line).then(|| course.line.reach())
+            };
+            self.test_list::<S, Q, C, false>(simd, leaf, list, part, courses, counters);
+        }
+    }
+
+    /// Tests the triangles of a leaf against rays with intervals. Compiled once for all trees of such lists.
+    #[inline(never)]
+    fn test_inside<S: Simd, Q: Query, C: Counters>(
+        &self,
+        simd: S,
+        leaf: Leaf,
+        (list, (enter, leave)): (&[u32], (&[f32], &[f32])),
+        courses: &mut [Course],
+        counters: &mut [C],
+    ) {
+        simd.vectorize(
+            #[inline(always)]
+            || {
+                let part = |i: usize, course: &Course| {
+                    let reach = course.line.reach();
+                    (enter[i] <= reach).then(|| keep_min(leave[i], reach))
+                };
+                self.test_list::<S, Q, C, true>(simd, leaf, list, part, courses, counters);
+            },
+        );
+    }
+
+    /// Tests each ray of a list against the triangles of a leaf, block by block. `part` is the reach of the ray at a
+    /// position of the list in the leaf, `None` if it has a nearer hit by now. `ANY`: whether leaves may keep indices
+    /// in place of corners.
+    #[inline(always)]
+    fn test_list<S: Simd, Q: Query, C: Counters, const ANY: bool>(
+        &self,
+        simd: S,
+        leaf: Leaf,
+        list: &[u32],
+        part: impl Fn(usize, &Course) -> Option<f32>,
+        courses: &mut [Course],
+        counters: &mut [C],
+    ) {
+        let mut room = [0.0; SPAN];
+        let (mut at, mut left) = (leaf.first, leaf.count);
+        while left > 0 {
+            let n = left.min(LANES);
+            let (block, next) = if ANY {
+                self.blocks.load(self.scene, (at, n), &mut room)
+            } else {
+                self.blocks.block(at, n)
+            };
+            let edges = Edges::new(simd, block, n);
+            // Prefetch later rays in the first pass.
+            for (i, &place) in list.iter().enumerate() {
+                if let (true, Some(&later)) = (at == leaf.first, list.get(i + AHEAD)) {
+                    courses[later as usize].fetch_ahead();
+                }
+                let place = place as usize;
+                let course = &mut courses[place];
+                if let Some(reach) = part(i, course) {
+                    let (block, counters) = ((block, &edges), &mut counters[place]);
+                    course.test::<S, Q, C>(simd, (self, place), block, reach, counters);
+                }
+            }
+            (at, left) = (next, left - n);
+        }
+    }
+
+    /// Prefetches the data of the next visit.
+    #[inline(always)]
+    fn fetch_next<T: Steps>(&self, tree: &T, stream: &Stream<T::Place>, courses: &[Course]) {
+        let Some(next) = stream.stack().last() else {
+            return;
+        };
+        let first = next.first as usize;
+        let list = &stream.lists[first..first + AHEAD.min(next.rays as usize)];
+        tree.fetch_ahead(&next.place, self.blocks);
+        let inner = tree.leaf(&next.place).is_none();
+        for &place in list {
+            let course = &courses[place as usize];
+            if inner {
+                course.fetch_line();
+            } else {
+                course.fetch_ahead();
+            }
+        }
+    }
+}
+
+/// The rays of a list whose best hits do not lie before the node.
+fn visitors<'a, T: Steps>(
+    stream: &'a Stream<T::Place>,
+    own: &'a Waiting<T::Place>,
+    courses: &'a [Course],
+) -> impl Iterator<Item = usize> + 'a {
+    let list = stream.list(own).iter().enumerate();
+    list.filter_map(move |(i, &place)| {
+        let line = &courses[place as usize].line;
+        let enters = if T::INTERVALS {
+            stream.intervals(own).0[i] <= line.reach()
+        } else {
+            T::enters(&own.place, line)
+        };
+        enters.then_some(place as usize)
+    })
+}
+
+/// Counts a visit to an inner node.
+fn count_node<T: Steps, C: Counters>(
+    tree: &T,
+    stream: &Stream<T::Place>,
+    own: &Waiting<T::Place>,
+    courses: &[Course],
+    counters: &mut [C],
+) {
+    for (i, place) in visitors::<T>(stream, own, courses).enumerate() {
+        if i == 0 {
+            tree.count(&own.place, &mut counters[place]);
+        } else {
+            counters[place].joined();
+        }
+    }
+}
+
+/// Counts a visit to a leaf, and announces it to all its rays.
+fn count_leaf<T: Steps, C: Counters>(
+    stream: &Stream<T::Place>,
+    own: &Waiting<T::Place>,
+    leaf: Leaf,
+    courses: &[Course],
+    counters: &mut [C],
+) {
+    for (i, place) in visitors::<T>(stream, own, courses).enumerate() {
+        if i == 0 {
+            counters[place].leaf(leaf.count);
+        } else {
+            counters[place].joined();
+        }
+        counters[place].visit(leaf.first, leaf.count);
+    }
+}

@@ -1,0 +1,224 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//! Streams through wide nodes of split planes, three binary levels at a time, one ray per lane
+//! ([`crate::flight::planes`]). The octant, or for oblique planes the first ray of a list, decides the order of the
+//! children; each ray keeps its own interval in all of them.
+
+use crate::stream::Steps;
+use crate::stream::course::{Course, FAR, INV, NEAR};
+use crate::stream::intervals::{Group, Inside};
+use crate::stream::lists::{Stream, Waiting};
+use crate::stream::planes::{Plane, oblique};
+use fearless_simd::{Simd, SimdBase, SimdFloat, f32x8};
+use halfspace_geom::bound::{keep_max_each, keep_min_each};
+use halfspace_leaf::Leaf;
+use halfspace_leaf::blocks::Blocks;
+use halfspace_nodes::next::Next;
+use halfspace_nodes::wide_tree::{Info, Line as Row, PLANES, WideTree};
+use halfspace_ray::query::Counters;
+
+/// Number of children of a node.
+const CHILDREN: usize = PLANES + 1;
+
+impl Steps for WideTree {
+    /// The word of a node or a leaf.
+    type Place = u32;
+    type Scratch<S: Simd> = ();
+    const INTERVALS: bool = true;
+
+    fn root(&self) -> u32 {
+        WideTree::root(self)
+    }
+
+    #[inline(always)]
+    fn leaf(&self, place: &u32) -> Option<Leaf> {
+        (Next::of(*place) == Next::LEAF).then(|| WideTree::leaf(self, *place))
+    }
+
+    #[inline(always)]
+    fn fetch_ahead(&self, place: &u32, blocks: &Blocks) {
+        match Next::of(*place) {
+            Next::PLAIN => WideTree::fetch_ahead::<1>(self, *place),
+            Next::GENERAL => WideTree::fetch_ahead::<3>(self, *place),
+            _ => blocks.fetch_ahead(WideTree::leaf(self, *place).first),
+        }
+    }
+
+    #[inline(always)]
+    fn count<C: Counters>(&self, place: &u32, counters: &mut C) {
+        if Next::of(*place) == Next::GENERAL {
+            counters.step_oblique();
+        } else {
+            counters.step_axis();
+        }
+    }
+
+    #[inline(always)]
+    fn visit<S: Simd>(
+        &self,
+        simd: S,
+        stream: &mut Stream<u32>,
+        own: Waiting<u32>,
+        courses: &[Course],
+        (): &mut (),
+    ) {
+        if Next::of(own.place) == Next::GENERAL {
+            let lines = self.lines(own.place);
+            let lead = courses[stream.lists[own.first as usize] as usize].direction;
+            let signs = signs(|i| {
+                let [x, y, z] = normal(lines, i);
+                (x * lead[0] + y * lead[1] + z * lead[2]).is_sign_negative()
+            });
+            let children = children(&lines[0], signs);
+            stream.distribute(
+                simd,
+                own,
+                courses,
+                children,
+                #[inline(always)]
+                |group| across(simd, group, lines, signs),
+            );
+        } else {
+            let line = self.line(own.place);
+            let octant = stream.octant;
+            let signs = signs(|i| octant >> axis(line, i) & 1 == 1);
+            let children = children(line, signs);
+            stream.distribute(
+                simd,
+                own,
+                courses,
+                children,
+                #[inline(always)]
+                |group| along(simd, group, line, signs),
+            );
+        }
+    }
+
+    fn bytes(&self) -> usize {
+        WideTree::bytes(self)
+    }
+}
+
+/// Bit `i` is set if the rays descend through plane `i`.
+#[inline(always)]
+fn signs(down: impl Fn(usize) -> bool) -> usize {
+    (0..PLANES).fold(0, |signs, i| signs | usize::from(down(i)) << i)
+}
+
+/// Axis of a plane of a node whose planes are all axis-aligned.
+#[inline(always)]
+fn axis(line: &Row, i: usize) -> usize {
+    let info = Info(line.first[PLANES].to_bits());
+    (info.along_y() >> i & 1 | (info.along_z() >> i & 1) << 1) as usize
+}
+
+/// Normal of a plane of a node with oblique planes.
+#[inline(always)]
+fn normal(lines: &[Row; 3], i: usize) -> [f32; 3] {
+    [lines[1].first[i], lines[1].second[i], lines[2].first[i]]
+}
+
+/// The sides of part `i` of a node on the three levels, 1 for above: the farthest part is the first.
+#[inline(always)]
+fn sides(signs: usize, i: usize) -> [usize; 3] {
+    // The near child of a plane is the upper one for a descending ray.
+    let rank = CHILDREN - 1 - i;
+    let top = (signs ^ rank >> 2) & 1;
+    let middle = (signs >> (1 + top) ^ rank >> 1) & 1;
+    let low = (signs >> (3 + 2 * top + middle) ^ rank) & 1;
+    [top, middle, low]
+}
+
+/// The children of a node, the farthest first, without those that hold nothing.
+#[inline(always)]
+fn children(line: &Row, signs: usize) -> [Option<u32>; CHILDREN] {
+    let used = Info(line.first[PLANES].to_bits()).used();
+    std::array::from_fn(|i| {
+        let [top, middle, low] = sides(signs, i);
+        let child = 4 * top + 2 * middle + low;
+        (used >> child & 1 == 1).then(|| line.second[child].to_bits())
+    })
+}
+
+/// Cuts the intervals in a node on three levels; `cut` cuts those of one part at a plane and returns the far side and
+/// the near side. The farthest part is the first.
+#[inline(always)]
+fn levels<S: Simd>(
+    whole: Inside<S>,
+    signs: usize,
+    cut: impl Fn(usize, Inside<S>) -> [Inside<S>; 2],
+) -> [Inside<S>; CHILDREN] {
+    let mut parts = [whole; CHILDREN];
+    let mut halve = |first: usize, step: usize, plane: usize| {
+        [parts[first], parts[first + step]] = cut(plane, parts[first]);
+    };
+    halve(0, 4, 0);
+    for first in [0, 4] {
+        halve(first, 2, 1 + sides(signs, first)[0]);
+    }
+    for first in [0, 2, 4, 6] {
+        let [top, middle, _] = sides(signs, first);
+        halve(first, 1, 3 + 2 * top + middle);
+    }
+    parts
+}
+
+/// The intervals of eight rays of one octant in the children of a node whose planes are all axis-aligned.
+#[inline(always)]
+fn along<S: Simd>(
+    simd: S,
+    group: &Group<'_, S>,
+    line: &Row,
+    signs: usize,
+) -> [Inside<S>; CHILDREN] {
+    let axes = [group.axis(0), group.axis(1), group.axis(2)];
+    levels(
+        group.within(&axes[0]),
+        signs,
+        #[inline(always)]
+        |i, Inside { enter, leave }| {
+            let rows = &axes[axis(line, i) % 3];
+            let split = f32x8::splat(simd, line.first[i]);
+            let late = split.mul_add(rows[INV], rows[FAR]);
+            let soon = split.mul_add(rows[INV], rows[NEAR]);
+            // NaN bounds nothing.
+            [
+                Inside {
+                    enter: keep_max_each(soon, enter),
+                    leave,
+                },
+                Inside {
+                    enter,
+                    leave: keep_min_each(late, leave),
+                },
+            ]
+        },
+    )
+}
+
+/// The intervals of eight rays in the children of a node with oblique planes.
+#[inline(always)]
+fn across<S: Simd>(
+    simd: S,
+    group: &Group<'_, S>,
+    lines: &[Row; 3],
+    signs: usize,
+) -> [Inside<S>; CHILDREN] {
+    let (origins, directions) = (group.origins(), group.directions());
+    levels(
+        group.within(&group.axis(0)),
+        signs,
+        #[inline(always)]
+        |i, inside| {
+            let plane = Plane {
+                normal: normal(lines, i),
+                offset: lines[0].first[i],
+            };
+            let [below, above] = oblique(simd, &origins, &directions, inside, plane);
+            if signs >> i & 1 == 1 {
+                [below, above]
+            } else {
+                [above, below]
+            }
+        },
+    )
+}
