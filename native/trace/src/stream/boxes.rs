@@ -110,27 +110,21 @@ impl Steps for BoxTree<CHILDREN> {
             let mut left = RANKED[octant][line.meets(simd, &sides.near, &sides.far) as usize];
             while let Some(child) = take(octant, &mut left) {
                 // All children share the parent's list.
-                push(stream, node, child, (own.first, 1));
+                push(stream, node, child, own.first, 1);
             }
         } else if own.rays as usize <= GROUP {
             // Keep the masks in registers: a vector load of bytes just stored one by one would stall.
-            let (masks, some) = met(simd, list, courses, &sides);
-            distribute(
-                simd,
-                stream,
-                node,
-                own,
-                (std::slice::from_ref(&masks), some),
-            );
+            let Met { masks, some } = met(simd, list, courses, &sides);
+            distribute(simd, stream, node, own, std::slice::from_ref(&masks), some);
         } else {
             masks.resize(list.len().div_ceil(GROUP), u8x16::splat(simd, 0));
             let mut some = 0;
             for (masks, group) in masks.iter_mut().zip(list.chunks(GROUP)) {
-                let (own, met) = met(simd, group, courses, &sides);
-                *masks = own;
-                some |= met;
+                let met = met(simd, group, courses, &sides);
+                *masks = met.masks;
+                some |= met.some;
             }
-            distribute(simd, stream, node, own, (masks, some));
+            distribute(simd, stream, node, own, masks, some);
         }
     }
 
@@ -173,12 +167,7 @@ fn take(octant: usize, left: &mut u8) -> Option<usize> {
 
 /// Pushes a child with its list of rays.
 #[inline(always)]
-fn push(
-    stream: &mut Stream<Child>,
-    node: &Wide<CHILDREN>,
-    child: usize,
-    (first, rays): (u32, u32),
-) {
+fn push(stream: &mut Stream<Child>, node: &Wide<CHILDREN>, child: usize, first: u32, rays: u32) {
     let side = |k: usize| node.bounds[k + 3 * (stream.octant >> k & 1)][child];
     let place = Child {
         link: node.link[child],
@@ -197,7 +186,8 @@ fn distribute<S: Simd>(
     stream: &mut Stream<Child>,
     node: &Wide<CHILDREN>,
     own: Waiting<Child>,
-    (masks, some): (&[u8x16<S>], u64),
+    masks: &[u8x16<S>],
+    some: u64,
 ) {
     let octant = stream.octant % OCTANTS;
     let mut left = RANKED[octant][some as usize % (1 << CHILDREN)];
@@ -219,14 +209,21 @@ fn distribute<S: Simd>(
             own.store_slice(&mut stream.lists[top..top + GROUP]);
             top += lanes.count_ones() as usize;
         }
-        push(stream, node, child, (small(begins), small(top - begins)));
+        push(stream, node, child, small(begins), small(top - begins));
     }
 }
 
-/// Tests at most sixteen rays against eight boxes. Returns one mask of boxes per ray, as bytes, and their
-/// union.
+/// The boxes that up to sixteen rays meet.
+struct Met<S: Simd> {
+    /// One mask of boxes per ray.
+    masks: u8x16<S>,
+    /// Their union.
+    some: u64,
+}
+
+/// Tests at most sixteen rays against eight boxes.
 #[inline(always)]
-fn met<S: Simd>(simd: S, list: &[u32], courses: &[Course], sides: &Sides<S>) -> (u8x16<S>, u64) {
+fn met<S: Simd>(simd: S, list: &[u32], courses: &[Course], sides: &Sides<S>) -> Met<S> {
     let mut words = [0_u64; 2];
     for (word, rays) in words.iter_mut().zip(list.chunks(8)) {
         for (i, &ray) in rays.iter().enumerate() {
@@ -240,7 +237,10 @@ fn met<S: Simd>(simd: S, list: &[u32], courses: &[Course], sides: &Sides<S>) -> 
     some |= some >> 8;
     // Little-endian words put the first ray into the vector's lowest byte on every machine.
     let words = words.map(u64::to_le);
-    (u64x2::from_slice(simd, &words).bitcast(), some & 0xff)
+    Met {
+        masks: u64x2::from_slice(simd, &words).bitcast(),
+        some: some & 0xff,
+    }
 }
 
 #[cfg(test)]

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The state of each ray in a stream.
 
-use crate::batch::Launch;
 use fearless_simd::{Simd, SimdBase, SimdFloat, SimdMask, f32x8};
 use halfspace_geom::bound::{keep_max, keep_max_each, keep_min_each};
-use halfspace_leaf::blocks::SPAN;
+use halfspace_leaf::blocks::{Blocks, SPAN};
 use halfspace_leaf::candidates::{Candidates, Edges};
-use halfspace_ray::FrameRay;
 use halfspace_ray::query::{Best, Counters, Query};
+use halfspace_ray::{FrameRay, Ray};
+use halfspace_scene::Triangles;
 use prefetch_index::prefetch_index;
 
 /// Positions in a row of [`Line::axes`]: the reciprocal direction, the terms added for planes of entry and of exit
@@ -79,6 +79,16 @@ impl Line {
     }
 }
 
+/// Up to eight triangles of a leaf.
+#[derive(Clone, Copy)]
+pub struct Block<'a, S: Simd> {
+    pub corners: &'a [f32; SPAN],
+    pub edges: &'a Edges<S>,
+    /// What decides candidates exactly.
+    pub scene: &'a Triangles,
+    pub blocks: &'a Blocks,
+}
+
 /// The state of one ray: the part of a [`FrameRay`] that the traversal needs, which is smaller, since thousands
 /// of rays are in use at once. A visit to a node of axis planes or boxes reads one cache line of it.
 #[repr(C, align(64))]
@@ -142,18 +152,18 @@ impl Course {
         }
     }
 
-    /// Tests the ray, the one at `place` of the batch, against a block of `n` triangles up to the distance `reach`.
+    /// Tests the ray, `own` in the space of the scene, against a block of triangles up to the distance `reach`.
     /// An any-hit ray that hits one ends: its reach becomes negative infinity.
     #[inline(always)]
     pub fn test<S: Simd, Q: Query, C: Counters>(
         &mut self,
         simd: S,
-        (batch, place): (&Launch<'_>, usize),
-        block: (&[f32; SPAN], &Edges<S>),
+        block: Block<'_, S>,
+        own: &Ray,
         reach: f32,
         counters: &mut C,
     ) {
-        let (block, edges) = block;
+        let edges = block.edges;
         let n = edges.count();
         counters.tests(n);
         let ray = self.ray();
@@ -161,11 +171,11 @@ impl Course {
         // Refine the candidates and update the best hit.
         if open.any() {
             let surely = open.refine::<Q, C>(simd, edges, &ray);
-            let ends = batch.blocks.settle::<S, Q, C>(
+            let ends = block.blocks.settle::<S, Q, C>(
                 simd,
                 (open, &surely),
-                (block, n, batch.scene),
-                (&batch.rays[place], &ray, self.certain),
+                (block.corners, n, block.scene),
+                (own, &ray, self.certain),
                 &mut self.best,
                 counters,
             );

@@ -13,8 +13,13 @@ use halfspace_leaf::blocks::Blocks;
 use halfspace_nodes::box_tree::{BoxTree, INNER, Wide};
 use halfspace_ray::query::Counters;
 
-/// Link and count of a child, as in its node.
-type Child = (u32, u32);
+/// A child of a node.
+#[derive(Clone, Copy)]
+pub struct Child {
+    /// Link and count, as in the node.
+    link: u32,
+    count: u32,
+}
 
 macro_rules! few_boxes {
     ($children:literal) => {
@@ -24,18 +29,23 @@ macro_rules! few_boxes {
             const INTERVALS: bool = true;
 
             fn root(&self) -> Child {
-                (0, INNER)
+                Child {
+                    link: 0,
+                    count: INNER,
+                }
             }
 
             #[inline(always)]
-            fn leaf(&self, &(first, count): &Child) -> Option<Leaf> {
-                let count = count as usize;
-                (count != INNER as usize).then_some(Leaf { first, count })
+            fn leaf(&self, place: &Child) -> Option<Leaf> {
+                (place.count != INNER).then_some(Leaf {
+                    first: place.link,
+                    count: place.count as usize,
+                })
             }
 
             #[inline(always)]
             fn fetch_ahead(&self, place: &Child, blocks: &Blocks) {
-                BoxTree::fetch_ahead(self, *place, blocks);
+                BoxTree::fetch_ahead(self, (place.link, place.count), blocks);
             }
 
             #[inline(always)]
@@ -52,12 +62,12 @@ macro_rules! few_boxes {
                 courses: &[Course],
                 (): &mut (),
             ) {
-                let node = &self.nodes[own.place.0 as usize];
+                let node = &self.nodes[own.place.link as usize];
                 let octant = stream.octant;
                 let order = order(node, octant);
                 let children = order.map(|child| {
-                    let place = (node.link[child], node.count[child]);
-                    (place.1 != 0).then_some(place)
+                    let (link, count) = (node.link[child], node.count[child]);
+                    (count != 0).then_some(Child { link, count })
                 });
                 stream.distribute(
                     simd,
@@ -65,7 +75,7 @@ macro_rules! few_boxes {
                     courses,
                     children,
                     #[inline(always)]
-                    |group| parts(simd, group, node, (octant, &order)),
+                    |group| parts(simd, group, node, octant, &order),
                 );
             }
 
@@ -107,7 +117,8 @@ fn parts<S: Simd, const W: usize>(
     simd: S,
     group: &Group<'_, S>,
     node: &Wide<W>,
-    (octant, order): (usize, &[usize; W]),
+    octant: usize,
+    order: &[usize; W],
 ) -> [Inside<S>; W] {
     let rows = [group.axis(0), group.axis(1), group.axis(2)];
     let whole = group.within(&rows[0]);

@@ -2,13 +2,27 @@
 //! Lists whose entries have the ray's interval in the node, for nodes that cut intervals: eight rays at a time, one to
 //! a lane.
 
-use crate::stream::course::{Course, REACH};
+use crate::stream::course::{Course, FAR, INV, NEAR, REACH};
 use crate::stream::lists::{Stream, Waiting, small};
-use fearless_simd::{Simd, SimdBase, SimdCombine, SimdMask, f32x4, f32x8, mask32x8, u32x8};
-use halfspace_geom::bound::keep_min_each;
+use fearless_simd::{
+    Simd, SimdBase, SimdCombine, SimdFloat, SimdMask, f32x4, f32x8, mask32x8, u32x8,
+};
+use halfspace_geom::bound::{keep_max, keep_max_each, keep_min, keep_min_each};
 
 /// Number of rays of a list that are cut at once.
 pub const LANES: usize = 8;
+
+/// Lists of at most this many rays are cut ray by ray at a single plane.
+const FEW: u32 = 3;
+
+/// A slab between two planes across an axis, or one plane where both are equal: the near child of a node ends at the
+/// one, and the far child begins at the other.
+#[derive(Clone, Copy)]
+pub struct Gap {
+    pub axis: usize,
+    pub ends: f32,
+    pub begins: f32,
+}
 
 /// The intervals of eight rays in a region.
 #[derive(Clone, Copy)]
@@ -144,12 +158,82 @@ impl<P: Copy> Stream<P> {
             }
         }
         for (child, place) in children.into_iter().enumerate() {
-            let entry = Waiting {
-                place: place.unwrap_or(own.place),
-                first: small(first + child * room),
-                rays: small(counts[child]),
-            };
-            self.push(entry, place.is_some() && counts[child] > 0);
+            let begins = first + child * room;
+            self.push_list(place, own.place, begins..begins + counts[child]);
         }
+    }
+
+    /// Distributes a list over the two children of a node that a plane, or two parallel ones, separate. `children`: the
+    /// far and the near one.
+    #[inline(always)]
+    pub fn halve<S: Simd>(
+        &mut self,
+        simd: S,
+        own: Waiting<P>,
+        courses: &[Course],
+        children: [Option<P>; 2],
+        gap: Gap,
+    ) {
+        if own.rays <= FEW {
+            self.halve_few(own, courses, children, gap);
+            return;
+        }
+        self.distribute(
+            simd,
+            own,
+            courses,
+            children,
+            #[inline(always)]
+            |group| {
+                let rows = group.axis(gap.axis % 3);
+                let Inside { enter, leave } = group.within(&rows);
+                // A plane at infinity, or a distance that is NaN, cuts off nothing.
+                let [begins, ends] = [gap.begins, gap.ends].map(|plane| f32x8::splat(simd, plane));
+                let soon = keep_max_each(begins.mul_add(rows[INV], rows[NEAR]), enter);
+                let late = keep_min_each(ends.mul_add(rows[INV], rows[FAR]), leave);
+                [Inside { enter: soon, leave }, Inside { enter, leave: late }]
+            },
+        );
+    }
+
+    /// [`Self::halve`] for few rays, one after another: eight lanes would be mostly unused.
+    #[inline(always)]
+    fn halve_few(
+        &mut self,
+        own: Waiting<P>,
+        courses: &[Course],
+        [far, near]: [Option<P>; 2],
+        gap: Gap,
+    ) {
+        let (first, rays) = (own.first as usize, own.rays as usize);
+        // The list of the far child replaces the parent's, that of the near one follows.
+        let other = first + rays;
+        self.make_room(other + rays, true);
+        let (mut behind, mut before) = (first, other);
+        for at in first..other {
+            let ray = self.lists[at];
+            let axis = &courses[ray as usize].line.axes[gap.axis % 3];
+            let (enter, leave) = (self.enter[at], keep_min(self.leave[at], axis[REACH]));
+            let soon = keep_max(gap.begins * axis[INV] + axis[NEAR], enter);
+            let late = keep_min(gap.ends * axis[INV] + axis[FAR], leave);
+            // Append without a branch: an entry that is not counted is overwritten.
+            (self.lists[behind], self.enter[behind], self.leave[behind]) = (ray, soon, leave);
+            behind += usize::from(soon <= leave);
+            (self.lists[before], self.enter[before], self.leave[before]) = (ray, enter, late);
+            before += usize::from(enter <= late);
+        }
+        self.push_list(far, own.place, first..behind);
+        self.push_list(near, own.place, other..before);
+    }
+
+    /// Pushes a child with its list, unless the list is empty or the child is missing; `any` is any node.
+    #[inline(always)]
+    fn push_list(&mut self, child: Option<P>, any: P, list: std::ops::Range<usize>) {
+        let entry = Waiting {
+            place: child.unwrap_or(any),
+            first: small(list.start),
+            rays: small(list.len()),
+        };
+        self.push(entry, child.is_some() && !list.is_empty());
     }
 }

@@ -10,6 +10,7 @@ use halfspace_nodes::octree_nodes::Octree;
 use halfspace_nodes::plane_tree::PlaneTree;
 use halfspace_nodes::slab_node::{Double, Single};
 use halfspace_nodes::slab_tree::SlabTree;
+use halfspace_nodes::slab_wide::WideSlabs;
 use halfspace_nodes::slant_tree::SlantTree;
 use halfspace_nodes::wide_tree::WideTree;
 use halfspace_ray::RayCounters;
@@ -47,6 +48,10 @@ impl<Q: Query, T: Steps + Debug + Send> Kernel<Q> for Streams<T> {
     ) -> bool {
         let launch = batch.on(&self.leaves);
         launch.count_streams::<T, Q>(&self.tree, &mut store::<Q>(answers), counters);
+        true
+    }
+
+    fn counts(&self) -> bool {
         true
     }
 
@@ -105,6 +110,21 @@ streams! {
 streams! {
     /// through intervals, one plane to a node.
     fn single_intervals, shadow_single_intervals(SlabTree<Single>)
+}
+
+streams! {
+    /// through nodes of two intervals.
+    fn intervals2, shadow_intervals2(WideSlabs<2>)
+}
+
+streams! {
+    /// through nodes of four intervals.
+    fn intervals4, shadow_intervals4(WideSlabs<4>)
+}
+
+streams! {
+    /// through nodes of eight intervals.
+    fn intervals8, shadow_intervals8(WideSlabs<8>)
 }
 
 streams! {

@@ -30,6 +30,7 @@ mod slabs;
 mod slanted;
 mod traversal;
 mod wide_planes;
+mod wide_slabs;
 
 use course::{Course, Line};
 use fearless_simd::Simd;

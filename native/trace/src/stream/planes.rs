@@ -4,8 +4,8 @@
 //! each ray keeps its own interval in both children.
 
 use crate::stream::Steps;
-use crate::stream::course::{Course, FAR, INV, NEAR};
-use crate::stream::intervals::{Group, Inside};
+use crate::stream::course::Course;
+use crate::stream::intervals::{Gap, Inside};
 use crate::stream::lists::{Stream, Waiting};
 use fearless_simd::{Select, Simd, SimdBase, SimdFloat, f32x8};
 use halfspace_geom::bound::{keep_max_each, keep_min_each};
@@ -65,14 +65,12 @@ impl Steps for PlaneTree {
             } => {
                 let near = near_child(link, signs(stream.octant));
                 let children = [near ^ 1, near].map(|child| self.held(child, empty));
-                stream.distribute(
-                    simd,
-                    own,
-                    courses,
-                    children,
-                    #[inline(always)]
-                    |group| across(simd, group, axis, split),
-                );
+                let gap = Gap {
+                    axis,
+                    ends: split,
+                    begins: split,
+                };
+                stream.halve(simd, own, courses, children, gap);
             }
             Node::Oblique {
                 normal,
@@ -118,18 +116,6 @@ fn signs(octant: usize) -> u32 {
     octant * 0x0101_0101
 }
 
-/// The intervals of eight rays of one octant in the far and in the near child of an axis plane.
-#[inline(always)]
-fn across<S: Simd>(simd: S, group: &Group<'_, S>, axis: usize, split: f32) -> [Inside<S>; 2] {
-    let rows = group.axis(axis % 3);
-    let Inside { enter, leave } = group.within(&rows);
-    let split = f32x8::splat(simd, split);
-    // Ignore a distance that is NaN: the interval keeps its end.
-    let late = keep_min_each(split.mul_add(rows[INV], rows[FAR]), leave);
-    let soon = keep_max_each(split.mul_add(rows[INV], rows[NEAR]), enter);
-    [Inside { enter: soon, leave }, Inside { enter, leave: late }]
-}
-
 /// A plane `normal . x = offset`.
 #[derive(Clone, Copy)]
 pub struct Plane {
@@ -138,7 +124,7 @@ pub struct Plane {
 }
 
 /// The intervals of eight rays in the child below and in the child above an oblique plane, given those in the node, and
-/// the columns of [`Group::origins`] and [`Group::directions`].
+/// the columns of [`crate::stream::intervals::Group::origins`] and of the directions.
 #[inline(always)]
 pub fn oblique<S: Simd>(
     simd: S,

@@ -3,7 +3,7 @@
 
 use crate::stream::Steps;
 use crate::stream::course::{Course, FAR, INV, NEAR};
-use crate::stream::intervals::{Group, Inside};
+use crate::stream::intervals::{Gap, Inside};
 use crate::stream::lists::{Stream, Waiting};
 use fearless_simd::{Simd, SimdBase, SimdFloat, f32x8};
 use halfspace_geom::Aabb;
@@ -77,17 +77,9 @@ impl<N: SlabNode> Steps for SlabTree<N> {
                 };
                 let near = link as usize + back;
                 let far = link as usize + (back ^ 1);
-                stream.distribute(
-                    simd,
-                    own,
-                    courses,
-                    [self.held(far), self.held(near)],
-                    #[inline(always)]
-                    |group| {
-                        let cut = Cut::new(group, axis);
-                        [cut.after(simd, begins), cut.before(simd, ends)]
-                    },
-                );
+                let children = [self.held(far), self.held(near)];
+                let gap = Gap { axis, ends, begins };
+                stream.halve(simd, own, courses, children, gap);
             }
             Kind::Only { axis, link } => {
                 let back = stream.octant >> axis & 1;
@@ -100,12 +92,14 @@ impl<N: SlabNode> Steps for SlabTree<N> {
                     [self.held(link as usize)],
                     #[inline(always)]
                     |group| {
-                        let cut = Cut::new(group, axis);
-                        let after = cut.after(simd, sides[back]);
-                        let before = cut.before(simd, sides[back ^ 1]);
+                        // A plane at infinity, or a distance that is NaN, cuts off nothing.
+                        let rows = group.axis(axis % 3);
+                        let Inside { enter, leave } = group.within(&rows);
+                        let [soon, late] =
+                            [sides[back], sides[back ^ 1]].map(|x| f32x8::splat(simd, x));
                         [Inside {
-                            enter: after.enter,
-                            leave: before.leave,
+                            enter: keep_max_each(soon.mul_add(rows[INV], rows[NEAR]), enter),
+                            leave: keep_min_each(late.mul_add(rows[INV], rows[FAR]), leave),
                         }]
                     },
                 );
@@ -136,44 +130,5 @@ impl<N: SlabNode> Held for SlabTree<N> {
         let node = self.nodes[index];
         let empty = matches!(node.kind(), Kind::Leaf { count: 0, .. });
         (!empty).then_some(node)
-    }
-}
-
-/// The intervals of eight rays, to be cut across one axis.
-struct Cut<S: Simd> {
-    rows: [f32x8<S>; 4],
-    inside: Inside<S>,
-}
-
-impl<S: Simd> Cut<S> {
-    #[inline(always)]
-    fn new(group: &Group<'_, S>, axis: usize) -> Self {
-        let rows = group.axis(axis % 3);
-        Self {
-            rows,
-            inside: group.within(&rows),
-        }
-    }
-
-    /// The part before the rays cross the plane. A plane at infinity, or a distance that is NaN, cuts off nothing.
-    #[inline(always)]
-    fn before(&self, simd: S, plane: f32) -> Inside<S> {
-        let plane = f32x8::splat(simd, plane);
-        let late = plane.mul_add(self.rows[INV], self.rows[FAR]);
-        Inside {
-            enter: self.inside.enter,
-            leave: keep_min_each(late, self.inside.leave),
-        }
-    }
-
-    /// The part after the rays cross the plane.
-    #[inline(always)]
-    fn after(&self, simd: S, plane: f32) -> Inside<S> {
-        let plane = f32x8::splat(simd, plane);
-        let soon = plane.mul_add(self.rows[INV], self.rows[NEAR]);
-        Inside {
-            enter: keep_max_each(soon, self.inside.enter),
-            leave: self.inside.leave,
-        }
     }
 }

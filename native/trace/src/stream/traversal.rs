@@ -3,7 +3,7 @@
 
 use crate::batch::{Launch, baseline};
 use crate::flight::late::Late;
-use crate::stream::course::Course;
+use crate::stream::course::{Block, Course};
 use crate::stream::lists::{Stream, Waiting};
 use crate::stream::{AHEAD, OCTANTS, STREAM, Steps};
 use fearless_simd::Simd;
@@ -14,8 +14,21 @@ use halfspace_leaf::candidates::Edges;
 use halfspace_ray::query::{Count, Counters, NoCountLate, Query};
 use halfspace_ray::{Hit, RayCounters, RayRef};
 
+/// The rays of a part of a batch, and the counters of each.
+struct Riders<'a, C> {
+    courses: &'a mut [Course],
+    counters: &'a mut [C],
+}
+
+/// A list of rays, and the distances at which each enters and leaves the node.
+struct Listed<'a> {
+    list: &'a [u32],
+    enter: &'a [f32],
+    leave: &'a [f32],
+}
+
 impl Launch<'_> {
-    /// Finds the nearest hits, or any hits, of the rays, which must be those of the scene, in streams through a tree
+    /// Finds the nearest hits, or any hits, of the rays, which must be those of the scene, in streams through a tree.
     /// Calls `write` with each ray's index and hit, in no particular order.
     pub fn streams<T: Steps, Q: Query>(&self, tree: &T, write: &mut dyn FnMut(usize, Hit)) {
         debug_assert!(self.placed.is_none(), "rays of instances go one by one");
@@ -85,8 +98,11 @@ impl Launch<'_> {
                         continue;
                     };
                     if let Some(leaf) = tree.leaf(&next.place) {
-                        let rays = (&mut courses[..], &mut counters[..]);
-                        own.visit_leaf::<S, T, Q, C>(simd, stream, &next, leaf, rays);
+                        let mut riders = Riders {
+                            courses: &mut courses,
+                            counters: &mut counters,
+                        };
+                        own.visit_leaf::<S, T, Q, C>(simd, stream, &next, leaf, &mut riders);
                     } else {
                         if C::COUNTS {
                             count_node(tree, stream, &next, &courses, &mut counters);
@@ -136,20 +152,21 @@ impl Launch<'_> {
         stream: &Stream<T::Place>,
         own: &Waiting<T::Place>,
         leaf: Leaf,
-        (courses, counters): (&mut [Course], &mut [C]),
+        riders: &mut Riders<'_, C>,
     ) {
         if C::COUNTS {
-            count_leaf::<T, C>(stream, own, leaf, courses, counters);
+            count_leaf::<T, C>(stream, own, leaf, riders);
         }
         let list = stream.list(own);
         if T::INTERVALS {
-            let rays = (list, stream.intervals(own));
-            self.test_inside::<S, Q, C>(simd, leaf, rays, courses, counters);
+            let (enter, leave) = stream.intervals(own);
+            let listed = Listed { list, enter, leave };
+            self.test_inside::<S, Q, C>(simd, leaf, listed, riders);
         } else {
             let part = |_: usize, course: &Course| {
                 T::enters(&own.place, &course.line).then(|| course.line.reach())
             };
-            self.test_list::<S, Q, C, false>(simd, leaf, list, part, courses, counters);
+            self.test_list::<S, Q, C, false>(simd, leaf, list, part, riders);
         }
     }
 
@@ -159,9 +176,8 @@ impl Launch<'_> {
         &self,
         simd: S,
         leaf: Leaf,
-        (list, (enter, leave)): (&[u32], (&[f32], &[f32])),
-        courses: &mut [Course],
-        counters: &mut [C],
+        Listed { list, enter, leave }: Listed<'_>,
+        riders: &mut Riders<'_, C>,
     ) {
         simd.vectorize(
             #[inline(always)]
@@ -170,7 +186,7 @@ impl Launch<'_> {
                     let reach = course.line.reach();
                     (enter[i] <= reach).then(|| keep_min(leave[i], reach))
                 };
-                self.test_list::<S, Q, C, true>(simd, leaf, list, part, courses, counters);
+                self.test_list::<S, Q, C, true>(simd, leaf, list, part, riders);
             },
         );
     }
@@ -185,8 +201,7 @@ impl Launch<'_> {
         leaf: Leaf,
         list: &[u32],
         part: impl Fn(usize, &Course) -> Option<f32>,
-        courses: &mut [Course],
-        counters: &mut [C],
+        Riders { courses, counters }: &mut Riders<'_, C>,
     ) {
         let mut room = [0.0; SPAN];
         let (mut at, mut left) = (leaf.first, leaf.count);
@@ -206,8 +221,14 @@ impl Launch<'_> {
                 let place = place as usize;
                 let course = &mut courses[place];
                 if let Some(reach) = part(i, course) {
-                    let (block, counters) = ((block, &edges), &mut counters[place]);
-                    course.test::<S, Q, C>(simd, (self, place), block, reach, counters);
+                    let block = Block {
+                        corners: block,
+                        edges: &edges,
+                        scene: self.scene,
+                        blocks: self.blocks,
+                    };
+                    let (ray, counters) = (&self.rays[place], &mut counters[place]);
+                    course.test::<S, Q, C>(simd, block, ray, reach, counters);
                 }
             }
             (at, left) = (next, left - n);
@@ -275,8 +296,7 @@ fn count_leaf<T: Steps, C: Counters>(
     stream: &Stream<T::Place>,
     own: &Waiting<T::Place>,
     leaf: Leaf,
-    courses: &[Course],
-    counters: &mut [C],
+    Riders { courses, counters }: &mut Riders<'_, C>,
 ) {
     for (i, place) in visitors::<T>(stream, own, courses).enumerate() {
         if i == 0 {

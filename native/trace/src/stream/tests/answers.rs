@@ -87,6 +87,12 @@ impl All {
                 shadow_single_intervals
             );
         }
+        let two = trees::wide_slabs(scene);
+        both!(all, "two intervals", two, intervals2, shadow_intervals2);
+        let four = trees::wide_slabs(scene);
+        both!(all, "four intervals", four, intervals4, shadow_intervals4);
+        let eight = trees::wide_slabs(scene);
+        both!(all, "eight intervals", eight, intervals8, shadow_intervals8);
         both!(
             all,
             "slanted",
@@ -115,21 +121,32 @@ fn bits(hits: &[Hit]) -> Vec<[u32; 4]> {
 
 /// Checks every kernel on every instruction set. Returns the nearest hits.
 fn agree(name: &str, scene: &Triangles, rays: &[Ray]) -> Vec<Hit> {
+    agree_in_batches(name, scene, rays, &[rays.len().max(1)])
+}
+
+/// [`agree`] for the first batches of each of these sizes.
+fn agree_in_batches(name: &str, scene: &Triangles, rays: &[Ray], sizes: &[usize]) -> Vec<Hit> {
     let (brute, all) = (brute_force(scene), All::new(scene));
     let closest: &dyn Kernel<Closest> = &*brute;
     let (_, best) = *levels().last().expect("there is one");
     let expected = answers(closest, scene, rays, best, Hit::MISS);
     let blocked: Vec<_> = expected.iter().map(Hit::is_hit).collect();
-    for (set, level) in levels() {
-        for (tree, kernel) in &all.closest {
-            let found = answers(&**kernel, scene, rays, level, Hit::MISS);
-            let wrong = || (0..rays.len()).find(|&i| bits(&found)[i] != bits(&expected)[i]);
-            let same = bits(&found) == bits(&expected);
-            assert!(same, "{name}, {tree}, {set}: ray {:?}", wrong());
-        }
-        for (tree, kernel) in &all.shadow {
-            let found = answers(&**kernel, scene, rays, level, false);
-            assert!(found == blocked, "any hits: {name}, {tree}, {set}");
+    let batches = sizes.iter().flat_map(|&size| {
+        let batches = rays.chunks(size).zip(expected.chunks(size));
+        batches.zip(blocked.chunks(size)).take(12)
+    });
+    for ((rays, expected), blocked) in batches {
+        for (set, level) in levels() {
+            for (tree, kernel) in &all.closest {
+                let found = answers(&**kernel, scene, rays, level, Hit::MISS);
+                let wrong = || (0..rays.len()).find(|&i| bits(&found)[i] != bits(expected)[i]);
+                let same = bits(&found) == bits(expected);
+                assert!(same, "{name}, {tree}, {set}: ray {:?}", wrong());
+            }
+            for (tree, kernel) in &all.shadow {
+                let found = answers(&**kernel, scene, rays, level, false);
+                assert!(found == blocked, "any hits: {name}, {tree}, {set}");
+            }
         }
     }
     expected
@@ -165,11 +182,8 @@ fn batches_of_any_size_answer_like_brute_force() {
     let scene = soup(cloud(800, 0.1, &mut random));
     let mut rays = aimed(&scene, 400, &mut random);
     strew(&mut rays, 9);
-    for size in [1, 2, 7, 8, 9, 15, 16, 17, 33] {
-        for rays in rays.chunks(size).take(12) {
-            agree("cloud", &scene, rays);
-        }
-    }
+    let sizes = [1, 2, 3, 4, 7, 8, 9, 15, 16, 17, 33];
+    agree_in_batches("cloud", &scene, &rays, &sizes);
 }
 
 /// The trees of the tests have oblique planes, else they would test nothing of them.

@@ -4,6 +4,8 @@
 use super::answers::All;
 use super::trees::{batch, frame_of};
 use crate::kernel::Kernel;
+use crate::stream::OCTANTS;
+use crate::stream::lists::small;
 use fearless_simd::Level;
 use halfspace_oracle::cases::{Random, aimed, cloud, soup, strew};
 use halfspace_ray::query::Query;
@@ -12,7 +14,7 @@ use halfspace_scene::Triangles;
 
 /// Trees whose children the octant alone puts in order; in others the first ray of a list does, and decides for the
 /// rest which leaves come first.
-const ORDERED: [&str; 7] = [
+const ORDERED: [&str; 10] = [
     "axis planes",
     "eight boxes",
     "four boxes",
@@ -20,7 +22,13 @@ const ORDERED: [&str; 7] = [
     "intervals",
     "single",
     "octants",
+    "two intervals",
+    "four intervals",
+    "eight intervals",
 ];
+
+/// Number of times that each ray is sent.
+const COPIES: usize = 4;
 
 /// Counts a batch; the answers are compared with those of the timed kernel.
 fn counted<Q: Query>(
@@ -42,11 +50,23 @@ where
     counters
 }
 
-/// Compares the counters of rays that go together with those of rays that go alone.
+/// Number of visits to nodes and leaves that these rays pay for.
+fn paid(all: &[RayCounters]) -> u32 {
+    all.iter().map(|own| own.steps() + own.leaves).sum()
+}
+
+/// Number of visits that these rays share with another ray, which pays.
+fn shared(all: &[RayCounters]) -> u32 {
+    all.iter().map(|own| own.joined).sum()
+}
+
+/// Compares the counters of rays that go together with those of rays that go alone, and with those of the same rays,
+/// each sent several times.
 fn compare<Q: Query>(
     name: &str,
     kernel: &dyn Kernel<Q>,
-    (scene, rays): (&Triangles, &[Ray]),
+    scene: &Triangles,
+    rays: &[Ray],
     blank: Q::Answer,
 ) where
     Q::Answer: PartialEq + std::fmt::Debug,
@@ -56,14 +76,26 @@ fn compare<Q: Query>(
         .flat_map(|ray| counted(kernel, scene, std::slice::from_ref(ray), blank))
         .collect();
     assert!(alone.iter().all(|own| own.joined == 0), "{name}");
-    let sum = |all: &[RayCounters], of: fn(&RayCounters) -> u32| all.iter().map(of).sum::<u32>();
-    let nodes = |own: &RayCounters| own.steps() + own.leaves;
-    assert!(sum(&alone, RayCounters::steps) > 0 && sum(&alone, |own| own.leaves) > 0);
+    assert!(alone.iter().any(|own| own.steps() > 0) && alone.iter().any(|own| own.leaves > 0));
+    // Alone, each ray pays for its visit to the root; together, one ray of an octant does.
+    let at_root: u32 = alone.iter().map(|own| u32::from(own.steps() > 0)).sum();
+    assert!(at_root > 100, "{name}: {at_root} rays enter the tree");
     assert!(
-        2 * sum(&together, nodes) < sum(&alone, nodes),
+        paid(&together) + at_root <= paid(&alone) + small(OCTANTS),
         "{name}: visits are shared"
     );
+    // Equal rays visit the same nodes: the first pays, the others join.
+    let repeated: Vec<_> = rays.iter().flat_map(|&ray| [ray; COPIES]).collect();
+    let repeated = counted(kernel, scene, &repeated, blank);
+    assert_eq!(paid(&repeated), paid(&together), "{name}: equal rays");
+    let visits = paid(&together) + shared(&together);
+    assert_eq!(
+        paid(&repeated) + shared(&repeated),
+        small(COPIES) * visits,
+        "{name}: equal rays"
+    );
     if ORDERED.contains(&name) {
+        assert_eq!(visits, paid(&alone), "{name}: a visit is paid or shared");
         for (own, all) in alone.iter().zip(&together) {
             assert_eq!(own.visits(), all.visits(), "{name}");
             assert_eq!(own.tests, all.tests, "{name}");
@@ -80,9 +112,9 @@ fn rays_share_the_visits_that_they_make_alone() {
     strew(&mut rays, 40);
     let all = All::new(&scene);
     for (name, kernel) in &all.closest {
-        compare(name, &**kernel, (&scene, &rays), Hit::MISS);
+        compare(name, &**kernel, &scene, &rays, Hit::MISS);
     }
     for (name, kernel) in &all.shadow {
-        compare(name, &**kernel, (&scene, &rays), false);
+        compare(name, &**kernel, &scene, &rays, false);
     }
 }

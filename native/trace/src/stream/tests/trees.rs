@@ -26,6 +26,7 @@ use halfspace_nodes::octree_nodes::Octree;
 use halfspace_nodes::plane_tree::PlaneTree;
 use halfspace_nodes::slab_node::SlabNode;
 use halfspace_nodes::slab_tree::SlabTree;
+use halfspace_nodes::slab_wide::WideSlabs;
 use halfspace_nodes::slant_tree::SlantTree;
 use halfspace_nodes::slanted_tree::DIRECTIONS as DIRECTIONS_OF_SLABS;
 use halfspace_ray::Ray;
@@ -145,6 +146,14 @@ pub fn slabs<N: SlabNode>(scene: &Triangles, keep: Keep) -> Grown<SlabTree<N>> {
     let bounds = frame_of(scene).bounds();
     laid_out(scene, keep, |binary, leaves| {
         SlabTree::new(binary, bounds, (Tighten(0.9), true), leaves)
+    })
+}
+
+/// Nodes of several intervals along one axis.
+pub fn wide_slabs<const W: usize>(scene: &Triangles) -> Grown<WideSlabs<W>> {
+    let bounds = frame_of(scene).bounds();
+    laid_out(scene, Keep::Indices, |binary, leaves| {
+        WideSlabs::new(binary, bounds, Tighten(0.9), leaves)
     })
 }
 
