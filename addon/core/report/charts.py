@@ -44,7 +44,7 @@ OFFSETS = (
 
 MAPS = (
     "Nodes visited and triangles tested by the ray of each pixel, all on one scale, in the order of their means. The "
-    "rays of a tile or a beam share its work evenly; those of traversal=auto are counted one by one."
+    "rays of a tile or a beam share its work evenly."
 )
 MAP_COLUMNS = 7
 

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import halfspace_native
@@ -92,7 +93,17 @@ def test_times_of_walks_that_are_not_counted_are_not_fitted() -> None:
         )
 
 
+class Silent:
+    """A native module with an octree whose kernel of camera rays does not count itself."""
+
+    def build(self, _vertices: Any, _triangles: Any, spec: str, **_: Any) -> Any:
+        counted = not spec.startswith("octree")
+        return SimpleNamespace(spec=spec, routes={"closest": {"counted": True}, "tiles": {"counted": counted}})
+
+
 def test_claims_say_which_of_their_counters_are_of_another_walk() -> None:
-    assert counting.remark({"kd": "kd:traversal=dir", "boxes": "octree-net"}, halfspace_native) == ""
-    told = counting.remark({"a tree": "bvh-sah", "boxes": "octree-net"}, halfspace_native)
+    chosen = {"kd": "kd:traversal=dir", "boxes": "bvh-sah", "a tree": "octree-net"}
+    assert counting.remark(chosen, halfspace_native) == ""
+    silent: Any = Silent()
+    told = counting.remark(chosen, silent)
     assert told == " (rays of a tree are counted one by one, though they may be traced together)"
