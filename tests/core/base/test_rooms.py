@@ -15,7 +15,7 @@ ORDER = tuple(
     for package, rooms in (
         ("addon.core", "base scene structures session measure choose overlay report"),
         ("addon.blender", "read settings session samples measure render overlay ui"),
-        ("lab", "base stability claims growth export bench pictures"),
+        ("lab", "base reported stability claims growth export bench pictures"),
     )
     for room in rooms.split()
 )

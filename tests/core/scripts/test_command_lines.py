@@ -21,6 +21,7 @@ import package
 import pictures
 import pytest
 import render
+import reported
 import stability
 from one_line import told
 
@@ -41,6 +42,7 @@ COMMANDS = {
     "package": package,
     "pictures": pictures,
     "render": render,
+    "reported": reported,
     "stability": stability,
 }
 
@@ -143,7 +145,7 @@ def test_what_cannot_be_done_is_one_line(
     assert words in told(COMMANDS[name], arguments, capsys)
 
 
-@pytest.mark.parametrize("name", [name for name in COMMANDS if name not in ("choose", "extraction")])
+@pytest.mark.parametrize("name", [name for name in COMMANDS if name not in ("choose", "extraction", "reported")])
 @pytest.mark.parametrize("text", ["", " "])
 def test_nothing_is_written_to_a_place_without_a_name(name: str, text: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert told(COMMANDS[name], ["--out", text], capsys) == f"{name}: argument --out: expected a name, got {text!r}\n"
