@@ -40,7 +40,7 @@ def scene(spec="kd", **changes):
 
 
 def finish(job):
-    assert job.wait(60_000)
+    assert job.wait(600_000)
     assert job.error is None
     return job
 

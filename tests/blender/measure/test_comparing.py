@@ -272,7 +272,7 @@ class Window:
 
 def until_it_ends(operator: Any, kind: Any, context: Any) -> set[str]:
     """What the operator returns at last; until then timers of others go on to them."""
-    for _ in range(2000):
+    for _ in range(20_000):
         result: set[str] = kind.modal(operator, context, SimpleNamespace(type="TIMER"))
         if result != {"PASS_THROUGH"}:
             return result

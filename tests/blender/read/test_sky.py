@@ -110,11 +110,11 @@ def test_the_viewport_does_not_wait(world: Any, monkeypatch: pytest.MonkeyPatch)
 
 def hold_on(_folder: str) -> list[str]:
     """A program that takes longer than any test."""
-    return [sys.executable, "-c", "import time; time.sleep(100)"]
+    return [sys.executable, "-c", "import time; time.sleep(900)"]
 
 
 def wait_until(true: Any) -> None:
-    end = time.monotonic() + 30
+    end = time.monotonic() + 300
     while not true():
         assert time.monotonic() < end
         time.sleep(0.01)
@@ -160,7 +160,7 @@ def test_a_render_does_not_wait_for_a_sky_that_is_stopped(world: Any, monkeypatc
     thread.start()
     wait_until(lambda: sky._processes)
     sky.stop()
-    thread.join(10)
+    thread.join(300)
     assert len(said) == 1
     assert said[0].startswith("not rendered")
 
@@ -209,7 +209,7 @@ def test_a_render_that_waits_for_a_sky_can_be_stopped(
 ) -> None:
     only(world, scene, add).sun_elevation = 0.89
     monkeypatch.setattr(sky, "_command", hold_on)
-    monkeypatch.setattr(sky, "TIMEOUT", 20)
+    monkeypatch.setattr(sky, "TIMEOUT", 600)
     asked: list[int] = []
 
     def reading(*_: Any) -> bool:
@@ -234,7 +234,7 @@ import sys, time
 sys.path.insert(0, {str(Path(addon.__file__).parents[1])!r})
 import bpy
 from addon.blender.read import sky
-sky._command = lambda folder: [sys.executable, "-c", "import time; time.sleep(100)"]
+sky._command = lambda folder: [sys.executable, "-c", "import time; time.sleep(900)"]
 sky._begin("{{}}")
 while not sky._processes:
     time.sleep(0.01)

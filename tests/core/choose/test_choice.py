@@ -365,7 +365,7 @@ def test_work_in_the_background_stops_between_steps_and_hands_on_errors() -> Non
 
     def steps() -> Any:
         yield 1
-        go.wait(10)
+        go.wait(300)
         yield 2
         yield 3
 
@@ -373,7 +373,7 @@ def test_work_in_the_background_stops_between_steps_and_hands_on_errors() -> Non
     assert not work.wait(0.05)
     work.stop()
     go.set()
-    assert work.wait(10)
+    assert work.wait(300)
     assert seen == [1]
 
     def broken() -> Any:
@@ -382,4 +382,4 @@ def test_work_in_the_background_stops_between_steps_and_hands_on_errors() -> Non
 
     work = Background(broken(), seen.append)
     with pytest.raises(ValueError, match="odd"):
-        work.wait(10)
+        work.wait(300)

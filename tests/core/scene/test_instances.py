@@ -87,7 +87,7 @@ CAMERA = Camera(
 def picture(session: Session, size: tuple[int, int] = (48, 36)) -> Any:
     settings = RenderSettings(*size, samples=2, max_bounces=4, passes=("Combined", "Normal", "Position"))
     job = session.render(CAMERA, settings)
-    assert job.wait(60_000)
+    assert job.wait(600_000)
     assert job.error is None
     out = {}
     for name, channels in job.passes.items():

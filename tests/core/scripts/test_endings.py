@@ -87,7 +87,7 @@ def test_a_long_run_that_is_interrupted(tmp_path: Path) -> None:
     asked = ["stability.py", "--structures", "bih:shadow=none", "--long", "1e15", "--threads", "1"]
     run = started([*asked, "--out", str(tmp_path)], stdout=subprocess.PIPE)
     try:
-        for _ in range(1200):
+        for _ in range(3000):
             if journal.is_file() and '"key"' in journal.read_text(encoding="utf-8"):
                 break
             time.sleep(0.1)

@@ -177,6 +177,6 @@ def test_two_set_ups_take_turns(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
         thread.join(0.3)
         assert thread.is_alive(), "the second set-up waits"
         order.append("first")
-    thread.join(30)
+    thread.join(300)
     assert order == ["first", "second"]
     assert "waiting for another set-up" in capsys.readouterr().out

@@ -19,7 +19,7 @@ from addon.core.session.stock import Stock
 from addon.core.structures.settings import RenderSettings
 
 SETTINGS = RenderSettings(1, 1, samples=4)
-LONG = 20.0
+LONG = 300.0
 """Seconds in which everything here must have happened."""
 
 
