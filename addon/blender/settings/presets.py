@@ -134,6 +134,15 @@ class HALFSPACE_OT_preset_add(AddPresetBase, bpy.types.Operator):
         names = [parameter.name for parameter in properties.structure_parameters(bpy.context.scene.halfspace)]
         return [f"group.{name}" for name in ("structure", *names)]
 
+    def execute(self, context: Any) -> set[str]:
+        try:
+            found: set[str] = super().execute(context)
+        except OSError as error:
+            # Blender lets this through where its folder is read-only or the disk is full.
+            self.report({"ERROR"}, f"The preset cannot be saved: {error.filename}: {error.strerror}")
+            return {"CANCELLED"}
+        return found
+
 
 CLASSES = (HALFSPACE_OT_use_spec, *FAMILY_MENUS, HALFSPACE_MT_presets, HALFSPACE_OT_preset_add)
 

@@ -7,6 +7,7 @@ import importlib
 from functools import cache
 from typing import cast
 
+from . import installation
 from .interface import Native
 
 VERSION = "0.1.0"
@@ -51,10 +52,12 @@ FAILURES = (ValueError, RuntimeError, MemoryError)
 @cache
 def load() -> Native:
     """The module `halfspace_native`. Raises NativeError, in one line, if it cannot be used."""
+    if (reason := installation.processor_problem()) is not None:
+        raise NativeError(reason)
     try:
-        module = importlib.import_module("halfspace_native")
+        module = importlib.import_module(installation.MODULE)
     except ImportError as error:
-        raise NativeError(f"The native module of Halfspace cannot be loaded: {error}") from error
+        raise NativeError(installation.why_missing(error)) from error
     found = getattr(module, "__version__", "unknown")
     if found != VERSION:
         raise NativeError(
