@@ -826,10 +826,13 @@ def render(
         "ambient_distance" (inf));
         "max_bounces" (4): 0 = direct light only, as in Cycles; "clamp_indirect" (0): upper limit of what a sample
         adds after its first bounce, as the mean of its channels, 0 = no limit; "clamp_direct" (0): the same limit
-        for what it adds up to and with its first bounce; "seed" (0);
+        for what it adds up to and with its first bounce; "filter_glossy" (0: off): blurs lobes met after an
+        improbable bounce; "caustics_reflective" and "caustics_refractive" (True): whether reflecting and refracting
+        lobes are kept after a diffuse bounce; all three as in Cycles, and biased; "seed" (0);
         "film_transparent" (False); "passes" (["Combined"]), names as in RenderJob.passes; "step_samples" (None):
         samples (at most 64) between two updates of a tile, None = 1, 1, 2, 4, then 8; "filter"
-        ("blackman_harris", or "box") and "filter_width" (1.5), as in Cycles. "noise_threshold" (0: off): blocks of
+        ("blackman_harris", or "box") and "filter_width" (1.5), as in Cycles. "exposure" (1): factor on the colours
+        of Combined. "noise_threshold" (0: off): blocks of
         8 x 8 pixels with less noise get no more samples, after "min_samples" (0: derived from the threshold), which is
         biased. "time_limit" (0: none): seconds after which no samples begin, once each pixel has one. "mist":
         {"start" (5), "depth" (25), "falloff" ("QUADRATIC", "LINEAR", "INVERSE_QUADRATIC")} of the pass.

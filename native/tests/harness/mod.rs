@@ -326,6 +326,9 @@ fn settings(bytes: &mut Bytes<'_>) -> Settings {
         max_bounces: u32::from(bytes.byte() % 5),
         clamp_indirect: bytes.number(),
         clamp_direct: bytes.number(),
+        filter_glossy: bytes.number(),
+        caustics_reflective: bytes.byte().is_multiple_of(2),
+        caustics_refractive: bytes.byte().is_multiple_of(2),
         seed: bytes.word(),
         film_transparent: bytes.byte().is_multiple_of(2),
         passes: Pass::ALL.to_vec(),
@@ -336,6 +339,7 @@ fn settings(bytes: &mut Bytes<'_>) -> Settings {
             FilterKind::BlackmanHarris
         },
         filter_width: bytes.number(),
+        exposure: bytes.number(),
     }
 }
 

@@ -69,6 +69,9 @@ pub fn settings(dict: &Bound<'_, PyDict>) -> Result<Settings> {
         "max_bounces",
         "clamp_indirect",
         "clamp_direct",
+        "filter_glossy",
+        "caustics_reflective",
+        "caustics_refractive",
         "seed",
         "film_transparent",
         "passes",
@@ -79,6 +82,7 @@ pub fn settings(dict: &Bound<'_, PyDict>) -> Result<Settings> {
         "step_samples",
         "filter",
         "filter_width",
+        "exposure",
     ];
     let keys = Keys::new(dict, "settings".into(), &known)?;
     let default = Settings::default();
@@ -108,6 +112,9 @@ pub fn settings(dict: &Bound<'_, PyDict>) -> Result<Settings> {
         max_bounces: optional("max_bounces")?.unwrap_or(default.max_bounces),
         clamp_indirect: keys.number_or("clamp_indirect", default.clamp_indirect)?,
         clamp_direct: keys.number_or("clamp_direct", default.clamp_direct)?,
+        filter_glossy: keys.number_or("filter_glossy", default.filter_glossy)?,
+        caustics_reflective: keys.flag_or("caustics_reflective", default.caustics_reflective)?,
+        caustics_refractive: keys.flag_or("caustics_refractive", default.caustics_refractive)?,
         seed: optional("seed")?.unwrap_or(default.seed),
         film_transparent: keys.flag_or("film_transparent", false)?,
         passes,
@@ -121,6 +128,7 @@ pub fn settings(dict: &Bound<'_, PyDict>) -> Result<Settings> {
             Some(_) => keys.choice("filter", &filters)?,
         },
         filter_width: keys.number_or("filter_width", default.filter_width)?,
+        exposure: keys.number_or("exposure", default.exposure)?,
     })
 }
 

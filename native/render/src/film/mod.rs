@@ -45,6 +45,8 @@ pub struct Film {
     /// Channels per pixel.
     stride: usize,
     mist: Mist,
+    /// Factor on the colours of the combined pass.
+    exposure: f32,
     tiles: Vec<Tile>,
 }
 
@@ -102,6 +104,7 @@ impl Film {
             passes,
             stride,
             mist: settings.mist,
+            exposure: settings.exposure,
             tiles,
         }
     }
@@ -251,6 +254,9 @@ impl Film {
                     let scale = 1.0 / f64::from(samples);
                     for (o, v) in pixel.iter_mut().zip(&values[offset..]) {
                         *o = (v * scale) as f32;
+                    }
+                    if pass == Pass::Combined {
+                        pixel[..3].iter_mut().for_each(|c| *c *= self.exposure);
                     }
                 }
             }

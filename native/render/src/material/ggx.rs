@@ -32,6 +32,18 @@ impl Ggx {
         }
     }
 
+    /// The distribution with a width of at least `alpha`.
+    #[inline(always)]
+    pub fn widened(self, alpha: f32) -> Self {
+        if self.alpha >= alpha {
+            return self;
+        }
+        Self {
+            alpha2: alpha * alpha,
+            alpha,
+        }
+    }
+
     /// Whether the surface acts as a perfect mirror or window. The methods below must then not be called.
     #[inline(always)]
     pub fn is_smooth(self) -> bool {

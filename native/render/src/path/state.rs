@@ -21,6 +21,8 @@ pub struct Path {
     pub throughput: Vec3,
     /// Density per solid angle of the last direction; infinite after a mirror.
     pub pdf: f32,
+    /// Density of the least probable direction so far; infinite before the first bounce.
+    pub min_pdf: f32,
     /// Point where the path scattered last.
     pub receiver: Receiver,
     /// Distance from there to the origin of the current ray, which starts anew at each surface passed.
@@ -48,6 +50,7 @@ impl Path {
         Self {
             throughput: Vec3::ONE,
             pdf: f32::INFINITY,
+            min_pdf: f32::INFINITY,
             receiver: Receiver {
                 point: Vec3::from(o),
                 normal: Vec3::ZERO,

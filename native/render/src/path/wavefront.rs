@@ -4,8 +4,8 @@
 //!
 //! Light samples and scattered rays that hit lights are combined by multiple importance sampling (Veach and Guibas
 //! 1995), and paths end by Russian roulette: unbiased up to `max_bounces`, which truncates them. `clamp_indirect`,
-//! `clamp_direct` and adaptive sampling are biased on purpose. The scene's features select one of the compiled
-//! variants of [`crate::path::shade`] once per render.
+//! `clamp_direct`, `filter_glossy`, caustics that are switched off, and adaptive sampling are biased on purpose. The
+//! scene's features select one of the compiled variants of [`crate::path::shade`] once per render.
 
 use std::sync::atomic::AtomicBool;
 

@@ -47,6 +47,14 @@ pub struct Settings {
     /// The same limit for what a sample adds up to and with its first bounce: light that the camera sees directly or in
     /// one reflection; 0 = no limit.
     pub clamp_direct: f32,
+    /// Blurs glossy and refractive lobes that a path meets after an improbable bounce, see [`Self::min_width`]; 0 =
+    /// off, unbiased. Larger values remove more noise and more caustics. As in Cycles.
+    pub filter_glossy: f32,
+    /// Whether lobes that reflect are kept where the last bounce was diffuse. Without them paths find no caustics of
+    /// mirrors. As in Cycles.
+    pub caustics_reflective: bool,
+    /// The same for lobes that refract: caustics of glass.
+    pub caustics_refractive: bool,
     /// Seed of all random numbers.
     pub seed: u32,
     /// Whether the background has alpha 0 and is black for camera rays.
@@ -69,6 +77,8 @@ pub struct Settings {
     pub filter: FilterKind,
     /// Width of the filter in pixels, in Blender's definition.
     pub filter_width: f32,
+    /// Factor on the colours of the combined pass, not on its alpha.
+    pub exposure: f32,
 }
 
 impl Default for Settings {
@@ -83,6 +93,9 @@ impl Default for Settings {
             max_bounces: 4,
             clamp_indirect: 0.0,
             clamp_direct: 0.0,
+            filter_glossy: 0.0,
+            caustics_reflective: true,
+            caustics_refractive: true,
             seed: 0,
             film_transparent: false,
             passes: vec![Pass::Combined],
@@ -93,6 +106,7 @@ impl Default for Settings {
             step_samples: None,
             filter: FilterKind::BlackmanHarris,
             filter_width: 1.5,
+            exposure: 1.0,
         }
     }
 }
@@ -113,6 +127,16 @@ impl Settings {
             return value * (limit / mean);
         }
         value
+    }
+
+    /// Returns the least width (roughness²) of the lobes of a path whose least probable bounce had the density
+    /// `pdf`: the square root of 1 - pdf / `filter_glossy`, halved, as in Cycles.
+    #[inline]
+    pub fn min_width(&self, pdf: f32) -> f32 {
+        if self.filter_glossy > 0.0 && pdf < self.filter_glossy {
+            return 0.5 * (1.0 - pdf / self.filter_glossy).sqrt();
+        }
+        0.0
     }
 }
 
@@ -175,6 +199,8 @@ impl Settings {
         for (key, got) in [
             ("clamp_direct", self.clamp_direct),
             ("clamp_indirect", self.clamp_indirect),
+            ("filter_glossy", self.filter_glossy),
+            ("exposure", self.exposure),
         ] {
             if got.is_nan() || got < 0.0 {
                 return spec(format!("settings['{key}'] must be at least 0, got {got}"));
@@ -271,6 +297,19 @@ mod tests {
     }
 
     #[test]
+    fn only_improbable_bounces_widen_lobes() {
+        let settings = Settings {
+            filter_glossy: 2.0,
+            ..Settings::default()
+        };
+        assert_eq!(settings.min_width(f32::INFINITY), 0.0);
+        assert_eq!(settings.min_width(2.0), 0.0);
+        assert_eq!(settings.min_width(0.0), 0.5);
+        assert!((settings.min_width(1.5) - 0.25).abs() < 1e-6);
+        assert_eq!(Settings::default().min_width(0.0), 0.0);
+    }
+
+    #[test]
     fn steps_add_up_to_the_samples() {
         for step_samples in [None, Some(1), Some(5), Some(100)] {
             let settings = Settings {
@@ -319,6 +358,20 @@ mod tests {
                 "step_samples",
                 Settings {
                     step_samples: Some(0),
+                    ..base.clone()
+                },
+            ),
+            (
+                "filter_glossy",
+                Settings {
+                    filter_glossy: -1.0,
+                    ..base.clone()
+                },
+            ),
+            (
+                "exposure",
+                Settings {
+                    exposure: f32::NAN,
                     ..base.clone()
                 },
             ),

@@ -4,7 +4,7 @@
 mod brightness;
 mod brute_force;
 mod failures;
-
+mod filter;
 mod left_out;
 mod negative;
 mod passes;

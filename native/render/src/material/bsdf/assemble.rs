@@ -2,7 +2,9 @@
 //! Construction of the lobes of a material's closures, weighted for the viewing direction.
 
 use crate::material::albedo::Albedo;
-use crate::material::bsdf::{Boundary, Bsdf, Facets, MAX_BOUNDARIES, MAX_FACETS, Normals};
+use crate::material::bsdf::{
+    Boundary, Bsdf, Facets, LobeFilter, MAX_BOUNDARIES, MAX_FACETS, Normals,
+};
 use crate::material::closure::{
     ChannelAlbedo, Closure, Fresnel, LobeGrids, Lobes, Reflector, Transmitter, absorbed,
     coat_albedos, compensation_per_channel,
@@ -33,13 +35,14 @@ const NO_BOUNDARY: Boundary = Boundary {
     eta: 1.0,
     scale: Vec3::ZERO,
     reflect: None,
+    reflections: true,
     tint: Vec3::ZERO,
     p: 0.0,
 };
 
 impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
     /// The lobes seen from `wi`. `registers`: results of the material's program; `inside`: whether the path arrives
-    /// at the back of the surface.
+    /// at the back of the surface; `filter`: what the settings change.
     #[inline(always)]
     pub fn new(
         closures: &[Closure],
@@ -47,11 +50,13 @@ impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
         wi: Vec3,
         normals: Normals,
         inside: bool,
+        filter: LobeFilter,
     ) -> Self {
         // Start with empty lobes in arrays of fixed size: the path allocates nothing.
         let mut out = Self {
             wi,
             normals,
+            filter,
             facets: [NO_FACETS; MAX_FACETS],
             facet_count: 0,
             boundaries: [NO_BOUNDARY; MAX_BOUNDARIES],
@@ -76,7 +81,11 @@ impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
         // The weight of what is below shrinks from layer to layer.
         let weight = self.add_coat(lobes, closure, Vec3::splat(lobes.weight));
         self.add_reflections(lobes, closure, weight);
-        if GLASS && let Some(transmitter) = &lobes.glass {
+        if GLASS
+            && let Some(transmitter) = &lobes.glass
+            && (self.filter.refractions
+                || (self.filter.reflections && transmitter.reflect.is_some()))
+        {
             self.add_glass(transmitter, closure, weight, inside);
         }
     }
@@ -90,8 +99,11 @@ impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
                 (&lobes.coat, &closure.grids.coat)
         {
             let (single, dielectric) = coat_albedos(reflector, [facets, dielectric], self.wi.z);
-            let reflected = self.add_facets(reflector, weight, single, Some(dielectric), true);
-            weight *= (1.0 - reflected).max(0.0);
+            // Without its reflection the coat still absorbs.
+            if self.filter.reflections {
+                let reflected = self.add_facets(reflector, weight, single, Some(dielectric), true);
+                weight *= (1.0 - reflected).max(0.0);
+            }
             if *absorb != Vec3::ONE {
                 weight = weight * absorbed(reflector, *absorb, self.wi.z);
             }
@@ -107,6 +119,7 @@ impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
         } = &closure.grids;
         let multiscatter = closure.multiscatter;
         if GLOSSY
+            && self.filter.reflections
             && let Some(grid) = reflection
             && (lobes.metal.is_some() || lobes.layer.is_some())
         {
@@ -177,19 +190,19 @@ impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
         dielectric: Option<f32>,
         multiscatter: bool,
     ) -> f32 {
-        // A mirror needs no masking term.
-        let Reflector { ggx, fresnel, .. } = *reflector;
-        let smooth = ggx.is_smooth();
         // Estimate the reflected energy, which also is the weight for choosing the lobe.
         let (reflected, compensated) =
             reflector.reflected(self.wi.z, single, dielectric, multiscatter);
+        // A mirror needs no masking term.
+        let ggx = reflector.ggx.widened(self.filter.min_width);
+        let smooth = ggx.is_smooth();
         // A material that passed its check never exceeds the limit.
         if self.facet_count < MAX_FACETS {
             self.facets[self.facet_count] = Facets {
                 ggx,
                 smooth,
                 lambda_i: if smooth { 0.0 } else { ggx.lambda(self.wi.z) },
-                fresnel,
+                fresnel: reflector.fresnel,
                 scale: weight * reflector.weight * compensated,
                 p: (weight * reflected).mean().max(1e-8),
             };
@@ -209,25 +222,29 @@ impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
     ) {
         // At an index this close to 1 the half vector is undefined: treat the boundary as a window.
         let window = (transmitter.ior - 1.0).abs() < 1e-4;
-        let smooth = transmitter.ggx.is_smooth() || window;
         let compensated = match single {
-            Some(single) if !smooth => compensation_per_channel(transmitter.tint, single),
+            Some(single) if !(transmitter.ggx.is_smooth() || window) => {
+                compensation_per_channel(transmitter.tint, single)
+            }
             _ => Vec3::ONE,
         };
+        let ggx = transmitter.ggx.widened(self.filter.min_width);
+        let smooth = ggx.is_smooth() || window;
         if self.boundary_count < MAX_BOUNDARIES {
             // The weight alone is the estimate, because reflection and refraction together lose little.
             self.boundaries[self.boundary_count] = Boundary {
-                ggx: transmitter.ggx,
+                ggx,
                 smooth,
-                lambda_i: if smooth {
-                    0.0
-                } else {
-                    transmitter.ggx.lambda(self.wi.z)
-                },
+                lambda_i: if smooth { 0.0 } else { ggx.lambda(self.wi.z) },
                 eta,
                 scale: weight * compensated * transmitter.weight,
                 reflect: transmitter.reflect,
-                tint: transmitter.tint,
+                reflections: self.filter.reflections,
+                tint: if self.filter.refractions {
+                    transmitter.tint
+                } else {
+                    Vec3::ZERO
+                },
                 p: (weight.mean() * transmitter.weight).max(1e-8),
             };
             self.boundary_count += 1;

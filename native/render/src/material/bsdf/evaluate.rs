@@ -86,10 +86,10 @@ impl<const GLOSSY: bool, const GLASS: bool> Bsdf<GLOSSY, GLASS> {
             }
             if GLASS {
                 for boundary in &self.boundaries[..self.boundary_count] {
-                    if let (false, Some(reflect)) = (boundary.smooth, boundary.reflect) {
+                    if !boundary.smooth && boundary.reflect.is_some() {
                         let (seen, both) = densities(boundary.ggx, boundary.lambda_i);
                         let (reflectance, _) = fresnel::dielectric(c, boundary.eta);
-                        *f += boundary.scale * reflect.at(reflectance) * both;
+                        *f += boundary.scale * boundary.reflected(reflectance) * both;
                         *pdf += boundary.p * boundary.reflect_probability(reflectance) * seen;
                     }
                 }

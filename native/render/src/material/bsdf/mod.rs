@@ -27,6 +27,27 @@ pub struct Normals {
     pub mapped: Option<[Vec3; 2]>,
 }
 
+/// What a render's settings change about the lobes that a path meets, to reduce noise. Bias on purpose.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LobeFilter {
+    /// Least width (roughness²) of lobes that reflect or refract. Narrower ones are widened without a change of
+    /// their weights, as in Cycles.
+    pub min_width: f32,
+    /// Whether lobes that reflect off facets are kept. What lies below a dropped layer gets all light.
+    pub reflections: bool,
+    /// Whether refraction is kept.
+    pub refractions: bool,
+}
+
+impl LobeFilter {
+    /// Changes nothing.
+    pub const NONE: Self = Self {
+        min_width: 0.0,
+        reflections: true,
+        refractions: true,
+    };
+}
+
 /// A sampled direction.
 #[derive(Debug, Clone, Copy)]
 pub struct Scatter {
@@ -69,6 +90,8 @@ struct Boundary {
     scale: Vec3,
     /// Colour of the reflection; `None` = refraction only.
     reflect: Option<Reflected>,
+    /// Whether reflection is kept; what it would take is lost otherwise.
+    reflections: bool,
     /// Filter of refracted light.
     tint: Vec3,
     /// Probability of sampling this lobe.
@@ -84,6 +107,7 @@ const MAX_BOUNDARIES: usize = MAX_CLOSURES;
 pub struct Bsdf<const GLOSSY: bool, const GLASS: bool> {
     wi: Vec3,
     normals: Normals,
+    filter: LobeFilter,
     facets: [Facets; MAX_FACETS],
     facet_count: usize,
     boundaries: [Boundary; MAX_BOUNDARIES],
@@ -123,7 +147,10 @@ impl Boundary {
     /// Returns the reflected colour where the Fresnel reflectance of the boundary is `reflectance`.
     #[inline(always)]
     fn reflected(&self, reflectance: f32) -> Vec3 {
-        self.reflect.map_or(Vec3::ZERO, |r| r.at(reflectance))
+        match self.reflect {
+            Some(reflect) if self.reflections => reflect.at(reflectance),
+            _ => Vec3::ZERO,
+        }
     }
 
     /// Returns the transmitted colour where the Fresnel reflectance of the boundary is `reflectance`.

@@ -2,7 +2,7 @@
 //! Scattering at a surface: the BSDF, a light sample and the next direction.
 
 use crate::light::Receiver;
-use crate::material::bsdf::Bsdf;
+use crate::material::bsdf::{Bsdf, LobeFilter};
 use crate::math::vector::{Frame, Vec3};
 use crate::path::random::{Selection, VertexSamples};
 use crate::path::shade::{Output, Shader};
@@ -48,6 +48,7 @@ impl<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bo
             wi,
             normals,
             surface.inside,
+            self.lobe_filter(path),
         );
         out.work.shaded_glossy += u64::from(bsdf.reflects());
         out.work.shaded_glass += u64::from(bsdf.transmits());
@@ -79,6 +80,19 @@ impl<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bo
             u: random.direction(),
         };
         self.sample_direction(surface, framed, selection, path, out)
+    }
+
+    /// Returns what the settings change about the lobes that this path meets.
+    #[inline(always)]
+    fn lobe_filter(&self, path: &Path) -> LobeFilter {
+        // Only lobes met directly after a diffuse bounce make caustics.
+        let settings = self.settings;
+        let scattered = path.kind == RayKind::Diffuse;
+        LobeFilter {
+            min_width: settings.min_width(path.min_pdf),
+            reflections: settings.caustics_reflective || !scattered,
+            refractions: settings.caustics_refractive || !scattered,
+        }
     }
 
     /// Samples the next direction. Returns the next ray if the path continues.
@@ -121,6 +135,7 @@ impl<const LIGHTS: bool, const GLOSSY: bool, const GLASS: bool, const SMOOTH: bo
         }
         // Start the next segment.
         path.pdf = scatter.pdf;
+        path.min_pdf = path.min_pdf.min(scatter.pdf);
         path.passed = 0.0;
         path.camera = false;
         path.kind = scatter.kind;

@@ -12,6 +12,7 @@ use crate::math::sampler::PixelSampler;
 use crate::math::vector::vec3;
 
 mod energy;
+mod filter;
 
 fn compile(params: MaterialParams) -> Material {
     Material::new(&params, 0, &mut Grids::default()).unwrap()
@@ -59,7 +60,12 @@ const FLAT: Normals = Normals {
 
 /// The BSDF seen from `wi`.
 fn seen(material: &Material, wi: Vec3, inside: bool) -> Bsdf<true, true> {
-    Bsdf::new(&material.closures, &[], wi, FLAT, inside)
+    filtered(material, wi, inside, LobeFilter::NONE)
+}
+
+/// The BSDF seen from `wi` by a path with this filter.
+fn filtered(material: &Material, wi: Vec3, inside: bool, filter: LobeFilter) -> Bsdf<true, true> {
+    Bsdf::new(&material.closures, &[], wi, FLAT, inside, filter)
 }
 
 /// The viewing direction with this cosine, in the xz plane.
@@ -85,7 +91,8 @@ fn albedo(material: &Material, cos: f32, inside: bool) -> f64 {
 /// Albedo, by `n` samples, of a material made by [`varying`] where its inputs have these values.
 fn varying_albedo(material: &Material, inputs: &[f32], cos: f32, inside: bool, n: u32) -> f64 {
     let registers: Vec<_> = inputs.iter().map(|&x| [x; 4]).collect();
-    let bsdf = Bsdf::new(&material.closures, &registers, view(cos), FLAT, inside);
+    let (closures, none) = (&material.closures, LobeFilter::NONE);
+    let bsdf = Bsdf::new(closures, &registers, view(cos), FLAT, inside, none);
     mean_weight(&bsdf, n)
 }
 
