@@ -54,9 +54,30 @@ EXACT = {
     "sample_clamp_direct": 0.0,
     "sample_clamp_indirect": 0.0,
     "blur_glossy": 0.0,
+    "caustics_reflective": True,
+    "caustics_refractive": True,
+    "film_exposure": 1.0,
+    "pixel_filter_type": "BLACKMAN_HARRIS",
+    "filter_width": 1.5,
     "sampling_pattern": "TABULATED_SOBOL",
 }
 """What Cycles is told so that only noise stands between its picture and the exact one."""
+
+
+OURS = {
+    "use_adaptive": False,
+    "time_limit": 0.0,
+    "use_denoising": False,
+    "clamp_direct": 0.0,
+    "clamp_indirect": 0.0,
+    "filter_glossy": 0.0,
+    "caustics_reflective": True,
+    "caustics_refractive": True,
+    "film_exposure": 1.0,
+    "pixel_filter_type": "BLACKMAN_HARRIS",
+    "filter_width": 1.5,
+}
+"""The same for Halfspace."""
 
 
 def parser() -> argparse.ArgumentParser:
@@ -380,7 +401,8 @@ def _configure_halfspace(scene: Any, structure: str, samples: int, bounces: int)
         raise UsageError(f"--structure: {error}") from error
     scene.halfspace.automatic = False
     scene.halfspace.samples, scene.halfspace.max_bounces = samples, bounces
-    scene.halfspace.clamp_indirect = 0.0
+    for key, value in OURS.items():
+        setattr(scene.halfspace, key, value)
 
 
 def _configure_cycles(scene: Any, samples: int, bounces: int) -> None:

@@ -10,7 +10,7 @@ from .render import engine, running, viewport
 from .samples import operators
 from .session import building, reports
 from .settings import overlay_settings, presets, properties
-from .ui import compare_panels, compat, manual, overlay_panels, panels, structure
+from .ui import compare_panels, compat, data_panels, manual, overlay_panels, panels, structure
 
 
 def register() -> None:
@@ -28,6 +28,7 @@ def register() -> None:
     compare_operators.register()
     structure.register()
     panels.register()
+    data_panels.register()
     overlay_panels.register()
     compare_panels.register()
     drawing.register()
@@ -45,6 +46,7 @@ def unregister() -> None:
     drawing.unregister()
     compare_panels.unregister()
     overlay_panels.unregister()
+    data_panels.unregister()
     panels.unregister()
     structure.unregister()
     compare_operators.unregister()

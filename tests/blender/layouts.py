@@ -17,18 +17,20 @@ class Layout:
         self.operators: list[Any] = [] if operators is None else operators
         self.menus: dict[str, str] = {}
         self.parts: list[str] = []
+        self.labels: dict[tuple[str, str], str | None] = {}
 
     def _within(self) -> Layout:
         """A layout inside this one, with the same record."""
         inner = Layout(self.log, self.operators)
-        inner.menus, inner.parts = self.menus, self.parts
+        inner.menus, inner.parts, inner.labels = self.menus, self.parts, self.labels
         return inner
 
     def __getattr__(self, name: str) -> Any:
         def call(*args: Any, **kwargs: Any) -> Any:
-            if name == "prop":
+            if name in ("prop", "prop_search"):
                 assert args[1] in args[0].bl_rna.properties, args[1]
                 self.log.append(args[1])
+                self.labels[_declared(args[0], args[1]), args[1]] = kwargs.get("text")
             elif name == "label":
                 self.log.append(kwargs["text"])
             elif name == "menu":
@@ -46,6 +48,27 @@ class Layout:
             return self._within()
 
         return call
+
+
+def _declared(owner: Any, name: str) -> str:
+    """The name of the most general type of Blender's data that has this property."""
+    kind = owner.bl_rna
+    while kind.base is not None and name in kind.base.properties:
+        kind = kind.base
+    return str(kind.identifier)
+
+
+def draw_own(panel: type, context: Any) -> Layout:
+    """What one of Blender's panels, or of ours, draws in this context."""
+    attributes = {}
+    for base in reversed(panel.__mro__):
+        if base.__module__ not in ("builtins", "bpy_types", "_bpy_types") and base is not bpy.types.Panel:
+            attributes |= {name: value for name, value in vars(base).items() if not name.startswith("__")}
+    stand_in = type("Panel", (), {**attributes, "layout": Layout()})()
+    for method in ("draw_header", "draw"):
+        if hasattr(stand_in, method):
+            getattr(stand_in, method)(context)
+    return stand_in.layout  # type: ignore[no-any-return]
 
 
 def draw_all(panel: type, **context: Any) -> Layout:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import bpy
 import numpy as np
 
-from ...core.base import native, room
+from ...core.base import denoise, native, room
 from ...core.base.background import Background
 from ...core.base.command import INTERRUPTED
 from ...core.base.notes import Notes
@@ -23,11 +23,12 @@ from ...core.structures.settings import Mist, RenderSettings, memory_limit
 from ..measure import comparing, workloads
 from ..read import camera, extract, passes, remarks, view_layers
 from ..session import reports, trees
-from ..settings import properties
-from . import running
+from ..settings import properties, quality
+from . import denoising, running
 from .viewport import Viewport
 
 if TYPE_CHECKING:
+    from ...core.base.arrays import F32
     from ...core.scene.instances import Layout
     from ...core.scene.scene import Camera, Scene
 
@@ -234,12 +235,16 @@ class _Picture:
 
         def show() -> None:
             if not bpy.app.background:  # in the background there is no display
-                self._fill(job, buffers, origin)
+                _copy(job, buffers, origin)
+                self._fill(buffers)
                 self.engine.update_result(self.result)
             self._say(_summary(built.label, built.session.structure.statistics, job, built.answers))
 
         watch(job, milliseconds=UPDATE_MILLISECONDS, keep_going=self._tracing, show=show)
-        self._fill(job, buffers, origin)
+        _copy(job, buffers, origin)
+        if self.group.use_denoising:
+            self._denoise(buffers, settings)
+        self._fill(buffers)
         self.engine.end_result(self.result)
         self.result = None
 
@@ -327,17 +332,21 @@ class _Picture:
         self.engine.update_progress(BUILD_SHARE + (1 - BUILD_SHARE) * progress)
         return self._reading()
 
-    def _fill(self, job: Any, buffers: dict[str, np.ndarray[Any, Any]], origin: np.ndarray[Any, Any]) -> None:
-        """Copy the current picture into Blender's open result."""
+    def _denoise(self, buffers: dict[str, F32], settings: RenderSettings) -> None:
+        """Remove the picture's noise; without the library that is noted, and the noise stays."""
+        self._say("Removing the noise")
+        try:
+            denoising.apply(buffers, settings, self._reading)
+        except denoise.DenoiseError as error:
+            self.notes.add(f"The noise could not be removed: {error}", self.scene.name)
+
+    def _fill(self, buffers: dict[str, F32]) -> None:
+        """Copy a picture into Blender's open result."""
         names = passes.native_names()
         for render_pass in self.result.layers[0].passes:
-            name = names.get(render_pass.name, "")
-            buffer = buffers.get(name)
+            buffer = buffers.get(names.get(render_pass.name, ""))
             if buffer is None:
                 continue
-            job.copy_into(name, buffer)
-            if name == "Position":
-                to_world(buffer, origin)
             if len(render_pass.rect) * render_pass.channels != len(buffer):
                 raise RuntimeError(f"Pass {render_pass.name}: Blender expects another size of picture")
             render_pass.rect.foreach_set(buffer)
@@ -358,6 +367,14 @@ class _Picture:
             self.engine.report({"WARNING"}, line)
 
 
+def _copy(job: Any, buffers: dict[str, F32], origin: np.ndarray[Any, Any]) -> None:
+    """Copy the current picture of a job into flat buffers, one for each pass."""
+    for name, buffer in buffers.items():
+        job.copy_into(name, buffer)
+        if name == "Position":
+            to_world(buffer, origin)
+
+
 def to_world(positions: np.ndarray[Any, Any], origin: np.ndarray[Any, Any]) -> None:
     """Move flat (n * 3,) positions from the scene frame to the world, in place; background pixels (0, 0, 0) stay."""
     points = positions.reshape(-1, 3)
@@ -369,22 +386,17 @@ def render_settings(engine: Any, depsgraph: Any) -> RenderSettings:
     scene = depsgraph.scene_eval
     render, group = scene.render, scene.halfspace
     width, height = engine.resolution_x, engine.resolution_y
+    wanted = tuple(render_pass.name for render_pass in passes.wanted_passes(depsgraph.view_layer_eval))
     return RenderSettings(
         width=width,
         height=height,
         border=border_pixels(render, width, height) if render.use_border else None,
-        samples=group.samples,
-        max_bounces=group.max_bounces,
-        integrator=group.integrator,
-        ambient_distance=group.ambient_distance or math.inf,
-        clamp_indirect=group.clamp_indirect,
-        seed=group.render_seed,
-        film_transparent=render.film_transparent,
-        passes=tuple(render_pass.name for render_pass in passes.wanted_passes(depsgraph.view_layer_eval)),
+        samples=depsgraph.view_layer_eval.samples or group.samples,
+        passes=denoising.with_features(wanted, group.integrator) if group.use_denoising else wanted,
         noise_threshold=group.noise_threshold if group.use_adaptive else 0.0,
         time_limit=group.time_limit,
         mist=_mist(view_layers.world(depsgraph)),
-        threads=render.threads if render.threads_mode == "FIXED" else 0,
+        **quality.settings(scene),
     )
 
 

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import logging
-import math
 import time
 import weakref
 from typing import Any
@@ -21,7 +20,7 @@ from ...core.session.stock import STOCK
 from ...core.structures import catalogue, specs
 from ...core.structures.settings import RenderSettings, memory_limit
 from ..read import extract, views
-from ..settings import properties
+from ..settings import properties, quality
 
 TICK_SECONDS = 0.01
 """Interval at which working views are polled, in seconds; Blender's own timer resolution is similar."""
@@ -190,16 +189,9 @@ def stop() -> None:
 
 def preview_settings(scene: Any) -> RenderSettings:
     """The render settings of the viewport for this scene; the size is set per view."""
-    group = scene.halfspace
     return RenderSettings(
         width=1,
         height=1,
-        samples=group.preview_samples,
-        max_bounces=group.max_bounces,
-        integrator=group.integrator,
-        ambient_distance=group.ambient_distance or math.inf,
-        clamp_indirect=group.clamp_indirect,
-        seed=group.render_seed,
-        film_transparent=scene.render.film_transparent,
-        threads=scene.render.threads if scene.render.threads_mode == "FIXED" else 0,
+        samples=scene.halfspace.preview_samples,
+        **quality.settings(scene),
     )

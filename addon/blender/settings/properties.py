@@ -13,7 +13,7 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, Po
 from ...core.base import native
 from ...core.measure import costmap
 from ...core.structures import catalogue, relevance, settings
-from . import signals
+from . import quality, signals
 from .overlay_settings import HalfspaceOverlaySettings
 
 if TYPE_CHECKING:
@@ -195,81 +195,12 @@ def _switch_property(parameter: Parameter) -> Any:
     )
 
 
-RENDER_PROPERTIES: dict[str, Any] = {
+BUILD_PROPERTIES: dict[str, Any] = {
     "automatic": BoolProperty(
         name="Choose for Me",
         description="Let each final render choose structure and parameters for its scene and number of samples. Takes "
         "a moment before the render; the statistics show the choice and its reasons",
         default=False,
-    ),
-    "samples": IntProperty(
-        name="Samples",
-        description="Camera rays per pixel; four times as many halve the noise",
-        default=32,
-        min=1,
-        max=1 << 20,
-    ),
-    "use_adaptive": BoolProperty(
-        name="Adaptive Sampling",
-        description="Stop sampling parts of the picture whose noise is below the threshold. The picture is then no "
-        "longer unbiased: parts that seem converged too early stay so",
-        default=False,
-    ),
-    "noise_threshold": FloatProperty(
-        name="Noise Threshold",
-        description="Error of a pixel relative to the square root of its brightness, below which it gets no more "
-        "samples",
-        default=0.01,
-        min=1e-4,
-        soft_max=0.2,
-        max=1.0,
-        precision=4,
-    ),
-    "time_limit": FloatProperty(
-        name="Time Limit",
-        description="Seconds after which a final render ends with the samples taken so far, at least one. The picture "
-        "then depends on the machine; 0 is no limit",
-        default=0.0,
-        min=0.0,
-        subtype="TIME_ABSOLUTE",
-        unit="TIME_ABSOLUTE",
-    ),
-    "preview_samples": IntProperty(
-        name="Viewport Samples", description="Rays per pixel in the viewport", default=16, min=1, max=1 << 20
-    ),
-    "integrator": EnumProperty(
-        name="Integrator",
-        description="The algorithm that computes the light",
-        items=[
-            ("path", "Path Tracing", "All light, exact up to noise", 0),
-            ("whitted", "Whitted", "Direct light, mirrors and clear glass; light from other surfaces is left out", 1),
-            ("ao", "Ambient Occlusion", "Openness of each point, without materials and lights", 2),
-        ],
-        default="path",
-    ),
-    "ambient_distance": FloatProperty(
-        name="Distance",
-        description="Length of the rays of ambient occlusion; 0 is unlimited",
-        default=0.0,
-        min=0.0,
-        subtype="DISTANCE",
-    ),
-    "max_bounces": IntProperty(
-        name="Bounces", description="Largest number of bounces after the first surface", default=6, min=0, max=64
-    ),
-    "clamp_indirect": FloatProperty(
-        name="Clamp Indirect",
-        description="Largest contribution of one sample after its first bounce. Lower values remove fireflies and "
-        "lose light; 0 is no limit, and unbiased",
-        default=10.0,
-        min=0.0,
-        soft_max=100.0,
-    ),
-    "render_seed": IntProperty(
-        name="Noise Seed",
-        description="Seed of the random numbers: each value gives the same picture with different noise",
-        default=0,
-        min=0,
     ),
     "memory_limit": IntProperty(
         name="Memory Limit",
@@ -347,7 +278,7 @@ def register() -> None:
     """Register the property groups; without a native module the scene has only the properties that need
     no catalogue.
     """
-    properties = dict(RENDER_PROPERTIES)
+    properties = {**BUILD_PROPERTIES, **quality.PROPERTIES}
     if native.problem() is None:  # otherwise the panel and every render report it; stored values stay in the file
         ticks = {"__annotations__": _ticks(catalogue.load())}
         compared = type("HalfspaceCompared", (bpy.types.PropertyGroup,), ticks)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Panels in the Render, View Layer, Material, Light and World properties. Drawing only reads; it never builds."""
+"""Panels in the Render properties. Drawing only reads; it never builds."""
 
 from __future__ import annotations
 
@@ -11,8 +11,6 @@ import bpy
 from ...core.base import native
 from ...core.choose import choice
 from ..measure import checking
-from ..read.nodes import output_node
-from ..read.passes import PASSES
 from ..render.engine import ENGINE
 from ..session import reports, trees
 from . import manual, structure
@@ -40,7 +38,7 @@ STATISTICS = (
 """Lines of the statistics panel: label, key, format."""
 
 
-class _Panel:
+class EnginePanel:
     """A panel that appears only for this engine."""
 
     bl_space_type = "PROPERTIES"
@@ -57,21 +55,136 @@ class _Panel:
     def draw_header_preset(self, context: Any) -> None:
         help_button(self.layout, self.section)  # type: ignore[attr-defined]
 
-    def _column(self) -> Any:
+    def column(self) -> Any:
+        """A column with labels beside the values."""
         layout = self.layout  # type: ignore[attr-defined]
         layout.use_property_split = True
         layout.use_property_decorate = False
         return layout.column()
 
 
-class HALFSPACE_PT_structure(_Panel, bpy.types.Panel):
+class HALFSPACE_PT_sampling(EnginePanel, bpy.types.Panel):
+    """The algorithm that computes the light. Its parts hold the number of samples."""
+
+    bl_label = "Sampling"
+    section = "Sampling"
+
+    def draw(self, context: Any) -> None:
+        column = self.column()
+        group = context.scene.halfspace
+        column.prop(group, "integrator")
+        if group.integrator == "ao":
+            column.prop(group, "ambient_distance")
+
+
+class HALFSPACE_PT_sampling_viewport(EnginePanel, bpy.types.Panel):
+    """Samples of the rendered viewport."""
+
+    bl_label = "Viewport"
+    bl_parent_id = "HALFSPACE_PT_sampling"
+
+    def draw(self, context: Any) -> None:
+        self.column().prop(context.scene.halfspace, "preview_samples", text="Samples")
+
+
+class HALFSPACE_PT_sampling_render(EnginePanel, bpy.types.Panel):
+    """Samples of final renders."""
+
+    bl_label = "Render"
+    bl_parent_id = "HALFSPACE_PT_sampling"
+
+    def draw(self, context: Any) -> None:
+        column = self.column()
+        group = context.scene.halfspace
+        row = column.row(heading="Noise Threshold", align=True)
+        row.prop(group, "use_adaptive", text="")
+        value = row.row()
+        value.active = group.use_adaptive
+        value.prop(group, "noise_threshold", text="")
+        column.prop(group, "samples", text="Max Samples" if group.use_adaptive else "Samples")
+        column.prop(group, "time_limit")
+
+
+class HALFSPACE_PT_sampling_denoise(EnginePanel, bpy.types.Panel):
+    """Removal of noise after a final render."""
+
+    bl_label = "Denoise"
+    bl_parent_id = "HALFSPACE_PT_sampling_render"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw_header(self, context: Any) -> None:
+        self.layout.prop(context.scene.halfspace, "use_denoising", text="")
+
+    def draw(self, context: Any) -> None:
+        wrapped(self.layout, "Open Image Denoise, guided by albedo and normal", icon="INFO")
+
+
+class HALFSPACE_PT_sampling_advanced(EnginePanel, bpy.types.Panel):
+    """The random numbers."""
+
+    bl_label = "Advanced"
+    bl_parent_id = "HALFSPACE_PT_sampling"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: Any) -> None:
+        self.column().prop(context.scene.halfspace, "render_seed")
+
+
+class HALFSPACE_PT_light_paths(EnginePanel, bpy.types.Panel):
+    """Length of paths, and settings that trade exactness for less noise, in parts."""
+
+    bl_label = "Light Paths"
+    section = "Light Paths"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return super().poll(context) and context.scene.halfspace.integrator != "ao"
+
+    def draw(self, context: Any) -> None:
+        self.column().prop(context.scene.halfspace, "max_bounces")
+
+
+class HALFSPACE_PT_light_paths_clamping(EnginePanel, bpy.types.Panel):
+    """Largest contributions of samples."""
+
+    bl_label = "Clamping"
+    bl_parent_id = "HALFSPACE_PT_light_paths"
+
+    def draw(self, context: Any) -> None:
+        column = self.column()
+        group = context.scene.halfspace
+        column.prop(group, "clamp_direct", text="Direct Light")
+        column.prop(group, "clamp_indirect", text="Indirect Light")
+
+
+class HALFSPACE_PT_light_paths_caustics(EnginePanel, bpy.types.Panel):
+    """Light that is thrown by gloss and glass, which only path tracing finds."""
+
+    bl_label = "Caustics"
+    bl_parent_id = "HALFSPACE_PT_light_paths"
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return super().poll(context) and context.scene.halfspace.integrator == "path"
+
+    def draw(self, context: Any) -> None:
+        column = self.column()
+        group = context.scene.halfspace
+        column.prop(group, "filter_glossy")
+        switches = column.column(heading="Caustics", align=True)
+        switches.prop(group, "caustics_reflective", text="Reflective")
+        switches.prop(group, "caustics_refractive", text="Refractive")
+
+
+class HALFSPACE_PT_structure(EnginePanel, bpy.types.Panel):
     """The acceleration structure and its parameters, or the reason why there is none."""
 
     bl_label = "Structure"
     section = "Structure"
 
     def draw(self, context: Any) -> None:
-        column = self._column()
+        column = self.column()
         if problem := native.problem():
             wrapped(column, problem, icon="ERROR")
             return
@@ -87,42 +200,51 @@ class HALFSPACE_PT_structure(_Panel, bpy.types.Panel):
             body.prop(group, "memory_limit")
 
 
-class HALFSPACE_PT_sampling(_Panel, bpy.types.Panel):
-    """Number of samples, and length of paths."""
-
-    bl_label = "Sampling"
-    section = "Sampling"
-
-    def draw(self, context: Any) -> None:
-        column = self._column()
-        group = context.scene.halfspace
-        column.prop(group, "integrator")
-        if group.integrator == "ao":
-            column.prop(group, "ambient_distance")
-        column.prop(group, "samples")
-        column.prop(group, "use_adaptive")
-        if group.use_adaptive:
-            column.prop(group, "noise_threshold")
-        column.prop(group, "time_limit")
-        column.prop(group, "preview_samples", text="Viewport")
-        if group.integrator != "ao":
-            column.prop(group, "max_bounces")
-            column.prop(group, "clamp_indirect")
-        column.prop(group, "render_seed")
-
-
-class HALFSPACE_PT_film(_Panel, bpy.types.Panel):
-    """Settings of the background."""
+class HALFSPACE_PT_film(EnginePanel, bpy.types.Panel):
+    """Brightness, background and pixel filter."""
 
     bl_label = "Film"
     section = "Film"
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: Any) -> None:
-        self._column().prop(context.scene.render, "film_transparent", text="Transparent")
+        column = self.column()
+        column.prop(context.scene.halfspace, "film_exposure")
+        column.prop(context.scene.render, "film_transparent", text="Transparent")
 
 
-class HALFSPACE_PT_statistics(_Panel, bpy.types.Panel):
+class HALFSPACE_PT_film_pixel_filter(EnginePanel, bpy.types.Panel):
+    """Shape and width of the pixel filter."""
+
+    bl_label = "Pixel Filter"
+    bl_parent_id = "HALFSPACE_PT_film"
+
+    def draw(self, context: Any) -> None:
+        column = self.column()
+        group = context.scene.halfspace
+        column.prop(group, "pixel_filter_type", text="Type")
+        if group.pixel_filter_type != "BOX":
+            column.prop(group, "filter_width", text="Width")
+
+
+class HALFSPACE_PT_performance(EnginePanel, bpy.types.Panel):
+    """Threads, and what is kept between the frames of an animation."""
+
+    bl_label = "Performance"
+    section = "Performance"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: Any) -> None:
+        column = self.column()
+        render = context.scene.render
+        column.prop(render, "threads_mode")
+        threads = column.column()
+        threads.enabled = render.threads_mode == "FIXED"
+        threads.prop(render, "threads")
+        column.prop(render, "use_persistent_data", text="Persistent Data")
+
+
+class HALFSPACE_PT_statistics(EnginePanel, bpy.types.Panel):
     """Costs, omissions and notes of the last picture."""
 
     bl_label = "Statistics"
@@ -154,93 +276,6 @@ class HALFSPACE_PT_statistics(_Panel, bpy.types.Panel):
                 box.label(text=title, icon=icon)
                 for line in lines:
                     wrapped(box, line)
-
-
-class HALFSPACE_PT_passes(_Panel, bpy.types.Panel):
-    """The passes of a view layer."""
-
-    bl_label = "Passes"
-    section = "Passes"
-    bl_context = "view_layer"
-
-    def draw(self, context: Any) -> None:
-        column = self._column()
-        layer = context.view_layer
-        column.prop(layer, "use_pass_combined")
-        for render_pass in PASSES:
-            if render_pass.switch and not render_pass.own:
-                column.prop(layer, render_pass.switch)
-        column.separator()
-        for render_pass in PASSES:
-            if render_pass.own:
-                column.prop(layer.halfspace, render_pass.switch)
-
-
-class HALFSPACE_PT_material(_Panel, bpy.types.Panel):
-    """The object's material slots and the inputs of the active material's shader."""
-
-    bl_label = "Surface"
-    bl_context = "material"
-
-    @classmethod
-    def poll(cls, context: Any) -> bool:
-        return super().poll(context) and context.object is not None and context.object.type not in ("CAMERA", "LIGHT")
-
-    def draw(self, context: Any) -> None:
-        layout = self.layout
-        item = context.object
-        row = layout.row()
-        row.template_list("MATERIAL_UL_matslots", "", item, "material_slots", item, "active_material_index")
-        buttons = row.column(align=True)
-        buttons.operator("object.material_slot_add", icon="ADD", text="")
-        buttons.operator("object.material_slot_remove", icon="REMOVE", text="")
-        layout.template_ID(item, "active_material", new="material.new")
-        if item.mode == "EDIT":
-            row = layout.row(align=True)
-            row.operator("object.material_slot_assign", text="Assign")
-            row.operator("object.material_slot_select", text="Select")
-            row.operator("object.material_slot_deselect", text="Deselect")
-        if item.active_material is not None:
-            _surface(layout, item.active_material, "diffuse_color")
-
-
-class HALFSPACE_PT_world(_Panel, bpy.types.Panel):
-    """The inputs of the world's shader."""
-
-    bl_label = "Surface"
-    bl_context = "world"
-
-    @classmethod
-    def poll(cls, context: Any) -> bool:
-        return super().poll(context) and context.world is not None
-
-    def draw(self, context: Any) -> None:
-        _surface(self.layout, context.world, "color")
-
-
-class HALFSPACE_PT_light(_Panel, bpy.types.Panel):
-    """The settings of a light."""
-
-    bl_label = "Light"
-    bl_context = "data"
-
-    @classmethod
-    def poll(cls, context: Any) -> bool:
-        return super().poll(context) and context.light is not None
-
-    def draw(self, context: Any) -> None:
-        light = context.light
-        self.layout.row().prop(light, "type", expand=True)
-        column = self._column()
-        column.prop(light, "use_temperature")
-        if light.use_temperature:
-            column.prop(light, "temperature")
-        for name in ("color", "energy", "exposure", "normalize"):
-            column.prop(light, name)
-        column.separator()
-        for name in _shape_properties(light):
-            column.prop(light, name)
-        column.prop(light, "use_shadow")
 
 
 def help_button(layout: Any, section: str) -> None:
@@ -287,37 +322,20 @@ def answers(layout: Any, tree: trees.Tree | None, known: str = "") -> None:
             grid.label(text=text)
 
 
-def _shape_properties(light: Any) -> tuple[str, ...]:
-    match light.type:
-        case "POINT":
-            return ("shadow_soft_size",)
-        case "SPOT":
-            return ("shadow_soft_size", "spot_size", "spot_blend")
-        case "SUN":
-            return ("angle",)
-    two_sizes = light.shape in ("RECTANGLE", "ELLIPSE")
-    return ("shape", "size", "size_y") if two_sizes else ("shape", "size")
-
-
-def _surface(layout: Any, block: Any, plain: str) -> None:
-    """Draw the inputs of the shader at a material's or a world's output, or the plain colour without nodes."""
-    layout.use_property_split = True
-    output = output_node(block.node_tree) if block.node_tree is not None else None
-    if output is None:
-        layout.prop(block, plain)
-    else:
-        layout.template_node_view(block.node_tree, output, output.inputs["Surface"])
-
-
 CLASSES = (
-    HALFSPACE_PT_structure,
     HALFSPACE_PT_sampling,
+    HALFSPACE_PT_sampling_viewport,
+    HALFSPACE_PT_sampling_render,
+    HALFSPACE_PT_sampling_denoise,
+    HALFSPACE_PT_sampling_advanced,
+    HALFSPACE_PT_light_paths,
+    HALFSPACE_PT_light_paths_clamping,
+    HALFSPACE_PT_light_paths_caustics,
+    HALFSPACE_PT_structure,
     HALFSPACE_PT_film,
+    HALFSPACE_PT_film_pixel_filter,
+    HALFSPACE_PT_performance,
     HALFSPACE_PT_statistics,
-    HALFSPACE_PT_passes,
-    HALFSPACE_PT_material,
-    HALFSPACE_PT_world,
-    HALFSPACE_PT_light,
 )
 
 register, unregister = bpy.utils.register_classes_factory(CLASSES)

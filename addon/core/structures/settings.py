@@ -68,9 +68,12 @@ class RenderSettings:
     all.
 
     integrator: path, whitted (direct light, mirrors and clear glass) or ao (openness within ambient_distance).
-    clamp_indirect: largest contribution of a sample after its first bounce, 0 = no limit. passes: names of the output
-    arrays. noise_threshold: error below which a block of pixels gets no more samples, 0 = none is skipped. time_limit:
-    seconds after which no samples begin, 0 = no limit. threads: 0 means one per core. Raises SettingsError.
+    clamp_direct, clamp_indirect: largest contribution of a sample up to and after its first bounce, 0 = no limit.
+    filter_glossy: blur of lobes met after improbable bounces, 0 = none. caustics_reflective, caustics_refractive:
+    whether lobes that reflect and refract are kept after a diffuse bounce. exposure: factor on the colours. filter:
+    blackman_harris or box, of filter_width pixels. passes: names of the output arrays. noise_threshold: error below
+    which a block of pixels gets no more samples, 0 = none is skipped. time_limit: seconds after which no samples
+    begin, 0 = no limit. threads: 0 means one per core. Raises SettingsError.
     """
 
     width: int
@@ -80,7 +83,14 @@ class RenderSettings:
     max_bounces: int = 6
     integrator: str = "path"
     ambient_distance: float = math.inf
+    clamp_direct: float = 0.0
     clamp_indirect: float = 0.0
+    filter_glossy: float = 0.0
+    caustics_reflective: bool = True
+    caustics_refractive: bool = True
+    exposure: float = 1.0
+    filter: str = "blackman_harris"
+    filter_width: float = 1.5
     seed: int = 0
     film_transparent: bool = False
     passes: tuple[str, ...] = field(default=("Combined",))
@@ -116,7 +126,14 @@ class RenderSettings:
             "max_bounces": self.max_bounces,
             "integrator": self.integrator,
             "ambient_distance": self.ambient_distance,
+            "clamp_direct": self.clamp_direct,
             "clamp_indirect": self.clamp_indirect,
+            "filter_glossy": self.filter_glossy,
+            "caustics_reflective": self.caustics_reflective,
+            "caustics_refractive": self.caustics_refractive,
+            "exposure": self.exposure,
+            "filter": self.filter,
+            "filter_width": self.filter_width,
             "seed": self.seed,
             "film_transparent": self.film_transparent,
             "passes": list(self.passes),

@@ -19,7 +19,7 @@ from addon.blender.measure import cost_maps
 from addon.blender.render.viewport import Viewport
 from addon.blender.session import reports
 from addon.blender.settings import properties
-from addon.blender.ui import panels, structure, texts
+from addon.blender.ui import data_panels, panels, structure, texts
 from addon.core.base import native
 from addon.core.structures import catalogue, relevance
 from addon.core.structures.catalogue import Parameter, Structure
@@ -258,17 +258,18 @@ def test_the_structure_panel_says_why_there_is_no_native_module(scene: Any, monk
 @pytest.mark.parametrize("kind", ["POINT", "SUN", "SPOT", "AREA"])
 def test_light_panels_draw_properties_that_exist(kind: str) -> None:
     light = bpy.data.lights.new("Light", kind)
-    assert "energy" in draw(panels.HALFSPACE_PT_light, light=light)
+    assert "energy" in draw(data_panels.HALFSPACE_PT_light, light=light)
     if kind == "AREA":
         light.shape = "ELLIPSE"
-        assert "size_y" in draw(panels.HALFSPACE_PT_light, light=light)
+        assert "size_y" in draw(data_panels.HALFSPACE_PT_light, light=light)
 
 
 def test_the_other_panels_draw(scene: Any) -> None:
-    assert "samples" in draw(panels.HALFSPACE_PT_sampling, scene=scene)
-    assert draw(panels.HALFSPACE_PT_film, scene=scene) == ["film_transparent"]
+    assert "integrator" in draw(panels.HALFSPACE_PT_sampling, scene=scene)
+    assert "samples" in draw(panels.HALFSPACE_PT_sampling_render, scene=scene)
+    assert draw(panels.HALFSPACE_PT_film, scene=scene) == ["film_exposure", "film_transparent"]
     assert draw(panels.HALFSPACE_PT_statistics, scene=scene) == ["Nothing rendered yet"]
-    assert "use_pass_steps" in draw(panels.HALFSPACE_PT_passes, view_layer=scene.view_layers[0])
+    assert "use_pass_steps" in draw(data_panels.HALFSPACE_PT_passes, view_layer=scene.view_layers[0])
 
 
 def test_tooltips_are_sentences(scene: Any) -> None:

@@ -19,16 +19,16 @@ from addon.blender.measure import checking
 from addon.blender.read import extract
 from addon.blender.session import building, trees
 from addon.blender.settings import presets, properties
-from addon.blender.ui import compare_panels, manual, overlay_panels, panels
+from addon.blender.ui import compare_panels, data_panels, manual, overlay_panels, panels
 from addon.core.base import native
 from addon.core.structures import catalogue
 from addon.core.structures.presets import PRESETS, offered
 
-PANELS = [*panels.CLASSES, *overlay_panels.CLASSES, *compare_panels.CLASSES]
+PANELS = [*panels.CLASSES, *data_panels.CLASSES, *overlay_panels.CLASSES, *compare_panels.CLASSES]
 
 
 def context(scene: Any) -> dict[str, Any]:
-    light = bpy.data.lights.new("Light", "POINT")
+    light = bpy.data.lights.new("Light", "SPOT")
     world = bpy.data.worlds.new("World")
     item = bpy.data.objects.new("Item", cube())
     return {
@@ -37,6 +37,7 @@ def context(scene: Any) -> dict[str, Any]:
         "light": light,
         "world": world,
         "object": item,
+        "material": bpy.data.materials.new("Material"),
         "engine": "HALFSPACE",
     }
 
@@ -138,6 +139,12 @@ def test_the_preset_menu_lists_names_of_the_sources_and_saves_the_users_own(
         assert properties.spec(scene.halfspace) == "kd:step_cost=0.75"
     finally:
         Path(path).unlink()
+
+
+def test_no_column_of_the_menu_of_structures_is_longer_than_the_screen() -> None:
+    families = properties.by_family(catalogue.load().structures)
+    assert len(families) > 2
+    assert max(len(structures) for structures in families.values()) <= 25
 
 
 def test_every_panel_that_names_a_section_finds_it(scene: Any) -> None:

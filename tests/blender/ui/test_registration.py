@@ -94,18 +94,18 @@ def test_three_rounds_leave_nothing_behind() -> None:
 
 def test_panels_appear_and_unsupported_ones_do_not() -> None:
     listed = {panel for panel, engine in engines_of_panels() if engine == ENGINE}
-    assert {"RENDER_PT_format", "DATA_PT_lens"} <= listed
-    assert not listed & {"VIEWLAYER_PT_layer_passes", "DATA_PT_camera_dof", "RENDER_PT_freestyle"}
+    assert {"RENDER_PT_format", "DATA_PT_lens", "DATA_PT_camera_dof", "DATA_PT_camera_dof_aperture"} <= listed
+    assert not listed & {"VIEWLAYER_PT_layer_passes", "RENDER_PT_freestyle", "DATA_PT_lightprobe"}
     # Blender's panel of lights shares its set of engines with the same panel in the editor of nodes.
     assert not listed & {"DATA_PT_light", "NODE_DATA_PT_light"}
-    assert not listed & compat.EXCLUDED
+    assert not listed & (compat.UNREAD | compat.REPLACED.keys())
 
 
 def test_a_panel_that_shares_its_set_of_engines_shows_no_other(monkeypatch: pytest.MonkeyPatch) -> None:
     """Blender gives its panel of lights and that of the editor of nodes one set of engines."""
     compat.unregister(ENGINE)
     try:
-        monkeypatch.setattr(compat, "EXCLUDED", {"DATA_PT_light"})
+        monkeypatch.setattr(compat, "REPLACED", {"DATA_PT_light": "HALFSPACE_PT_light"})
         compat.register(ENGINE)
         listed = {panel for panel, engine in engines_of_panels() if engine == ENGINE}
         assert "DATA_PT_light" not in listed

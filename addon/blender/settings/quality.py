@@ -1,0 +1,175 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The properties of `scene.halfspace` that determine the picture, and their form for the native renderer.
+
+Names, ranges and defaults are those of Cycles where Cycles has the setting.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty
+
+FILTERS = {"BLACKMAN_HARRIS": "blackman_harris", "BOX": "box"}
+"""Native names of the pixel filters."""
+
+_SAMPLING: dict[str, Any] = {
+    "integrator": EnumProperty(
+        name="Integrator",
+        description="The algorithm that computes the light",
+        items=[
+            ("path", "Path Tracing", "All light, exact up to noise", 0),
+            ("whitted", "Whitted", "Direct light, mirrors and clear glass; light from other surfaces is left out", 1),
+            ("ao", "Ambient Occlusion", "Openness of each point, without materials and lights", 2),
+        ],
+        default="path",
+    ),
+    "ambient_distance": FloatProperty(
+        name="Distance",
+        description="Length of the rays of ambient occlusion; 0 is unlimited",
+        default=0.0,
+        min=0.0,
+        subtype="DISTANCE",
+    ),
+    "samples": IntProperty(
+        name="Samples",
+        description="Camera rays per pixel; four times as many halve the noise",
+        default=32,
+        min=1,
+        max=1 << 20,
+    ),
+    "preview_samples": IntProperty(
+        name="Viewport Samples", description="Rays per pixel in the viewport", default=16, min=1, max=1 << 20
+    ),
+    "use_adaptive": BoolProperty(
+        name="Adaptive Sampling",
+        description="Stop sampling parts of the picture whose noise is below the threshold. The picture is then no "
+        "longer unbiased: parts that seem converged too early stay so",
+        default=False,
+    ),
+    "noise_threshold": FloatProperty(
+        name="Noise Threshold",
+        description="Error of a pixel relative to the square root of its brightness, below which it gets no more "
+        "samples",
+        default=0.01,
+        min=1e-4,
+        soft_max=0.2,
+        max=1.0,
+        precision=4,
+    ),
+    "time_limit": FloatProperty(
+        name="Time Limit",
+        description="Seconds after which a final render ends with the samples taken so far, at least one. The picture "
+        "then depends on the machine; 0 is no limit",
+        default=0.0,
+        min=0.0,
+        subtype="TIME_ABSOLUTE",
+        unit="TIME_ABSOLUTE",
+    ),
+    "use_denoising": BoolProperty(
+        name="Denoise",
+        description="Remove the noise of final renders with Open Image Denoise, guided by the albedo and the normal "
+        "of the first surfaces. The picture is then no longer unbiased",
+        default=False,
+    ),
+    "render_seed": IntProperty(
+        name="Seed",
+        description="Seed of the random numbers: each value gives the same picture with different noise",
+        default=0,
+        min=0,
+    ),
+}
+
+_LIGHT_PATHS: dict[str, Any] = {
+    "max_bounces": IntProperty(
+        name="Max Bounces", description="Largest number of bounces after the first surface", default=6, min=0, max=64
+    ),
+    "clamp_direct": FloatProperty(
+        name="Clamp Direct",
+        description="Largest contribution of one sample up to its first bounce. Lower values remove fireflies and "
+        "lose light; 0 is no limit, and unbiased",
+        default=0.0,
+        min=0.0,
+        soft_max=100.0,
+    ),
+    "clamp_indirect": FloatProperty(
+        name="Clamp Indirect",
+        description="Largest contribution of one sample after its first bounce. Lower values remove fireflies and "
+        "lose light; 0 is no limit, and unbiased",
+        default=10.0,
+        min=0.0,
+        soft_max=100.0,
+    ),
+    "filter_glossy": FloatProperty(
+        name="Filter Glossy",
+        description="Blurs reflections and refractions that paths reach by improbable bounces, to reduce noise; 0 is "
+        "off, and unbiased",
+        default=1.0,
+        min=0.0,
+        max=10.0,
+    ),
+    "caustics_reflective": BoolProperty(
+        name="Reflective Caustics",
+        description="Keep light that mirrors and gloss throw onto matte surfaces. It is noisy",
+        default=True,
+    ),
+    "caustics_refractive": BoolProperty(
+        name="Refractive Caustics",
+        description="Keep light that glass throws onto matte surfaces. It is noisy",
+        default=True,
+    ),
+}
+
+_FILM: dict[str, Any] = {
+    "film_exposure": FloatProperty(
+        name="Exposure",
+        description="Factor on the brightness of the picture",
+        default=1.0,
+        min=0.0,
+        soft_max=10.0,
+        max=2.0**32,
+    ),
+    "pixel_filter_type": EnumProperty(
+        name="Filter Type",
+        description="Weight of the samples around the centre of a pixel",
+        items=[
+            ("BOX", "Box", "All samples within a pixel count alike", 0),
+            ("BLACKMAN_HARRIS", "Blackman-Harris", "A soft window around the pixel", 1),
+        ],
+        default="BLACKMAN_HARRIS",
+    ),
+    "filter_width": FloatProperty(
+        name="Filter Width",
+        description="Width of the pixel filter",
+        default=1.5,
+        min=0.01,
+        max=10.0,
+        subtype="PIXEL",
+    ),
+}
+
+PROPERTIES: dict[str, Any] = {**_SAMPLING, **_LIGHT_PATHS, **_FILM}
+"""Annotations of the property group."""
+
+
+def settings(scene: Any) -> dict[str, Any]:
+    """The arguments of `RenderSettings` that final renders and the viewport share."""
+    group, render = scene.halfspace, scene.render
+    return {
+        "integrator": group.integrator,
+        "ambient_distance": group.ambient_distance or math.inf,
+        "max_bounces": group.max_bounces,
+        "clamp_direct": group.clamp_direct,
+        "clamp_indirect": group.clamp_indirect,
+        "filter_glossy": group.filter_glossy,
+        "caustics_reflective": group.caustics_reflective,
+        "caustics_refractive": group.caustics_refractive,
+        "exposure": group.film_exposure,
+        "filter": FILTERS[group.pixel_filter_type],
+        # As in Cycles, whose box is always one pixel wide.
+        "filter_width": 1.0 if group.pixel_filter_type == "BOX" else group.filter_width,
+        "seed": group.render_seed,
+        "film_transparent": render.film_transparent,
+        "threads": render.threads if render.threads_mode == "FIXED" else 0,
+    }

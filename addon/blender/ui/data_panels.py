@@ -1,0 +1,296 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Panels in the View Layer, World, Object, Material and Light properties, where Blender's own show settings that this
+engine does not read. Labels and places are those of Cycles.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+
+from ..read.nodes import active_tree, output_node
+from ..read.passes import PASSES
+from .panels import EnginePanel
+
+SOLID = {"MESH", "CURVE", "SURFACE", "FONT", "META"}
+"""Kinds of objects with surfaces."""
+
+
+class HALFSPACE_PT_passes(EnginePanel, bpy.types.Panel):
+    """The passes of a view layer."""
+
+    bl_label = "Passes"
+    section = "Passes"
+    bl_context = "view_layer"
+
+    def draw(self, context: Any) -> None:
+        column = self.column()
+        layer = context.view_layer
+        column.prop(layer, "use_pass_combined")
+        for render_pass in PASSES:
+            if render_pass.switch and not render_pass.own:
+                column.prop(layer, render_pass.switch)
+        column.separator()
+        for render_pass in PASSES:
+            if render_pass.own:
+                column.prop(layer.halfspace, render_pass.switch)
+
+
+class HALFSPACE_PT_filter(EnginePanel, bpy.types.Panel):
+    """What a view layer includes."""
+
+    bl_label = "Filter"
+    bl_context = "view_layer"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: Any) -> None:
+        column = self.column().column(heading="Include")
+        column.prop(context.view_layer, "use_sky", text="Environment")
+        column.prop(context.view_layer, "use_solid", text="Surfaces")
+
+
+class HALFSPACE_PT_override(EnginePanel, bpy.types.Panel):
+    """What a view layer renders otherwise than its scene."""
+
+    bl_label = "Override"
+    bl_context = "view_layer"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: Any) -> None:
+        column = self.column()
+        for name in ("material_override", "world_override", "samples"):
+            if name in context.view_layer.bl_rna.properties:  # the second came after Blender 4.5.0
+                column.prop(context.view_layer, name)
+
+
+class HALFSPACE_PT_world(EnginePanel, bpy.types.Panel):
+    """The inputs of the world's shader."""
+
+    bl_label = "Surface"
+    bl_context = "world"
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return super().poll(context) and context.world is not None
+
+    def draw(self, context: Any) -> None:
+        _surface(self.layout, context.world, "color")
+
+
+class HALFSPACE_PT_world_mist(EnginePanel, bpy.types.Panel):
+    """Extent of the mist pass; only where a view layer has that pass."""
+
+    bl_label = "Mist Pass"
+    bl_context = "world"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        used = super().poll(context) and context.world is not None
+        return used and any(layer.use_pass_mist for layer in context.scene.view_layers)
+
+    def draw(self, context: Any) -> None:
+        column = self.column()
+        for name in ("start", "depth", "falloff"):
+            column.prop(context.world.mist_settings, name)
+
+
+class HALFSPACE_PT_world_ray_visibility(EnginePanel, bpy.types.Panel):
+    """The rays that see the world. Cycles stores the switches."""
+
+    bl_label = "Ray Visibility"
+    bl_context = "world"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return super().poll(context) and hasattr(context.world, "cycles_visibility")
+
+    def draw(self, context: Any) -> None:
+        column = self.column()
+        for name in ("camera", "diffuse", "glossy", "transmission"):
+            column.prop(context.world.cycles_visibility, name)
+
+
+class HALFSPACE_PT_visibility(EnginePanel, bpy.types.Panel):
+    """Where an object appears."""
+
+    bl_label = "Visibility"
+    bl_context = "object"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return super().poll(context) and context.object is not None
+
+    def draw(self, context: Any) -> None:
+        column = self.column()
+        item = context.object
+        column.prop(item, "hide_select", text="Selectable", invert_checkbox=True, toggle=False)
+        if "hide_surface_pick" in item.bl_rna.properties:  # since Blender 5.0
+            column.prop(item, "hide_surface_pick", text="Surface Picking", invert_checkbox=True, toggle=False)
+        shown = column.column(heading="Show In")
+        shown.prop(item, "hide_viewport", text="Viewports", invert_checkbox=True, toggle=False)
+        shown.prop(item, "hide_render", text="Renders", invert_checkbox=True, toggle=False)
+
+
+class HALFSPACE_PT_ray_visibility(EnginePanel, bpy.types.Panel):
+    """The rays that see an object, a light or a collection's instances."""
+
+    bl_label = "Ray Visibility"
+    bl_parent_id = "HALFSPACE_PT_visibility"
+    bl_context = "object"
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        item = context.object
+        if not super().poll(context) or item is None:
+            return False
+        return item.type in SOLID | {"LIGHT"} or (item.instance_type == "COLLECTION" and item.instance_collection)
+
+    def draw(self, context: Any) -> None:
+        column = self.column()
+        for ray in ("camera", "diffuse", "glossy", "transmission"):
+            column.prop(context.object, f"visible_{ray}", text=ray.capitalize())
+        if context.object.type != "LIGHT":
+            column.prop(context.object, "visible_shadow", text="Shadow")
+
+
+class _MaterialPanel(EnginePanel):
+    bl_context = "material"
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        found = context.material
+        return super().poll(context) and found is not None and not found.grease_pencil
+
+
+class HALFSPACE_PT_material(_MaterialPanel, bpy.types.Panel):
+    """The inputs of the material's shader."""
+
+    bl_label = "Surface"
+
+    def draw(self, context: Any) -> None:
+        _surface(self.layout, context.material, "diffuse_color")
+
+
+class HALFSPACE_PT_material_settings(_MaterialPanel, bpy.types.Panel):
+    """The number of the material in its pass."""
+
+    bl_label = "Settings"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: Any) -> None:
+        self.column().prop(context.material, "pass_index")
+
+
+class _LightPanel(EnginePanel):
+    bl_context = "data"
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return super().poll(context) and context.light is not None
+
+
+class HALFSPACE_PT_light(_LightPanel, bpy.types.Panel):
+    """Colour, power and size of a light."""
+
+    bl_label = "Light"
+
+    def draw(self, context: Any) -> None:
+        light = context.light
+        self.layout.row().prop(light, "type", expand=True)
+        column = self.column()
+        row = column.row(heading="Temperature", align=True)
+        row.prop(light, "use_temperature", text="")
+        value = row.row()
+        value.active = light.use_temperature
+        value.prop(light, "temperature", text="")
+        column.prop(light, "color", text="Tint" if light.use_temperature else "Color")
+        column.separator()
+        for name in ("energy", "exposure", "normalize"):
+            column.prop(light, name)
+        column.separator()
+        _shape(column, light)
+        column.separator()
+        column.prop(light, "use_shadow", text="Cast Shadow")
+
+
+class HALFSPACE_PT_light_beam_shape(_LightPanel, bpy.types.Panel):
+    """The cone of a spot light."""
+
+    bl_label = "Beam Shape"
+    bl_parent_id = "HALFSPACE_PT_light"
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return super().poll(context) and context.light.type == "SPOT"
+
+    def draw(self, context: Any) -> None:
+        column = self.column()
+        column.prop(context.light, "spot_size", text="Angle")
+        column.prop(context.light, "spot_blend", text="Blend", slider=True)
+        column.prop(context.light, "show_cone")
+
+
+class HALFSPACE_PT_light_nodes(_LightPanel, bpy.types.Panel):
+    """The light's own nodes: an Emission node scales its power."""
+
+    bl_label = "Nodes"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: Any) -> None:
+        _surface(self.layout, context.light, "")
+
+
+def _shape(column: Any, light: Any) -> None:
+    """Draw the size of a light."""
+    match light.type:
+        case "POINT" | "SPOT":
+            column.prop(light, "shadow_soft_size", text="Radius")
+        case "SUN":
+            column.prop(light, "angle")
+        case "AREA":
+            column.prop(light, "shape", text="Shape")
+            sizes = column.column(align=True)
+            if light.shape in ("RECTANGLE", "ELLIPSE"):
+                sizes.prop(light, "size", text="Size X")
+                sizes.prop(light, "size_y", text="Y")
+            else:
+                sizes.prop(light, "size")
+
+
+def _surface(layout: Any, block: Any, plain: str) -> None:
+    """Draw the inputs of the shader at the output of a material, world or light.
+
+    plain: the property of its colour without nodes, "" if another panel shows it.
+    """
+    layout.use_property_split = True
+    if bpy.app.version < (5, 0):  # since then nodes are always used
+        layout.prop(block, "use_nodes", icon="NODETREE")
+    tree = active_tree(block)
+    output = output_node(tree) if tree is not None else None
+    if output is not None:
+        layout.template_node_view(tree, output, output.inputs["Surface"])
+    elif plain:
+        layout.prop(block, plain)
+
+
+CLASSES = (
+    HALFSPACE_PT_passes,
+    HALFSPACE_PT_filter,
+    HALFSPACE_PT_override,
+    HALFSPACE_PT_world,
+    HALFSPACE_PT_world_mist,
+    HALFSPACE_PT_world_ray_visibility,
+    HALFSPACE_PT_visibility,
+    HALFSPACE_PT_ray_visibility,
+    HALFSPACE_PT_material,
+    HALFSPACE_PT_material_settings,
+    HALFSPACE_PT_light,
+    HALFSPACE_PT_light_beam_shape,
+    HALFSPACE_PT_light_nodes,
+)
+
+register, unregister = bpy.utils.register_classes_factory(CLASSES)

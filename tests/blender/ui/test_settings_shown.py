@@ -1,0 +1,230 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Every setting that the engine reads is in a panel, and no panel shows one that does nothing."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import bpy
+import pytest
+from layouts import Layout, draw_own
+from shapes import cube
+
+from addon.blender.render.engine import ENGINE
+from addon.blender.ui import compat, data_panels, panels
+
+SOURCES = Path(compat.__file__).parents[1]
+
+READ = {
+    "Camera": "lens clip_start clip_end dof",
+    "CameraDOFSettings": "use_dof focus_object focus_distance aperture_fstop aperture_blades aperture_rotation "
+    "aperture_ratio",
+    "CyclesVisibilitySettings": "camera diffuse glossy transmission",
+    "HalfspaceSettings": "integrator ambient_distance samples preview_samples use_adaptive noise_threshold time_limit "
+    "render_seed max_bounces clamp_direct clamp_indirect filter_glossy caustics_reflective caustics_refractive "
+    "film_exposure pixel_filter_type filter_width automatic instancing memory_limit structure",
+    "HalfspaceViewLayerSettings": "use_pass_albedo use_pass_samples use_pass_steps use_pass_tests use_pass_depth",
+    "Light": "type color use_temperature temperature_color exposure normalize use_shadow",
+    "PointLight": "energy shadow_soft_size",
+    "SpotLight": "energy shadow_soft_size spot_size spot_blend",
+    "SunLight": "energy angle",
+    "AreaLight": "energy shape size size_y",
+    "Material": "pass_index",
+    "Object": "visible_camera visible_diffuse visible_glossy visible_transmission visible_shadow pass_index",
+    "RenderSettings": "film_transparent threads_mode threads use_persistent_data use_border pixel_aspect_x "
+    "pixel_aspect_y",
+    "ViewLayer": "use_sky use_solid material_override world_override samples use_pass_z use_pass_mist "
+    "use_pass_position use_pass_normal use_pass_uv use_pass_object_index use_pass_material_index",
+    "WorldMistSettings": "start depth falloff",
+}
+"""What the sources of the extension read, by type of Blender's data."""
+
+CARRIED_OUT = {
+    "Camera": "type angle lens_unit ortho_scale shift_x shift_y sensor_fit sensor_width sensor_height",
+    "CameraDOFSettings": "focus_subtarget",
+    "Light": "temperature",
+    "Object": "hide_viewport hide_render hide_select hide_surface_pick",
+    "RenderSettings": "resolution_x resolution_y resolution_percentage use_crop_to_border use_single_layer "
+    "use_simplify",
+    "SpotLight": "show_cone",
+    "ViewLayer": "use use_pass_combined",
+}
+"""What takes effect through Blender: its projection matrix, its objects, its editor."""
+
+HIDDEN = {("Camera", "dof"), ("Light", "temperature_color"), ("ViewLayer", "world_override")}
+"""Read through their parts or another property; the last is not in Blender 4.5."""
+
+WITHOUT_NODES = {"Material": "use_nodes diffuse_color", "World": "use_nodes color", "Light": "use_nodes"}
+"""Shown only for data without nodes, or before Blender 5.0."""
+
+OF_BLENDER = (
+    "animation",
+    "background_image",
+    "camera_display",
+    "color_management",
+    "context_",
+    "custom_props",
+    "safe_areas",
+    "viewport",
+)
+"""Parts of the names of Blender's panels about its editors and its animation, which suit any engine."""
+
+OTHER_ROOMS = tuple(f"bl_ui.properties_{name}" for name in ("data_mesh", "particle", "physics", "texture"))
+"""Modules of panels about what makes geometry, which Blender does for any engine."""
+
+OF_CYCLES = "LIGHT_PT_(light|settings|beam)|visib|WORLD_PT_mist|PT_filter|film|threads|final"
+"""Part of the names of Cycles' panels whose settings ours show too."""
+
+TABS = {"view_layer", "world", "object", "material", "data"}
+"""The tabs of the Properties editor in which each panel's every setting is judged."""
+
+
+def names(table: dict[str, str]) -> set[tuple[str, str]]:
+    return {(kind, name) for kind, text in table.items() for name in text.split()}
+
+
+class Context(SimpleNamespace):
+    """The context of a Properties editor; what is not given is None."""
+
+    def __getattr__(self, name: str) -> Any:
+        return None
+
+
+def contexts(scene: Any) -> Iterator[Context]:
+    """Editors of every kind of data that the engine renders."""
+    scene.view_layers[0].use_pass_mist = True
+    scene.render.threads_mode = "FIXED"
+    scene.world = bpy.data.worlds.new("World")
+    material = bpy.data.materials.new("Material")
+    mesh = bpy.data.objects.new("Item", cube())
+    mesh.data.materials.append(material)
+    common = {
+        "engine": ENGINE,
+        "scene": scene,
+        "view_layer": scene.view_layers[0],
+        "world": scene.world,
+        "preferences": bpy.context.preferences,
+        "blend_data": bpy.data,
+    }
+    for integrator in ("ao", "path"):
+        scene.halfspace.integrator = integrator
+        yield Context(**common, object=mesh, material=material, mesh=mesh.data)
+    for kind in ("POINT", "SUN", "SPOT", "AREA"):
+        light = bpy.data.lights.new("Light", kind)
+        if kind == "AREA":
+            light.shape = "RECTANGLE"
+        yield Context(**common, object=bpy.data.objects.new("Light", light), light=light)
+    for kind in ("PERSP", "ORTHO"):
+        camera = bpy.data.cameras.new("Camera")
+        camera.type = kind
+        camera.sensor_fit = "AUTO" if kind == "PERSP" else "VERTICAL"
+        for unit in ("MILLIMETERS", "FOV"):
+            camera.lens_unit = unit
+            yield Context(**common, object=bpy.data.objects.new("Camera", camera), camera=camera)
+
+
+def shown(context: Context) -> Iterator[tuple[Any, Layout]]:
+    """The panels that a Properties editor shows for the engine, with what they draw."""
+    for panel in bpy.types.Panel.__subclasses__():
+        ours = panel.__name__.startswith("HALFSPACE_PT")
+        if not ours and ENGINE not in getattr(panel, "COMPAT_ENGINES", ()):
+            continue
+        if (panel.bl_space_type, panel.bl_region_type) != ("PROPERTIES", "WINDOW"):
+            continue
+        of_blender = panel.__module__.startswith(OTHER_ROOMS) or any(part in panel.__name__ for part in OF_BLENDER)
+        if (ours or not of_blender) and (not hasattr(panel, "poll") or panel.poll(context)):
+            yield panel, draw_own(panel, context)
+
+
+@pytest.fixture(name="drawn")
+def every_panel(scene: Any) -> list[tuple[Any, Layout]]:
+    """All panels of all contexts."""
+    return [pair for context in contexts(scene) for pair in shown(context)]
+
+
+def test_every_setting_that_is_read_is_in_a_panel(drawn: list[tuple[Any, Layout]]) -> None:
+    found = {pair for _, layout in drawn for pair in layout.labels}
+    missing = (names(READ) | names(CARRIED_OUT)) - found - HIDDEN
+    # The index of an object is in Blender's panel Relations, which is not about engines.
+    missing -= {("Object", "pass_index"), ("Object", "hide_surface_pick"), ("CameraDOFSettings", "focus_subtarget")}
+    assert not missing
+
+
+def test_no_panel_shows_a_setting_that_does_nothing(drawn: list[tuple[Any, Layout]]) -> None:
+    known = names(READ) | names(CARRIED_OUT) | names(WITHOUT_NODES)
+    wrong = {
+        (panel.__name__, *pair)
+        for panel, layout in drawn
+        if panel.__name__.startswith("HALFSPACE_PT") or panel.bl_context in TABS
+        for pair in layout.labels
+        if pair not in known and not pair[0].startswith("Halfspace")
+    }
+    assert not wrong
+
+
+def test_the_sources_read_what_the_table_lists() -> None:
+    text = "\n".join(
+        path.read_text(encoding="utf-8") for path in SOURCES.rglob("*.py") if path.parent.name not in ("ui", "overlay")
+    )
+    words = set(re.findall(r"\w+", text))
+    assert not {pair for pair in names(READ) if pair[1] not in words and not pair[1].startswith("visible_")}
+
+
+@pytest.mark.skipif(
+    bpy.app.version < (5, 2) or not hasattr(bpy.types, "CYCLES_LIGHT_PT_light"), reason="needs Cycles of Blender 5.2"
+)
+def test_labels_are_those_of_cycles(scene: Any, drawn: list[tuple[Any, Layout]]) -> None:
+    theirs: dict[tuple[str, str], set[str | None]] = {}
+    for context in contexts(scene):
+        context.engine = "CYCLES"
+        for panel in bpy.types.Panel.__subclasses__():
+            if "CYCLES" not in panel.__name__ or panel.bl_space_type != "PROPERTIES":
+                continue
+            if re.search(OF_CYCLES, panel.__name__):
+                if ("LIGHT" in panel.__name__ and context.light is None) or not panel.poll(context):
+                    continue
+                for pair, text in draw_own(panel, context).labels.items():
+                    theirs.setdefault(pair, set()).add(text)
+    compared = 0
+    for panel, layout in drawn:
+        for pair, text in layout.labels.items():
+            if panel.__name__.startswith("HALFSPACE_PT") and pair in theirs and pair[0] != "RenderSettings":
+                assert text in theirs[pair], (panel, pair)
+                compared += 1
+    assert compared > 40
+
+
+def test_panels_in_place_of_blenders_have_their_names_and_places() -> None:
+    ours = {panel.__name__: panel for panel in (*panels.CLASSES, *data_panels.CLASSES)}
+    for theirs, name in compat.REPLACED.items():
+        panel = getattr(bpy.types, theirs, None)
+        if panel is not None:
+            assert ours[name].bl_label == panel.bl_label
+            assert ours[name].bl_context == getattr(panel, "bl_context", ours[name].bl_context)
+
+
+def test_named_panels_exist() -> None:
+    named = compat.ADDED | compat.UNREAD | compat.REPLACED.keys()
+    known = {panel.__name__ for panel in bpy.types.Panel.__subclasses__()}
+    if bpy.app.version >= (5, 2):
+        assert not named - known
+    assert known >= compat.ADDED
+    assert {panel.__module__ for panel in bpy.types.Panel.__subclasses__()} >= compat.UNREAD_ROOMS
+
+
+def test_sampling_comes_before_the_structure() -> None:
+    order = [panel.bl_label for panel in panels.CLASSES if not getattr(panel, "bl_parent_id", "")]
+    assert order[:3] == ["Sampling", "Light Paths", "Structure"]
+    assert max(order.index(label) for label in ("Sampling", "Light Paths")) < order.index("Structure")
+
+
+def test_light_paths_show_only_what_the_integrator_reads(scene: Any) -> None:
+    context = Context(engine=ENGINE, scene=scene)
+    for integrator, paths, caustics in (("path", True, True), ("whitted", True, False), ("ao", False, False)):
+        scene.halfspace.integrator = integrator
+        assert bool(panels.HALFSPACE_PT_light_paths.poll(context)) == paths
+        assert bool(panels.HALFSPACE_PT_light_paths_caustics.poll(context)) == caustics
