@@ -59,9 +59,10 @@ class HALFSPACE_PT_override(EnginePanel, bpy.types.Panel):
 
     def draw(self, context: Any) -> None:
         column = self.column()
-        for name in ("material_override", "world_override", "samples"):
+        # Shorter than Blender's labels, which the default width cuts off.
+        for name, text in (("material_override", "Material"), ("world_override", "World"), ("samples", "Samples")):
             if name in context.view_layer.bl_rna.properties:  # the second came after Blender 4.5.0
-                column.prop(context.view_layer, name)
+                column.prop(context.view_layer, name, text=text)
 
 
 class HALFSPACE_PT_world(EnginePanel, bpy.types.Panel):
