@@ -96,7 +96,7 @@ class HALFSPACE_PT_sampling_render(EnginePanel, bpy.types.Panel):
     def draw(self, context: Any) -> None:
         column = self.column()
         group = context.scene.halfspace
-        row = column.row(heading="Noise Threshold", align=True)
+        row = column.row(heading="Max Noise", align=True)
         row.prop(group, "use_adaptive", text="")
         value = row.row()
         value.active = group.use_adaptive

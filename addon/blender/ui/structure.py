@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 PARTS = {"builder": "Builder", "costs": "Costs", "numerics": "Numerics"}
 """Titles of the closed parts, by the group of their parameters."""
 
+RAY_PARAMETERS = {relevance.NODES, relevance.TRAVERSAL, "shadow"}
+"""Parameters of the first part that are about rays and not about the tree."""
+
 LABEL = 0.48
 """Share of the width that labels take: at the default width this fits 17 characters, and the values fit 14."""
 
@@ -33,8 +36,8 @@ NODES = {
 """Names of the kinds of nodes of structures that have only one."""
 
 RAYS = {
-    "single": "One by one",
-    "flight": "In flight",
+    "single": "One by One",
+    "flight": "In Flight",
     "packet": "Packets",
     "tile": "Tiles",
     "beam": "Beams",
@@ -52,13 +55,14 @@ def draw(layout: Any, group: Any) -> None:
     if not group.structure:
         wrapped(layout, f"{properties.UNKNOWN}: {chosen.label}", icon="ERROR")
     shown = properties.shown(group)
+    # Nodes and rays follow the parameters of the tree, chosen or not.
+    named = False
     for parameter in shown["main"]:
-        if parameter.name == relevance.TRAVERSAL:
-            _only_nodes(layout, chosen)
+        if parameter.name in RAY_PARAMETERS and not named:
+            named = _only(layout, chosen)
         _field(layout, group, parameter)
-    if chosen.parameter(relevance.TRAVERSAL) is None:
-        _only_nodes(layout, chosen)
-        _only_rays(layout, chosen)
+    if not named:
+        _only(layout, chosen)
     for key, title in PARTS.items():
         _part(layout, group, key, title, shown[key])
     wrapped(layout, chosen.paper, icon="BOOKMARKS")
@@ -93,18 +97,15 @@ def _field(layout: Any, group: Any, parameter: Parameter) -> None:
     row.menu(menu_of(parameter.name), text=names.get(str(value), str(value)))
 
 
-def _only_nodes(layout: Any, chosen: Structure) -> None:
-    """Name the nodes of a structure that has only one kind of them."""
+def _only(layout: Any, chosen: Structure) -> bool:
+    """Name the nodes, and the rays, of a structure that has only one kind of them. Returns True."""
     kinds = {way.nodes for way in chosen.ways}
     if chosen.parameter(relevance.NODES) is None and len(kinds) == 1 and kinds <= NODES.keys():
         _row(layout, "Nodes").label(text=NODES[kinds.pop()])
-
-
-def _only_rays(layout: Any, chosen: Structure) -> None:
-    """Name the rays of a structure that has only one kind of them."""
     kinds = {way.rays for way in chosen.ways}
-    if len(kinds) == 1 and kinds <= RAYS.keys():
+    if chosen.parameter(relevance.TRAVERSAL) is None and len(kinds) == 1 and kinds <= RAYS.keys():
         _row(layout, "Rays").label(text=RAYS[kinds.pop()])
+    return True
 
 
 def _row(layout: Any, label: str) -> Any:
