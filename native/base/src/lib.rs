@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! The ground: errors, memory limits, progress and cancellation.
+//! Errors, memory limits, progress and cancellation.
+
+#![warn(clippy::too_many_lines, clippy::too_many_arguments)]
 
 pub mod error;
 pub mod footprint;

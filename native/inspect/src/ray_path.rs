@@ -5,7 +5,7 @@
 //! that the ray passes are computed separately in plain f64, so that tests can compare the two.
 
 use halfspace_geom::Aabb;
-use halfspace_geom::region::{Face, Line, Region};
+use halfspace_geom::region::{Face, Line, Region, Span};
 use halfspace_nodes::cells::{Cells, each_leaf};
 use halfspace_ray::path::Path;
 use halfspace_ray::{Hit, Ray, RayCounters};
@@ -21,7 +21,7 @@ pub struct Visit {
     pub depth: usize,
     /// Interval of `t` in which the ray is inside, in units of the ray's direction. Both NaN for a leaf that the
     /// ray misses but the traversal tested, which the error bounds permit.
-    pub span: (f64, f64),
+    pub span: Span,
     /// Index of the leaf's first block.
     pub first: u32,
     /// Number of triangles in the leaf.
@@ -70,7 +70,10 @@ pub fn ray_path(structure: &Structure, ray: &Ray) -> RayPath {
     let follow = Follow {
         bounds: built.frame.bounds(),
         line,
-        span: (f64::from(ray.t_min), f64::from(ray.t_max.min(hit.t))),
+        span: Span {
+            enter: f64::from(ray.t_min),
+            leave: f64::from(ray.t_max.min(hit.t)),
+        },
         path: &path,
     };
     match built.tree.as_ref().and_then(|tree| tree.cells()) {
@@ -91,10 +94,13 @@ pub fn ray_path(structure: &Structure, ray: &Ray) -> RayPath {
 fn alone(structure: &Structure, line: &Line, (hit, path): (Hit, &Path)) -> RayPath {
     let built = structure.built();
     let region = Region::of_scene(built.frame.bounds());
-    let whole = (f64::NEG_INFINITY, f64::INFINITY);
+    let whole = Span {
+        enter: f64::NEG_INFINITY,
+        leave: f64::INFINITY,
+    };
     let tested = path.counters.tests > 0;
     // The only leaf is visited if the line meets the scene's box.
-    let visits = region.interval(line, whole).map(|span| Visit {
+    let visits = region.span(line, whole).map(|span| Visit {
         region: region.clone(),
         depth: 0,
         span,
@@ -114,7 +120,7 @@ fn alone(structure: &Structure, line: &Line, (hit, path): (Hit, &Path)) -> RayPa
 struct Follow<'a> {
     bounds: Aabb,
     line: Line,
-    span: (f64, f64),
+    span: Span,
     path: &'a Path,
 }
 
@@ -133,7 +139,7 @@ impl Follow<'_> {
         }
         let (top, whole) = tree.root(self.bounds);
         let mut waiting = Vec::new();
-        if let Some(span) = whole.interval(&self.line, self.span) {
+        if let Some(span) = whole.span(&self.line, self.span) {
             waiting.push((top, whole, span, 0));
         }
         while let Some((place, region, span, depth)) = waiting.pop() {
@@ -153,7 +159,7 @@ impl Follow<'_> {
             // Record the split planes that the ray crosses inside the node.
             for (plane, kind) in &found.planes {
                 let t = self.line.crosses(plane);
-                if span.0 < t && t < span.1 {
+                if span.enter < t && t < span.leave {
                     crossings.push(Crossing {
                         t,
                         kind: *kind,
@@ -163,13 +169,13 @@ impl Follow<'_> {
                 }
             }
             for (child, part) in found.children {
-                if let Some(within) = part.interval(&self.line, span) {
+                if let Some(within) = part.span(&self.line, span) {
                     waiting.push((child, part, within, depth + 1));
                 }
             }
         }
         // Order the leaves along the ray.
-        passed.sort_by(|a, b| a.span.0.total_cmp(&b.span.0));
+        passed.sort_by(|a, b| a.span.enter.total_cmp(&b.span.enter));
         (passed, crossings)
     }
 
@@ -182,7 +188,7 @@ impl Follow<'_> {
             let walked = self.path.leaves.iter().any(|leaf| leaf.0 == visit.first);
             if visit.count > 0 && walked {
                 tested.insert(visit.first, visit);
-            } else if visit.span.0 < visit.span.1 {
+            } else if visit.span.enter < visit.span.leave {
                 others.push(visit);
             }
         }
@@ -199,7 +205,7 @@ impl Follow<'_> {
                 continue;
             };
             visit.tested = true;
-            while let Some(other) = others.next_if(|other| other.span.0 < visit.span.0) {
+            while let Some(other) = others.next_if(|other| other.span.enter < visit.span.enter) {
                 visits.push(other);
             }
             visits.push(visit);
@@ -217,7 +223,10 @@ impl Follow<'_> {
                 let visit = Visit {
                     region: leaf.region.clone(),
                     depth: leaf.depth,
-                    span: (f64::NAN, f64::NAN),
+                    span: Span {
+                        enter: f64::NAN,
+                        leave: f64::NAN,
+                    },
                     first: leaf.first,
                     count: leaf.count,
                     tested: true,

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Triangles in leaves, and the conservative f32 tests that reject most of them.
 
+#![warn(clippy::too_many_lines, clippy::too_many_arguments)]
+
 pub mod block_boxes;
 pub mod blocks;
 pub mod candidates;
@@ -10,4 +12,4 @@ pub mod lanes;
 pub mod leaf;
 pub mod leaves;
 
-pub use leaf::{Job, Leaf};
+pub use leaf::{Block, Job, Leaf};

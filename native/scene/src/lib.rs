@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! What every structure indexes: triangles, and the transforms of instances.
+//! The content of scenes: triangles, and the transforms of instances.
 
-pub mod place;
+#![warn(clippy::too_many_lines, clippy::too_many_arguments)]
+
+pub mod instance;
 pub mod triangles;
 
-pub use place::Place;
+pub use instance::MeshInstance;
 pub use triangles::Triangles;

@@ -495,7 +495,7 @@ impl<'a> Launch<'a> {
         const TRIANGLES: usize = 32 * LANES;
         for first in (0..count).step_by(TRIANGLES) {
             let part = Leaf {
-                first: Blocks::place(first),
+                first: Blocks::offset(first),
                 count: TRIANGLES.min(count - first),
             };
             for (ray, state) in rays.iter().zip(open.iter_mut()) {

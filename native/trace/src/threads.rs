@@ -174,7 +174,7 @@ fn closest_reordered(
             let mut found = vec![Hit::MISS; CHUNK];
             for places in places.chunks(CHUNK) {
                 let (buffer, found) = (&mut buffer[..places.len()], &mut found[..places.len()]);
-                own.put_those(places, buffer);
+                own.gather(places, buffer);
                 tracer.closest(buffer, found, None);
                 for (&place, hit) in places.iter().zip(found) {
                     hits[place as usize] = *hit;

@@ -96,7 +96,7 @@ impl Builder<'_> {
             return Ok(());
         };
         let references = below.len() + above.len();
-        let _held = self.monitor.hold(footprint::waiting::<u32>(references))?;
+        let _held = self.monitor.hold(footprint::unsplit::<u32>(references))?;
         let vain = if below.len().max(above.len()) == count {
             node.vain + 1
         } else {

@@ -10,11 +10,11 @@ use crate::outline::Outline;
 use crate::structure::Structure;
 use fearless_simd::Level;
 use halfspace_geom::Aabb;
-use halfspace_nodes::object_tree::Kind;
+use halfspace_nodes::object_tree::ItemKind;
 use halfspace_ray::frame::Placed;
 use halfspace_ray::query::{Any, Best, Closest, Count, Counters as _, Query};
 use halfspace_ray::{FrameRay, Hit, Ray, RayCounters, RayRef, Tracer};
-use halfspace_scene::{Place, Triangles};
+use halfspace_scene::{MeshInstance, Triangles};
 use halfspace_trace::slabs::Slabs;
 
 /// Number of rays that advance together.
@@ -195,7 +195,7 @@ impl Instances {
             let meet = |bounds: &Aabb| walker.slabs.meet(bounds, range);
             counters.steps_boxes += 1;
             match self.tree.kind(node) {
-                Kind::Inner { children, .. } => {
+                ItemKind::Inner { children, .. } => {
                     let [below, above] = children.map(|child| {
                         let enter = meet(&self.tree.items[child].bounds)?;
                         Some((self.code(child), enter))
@@ -208,7 +208,7 @@ impl Instances {
                     }
                 }
                 // Several instances whose boxes share one centre.
-                Kind::Leaf { count } => {
+                ItemKind::Leaf { count } => {
                     let first = self.tree_firsts[node] as usize;
                     let enter = meet(&self.tree.items[node].bounds);
                     // Visit the instances in any order: they have the same box.
@@ -227,7 +227,7 @@ impl Instances {
     /// Returns the stack entry of a node: the instance itself if the node is a leaf with a single instance.
     fn code(&self, node: usize) -> u32 {
         match self.tree.kind(node) {
-            Kind::Leaf { count: 1 } => self.tree.ids[self.tree_firsts[node] as usize],
+            ItemKind::Leaf { count: 1 } => self.tree.ids[self.tree_firsts[node] as usize],
             #[expect(clippy::cast_possible_truncation, reason = "fewer nodes than 2^31")]
             _ => NODE | node as u32,
         }
@@ -237,7 +237,7 @@ impl Instances {
     /// tree holds them; tests all triangles if the transformed ray has no usable error bound.
     fn enter<'a, Q: Query>(
         &self,
-        place: &'a Place,
+        place: &'a MeshInstance,
         walker: &mut Walker<'_>,
         counters: &mut RayCounters,
     ) -> Option<FrameRay<'a>> {
@@ -249,7 +249,7 @@ impl Instances {
         // Transform the ray with error bounds.
         match mesh.frame().placed(walker.ray, place, walker.best.hit()) {
             Placed::Miss => None,
-            Placed::Walk(framed) => Some(framed),
+            Placed::Traverse(framed) => Some(framed),
             Placed::Blind => {
                 // Without a usable error bound, test all triangles of the mesh.
                 let framed = FrameRay::blind(place, walker.best.hit());
@@ -263,7 +263,7 @@ impl Instances {
 /// Tests the triangles without area of a mesh; returns whether the traversal may end.
 fn enter_flat<Q: Query>(
     mesh: &Structure,
-    place: &Place,
+    place: &MeshInstance,
     walker: &mut Walker<'_>,
     counters: &mut RayCounters,
 ) -> bool {
@@ -273,7 +273,7 @@ fn enter_flat<Q: Query>(
     // Transform the ray with the frame of these triangles.
     let (framed, blind) = match flat_frame.placed(walker.ray, place, walker.best.hit()) {
         Placed::Miss => return false,
-        Placed::Walk(framed) => (framed, false),
+        Placed::Traverse(framed) => (framed, false),
         Placed::Blind => (FrameRay::blind(place, walker.best.hit()), true),
     };
     let slabs = Slabs::new(&framed);
@@ -367,7 +367,7 @@ impl Tracer for Instances {
             .corners(local);
         let placed = self
             .place(instance)
-            .and_then(|place| place.in_mesh.corners(corners));
+            .and_then(|place| place.to_scene.corners(corners));
         placed.unwrap_or([[f32::NAN; 3]; 3])
     }
 

@@ -244,7 +244,7 @@ impl Walk<'_> {
             for (axis, by) in by_axis.into_iter().enumerate() {
                 if by & open != 0 && next[axis] != grid.size {
                     let side = usize::from(grid.signs >> axis & 1 == 0);
-                    let neighbour = tree.links(node.place())[2 * axis + side];
+                    let neighbour = tree.links(node.leaf_index())[2 * axis + side];
                     if neighbour != OUTSIDE {
                         waiting.push((neighbour, by & open));
                     }

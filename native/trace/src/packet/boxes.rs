@@ -105,7 +105,7 @@ impl<const W: usize> PacketTree for BoxTree<W> {
                 // Prefetch the leaf, and the entry that follows it.
                 input.blocks.fetch_ahead(own.first);
                 if let Some(further) = stack[..waiting].last() {
-                    self.fetch_ahead((further.link, further.count), input.blocks);
+                    self.fetch_ahead(further.link, further.count, input.blocks);
                 }
                 counters[charged].leaf(own.count);
                 let active = Active {

@@ -77,7 +77,7 @@ impl<const W: usize> TileTree for BoxTree<W> {
                 // Prefetch the leaf, and the entry that follows it.
                 input.blocks.fetch_ahead(own.first);
                 if let Some(further) = stack[..waiting].last() {
-                    self.fetch_ahead((further.link, further.count), input.blocks);
+                    self.fetch_ahead(further.link, further.count, input.blocks);
                 }
                 counters[0].leaf(own.count);
                 join(tile, counters);

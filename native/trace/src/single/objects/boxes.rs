@@ -86,7 +86,7 @@ impl<const W: usize> batch::Walk for Walk<'_, W> {
                     continue;
                 }
                 let waits = child(lane);
-                self.0.fetch_ahead((waits.link, waits.count), job.blocks);
+                self.0.fetch_ahead(waits.link, waits.count, job.blocks);
                 let at = make_room(stack, base, &mut waiting, enters[lane]);
                 stack[at] = waits;
             }

@@ -11,7 +11,7 @@ use fearless_simd::Simd;
 use halfspace_geom::Aabb;
 use halfspace_leaf::{Job, Leaf};
 use halfspace_nodes::plane_tree::MAX_DEPTH;
-use halfspace_nodes::slab_node::{Double, Kind, SlabNode};
+use halfspace_nodes::slab_node::{Double, SlabKind, SlabNode};
 use halfspace_nodes::slab_tree::SlabTree;
 use halfspace_ray::query::{Best, Counters, Query};
 use halfspace_ray::{Hit, RayRef};
@@ -63,7 +63,7 @@ impl<N: SlabNode> batch::Walk for Walk<'_, N> {
         let mut region = self.1;
         loop {
             match node.kind() {
-                Kind::Pair { axis, link } => {
+                SlabKind::Pair { axis, link } => {
                     counters.step_boxes();
                     // Intersect the boxes of both children; visit the near one, push the far one.
                     let parts = node.parts(axis, &region);
@@ -91,7 +91,7 @@ impl<N: SlabNode> batch::Walk for Walk<'_, N> {
                         continue;
                     }
                 }
-                Kind::Only { axis, link } => {
+                SlabKind::Only { axis, link } => {
                     counters.step_boxes();
                     // Visit the only child if the ray meets its box.
                     let [inside, _] = node.parts(axis, &region);
@@ -100,7 +100,7 @@ impl<N: SlabNode> batch::Walk for Walk<'_, N> {
                         continue;
                     }
                 }
-                Kind::Leaf { first, count } => {
+                SlabKind::Leaf { first, count } => {
                     counters.leaf(count);
                     if job.test_any::<S, Q, C>(
                         simd,

@@ -7,10 +7,10 @@ use crate::single::single_rays;
 use fearless_simd::Simd;
 use halfspace_leaf::{Job, Leaf};
 use halfspace_nodes::plane_tree::MAX_DEPTH;
-use halfspace_nodes::slab_node::{Double, Kind, SlabNode};
+use halfspace_nodes::slab_node::{Double, SlabKind, SlabNode};
 use halfspace_nodes::slab_tree::SlabTree;
 use halfspace_ray::query::{Best, Counters, Query};
-use halfspace_ray::{Hit, RayRef};
+use halfspace_ray::{Hit, Interval, RayRef};
 
 /// The traversal of one tree.
 pub struct Walk<'a, N>(pub &'a SlabTree<N>);
@@ -38,11 +38,11 @@ impl<N: SlabNode> batch::Walk for Walk<'_, N> {
         let (mut enter, mut leave) = (frame.t_min, frame.t_max);
         loop {
             match node.kind() {
-                Kind::Pair { axis, link } => {
+                SlabKind::Pair { axis, link } => {
                     counters.step_boxes();
                     // Visit the near child if the ray enters before it ends, the far one if that begins in
                     // time.
-                    let (ends, begins) = node.intervals(axis, frame, (enter, leave));
+                    let (ends, begins) = node.intervals(axis, frame, Interval::new(enter, leave));
                     let side = frame.negative[axis];
                     let far = link + (side ^ 1);
                     if enter <= ends {
@@ -64,16 +64,16 @@ impl<N: SlabNode> batch::Walk for Walk<'_, N> {
                         continue;
                     }
                 }
-                Kind::Only { axis, link } => {
+                SlabKind::Only { axis, link } => {
                     counters.step_boxes();
                     // Cut the interval to the only child.
-                    (leave, enter) = node.intervals(axis, frame, (enter, leave));
+                    (leave, enter) = node.intervals(axis, frame, Interval::new(enter, leave));
                     if enter <= leave {
                         node = nodes[link as usize];
                         continue;
                     }
                 }
-                Kind::Leaf { first, count } => {
+                SlabKind::Leaf { first, count } => {
                     counters.leaf(count);
                     if job.test_any::<S, Q, C>(
                         simd,

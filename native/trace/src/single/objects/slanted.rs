@@ -9,7 +9,7 @@ use fearless_simd::Simd;
 use halfspace_geom::bound::{keep_max, keep_min};
 use halfspace_leaf::{Job, Leaf};
 use halfspace_nodes::plane_tree::MAX_DEPTH;
-use halfspace_nodes::slant_tree::{Kind, SlantTree};
+use halfspace_nodes::slant_tree::{SlantKind, SlantTree};
 use halfspace_nodes::slanted_tree::DIRECTIONS;
 use halfspace_ray::query::{Best, Counters, Query};
 use halfspace_ray::{Hit, RayRef};
@@ -41,7 +41,7 @@ impl batch::Walk for Walk<'_> {
         let (mut enter, mut leave) = (frame.t_min, frame.t_max);
         loop {
             match node.kind() {
-                Kind::Inner {
+                SlantKind::Inner {
                     direction,
                     alone,
                     planes,
@@ -92,7 +92,7 @@ impl batch::Walk for Walk<'_> {
                         }
                     }
                 }
-                Kind::Leaf { first, count } => {
+                SlantKind::Leaf { first, count } => {
                     counters.leaf(count);
                     if job.test_any::<S, Q, C>(
                         simd,

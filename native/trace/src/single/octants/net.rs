@@ -18,7 +18,7 @@ impl Neighbours for Links {
         side: u32,
         _: &mut C,
     ) -> u32 {
-        tree.links(leaf.place())[2 * axis + side as usize]
+        tree.links(leaf.leaf_index())[2 * axis + side as usize]
     }
 }
 

@@ -179,7 +179,7 @@ impl<N: Neighbours> batch::Walk for Walk<'_, N> {
         let tree = self.0;
         // The leaves are inflated for the rounding of the scene's own rays from near origins; other rays go top
         // down.
-        if !tree.is_near(frame.o) || frame.place.is_some() {
+        if !tree.is_near(frame.o) || frame.instance.is_some() {
             let walk = octree_param::Walk(tree);
             return walk.cast::<S, Q, C>(simd, triangles, RayRef { ray, frame }, stack, counters);
         }
