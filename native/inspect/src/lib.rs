@@ -1,5 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-//! Structures seen by people and tests: validation, statistics, drawing, ray paths, export.
+//! Inspection of structures for people and tests: validation, statistics, drawing, ray paths, export.
+
+#![warn(clippy::too_many_lines)]
+#![warn(clippy::too_many_arguments)]
 
 pub mod analysis;
 pub mod export;

@@ -6,7 +6,7 @@
 
 use halfspace_geom::Aabb;
 use halfspace_geom::region::{Face, Line, Region, Span};
-use halfspace_nodes::cells::{Cells, each_leaf};
+use halfspace_nodes::cells::{Cells, NodeId, each_leaf};
 use halfspace_ray::path::Path;
 use halfspace_ray::{Hit, Ray, RayCounters};
 use halfspace_structure::Structure;
@@ -86,12 +86,12 @@ pub fn ray_path(structure: &Structure, ray: &Ray) -> RayPath {
                 crossings,
             }
         }
-        None => alone(structure, &line, (hit, &path)),
+        None => alone(structure, &line, hit, &path),
     }
 }
 
 /// Returns the path through a structure without a tree, whose only cell is the scene's box.
-fn alone(structure: &Structure, line: &Line, (hit, path): (Hit, &Path)) -> RayPath {
+fn alone(structure: &Structure, line: &Line, hit: Hit, path: &Path) -> RayPath {
     let built = structure.built();
     let region = Region::of_scene(built.frame.bounds());
     let whole = Span {
@@ -124,7 +124,17 @@ struct Follow<'a> {
     path: &'a Path,
 }
 
+/// A node still to visit.
+struct Entry {
+    id: NodeId,
+    region: Region,
+    /// Interval of `t` in which the line is inside the region.
+    span: Span,
+    depth: usize,
+}
+
 impl Follow<'_> {
+    /// The leaves and the planes on the path.
     fn run(&self, tree: &dyn Cells) -> (Vec<Visit>, Vec<Crossing>) {
         let (passed, mut crossings) = self.pass(tree);
         crossings.sort_by(|a, b| a.t.total_cmp(&b.t));
@@ -137,13 +147,24 @@ impl Follow<'_> {
         if self.bounds.is_empty() {
             return (passed, crossings);
         }
-        let (top, whole) = tree.root(self.bounds);
-        let mut waiting = Vec::new();
-        if let Some(span) = whole.span(&self.line, self.span) {
-            waiting.push((top, whole, span, 0));
+        let (id, region) = tree.root(self.bounds);
+        let mut stack = Vec::new();
+        if let Some(span) = region.span(&self.line, self.span) {
+            stack.push(Entry {
+                id,
+                region,
+                span,
+                depth: 0,
+            });
         }
-        while let Some((place, region, span, depth)) = waiting.pop() {
-            let found = tree.node(place, &region);
+        while let Some(entry) = stack.pop() {
+            let found = tree.node(entry.id, &entry.region);
+            let Entry {
+                region,
+                span,
+                depth,
+                ..
+            } = entry;
             if let Some((first, count)) = found.leaf {
                 let visit = Visit {
                     region,
@@ -168,9 +189,14 @@ impl Follow<'_> {
                     });
                 }
             }
-            for (child, part) in found.children {
-                if let Some(within) = part.span(&self.line, span) {
-                    waiting.push((child, part, within, depth + 1));
+            for (id, region) in found.children {
+                if let Some(span) = region.span(&self.line, span) {
+                    stack.push(Entry {
+                        id,
+                        region,
+                        span,
+                        depth: depth + 1,
+                    });
                 }
             }
         }
@@ -185,8 +211,8 @@ impl Follow<'_> {
         let mut tested: HashMap<u32, Visit> = HashMap::new();
         let mut others = Vec::new();
         for visit in passed {
-            let walked = self.path.leaves.iter().any(|leaf| leaf.0 == visit.first);
-            if visit.count > 0 && walked {
+            let visited = self.path.leaves.iter().any(|leaf| leaf.0 == visit.first);
+            if visit.count > 0 && visited {
                 tested.insert(visit.first, visit);
             } else if visit.span.enter < visit.span.leave {
                 others.push(visit);
@@ -214,7 +240,7 @@ impl Follow<'_> {
         visits
     }
 
-    /// Looks through the whole tree for the leaves that the traversal tested and the line passes by.
+    /// Searches the whole tree for the leaves that the traversal tested although the line misses them.
     fn find_missing(&self, tree: &dyn Cells, tested: &mut HashMap<u32, Visit>) {
         each_leaf(tree, self.bounds, |leaf| {
             let wanted = self.path.leaves.iter().any(|l| l.0 == leaf.first);
