@@ -243,14 +243,14 @@ FAULTS = (
     ),
     Fault(
         "pixels hidden before one plane given up",
-        "native/trace/src/beam/planes.rs",
+        "native/trace/src/beam/planes/mod.rs",
         "open != piece.pixels",
         "false",
         BEAMS,
     ),
     Fault(
         "pixels of a cut beam lost",
-        "native/trace/src/beam/planes.rs",
+        "native/trace/src/beam/planes/leaf.rs",
         "!outside",
         "outside",
         BEAMS,
@@ -349,7 +349,7 @@ FAULTS = (
     Fault(
         "uncertain steps along ropes",
         "native/trace/src/single/planes/rope.rs",
-        "moments[k].low > next.high",
+        "ahead[k].low > next.high",
         "true",
         ALL,
     ),

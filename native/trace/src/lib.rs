@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Traversal kernels: each is one compiled way to answer a batch of rays over one tree.
 
+#![warn(clippy::too_many_lines)]
+#![warn(clippy::too_many_arguments)]
+
 pub mod batch;
 pub mod beam;
 pub mod first_hit;
@@ -8,11 +11,11 @@ pub mod flight;
 pub mod input;
 pub mod kernel;
 pub mod packet;
-pub mod pending;
 pub mod reorder;
 pub mod shadow_cache;
 pub mod single;
 pub mod slabs;
+pub mod stack;
 pub mod stream;
 pub mod threads;
 pub mod tile;

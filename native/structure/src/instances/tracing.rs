@@ -13,7 +13,7 @@ use halfspace_geom::Aabb;
 use halfspace_nodes::object_tree::ItemKind;
 use halfspace_ray::frame::Placed;
 use halfspace_ray::query::{Any, Best, Closest, Count, Counters as _, Query};
-use halfspace_ray::{FrameRay, Hit, Ray, RayCounters, RayRef, Tracer};
+use halfspace_ray::{FrameRay, Hit, Interval, Ray, RayCounters, RayRef, Tracer};
 use halfspace_scene::{MeshInstance, Triangles};
 use halfspace_trace::slabs::Slabs;
 
@@ -191,7 +191,7 @@ impl Instances {
             }
             // Intersect the children of an inner node with the ray interval.
             let node = (code & !NODE) as usize;
-            let range = (walker.frame.t_min, walker.best.reach);
+            let range = Interval::new(walker.frame.t_min, walker.best.reach);
             let meet = |bounds: &Aabb| walker.slabs.meet(bounds, range);
             counters.steps_boxes += 1;
             match self.tree.kind(node) {
@@ -284,7 +284,8 @@ fn enter_flat<Q: Query>(
             max: flat_frame.point(bounds.max),
         };
         // Without finite error bounds every group must be tested.
-        let near = blind || slabs.meet(&bounds, (framed.t_min, framed.t_max)).is_some();
+        let range = Interval::new(framed.t_min, framed.t_max);
+        let near = blind || slabs.meet(&bounds, range).is_some();
         near && walker.offer::<Q>(&framed, mesh.scene(), ids, counters)
     })
 }

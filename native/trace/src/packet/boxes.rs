@@ -6,8 +6,8 @@ use crate::input::Input;
 use crate::packet::leaf::{self, Active};
 use crate::packet::traversal::PacketTree;
 use crate::packet::{self, Group, MOST, Packet, Width};
-use crate::pending::{Waits, make_room};
 use crate::single::objects::boxes as box_tree;
+use crate::stack::{Entry, make_room};
 use crate::tile::Row;
 use fearless_simd::{Select, Simd, SimdBase, SimdFloat};
 use halfspace_geom::bound::{keep_max_each, keep_min_each};
@@ -26,7 +26,7 @@ pub struct Pending {
     enter: Row,
 }
 
-impl Waits for Pending {
+impl Entry for Pending {
     #[inline(always)]
     fn enter(&self) -> f32 {
         self.first
@@ -36,12 +36,12 @@ impl Waits for Pending {
 impl<const W: usize> PacketTree for BoxTree<W> {
     type Pending<'a> = Pending;
     type Single<'a>
-        = box_tree::Walk<'a, W>
+        = box_tree::BoxTraversal<'a, W>
     where
         Self: 'a;
 
     fn single(&self) -> Self::Single<'_> {
-        box_tree::Walk(self)
+        box_tree::BoxTraversal(self)
     }
 
     fn stack(&self) -> Vec<Pending> {

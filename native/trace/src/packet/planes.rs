@@ -29,10 +29,10 @@ macro_rules! packets_of_planes {
     ($tree:ty) => {
         impl PacketTree for $tree {
             type Pending<'a> = Pending<<&'a $tree as Planes>::At>;
-            type Single<'a> = plane_dir::Walk<&'a $tree>;
+            type Single<'a> = plane_dir::PlaneTraversal<&'a $tree>;
 
             fn single(&self) -> Self::Single<'_> {
-                plane_dir::Walk(self)
+                plane_dir::PlaneTraversal(self)
             }
 
             fn stack(&self) -> Vec<Self::Pending<'_>> {

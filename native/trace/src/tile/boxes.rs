@@ -3,7 +3,7 @@
 //! a box that no ray of the tile can hit. Boxes are visited nearest first, as for single rays.
 
 use crate::input::Input;
-use crate::pending::{Waits, make_room};
+use crate::stack::{Entry, make_room};
 use crate::tile::leaf::{self, Resolver};
 use crate::tile::nearest::join;
 use crate::tile::traversal::TileTree;
@@ -24,7 +24,7 @@ pub struct Pending {
     count: u32,
 }
 
-impl Waits for Pending {
+impl Entry for Pending {
     #[inline(always)]
     fn enter(&self) -> f32 {
         self.inside.enter
