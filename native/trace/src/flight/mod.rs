@@ -332,8 +332,7 @@ impl<'a> Launch<'a> {
         // Batch the exact tests of proven hits; answer all other rays at once.
         match flight.best.held() {
             Some(held) if self.frame.is_scene() => {
-                let ray = (flight.index, self.rays);
-                late.push(simd, ray, &flight.frame, held, write);
+                late.push(simd, flight.index, self.rays, &flight.frame, held, write);
             }
             _ => {
                 let hit = flight.best.answer(RayRef {

@@ -13,7 +13,7 @@ use std::marker::PhantomData;
 /// A tree with a packet traversal.
 pub trait PacketTree: Sync {
     /// A stack entry: a node and the interval of each ray in it.
-    type Pending<'a>
+    type Entry<'a>
     where
         Self: 'a;
     /// The single-ray traversal of the same tree.
@@ -25,7 +25,7 @@ pub trait PacketTree: Sync {
     fn single(&self) -> Self::Single<'_>;
 
     /// A stack with room for the deepest path.
-    fn stack(&self) -> Vec<Self::Pending<'_>>;
+    fn stack(&self) -> Vec<Self::Entry<'_>>;
 
     /// Traces one group of a packet. Node visits are counted for the first ray of the group.
     fn trace_group<'a, S: Simd, Q: Query, C: Counters, L: Width>(
@@ -34,7 +34,7 @@ pub trait PacketTree: Sync {
         input: Input<'_>,
         packet: &mut Packet,
         group: Group,
-        stack: &mut [Self::Pending<'a>],
+        stack: &mut [Self::Entry<'a>],
         counters: &mut [C],
     );
 }
@@ -52,7 +52,7 @@ impl<'a, T, Q, L> Packets<'a, T, Q, L> {
 /// Working memory: the packet, its stack, and that of the single-ray traversal.
 pub struct Scratch<'a, T: PacketTree + 'a> {
     packet: Packet,
-    stack: Vec<T::Pending<'a>>,
+    stack: Vec<T::Entry<'a>>,
     single: <T::Single<'a> as SingleTraversal>::Scratch,
 }
 

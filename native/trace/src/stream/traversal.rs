@@ -134,7 +134,7 @@ impl Launch<'_> {
                     let (ray, frame) = (&self.rays[place], course.ray());
                     match course.best.held() {
                         Some(held) if self.frame.is_scene() => {
-                            late.push(simd, (place, self.rays), &frame, held, &mut &mut *write);
+                            late.push(simd, place, self.rays, &frame, held, &mut &mut *write);
                         }
                         _ => write(place, course.best.answer(RayRef { ray, frame: &frame })),
                     }
