@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Errors, memory limits, progress and cancellation.
 
-#![warn(clippy::too_many_lines, clippy::too_many_arguments)]
-
 pub mod error;
 pub mod footprint;
 pub mod memory;

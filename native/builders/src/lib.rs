@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The loops that fill nodes. A structure only proposes candidates; everything else is shared.
 
-#![warn(clippy::too_many_lines, clippy::too_many_arguments)]
-
 pub mod binned;
 pub mod global;
 pub mod grid;

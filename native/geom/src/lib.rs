@@ -2,8 +2,6 @@
 //! Geometry independent of any tree: vectors, boxes, transforms, and the exact verdict on one ray and one
 //! triangle.
 
-#![warn(clippy::too_many_lines, clippy::too_many_arguments)]
-
 pub mod bound;
 pub mod cell;
 pub mod clip;

@@ -1,9 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Inspection of structures for people and tests: validation, statistics, drawing, ray paths, export.
 
-#![warn(clippy::too_many_lines)]
-#![warn(clippy::too_many_arguments)]
-
 pub mod analysis;
 pub mod export;
 pub mod leaf_cells;

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Triangles in leaves, and the conservative f32 tests that reject most of them.
 
-#![warn(clippy::too_many_lines, clippy::too_many_arguments)]
-
 pub mod block_boxes;
 pub mod blocks;
 pub mod candidates;

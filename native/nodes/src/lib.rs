@@ -13,8 +13,6 @@
 //! The files on top belong to all layouts: [`tree`] and [`cells`] are their common interface, [`nested`] that of trees
 //! of boxes and intervals, [`shape`] and [`cost`] their statistics.
 
-#![warn(clippy::too_many_lines, clippy::too_many_arguments)]
-
 pub mod boxes;
 pub mod cells;
 pub mod check;

@@ -2,9 +2,6 @@
 //! The reference for all other code: the nearest hit by exact arithmetic alone, without f32 tests and their error
 //! bounds, without f64, without a tree.
 
-#![warn(clippy::too_many_lines)]
-#![warn(clippy::too_many_arguments)]
-
 pub mod cases;
 mod levels;
 

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Rays: their frames, hits, counters and recordings.
 
-#![warn(clippy::too_many_lines, clippy::too_many_arguments)]
-
 pub mod cases;
 pub mod counters;
 pub mod frame;

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! The content of scenes: triangles, and the transforms of instances.
 
-#![warn(clippy::too_many_lines, clippy::too_many_arguments)]
-
 pub mod instance;
 pub mod triangles;
 

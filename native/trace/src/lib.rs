@@ -1,9 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //! Traversal kernels: each is one compiled way to answer a batch of rays over one tree.
 
-#![warn(clippy::too_many_lines)]
-#![warn(clippy::too_many_arguments)]
-
 pub mod batch;
 pub mod beam;
 pub mod first_hit;
